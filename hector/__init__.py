@@ -1,0 +1,1 @@
+"""Hector SLAM [Kohlbrecher11]."""

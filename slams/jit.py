@@ -1,0 +1,95 @@
+"""The one place that imports numba.
+
+Compiled kernels are cached on disk. numba's own check sees only the file a kernel stands in, not
+the kernels it calls in other files, so the cache folder carries a hash of all kernel sources.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, overload
+
+from slams.registry import BUILT_IN
+
+# fastmath without the nan and inf flags: scans are full of both
+FAST = frozenset({"contract", "reassoc", "nsz", "arcp", "afn"})
+
+
+def _kernel_files() -> list[Path]:
+    root = Path(__file__).resolve().parent.parent
+    packages = {"slams", "bench", *(target.partition(".")[0] for target in BUILT_IN.values())}
+    return sorted(
+        path
+        for package in packages
+        for path in (root / package).glob("*.py")
+        if path.stem.endswith("kernels") or path.stem in ("geometry", "jit")
+    )
+
+
+def _cache_folder() -> Path:
+    """A writable folder named after the kernels' sources; never the home folder."""
+    digest = hashlib.sha256()
+    for path in _kernel_files():
+        digest.update(path.read_bytes())
+    name = f"kernels-{digest.hexdigest()[:16]}"
+    beside = Path(__file__).resolve().parent / "__pycache__" / name
+    try:
+        beside.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=beside):
+            return beside
+    except OSError:
+        user = os.getuid() if hasattr(os, "getuid") else 0
+        return Path(tempfile.gettempdir()) / f"slams-{user}-{name}"
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    os.environ["NUMBA_CACHE_DIR"] = str(_cache_folder())
+
+import numba  # noqa: E402  (the cache folder must be set first)
+from numba.core import event  # noqa: E402
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@overload
+def njit(function: F) -> F: ...
+@overload
+def njit(*, fastmath: frozenset[str]) -> Callable[[F], F]: ...
+def njit(function: Any = None, *, fastmath: frozenset[str] = frozenset()) -> Any:
+    """Compile lazily, cache on disk, release the GIL. Use bare or with `fastmath=FAST`."""
+    flags = set(fastmath) if fastmath else False
+    decorate = numba.njit(cache=True, nogil=True, fastmath=flags, error_model="numpy")
+    return decorate if function is None else decorate(function)
+
+
+class CompileClock(event.Listener):
+    """Adds up the CPU seconds numba spends compiling while the clock is installed."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._depth = 0
+        self._start = 0.0
+
+    def on_start(self, event: Any) -> None:
+        """Called by numba as a compilation starts; they nest."""
+        if self._depth == 0:
+            self._start = time.process_time()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """Called by numba as a compilation ends."""
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += time.process_time() - self._start
+
+    def __enter__(self) -> CompileClock:
+        event.register("numba:compile", self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        event.unregister("numba:compile", self)

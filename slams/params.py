@@ -1,0 +1,199 @@
+"""Parameters with unit, meaning, source and bounds, and the presets made of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+UNITS = ("m", "rad", "s", "cell", "1", "m/s", "rad/s", "Hz")
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What is known of one parameter beside its value."""
+
+    unit: str
+    meaning: str
+    source: str
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    ros: tuple[str, ...] = ()
+
+
+def param(
+    default: Any,
+    unit: str,
+    meaning: str,
+    *,
+    source: str,
+    low: float | None = None,
+    high: float | None = None,
+    choices: Sequence[str] = (),
+    ros: Sequence[str] = (),
+) -> Any:
+    """Declare one field of a `Params` class.
+
+    Args:
+        default: the value when nothing else is said.
+        unit: one of `UNITS`; "1" for counts, ratios, switches and names.
+        meaning: one line for `--show-params` and the README.
+        source: paper table or section, "original code", or "ours: reason".
+        low: least value allowed.
+        high: greatest value allowed.
+        choices: the words allowed, for a text parameter.
+        ros: names of the same parameter in the original ROS package.
+    """
+    if unit not in UNITS:
+        raise ValueError(f"unit {unit!r} is not one of {', '.join(UNITS)}")
+    spec = Spec(unit, meaning, source, low, high, tuple(choices), tuple(ros))
+    return dataclasses.field(default=default, metadata={"spec": spec})
+
+
+@dataclass(frozen=True)
+class Params:
+    """Base of every algorithm's parameters: checks values, knows presets, prints its table.
+
+    A preset is a mapping of field names to the values that differ from the defaults.
+    """
+
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+
+    seed: int = param(
+        0, "1", "seed of every random draw", source="ours: same input, same output", low=0
+    )
+
+    def __post_init__(self) -> None:
+        kinds = typing.get_type_hints(type(self))
+        for field in dataclasses.fields(self):
+            value = _checked(field, kinds[field.name], getattr(self, field.name))
+            object.__setattr__(self, field.name, value)
+
+    @classmethod
+    def specs(cls) -> dict[str, Spec]:
+        """Every parameter's name with its unit, meaning, source and bounds."""
+        return {f.name: f.metadata["spec"] for f in dataclasses.fields(cls)}
+
+    @classmethod
+    def presets(cls) -> list[str]:
+        """Names of the presets; "default" is always one."""
+        return ["default", *(name for name in cls.PRESETS if name != "default")]
+
+    @classmethod
+    def preset(cls, name: str = "default") -> Self:
+        """The parameters of a preset.
+
+        Raises:
+            LookupError: there is no preset of that name.
+        """
+        if name != "default" and name not in cls.PRESETS:
+            raise LookupError(
+                f"unknown preset {name!r}; expected one of {', '.join(cls.presets())}"
+            )
+        return cls().replace(**cls.PRESETS.get(name, {}))
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some values changed; text is read as the parameter's type.
+
+        Raises:
+            LookupError: no such parameter (the nearest name is given).
+            ValueError: the value has the wrong type or is out of bounds.
+        """
+        known = self.specs()
+        for name in changes:
+            if name not in known:
+                raise LookupError(_unknown(name, list(known)))
+        return dataclasses.replace(self, **changes)
+
+    def with_yaml(self, path: str | Path) -> Self:
+        """A copy with the values of a YAML file of `name: value` lines.
+
+        Raises:
+            OSError: the file cannot be read.
+            ValueError: it is not YAML, or not a mapping.
+        """
+        import yaml
+
+        try:
+            values = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            reason = " ".join(str(error).split())
+            raise ValueError(f"{path}: not a YAML file ({reason})") from error
+        if values is None:
+            return self
+        if not isinstance(values, dict) or not all(isinstance(k, str) for k in values):
+            raise ValueError(f"{path}: expected lines 'name: value', got {type(values).__name__}")
+        return self.replace(**values)
+
+    def as_dict(self) -> dict[str, Any]:
+        """All values by name, ready for JSON or YAML."""
+        return dataclasses.asdict(self)
+
+    def table(self) -> list[tuple[str, str, str, str, str]]:
+        """Rows (name, value, unit, meaning, source), in the order of the fields."""
+        rows = []
+        for name, spec in self.specs().items():
+            value = getattr(self, name)
+            text = str(value).lower() if isinstance(value, bool) else str(value)
+            rows.append((name, text, spec.unit, spec.meaning, spec.source))
+        return rows
+
+
+def _unknown(name: str, known: list[str]) -> str:
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return f"unknown parameter {name!r}{hint} (--show-params lists all)"
+
+
+def _checked(field: dataclasses.Field[Any], kind: type, value: Any) -> Any:
+    """`value` as `kind`, or one clear sentence."""
+    spec: Spec = field.metadata["spec"]
+    try:
+        value = _converted(kind, value)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"parameter {field.name!r}: got {value!r}, expected {kind.__name__} [{spec.unit}]"
+        ) from None
+    if spec.choices and value not in spec.choices:
+        raise ValueError(
+            f"parameter {field.name!r}: got {value!r}, expected one of {', '.join(spec.choices)}"
+        )
+    too_low = spec.low is not None and value < spec.low
+    too_high = spec.high is not None and value > spec.high
+    if too_low or too_high:
+        low = "-inf" if spec.low is None else f"{spec.low:g}"
+        high = "inf" if spec.high is None else f"{spec.high:g}"
+        raise ValueError(
+            f"parameter {field.name!r}: got {value!r}, expected {low} to {high} [{spec.unit}]"
+        )
+    return value
+
+
+def _converted(kind: type, value: Any) -> Any:
+    if kind is bool:
+        words = {"true": True, "false": False, "yes": True, "no": False, "1": True, "0": False}
+        if isinstance(value, str) and value.lower() in words:
+            return words[value.lower()]
+        if not isinstance(value, bool):
+            raise TypeError
+        return value
+    if isinstance(value, bool):
+        raise TypeError
+    if kind is float:
+        number = float(value)
+        if math.isnan(number):
+            raise ValueError
+        return number
+    if kind is int:
+        if isinstance(value, float) and not value.is_integer():
+            raise ValueError
+        return int(value)
+    if not isinstance(value, kind):
+        raise TypeError
+    return value

@@ -1,0 +1,103 @@
+"""Names of algorithms -> their classes. Algorithms are known here only as text.
+
+A name is a built-in ("hector"), an entry point of the group `slams.algorithms`, or the path
+"module:Class"; "name@preset" picks a preset.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from importlib.metadata import entry_points
+from typing import Any, NamedTuple
+
+from slams.params import Params
+from slams.types import Slam
+
+GROUP = "slams.algorithms"
+
+BUILT_IN = {
+    "hector": "hector.slam:Hector",
+    "odometry": "slams.baselines:Odometry",
+    "kiss": "slams.baselines:Kiss",
+}
+
+BASELINES = ("odometry", "kiss")
+
+
+class Entry(NamedTuple):
+    """One way to run one algorithm: label as the user wrote it, class, preset's name."""
+
+    label: str
+    cls: type[Slam]
+    preset: str
+
+    def params(self) -> Params:
+        """The preset's parameters."""
+        return self.cls.Params.preset(self.preset)
+
+
+def names() -> list[str]:
+    """Every registered name, built-ins first."""
+    plugins = sorted(point.name for point in entry_points(group=GROUP))
+    return [*BUILT_IN, *(name for name in plugins if name not in BUILT_IN)]
+
+
+def find(label: str) -> Entry:
+    """Resolve "name", "name@preset" or "module:Class[@preset]".
+
+    Raises:
+        LookupError: no such name, module, class or preset.
+        TypeError: what was found is not a Slam.
+    """
+    name, _, preset = label.partition("@")
+    entry = Entry(label, _slam_class(name, _target(name)), preset or "default")
+    known = entry.cls.Params.presets()
+    if entry.preset not in known:
+        raise LookupError(
+            f"{name} has no preset {entry.preset!r}; expected one of {', '.join(known)}"
+        )
+    return entry
+
+
+def create(label: str, **changes: Any) -> Slam:
+    """An instance of the algorithm named `label`, with some parameters changed."""
+    entry = find(label)
+    return entry.cls(entry.params().replace(**changes))
+
+
+def _target(name: str) -> str:
+    if name in BUILT_IN:
+        return BUILT_IN[name]
+    if ":" in name:
+        return name
+    for point in entry_points(group=GROUP):
+        if point.name == name:
+            return point.value
+    near = difflib.get_close_matches(name, names(), n=1, cutoff=0.4)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise LookupError(
+        f"unknown algorithm {name!r}{hint} (known: {', '.join(names())}, or module:Class)"
+    )
+
+
+def _slam_class(name: str, target: str) -> type[Slam]:
+    module_name, _, attribute = target.partition(":")
+    try:
+        found = getattr(importlib.import_module(module_name), attribute)
+    except ModuleNotFoundError as error:
+        if error.name is None or not (module_name + ".").startswith(error.name + "."):
+            raise
+        raise LookupError(f"algorithm {name!r}: there is no module {module_name!r}") from None
+    except (AttributeError, ValueError):
+        raise LookupError(
+            f"algorithm {name!r}: there is no {attribute!r} in {module_name!r}"
+        ) from None
+    needed = ("Params", "update", "map", "report")
+    missing = [item for item in needed if not hasattr(found, item)]
+    if not isinstance(found, type) or missing:
+        raise TypeError(
+            f"{target} is not a SLAM algorithm: expected a class with {', '.join(needed)}"
+            + (f"; {', '.join(missing)} missing" if missing else "")
+        )
+    return found

@@ -1,0 +1,74 @@
+"""The only loop over a log."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from slams.params import Params
+from slams.types import Floats, Pose2, Scan, Slam
+
+
+@dataclass(frozen=True)
+class Run:
+    """What came out of one replay.
+
+    `t` (n,) [s]; `poses` (n, 3) x, y [m], theta [rad] in the map frame; `seconds` (n,) CPU time of
+    each update, compilation taken out; `compile_s` CPU seconds that compilation took meanwhile;
+    `report` the algorithm's own counts.
+    """
+
+    t: Floats
+    poses: Floats
+    seconds: Floats
+    compile_s: float
+    report: dict[str, Any]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+def replay(slam: Slam, scans: Iterable[Scan]) -> Run:
+    """Feed every scan, in order, to `slam` and time each update.
+
+    Raises:
+        RuntimeError: the algorithm broke its contract (a pose that is not finite).
+    """
+    from slams.jit import CompileClock
+
+    t, poses, seconds = [], [], []
+    with CompileClock() as compiling:
+        for scan in scans:
+            compiled, start = compiling.seconds, time.process_time()
+            pose = slam.update(scan)
+            seconds.append(time.process_time() - start - (compiling.seconds - compiled))
+            t.append(scan.t)
+            poses.append(pose)
+    return Run(
+        np.array(t),
+        _finite(slam, poses),
+        np.maximum(seconds, 0.0),
+        compiling.seconds,
+        slam.report(),
+    )
+
+
+def warm_up(slam_class: type[Slam], params: Params, scans: Iterable[Scan]) -> float:
+    """CPU seconds until a throw-away instance has seen a few scans: its kernels load or compile."""
+    start = time.process_time()
+    slam = slam_class(params)
+    for scan in scans:
+        slam.update(scan)
+    return time.process_time() - start
+
+
+def _finite(slam: Slam, poses: list[Pose2]) -> Floats:
+    trajectory = np.array(poses, dtype=np.float64).reshape(-1, 3)
+    bad = np.flatnonzero(~np.isfinite(trajectory).all(axis=1))
+    if bad.size:
+        raise RuntimeError(f"{type(slam).__name__} returned {poses[bad[0]]} for scan {bad[0]}")
+    return trajectory

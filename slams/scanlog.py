@@ -1,0 +1,291 @@
+"""ScanLog: one recorded drive in memory, and the npz format "scanlog-1" it is kept in.
+
+Keys of the file: `format`; `t` (n,) s, stamp of the first beam; `ranges` (n, b) m; `angle_min`,
+`angle_increment` rad; `range_min`, `range_max` m; `time_increment` s per beam; `mount` (3,) the
+laser in the base frame; optional `odom` (k, 3), `truth` (k, 3), `yaw_rate` (k,), each with stamps
+of its own `odom_t`, `truth_t`, `yaw_rate_t` (absent: the scans'); `meta` JSON text. Others are
+ignored.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slams.types import Floats, Laser, Pose2, Ranges, Scan, wrap_angle
+
+FORMAT = "scanlog-1"
+REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
+
+
+@dataclass(frozen=True)
+class Track:
+    """A signal over time: stamps t (k,) [s] and values (k, 3) poses or (k,) rates, as recorded.
+
+    Stamps may jump back; for looking up they are put in order.
+    """
+
+    t: Floats
+    values: Floats
+
+    @cached_property
+    def in_order(self) -> tuple[Floats, Floats]:
+        """Stamps and values sorted by stamp, equal stamps in the order of recording."""
+        order = np.argsort(self.t, kind="stable")
+        return self.t[order], self.values[order]
+
+    def poses_at(self, t: Floats) -> Floats:
+        """Poses (n, 3) at the stamps t (n,): linear in x, y and the unwrapped angle.
+
+        Never extrapolates: a stamp outside the track gives a row of nan.
+        """
+        stamps, values = self.in_order
+        columns = (values[:, 0], values[:, 1], np.unwrap(values[:, 2]))
+        poses: Floats = np.stack(
+            [np.interp(t, stamps, column, left=np.nan, right=np.nan) for column in columns], axis=1
+        )
+        poses[:, 2] = wrap_angle(poses[:, 2])
+        return poses
+
+    def integral_at(self, t: Floats) -> Floats:
+        """The integral of a rate from its first stamp to each of t (n,), nan outside."""
+        stamps, rate = self.in_order
+        steps = np.diff(stamps) * 0.5 * (rate[1:] + rate[:-1])
+        total = np.concatenate([[0.0], np.cumsum(steps)])
+        return np.interp(t, stamps, total, left=np.nan, right=np.nan)
+
+
+@dataclass(frozen=True)
+class ScanLog:
+    """Scans of one laser with what else was recorded; iteration yields `Scan`s.
+
+    `t` (n,) [s]; `ranges` (n, b) float32 [m], inf = nothing up to range_max, nan = not valid.
+    The order in the log rules, also where stamps jump back.
+    """
+
+    t: Floats
+    ranges: Ranges
+    laser: Laser
+    odom: Track | None = None
+    truth: Track | None = None
+    yaw_rate: Track | None = None
+    meta: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _expect(self.t.ndim == 1 and len(self.t) > 0, "t", self.t.shape, "(n,) with n >= 1")
+        shape = (len(self.t), self.laser.n_beams)
+        _expect(self.ranges.shape == shape, "ranges", self.ranges.shape, f"{shape}")
+        _expect(bool(np.isfinite(self.t).all()), "t", "stamps that are not finite", "seconds")
+        object.__setattr__(self, "ranges", _rep117(self.ranges, self.laser))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __iter__(self) -> Iterator[Scan]:
+        odometry = self.odometry_at_scans()
+        yaw = None if self.yaw_rate is None else self.yaw_rate.integral_at(self.t)
+        for i, (t, ranges) in enumerate(zip(self.t.tolist(), self.ranges, strict=True)):
+            pose = None if odometry is None else Pose2(*odometry[i].tolist())
+            heading = None if yaw is None else float(yaw[i])
+            yield Scan(
+                t,
+                ranges,
+                self.laser,
+                None if pose is None or pose.x != pose.x else pose,
+                None if heading is None or heading != heading else heading,
+            )
+
+    @property
+    def name(self) -> str:
+        """What the log calls itself."""
+        return str(self.meta.get("name", "log"))
+
+    @property
+    def stamp_jumps(self) -> int:
+        """How many stamps lie before the one ahead of them."""
+        return int((np.diff(self.t) < 0).sum())
+
+    @property
+    def scan_period(self) -> float:
+        """Median time between two scans [s]; 0 for a single scan."""
+        return float(np.median(np.diff(self.t))) if len(self) > 1 else 0.0
+
+    def odometry_at_scans(self) -> Floats | None:
+        """Odometry (n, 3) at each scan; rows of nan where it was not recorded."""
+        if self.odom is None:
+            return None
+        if np.array_equal(self.odom.t, self.t):  # row by row, whatever the stamps do
+            return self.odom.values
+        return self.odom.poses_at(self.t)
+
+    def truth_at(self, t: Floats) -> Floats | None:
+        """True poses (n, 3) at the stamps t (n,), nan where not covered; None without truth."""
+        return None if self.truth is None else self.truth.poses_at(np.asarray(t, np.float64))
+
+    def select(self, limit: int | None = None, every: int = 1, odometry: bool = True) -> ScanLog:
+        """The first `limit` of every `every`-th scan, with or without odometry and gyro."""
+        part = slice(None, None if limit is None else limit * every, every)
+        return replace(
+            self,
+            t=self.t[part],
+            ranges=self.ranges[part],
+            odom=self._odom_of(part) if odometry else None,
+            yaw_rate=self.yaw_rate if odometry else None,
+        )
+
+    def _odom_of(self, part: slice) -> Track | None:
+        if self.odom is None or not np.array_equal(self.odom.t, self.t):
+            return self.odom
+        return Track(self.t[part], self.odom.values[part])
+
+    def save(self, path: str | Path) -> None:
+        """Write "scanlog-1"; same log, same bytes. A temporary name is renamed when complete."""
+        arrays: dict[str, Any] = {
+            "format": FORMAT,
+            "t": self.t,
+            "ranges": np.asarray(self.ranges, np.float32),
+            "angle_min": self.laser.angle_min,
+            "angle_increment": self.laser.angle_increment,
+            "range_min": self.laser.range_min,
+            "range_max": self.laser.range_max,
+            "time_increment": self.laser.time_increment,
+            "mount": np.array(self.laser.mount),
+            "meta": json.dumps(self.meta, sort_keys=True),
+        }
+        for key in ("odom", "truth", "yaw_rate"):
+            track = getattr(self, key)
+            if track is not None:
+                arrays |= {key: track.values, f"{key}_t": track.t}
+        _write_npz(Path(path), arrays)
+
+
+def load(path: str | Path) -> ScanLog:
+    """Read a scan log.
+
+    Raises:
+        OSError: the file cannot be opened.
+        ValueError: it is not a complete, valid scan log; the sentence says why.
+    """
+    path = Path(path)
+    with path.open("rb") as file:
+        if file.read(2) != b"PK":
+            raise ValueError(f"{path}: not an npz file; expected a scan log ({FORMAT})")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            data = {key: archive[key] for key in archive.files}
+        return _from_arrays(data, path.stem)
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, KeyError) as error:
+        raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: not a scan log: {error}") from error
+
+
+def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
+    missing = [key for key in REQUIRED if key not in data]
+    _expect(not missing, "keys", f"no {', '.join(missing)}", f"{', '.join(REQUIRED)}")
+    version = str(data.get("format", FORMAT))
+    _expect(version == FORMAT, "format", version, FORMAT)
+    t = _numbers(data, "t", 1)
+    ranges = _numbers(data, "ranges", 2).astype(np.float32)
+    meta = _meta(data)
+    return ScanLog(
+        t=t,
+        ranges=ranges,
+        laser=_laser(data, ranges.shape[1]),
+        odom=_track(data, "odom", t, 2),
+        truth=_track(data, "truth", t, 2),
+        yaw_rate=_track(data, "yaw_rate", t, 1),
+        meta={"name": stem} | meta,
+    )
+
+
+def _laser(data: dict[str, Any], n_beams: int) -> Laser:
+    mount = _numbers(data, "mount", 1) if "mount" in data else np.zeros(3)
+    _expect(mount.shape == (3,), "mount", mount.shape, "(3,)")
+    scalars = {key: float(_numbers(data, key, 0)) for key in REQUIRED[2:]}
+    laser = Laser(
+        n_beams=n_beams,
+        mount=Pose2(*mount.tolist()),
+        time_increment=float(_numbers(data, "time_increment", 0))
+        if "time_increment" in data
+        else 0.0,
+        **scalars,
+    )
+    numbers = (*scalars.values(), laser.time_increment, *laser.mount)
+    _expect(all(np.isfinite(numbers)), "the laser's geometry", numbers, "finite numbers")
+    _expect(n_beams >= 1, "ranges", f"{n_beams} beams", "at least one")
+    turns = laser.angle_increment != 0.0 or n_beams == 1
+    _expect(turns, "angle_increment", laser.angle_increment, "a step between the beams, not 0")
+    limits = (laser.range_min, laser.range_max)
+    _expect(0.0 <= limits[0] < limits[1], "range_min, range_max", limits, "0 <= min < max")
+    _expect(laser.time_increment >= 0.0, "time_increment", laser.time_increment, ">= 0 s")
+    return laser
+
+
+def _meta(data: dict[str, Any]) -> dict[str, Any]:
+    try:
+        meta = json.loads(str(data.get("meta", "{}")))
+    except json.JSONDecodeError:
+        meta = None
+    _expect(isinstance(meta, dict), "meta", "other text", "a JSON object")
+    return dict(meta)
+
+
+def _track(data: dict[str, Any], key: str, t: Floats, ndim: int) -> Track | None:
+    if key not in data:
+        return None
+    values = _numbers(data, key, ndim)
+    stamps = _numbers(data, f"{key}_t", 1) if f"{key}_t" in data else t
+    shape = (len(stamps), 3)[:ndim]
+    _expect(values.shape == shape and len(stamps) > 0, key, values.shape, f"{shape}")
+    finite = np.isfinite(values).all() and np.isfinite(stamps).all()
+    _expect(bool(finite), key, "values that are not finite", "numbers")
+    return Track(stamps, values)
+
+
+def _numbers(data: dict[str, Any], key: str, ndim: int) -> Floats:
+    array = np.asarray(data[key])
+    kind = array.dtype.kind in "fiu"
+    _expect(kind, key, f"{array.dtype} values", "numbers")
+    _expect(array.ndim == ndim, key, f"{array.ndim} dimensions", f"{ndim}")
+    return np.array(array, np.float64, order="C")
+
+
+def _expect(condition: bool, what: str, given: object, expected: str) -> None:
+    if not condition:
+        raise ValueError(f"{what}: got {given}, expected {expected}")
+
+
+def _rep117(ranges: Ranges, laser: Laser) -> Ranges:
+    """Read-only ranges: beyond range_max is inf, below range_min (or -inf) is nan."""
+    clean = np.array(ranges, np.float32, order="C")
+    clean[clean >= laser.range_max] = np.inf
+    clean[clean < laser.range_min] = np.nan
+    clean.flags.writeable = False
+    return clean
+
+
+def _write_npz(path: Path, arrays: dict[str, Any]) -> None:
+    """As numpy's savez_compressed, with a fixed date so that equal logs are equal files."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+            for key, value in arrays.items():
+                buffer = io.BytesIO()
+                np.lib.format.write_array(buffer, np.asarray(value), allow_pickle=False)
+                info = zipfile.ZipInfo(f"{key}.npy", (1980, 1, 1, 0, 0, 0))
+                info.compress_type = zipfile.ZIP_DEFLATED
+                archive.writestr(info, buffer.getvalue(), compresslevel=1)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,165 @@
+"""The nouns every algorithm shares; frames and units are defined here.
+
+Metres, radians, seconds. x forward, y left, theta counter-clockwise. The map frame is the base
+frame of the first scan. `a @ b` is the pose b, given in frame a, expressed in a's parent frame.
+Arrays of cells are indexed [iy, ix].
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple, Never, Protocol, overload, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slams.params import Params
+
+Floats = NDArray[np.float64]
+Ranges = NDArray[np.float32]
+
+
+@overload
+def wrap_angle(angle: float) -> float: ...
+@overload
+def wrap_angle(angle: Floats) -> Floats: ...
+def wrap_angle(angle: Any) -> Any:
+    """The same direction in (-pi, pi] [rad]; takes a number or an array."""
+    return angle - 2.0 * math.pi * np.ceil((angle - math.pi) / (2.0 * math.pi))
+
+
+class Pose2(NamedTuple):
+    """A pose or motion in the plane: x, y [m], theta [rad]."""
+
+    x: float
+    y: float
+    theta: float
+
+    def __matmul__(self, other: Pose2) -> Pose2:
+        """Composition: `other`, given in this pose's frame, in the parent frame."""
+        c, s = math.cos(self.theta), math.sin(self.theta)
+        return Pose2(
+            self.x + c * other.x - s * other.y,
+            self.y + s * other.x + c * other.y,
+            float(wrap_angle(self.theta + other.theta)),
+        )
+
+    def inverse(self) -> Pose2:
+        """The pose that composes with this one to the identity."""
+        c, s = math.cos(self.theta), math.sin(self.theta)
+        return Pose2(
+            -c * self.x - s * self.y, s * self.x - c * self.y, float(wrap_angle(-self.theta))
+        )
+
+    def between(self, other: Pose2) -> Pose2:
+        """The step from this pose to `other`, seen from this pose."""
+        return self.inverse() @ other
+
+    def transform(self, points: Floats) -> Floats:
+        """Points (n, 2) [m] of this pose's frame in the parent frame, as a new array."""
+        c, s = math.cos(self.theta), math.sin(self.theta)
+        rotation = np.array([[c, s], [-s, c]])
+        return np.asarray(points @ rotation + np.array([self.x, self.y]))
+
+    def __add__(self, other: object) -> Never:
+        """Poses do not add; a tuple would concatenate."""
+        raise TypeError("poses compose with @, they do not add")
+
+
+IDENTITY = Pose2(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Laser:
+    """Geometry of a scanning laser; one object serves all scans of a log.
+
+    `mount` is the laser's pose in the robot's base frame. `time_increment` [s] is the time from
+    one beam to the next, 0 for an instantaneous scan. A negative `angle_increment` is a laser
+    that turns clockwise.
+    """
+
+    angle_min: float
+    angle_increment: float
+    n_beams: int
+    range_min: float
+    range_max: float
+    mount: Pose2 = IDENTITY
+    time_increment: float = 0.0
+
+    @cached_property
+    def angles(self) -> Floats:
+        """Direction of each beam (n_beams,) [rad] in the laser frame."""
+        return self.angle_min + self.angle_increment * np.arange(self.n_beams)
+
+    @cached_property
+    def directions(self) -> Floats:
+        """Unit vector (n_beams, 2) of each beam in the laser frame."""
+        columns: Floats = np.stack([np.cos(self.angles), np.sin(self.angles)], axis=1)
+        return columns
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """All that an algorithm sees of one moment.
+
+    `t` [s] is the stamp of the first beam. `ranges` (n_beams,) float32 [m] is read-only: inf =
+    nothing up to range_max, nan = no valid reading. `odometry` is the base's pose in an arbitrary
+    odom frame; `yaw` [rad] the heading integrated from the gyro, origin arbitrary. The truth is
+    never part of a scan.
+    """
+
+    t: float
+    ranges: Ranges
+    laser: Laser
+    odometry: Pose2 | None = None
+    yaw: float | None = None
+
+
+@dataclass(frozen=True)
+class OccupancyGrid:
+    """Probability of being occupied: p (ny, nx), nan = never observed.
+
+    Row 0 is the lowest y. `origin` (x, y) [m] is the outer corner of cell [0, 0], in the map
+    frame; `resolution` [m] the edge of a cell.
+    """
+
+    p: NDArray[np.float32]
+    resolution: float
+    origin: tuple[float, float]
+
+
+@runtime_checkable
+class Slam(Protocol):
+    """What the runner and the benchmark ask of an algorithm; no base class is needed.
+
+    Contract of `update`, each clause a test over every registered algorithm:
+
+    1. The first call returns Pose2(0, 0, 0): the map frame is the base frame of the first scan.
+    2. Every call returns a finite pose, also when the scan is not used or matching fails: then
+       the prediction. Nothing is raised for bad data.
+    3. Nothing of the scan is written to.
+    4. Same parameters, same scans, same poses, bit for bit on one machine. Chance comes only from
+       `np.random.default_rng(params.seed)`, created in `__init__`.
+    5. An algorithm runs without odometry; what it used is in `report()`.
+    6. Two instances in one process do not disturb each other.
+    7. The odom frame is arbitrary: one constant motion before every odometry pose changes nothing.
+    8. A scan with another beam count or geometry than the one before is handled.
+    """
+
+    Params: ClassVar[type[Params]]
+
+    def __init__(self, params: Any) -> None: ...
+
+    def update(self, scan: Scan) -> Pose2:
+        """Take the next scan; return the base's pose in the map, T_map_base."""
+        ...
+
+    def map(self) -> OccupancyGrid:
+        """The map as it stands now."""
+        ...
+
+    def report(self) -> dict[str, Any]:
+        """Counts of what happened so far (inserted, rejected, lost, ...)."""
+        ...
