@@ -62,7 +62,8 @@ class Track:
         stamps, rate = self.in_order
         steps = np.diff(stamps) * 0.5 * (rate[1:] + rate[:-1])
         total = np.concatenate([[0.0], np.cumsum(steps)])
-        return np.interp(t, stamps, total, left=np.nan, right=np.nan)
+        integral: Floats = np.interp(t, stamps, total, left=np.nan, right=np.nan)
+        return integral
 
 
 @dataclass(frozen=True)

@@ -60,8 +60,9 @@ class Pose2(NamedTuple):
     def transform(self, points: Floats) -> Floats:
         """Points (n, 2) [m] of this pose's frame in the parent frame, as a new array."""
         c, s = math.cos(self.theta), math.sin(self.theta)
-        rotation = np.array([[c, s], [-s, c]])
-        return np.asarray(points @ rotation + np.array([self.x, self.y]))
+        rotation: Floats = np.array([[c, s], [-s, c]])
+        moved: Floats = points @ rotation + np.array([self.x, self.y])
+        return moved
 
     def __add__(self, other: object) -> Never:
         """Poses do not add; a tuple would concatenate."""

@@ -1,0 +1,282 @@
+"""Parameters of Hector SLAM and their presets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from slams.params import Params, param
+
+LAUNCH = "original code, mapping_default.launch"
+CODE = "original code"
+
+
+@dataclass(frozen=True)
+class HectorParams(Params):
+    """The default is hector at its best; `original` behaves like hector_mapping 0.5.2."""
+
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "original": {
+            "levels": 2,
+            "map_size": 2048,
+            "insert_distance": 0.4,
+            "insert_angle": 0.06,
+            "settle": 1,
+            "min_range": 0.4,
+            "body_radius": 0.70710678,
+            "steps_coarse": 4,
+            "steps_fine": 6,
+            "converged": 0.0,
+            "damping": 0.0,
+            "max_shift": 1e9,
+            "exact_gradient": False,
+            "unknown": 0.5,
+            "start": "last",
+            "surface": False,
+            "deskew": False,
+        }
+    }
+
+    resolution: float = param(
+        0.05,
+        "m",
+        "cell of the finest level",
+        source=LAUNCH,
+        low=0.005,
+        high=1.0,
+        ros=("map_resolution",),
+    )
+    levels: int = param(
+        3,
+        "1",
+        "grids of the pyramid, each twice as coarse as the one before",
+        source="ours: the launch file has 2; 3 widen the basin at 5 Hz",
+        low=1,
+        high=6,
+        ros=("map_multi_res_levels",),
+    )
+    map_size: int = param(
+        0,
+        "cell",
+        "edge of the finest grid, fixed; 0 = grows as needed",
+        source="ours: the original ends at its edge",
+        low=0,
+        high=16384,
+        ros=("map_size",),
+    )
+    free: float = param(
+        0.4,
+        "1",
+        "probability of occupied that a passing beam states",
+        source=LAUNCH,
+        low=0.01,
+        high=0.49,
+        ros=("map_update_factor_free", "update_factor_free"),
+    )
+    occupied: float = param(
+        0.9,
+        "1",
+        "probability of occupied that a beam's end states",
+        source=LAUNCH,
+        low=0.51,
+        high=0.99,
+        ros=("map_update_factor_occupied", "update_factor_occupied"),
+    )
+    ceiling: float = param(50.0, "1", "log-odds above which none are added", source=CODE, low=1.0)
+    insert_distance: float = param(
+        0.15,
+        "m",
+        "way since the last scan that entered the map",
+        source="ours: sub-cell means gain from more views",
+        low=0.0,
+        ros=("map_update_distance_thresh",),
+    )
+    insert_angle: float = param(
+        0.15,
+        "rad",
+        "turn since the last scan that entered the map",
+        source="ours: sub-cell means gain from more views",
+        low=0.0,
+        ros=("map_update_angle_thresh",),
+    )
+    settle: int = param(
+        10,
+        "1",
+        "scans at the start that all enter the map",
+        source="ours: the first scan's noise would stay in every later pose",
+        low=1,
+    )
+    min_range: float = param(
+        0.1,
+        "m",
+        "nearer ends are not used",
+        source="ours: the laser's own",
+        low=0.0,
+        ros=("laser_min_dist",),
+    )
+    max_range: float = param(
+        30.0, "m", "farther ends are not used", source=CODE, low=0.5, ros=("laser_max_dist",)
+    )
+    body_radius: float = param(
+        0.0,
+        "m",
+        "ends behind the laser nearer than this are the robot's own body",
+        source="ours: off; sqrt(0.5) is hard-coded in the original",
+        low=0.0,
+    )
+    start: str = param(
+        "auto",
+        "1",
+        "where matching starts: last pose, constant velocity (with the gyro's turn), or odometry "
+        "where there is some (auto)",
+        source="ours: the original starts at the last pose",
+        choices=("last", "velocity", "auto"),
+    )
+    steps_coarse: int = param(
+        12,
+        "1",
+        "Gauss-Newton steps on a coarse level, at most",
+        source="ours: 4 in the original",
+        low=1,
+        high=100,
+    )
+    steps_fine: int = param(
+        12,
+        "1",
+        "Gauss-Newton steps on the finest level, at most",
+        source="ours: 6 in the original",
+        low=1,
+        high=100,
+    )
+    converged: float = param(
+        2e-4,
+        "m",
+        "a step below this (and this times 1 rad/m) is the last",
+        source="ours: the original takes all its steps",
+        low=0.0,
+    )
+    damping: float = param(
+        1e-3,
+        "1",
+        "share of H's diagonal added to it",
+        source="ours: Levenberg, safe in corridors",
+        low=0.0,
+    )
+    max_shift: float = param(
+        0.3, "m", "longest step", source="ours: the original has no limit", low=0.001
+    )
+    max_turn: float = param(0.2, "rad", "largest turn of one step", source=CODE, low=0.001)
+    exact_gradient: bool = param(
+        True,
+        "1",
+        "gradient of the interpolated map; false: with the original's swapped weights",
+        source="[Kohlbrecher11] eq. 5-6",
+    )
+    unknown: float = param(
+        0.0,
+        "1",
+        "probability the matcher reads where nothing was observed",
+        source="ours: 0.5 in the original pulls the scan outward",
+        low=0.0,
+        high=0.5,
+    )
+    surface: bool = param(
+        True,
+        "1",
+        "match to lines inside the cells of the finest level",
+        source="ours: sub-cell accuracy",
+    )
+    normal_window: float = param(
+        0.05,
+        "m",
+        "half length of the piece of scan a normal is fitted to",
+        source="ours: a cell",
+        low=0.005,
+    )
+    reach: int = param(
+        1,
+        "cell",
+        "cells across the wall on each side that learn of a hit",
+        source="ours: basin",
+        low=0,
+        high=5,
+    )
+    side: int = param(
+        3,
+        "cell",
+        "most cells along the wall that bridge the gap between two beams",
+        source="ours: sparse lasers",
+        low=0,
+        high=10,
+    )
+    weight_cap: float = param(
+        1e6, "1", "hits a cell's line remembers", source="ours: the early map stays stiff", low=10.0
+    )
+    softness: float = param(
+        0.05,
+        "m",
+        "distance to a line at which a beam counts half",
+        source="ours: a cell",
+        low=0.001,
+    )
+    prior_xy: float = param(
+        0.1, "m", "trust in the start of matching where no wall decides", source="ours", low=1e-4
+    )
+    prior_theta: float = param(
+        0.1, "rad", "trust in the start of matching where no wall decides", source="ours", low=1e-4
+    )
+    range_noise: float = param(
+        0.02,
+        "m",
+        "noise of a beam, as the trust in the start is weighed against it",
+        source="ours: between a UTM-30LX's 0.01 and its specified 0.03",
+        low=1e-4,
+    )
+    acceleration: float = param(
+        1.0, "m/s", "change of velocity per second that matching must expect",
+        source="ours: over a long interval it leaves the reach of the lines", low=0.0,
+    )
+    doubt: float = param(
+        0.85,
+        "1",
+        "share of the usual explained beams below which other starts are tried",
+        source="ours",
+        low=0.0,
+        high=1.0,
+    )
+    lost: float = param(
+        0.3,
+        "1",
+        "share of beams explained, less those contradicted, below which a match is refused",
+        source="ours",
+        low=-1.0,
+        high=1.0,
+    )
+    patience: int = param(
+        10,
+        "1",
+        "refused scans in a row after which one enters the map all the same",
+        source="ours: a robot in new surroundings must go on",
+        low=1,
+    )
+    search_distance: float = param(
+        0.8, "m", "half width of the search when matching fails", source="ours", low=0.0, high=5.0
+    )
+    search_angle: float = param(
+        0.8,
+        "rad",
+        "half angle of the search when matching fails",
+        source="ours",
+        low=0.0,
+        high=3.15,
+    )
+    search_tries: int = param(
+        6, "1", "poses of the search that are matched", source="ours", low=1, high=100
+    )
+    deskew: bool = param(
+        True,
+        "1",
+        "take out the motion during a sweep that has a time per beam",
+        source="ours",
+    )

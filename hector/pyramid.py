@@ -1,0 +1,212 @@
+"""LogOddsPyramid: the map of Hector SLAM, its occupancy grids and the lines inside its cells."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hector import kernels, surface_kernels
+from hector.kernels import Level, Limits, Solver, Twist, Update, Window
+from hector.params import HectorParams
+from hector.surface_kernels import Fit, Splat, Surface
+from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan
+
+FIRST_EXTENT = 20.0
+MARGIN = 5.0
+POOL = 1 << 14
+
+
+class EndPoints:
+    """End points of the scan at hand, in the base frame at the time of its first beam.
+
+    `points` (2, >= n) [m]; `far` [m] the farthest from the base; buffers serve every scan.
+    """
+
+    def __init__(self, params: HectorParams) -> None:
+        self.params = params
+        self.n = 0
+        self.far = 0.0
+        self.mount = IDENTITY
+        self.step = 0.0
+        self.sweeps = False
+        self._laser: Laser | None = None
+        self._size(1)
+
+    def take(self, scan: Scan, velocity: Pose2) -> EndPoints:
+        """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
+        laser = scan.laser
+        if laser is not self._laser:
+            self._adopt(laser, len(scan.ranges))
+        delay = laser.time_increment if self.params.deskew else 0.0
+        twist = Twist(velocity.x, velocity.y, velocity.theta, delay)
+        self.n, self.far = kernels.end_points(
+            scan.ranges, self._directions, laser.mount, self._limits, twist, self.points
+        )
+        return self
+
+    def _adopt(self, laser: Laser, n_beams: int) -> None:
+        self._laser, self.mount, self.step = laser, laser.mount, abs(laser.angle_increment)
+        self._directions = laser.directions
+        self.sweeps = self.params.deskew and laser.time_increment > 0.0
+        near = max(self.params.min_range, laser.range_min)
+        self._limits = Limits(near, self.params.max_range, self.params.body_radius)
+        if n_beams > self.points.shape[1]:
+            self._size(n_beams)
+
+    def _size(self, n_beams: int) -> None:
+        self.points = np.zeros((2, n_beams))
+        self.normals = np.zeros((3, n_beams))
+        self.moments = np.zeros((6, n_beams + 1))
+
+
+class LogOddsPyramid:
+    """Occupancy grids of one scene at several resolutions, each made from the scans themselves.
+
+    Level 0 is the finest; cell centers of a level lie on every second one of the level below.
+    With `params.map_size` 0 all levels grow together.
+    """
+
+    def __init__(self, params: HectorParams) -> None:
+        self.params = params
+        self.insertions = 0
+        cells = params.map_size or round(FIRST_EXTENT / params.resolution)
+        self._block = 2 ** (params.levels - 1)
+        cells = -(-cells // self._block) * self._block
+        self._update = Update(
+            math.log(params.free / (1.0 - params.free)),
+            math.log(params.occupied / (1.0 - params.occupied)),
+            params.ceiling,
+        )
+        corner = -0.5 * cells * params.resolution
+        self.levels = [self._empty(l, cells, cells, corner, corner) for l in range(params.levels)]
+        rows = (POOL, 10), (POOL, 8)
+        pool = (np.zeros(rows[0], np.float32), np.zeros(rows[1], np.float32), np.zeros(1, np.int64))
+        self.surface = self._surface(pool)
+        self._splat = Splat(params.reach, params.side, params.weight_cap)
+
+    def insert(self, scan: EndPoints, pose: Pose2) -> None:
+        """Let a scan taken at `pose` enter every level, and the lines of the finest."""
+        self._cover(pose, scan.far)
+        self.insertions += 1
+        number, unknown = self.insertions, self.params.unknown
+        for level in self.levels:
+            kernels.insert(
+                level, scan.points, scan.n, pose, scan.mount, number, self._update, unknown
+            )
+        if self.params.surface:
+            self._provide(scan.n)
+            window = self.params.normal_window
+            surface_kernels.scan_normals(
+                scan.points, scan.n, scan.mount, scan.step, window, scan.moments, scan.normals
+            )
+            surface_kernels.add_scan(
+                self.surface, scan.points, scan.normals, scan.n, pose, self._splat
+            )
+
+    def match(self, level: int, scan: EndPoints, start: Pose2, solver: Solver, H: Floats) -> Pose2:
+        """Gauss-Newton on the occupancy of one level; H is left in `H`."""
+        pose, _ = kernels.gauss_newton(self.levels[level], scan.points, scan.n, start, solver, H)
+        return pose
+
+    def fit(self, scan: EndPoints, start: Pose2, how: Fit, H: Floats) -> tuple[Pose2, float, float]:
+        """Gauss-Newton on the lines; pose, share of beams explained, their mean square [m^2]."""
+        return surface_kernels.fit(self.surface, scan.points, scan.n, scan.mount, start, how, H)
+
+    def evidence(self, scan: EndPoints, pose: Pose2) -> float:
+        """Share of beams the map explains less the share it contradicts, at `pose`."""
+        soft = 1.0 / self.params.softness**2
+        explained, against = surface_kernels.evidence(
+            self.surface, self.levels[0], scan.points, scan.n, scan.mount, pose, soft
+        )
+        return float(explained - against)
+
+    def search(self, scan: EndPoints, center: Pose2) -> list[Pose2]:
+        """The best poses of a window around `center`, best first: one for each turn, the first few.
+
+        On the second finest level: a cell of the finest is too narrow a target.
+        """
+        p = self.params
+        level = min(1, p.levels - 1)
+        cell, far = self.levels[level].resolution, max(scan.far, 1.0)
+        step = min(0.1, 2.0 * cell / far)
+        window = Window(round(p.search_distance / cell), round(p.search_angle / step), step)
+        out = np.zeros((2 * window.turns + 1, 4))
+        stride = max(1, scan.n // 180)
+        kernels.search(self.levels[level], scan.points, scan.n, stride, center, window, out)
+        best = out[np.argsort(-out[:, 3], kind="stable")[: p.search_tries]]
+        return [Pose2(*row[:3]) for row in best.tolist()]
+
+    def grid(self) -> OccupancyGrid:
+        """The finest level, cut to what was observed."""
+        level = self.levels[0]
+        seen = level.log_odds != 0.0
+        rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+        if rows.size == 0:
+            rows = columns = np.zeros(1, np.int64)
+        part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        p = np.where(seen[part], 1.0 / (1.0 + np.exp(-level.log_odds[part])), np.nan)
+        corner_x = level.x0 + (float(columns[0]) - 0.5) * level.resolution
+        corner_y = level.y0 + (float(rows[0]) - 0.5) * level.resolution
+        return OccupancyGrid(p.astype(np.float32), level.resolution, (corner_x, corner_y))
+
+    def _empty(self, level: int, width: int, height: int, x0: float, y0: float) -> Level:
+        shape = (height >> level, width >> level)
+        return Level(
+            np.zeros(shape, np.float32),
+            np.full(shape, self.params.unknown, np.float32),
+            np.zeros(shape, np.int32),
+            x0,
+            y0,
+            self.params.resolution * 2**level,
+        )
+
+    def _surface(self, pool: tuple[Floats, Floats, Floats]) -> Surface:
+        finest = self.levels[0]
+        index = np.zeros(finest.p.shape, np.int32)
+        return Surface(index, *pool, finest.x0, finest.y0, finest.resolution)
+
+    def _cover(self, pose: Pose2, far: float) -> None:
+        """Make every level reach `far` [m] around the pose, if the map may grow."""
+        finest = self.levels[0]
+        height, width = finest.p.shape
+        reach = far + 2.0 * self._block * finest.resolution
+        low_x, low_y = pose.x - reach - finest.x0, pose.y - reach - finest.y0
+        high_x = pose.x + reach - finest.x0 - (width - 1) * finest.resolution
+        high_y = pose.y + reach - finest.y0 - (height - 1) * finest.resolution
+        if self.params.map_size or (min(low_x, low_y) >= 0.0 and max(high_x, high_y) <= 0.0):
+            return
+        left, below = self._blocks(-low_x), self._blocks(-low_y)
+        right, above = self._blocks(high_x), self._blocks(high_y)
+        self._grow(left, below, width + left + right, height + below + above)
+
+    def _blocks(self, missing: float) -> int:
+        """Cells to add on a side that is `missing` meters short."""
+        if missing <= 0.0:
+            return 0
+        block = self._block * self.params.resolution
+        return math.ceil((missing + MARGIN) / block) * self._block
+
+    def _grow(self, left: int, below: int, width: int, height: int) -> None:
+        old, index = self.levels, self.surface.index
+        x0 = old[0].x0 - left * old[0].resolution
+        y0 = old[0].y0 - below * old[0].resolution
+        self.levels = [self._empty(l, width, height, x0, y0) for l in range(len(old))]
+        for l, (new, level) in enumerate(zip(self.levels, old, strict=True)):
+            rows, columns = level.p.shape
+            part = np.s_[below >> l : (below >> l) + rows, left >> l : (left >> l) + columns]
+            for to, source in zip(new[:3], level[:3], strict=True):
+                to[part] = source
+        self.surface = self._surface(self.surface[1:4])
+        self.surface.index[below : below + index.shape[0], left : left + index.shape[1]] = index
+
+    def _provide(self, n: int) -> None:
+        """Rows of the pool for what one scan may add."""
+        surface = self.surface
+        most = int(surface.used[0]) + n * (2 * self.params.reach + 1) * (2 * self.params.side + 1)
+        if most < len(surface.lines):
+            return
+        rows = 2 * most
+        sums, lines = np.zeros((rows, 10), np.float32), np.zeros((rows, 8), np.float32)
+        sums[: len(surface.sums)], lines[: len(surface.lines)] = surface.sums, surface.lines
+        self.surface = surface._replace(sums=sums, lines=lines)
