@@ -52,11 +52,15 @@ class Twist(NamedTuple):
 
 
 class Update(NamedTuple):
-    """Log-odds added to free and to occupied cells, and the ceiling above which none is added."""
+    """Log-odds added to free and to occupied cells, the ceiling above which none is added.
+
+    `unknown` is the probability the matcher reads where nothing was observed.
+    """
 
     free: float
     occupied: float
     ceiling: float
+    unknown: float
 
 
 class Window(NamedTuple):
@@ -114,7 +118,7 @@ def interpolate(
     height, width = p.shape
     if not (x >= 0.0 and x <= width - 2 and y >= 0.0 and y <= height - 2):
         return 0.0, 0.0, 0.0
-    ix, iy = int(math.floor(x)), int(math.floor(y))
+    ix, iy = math.floor(x), math.floor(y)
     fx, fy = x - ix, y - iy
     p00, p10, p01, p11 = p[iy, ix], p[iy, ix + 1], p[iy + 1, ix], p[iy + 1, ix + 1]
     low, high = p00 + fx * (p10 - p00), p01 + fx * (p11 - p01)
@@ -156,8 +160,8 @@ def solve3(H: Floats, b: Floats, out: Floats) -> bool:
 class Solver(NamedTuple):
     """How Gauss-Newton steps are taken.
 
-    At most `steps` steps; a step is limited to `shift` [m] and `turn` [rad];
-    done when it is below `tolerance` [m] and [rad] times 1 m; `damping` [1] is added to the diagonal.
+    At most `steps` steps; a step is limited to `shift` [m] and `turn` [rad]; done when it is below
+    `tolerance` [m] and [rad] times 1 m; the share `damping` of H's diagonal is added to it.
     """
 
     steps: int
@@ -234,27 +238,25 @@ def gauss_newton(
 
 
 @njit
-def mark_free(level: Level, ix: int, iy: int, mark: int, update: Update, unknown: float) -> None:
-    """A beam passed this cell, once per scan: inverse sensor model, [Kohlbrecher11] sec. IV-A."""
-    if level.stamp[iy, ix] < mark:
-        level.log_odds[iy, ix] += update.free
-        level.stamp[iy, ix] = mark
-        level.p[iy, ix] = probability(level.log_odds[iy, ix], unknown)
+def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
+    """A beam passed cell [v, u], once per scan: inverse sensor model, [Kohlbrecher11] sec. IV-A."""
+    if level.stamp[v, u] < mark:
+        level.log_odds[v, u] += update.free
+        level.stamp[v, u] = mark
+        level.p[v, u] = probability(level.log_odds[v, u], update.unknown)
 
 
 @njit
-def mark_occupied(
-    level: Level, ix: int, iy: int, mark: int, update: Update, unknown: float
-) -> None:
-    """A beam ended in this cell, once per scan; takes back a free mark of the same scan."""
-    if level.stamp[iy, ix] > mark:
+def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
+    """A beam ended in cell [v, u], once per scan; takes back a free mark of the same scan."""
+    if level.stamp[v, u] > mark:
         return
-    if level.stamp[iy, ix] == mark:
-        level.log_odds[iy, ix] -= update.free
-    if level.log_odds[iy, ix] < update.ceiling:
-        level.log_odds[iy, ix] += update.occupied
-    level.stamp[iy, ix] = mark + 1
-    level.p[iy, ix] = probability(level.log_odds[iy, ix], unknown)
+    if level.stamp[v, u] == mark:
+        level.log_odds[v, u] -= update.free
+    if level.log_odds[v, u] < update.ceiling:
+        level.log_odds[v, u] += update.occupied
+    level.stamp[v, u] = mark + 1
+    level.p[v, u] = probability(level.log_odds[v, u], update.unknown)
 
 
 @njit
@@ -274,7 +276,6 @@ def insert(
     mount: Pose2,
     number: int,
     update: Update,
-    unknown: float,
 ) -> None:
     """Update one level with a scan: free along each beam, occupied at its end, the end wins.
 
@@ -285,35 +286,33 @@ def insert(
     mark = 2 * number
     scale = 1.0 / level.resolution
     c, s = math.cos(pose.theta), math.sin(pose.theta)
-    ax = int(math.floor((pose.x + c * mount.x - s * mount.y - level.x0) * scale + 0.5))
-    ay = int(math.floor((pose.y + s * mount.x + c * mount.y - level.y0) * scale + 0.5))
+    ax = math.floor((pose.x + c * mount.x - s * mount.y - level.x0) * scale + 0.5)
+    ay = math.floor((pose.y + s * mount.x + c * mount.y - level.y0) * scale + 0.5)
     if not (0 <= ax < width and 0 <= ay < height):
         return
+    last_x, last_y = ax, ay
     for i in range(n):
         x, y = points[0, i], points[1, i]
-        bx = int(math.floor((pose.x + c * x - s * y - level.x0) * scale + 0.5))
-        by = int(math.floor((pose.y + s * x + c * y - level.y0) * scale + 0.5))
+        bx = math.floor((pose.x + c * x - s * y - level.x0) * scale + 0.5)
+        by = math.floor((pose.y + s * x + c * y - level.y0) * scale + 0.5)
+        if bx == last_x and by == last_y:
+            continue  # the same line as the beam before: nothing new
+        last_x, last_y = bx, by
         if (bx == ax and by == ay) or not (0 <= bx < width and 0 <= by < height):
             continue
         dx, dy = abs(bx - ax), abs(by - ay)
         sx, sy = (1 if bx > ax else -1), (1 if by > ay else -1)
-        ix, iy, count = ax, ay, max(dx, dy)
-        error = count // 2
-        for _ in range(count):
-            mark_free(level, ix, iy, mark, update, unknown)
-            if dx >= dy:
-                ix += sx
-                error += dy
-                if error >= dx:
-                    iy += sy
-                    error -= dx
-            else:
-                iy += sy
-                error += dx
-                if error >= dy:
-                    ix += sx
-                    error -= dy
-        mark_occupied(level, bx, by, mark, update, unknown)
+        steep, far, near = dy > dx, max(dx, dy), min(dx, dy)
+        ix, iy, error = ax, ay, far // 2
+        for _ in range(far):
+            mark_free(level, np.uint64(ix), np.uint64(iy), mark, update)
+            error += near
+            aside = error >= far
+            if aside:
+                error -= far
+            ix += sx if aside or not steep else 0
+            iy += sy if aside or steep else 0
+        mark_occupied(level, np.uint64(bx), np.uint64(by), mark, update)
 
 
 @njit

@@ -15,7 +15,8 @@ class Motion:
 
     `source` is "last" (stands still), "velocity" (constant velocity, turn from the gyro where
     there is one) or "auto" (odometry where there is some, else velocity). `velocity` is the
-    expected motion per second in the base frame, `dt` [s] the interval; `odometry` and `gyro` count their uses.
+    expected motion per second in the base frame, `dt` [s] the interval; `odometry` and `gyro`
+    count their uses.
 
     Stamps of real logs can be so ragged that a step as long as the last one predicts better than
     a velocity: the one that did better of late is used.

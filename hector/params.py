@@ -85,7 +85,7 @@ class HectorParams(Params):
     )
     ceiling: float = param(50.0, "1", "log-odds above which none are added", source=CODE, low=1.0)
     insert_distance: float = param(
-        0.15,
+        0.25,
         "m",
         "way since the last scan that entered the map",
         source="ours: sub-cell means gain from more views",
@@ -93,7 +93,7 @@ class HectorParams(Params):
         ros=("map_update_distance_thresh",),
     )
     insert_angle: float = param(
-        0.15,
+        0.25,
         "rad",
         "turn since the last scan that entered the map",
         source="ours: sub-cell means gain from more views",
@@ -234,8 +234,11 @@ class HectorParams(Params):
         low=1e-4,
     )
     acceleration: float = param(
-        1.0, "m/s", "change of velocity per second that matching must expect",
-        source="ours: over a long interval it leaves the reach of the lines", low=0.0,
+        1.0,
+        "m/s",
+        "change of velocity per second that matching must expect",
+        source="ours: over a long interval it leaves the reach of the lines",
+        low=0.0,
     )
     doubt: float = param(
         0.85,

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hector import kernels, surface_kernels
 from hector.kernels import Level, Limits, Solver, Twist, Update, Window
 from hector.params import HectorParams
 from hector.surface_kernels import Fit, Splat, Surface
 from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan
+
+Pool = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]
 
 FIRST_EXTENT = 20.0
 MARGIN = 5.0
@@ -71,15 +74,18 @@ class LogOddsPyramid:
         self.params = params
         self.insertions = 0
         cells = params.map_size or round(FIRST_EXTENT / params.resolution)
-        self._block = 2 ** (params.levels - 1)
+        self._block: int = 1 << (params.levels - 1)
         cells = -(-cells // self._block) * self._block
         self._update = Update(
             math.log(params.free / (1.0 - params.free)),
             math.log(params.occupied / (1.0 - params.occupied)),
             params.ceiling,
+            params.unknown,
         )
         corner = -0.5 * cells * params.resolution
-        self.levels = [self._empty(l, cells, cells, corner, corner) for l in range(params.levels)]
+        self.levels = [
+            self._empty(level, cells, cells, corner, corner) for level in range(params.levels)
+        ]
         rows = (POOL, 10), (POOL, 8)
         pool = (np.zeros(rows[0], np.float32), np.zeros(rows[1], np.float32), np.zeros(1, np.int64))
         self.surface = self._surface(pool)
@@ -89,11 +95,9 @@ class LogOddsPyramid:
         """Let a scan taken at `pose` enter every level, and the lines of the finest."""
         self._cover(pose, scan.far)
         self.insertions += 1
-        number, unknown = self.insertions, self.params.unknown
+        number = self.insertions
         for level in self.levels:
-            kernels.insert(
-                level, scan.points, scan.n, pose, scan.mount, number, self._update, unknown
-            )
+            kernels.insert(level, scan.points, scan.n, pose, scan.mount, number, self._update)
         if self.params.surface:
             self._provide(scan.n)
             window = self.params.normal_window
@@ -145,7 +149,7 @@ class LogOddsPyramid:
         if rows.size == 0:
             rows = columns = np.zeros(1, np.int64)
         part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        p = np.where(seen[part], 1.0 / (1.0 + np.exp(-level.log_odds[part])), np.nan)
+        p = np.where(seen[part], 0.5 + 0.5 * np.tanh(0.5 * level.log_odds[part]), np.nan)
         corner_x = level.x0 + (float(columns[0]) - 0.5) * level.resolution
         corner_y = level.y0 + (float(rows[0]) - 0.5) * level.resolution
         return OccupancyGrid(p.astype(np.float32), level.resolution, (corner_x, corner_y))
@@ -161,7 +165,7 @@ class LogOddsPyramid:
             self.params.resolution * 2**level,
         )
 
-    def _surface(self, pool: tuple[Floats, Floats, Floats]) -> Surface:
+    def _surface(self, pool: Pool) -> Surface:
         finest = self.levels[0]
         index = np.zeros(finest.p.shape, np.int32)
         return Surface(index, *pool, finest.x0, finest.y0, finest.resolution)
@@ -188,17 +192,17 @@ class LogOddsPyramid:
         return math.ceil((missing + MARGIN) / block) * self._block
 
     def _grow(self, left: int, below: int, width: int, height: int) -> None:
-        old, index = self.levels, self.surface.index
+        old, index = self.levels, self.surface.slot
         x0 = old[0].x0 - left * old[0].resolution
         y0 = old[0].y0 - below * old[0].resolution
-        self.levels = [self._empty(l, width, height, x0, y0) for l in range(len(old))]
-        for l, (new, level) in enumerate(zip(self.levels, old, strict=True)):
+        self.levels = [self._empty(k, width, height, x0, y0) for k in range(len(old))]
+        for k, (new, level) in enumerate(zip(self.levels, old, strict=True)):
             rows, columns = level.p.shape
-            part = np.s_[below >> l : (below >> l) + rows, left >> l : (left >> l) + columns]
+            part = np.s_[below >> k : (below >> k) + rows, left >> k : (left >> k) + columns]
             for to, source in zip(new[:3], level[:3], strict=True):
                 to[part] = source
-        self.surface = self._surface(self.surface[1:4])
-        self.surface.index[below : below + index.shape[0], left : left + index.shape[1]] = index
+        self.surface = self._surface((self.surface.sums, self.surface.lines, self.surface.used))
+        self.surface.slot[below : below + index.shape[0], left : left + index.shape[1]] = index
 
     def _provide(self, n: int) -> None:
         """Rows of the pool for what one scan may add."""

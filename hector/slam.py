@@ -90,8 +90,7 @@ class Hector:
         The inverse of H times the beams' mean square; the original publishes H itself.
         """
         noise = max(self._match.square, 1e-6)
-        covariance: Floats = noise * np.linalg.pinv(self._H, hermitian=True)
-        return covariance
+        return np.asarray(noise * np.linalg.pinv(self._H, hermitian=True), np.float64)
 
     def _matched(self, points: EndPoints, start: Pose2) -> Match:
         """Step 3: on the lines where the preset has them, else coarse to fine."""
@@ -107,7 +106,7 @@ class Hector:
         return pose
 
     def _doubtful(self, match: Match) -> bool:
-        """Whether the start may lie outside the lines' reach, or the map explains less than usual."""
+        """Whether the start may be out of the lines' reach, or the map explains less than usual."""
         if not self.params.surface or self._map.insertions == 0:
             return False
         could_gain = self.params.acceleration * self._motion.dt**2

@@ -24,13 +24,13 @@ LAYERS = 2
 class Surface(NamedTuple):
     """Lines of the cells near walls, in a pool that cells point into.
 
-    `index` (ny, nx) [iy, ix] the cell's row in the pool, 0 = none; for each of two layers `sums`
+    `slot` (ny, nx) [iy, ix] the cell's row in the pool, 0 = none; for each of two layers `sums`
     (k, 10) has weight, sums of x and y [m] from the cell's center, sums of the normal; `lines`
     (k, 8) the unit normal toward the free side, its distance from the map's origin [m] and the
     trust 0..1; `used` (1,) the last row taken. x0, y0 [m] is the center of cell [0, 0].
     """
 
-    index: NDArray[np.int32]
+    slot: NDArray[np.int32]
     sums: NDArray[np.float32]
     lines: NDArray[np.float32]
     used: NDArray[np.int64]
@@ -66,8 +66,8 @@ class Splat(NamedTuple):
 def scan_moments(points: Points, n: int, mount: Pose2, step: float, out: Floats) -> None:
     """Running sums of x, y, xx, xy, yy along the scan, and where its surface begins anew.
 
-    ours: a window's line comes from differences of these. `step` [rad] between beams; out (6, n + 1),
-    row 5 the first index of the run of beams without a jump.
+    ours: a window's line comes from differences of these. `step` [rad] between beams; out
+    (6, n + 1), row 5 the first index of the run of beams without a jump.
     """
     for k in range(6):
         out[k, 0] = 0.0
@@ -148,12 +148,12 @@ def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, cap: float) -> N
     """
     cx, cy = surface.x0 + ix * surface.resolution, surface.y0 + iy * surface.resolution
     sums, lines = surface.sums, surface.lines
-    row = np.uint64(surface.index[iy, ix])
+    row = np.uint64(surface.slot[iy, ix])
     if row == 0:
         if surface.used[0] + 1 >= lines.shape[0]:
             return
         surface.used[0] += 1
-        surface.index[iy, ix] = surface.used[0]
+        surface.slot[iy, ix] = surface.used[0]
         row = np.uint64(surface.used[0])
     for layer in range(LAYERS):
         k, q = 5 * layer, 4 * layer
@@ -183,7 +183,7 @@ def spread(surface: Surface, hits: Hits, gap: float, splat: Splat) -> None:
     ours: `reach` cells along the normal to both sides, so that a wall on the border of two cells
     is not cut in two, and along the wall halfway over the `gap` [m] to the next beam.
     """
-    height, width = surface.index.shape
+    height, width = surface.slot.shape
     scale = 1.0 / surface.resolution
     fx, fy = (hits.x - surface.x0) * scale + 0.5, (hits.y - surface.y0) * scale + 0.5
     side = min(splat.side, int(0.5 * gap * scale + 0.5))
@@ -191,7 +191,7 @@ def spread(surface: Surface, hits: Hits, gap: float, splat: Splat) -> None:
     nx, ny = hits.nx / length, hits.ny / length
     for j in range(-side, side + 1):
         for k in range(-splat.reach, splat.reach + 1):
-            ix, iy = int(math.floor(fx + k * nx - j * ny)), int(math.floor(fy + k * ny + j * nx))
+            ix, iy = math.floor(fx + k * nx - j * ny), math.floor(fy + k * ny + j * nx)
             if 0 <= ix < width and 0 <= iy < height:
                 add_to_cell(surface, ix, iy, hits, splat.cap)
 
@@ -215,8 +215,8 @@ def add_scan(
         bx, by = c * ax - s * ay, s * ax + c * ay
         px = pose.x + c * points[0, i] - s * points[1, i]
         py = pose.y + s * points[0, i] + c * points[1, i]
-        ix = int(math.floor((px - surface.x0) * scale + 0.5))
-        iy = int(math.floor((py - surface.y0) * scale + 0.5))
+        ix = math.floor((px - surface.x0) * scale + 0.5)
+        iy = math.floor((py - surface.y0) * scale + 0.5)
         alike = nx * bx + ny * by > 0.9 * count
         if count > 0.0 and not (ix == cell_x and iy == cell_y and alike):
             spread(surface, Hits(count, x / count, y / count, nx / count, ny / count), gap, splat)
@@ -239,14 +239,14 @@ def line_equations(
     H: Floats,
     b: Floats,
 ) -> tuple[float, float, float]:
-    """One linearization of the distances to the lines: [Kohlbrecher11] eq. 8-13 with them as residual.
+    """One linearization of the distances to the lines, [Kohlbrecher11] eq. 8-13 with these as r.
 
     ours: of the lines in the end point's cell that face the sensor the nearer one counts, with
     trust / (1 + soft e^2) as its weight. Returns the sums of weights, of weighted squares [m^2]
     and of weights without the trust: how many points lie on a line.
     """
     lines = surface.lines
-    height, width = surface.index.shape
+    height, width = surface.slot.shape
     scale = 1.0 / surface.resolution
     c, s = math.cos(pose.theta), math.sin(pose.theta)
     sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
@@ -259,7 +259,7 @@ def line_equations(
         fx, fy = (x - x0) * scale, (y - y0) * scale
         if not (fx >= 0.0 and fy >= 0.0 and fx < width and fy < height):
             continue
-        row = np.uint64(surface.index[np.uint64(fy), np.uint64(fx)])
+        row = np.uint64(surface.slot[np.uint64(fy), np.uint64(fx)])
         if row == 0:
             continue
         w = lines[row, 3]
@@ -341,7 +341,7 @@ def evidence(
     """
     H, b = np.zeros((3, 3)), np.zeros(3)
     _, _, explained = line_equations(surface, points, n, mount, pose, soft, H, b)
-    height, width = surface.index.shape
+    height, width = surface.slot.shape
     scale = 1.0 / surface.resolution
     c, s = math.cos(pose.theta), math.sin(pose.theta)
     against = 0
@@ -351,6 +351,6 @@ def evidence(
         fy = (pose.y + s * x + c * y - surface.y0) * scale + 0.5
         if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
             u, v = np.uint64(fx), np.uint64(fy)
-            if surface.index[v, u] == 0 and level.log_odds[v, u] < -0.5:
+            if surface.slot[v, u] == 0 and level.log_odds[v, u] < -0.5:
                 against += 1
     return explained / max(n, 1), against / max(n, 1)

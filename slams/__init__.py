@@ -6,16 +6,38 @@
     >>> for scan in log:
     ...     pose = slam.update(scan)
 
-Importing this package does not import numba; an algorithm does, when it is created.
+The names below are imported when first used, so that `--help` starts at once and numba is loaded
+by the algorithm that needs it.
 """
 
-from slams.params import Params, param
-from slams.registry import create, find, names
-from slams.replay import Run, replay
-from slams.scanlog import ScanLog, load
-from slams.types import Laser, OccupancyGrid, Pose2, Scan, Slam
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from slams.params import Params, param
+    from slams.registry import create, find, names
+    from slams.replay import Run, replay
+    from slams.scanlog import ScanLog, load
+    from slams.types import Laser, OccupancyGrid, Pose2, Scan, Slam
 
 __version__ = "0.1.0"
+
+_HOME = {
+    "Params": "params",
+    "param": "params",
+    "create": "registry",
+    "find": "registry",
+    "names": "registry",
+    "Run": "replay",
+    "replay": "replay",
+    "ScanLog": "scanlog",
+    "load": "scanlog",
+    "Laser": "types",
+    "OccupancyGrid": "types",
+    "Pose2": "types",
+    "Scan": "types",
+    "Slam": "types",
+}
 
 __all__ = [
     "Laser",
@@ -33,3 +55,12 @@ __all__ = [
     "param",
     "replay",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'slams' has no attribute {name!r}")
+    module = import_module(f"slams.{_HOME[name]}")
+    value = getattr(module, name)
+    globals()[name] = value
+    return value

@@ -9,10 +9,11 @@ from __future__ import annotations
 import difflib
 import importlib
 from importlib.metadata import entry_points
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from slams.params import Params
-from slams.types import Slam
+if TYPE_CHECKING:
+    from slams.params import Params
+    from slams.types import Slam
 
 GROUP = "slams.algorithms"
 

@@ -27,7 +27,8 @@ def wrap_angle(angle: float) -> float: ...
 def wrap_angle(angle: Floats) -> Floats: ...
 def wrap_angle(angle: Any) -> Any:
     """The same direction in (-pi, pi] [rad]; takes a number or an array."""
-    return angle - 2.0 * math.pi * np.ceil((angle - math.pi) / (2.0 * math.pi))
+    ceil = math.ceil if isinstance(angle, float) else np.ceil  # five times as fast for a number
+    return angle - 2.0 * math.pi * ceil((angle - math.pi) / (2.0 * math.pi))
 
 
 class Pose2(NamedTuple):
@@ -43,19 +44,19 @@ class Pose2(NamedTuple):
         return Pose2(
             self.x + c * other.x - s * other.y,
             self.y + s * other.x + c * other.y,
-            float(wrap_angle(self.theta + other.theta)),
+            wrap_angle(self.theta + other.theta),
         )
 
     def inverse(self) -> Pose2:
         """The pose that composes with this one to the identity."""
         c, s = math.cos(self.theta), math.sin(self.theta)
-        return Pose2(
-            -c * self.x - s * self.y, s * self.x - c * self.y, float(wrap_angle(-self.theta))
-        )
+        return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, wrap_angle(-self.theta))
 
     def between(self, other: Pose2) -> Pose2:
         """The step from this pose to `other`, seen from this pose."""
-        return self.inverse() @ other
+        c, s = math.cos(self.theta), math.sin(self.theta)
+        x, y = other.x - self.x, other.y - self.y
+        return Pose2(c * x + s * y, c * y - s * x, wrap_angle(other.theta - self.theta))
 
     def transform(self, points: Floats) -> Floats:
         """Points (n, 2) [m] of this pose's frame in the parent frame, as a new array."""
@@ -92,7 +93,10 @@ class Laser:
     @cached_property
     def angles(self) -> Floats:
         """Direction of each beam (n_beams,) [rad] in the laser frame."""
-        return self.angle_min + self.angle_increment * np.arange(self.n_beams)
+        angles: Floats = self.angle_min + self.angle_increment * np.arange(
+            self.n_beams, dtype=float
+        )
+        return angles
 
     @cached_property
     def directions(self) -> Floats:

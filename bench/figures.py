@@ -1,0 +1,120 @@
+"""Figures: the histograms of errors and the maps side by side, [Kuehn] Fig. 2, 3 and 4."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from bench.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS, class_shares
+from slams.types import Floats, OccupancyGrid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Okabe and Ito: eight colors told apart with any color vision
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
+CLASSES = 8
+
+
+def histograms(errors: dict[str, Floats], kind: str, path: Path) -> None:
+    """[Kuehn] Fig. 2 (kind "translation") or 3 ("orientation"): shares of updates per class.
+
+    Beside the paper's classes of 0.025 m or 0.05 rad the same errors as cumulative shares on a
+    logarithmic scale: good algorithms never leave the first class.
+    """
+    width, unit, scale = (
+        (TRANSLATION_CLASS, "mm", 1e3)
+        if kind == "translation"
+        else (ORIENTATION_CLASS, "mrad", 1e3)
+    )
+    figure = Figure(figsize=(11, 4), layout="constrained")
+    bars, curves = figure.subplots(1, 2)
+    edges = width * np.arange(CLASSES)
+    thickness = 0.8 * width / max(len(errors), 1)
+    for k, (name, values) in enumerate(errors.items()):
+        color = COLORS[k % len(COLORS)]
+        shares = class_shares(values, width, CLASSES)
+        bars.bar(
+            edges + (k + 0.5) * thickness + 0.1 * width, shares, thickness, color=color, label=name
+        )
+        ordered = np.sort(values) * scale
+        curves.plot(
+            np.maximum(ordered, 1e-3),
+            (np.arange(len(ordered)) + 1) / len(ordered),
+            color=color,
+            label=name,
+        )
+    labels = [f"{edge:g}" for edge in edges[:-1]] + [f"≥ {edges[-1]:g}"]
+    bars.set_xticks(edges, labels)
+    short = "m" if kind == "translation" else "rad"
+    bars.set(
+        xlabel=f"error of {kind} per update, classes of {width:g} {short}",
+        ylabel="relative frequency",
+        ylim=(0, 1),
+    )
+    curves.set(
+        xscale="log",
+        xlabel=f"error of {kind} per update [{unit}]",
+        ylabel="share of updates below",
+        ylim=(0, 1),
+    )
+    curves.grid(visible=True, which="both", alpha=0.25)
+    curves.legend(loc="upper left", fontsize=8)
+    _save(figure, path)
+
+
+def maps(
+    grids: dict[str, OccupancyGrid], paths: dict[str, Floats], truth: Floats | None, path: Path
+) -> None:
+    """[Kuehn] Fig. 4: the maps side by side, each with its path; the true path dashed.
+
+    paths (n, 3) and truth (m, 3) in each map's own frame, that of the first scan.
+    """
+    columns = min(3, len(grids))
+    rows = -(-len(grids) // columns)
+    figure = Figure(figsize=(4.4 * columns, 4.4 * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for axes in panels[len(grids) :]:
+        axes.set_visible(False)
+    for k, (axes, (name, grid)) in enumerate(zip(panels, grids.items(), strict=False)):
+        _draw_map(axes, grid)
+        if truth is not None:
+            axes.plot(truth[:, 0], truth[:, 1], color="0.4", linewidth=0.8, linestyle="--")
+        axes.plot(
+            paths[name][:, 0], paths[name][:, 1], color=COLORS[k % len(COLORS)], linewidth=1.0
+        )
+        axes.set_title(name)
+    limits = _limits(truth if truth is not None else np.concatenate(list(paths.values())))
+    panels[0].set(**limits)
+    _save(figure, path)
+
+
+def _draw_map(axes: Axes, grid: OccupancyGrid) -> None:
+    height, width = grid.p.shape
+    x, y = grid.origin
+    extent = (x, x + width * grid.resolution, y, y + height * grid.resolution)
+    shade = np.where(np.isnan(grid.p), 0.8, 1.0 - grid.p)
+    axes.imshow(
+        shade,
+        cmap="gray",
+        vmin=0,
+        vmax=1,
+        origin="lower",
+        extent=extent,
+        interpolation="antialiased",
+    )
+    axes.set_aspect("equal")
+    axes.set_facecolor("0.8")
+
+
+def _limits(way: Floats, margin: float = 6.0) -> dict[str, tuple[float, float]]:
+    low, high = way[:, :2].min(axis=0) - margin, way[:, :2].max(axis=0) + margin
+    return {"xlim": (float(low[0]), float(high[0])), "ylim": (float(low[1]), float(high[1]))}
+
+
+def _save(figure: Figure, path: Path) -> None:
+    FigureCanvasAgg(figure).print_figure(path, dpi=110)

@@ -1,0 +1,78 @@
+"""What both commands share: one thread, one clear sentence for bad input, a progress bar."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, NoReturn, TypeVar
+
+if TYPE_CHECKING:
+    from argparse import ArgumentParser
+
+T = TypeVar("T")
+
+USAGE, FAILED, INTERRUPTED = 2, 1, 130
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def one_thread() -> None:
+    """Ask every library for one thread; before numpy is imported, CPU times mean little else."""
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+
+
+class RefusedError(Exception):
+    """Bad input, said in one sentence; ends a command with exit code 2."""
+
+
+def refusing(work: Callable[[], T]) -> T:
+    """Run a step that reads what the user gave; its errors become `RefusedError`."""
+    try:
+        return work()
+    except KeyError:
+        raise
+    except (LookupError, ValueError, TypeError, OSError) as error:
+        raise RefusedError(sentence(error)) from error
+
+
+def sentence(error: BaseException) -> str:
+    """An exception in one line."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror.lower()}"
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def run_command(program: str, command: Callable[[], int]) -> int:
+    """Exit code of a command: errors the user can act on become one line on stderr."""
+    try:
+        return command()
+    except RefusedError as refused:
+        return _say(program, str(refused), USAGE)
+    except RuntimeError as error:
+        return _say(program, sentence(error), FAILED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except KeyboardInterrupt:
+        return _say(program, "interrupted", INTERRUPTED)
+
+
+def fail(parser: ArgumentParser, message: str) -> NoReturn:
+    """Refuse the arguments."""
+    raise RefusedError(f"{message} (see {parser.prog} --help)")
+
+
+def progress(
+    items: Iterable[T], total: int, what: str, quiet: bool, unit: str = "scan"
+) -> Iterable[T]:
+    """The items, with a bar on stderr if that is a terminal."""
+    from tqdm import tqdm
+
+    silent = quiet or not sys.stderr.isatty()
+    return tqdm(items, total=total, desc=what, unit=unit, disable=silent, leave=False)
+
+
+def _say(program: str, message: str, code: int) -> int:
+    sys.stderr.write(f"{program}: {message}\n")
+    return code

@@ -1,0 +1,66 @@
+"""Errors of a trajectory against the truth: pure functions on arrays of poses (n, 3).
+
+A pose is x, y [m], theta [rad]. Translation and rotation are always apart.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slams.types import Floats, Pose2, wrap_angle
+
+
+def between(a: Floats, b: Floats) -> Floats:
+    """Steps (n, 3) from poses a to poses b, seen from a: inverse(a) @ b."""
+    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
+    d = b - a
+    columns = (c * d[:, 0] + s * d[:, 1], c * d[:, 1] - s * d[:, 0], wrap_angle(d[:, 2]))
+    steps: Floats = np.stack(columns, axis=1)
+    return steps
+
+
+def from_first(poses: Floats) -> Floats:
+    """Poses (n, 3) seen from the first of them."""
+    return between(np.repeat(poses[:1], len(poses), axis=0), poses)
+
+
+def relative_errors(estimate: Floats, truth: Floats, lag: int) -> tuple[Floats, Floats]:
+    """Error of the motion over `lag` updates, in the body frame [Kuemmerle09].
+
+    inverse(true motion) @ estimated motion: its length (n - lag,) [m] and turn [rad]. Needs no
+    common frame.
+    """
+    moved = between(estimate[:-lag], estimate[lag:])
+    true = between(truth[:-lag], truth[lag:])
+    error = between(true, moved)
+    return np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])
+
+
+def align(estimate: Floats, truth: Floats) -> Pose2:
+    """The rigid motion that brings the estimate's positions closest to the truth's (Umeyama)."""
+    p, q = estimate[:, :2], truth[:, :2]
+    mean_p, mean_q = p.mean(axis=0), q.mean(axis=0)
+    dp, dq = p - mean_p, q - mean_q
+    cross = float((dp[:, 0] * dq[:, 1] - dp[:, 1] * dq[:, 0]).sum())
+    theta = math.atan2(cross, float((dp * dq).sum()))
+    turned = Pose2(0.0, 0.0, theta).transform(mean_p[None, :])[0]
+    return Pose2(float(mean_q[0] - turned[0]), float(mean_q[1] - turned[1]), theta)
+
+
+def absolute_errors(estimate: Floats, truth: Floats) -> Floats:
+    """Distances (n,) [m] of the positions after `align`."""
+    moved = align(estimate, truth).transform(estimate[:, :2])
+    distances: Floats = np.hypot(*(moved - truth[:, :2]).T)
+    return distances
+
+
+def ate(estimate: Floats, truth: Floats) -> float:
+    """Absolute trajectory error: root mean square of `absolute_errors` [m]."""
+    return float(np.sqrt(np.mean(absolute_errors(estimate, truth) ** 2)))
+
+
+def path_length(poses: Floats) -> float:
+    """Length of the path through the positions [m]."""
+    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())

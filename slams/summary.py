@@ -1,0 +1,187 @@
+"""What a run amounted to, as one JSON-able dict: the source of the printed summary."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+from slams import __version__, metrics
+from slams.params import Params
+from slams.replay import Run
+from slams.scanlog import ScanLog
+from slams.types import Floats
+
+SPANS = (1.0, 10.0)
+LIBRARIES = (
+    "numpy",
+    "numba",
+    "scipy",
+    "opencv-python-headless",
+    "kiss-icp",
+    "pandas",
+    "matplotlib",
+)
+
+
+def summarize(
+    run: Run, log: ScanLog, label: str, params: Params, start_up_s: float
+) -> dict[str, Any]:
+    """Everything about one run.
+
+    Args:
+        run: what `replay` returned.
+        log: the log it went through.
+        label: the algorithm as the user named it.
+        params: its parameters.
+        start_up_s: CPU seconds of loading and compiling before the run.
+    """
+    milliseconds = 1e3 * run.seconds
+    duration = float(run.t.max() - run.t.min())
+    return {
+        "algorithm": label,
+        "log": log.name,
+        "scans": len(run),
+        "beams": log.laser.n_beams,
+        "duration_s": duration,
+        "path_length_m": metrics.path_length(run.poses),
+        "stamps_back": log.stamp_jumps,
+        "scans_without_return": int((~np.isfinite(log.ranges).any(axis=1)).sum()),
+        "cpu_ms_per_scan": float(milliseconds.mean()),
+        "cpu_ms": {
+            "p50": float(np.percentile(milliseconds, 50)),
+            "p95": float(np.percentile(milliseconds, 95)),
+            "max": float(milliseconds.max()),
+        },
+        "real_time_factor": duration / max(float(run.seconds.sum()), 1e-9),
+        "compile_s": start_up_s + run.compile_s,
+        "errors": truth_errors(run, log),
+        "report": run.report,
+        "seed": params.seed,
+        "parameters": params.as_dict(),
+        "meta": log.meta,
+        "versions": versions(),
+        "machine": f"{platform.machine()} {platform.system()}",
+    }
+
+
+def truth_errors(run: Run, log: ScanLog) -> dict[str, Any] | None:
+    """Relative SE(2) errors per update and over spans of time, and the ATE; None without truth.
+
+    Poses whose stamp the truth does not cover are left out and counted.
+    """
+    truth = log.truth_at(run.t)
+    if truth is None:
+        return None
+    covered = ~np.isnan(truth[:, 0])
+    estimate, truth = run.poses[covered], truth[covered]
+    errors: dict[str, Any] = {"not_covered": int((~covered).sum())}
+    if len(truth) < 2:
+        return errors
+    period = log.scan_period
+    errors["per_update"] = _statistics(*metrics.relative_errors(estimate, truth, 1))
+    for span in SPANS:
+        lag = max(1, round(span / period)) if period > 0.0 else len(truth)
+        if lag < len(truth):
+            over = metrics.relative_errors(estimate, truth, lag)
+            errors[f"per_{span:g}_s"] = _statistics(*over)
+    errors["ate_m"] = metrics.ate(estimate, truth)
+    first = metrics.from_first(estimate) - metrics.from_first(truth)
+    errors["end_m"] = float(math.hypot(first[-1, 0], first[-1, 1]))
+    return errors
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, of this package and of the libraries that results can depend on."""
+    found = {"python": platform.python_version(), "slams": __version__}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def as_json(summary: dict[str, Any]) -> str:
+    """The summary as strict JSON: what is not finite becomes null."""
+    return json.dumps(_finite(summary), indent=2, allow_nan=False) + "\n"
+
+
+def as_text(summary: dict[str, Any]) -> str:
+    """The summary as a few lines for a terminal."""
+    cpu = summary["cpu_ms"]
+    lines = [
+        f"{summary['algorithm']} on {summary['log']}: {summary['scans']} scans in "
+        f"{summary['duration_s']:.1f} s, path {summary['path_length_m']:.1f} m"
+    ]
+    lines += _odd_scans(summary)
+    lines += _error_lines(summary["errors"])
+    lines.append(
+        f"CPU {summary['cpu_ms_per_scan']:.3f} ms per scan (median {cpu['p50']:.3f}, 95 % below "
+        f"{cpu['p95']:.3f}, longest {cpu['max']:.1f}), {summary['real_time_factor']:.0f} times "
+        f"real time; {summary['compile_s']:.1f} s to load and compile kernels"
+    )
+    counts = ", ".join(f"{name} {value}" for name, value in summary["report"].items())
+    lines.append(f"scans: {counts}")
+    return "\n".join(lines)
+
+
+def _odd_scans(summary: dict[str, Any]) -> list[str]:
+    notes = []
+    if summary["stamps_back"]:
+        notes.append(f"{summary['stamps_back']} stamps jump back (the order in the log rules)")
+    if summary["scans_without_return"]:
+        notes.append(f"{summary['scans_without_return']} scans have no return at all")
+    return ["note: " + "; ".join(notes)] if notes else []
+
+
+def _error_lines(errors: dict[str, Any] | None) -> list[str]:
+    if errors is None:
+        return ["no truth in the log: no errors"]
+    names = {"per_update": "per update", "per_1_s": "over 1 s", "per_10_s": "over 10 s"}
+    lines = ["error against the truth    mean      max  [mm]     mean      max  [mrad]"]
+    for key, name in names.items():
+        if key in errors:
+            x, r = errors[key]["translation_m"], errors[key]["rotation_rad"]
+            lines.append(
+                f"  {name:20}{1e3 * x['mean']:9.2f}{1e3 * x['max']:9.2f}      "
+                f"{1e3 * r['mean']:9.2f}{1e3 * r['max']:9.2f}"
+            )
+    if "ate_m" in errors:
+        lines.append(
+            f"  ATE {1e3 * errors['ate_m']:.1f} mm (rigidly aligned), "
+            f"{1e3 * errors['end_m']:.1f} mm off at the end (from the first pose)"
+        )
+    if errors["not_covered"]:
+        lines.append(f"  {errors['not_covered']} poses lie outside the truth and do not count")
+    return lines
+
+
+def _statistics(translation: Floats, rotation: Floats) -> dict[str, dict[str, float]]:
+    return {"translation_m": moments(translation), "rotation_rad": moments(rotation)}
+
+
+def moments(values: Floats) -> dict[str, float]:
+    """Mean, standard deviation (ddof 0), least and greatest."""
+    return {
+        "mean": float(values.mean()),
+        "std": float(values.std()),
+        "min": float(values.min()),
+        "max": float(values.max()),
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
