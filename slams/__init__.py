@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from slams.params import Params, param
+    from slams.player import Run, replay
     from slams.registry import create, find, names
-    from slams.replay import Run, replay
     from slams.scanlog import ScanLog, load
     from slams.types import Laser, OccupancyGrid, Pose2, Scan, Slam
 
@@ -28,8 +28,8 @@ _HOME = {
     "create": "registry",
     "find": "registry",
     "names": "registry",
-    "Run": "replay",
-    "replay": "replay",
+    "Run": "player",
+    "replay": "player",
     "ScanLog": "scanlog",
     "load": "scanlog",
     "Laser": "types",

@@ -12,8 +12,8 @@ from slams.registry import names
 
 if TYPE_CHECKING:
     from slams.params import Params
+    from slams.player import Run
     from slams.registry import Entry
-    from slams.replay import Run
     from slams.scanlog import ScanLog
     from slams.types import Slam
 
@@ -139,7 +139,7 @@ def _log(arguments: argparse.Namespace) -> ScanLog:
 
 
 def _replayed(entry: Entry, params: Params, log: ScanLog, quiet: bool) -> tuple[Slam, Run, float]:
-    from slams.replay import replay, warm_up
+    from slams.player import replay, warm_up
 
     start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
     slam = entry.cls(params)

@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -83,10 +83,7 @@ class ScanLog:
     meta: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _expect(self.t.ndim == 1 and len(self.t) > 0, "t", self.t.shape, "(n,) with n >= 1")
-        shape = (len(self.t), self.laser.n_beams)
-        _expect(self.ranges.shape == shape, "ranges", self.ranges.shape, f"{shape}")
-        _expect(bool(np.isfinite(self.t).all()), "t", "stamps that are not finite", "seconds")
+        _check_scans(self.t, self.ranges, self.laser.n_beams)
         object.__setattr__(self, "ranges", _rep117(self.ranges, self.laser))
 
     def __len__(self) -> int:
@@ -178,17 +175,25 @@ def load(path: str | Path) -> ScanLog:
         ValueError: it is not a complete, valid scan log; the sentence says why.
     """
     path = Path(path)
-    with path.open("rb") as file:
-        if file.read(2) != b"PK":
-            raise ValueError(f"{path}: not an npz file; expected a scan log ({FORMAT})")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            data = {key: archive[key] for key in archive.files}
-        return _from_arrays(data, path.stem)
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, KeyError) as error:
+        with path.open("rb") as file:
+            data = _arrays(file)
+    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, NotImplementedError) as error:
         raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
     except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    try:
+        return _from_arrays(data, path.stem)
+    except ValueError as error:
         raise ValueError(f"{path}: not a scan log: {error}") from error
+
+
+def _arrays(file: IO[bytes]) -> dict[str, Any]:
+    if file.read(2) != b"PK":
+        raise ValueError(f"not an npz file; expected a scan log ({FORMAT})")
+    file.seek(0)
+    with np.load(file, allow_pickle=False) as archive:
+        return {key: archive[key] for key in archive.files}
 
 
 def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
@@ -198,6 +203,7 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
     _expect(version == FORMAT, "format", version, FORMAT)
     t = _numbers(data, "t", 1)
     ranges = _numbers(data, "ranges", 2).astype(np.float32)
+    _check_scans(t, ranges, ranges.shape[1])
     meta = _meta(data)
     return ScanLog(
         t=t,
@@ -208,6 +214,12 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
         yaw_rate=_track(data, "yaw_rate", t, 1),
         meta={"name": stem} | meta,
     )
+
+
+def _check_scans(t: Floats, ranges: Ranges, n_beams: int) -> None:
+    _expect(t.ndim == 1 and len(t) > 0, "t", t.shape, "(n,) with n >= 1")
+    _expect(ranges.shape == (len(t), n_beams), "ranges", ranges.shape, f"{(len(t), n_beams)}")
+    _expect(bool(np.isfinite(t).all()), "t", "stamps that are not finite", "seconds")
 
 
 def _laser(data: dict[str, Any], n_beams: int) -> Laser:

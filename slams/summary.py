@@ -12,7 +12,7 @@ import numpy as np
 
 from slams import __version__, metrics
 from slams.params import Params
-from slams.replay import Run
+from slams.player import Run
 from slams.scanlog import ScanLog
 from slams.types import Floats
 

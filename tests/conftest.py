@@ -1,0 +1,29 @@
+import os
+from pathlib import Path
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+import pytest  # noqa: E402
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+@pytest.fixture
+def shared_data():
+    """A file of the measured logs; skips where they are not at hand."""
+
+    def path(name):
+        found = SHARED / name
+        if not found.exists():
+            pytest.skip(f"needs the measured log {name}, which is not part of the project")
+        return found
+
+    return path
+
+
+@pytest.fixture(scope="session")
+def room_log():
+    from tests.rooms import drive
+
+    return drive()

@@ -1,0 +1,88 @@
+import json
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from slams.formats import files, occupancy, trajectory
+from slams.types import OccupancyGrid
+
+GRID = OccupancyGrid(np.array([[0.9, 0.1, np.nan], [0.5, 0.0, 1.0]], np.float32), 0.05, (-1.0, 2.0))
+
+
+def test_trajectory_csv_round_trip(tmp_path):
+    t, poses = np.array([0.0, 0.1]), np.array([[1.0, 2.0, 3.0], [-1.0, 0.5, -3.0]])
+    trajectory.write_csv(tmp_path / "t.csv", t, poses)
+    assert (tmp_path / "t.csv").read_text().splitlines()[0] == "t,x,y,theta"
+    read_t, read_poses = trajectory.read_csv(tmp_path / "t.csv")
+    assert read_t == pytest.approx(t)
+    assert read_poses == pytest.approx(poses)
+    (tmp_path / "bad.csv").write_text("1,2\n")
+    with pytest.raises(ValueError, match="got 2 columns"):
+        trajectory.read_csv(tmp_path / "bad.csv")
+
+
+def test_tum_is_read_by_evo(tmp_path):
+    file_interface = pytest.importorskip("evo.tools.file_interface")
+    t, poses = np.array([10.0, 10.1]), np.array([[1.0, 2.0, 0.5], [-1.0, 0.5, -3.0]])
+    trajectory.write_tum(tmp_path / "t.tum", t, poses)
+    read = file_interface.read_tum_trajectory_file(tmp_path / "t.tum")
+    assert read.timestamps == pytest.approx(t)
+    assert read.positions_xyz[:, :2] == pytest.approx(poses[:, :2])
+    yaw = [np.arctan2(T[1, 0], T[0, 0]) for T in read.poses_se3]
+    assert yaw == pytest.approx(poses[:, 2], abs=1e-7)
+
+
+def test_map_server_pair(tmp_path):
+    occupancy.write_map(tmp_path, GRID)
+    entries = yaml.safe_load((tmp_path / "map.yaml").read_text())
+    assert entries["free_thresh"] == 0.196
+    assert entries["occupied_thresh"] == 0.65
+    assert entries["origin"] == [-1.0, 2.0, 0.0]
+    assert (entries["mode"], entries["negate"]) == ("trinary", 0)
+    pixels = cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_GRAYSCALE)
+    assert pixels.tolist() == [[205, 254, 0], [0, 254, 205]]  # row 0 = highest y
+
+
+def test_map_reads_back_to_the_same_cells(tmp_path):
+    occupancy.write_map(tmp_path, GRID)
+    grid = occupancy.read_map(tmp_path / "map.yaml")
+    expected = np.array([[1.0, 0.0, np.nan], [np.nan, 0.0, 1.0]], np.float32)
+    assert np.array_equal(grid.p, expected, equal_nan=True)
+    assert (grid.resolution, grid.origin) == (0.05, (-1.0, 2.0))
+
+
+def test_a_map_that_is_none(tmp_path):
+    (tmp_path / "m.yaml").write_text("image: none.pgm\n")
+    with pytest.raises(ValueError, match="not the yaml of a map"):
+        occupancy.read_map(tmp_path / "m.yaml")
+
+
+def test_picture_draws_the_path_where_it_went():
+    grid = OccupancyGrid(np.zeros((40, 60), np.float32), 0.1, (0.0, 0.0))
+    poses = np.array([[1.0, 1.0, 0.0], [5.0, 1.0, 0.0]])
+    image = occupancy.picture(grid, poses, least=60)
+    assert image.shape == (40, 60, 3)
+    reddest = np.argwhere((image[:, :, 2].astype(int) - image[:, :, 0]) > 100)
+    assert abs(np.median(reddest[:, 0]) - 30) <= 1  # y = 1 m is row 30 from the top
+
+
+def test_a_folder_appears_whole_or_not_at_all(tmp_path):
+    out = tmp_path / "deep" / "out"
+    with pytest.raises(RuntimeError, match="half"), files.complete_folder(out) as folder:
+        (folder / "a.txt").write_text("half")
+        raise RuntimeError("half way")
+    assert not out.exists()
+    assert list(out.parent.iterdir()) == []
+    with files.complete_folder(out) as folder:
+        (folder / "a.txt").write_text("1")
+    (out / "mine.txt").write_text("kept")
+    with files.complete_folder(out) as folder:
+        (folder / "a.txt").write_text("2")
+        (folder / "sub").mkdir()
+        (folder / "sub" / "b.json").write_text(json.dumps(1))
+    assert (out / "a.txt").read_text() == "2"
+    assert (out / "mine.txt").read_text() == "kept"
+    assert (out / "sub" / "b.json").is_file()
+    assert sorted(p.name for p in out.parent.iterdir()) == ["out"]

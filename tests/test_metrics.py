@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+
+from bench import metrics as bench_metrics
+from slams import metrics
+from slams.types import Pose2
+
+
+def walk(n=200, seed=0):
+    rng = np.random.default_rng(seed)
+    pose, poses = Pose2(2.0, -1.0, 0.4), []
+    for _ in range(n):
+        poses.append(pose)
+        pose = pose @ Pose2(0.1, 0.0, float(rng.normal(0.0, 0.1)))
+    return np.array(poses)
+
+
+def disturbed(truth, seed=1):
+    rng = np.random.default_rng(seed)
+    return truth + rng.normal(0.0, [0.01, 0.01, 0.005], truth.shape)
+
+
+def moved(poses, motion):
+    return np.array([motion @ Pose2(*pose) for pose in poses])
+
+
+def test_component_errors_by_hand():
+    truth = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 3.1]])
+    estimate = np.array([[0.0, 0.0, 0.0], [1.3, 0.4, -3.1]])
+    translation, orientation = bench_metrics.component_errors(estimate, truth)
+    assert translation == pytest.approx([0.5])
+    assert orientation == pytest.approx([2.0 * np.pi - 6.2])
+
+
+def test_relative_errors_need_no_common_frame_and_component_errors_do():
+    truth = walk()
+    estimate = disturbed(truth)
+    turned = moved(estimate, Pose2(5.0, 6.0, 0.3))
+    for lag in (1, 7):
+        a, b = metrics.relative_errors(estimate, truth, lag)
+        c, d = metrics.relative_errors(turned, truth, lag)
+        assert c == pytest.approx(a, abs=1e-12)
+        assert d == pytest.approx(b, abs=1e-12)
+    same = bench_metrics.component_errors(estimate, truth)[0].mean()
+    other = bench_metrics.component_errors(turned, truth)[0].mean()
+    assert other > 1.5 * same
+
+
+def test_relative_errors_agree_with_evo():
+    evo_metrics = pytest.importorskip("evo.core.metrics")
+    trajectory = pytest.importorskip("evo.core.trajectory")
+
+    def evo_path(poses):
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        T = np.tile(np.eye(4), (len(poses), 1, 1))
+        T[:, 0, 0], T[:, 0, 1], T[:, 1, 0], T[:, 1, 1] = c, -s, s, c
+        T[:, :2, 3] = poses[:, :2]
+        return trajectory.PosePath3D(poses_se3=list(T))
+
+    truth = walk()
+    estimate = disturbed(truth)
+    for relation, k in (
+        (evo_metrics.PoseRelation.translation_part, 0),
+        (evo_metrics.PoseRelation.rotation_angle_rad, 1),
+    ):
+        rpe = evo_metrics.RPE(relation, 1, evo_metrics.Unit.frames, all_pairs=True)
+        rpe.process_data((evo_path(truth), evo_path(estimate)))
+        assert metrics.relative_errors(estimate, truth, 1)[k] == pytest.approx(rpe.error, abs=1e-7)
+    ape = evo_metrics.APE(evo_metrics.PoseRelation.translation_part)
+    estimated, true = evo_path(estimate), evo_path(truth)
+    estimated.align(true)
+    ape.process_data((true, estimated))
+    assert metrics.ate(estimate, truth) == pytest.approx(
+        ape.get_statistic(evo_metrics.StatisticsType.rmse), abs=1e-6
+    )
+
+
+def test_alignment_recovers_a_motion_exactly():
+    truth = walk()
+    motion = Pose2(3.0, -2.0, 1.1)
+    assert metrics.ate(moved(truth, motion), truth) == pytest.approx(0.0, abs=1e-9)
+    found = metrics.align(moved(truth, motion), truth)
+    assert found == pytest.approx(motion.inverse(), abs=1e-9)
+
+
+def test_update_errors_use_the_first_pose_and_drop_what_truth_does_not_cover():
+    truth = walk(20)
+    estimate = metrics.from_first(truth)
+    truth[[0, 7]] = np.nan
+    t = np.arange(20.0)
+    errors = bench_metrics.update_errors(t, estimate, truth)
+    assert errors.dropped == 2
+    assert len(errors.t) == 17
+    assert errors.translation == pytest.approx(0.0, abs=1e-12)
+    assert errors.se2_rotation == pytest.approx(0.0, abs=1e-12)
+    nothing = bench_metrics.update_errors(t, estimate, np.full((20, 3), np.nan))
+    assert (len(nothing.t), nothing.dropped) == (0, 20)
+
+
+def test_relations_by_hand():
+    t = np.array([0.0, 2.0, 1.0])  # a stamp that jumps back
+    poses = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, np.pi / 2], [1.0, 0.0, 0.0]])
+    relations = np.array(
+        [
+            [0.0, 1.0, 1.0, 0.0, 0.0],  # right
+            [1.0, 2.0, 1.0, 0.3, 1.5],  # 0.3 m and pi/2 - 1.5 off
+            [0.0, 5.0, 1.0, 0.0, 0.0],  # no such stamp
+        ]
+    )
+    translation, rotation, used = bench_metrics.relation_errors(t, poses, relations)
+    assert used == 2
+    assert translation == pytest.approx([0.0, 0.3])
+    assert rotation == pytest.approx([0.0, np.pi / 2 - 1.5])
+
+
+def test_classes_share_out_all_values():
+    shares = bench_metrics.class_shares(np.array([0.0, 0.02, 0.03, 0.9]), 0.025, 4)
+    assert shares == pytest.approx([0.5, 0.25, 0.0, 0.25])
+
+
+def test_path_length():
+    poses = np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 1.0], [3.0, 5.0, 1.0]])
+    assert metrics.path_length(poses) == 6.0

@@ -1,0 +1,74 @@
+import sys
+import types
+
+import pytest
+
+from slams import registry
+from slams.registry import create, find, names
+
+
+def test_built_ins_resolve_and_every_one_has_a_default_preset():
+    for name in names():
+        entry = find(name)
+        assert entry.preset == "default"
+        assert entry.params() == entry.cls.Params()
+
+
+def test_presets_of_a_name():
+    entry = find("hector@original")
+    assert entry.params().levels == 2
+    with pytest.raises(LookupError, match="hector has no preset 'orig'; expected one of default"):
+        find("hector@orig")
+
+
+def test_unknown_names_name_their_neighbor():
+    with pytest.raises(LookupError, match="unknown algorithm 'hecto'; did you mean 'hector'"):
+        find("hecto")
+
+
+@pytest.fixture
+def outsider():
+    module = types.ModuleType("outsider")
+
+    class Mine:
+        Params = find("odometry").cls.Params
+        update = map = report = None
+
+        def __init__(self, params):
+            self.params = params
+
+    module.Mine, module.other = Mine, 3
+    sys.modules["outsider"] = module
+    yield module
+    del sys.modules["outsider"]
+
+
+def test_a_class_by_module_and_name(outsider):
+    assert find("outsider:Mine").cls is outsider.Mine
+    assert isinstance(create("outsider:Mine", seed=3), outsider.Mine)
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "sentence"),
+    [
+        ("outsider:None_", LookupError, "there is no 'None_' in 'outsider'"),
+        ("no_such_module:X", LookupError, "there is no module 'no_such_module'"),
+        ("outsider:other", TypeError, "outsider:other is not a SLAM algorithm"),
+    ],
+)
+def test_what_is_not_an_algorithm_is_refused(outsider, name, error, sentence):
+    with pytest.raises(error, match=sentence):
+        find(name)
+
+
+def test_an_entry_point_is_found_and_does_not_shadow_a_built_in(outsider, monkeypatch):
+    from importlib.metadata import EntryPoint
+
+    points = [
+        EntryPoint("mine", "outsider:Mine", registry.GROUP),
+        EntryPoint("hector", "outsider:Mine", registry.GROUP),
+    ]
+    monkeypatch.setattr(registry, "entry_points", lambda group: points)
+    assert find("mine").cls is outsider.Mine
+    assert find("hector").cls is not outsider.Mine
+    assert names().count("hector") == 1

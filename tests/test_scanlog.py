@@ -1,0 +1,160 @@
+import hashlib
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from slams.scanlog import ScanLog, Track, load
+from slams.types import Laser, Pose2
+
+
+def arrays(**changes):
+    data = {
+        "format": "scanlog-1",
+        "t": np.array([0.0, 0.1, 0.2]),
+        "ranges": np.array([[1.0, 2.0], [np.nan, np.inf], [0.05, 31.0]], np.float32),
+        "angle_min": -0.5,
+        "angle_increment": 1.0,
+        "range_min": 0.1,
+        "range_max": 30.0,
+        "time_increment": 0.0,
+        "mount": np.array([0.1, 0.0, 0.2]),
+        "odom": np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 3.0], [2.0, 0.0, -3.0]]),
+        "meta": '{"name": "three"}',
+        "not_ours": np.zeros(3),
+    } | changes
+    return {key: value for key, value in data.items() if value is not None}
+
+
+def written(tmp_path, **changes):
+    path = tmp_path / "log.npz"
+    np.savez_compressed(path, **arrays(**changes))
+    return path
+
+
+def test_load(tmp_path):
+    log = load(written(tmp_path))
+    assert len(log) == 3
+    assert log.name == "three"
+    assert log.laser == Laser(-0.5, 1.0, 2, 0.1, 30.0, Pose2(0.1, 0.0, 0.2), 0.0)
+    scans = list(log)
+    assert scans[1].odometry == Pose2(1.0, 0.0, 3.0)
+    assert scans[0].yaw is None
+    assert scans[0].ranges.dtype == np.float32
+
+
+def test_ranges_follow_rep_117_and_are_read_only(tmp_path):
+    log = load(written(tmp_path))
+    assert np.isnan(log.ranges[1, 0])
+    assert np.isinf(log.ranges[1, 1])
+    assert np.isnan(log.ranges[2, 0])  # nearer than range_min
+    assert np.isinf(log.ranges[2, 1])  # beyond range_max
+    with pytest.raises(ValueError, match="read-only"):
+        next(iter(log)).ranges[0] = 1.0
+
+
+def test_save_load_round_trip_and_equal_bytes(tmp_path):
+    log = load(written(tmp_path))
+    log.save(tmp_path / "a.npz")
+    again = load(tmp_path / "a.npz")
+    assert np.array_equal(again.ranges, log.ranges, equal_nan=True)
+    assert np.array_equal(again.odometry_at_scans(), log.odometry_at_scans())
+    assert again.meta == log.meta
+    again.save(tmp_path / "b.npz")
+    digests = {hashlib.sha256((tmp_path / n).read_bytes()).hexdigest() for n in ("a.npz", "b.npz")}
+    assert len(digests) == 1
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.npz", "b.npz", "log.npz"]
+
+
+def test_truth_is_interpolated_over_the_unwrapped_angle_and_never_extrapolated():
+    track = Track(np.array([0.0, 1.0]), np.array([[0.0, 0.0, 3.0], [2.0, 4.0, -3.0]]))
+    poses = track.poses_at(np.array([-0.1, 0.5, 1.0, 1.1]))
+    assert np.isnan(poses[[0, 3]]).all()
+    assert poses[1, :2] == pytest.approx([1.0, 2.0])
+    assert abs(poses[1, 2]) == pytest.approx(np.pi)
+
+
+def test_yaw_is_the_integral_of_the_rate():
+    track = Track(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0]))
+    assert track.integral_at(np.array([0.0, 1.0, 2.0])) == pytest.approx([0.0, 0.5, 1.5])
+
+
+def test_stamps_that_jump_back_keep_the_order_and_the_rows(tmp_path):
+    log = load(written(tmp_path, t=np.array([0.0, 0.3, 0.2])))
+    assert log.stamp_jumps == 1
+    assert [scan.t for scan in log] == [0.0, 0.3, 0.2]
+    assert [scan.odometry.x for scan in log] == [0.0, 1.0, 2.0]
+
+
+def test_select(tmp_path):
+    log = load(written(tmp_path))
+    assert [s.t for s in log.select(every=2)] == [0.0, 0.2]
+    assert [s.odometry.x for s in log.select(every=2)] == [0.0, 2.0]
+    assert len(log.select(limit=1)) == 1
+    assert next(iter(log.select(odometry=False))).odometry is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"ranges": None}, "keys: got no ranges"),
+        ({"t": None, "angle_min": None}, "keys: got no t, angle_min"),
+        ({"format": "scanlog-9"}, "format: got scanlog-9, expected scanlog-1"),
+        ({"t": np.array([0.0, np.nan, 0.2])}, "t: got stamps that are not finite"),
+        ({"t": np.zeros((3, 1))}, "t: got 2 dimensions, expected 1"),
+        ({"t": np.zeros(2)}, r"ranges: got \(3, 2\), expected \(2, 2\)"),
+        ({"t": np.zeros(0), "ranges": np.zeros((0, 2))}, r"t: got \(0,\)"),
+        ({"ranges": np.zeros(6)}, "ranges: got 1 dimensions, expected 2"),
+        ({"ranges": np.zeros((3, 0))}, "at least one"),
+        ({"ranges": np.array([["a", "b"]] * 3)}, "ranges: got <U1 values, expected numbers"),
+        ({"angle_increment": 0.0}, "angle_increment: got 0.0"),
+        ({"range_max": 0.05}, "range_min, range_max"),
+        ({"time_increment": -1.0}, "time_increment: got -1.0"),
+        ({"mount": np.zeros(2)}, r"mount: got \(2,\), expected \(3,\)"),
+        ({"mount": np.array([np.nan, 0, 0])}, "finite numbers"),
+        ({"odom": np.zeros((2, 3))}, r"odom: got \(2, 3\), expected \(3, 3\)"),
+        ({"odom": np.full((3, 3), np.inf)}, "odom: got values that are not finite"),
+        ({"meta": "{"}, "meta: got other text"),
+        ({"ranges": np.array([{"pickled": 1}] * 3, dtype=object)}, "allow_pickle=False"),
+    ],
+)
+def test_a_bad_log_is_refused_in_one_sentence(tmp_path, changes, sentence):
+    with pytest.raises(ValueError, match=sentence) as caught:
+        load(written(tmp_path, **changes))
+    assert "\n" not in str(caught.value)
+    assert "log.npz" in str(caught.value)
+
+
+def test_a_truncated_file_is_refused_wherever_it_is_cut(tmp_path):
+    whole = written(tmp_path).read_bytes()
+    cut = tmp_path / "cut.npz"
+    for size in range(0, len(whole), 97):
+        cut.write_bytes(whole[:size])
+        with pytest.raises(ValueError, match=r"cut\.npz: "):
+            load(cut)
+
+
+def test_other_files_are_refused(tmp_path):
+    path = tmp_path / "x.npz"
+    path.write_bytes(pickle.dumps([1, 2, 3]))
+    with pytest.raises(ValueError, match="not an npz file"):
+        load(path)
+    with pytest.raises(FileNotFoundError):
+        load(tmp_path / "none.npz")
+
+
+def test_a_scan_of_one_beam_needs_no_step():
+    log = ScanLog(np.zeros(1), np.ones((1, 1), np.float32), Laser(0.0, 0.0, 1, 0.1, 30.0))
+    assert len(list(log)) == 1
+    assert log.scan_period == 0.0
+
+
+def test_importing_slams_leaves_heavy_libraries_alone():
+    code = (
+        "import sys, slams; slams.load, slams.Pose2;"
+        "print([m for m in ('numba', 'pandas', 'matplotlib', 'cv2', 'scipy') if m in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"
