@@ -12,7 +12,7 @@ import numpy as np
 from bench import metrics
 from slams.params import Params
 from slams.registry import find
-from slams.replay import Run, replay, warm_up
+from slams.player import Run, replay, warm_up
 from slams.scanlog import ScanLog, load
 from slams.summary import moments, summarize
 from slams.types import Floats, OccupancyGrid, Slam

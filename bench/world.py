@@ -1,0 +1,176 @@
+"""The true world: squares of a grid that are occupied, from a map, a picture or the arena builder.
+
+A world's geometry is exactly the squares of its occupied cells, so the same object serves as the
+place to drive in, as the true map for map quality, and for the bound of localisation.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slams.types import Floats, OccupancyGrid
+
+Mask = NDArray[np.bool_]
+
+# map_server's usual thresholds on the probability of being occupied
+THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Cells (ny, nx) [iy, ix], row 0 lowest y: `occupied` stop a ray, `unknown` let it pass.
+
+    `resolution` [m] is the edge of a cell, `origin` (x, y) [m] the outer corner of cell [0, 0]. A
+    robot drives on what is neither occupied nor unknown. Beyond the edge there is nothing.
+    """
+
+    occupied: Mask
+    unknown: Mask
+    resolution: float
+    origin: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.resolution < 10.0:
+            raise ValueError(f"resolution: got {self.resolution}, expected metres per cell, > 0")
+        for mask in (self.occupied, self.unknown):
+            mask.flags.writeable = False
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom, top [m]."""
+        ny, nx = self.occupied.shape
+        x, y = self.origin
+        return x, x + nx * self.resolution, y, y + ny * self.resolution
+
+    @property
+    def free(self) -> Mask:
+        """Cells known to be empty."""
+        return ~(self.occupied | self.unknown)
+
+    @cached_property
+    def clearance(self) -> NDArray[np.float32]:
+        """From each cell's center to the nearest center (ny, nx) [m] of a cell that is not free."""
+        import cv2
+
+        walled = np.pad(self.free, 1).astype(np.uint8)  # beyond the edge is no way either
+        cells = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        metres: NDArray[np.float32] = cells[1:-1, 1:-1] * np.float32(self.resolution)
+        return metres
+
+    @cached_property
+    def gap(self) -> NDArray[np.int32]:
+        """Chebyshev distance (ny, nx) [cell] to the nearest occupied cell, 0 inside one."""
+        import cv2
+
+        if not self.occupied.any():
+            return np.full(self.occupied.shape, max(self.occupied.shape), np.int32)
+        cells = cv2.distanceTransform((~self.occupied).astype(np.uint8), cv2.DIST_C, 3)
+        return np.ascontiguousarray(np.round(cells), np.int32)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of the whole geometry."""
+        digest = hashlib.sha256(repr((self.occupied.shape, self.resolution, self.origin)).encode())
+        digest.update(np.packbits(self.occupied).tobytes())
+        digest.update(np.packbits(self.unknown).tobytes())
+        return digest.hexdigest()[:32]
+
+    def cast(self, rays: Floats) -> Floats:
+        """Exact distance (m,) [m] along each ray (m, 3) x, y, direction; inf = hits nothing."""
+        from bench.world_kernels import cast_rays
+
+        distances = np.empty(len(rays))
+        cast_rays(self.gap, self.resolution, np.array(self.origin), rays, distances)
+        return distances
+
+    def cells_of(self, points: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Indices (iy, ix) of the cells that hold points (n, 2) [m], clipped to the grid."""
+        ny, nx = self.occupied.shape
+        ij = np.floor((points - np.array(self.origin)) / self.resolution).astype(np.intp)
+        return np.clip(ij[:, 1], 0, ny - 1), np.clip(ij[:, 0], 0, nx - 1)
+
+    def grid(self) -> OccupancyGrid:
+        """The true map: 1 occupied, 0 free, nan unknown."""
+        p = self.occupied.astype(np.float32)
+        p[self.unknown] = np.nan
+        return OccupancyGrid(p, self.resolution, self.origin)
+
+
+def read_world(path: str | Path, resolution: float | None = None) -> World:
+    """A world from a map_server yaml, or from a picture (dark = wall) with its resolution.
+
+    Raises:
+        OSError: a file cannot be opened.
+        ValueError: it is not a map, or its scale is not known; the sentence says why.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such file; expected a map_server yaml or a picture")
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return _read_map(path, resolution)
+    if resolution is None:
+        raise ValueError(
+            f"{path}: a picture has no scale; give --resolution, the metres per pixel, or the"
+            " map's yaml file"
+        )
+    return _from_pixels(_pixels(path), resolution, (0.0, 0.0))
+
+
+def _read_map(path: Path, resolution: float | None) -> World:
+    head = _yaml(path)
+    missing = [key for key in ("image", "resolution", "origin") if key not in head]
+    if missing:
+        raise ValueError(f"{path}: no {', '.join(missing)}; expected a map_server map")
+    try:
+        scale = float(head["resolution"]) if resolution is None else resolution
+        x, y, yaw = (float(value) for value in [*head["origin"], 0.0][:3])
+        limits = tuple(float(head.get(key, usual)) for key, usual in THRESHOLDS.items())
+        negate = bool(int(head.get("negate", 0)))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path}: an entry is not a number ({error})") from error
+    if yaw != 0.0 or head.get("mode", "trinary") == "raw":
+        raise ValueError(f"{path}: a turned origin or mode raw; expected yaw 0 and mode trinary")
+    return _from_pixels(_pixels(path.parent / str(head["image"])), scale, (x, y), limits, negate)
+
+
+def _yaml(path: Path) -> dict[str, Any]:
+    import yaml
+
+    try:
+        head = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{path}: not readable as yaml: {reason}") from error
+    if not isinstance(head, dict):
+        raise ValueError(f"{path}: not a map_server map; expected image, resolution, origin")
+    return head
+
+
+def _pixels(path: Path) -> NDArray[np.uint8]:
+    import cv2
+
+    data = np.frombuffer(path.read_bytes(), np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    if image is None:
+        raise ValueError(f"{path}: not a picture; expected pgm, png or another image file")
+    return np.asarray(image, np.uint8)
+
+
+def _from_pixels(
+    pixels: NDArray[np.uint8],
+    resolution: float,
+    origin: tuple[float, float],
+    limits: tuple[float, ...] = tuple(THRESHOLDS.values()),
+    negate: bool = False,
+) -> World:
+    bright = pixels[::-1] / 255.0  # image row 0 is the top
+    p = bright if negate else 1.0 - bright
+    occupied, free = p > limits[0], p < limits[1]
+    return World(occupied, ~(occupied | free), resolution, origin)

@@ -1,0 +1,106 @@
+"""Plain slow twins of hector's kernels, written from the definitions; never shipped."""
+
+import math
+
+import numpy as np
+
+
+def cells_of_line(ax, ay, bx, by):
+    """Cells from a up to, without, b by the integer Bresenham of the specification."""
+    dx, dy = abs(bx - ax), abs(by - ay)
+    sx, sy = (1 if bx > ax else -1), (1 if by > ay else -1)
+    n = max(dx, dy)
+    cells, x, y, error = [], ax, ay, n // 2
+    for _ in range(n):
+        cells.append((x, y))
+        if dx >= dy:
+            x += sx
+            error += dy
+            if error >= n:
+                y += sy
+                error -= n
+        else:
+            y += sy
+            error += dx
+            if error >= n:
+                x += sx
+                error -= n
+    return cells
+
+
+def inserted(shape, x0, y0, resolution, points, pose, origin, l_free, l_occupied):
+    """Log-odds after one scan: free or occupied once per cell, occupied wins."""
+    free, occupied = set(), set()
+
+    def cell(x, y):
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        wx, wy = pose[0] + c * x - s * y, pose[1] + s * x + c * y
+        return math.floor((wx - x0) / resolution + 0.5), math.floor((wy - y0) / resolution + 0.5)
+
+    def inside(c):
+        return 0 <= c[0] < shape[1] and 0 <= c[1] < shape[0]
+
+    start = cell(*origin)
+    for point in points.T:
+        end = cell(*point)
+        if end == start or not inside(end) or not inside(start):
+            continue
+        free.update(cells_of_line(*start, *end))
+        occupied.add(end)
+    log_odds = np.zeros(shape)
+    for x, y in free - occupied:
+        log_odds[y, x] = l_free
+    for x, y in occupied:
+        log_odds[y, x] = l_occupied
+    return log_odds
+
+
+def map_value(p, x, y):
+    """Bilinear interpolation between cell centers at integer coordinates."""
+    ix, iy = math.floor(x), math.floor(y)
+    fx, fy = x - ix, y - iy
+    rows = [(1 - fx) * p[iy + k, ix] + fx * p[iy + k, ix + 1] for k in (0, 1)]
+    return (1 - fy) * rows[0] + fy * rows[1]
+
+
+def scores_of_window(p, x0, y0, resolution, points, center, window):
+    """Best (shift, score) for each turn: the sum of the cells the points fall into."""
+    best = []
+    for row in range(-window.turns, window.turns + 1):
+        theta = center[2] + row * window.turn_step
+        c, s = math.cos(theta), math.sin(theta)
+        options = []
+        for jy in range(-window.shifts, window.shifts + 1):
+            for jx in range(-window.shifts, window.shifts + 1):
+                dx, dy = center[0] + jx * resolution, center[1] + jy * resolution
+                total = 0.0
+                for x, y in points.T:
+                    ix = math.floor((dx + c * x - s * y - x0) / resolution + 0.5)
+                    iy = math.floor((dy + s * x + c * y - y0) / resolution + 0.5)
+                    if 0 <= ix < p.shape[1] and 0 <= iy < p.shape[0]:
+                        total += p[iy, ix]
+                options.append((total / points.shape[1], dx, dy, theta))
+        best.append(max(options, key=lambda option: option[0]))
+    return best
+
+
+def line_sums(lines_at, points, mount, pose, soft):
+    """H, b of the distances to lines; lines_at(x, y) lists (nx, ny, d, trust) of that cell."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    sensor = np.array(
+        [pose[0] + c * mount[0] - s * mount[1], pose[1] + s * mount[0] + c * mount[1]]
+    )
+    H, b = np.zeros((3, 3)), np.zeros(3)
+    for px, py in points.T:
+        q = np.array([c * px - s * py, s * px + c * py])
+        at = q + pose[:2]
+        facing = [line for line in lines_at(*at) if np.dot(line[:2], sensor) > line[2]]
+        if not facing:
+            continue
+        nx, ny, d, trust = min(facing, key=lambda line: abs(np.dot(line[:2], at) - line[2]))
+        e = nx * at[0] + ny * at[1] - d
+        J = np.array([nx, ny, ny * q[0] - nx * q[1]])
+        w = trust / (1.0 + soft * e * e)
+        H += w * np.outer(J, J)
+        b -= w * e * J
+    return H, b

@@ -1,0 +1,294 @@
+"""Both commands as a user types them."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from slams import run as slams_run
+from slams.formats import trajectory
+from tests.rooms import drive
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="module")
+def log_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / "room.npz"
+    drive(n=60).save(path)
+    return path
+
+
+def command(*arguments, cwd, module="slams.run"):
+    return subprocess.run(
+        [sys.executable, "-m", module, *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_run_writes_everything_and_says_so(log_file, tmp_path):
+    done = command("hector", log_file, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert "hector on room: 60 scans in 3.0 s" in done.stdout
+    assert "error against the truth" in done.stdout
+    assert "per update" in done.stdout
+    out = tmp_path / "results" / "room-hector"
+    names = sorted(p.name for p in out.iterdir())
+    assert names == [
+        "map.pgm",
+        "map.png",
+        "map.yaml",
+        "summary.json",
+        "trajectory.csv",
+        "trajectory.tum",
+    ]
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["scans"] == 60
+    assert summary["cpu_ms_per_scan"] > 0.0
+    assert summary["compile_s"] >= 0.0
+    assert summary["parameters"]["resolution"] == 0.05
+    assert summary["versions"]["numba"]
+    assert summary["errors"]["per_update"]["translation_m"]["mean"] < 0.005
+    t, poses = trajectory.read_csv(out / "trajectory.csv")
+    assert (len(t), poses.shape) == (60, (60, 3))
+    assert yaml.safe_load((out / "map.yaml").read_text())["free_thresh"] == 0.196
+    assert cv2.imread(str(out / "map.png")).std() > 10.0
+
+
+def test_the_same_command_gives_the_same_files(log_file, tmp_path):
+    for name in ("a", "b"):
+        assert slams_run.main(["hector", str(log_file), "--out", str(tmp_path / name), "-q"]) == 0
+    for name in ("trajectory.csv", "map.pgm", "map.png", "map.yaml"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_options_change_the_run(log_file, tmp_path, capsys):
+    out = tmp_path / "o"
+    (tmp_path / "p.yaml").write_text("resolution: 0.1\nlevels: 2\n")
+    options = ["--params", str(tmp_path / "p.yaml"), "--set", "levels=1", "--seed", "7"]
+    options += ["--limit", "10", "--every", "2", "--no-odometry", "--preset", "original"]
+    assert slams_run.main(["hector", str(log_file), "--out", str(out), *options]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    p = summary["parameters"]
+    assert (p["resolution"], p["levels"], p["seed"], p["unknown"]) == (0.1, 1, 7, 0.5)
+    assert (summary["scans"], summary["report"]["odometry"]) == (10, 0)
+    assert summary["algorithm"] == "hector@original"
+    assert "hector@original on room: 10 scans" in capsys.readouterr().out
+
+
+def test_quiet_says_nothing(log_file, tmp_path, capsys):
+    assert slams_run.main(["odometry", str(log_file), "--out", str(tmp_path / "q"), "-q"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == captured.err == ""
+
+
+def test_shown_parameters_are_yaml_that_reads_back(tmp_path, capsys):
+    assert slams_run.main(["hector@original", "--show-params"]) == 0
+    text = capsys.readouterr().out
+    assert yaml.safe_load(text)["levels"] == 2
+    assert "[m] cell of the finest level" in text
+    (tmp_path / "all.yaml").write_text(text)
+    assert slams_run.main(["hector", "--show-params", "--params", str(tmp_path / "all.yaml")]) == 0
+    assert capsys.readouterr().out == text
+
+
+def bad_inputs(tmp_path, log_file):
+    cut = tmp_path / "cut.npz"
+    cut.write_bytes(log_file.read_bytes()[:5000])
+    keys = tmp_path / "keys.npz"
+    np.savez(keys, t=np.zeros(3))
+    nan = tmp_path / "nan.npz"
+    with np.load(log_file) as archive:
+        np.savez(nan, **(dict(archive) | {"t": np.full(60, np.nan)}))
+    text = tmp_path / "text.yaml"
+    text.write_text("nothing: 1\n")
+    log = str(log_file)
+    return {
+        "no log": (["hector"], "no log given"),
+        "missing file": (["hector", "none.npz"], "none.npz: no such file"),
+        "truncated": (["hector", str(cut)], "damaged or cut short"),
+        "without keys": (["hector", str(keys)], "keys: got no ranges"),
+        "nan stamps": (["hector", str(nan)], "stamps that are not finite"),
+        "a folder": (["hector", str(tmp_path)], "is a directory"),
+        "unknown algorithm": (["hectr", log], "did you mean 'hector'"),
+        "unknown preset": (["hector@old", log], "no preset 'old'"),
+        "unknown parameter": (["hector", log, "--set", "level=2"], "did you mean 'levels'"),
+        "not an assignment": (["hector", log, "--set", "levels"], "expected KEY=VALUE"),
+        "bad value": (["hector", log, "--set", "levels=0"], "expected 1 to 6"),
+        "unknown in yaml": (["hector", log, "--params", str(text)], "unknown parameter 'nothing'"),
+        "no yaml": (["hector", log, "--params", "none.yaml"], "none.yaml: no such file"),
+        "limit": (["hector", log, "--limit", "0"], "--limit: got 0"),
+        "negative seed": (["hector", log, "--seed", "-1"], "parameter 'seed': got -1"),
+    }
+
+
+KINDS = (
+    "no log, missing file, truncated, without keys, nan stamps, a folder, unknown algorithm, "
+    "unknown preset, unknown parameter, not an assignment, bad value, unknown in yaml, no yaml, "
+    "limit, negative seed"
+).split(", ")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_bad_input_is_one_sentence_and_exit_2(kind, log_file, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    arguments, sentence = bad_inputs(tmp_path, log_file)[kind]
+    before = sorted(tmp_path.rglob("*"))
+    assert slams_run.main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert sentence in captured.err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_an_output_that_is_a_file_is_refused(log_file, tmp_path, capsys):
+    (tmp_path / "f").write_text("mine")
+    assert slams_run.main(["odometry", str(log_file), "--out", str(tmp_path / "f")]) == 2
+    assert "is a file" in capsys.readouterr().err
+    assert (tmp_path / "f").read_text() == "mine"
+
+
+def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):
+    with np.load(log_file) as archive:
+        data = dict(archive)
+    data["ranges"][[5, 6]] = np.nan
+    data["ranges"][7] = np.inf
+    data["t"][20] = 0.0
+    np.savez(tmp_path / "odd.npz", **data)
+    out = tmp_path / "out"
+    assert slams_run.main(["hector", str(tmp_path / "odd.npz"), "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "1 stamps jump back" in text
+    assert "3 scans have no return" in text
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["errors"]["end_m"] < 0.02
+    assert summary["report"]["empty"] == 3
+
+
+def test_help_is_fast_and_loads_nothing_heavy():
+    for module in ("slams.run", "bench.compare"):
+        code = (
+            "import sys, runpy\n"
+            f"sys.argv = ['{module}', '--help']\n"
+            "try:\n"
+            f"    runpy.run_module('{module}', run_name='__main__')\n"
+            "except SystemExit:\n"
+            "    heavy = ('numpy', 'numba', 'pandas', 'matplotlib', 'cv2', 'scipy')\n"
+            "    print('loaded', [m for m in heavy if m in sys.modules])\n"
+        )
+        start = time.process_time()
+        out = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        assert out.stdout.rstrip().endswith("loaded []"), out.stdout[-200:]
+        assert time.process_time() - start < 0.3
+
+
+def test_interrupt_is_130(monkeypatch, log_file, capsys):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(slams_run, "_replayed", stop)
+    assert slams_run.main(["hector", str(log_file)]) == 130
+    assert capsys.readouterr().err == "slams.run: interrupted\n"
+
+
+def test_compare_on_given_logs(log_file, tmp_path):
+    names = ["hector", "hector@original", "odometry", "kiss"]
+    done = command(
+        log_file, "--algorithms", *names, "--out", "cmp", cwd=tmp_path, module="bench.compare"
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Table I: relative error of translation per update [m]" in done.stdout
+    assert "Table II: relative error of orientation per update [rad]" in done.stdout
+    out = tmp_path / "cmp"
+    results = json.loads((out / "results.json").read_text())
+    assert [row["algorithm"] for row in results["rows"]] == names
+    by_name = {row["algorithm"]: row for row in results["rows"]}
+    means = {n: r["per_update"]["translation_m"]["mean"] for n, r in by_name.items()}
+    assert means["hector"] < means["kiss"]
+    for name in ("fig2_translation.png", "fig3_orientation.png", "fig4_maps.png"):
+        assert cv2.imread(str(out / name)).std() > 5.0
+    table = np.genfromtxt(out / "errors-hector.csv", delimiter=",", names=True)
+    assert len(table) == 59
+    assert table["translation_m"].mean() == pytest.approx(means["hector"], abs=1e-8)
+    assert (out / "errors-hector-original.csv").is_file()
+    assert (
+        (out / "table1_translation.csv").read_text().startswith("algorithm,mean,deviation,min,max")
+    )
+
+
+def test_compare_goes_on_when_an_algorithm_raises(log_file, tmp_path, monkeypatch):
+    (tmp_path / "faulty.py").write_text(
+        "from slams.baselines import Odometry\n"
+        "class Faulty(Odometry):\n"
+        "    def update(self, scan):\n"
+        "        raise ZeroDivisionError('on purpose')\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(ROOT)]))
+    done = command(
+        log_file,
+        "--algorithms",
+        "faulty:Faulty",
+        "odometry",
+        "--out",
+        "c",
+        cwd=tmp_path,
+        module="bench.compare",
+    )
+    assert done.returncode == 0, done.stderr
+    assert "faulty:Faulty failed: ZeroDivisionError: on purpose" in done.stdout
+    rows = json.loads((tmp_path / "c" / "results.json").read_text())["rows"]
+    assert rows[0]["failed"]
+    assert rows[1]["per_update"]
+
+
+def test_compare_with_relations_and_without_truth(log_file, tmp_path, capsys):
+    from bench import compare
+
+    with np.load(log_file) as archive:
+        data = {key: value for key, value in archive.items() if not key.startswith("truth")}
+    np.savez(tmp_path / "l.npz", **data)
+    t = data["t"]
+    lines = [f"{t[k]:.6f} {t[k + 20]:.6f} 0 0 0 0 0 0" for k in range(10)]
+    (tmp_path / "l.relations").write_text("\n".join(lines) + "\n1e9 2e9 0 0 0 0 0 0\n")
+    arguments = [str(tmp_path / "l.npz"), "--algorithms", "odometry", "--jobs", "1"]
+    arguments += ["--relations", str(tmp_path / "l.relations"), "--out", str(tmp_path / "out")]
+    assert compare.main(arguments) == 0
+    assert "relations [m]" in capsys.readouterr().out
+    row = json.loads((tmp_path / "out" / "results.json").read_text())["rows"][0]
+    assert (row["relations"]["used"], row["relations"]["given"]) == (10, 11)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["none.npz"], "none.npz: no such file"),
+        (["--algorithms", "nobody"], "unknown algorithm 'nobody'"),
+        (["--jobs", "0"], "--jobs: got 0"),
+        (["--relations", "r.txt"], "expected the one they are of"),
+    ],
+)
+def test_compare_refuses_bad_input_in_one_sentence(
+    arguments, sentence, tmp_path, monkeypatch, capsys
+):
+    from bench import compare
+
+    monkeypatch.chdir(tmp_path)
+    assert compare.main(arguments) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert sentence in err
+    assert list(tmp_path.iterdir()) == []
