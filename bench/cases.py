@@ -11,8 +11,8 @@ import numpy as np
 
 from bench import metrics
 from slams.params import Params
-from slams.registry import find
 from slams.player import Run, replay, warm_up
+from slams.registry import find
 from slams.scanlog import ScanLog, load
 from slams.summary import moments, summarize
 from slams.types import Floats, OccupancyGrid, Slam

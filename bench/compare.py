@@ -27,7 +27,7 @@ FORMAT = "results-1"
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
-    p = argparse.ArgumentParser(
+    p = cli.Parser(
         prog=f"python -m {PROGRAM}",
         description="Replay scan logs through SLAM algorithms and compare their pose errors. "
         "Without a log: a simulated rescue maze, UTM-30LX, five minutes.",
@@ -110,7 +110,8 @@ def _checked(arguments: argparse.Namespace) -> tuple[Choice, Floats | None]:
 
 def simulated(folder: Path, arguments: argparse.Namespace) -> Path:
     """The paper's data set, simulated into `folder`: rescue maze, UTM-30LX, five minutes."""
-    from bench.simulate import Setting, simulate
+    from bench.setting import Setting
+    from bench.simulation import simulate
 
     log = simulate(Setting(seed=arguments.seed or 0, duration=arguments.duration))
     path = folder / f"{log.name}.npz"

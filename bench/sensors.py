@@ -1,4 +1,4 @@
-"""Laser scanners as constants with their source, and what a real one makes of true distances."""
+"""Laser scanners as constants with their source."""
 
 from __future__ import annotations
 
@@ -7,12 +7,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from slams.types import Floats, Laser
-
 if TYPE_CHECKING:
-    from numpy.random import Generator
+    from slams.types import Laser
 
 
 @dataclass(frozen=True)
@@ -38,6 +34,8 @@ class Sensor:
 
     def laser(self, moving: bool = False) -> Laser:
         """The fan's geometry; `moving` beams follow one another in time."""
+        from slams.types import Laser
+
         return Laser(
             self.angle_min,
             self.angle_increment,
@@ -110,44 +108,3 @@ def find_sensor(name: str) -> Sensor:
     near = difflib.get_close_matches(name.lower(), SENSORS, 1, 0.4)
     hint = f"; did you mean {near[0]}?" if near else ""
     raise LookupError(f"unknown sensor {name!r}; expected one of {', '.join(SENSORS)}{hint}")
-
-
-@dataclass(frozen=True)
-class Errors:
-    """What a scanner does to true distances.
-
-    `noise` [m] + `noise_share` * range is the standard deviation; `step` [m] the rounding, 0 for
-    none. `dropout` is the share of beams lost, every other of them reported as "nothing there"
-    (inf), the rest as invalid (nan). `mixed` is the share of beams beside an edge that fall
-    between the near and the far surface.
-    """
-
-    noise: float
-    noise_share: float = 0.0
-    step: float = 0.001
-    dropout: float = 0.0
-    mixed: float = 0.0
-
-    def apply(self, distances: Floats, rng: Generator) -> Floats:
-        """Ranges (n, b) as measured, from true distances (n, b) [m], inf = nothing."""
-        ranges = _mix(distances, self.mixed, rng) if self.mixed else distances.copy()
-        if self.noise or self.noise_share:
-            deviation = self.noise + self.noise_share * np.where(np.isinf(ranges), 0.0, ranges)
-            ranges += deviation * rng.standard_normal(ranges.shape)
-        if self.step:
-            ranges = np.round(ranges / self.step) * self.step
-        if self.dropout:
-            chance = rng.random(ranges.shape)
-            ranges[chance < self.dropout] = np.nan
-            ranges[chance < 0.5 * self.dropout] = np.inf
-        return ranges
-
-
-def _mix(distances: Floats, share: float, rng: Generator) -> Floats:
-    """Beams at an edge of more than 0.1 m, by chance, somewhere between the two surfaces."""
-    near, far = distances[:, :-1], distances[:, 1:]
-    chance, place = rng.random(near.shape), rng.random(near.shape)
-    edge = np.isfinite(near) & np.isfinite(far) & (np.abs(far - near) > 0.1) & (chance < share)
-    mixed = distances.copy()
-    mixed[:, :-1][edge] += (place * (far - near))[edge]
-    return mixed

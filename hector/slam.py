@@ -58,12 +58,15 @@ class Hector:
         """Match the scan to the map, let it enter the map if due; return T_map_base."""
         start = self._motion.predict(self._match.pose, scan)  # 1.
         points = self._scan.take(scan, self._motion.velocity)  # 2.
+        self._counts["empty"] += points.n == 0
         match = self._matched(points, start)  # 3.
         if points.sweeps:
             points = self._scan.take(scan, self._motion.velocity_to(match.pose))
             match = self._matched(points, match.pose)
-        if self._doubtful(match):  # 4.
+        if self._doubtful(points, match):  # 4.
             match = self._recovered(points, start, match)
+        else:
+            self._refused = 0
         self._match = match
         self._motion.moved(match.pose, scan)
         if self._due(points, match):  # 5.
@@ -95,7 +98,7 @@ class Hector:
     def _matched(self, points: EndPoints, start: Pose2) -> Match:
         """Step 3: on the lines where the preset has them, else coarse to fine."""
         if self._map.insertions == 0 or points.n == 0:
-            return Match(start, 0.0 if points.n == 0 else 1.0, 0.0)
+            return self._match._replace(pose=start)
         if self.params.surface:
             return Match(*self._map.fit(points, start, self._lines, self._H))
         return Match(self._coarse_to_fine(points, start), 1.0, 0.0)
@@ -105,9 +108,9 @@ class Hector:
             pose = self._map.match(level, points, pose, solver, self._H)
         return pose
 
-    def _doubtful(self, match: Match) -> bool:
+    def _doubtful(self, points: EndPoints, match: Match) -> bool:
         """Whether the start may be out of the lines' reach, or the map explains less than usual."""
-        if not self.params.surface or self._map.insertions == 0:
+        if not self.params.surface or self._map.insertions == 0 or points.n == 0:
             return False
         could_gain = self.params.acceleration * self._motion.dt**2
         wide = could_gain > 0.5 * self.params.resolution
@@ -129,7 +132,7 @@ class Hector:
             self._refused += 1
             return Match(start, self._match.share, match.square)
         self._refused = 0
-        return best
+        return self._matched(points, best.pose)
 
     def _best(self, points: EndPoints, tried: list[Match]) -> tuple[Match, float]:
         evidence = [self._map.evidence(points, match.pose) for match in tried]

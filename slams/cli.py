@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, NoReturn, TypeVar
-
-if TYPE_CHECKING:
-    from argparse import ArgumentParser
+from typing import NoReturn, TypeVar
 
 T = TypeVar("T")
 
@@ -24,6 +22,14 @@ def one_thread() -> None:
 
 class RefusedError(Exception):
     """Bad input, said in one sentence; ends a command with exit code 2."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Arguments that do not fit get one sentence, like all other bad input."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the arguments."""
+        raise RefusedError(f"{message} (see {self.prog} --help)")
 
 
 def refusing(work: Callable[[], T]) -> T:
@@ -56,11 +62,6 @@ def run_command(program: str, command: Callable[[], int]) -> int:
         return FAILED
     except KeyboardInterrupt:
         return _say(program, "interrupted", INTERRUPTED)
-
-
-def fail(parser: ArgumentParser, message: str) -> NoReturn:
-    """Refuse the arguments."""
-    raise RefusedError(f"{message} (see {parser.prog} --help)")
 
 
 def progress(

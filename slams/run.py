@@ -23,7 +23,7 @@ WARM_UP_SCANS = 4
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
-    p = argparse.ArgumentParser(
+    p = cli.Parser(
         prog=f"python -m {PROGRAM}",
         description="Replay every scan of a log through one SLAM algorithm, in order.",
         epilog="Writes trajectory.csv, trajectory.tum, map.pgm + map.yaml, map.png, summary.json.",

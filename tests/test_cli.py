@@ -134,10 +134,22 @@ def bad_inputs(tmp_path, log_file):
 
 
 KINDS = (
-    "no log, missing file, truncated, without keys, nan stamps, a folder, unknown algorithm, "
-    "unknown preset, unknown parameter, not an assignment, bad value, unknown in yaml, no yaml, "
-    "limit, negative seed"
-).split(", ")
+    "no log",
+    "missing file",
+    "truncated",
+    "without keys",
+    "nan stamps",
+    "a folder",
+    "unknown algorithm",
+    "unknown preset",
+    "unknown parameter",
+    "not an assignment",
+    "bad value",
+    "unknown in yaml",
+    "no yaml",
+    "limit",
+    "negative seed",
+)
 
 
 @pytest.mark.parametrize("kind", KINDS)

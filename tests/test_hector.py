@@ -145,7 +145,7 @@ def test_normal_equations_are_the_gradient_of_the_cost():
         axis=1,
     )
     r = residuals(Pose2(*pose))
-    assert J.T @ J == pytest.approx(H, rel=1e-4)
+    assert pytest.approx(H, rel=1e-4) == J.T @ J
     assert -J.T @ r == pytest.approx(b, rel=1e-4, abs=1e-4)
     assert score == pytest.approx(1.0 - r.mean())
 
@@ -358,7 +358,7 @@ def test_line_equations_equal_their_twin():
     surface_kernels.line_equations(surface, points.points, points.n, IDENTITY, pose, 400.0, H, b)
     used = points.points[:, : points.n]
     expected_H, expected_b = naive.line_sums(lines_at, used, IDENTITY, np.array(pose), 400.0)
-    assert H == pytest.approx(expected_H, rel=1e-4, abs=1e-6)
+    assert pytest.approx(expected_H, rel=1e-4, abs=1e-6) == H
     assert b == pytest.approx(expected_b, rel=1e-4, abs=1e-4)
 
 

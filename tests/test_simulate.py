@@ -14,8 +14,10 @@ import pytest
 
 from bench import simulate as command
 from bench.drive import Drive, Robot, drive, gyro, legs, odometry
-from bench.sensors import SENSORS, Errors, find_sensor
-from bench.simulate import Setting, simulate, world_of
+from bench.range_errors import Errors
+from bench.sensors import SENSORS, find_sensor
+from bench.setting import Setting
+from bench.simulation import simulate, world_of
 from bench.world import World
 from slams.scanlog import load
 from slams.types import Pose2, wrap_angle
@@ -344,5 +346,5 @@ def test_interrupt_is_130(tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(command, "simulate", interrupted)
+    monkeypatch.setattr("bench.simulation.simulate", interrupted)
     assert command.main([str(tmp_path / "scans.npz")]) == 130

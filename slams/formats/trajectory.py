@@ -34,14 +34,9 @@ def read_csv(path: str | Path) -> tuple[Floats, Floats]:
         ValueError: the file has other columns.
     """
     try:
-        table = np.loadtxt(path, delimiter=",", ndmin=2, skiprows=_header_lines(Path(path)))
+        table = np.loadtxt(path, delimiter=",", ndmin=2, comments=("#", "t"))
     except ValueError as error:
         raise ValueError(f"{path}: not lines of t,x,y,theta ({error})") from error
     if table.shape[1] != 4:
         raise ValueError(f"{path}: got {table.shape[1]} columns, expected t,x,y,theta")
     return table[:, 0], table[:, 1:]
-
-
-def _header_lines(path: Path) -> int:
-    with path.open(encoding="utf-8") as file:
-        return int(file.readline().lstrip().startswith("t"))

@@ -1,0 +1,78 @@
+"""Setting: everything a simulated log follows from. Light: `--help` reads it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from bench.sensors import SENSORS
+
+FINE = 400.0  # Hz, least rate of the true motion that all else is taken from
+CELL = 0.02  # m, of the rescue arena
+
+
+def _option(
+    default: Any, kind: type, meaning: str, low: float = -math.inf, high: float = math.inf
+) -> Any:
+    """A field of `Setting`: its type, one line for `--help`, and its bounds."""
+    known = {"kind": kind, "meaning": meaning, "low": low, "high": high}
+    return dataclasses.field(default=default, metadata=known)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Everything a simulated log follows from; same setting, same log. Fields tell their meaning.
+
+    Raises:
+        ValueError: a value out of bounds.
+    """
+
+    arena: str = _option(
+        "rescue", str, "rescue (a maze made from the seed), MAP.yaml, or a picture (dark = wall)"
+    )
+    resolution: float | None = _option(
+        None, float, f"cell of the rescue arena ({CELL}) or pixel of the picture [m]", 1e-3, 1.0
+    )
+    size: float = _option(20.0, float, "side of the rescue arena [m]", 7.0, 100.0)
+    seed: int = _option(0, int, "seed of every draw", 0, 2**63 - 1)
+    sensor: str = _option("utm30lx", str, f"one of {', '.join(SENSORS)}")
+    duration: float = _option(300.0, float, "length of the log [s]", 0.1, 14400.0)
+    length: float | None = _option(
+        None, float, "length of the way [m], instead of the duration", 0.1, 5000.0
+    )
+    v: float = _option(0.5, float, "greatest speed [m/s]", 0.05, 5.0)
+    w: float = _option(0.8, float, "greatest turn rate [rad/s]", 0.1, 10.0)
+    clearance: float = _option(0.3, float, "least distance of laser and wall [m]", 0.05, 5.0)
+    noise: float | None = _option(
+        None, float, "standard deviation of a range [m], instead of the sensor's", 0.0, 10.0
+    )
+    stdr: bool = _option(
+        False, bool, "ranges like stdr_simulator's: no noise, multiples of the map's cell"
+    )
+    dropout: float = _option(0.0, float, "share of beams lost, half nan, half inf", 0.0, 1.0)
+    mixed: float = _option(
+        0.0, float, "share of beams beside an edge that fall between near and far", 0.0, 1.0
+    )
+    people: int = _option(0, int, "how many people walk about", 0, 50)
+    sweep: bool = _option(
+        False, bool, "measure beam after beam while the robot moves, as a turning mirror does"
+    )
+    truth_rate: float | None = _option(
+        None,
+        float,
+        "rate of the logged truth [Hz], rounded up to a multiple of the scans'",
+        1,
+        FINE,
+    )
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value, low, high = getattr(self, field.name), *_bounds(field)
+            if isinstance(value, (int, float)) and not low <= value <= high:
+                raise ValueError(f"{field.name}: got {value}, expected {low:g} to {high:g}")
+
+
+def _bounds(field: dataclasses.Field[Any]) -> tuple[float, float]:
+    return field.metadata["low"], field.metadata["high"]

@@ -1,0 +1,197 @@
+"""Simulation: arena, drive and sensor make a scan log with its truth."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.drive import LEG, Drive, Robot, drive, drive_far, gyro, legs, odometry
+from bench.range_errors import Errors
+from bench.sensors import Sensor, find_sensor
+from bench.setting import CELL, FINE, Setting
+from bench.world import World, read_world
+from slams.scanlog import ScanLog, Track
+from slams.types import Floats, Ranges, wrap_angle
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+TRUTH = 200.0  # Hz, least rate of the logged truth
+ODOMETRY = 50.0  # Hz
+GYRO = 100.0  # Hz
+BLOCK = 200  # scans measured at once
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Chance:
+    """One stream of random numbers per purpose: a change in one leaves the others alone."""
+
+    arena: Generator
+    drive: Generator
+    ranges: Generator
+    odometry: Generator
+    gyro: Generator
+    people: Generator
+
+    @classmethod
+    def of(cls, seed: int) -> Chance:
+        """The streams of a seed."""
+        return cls(*np.random.default_rng(seed).spawn(6))
+
+
+def simulate(setting: Setting | None = None, progress: Progress | None = None) -> ScanLog:
+    """The scan log of a setting; without one, of the default: rescue maze, UTM-30LX, 300 s.
+
+    Poses of the truth are in the world's frame. `progress(done, total)` is told of the scans.
+
+    Raises:
+        LookupError: no such sensor.
+        OSError: the map cannot be opened.
+        ValueError: the map is none, or has no room to drive.
+    """
+    setting = setting or Setting()
+    sensor, chance = find_sensor(setting.sensor), Chance.of(setting.seed)
+    world = _world(setting, chance.arena)
+    true = _drive(setting, sensor, world, chance.drive)
+    t = np.arange(max(1, math.floor(true.t[-1] * sensor.rate + 1e-6))) / sensor.rate
+    return ScanLog(
+        t=t,
+        ranges=_Measuring(setting, sensor, world, true, chance).scans(t, progress),
+        laser=sensor.laser(setting.sweep),
+        odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance.odometry)),
+        truth=_track(true, _truth_rate(setting, sensor), lambda stamps: _truth(true, stamps)),
+        yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance.gyro)),
+        meta=_meta(setting, world),
+    )
+
+
+def world_of(log: ScanLog) -> World | None:
+    """The world a log was simulated in, exactly, in the frame of the log's truth.
+
+    None when the log was not simulated, or its map is gone or has changed since.
+    """
+    try:
+        known = dict(log.meta["simulated"])
+        fingerprint = known.pop("world")
+        setting = Setting(**known)
+        world = _world(setting, Chance.of(setting.seed).arena)
+    except (KeyError, TypeError, ValueError, OSError):
+        return None
+    return world if world.fingerprint == fingerprint else None
+
+
+def _world(setting: Setting, rng: Generator) -> World:
+    if setting.arena != "rescue":
+        return read_world(setting.arena, setting.resolution)
+    from bench.arena import rescue_arena
+
+    return rescue_arena(rng, setting.resolution or CELL, setting.size)
+
+
+def _drive(setting: Setting, sensor: Sensor, world: World, rng: Generator) -> Drive:
+    """The true motion; its samples fall on every scan's stamp."""
+    robot = Robot(setting.v, setting.w, setting.clearance)
+    rate = sensor.rate * math.ceil(FINE / sensor.rate)
+    if setting.length is not None:
+        return drive_far(world, robot, rng, setting.length, rate)
+    return drive(world, robot, rng, max(setting.duration, 1.0 / sensor.rate), rate)
+
+
+def _truth_rate(setting: Setting, sensor: Sensor) -> float:
+    """A whole multiple of the scan rate, so that every scan has a truth of its own."""
+    wanted = setting.truth_rate or max(5.0 * sensor.rate, TRUTH)
+    return sensor.rate * math.ceil(wanted / sensor.rate - 1e-9)
+
+
+def _track(true: Drive, rate: float, values: Callable[[Floats], Floats]) -> Track:
+    """A signal at an even rate over the whole drive, both ends included."""
+    stamps = np.arange(math.ceil(true.t[-1] * rate - 1e-6)) / rate
+    stamps = np.append(stamps, true.t[-1])
+    return Track(stamps, values(stamps))
+
+
+def _truth(true: Drive, stamps: Floats) -> Floats:
+    poses = true.poses_at(stamps)
+    poses[:, 2] = wrap_angle(poses[:, 2])
+    return poses
+
+
+def _meta(setting: Setting, world: World) -> dict[str, Any]:
+    """All that is needed to make the log and its world again."""
+    known = dataclasses.asdict(setting)
+    if setting.arena != "rescue":
+        known["arena"] = str(Path(setting.arena).resolve())
+    name = f"{Path(setting.arena).stem}-{setting.sensor}-{setting.seed}"
+    return {"name": name, "simulated": known | {"world": world.fingerprint}}
+
+
+class _Measuring:
+    """The sensor on its way through the world."""
+
+    def __init__(
+        self, setting: Setting, sensor: Sensor, world: World, true: Drive, chance: Chance
+    ) -> None:
+        self.world, self.true, self.rng = world, true, chance.ranges
+        self.laser = sensor.laser(setting.sweep)
+        self.errors = _errors(setting, sensor, world)
+        self.legs = legs(world, true, setting.people, chance.people) if setting.people else None
+
+    def scans(self, t: Floats, progress: Progress | None) -> Ranges:
+        """Ranges (n, b) [m] measured from the stamps t (n,) on."""
+        ranges = np.empty((len(t), self.laser.n_beams), np.float32)
+        for start in range(0, len(t), BLOCK):
+            block = t[start : start + BLOCK]
+            distances = self._distances(block).reshape(len(block), -1)
+            ranges[start : start + BLOCK] = self.errors.apply(distances, self.rng)
+            if progress is not None:
+                progress(start + len(block), len(t))
+        return ranges
+
+    def _distances(self, t: Floats) -> Floats:
+        """True distances (n * b,), each beam at its own time and the pose of that time."""
+        delays = self.laser.time_increment * np.arange(self.laser.n_beams)
+        stamps = (t[:, None] + delays).ravel()
+        rays = self.true.poses_at(stamps)
+        rays[:, 2] += np.tile(self.laser.angles, len(t))
+        distances = self.world.cast(rays)
+        if self.legs is not None:
+            from bench.world_kernels import occlude
+
+            now = np.round(stamps / self.true.t[1]).astype(np.int32)
+            occlude(rays, np.minimum(now, len(self.legs) - 1), self.legs, LEG, distances)
+        return distances
+
+
+def _errors(setting: Setting, sensor: Sensor, world: World) -> Errors:
+    noise, share, step = sensor.noise, sensor.noise_share, sensor.step
+    if setting.stdr:
+        noise, share, step = 0.0, 0.0, world.resolution
+    if setting.noise is not None:
+        noise, share = setting.noise, 0.0
+    return Errors(noise, share, step, setting.dropout, setting.mixed)
+
+
+def picture(world: World, way: NDArray[np.float64], title: str, path: Path) -> None:
+    """Draw a world and a way (n, 2) [m] through it into an image file."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    shade = np.where(world.occupied, 0.0, np.where(world.unknown, 0.6, 1.0))
+    figure = Figure(figsize=(8, 8), layout="constrained")
+    axes = figure.add_subplot()
+    axes.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=world.extent)
+    axes.plot(way[:, 0], way[:, 1], color="tab:red", linewidth=1.0)
+    axes.plot(*way[0], "o", color="tab:green", label="start")
+    axes.plot(*way[-1], "s", color="tab:blue", label="end")
+    axes.set(title=title, xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    axes.legend(loc="lower right")
+    FigureCanvasAgg(figure).print_figure(path, dpi=100)
