@@ -86,6 +86,7 @@ def _shown(quiet: bool) -> Callable[[int, int], None] | None:
     bar = tqdm(unit="scan", desc="simulating", leave=False)
 
     def progress(done: int, total: int) -> None:
+        """Move the bar on."""
         bar.total = total
         bar.update(done - bar.n)
         if done == total:

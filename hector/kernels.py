@@ -248,7 +248,10 @@ def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Updat
 
 @njit
 def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
-    """A beam ended in cell [v, u], once per scan; takes back a free mark of the same scan."""
+    """A beam ended in cell [v, u], once per scan: [Kohlbrecher11] sec. IV-A.
+
+    Takes back a free mark of the same scan.
+    """
     if level.stamp[v, u] > mark:
         return
     if level.stamp[v, u] == mark:

@@ -1,0 +1,153 @@
+"""The house rules that a reader relies on, checked on the source text."""
+
+import ast
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slams.registry import BUILT_IN, find, names
+
+ROOT = Path(__file__).resolve().parents[1]
+ALGORITHMS = sorted({t.partition(".")[0] for t in BUILT_IN.values()} - {"slams"})
+PACKAGES = ["slams", "bench", *ALGORITHMS]
+OURS = {"slams", "bench", "tests", "hector", "tsd", "crsm", "gmapping"}
+FILES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+
+
+def imports(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+
+
+def kernels():
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef):
+                if any("njit" in ast.unparse(d) for d in node.decorator_list):
+                    yield pytest.param(path, node, id=f"{path.parent.name}/{path.stem}.{node.name}")
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_an_algorithm_imports_only_itself_and_the_interface(name):
+    allowed = {"slams.types", "slams.params", "slams.jit", "slams.geometry"}
+    for path in (ROOT / name).rglob("*.py"):
+        for module in imports(path):
+            top = module.partition(".")[0]
+            assert top not in OURS - {name} or module in allowed, f"{path.name} imports {module}"
+
+
+def test_slams_and_bench_know_no_algorithm():
+    for package in ("slams", "bench"):
+        for path in (ROOT / package).rglob("*.py"):
+            tops = {module.partition(".")[0] for module in imports(path)}
+            assert not tops & set(ALGORITHMS), path
+            assert package == "bench" or not tops & {"bench"}, path
+
+
+def test_only_jit_imports_numba():
+    users = {path for path in FILES if any(m.partition(".")[0] == "numba" for m in imports(path))}
+    assert users == {ROOT / "slams" / "jit.py"}
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_slam_is_a_page_without_kernels_or_loops_over_beams(name):
+    text = (ROOT / name / "slam.py").read_text(encoding="utf-8")
+    assert "njit" not in text
+    assert "range(len(" not in text
+    assert len(text.splitlines()) <= 260
+    update = next(
+        node
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.FunctionDef) and node.name == "update"
+    )
+    assert update.end_lineno - update.lineno <= 32
+    exported = ast.parse((ROOT / name / "__init__.py").read_text(encoding="utf-8"))
+    everything = next(n for n in ast.walk(exported) if isinstance(n, ast.Assign))
+    assert len(ast.literal_eval(everything.value)) == 2
+
+
+@pytest.mark.parametrize(("path", "kernel"), list(kernels()))
+def test_every_kernel_says_where_it_comes_from_and_takes_few_arguments(path, kernel):
+    doc = ast.get_docstring(kernel) or ""
+    assert re.search(r"\bours\b|\beqs?\.|\bsec\.|\balg\.|\btable\b|\bfig\.", doc, re.I), doc
+    assert len(kernel.args.args) <= 8
+    body = "\n".join(ast.unparse(node) for node in kernel.body[1:])
+    assert not re.search(r"\bprint\(|\braise\b|np\.linalg|\.sort\(|np\.sort|np\.median", body)
+
+
+def test_no_file_is_too_long_to_read():
+    assert [f"{p}" for p in FILES if len(p.read_text().splitlines()) > 420] == []
+
+
+def test_public_functions_are_documented_and_hinted():
+    missing = []
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+                if any("overload" in ast.unparse(d) for d in node.decorator_list):
+                    continue
+                arguments = [a for a in node.args.args if a.arg not in ("self", "cls")]
+                hinted = node.returns is not None and all(a.annotation for a in arguments)
+                if not (ast.get_docstring(node) and hinted) and node.name != "njit":
+                    missing.append(f"{path.parent.name}/{path.name}: {node.name}")
+    assert missing == []
+
+
+def test_every_parameter_tells_unit_meaning_and_source():
+    for name in names():
+        for key, spec in find(name).cls.Params.specs().items():
+            assert spec.unit, (name, key)
+            assert len(spec.meaning) > 5, (name, key)
+            assert len(spec.source) >= 4, (name, key)
+
+
+def test_no_path_of_a_machine_stands_in_the_project():
+    listed = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False
+    ).stdout.split()
+    if not listed:
+        pytest.skip("not a git checkout")
+    for name in listed:
+        if Path(name).suffix in (".py", ".md", ".toml", ".json", ".cff", ".yaml", ""):
+            text = (ROOT / name).read_text(encoding="utf-8")
+            found = re.search("/" + r"(work|root|home|tmp)/\w+", text)
+            assert not found, (name, found)
+
+
+STEPS = """
+from slams.registry import find
+from tests.rooms import laser, scan_at
+
+def steps(label):
+    entry = find(label)
+    params = entry.params()
+    slam = entry.cls(params.replace(map_size=256) if "original" in label else params)
+    scans = [scan_at((0.02 * k, 0.0, 0.0), laser(91), t=0.05 * k) for k in range(3)]
+    return [tuple(map(float, slam.update(scan))) for scan in scans]
+"""
+
+
+@pytest.mark.parametrize("label", ["hector", "hector@original"])
+def test_kernels_give_the_same_without_the_compiler(label):
+    code = f"{STEPS}\nprint(steps({label!r}))"
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code],
+        cwd=ROOT,
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    scope: dict = {}
+    exec(STEPS, scope)
+    assert np.array(ast.literal_eval(done.stdout)) == pytest.approx(
+        np.array(scope["steps"](label)), abs=1e-5
+    )
