@@ -22,7 +22,7 @@ PROGRAM = "bench.simulate"
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     cli.one_thread()
-    return cli.run_command(PROGRAM, lambda: _command(_parser().parse_args(argv)))
+    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
 
 
 def _command(options: argparse.Namespace) -> int:
@@ -42,26 +42,25 @@ def _command(options: argparse.Namespace) -> int:
     return 0
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = cli.Parser(
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    p = cli.Parser(
         prog=f"python -m {PROGRAM}",
         description="Simulate a laser scan log with true poses, wheel odometry and gyro.",
     )
-    parser.add_argument("out", type=Path, metavar="OUT.npz", help="the log to write")
+    p.add_argument("out", type=Path, metavar="OUT.npz", help="the log to write")
     for field in dataclasses.fields(Setting):
         flag, meaning = f"--{field.name.replace('_', '-')}", field.metadata["meaning"]
         kind = field.metadata["kind"]
         if kind is bool:
-            parser.add_argument(flag, action="store_true", help=meaning)
+            p.add_argument(flag, action="store_true", help=meaning)
             continue
         shown = "" if field.default is None else f" (default {field.default})"
         name = field.name.upper()
-        parser.add_argument(
-            flag, type=kind, default=field.default, metavar=name, help=meaning + shown
-        )
-    parser.add_argument("--picture", type=Path, metavar="OUT.png", help="draw arena and drive")
-    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
-    return parser
+        p.add_argument(flag, type=kind, default=field.default, metavar=name, help=meaning + shown)
+    p.add_argument("--picture", type=Path, metavar="OUT.png", help="draw arena and drive")
+    p.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    return p
 
 
 def _check_names(out: Path, drawing: Path | None) -> None:

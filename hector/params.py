@@ -211,7 +211,11 @@ class HectorParams(Params):
         high=10,
     )
     weight_cap: float = param(
-        200.0, "1", "hits a cell's line remembers", source="ours: stiff, yet follows a moved wall", low=10.0
+        200.0,
+        "1",
+        "hits a cell's line remembers",
+        source="ours: stiff, yet follows a moved wall",
+        low=10.0,
     )
     softness: float = param(
         0.05,

@@ -77,7 +77,9 @@ def _lines(axes: Axes, pyramid: LogOddsPyramid, points: Floats) -> None:
         ends = np.stack([foot - along, foot + along])
         axes.plot(ends[:, 0], ends[:, 1], color="#0072B2", alpha=0.3 + 0.7 * trust, linewidth=1.5)
         if abs(nx * center[0] + ny * center[1] - d) < 0.025:
-            axes.arrow(*foot, 0.02 * nx, 0.02 * ny, color="#0072B2", width=0.001)
+            axes.arrow(
+                float(foot[0]), float(foot[1]), 0.02 * nx, 0.02 * ny, color="#0072B2", width=0.001
+            )
     for point in points:
         ix, iy = (np.round((point - (surface.x0, surface.y0)) / 0.05)).astype(int)
         slot = surface.slot[iy, ix]

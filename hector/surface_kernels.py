@@ -71,20 +71,17 @@ def scan_moments(points: Points, n: int, mount: Pose2, step: float, out: Floats)
     """
     for k in range(6):
         out[k, 0] = 0.0
-    first = 0
+    first, last_x, last_y = 0, 0.0, 0.0
     for i in range(n):
         x, y = points[0, i], points[1, i]
-        if i > 0:
-            rx, ry = x - mount.x, y - mount.y
-            dx, dy = x - points[0, i - 1], y - points[1, i - 1]
-            gap = 0.1 + 4.0 * step * math.sqrt(rx * rx + ry * ry)
-            if dx * dx + dy * dy > gap * gap:
-                first = i
-        out[0, i + 1] = out[0, i] + x
-        out[1, i + 1] = out[1, i] + y
-        out[2, i + 1] = out[2, i] + x * x
-        out[3, i + 1] = out[3, i] + x * y
-        out[4, i + 1] = out[4, i] + y * y
+        rx, ry, dx, dy = x - mount.x, y - mount.y, x - last_x, y - last_y
+        gap = 0.1 + 4.0 * step * math.sqrt(rx * rx + ry * ry)
+        if dx * dx + dy * dy > gap * gap:
+            first = i
+        last_x, last_y = x, y
+        terms = (x, y, x * x, x * y, y * y)
+        for k in range(5):
+            out[k, i + 1] = out[k, i] + terms[k]
         out[5, i] = first
     out[5, n] = n
 
@@ -161,17 +158,15 @@ def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, cap: float) -> N
         along = mx * hits.nx + my * hits.ny
         if w > 0.0 and (along <= 0.0 or along * along < 0.5 * (mx * mx + my * my)):
             continue
-        keep = min(1.0, (cap - hits.n) / max(w, 1.0))
-        w = keep * w + hits.n
-        sx = keep * sums[row, k + 1] + hits.n * (hits.x - cx)
-        sy = keep * sums[row, k + 2] + hits.n * (hits.y - cy)
-        mx, my = keep * mx + hits.n * hits.nx, keep * my + hits.n * hits.ny
-        sums[row, k], sums[row, k + 1], sums[row, k + 2] = w, sx, sy
-        sums[row, k + 3], sums[row, k + 4] = mx, my
+        keep = (cap - hits.n) / w if w > cap - hits.n else 1.0
+        terms = (1.0, hits.x - cx, hits.y - cy, hits.nx, hits.ny)
+        for i in range(5):
+            sums[row, k + i] = keep * sums[row, k + i] + hits.n * terms[i]
+        w, mx, my = sums[row, k], sums[row, k + 3], sums[row, k + 4]
         length = math.sqrt(mx * mx + my * my)
         ex, ey = mx / length, my / length
         lines[row, q], lines[row, q + 1] = ex, ey
-        lines[row, q + 2] = ex * (cx + sx / w) + ey * (cy + sy / w)
+        lines[row, q + 2] = ex * (cx + sums[row, k + 1] / w) + ey * (cy + sums[row, k + 2] / w)
         lines[row, q + 3] = length / (w + 2.0)
         break
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slams.types import Floats, Laser, Pose2, Ranges, Scan, wrap_angle
 
@@ -202,7 +203,7 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
     version = str(data.get("format", FORMAT))
     _expect(version == FORMAT, "format", version, FORMAT)
     t = _numbers(data, "t", 1)
-    ranges = _numbers(data, "ranges", 2).astype(np.float32)
+    ranges = _checked(data, "ranges", 2).astype(np.float32, copy=False)
     _check_scans(t, ranges, ranges.shape[1])
     meta = _meta(data)
     return ScanLog(
@@ -267,11 +268,15 @@ def _track(data: dict[str, Any], key: str, t: Floats, ndim: int) -> Track | None
 
 
 def _numbers(data: dict[str, Any], key: str, ndim: int) -> Floats:
+    return np.array(_checked(data, key, ndim), np.float64, order="C")
+
+
+def _checked(data: dict[str, Any], key: str, ndim: int) -> NDArray[Any]:
     array = np.asarray(data[key])
     kind = array.dtype.kind in "fiu"
     _expect(kind, key, f"{array.dtype} values", "numbers")
     _expect(array.ndim == ndim, key, f"{array.ndim} dimensions", f"{ndim}")
-    return np.array(array, np.float64, order="C")
+    return array
 
 
 def _expect(condition: bool, what: str, given: object, expected: str) -> None:
