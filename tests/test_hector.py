@@ -461,6 +461,8 @@ def test_five_scans_a_second_without_odometry():
     log = drive(n=100, rate=5.0, odometry=False, gyro=False)
     run = replay(Hector(HectorParams()), log)
     assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.01
+    assert run.report["retried"] > 90  # so long an interval is always doubted
+    assert replay(Hector(HectorParams()), drive(n=50)).report["retried"] < 5
 
 
 def test_the_mount_is_respected():
@@ -514,6 +516,11 @@ def test_a_scan_of_elsewhere_is_refused_and_leaves_the_map_alone():
     assert pose == pytest.approx(IDENTITY, abs=0.02)
     assert slam.report()["lost"] == 1
     assert np.array_equal(slam.map().p, before, equal_nan=True)
+    inserted = slam.report()["inserted"]
+    for k in range(8):
+        slam.update(scan_at((0.05 * k, 0.0, 0.0), t=0.65 + 0.05 * k))
+    assert slam.report()["inserted"] > inserted
+    assert slam.report()["lost"] == 1
 
 
 def test_the_map_grows_and_keeps_what_it_has():
