@@ -30,9 +30,9 @@ def imports(path):
 def kernels():
     for path in FILES:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.FunctionDef):
-                if any("njit" in ast.unparse(d) for d in node.decorator_list):
-                    yield pytest.param(path, node, id=f"{path.parent.name}/{path.stem}.{node.name}")
+            decorators = getattr(node, "decorator_list", [])
+            if any("njit" in ast.unparse(decorator) for decorator in decorators):
+                yield pytest.param(path, node, id=f"{path.parent.name}/{path.stem}.{node.name}")
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)

@@ -1,0 +1,50 @@
+"""Every algorithm's default on small simulated drives, each under a bound and never lost."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bench.setting import Setting
+from bench.simulation import simulate
+from slams import metrics
+from slams.player import replay
+from slams.registry import BASELINES, BUILT_IN, create
+
+ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
+# case: setting, odometry shown, bound of the absolute error [m], of the error over 1 s [m]
+CASES = {
+    "utm30lx": (Setting(size=9.0, duration=8.0, seed=1), False, 0.004, 0.0025),
+    "utm30lx with odometry": (Setting(size=9.0, duration=8.0, seed=1), True, 0.004, 0.0025),
+    "quantised ranges": (Setting(size=9.0, duration=8.0, seed=2, stdr=True), False, 0.008, 0.004),
+    "people and dropouts": (
+        Setting(size=9.0, duration=8.0, seed=3, people=2, dropout=0.05),
+        False,
+        0.006,
+        0.004,
+    ),
+}
+
+
+@cache
+def log_of(case):
+    return simulate(CASES[case][0])
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_default_is_accurate(name, case):
+    _, odometry, bound, bound_1_s = CASES[case]
+    log = log_of(case).select(odometry=odometry)
+    run = replay(create(name), log)
+    truth = log.truth_at(run.t)
+    assert not np.isnan(truth).any()
+    assert metrics.ate(run.poses, truth) < bound
+    assert metrics.relative_errors(run.poses, truth, 40)[0].mean() < bound_1_s
+
+
+@pytest.mark.parametrize("sensor", ["rplidar-a1", "lds02"])
+def test_hector_with_a_slow_turning_laser(sensor):
+    log = simulate(Setting(size=9.0, duration=30.0, seed=4, sensor=sensor, sweep=True))
+    run = replay(create("hector"), log.select(odometry=False))
+    assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.03
