@@ -146,8 +146,10 @@ def _outcomes(
 
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool:
+        # the last first: the baselines are slow, and a long case must not begin at the end
         futures = {
-            pool.submit(run_case, job.label, job.path, choice, relations): job for job in jobs
+            pool.submit(run_case, job.label, job.path, choice, relations): job
+            for job in reversed(jobs)
         }
         for future in as_completed(futures):
             yield futures[future], future.result()

@@ -28,14 +28,14 @@ def main(argv: list[str] | None = None) -> int:
     p = cli.Parser(prog=f"python -m {PROGRAM}", description=(__doc__ or "").partition("\n")[0])
     p.add_argument("folders", nargs="*", type=Path, help="folders of bench.compare to adopt first")
 
-    def command() -> int:
+    def _command() -> int:
         for folder in p.parse_args(argv).folders:
             cli.refusing(lambda folder=folder: adopt(folder))  # type: ignore[misc]
         for path in readmes():
             path.write_text(rendered(path.read_text(encoding="utf-8")), encoding="utf-8")
         return 0
 
-    return cli.run_command(PROGRAM, command)
+    return cli.run_command(PROGRAM, _command)
 
 
 def readmes() -> list[Path]:
@@ -65,13 +65,13 @@ def adopt(folder: Path) -> None:
 def rendered(text: str) -> str:
     """A README's text with its generated parts made anew."""
 
-    def part(match: re.Match[str]) -> str:
+    def _part(match: re.Match[str]) -> str:
         makers = {"results": results, "relations": relations}
         maker = makers.get(match[2])
         body = maker() if maker else parameters(match[3])
         return f"{match[1]}\n{body}\n{match[4]}"
 
-    return PART.sub(part, text)
+    return PART.sub(_part, text)
 
 
 def results() -> str:

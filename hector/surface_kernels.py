@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hector.kernels import Level, Points, solve3
+from hector.kernels import Level, Points
+from slams.geometry import solve3
 from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 

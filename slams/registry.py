@@ -19,6 +19,9 @@ GROUP = "slams.algorithms"
 
 BUILT_IN = {
     "hector": "hector.slam:Hector",
+    "tsd": "tsd.slam:Tsd",
+    "crsm": "crsm.slam:Crsm",
+    "gmapping": "gmapping.slam:GMapping",
     "odometry": "slams.baselines:Odometry",
     "kiss": "slams.baselines:Kiss",
 }

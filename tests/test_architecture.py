@@ -77,7 +77,7 @@ def test_slam_is_a_page_without_kernels_or_loops_over_beams(name):
 @pytest.mark.parametrize(("path", "kernel"), list(kernels()))
 def test_every_kernel_says_where_it_comes_from_and_takes_few_arguments(path, kernel):
     doc = ast.get_docstring(kernel) or ""
-    assert re.search(r"\bours\b|\beqs?\.|\bsec\.|\balg\.|\btable\b|\bfig\.", doc, re.I), doc
+    assert re.search(r"\[[A-Z]\w+\d\d\]|\bours\b|\boriginal code\b", doc, re.I), doc
     assert len(kernel.args.args) <= 8
     body = "\n".join(ast.unparse(node) for node in kernel.body[1:])
     assert not re.search(r"\bprint\(|\braise\b|np\.linalg|\.sort\(|np\.sort|np\.median", body)

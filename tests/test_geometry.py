@@ -1,11 +1,23 @@
 import math
 
+import numpy as np
 import pytest
 
-from slams.geometry import wrap_angle
+from slams.geometry import solve3, wrap_angle
 from slams.types import wrap_angle as plain
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.0, -1.0, math.pi, -math.pi, 4.0, -4.0, 100.0, -100.5])
 def test_compiled_wrap_angle_equals_the_plain_one(angle):
     assert wrap_angle(angle) == plain(angle)
+
+
+def test_solve3_solves_and_refuses_what_is_singular():
+    rng, out = np.random.default_rng(0), np.zeros(3)
+    A = rng.normal(size=(3, 3))
+    H, b = A @ A.T + 0.1 * np.eye(3), rng.normal(size=3)
+    assert solve3(H, b, out)
+    assert out == pytest.approx(np.linalg.solve(H, b))
+    for singular in (np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0]), np.ones((3, 3))):
+        assert not solve3(singular, b, out)
+    assert not solve3(np.full((3, 3), np.nan), b, out)

@@ -150,17 +150,6 @@ def test_normal_equations_are_the_gradient_of_the_cost():
     assert score == pytest.approx(1.0 - r.mean())
 
 
-def test_solve3_solves_and_refuses_what_is_singular():
-    rng, out = np.random.default_rng(0), np.zeros(3)
-    A = rng.normal(size=(3, 3))
-    H, b = A @ A.T + 0.1 * np.eye(3), rng.normal(size=3)
-    assert kernels.solve3(H, b, out)
-    assert out == pytest.approx(np.linalg.solve(H, b))
-    for singular in (np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0]), np.ones((3, 3))):
-        assert not kernels.solve3(singular, b, out)
-    assert not kernels.solve3(np.full((3, 3), np.nan), b, out)
-
-
 def test_the_originals_step_is_limited_in_angle_only():
     grid, H = smooth_level(), np.zeros((3, 3))
     points = np.array([[1.0, 1.01, -1.0], [0.0, 0.02, 0.03]])

@@ -1,0 +1,270 @@
+"""Parameters of CRSM and its presets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from slams.params import Params, param
+
+CODE = "original code"
+
+
+@dataclass(frozen=True)
+class CrsmParams(Params):
+    """Both presets in one table: a program reads only its own part."""
+
+    program: str = param(
+        "walls",
+        "1",
+        "which program runs: ours, or the published one step by step",
+        source="ours: both behind one class",
+        choices=("walls", "published"),
+    )
+    cell: float = param(
+        0.1,
+        "m",
+        "edge of a map cell",
+        source="ours: walls have sub-cell position; original code 0.02",
+        low=0.005,
+        high=1.0,
+        ros=("slam_occupancy_grid_dimentionality",),
+    )
+    density: float = param(
+        0.25,
+        "1",
+        "map update of free cells: first step as a share of the way to white; original: grey "
+        "levels per metre of mean range difference",
+        source="ours: same shape of gain; original code 40",
+        low=0.0,
+        ros=("map_update_density",),
+    )
+    obstacle_density: float = param(
+        3.0,
+        "1",
+        "how much stronger a hit is drawn than a free cell",
+        source=CODE,
+        low=0.0,
+        ros=("map_update_obstacle_density",),
+    )
+
+    # program "walls"
+    max_range: float = param(
+        30.0, "m", "longer ranges are not used", source="ours: bounds the map", low=0.5
+    )
+    critical_rays: int = param(
+        90,
+        "1",
+        "rays that the hill climbing looks at",
+        source="ours: as many as the original takes on a UTM-30LX",
+        low=3,
+        high=2000,
+    )
+    range_noise: float = param(
+        0.01, "m", "standard deviation of a range", source="ours: UTM-30LX", low=0.0005, high=0.5
+    )
+    window: float = param(
+        0.15,
+        "m",
+        "neighbors on either side that give a point its wall direction",
+        source="ours: a corner must not be rounded",
+        low=0.005,
+        high=2.0,
+    )
+    gap: float = param(
+        0.1, "m", "distance of neighbors on two walls, at range 0", source="ours", low=0.0
+    )
+    gap_beams: float = param(
+        6.0,
+        "1",
+        "the same per arc from beam to beam: walls seen at a slant are not torn",
+        source="ours: 80 degrees of incidence",
+        low=1.0,
+    )
+    roughness: float = param(
+        4.0,
+        "1",
+        "neighbors further off a line than this many range_noise make no wall but lone points",
+        source="ours: door frames and legs hold the pose in corridors",
+        low=1.0,
+    )
+    lone_noise: float = param(
+        0.03,
+        "m",
+        "standard deviation of a lone point, in x and y",
+        source="ours: beam spacing on small things",
+        low=0.001,
+    )
+    lean: float = param(
+        0.2,
+        "rad",
+        "standard deviation of a wall's direction",
+        source="ours: three beams on a wall",
+        low=0.0,
+        high=1.5,
+    )
+    gate: float = param(
+        0.1, "m", "a point further off a wall is not of this wall", source="ours: one cell", low=0.0
+    )
+    compat: float = param(
+        0.7,
+        "1",
+        "least cosine between two normals of one wall; keeps both faces of a thin wall apart",
+        source="ours: 45 degrees",
+        low=-1.0,
+        high=1.0,
+    )
+    robust: float = param(
+        3.0,
+        "1",
+        "residual in standard deviations where a point has lost 3/4 of its weight",
+        source="ours: Geman-McClure",
+        low=0.5,
+    )
+    agreement: float = param(
+        0.03, "m", "residual that counts half in the quality", source="ours", low=0.001
+    )
+    prior: float = param(
+        0.04,
+        "m",
+        "standard deviation of the start, along x and y",
+        source="ours: decides only where the walls do not",
+        low=0.0001,
+    )
+    prior_turn: float = param(
+        0.1, "rad", "standard deviation of the start's heading", source="ours", low=0.0001
+    )
+    max_weight: float = param(
+        1000.0,
+        "1",
+        "points a wall element averages over; then it follows slowly",
+        source="ours: drift against change",
+        low=1.0,
+    )
+    draw_step: float = param(
+        0.2,
+        "m",
+        "way (or turn, in rad) between two scans drawn as grey levels",
+        source="ours: ghosts fade in a metre",
+        low=0.0,
+    )
+    draw_rest: int = param(
+        40,
+        "1",
+        "a scan is drawn after so many, also when the robot stands",
+        source="ours: people pass",
+        low=1,
+    )
+    fade: float = param(
+        0.2,
+        "1",
+        "share of a wall element's weight that one beam through it takes",
+        source="ours: ghosts fade",
+        low=0.0,
+        high=1.0,
+    )
+    fine: int = param(
+        2, "1", "grey cells along one map cell", source="ours: map to look at", low=1, high=20
+    )
+    search_below: float = param(
+        0.8,
+        "1",
+        "share of the usual quality below which the pose is searched for",
+        source="ours: effort only when needed",
+        low=0.0,
+        high=1.0,
+    )
+    restarts: int = param(
+        300,
+        "1",
+        "random restarts of one search, at most",
+        source="ours",
+        low=0,
+        high=1_000_000,
+        ros=("max_hill_climbing_iterations",),
+    )
+    enough: float = param(
+        0.85, "1", "fitness that ends a search", source="ours: an early end", low=0.0
+    )
+    search_distance: float = param(
+        0.4,
+        "m",
+        "restarts lie within this of the prediction in x and y",
+        source="ours: twice the original's",
+        low=0.0,
+    )
+    search_angle: float = param(
+        0.5, "rad", "restarts lie within this heading", source=CODE, low=0.0, high=3.2
+    )
+    lost_below: float = param(
+        0.35,
+        "1",
+        "share of the usual quality below which a scan is not inserted",
+        source="ours",
+        low=0.0,
+        high=1.0,
+    )
+    patience: int = param(
+        10,
+        "1",
+        "scans left out in a row before the map goes on at the predicted pose",
+        source="ours: a new room looks like being lost",
+        low=0,
+    )
+
+    # program "published"
+    side: int = param(
+        500,
+        "cell",
+        "edge of the first map",
+        source=CODE,
+        low=101,
+        high=20000,
+        ros=("slam_container_size",),
+    )
+    disparity: int = param(
+        40,
+        "cell",
+        "width of the search",
+        source=CODE,
+        low=8,
+        high=1000,
+        ros=("hill_climbing_disparity",),
+    )
+    iterations: int = param(
+        40000,
+        "1",
+        "tries per scan",
+        source=CODE,
+        low=0,
+        high=10_000_000,
+        ros=("max_hill_climbing_iterations",),
+    )
+    picked_rays: int = param(
+        40,
+        "1",
+        "set point of the ray picker",
+        source=CODE,
+        low=1,
+        ros=("desired_number_of_picked_rays",),
+    )
+    jump: float = param(
+        0.3,
+        "m",
+        "a larger range difference is a discontinuity",
+        source=CODE,
+        low=0.0,
+        ros=("scan_density_lower_boundary",),
+    )
+    hold: int = param(40, "1", "scans during which the pose stays at the start", source=CODE, low=0)
+    robot_width: float = param(
+        0.6, "m", "free patch at the start", source=CODE, low=0.0, high=2.0, ros=("robot_width",)
+    )
+    robot_length: float = param(
+        0.75, "m", "free patch at the start", source=CODE, low=0.0, high=2.0, ros=("robot_length",)
+    )
+
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "original": {"program": "published", "cell": 0.02, "density": 40.0}
+    }

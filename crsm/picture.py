@@ -1,0 +1,97 @@
+"""python -m crsm.picture OUT.png: the critical rays of a scan, and where the search brings them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from crsm.match_kernels import restart_hill_climb
+from crsm.params import CrsmParams
+from crsm.reader import ScanReader
+from crsm.walls import WallGrid
+from slams.types import IDENTITY, Floats, Laser, Pose2, Ranges, Scan
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# walls as segments x0, y0, x1, y1 [m]: a corridor, its far end, a door and a box
+WALLS = np.array(
+    [
+        (-3, -1, 5, -1), (5, -1, 5, 1), (5, 1, 1.4, 1), (0.5, 1, -3, 1), (-3, 1, -3, -1),
+        (1.4, 1, 1.4, 2.5), (1.4, 2.5, 0.5, 2.5), (0.5, 2.5, 0.5, 1),
+        (2.5, -1, 2.5, -0.6), (2.5, -0.6, 2.9, -0.6), (2.9, -0.6, 2.9, -1),
+    ],
+    float,
+)  # fmt: skip
+LASER = Laser(-2.35, 4.7 / 720, 721, 0.1, 30.0)
+OFF = Pose2(0.38, -0.36, 0.5)  # how far the search starts from the truth
+VIEW = (-1.5, 5.4, -1.6, 2.9)  # m
+COUNT = 60
+
+
+def draw(path: Path) -> None:
+    """Draw the rays on the left; the darkness of the map under their ends on the right."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    params = CrsmParams(critical_rays=COUNT)
+    view, grid = ScanReader(params, LASER), WallGrid(params)
+    for seed in (1, 2):
+        view.read(Scan(0.0, _ranges(np.random.default_rng(seed)), LASER), IDENTITY)
+        grid.insert(view.points, view.m, IDENTITY, view.reach)
+    figure = Figure(figsize=(12, 4.7), layout="constrained")
+    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    _rays(left, view)
+    _search(right, view, grid)
+    left.set(xlim=VIEW[:2], ylim=VIEW[2:], aspect="equal", ylabel="y [m]")
+    FigureCanvasAgg(figure).print_figure(path, dpi=80)
+
+
+def _ranges(rng: np.random.Generator) -> Ranges:
+    """What the laser sees from the origin, with 1 cm of noise."""
+    d = LASER.directions[:, None]
+    p, e = WALLS[:, :2], WALLS[:, 2:] - WALLS[:, :2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = d[..., 0] * e[:, 1] - d[..., 1] * e[:, 0]
+        r = (p[:, 0] * e[:, 1] - p[:, 1] * e[:, 0]) / across
+        u = (p[:, 0] * d[..., 1] - p[:, 1] * d[..., 0]) / across
+    nearest = np.where((r > 0) & (u >= 0) & (u <= 1), r, np.inf).min(axis=1)
+    ranges: Ranges = (nearest + rng.normal(0.0, 0.01, len(nearest))).astype(np.float32)
+    ranges.flags.writeable = False
+    return ranges
+
+
+def _rays(axes: Axes, view: ScanReader) -> None:
+    points = view.points.xy[: view.m]
+    for x, y in points[view.rays]:
+        axes.plot([0, x], [0, y], color="#D55E00", linewidth=0.6)
+    axes.plot(points[:, 0], points[:, 1], ".", color="0.45", markersize=2)
+    axes.plot(*points[view.rays].T, ".", color="#D55E00", markersize=6)
+    axes.plot(0, 0, "o", color="black")
+    title = f"{len(view.rays)} critical rays of {view.m} beams: more where few beams fix the pose"
+    axes.set(title=title, xlabel="x [m]")
+
+
+def _search(axes: Axes, view: ScanReader, grid: WallGrid) -> None:
+    draws = np.random.default_rng(0).uniform(-1.0, 1.0, (300, 3)) * (0.4, 0.4, 0.5)
+    pose = np.array([*OFF, 0.0])
+    rules, rays = (0.05, 0.02, 0.85), view.rays
+    used = restart_hill_climb(grid.cells, view.points, rays, len(rays), draws, rules, pose)
+    cells = grid.cells
+    rows, columns = cells.dark.shape
+    x, y = cells.corner
+    extent = (x, x + columns * cells.cell, y, y + rows * cells.cell)
+    axes.imshow(cells.dark, cmap="gray_r", origin="lower", extent=extent)
+    for at, color, name in ((OFF, "#0072B2", "start"), (Pose2(*pose[:3]), "#D55E00", "found")):
+        ends: Floats = at.transform(view.points.xy[rays])
+        axes.plot(*ends.T, ".", color=color, markersize=4, label=name)
+    title = f"fitness = darkness under their ends: {pose[3]:.2f} after {used} restarts"
+    axes.set(title=title, xlabel="x [m]")
+    axes.legend(loc="upper left")
+
+
+if __name__ == "__main__":
+    draw(Path(sys.argv[1]))

@@ -1,0 +1,232 @@
+"""The original matcher: maps of end points, a score that counts beams, a hill climb."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmapping.tile_kernels import BITS, Tiles, cell_of, inside_tile, make_writable, slot_of
+from slams.jit import njit
+from slams.types import Floats
+
+# A cell keeps the sums of x and y [m] of its hits, their number, and which of the 3 x 3 cells
+# around it were ever hit, as bits: bit 3 (dx + 1) + (dy + 1).
+NONE = math.inf
+Cells = NDArray[np.float32]
+Table = NDArray[np.int32]
+MOVES = ((1, 0, 0), (-1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1))
+
+
+class ClimbModel(NamedTuple):
+    """Constants of score, climb and likelihood.
+
+    `sigma`, `lsigma` [m^2] divide squared distances in score and likelihood; `lstep` [m], `astep`
+    [rad] first step of the climb; `iterations` halvings of it; `missed` [m^2] squared distance
+    charged to a beam without a hit near.
+    """
+
+    sigma: float
+    lsigma: float
+    lstep: float
+    astep: float
+    iterations: int
+    missed: float
+
+
+@njit
+def reserve_hits(tiles: Tiles, poses: Floats, points: Floats) -> int:
+    """Make the tiles around all end points writable; returns how many were lacking. ours.
+
+    poses (particles, 3) m, rad; points (n, 2) m in the base frame.
+    """
+    lacking = 0
+    for particle in range(poses.shape[0]):
+        c, s = math.cos(poses[particle, 2]), math.sin(poses[particle, 2])
+        last_x, last_y, first = 0, 0, True
+        for i in range(points.shape[0]):
+            x, y = points[i, 0], points[i, 1]
+            ix = cell_of(poses[particle, 0] + c * x - s * y, tiles.resolution)
+            iy = cell_of(poses[particle, 1] + s * x + c * y, tiles.resolution)
+            if ix == last_x and iy == last_y and not first:
+                continue
+            last_x, last_y, first = ix, iy, False
+            for corner in range(4):
+                jx = ix + (1 if corner & 1 else -1)
+                jy = iy + (1 if corner & 2 else -1)
+                lacking += make_writable(tiles, particle, 0, jx, jy)
+    return lacking
+
+
+@njit
+def insert_hits(tiles: Tiles, poses: Floats, points: Floats) -> None:
+    """Add every end point to the cell it falls into, in every particle's map.
+
+    [Grisetti07] sec. II; original code: end points only, no free space. Arrays as in
+    `reserve_hits`.
+    """
+    for particle in range(poses.shape[0]):
+        c, s = math.cos(poses[particle, 2]), math.sin(poses[particle, 2])
+        for i in range(points.shape[0]):
+            x, y = points[i, 0], points[i, 1]
+            px, py = poses[particle, 0] + c * x - s * y, poses[particle, 1] + s * x + c * y
+            ix, iy = cell_of(px, tiles.resolution), cell_of(py, tiles.resolution)
+            slot = slot_of(tiles, particle, 0, ix, iy)
+            if slot < 0:
+                continue
+            cell = tiles.cells[slot, inside_tile(ix, iy)]
+            cell[0] += px
+            cell[1] += py
+            cell[2] += 1.0
+            if cell[2] == 1.0:
+                _announce(tiles, particle, ix, iy)
+
+
+@njit
+def _announce(tiles: Tiles, particle: int, ix: int, iy: int) -> None:
+    """Set the bit of a newly hit cell in itself and its eight neighbors. ours."""
+    for dx in range(-1, 2):
+        for dy in range(-1, 2):
+            slot = slot_of(tiles, particle, 0, ix + dx, iy + dy)
+            if slot >= 0:
+                bit = 3 * (1 - dx) + (1 - dy)
+                tiles.cells[slot, inside_tile(ix + dx, iy + dy), 3] += float(1 << bit)
+
+
+@njit
+def nearest(cells: Cells, table: Table, ix: int, iy: int, x: float, y: float) -> float:
+    """Squared distance [m^2] to the nearest mean of hits in the 3 x 3 cells around, inf if none.
+
+    [Grisetti07] sec. II, original code; ours: only cells a neighborhood mask names are looked at.
+    table (ny, nx) slots of one particle; ix, iy the point's cell counted from table[0, 0].
+    """
+    tx, ty = ix >> BITS, iy >> BITS
+    if tx < 0 or ty < 0 or ty >= table.shape[0] or tx >= table.shape[1]:
+        return NONE
+    slot = table[ty, tx]
+    if slot < 0:
+        return NONE
+    mask = int(cells[slot, inside_tile(ix, iy), 3])
+    best = NONE
+    for bit in range(9):
+        if mask & (1 << bit) == 0:
+            continue
+        jx, jy = ix + bit // 3 - 1, iy + bit % 3 - 1
+        other = table[jy >> BITS, jx >> BITS]
+        k = inside_tile(jx, jy)
+        share = 1.0 / cells[other, k, 2]
+        dx, dy = x - cells[other, k, 0] * share, y - cells[other, k, 1] * share
+        best = min(best, dx * dx + dy * dy)
+    return best
+
+
+@njit
+def score(
+    tiles: Tiles, particle: int, pose: Floats, points: Floats, sigma: float, floor: float
+) -> float:
+    """Sum over beams of exp(-d^2 / sigma), d to the nearest mean of hits.
+
+    [Grisetti07] sec. III-B, original code. Given up, with what it has, once `floor` cannot be
+    exceeded (ours, same result of the climb). pose (3,), points (n, 2).
+    """
+    cells, table = tiles.cells, tiles.tables[particle, 0]
+    first_x, first_y = tiles.corner[0] << BITS, tiles.corner[1] << BITS
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    total, left, x0, y0 = 0.0, points.shape[0], pose[0], pose[1]
+    per_cell, per_sigma = 1.0 / tiles.resolution, 1.0 / sigma
+    for i in range(points.shape[0]):
+        if total + left <= floor:
+            break
+        left -= 1
+        x = x0 + c * points[i, 0] - s * points[i, 1]
+        y = y0 + s * points[i, 0] + c * points[i, 1]
+        ix = math.floor(x * per_cell + 0.5) - first_x
+        iy = math.floor(y * per_cell + 0.5) - first_y
+        d2 = nearest(cells, table, ix, iy, x, y)
+        if d2 < NONE:
+            total += math.exp(-d2 * per_sigma)
+    return total
+
+
+@njit
+def log_likelihood(
+    tiles: Tiles, particle: int, pose: Floats, points: Floats, model: ClimbModel
+) -> float:
+    """Log likelihood of a scan: -d^2 / lsigma a beam, -missed / lsigma where nothing is near.
+
+    [Grisetti07] sec. II, original code. pose (3,), points (n, 2).
+    """
+    cells, table = tiles.cells, tiles.tables[particle, 0]
+    first_x, first_y = tiles.corner[0] << BITS, tiles.corner[1] << BITS
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    total = 0.0
+    for i in range(points.shape[0]):
+        x = pose[0] + c * points[i, 0] - s * points[i, 1]
+        y = pose[1] + s * points[i, 0] + c * points[i, 1]
+        ix = cell_of(x, tiles.resolution) - first_x
+        iy = cell_of(y, tiles.resolution) - first_y
+        d2 = nearest(cells, table, ix, iy, x, y)
+        total -= d2 if d2 < NONE else model.missed
+    return total / model.lsigma
+
+
+@njit
+def hill_climb(
+    tiles: Tiles, particle: int, points: Floats, model: ClimbModel, pose: Floats
+) -> float:
+    """Move to the best of six neighbors; halve the step where none is better; returns the score.
+
+    [Grisetti07] sec. III-B, original code. points (n, 2); pose (3,) start in, peak out.
+    """
+    trial, start = np.empty(3), np.empty(3)
+    current = score(tiles, particle, pose, points, model.sigma, -1.0)
+    best, lstep, astep, refinements = -1.0, model.lstep, model.astep, 0
+    while True:
+        if best >= current:
+            refinements += 1
+            lstep, astep = 0.5 * lstep, 0.5 * astep
+        best = current
+        for j in range(3):
+            start[j] = pose[j]
+        for move in MOVES:
+            trial[0] = start[0] + move[0] * lstep
+            trial[1] = start[1] + move[1] * lstep
+            trial[2] = start[2] + move[2] * astep
+            value = score(tiles, particle, trial, points, model.sigma, current)
+            if value > current:
+                current = value
+                for j in range(3):
+                    pose[j] = trial[j]
+        if not (current > best or refinements < model.iterations):
+            return best
+
+
+@njit
+def climb_all(
+    tiles: Tiles,
+    points: Floats,
+    model: ClimbModel,
+    minimum_score: float,
+    poses: Floats,
+    out_log_w: Floats,
+) -> int:
+    """Match every particle to its own map and weigh it; returns how many matches failed.
+
+    [Grisetti07] sec. III-B, original code: the pose becomes the peak, no draw around it; where
+    the score does not exceed `minimum_score` the motion's pose stays. points (n, 2); poses
+    (particles, 3) in and out; out_log_w (particles,).
+    """
+    pose = np.empty(3)
+    failed = 0
+    for i in range(poses.shape[0]):
+        for j in range(3):
+            pose[j] = poses[i, j]
+        if hill_climb(tiles, i, points, model, pose) > minimum_score:
+            for j in range(3):
+                poses[i, j] = pose[j]
+        else:
+            failed += 1
+        out_log_w[i] = log_likelihood(tiles, i, poses[i], points, model)
+    return failed

@@ -1,0 +1,260 @@
+"""Parameters of GMapping: the default and the original's values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from slams.params import Params, param
+
+ORIGINAL = "original code"
+
+
+@dataclass(frozen=True)
+class GMappingParams(Params):
+    """Rao-Blackwellized particle filter; ROS names are kept as aliases."""
+
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "original": {
+            "matcher": "climb",
+            "linear_update": 1.0,
+            "angular_update": 0.5,
+            "turn_per_way": 0.2,
+            "way_per_turn": 0.1,
+            "turn_per_turn": 0.2,
+            "switch_margin": 0.0,
+            "deskew": False,
+            "beam_offset": -0.5,
+        }
+    }
+
+    matcher: str = param(
+        "surface",
+        "1",
+        "how a scan meets a map: surface (distance field, improved proposal) or climb",
+        source="ours: README, Departures 1 and 2",
+        choices=("surface", "climb"),
+    )
+    odometry: str = param(
+        "auto",
+        "1",
+        "what predicts the motion: auto takes what a scan brings",
+        source="ours: README, Departure 6",
+        choices=("auto", "odometry", "odometry+gyro", "gyro", "none"),
+    )
+    n_particles: int = param(
+        30, "1", "number of particles", source=ORIGINAL, low=1, ros=("particles",)
+    )
+    resolution: float = param(
+        0.05, "m", "edge of a cell", source=ORIGINAL, low=0.01, high=1.0, ros=("delta",)
+    )
+    linear_update: float = param(
+        0.2,
+        "m",
+        "way between key scans",
+        source="ours: Departure 3",
+        low=0.0,
+        ros=("linearUpdate",),
+    )
+    angular_update: float = param(
+        0.2,
+        "rad",
+        "turn between key scans",
+        source="ours: Departure 3",
+        low=0.0,
+        ros=("angularUpdate",),
+    )
+    resample_threshold: float = param(
+        0.5,
+        "1",
+        "n_eff over n_particles below which particles are resampled",
+        source="[Grisetti07] sec. III-C",
+        low=0.0,
+        high=1.0,
+        ros=("resampleThreshold",),
+    )
+    way_per_way: float = param(
+        0.1, "1", "translation noise per translation", source=ORIGINAL, low=0.0, ros=("srr",)
+    )
+    turn_per_way: float = param(
+        0.1,
+        "1",
+        "rotation noise [rad] per translation [m]",
+        source="ours: matching decides, not odometry",
+        low=0.0,
+        ros=("srt",),
+    )
+    way_per_turn: float = param(
+        0.02,
+        "1",
+        "translation noise [m] per rotation [rad]",
+        source="ours: matching decides, not odometry",
+        low=0.0,
+        ros=("str",),
+    )
+    turn_per_turn: float = param(
+        0.1,
+        "1",
+        "rotation noise per rotation",
+        source="ours: matching decides, not odometry",
+        low=0.0,
+        ros=("stt",),
+    )
+    rest_noise: float = param(
+        0.0005, "m", "noise [m, rad] of a step at rest", source="ours: Departure 5", low=1e-6
+    )
+    tracked_noise: float = param(
+        0.1,
+        "1",
+        "noise of a tracked way between key scans, as a share of odometry's",
+        source="ours: Departure 5",
+        low=0.0,
+    )
+    key_noise: float = param(
+        0.005,
+        "m",
+        "noise [m, rad] between key scans beside that of the motion",
+        source="ours: Departure 5",
+        low=1e-5,
+    )
+    acceleration: float = param(
+        2.0,
+        "1",
+        "noise of the velocity without odometry [m/s^2]; twice that in rad/s^2",
+        source="ours: a walking robot's",
+        low=0.01,
+    )
+    gyro_noise: float = param(
+        0.02, "rad/s", "noise of the gyro with its bias", source="ours: a MEMS gyro's", low=1e-5
+    )
+    slip: float = param(
+        0.7,
+        "m/s",
+        "speed [m/s, rad/s] by which odometry may be wrong where the match is poor",
+        source="ours: Departure 7",
+        low=0.0,
+    )
+    poor_match: float = param(
+        0.8,
+        "1",
+        "share of a scan on its surfaces below which a better start is searched",
+        source="ours: Departure 7",
+        low=0.0,
+        high=1.0,
+    )
+    band: int = param(
+        2,
+        "cell",
+        "cells kept on either side of a surface",
+        source="ours: Departure 2",
+        low=1,
+        high=8,
+    )
+    cap: float = param(
+        100.0, "1", "greatest weight of a cell: the map can follow changes", source="ours", low=1.0
+    )
+    sigma: float = param(
+        0.02,
+        "m",
+        "deviation of a point from its surface",
+        source="ours: range noise and clutter",
+        low=0.001,
+    )
+    wide: float = param(
+        0.1, "m", "deviation of an outlier at the first step", source="ours: the band", low=0.001
+    )
+    width: float = param(
+        0.03, "m", "deviation of an outlier at the last step", source="ours", low=0.001
+    )
+    steps: int = param(8, "1", "Gauss-Newton steps at most", source="ours", low=1)
+    independent: float = param(
+        100.0,
+        "1",
+        "independent beams in a scan, for the weights",
+        source="ours: in place of ogain",
+        low=1.0,
+    )
+    spread: float = param(
+        0.2,
+        "1",
+        "draws from the proposal, in its standard deviations",
+        source="[Grisetti07] sec. III-B",
+        low=0.0,
+    )
+    reach: float = param(
+        0.12, "m", "from a point to the neighbors its normal is fitted to", source="ours", low=0.01
+    )
+    flatness: float = param(
+        0.03, "m", "greatest deviation of neighbors on one wall", source="ours", low=0.001
+    )
+    switch_margin: float = param(
+        10.0,
+        "1",
+        "by how much log weight another particle must lead to be reported",
+        source="ours: Departure 4",
+        low=0.0,
+    )
+    deskew: bool = param(
+        True, "1", "take the motion during a scan out of it", source="ours: Departure 8"
+    )
+    beam_offset: float = param(
+        0.0,
+        "1",
+        "beam widths by which the beams are turned",
+        source="ours: the true angles; the original's are half a beam off",
+    )
+    max_range: float = param(
+        80.0,
+        "m",
+        "longer ranges are not used",
+        source=ORIGINAL,
+        low=0.1,
+        ros=("maxRange", "maxUrange"),
+    )
+    max_tiles: int = param(
+        40_000, "1", "tiles of 4 kB at most, over all particles", source="ours: memory", low=100
+    )
+    score_sigma: float = param(
+        0.05, "1", "climb: score divisor [m^2]", source=ORIGINAL, low=1e-6, ros=("sigma",)
+    )
+    likelihood_sigma: float = param(
+        0.075, "1", "climb: likelihood divisor [m^2]", source=ORIGINAL, low=1e-6, ros=("lsigma",)
+    )
+    linear_step: float = param(
+        0.05, "m", "climb: first step", source=ORIGINAL, low=1e-4, ros=("lstep",)
+    )
+    angular_step: float = param(
+        0.05, "rad", "climb: first step", source=ORIGINAL, low=1e-4, ros=("astep",)
+    )
+    iterations: int = param(
+        5, "1", "climb: halvings of the step", source=ORIGINAL, low=1, ros=("iterations",)
+    )
+    gain: float = param(
+        3.0,
+        "1",
+        "climb: tempers weights by 1 / (gain N)",
+        source=ORIGINAL,
+        low=0.01,
+        ros=("ogain",),
+    )
+    minimum_score: float = param(
+        0.0,
+        "1",
+        "climb: score a match must exceed",
+        source=ORIGINAL,
+        low=0.0,
+        ros=("minimumScore",),
+    )
+    missed: float = param(
+        0.5, "1", "climb: charge of a beam without a hit near [m^2]", source=ORIGINAL, low=0.0
+    )
+    occupied: float = param(
+        0.25,
+        "1",
+        "share of hits above which a cell of the original's picture is a wall",
+        source=ORIGINAL,
+        low=0.01,
+        high=0.99,
+        ros=("occ_thresh",),
+    )

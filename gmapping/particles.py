@@ -1,0 +1,100 @@
+"""Particles: poses, weights and the tree of their histories."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmapping.filter_kernels import normalize, systematic
+from slams.types import Floats, Pose2, wrap_angle
+
+
+class Particles:
+    """Robot poses (n, 3) with log weights, each at the end of a history of its own.
+
+    `log_w` has grown since the last resampling, `lifetime` since the start; `best` is the one
+    that is reported. Histories are one tree: nodes know their parent.
+    """
+
+    def __init__(self, n: int) -> None:
+        self.poses = np.zeros((n, 3))
+        self.log_w = np.zeros(n)
+        self.lifetime = np.zeros(n)
+        self.w = np.full(n, 1.0 / n)
+        self.n_eff = float(n)
+        self.best = 0
+        self._leaves = np.full(n, -1, np.int64)
+        self._parents: list[NDArray[np.int64]] = []
+        self._nodes: list[Floats] = []
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    @property
+    def best_pose(self) -> Pose2:
+        """Pose of the particle that is reported."""
+        x, y, theta = self.poses[self.best].tolist()
+        return Pose2(x, y, float(wrap_angle(theta)))
+
+    def move(self, steps: Floats) -> None:
+        """Compose every pose with a step of its own, (n, 3), or with one for all, (3,)."""
+        steps = np.broadcast_to(steps, self.poses.shape)
+        c, s = np.cos(self.poses[:, 2]), np.sin(self.poses[:, 2])
+        self.poses[:, 0] += c * steps[:, 0] - s * steps[:, 1]
+        self.poses[:, 1] += s * steps[:, 0] + c * steps[:, 1]
+        self.poses[:, 2] += steps[:, 2]
+
+    def extent(self, points: Floats) -> tuple[Floats, Floats]:
+        """Lowest and highest x, y [m] that points (n, 2 or more) around the particles can have."""
+        radius = float(np.hypot(points[:, 0], points[:, 1]).max())
+        return self.poses[:, :2].min(axis=0) - radius, self.poses[:, :2].max(axis=0) + radius
+
+    def weigh(self, log_w: Floats, temper: float) -> None:
+        """Multiply the weights by the likelihood of a scan."""
+        self.log_w += log_w
+        self.lifetime += log_w - log_w.max()
+        self.n_eff = normalize(self.log_w, temper, self.w)
+
+    def draw_ancestors(self, u: float) -> NDArray[np.int64]:
+        """Ancestors of the next generation by systematic resampling with one draw u."""
+        ancestors = np.zeros(len(self), np.int64)
+        systematic(self.w, u, ancestors)
+        return ancestors
+
+    def follow(self, ancestors: NDArray[np.int64]) -> None:
+        """Become the children of these ancestors, all of one weight."""
+        self.poses = self.poses[ancestors]
+        self.lifetime = self.lifetime[ancestors]
+        self._leaves = self._leaves[ancestors]
+        self.log_w[:] = 0.0
+        self.w[:] = 1.0 / len(self)
+        children = np.flatnonzero(ancestors == self.best)
+        self.best = int(children[0]) if len(children) else int(np.argmax(self.lifetime))
+
+    def elect(self, margin: float) -> bool:
+        """Report another particle if its lifetime weight leads by a margin; True if so."""
+        leader = int(np.argmax(self.lifetime))
+        if self.lifetime[leader] <= self.lifetime[self.best] + margin:
+            return False
+        self.best = leader
+        return True
+
+    def remember(self) -> None:
+        """Add a node to every particle's history."""
+        self._parents.append(self._leaves)
+        self._nodes.append(self.poses.copy())
+        self._leaves = np.arange(len(self))
+
+    def generations(self) -> Iterator[tuple[NDArray[np.int64], Floats]]:
+        """Parents (n,) in the generation before, and poses (n, 3), at every key scan so far."""
+        return zip(self._parents, self._nodes, strict=True)
+
+    def history(self, particle: int) -> Floats:
+        """Poses (k, 3) of a particle at every key scan so far."""
+        poses, leaf = [], int(self._leaves[particle])
+        for parents, nodes in zip(reversed(self._parents), reversed(self._nodes), strict=True):
+            poses.append(nodes[leaf])
+            leaf = int(parents[leaf])
+        return np.array(poses[::-1]).reshape(-1, 3)

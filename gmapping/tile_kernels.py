@@ -1,0 +1,113 @@
+"""Maps of many particles in one pool of tiles, shared until written to."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slams.jit import njit
+
+BITS = 4
+SIDE = 1 << BITS
+CELLS = SIDE * SIDE
+LAST = SIDE - 1
+
+
+class Tiles(NamedTuple):
+    """The maps of all particles: tables of slots in one pool.
+
+    `cells` (slots, CELLS, 4) four numbers a cell, whatever the matcher keeps there; `tables`
+    (particles, layers, ny, nx) slot of each tile, -1 = never touched; `references` (slots,) how
+    many tables point at a slot; `stack` (slots,) the free slots, `n_free` (1,) how many;
+    `corner` (2,) tile index of tables[..., 0, 0]; `resolution` [m].
+    """
+
+    cells: NDArray[np.float32]
+    tables: NDArray[np.int32]
+    references: NDArray[np.int32]
+    stack: NDArray[np.int32]
+    n_free: NDArray[np.int64]
+    corner: NDArray[np.int64]
+    resolution: float
+
+
+@njit
+def cell_of(coordinate: float, resolution: float) -> int:
+    """Index of the cell whose center, index * resolution, is nearest to a coordinate [m]. ours."""
+    return math.floor(coordinate / resolution + 0.5)
+
+
+@njit
+def slot_of(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
+    """Slot of the tile that holds a cell, -1 if absent or outside. ours."""
+    tx = (ix >> BITS) - tiles.corner[0]
+    ty = (iy >> BITS) - tiles.corner[1]
+    if tx < 0 or ty < 0 or ty >= tiles.tables.shape[2] or tx >= tiles.tables.shape[3]:
+        return -1
+    slot: int = tiles.tables[particle, layer, ty, tx]
+    return slot
+
+
+@njit
+def inside_tile(ix: int, iy: int) -> int:
+    """Place of a cell in its tile, row by row. ours."""
+    return ((iy & LAST) << BITS) | (ix & LAST)
+
+
+@njit
+def make_writable(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
+    """Give a particle a tile of its own around a cell; 1 if the pool is empty, else 0.
+
+    ours: copy on write; a tile is copied only while another table points at it too.
+    """
+    tx = (ix >> BITS) - tiles.corner[0]
+    ty = (iy >> BITS) - tiles.corner[1]
+    if tx < 0 or ty < 0 or ty >= tiles.tables.shape[2] or tx >= tiles.tables.shape[3]:
+        return 0
+    old = tiles.tables[particle, layer, ty, tx]
+    if old >= 0 and tiles.references[old] == 1:
+        return 0
+    if tiles.n_free[0] == 0:
+        return 1
+    tiles.n_free[0] -= 1
+    new = tiles.stack[tiles.n_free[0]]
+    tiles.references[new] = 1
+    tiles.tables[particle, layer, ty, tx] = new
+    if old >= 0:
+        tiles.references[old] -= 1
+    for k in range(CELLS):  # loops: assigning slices takes numba seconds to compile
+        for j in range(4):
+            tiles.cells[new, k, j] = tiles.cells[old, k, j] if old >= 0 else 0.0
+    return 0
+
+
+@njit
+def inherit(tiles: Tiles, ancestors: NDArray[np.int64], out_tables: NDArray[np.int32]) -> None:
+    """Hand every particle the map of its ancestor; slots nobody points at become free.
+
+    ours: tables are copied, tiles only counted. `out_tables` as `tiles.tables`, scratch.
+    """
+    n, layers, height, width = tiles.tables.shape
+    for particle in range(n):
+        for layer in range(layers):
+            for ty in range(height):
+                for tx in range(width):
+                    slot = tiles.tables[ancestors[particle], layer, ty, tx]
+                    out_tables[particle, layer, ty, tx] = slot
+                    if slot >= 0:
+                        tiles.references[slot] += 1
+    for particle in range(n):
+        for layer in range(layers):
+            for ty in range(height):
+                for tx in range(width):
+                    slot = tiles.tables[particle, layer, ty, tx]
+                    tiles.tables[particle, layer, ty, tx] = out_tables[particle, layer, ty, tx]
+                    if slot < 0:
+                        continue
+                    tiles.references[slot] -= 1
+                    if tiles.references[slot] == 0:
+                        tiles.stack[tiles.n_free[0]] = slot
+                        tiles.n_free[0] += 1

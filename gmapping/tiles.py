@@ -1,0 +1,70 @@
+"""TileMap: the maps of all particles in one pool of reference-counted tiles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmapping.tile_kernels import CELLS, SIDE, Tiles, inherit
+from slams.types import Floats
+
+MARGIN = 8  # tiles added around what does not fit
+
+
+class TileMap:
+    """One map per particle; equal parts are stored once until one particle writes to them.
+
+    `tiles` is what kernels take; it is replaced when the tables grow, so it is asked for anew
+    before every call. The pool is reserved whole, but never touched before a tile is used: memory
+    that was not written to costs nothing.
+    """
+
+    def __init__(self, n_particles: int, layers: int, resolution: float, max_tiles: int) -> None:
+        self.peak = 0
+        self.tiles = Tiles(
+            cells=np.empty((max_tiles, CELLS, 4), np.float32),
+            tables=np.full((n_particles, layers, 2 * MARGIN, 2 * MARGIN), -1, np.int32),
+            references=np.zeros(max_tiles, np.int32),
+            stack=np.arange(max_tiles - 1, -1, -1, dtype=np.int32),
+            n_free=np.array([max_tiles], np.int64),
+            corner=np.array([-MARGIN, -MARGIN], np.int64),
+            resolution=resolution,
+        )
+
+    @property
+    def used(self) -> int:
+        """Tiles in use now."""
+        return len(self.tiles.references) - int(self.tiles.n_free[0])
+
+    @property
+    def shared(self) -> float:
+        """Share of the particles' tiles that is stored elsewhere already."""
+        pointers = int((self.tiles.tables >= 0).sum())
+        return 1.0 - self.used / pointers if pointers else 0.0
+
+    def cover(self, low: Floats, high: Floats) -> None:
+        """Let the tables reach from `low` to `high`, (x, y) [m] each."""
+        edge = SIDE * self.tiles.resolution
+        first = np.floor(low / edge).astype(np.int64) - 1
+        last = np.floor(high / edge).astype(np.int64) + 1
+        tables, corner = self.tiles.tables, self.tiles.corner
+        size = np.array(tables.shape[:1:-1])
+        before = np.where(first < corner, corner - first + MARGIN, 0)
+        after = np.where(last >= corner + size, last - corner - size + 1 + MARGIN, 0)
+        if not (before.any() or after.any()):
+            return
+        pad = ((0, 0), (0, 0), (before[1], after[1]), (before[0], after[0]))
+        grown = np.ascontiguousarray(np.pad(tables, pad, constant_values=-1))
+        self.tiles = self.tiles._replace(tables=grown, corner=corner - before)
+
+    def write(self, reserve: Callable[[Tiles], int]) -> bool:
+        """Reserve tiles by a kernel that returns how many it lacked; False if it lacked any."""
+        lacking = reserve(self.tiles)
+        self.peak = max(self.peak, self.used)
+        return lacking == 0
+
+    def inherit(self, ancestors: NDArray[np.int64]) -> None:
+        """Hand every particle the map of its ancestor, without copying tiles."""
+        inherit(self.tiles, ancestors, np.empty_like(self.tiles.tables))

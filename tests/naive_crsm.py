@@ -1,0 +1,233 @@
+"""Slow and plain twins of CRSM's kernels, straight from the published rules."""
+
+import math
+
+import numpy as np
+
+
+def critical_rays(d, range_max, jump, level):
+    """Marks of the published selection, its count, and the mean range difference."""
+    n = len(d)
+    rho = np.abs(np.diff(d))
+    big = {next(i for i in range(n) if d[i] < range_max - 0.05)}
+    big.add(next(i for i in reversed(range(n)) if d[i] < range_max - 0.05))
+    i = 0
+    while i < n - 1:
+        added = 0
+        if rho[i] > jump:
+            for j in (i, i + 1):
+                if d[j] < range_max - 0.05:
+                    big.add(j)
+                    added += 1
+        i += max(1, added)
+    picked, count = set(big), 0
+    order = sorted(big)
+    for s, e in zip(order, order[1:], strict=False):
+        if d[s + 1] > range_max - 0.5:
+            continue
+        step = rho[s : e - 1].sum() / (e - s)
+        total = 0.0
+        for i in range(s, e):
+            total += rho[i]
+            if total > level * step / math.exp(3.0 * d[i] / math.sqrt(max(d))):
+                picked.add(i)
+                count += 1
+                total = 0.0
+    while True:
+        order = sorted(picked)
+        halves = {(a + b) // 2 for a, b in zip(order, order[1:], strict=False) if b - a > 25}
+        if not halves:
+            return sorted(picked), count, rho.mean()
+        picked |= halves
+
+
+def fitness(grid, ends, pose, origin):
+    """Published fitness of end cells at pose (x, y, theta), in double."""
+    ny, nx = grid.shape
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    total = 0.0
+    for px, py in ends:
+        x = px * c - py * s + pose[0] + origin[0]
+        y = px * s + py * c + pose[1] + origin[1]
+        if min(x, y) - 1 < 50 or x + 1 >= nx - 50 or y + 1 >= ny - 50:
+            continue
+        i, j = int(x), int(y)
+        if grid[j, i] == 127:
+            continue
+        around = (grid[j, i - 1], grid[j, i + 1], grid[j - 1, i], grid[j + 1, i])
+        total += (10 * (255 - int(grid[j, i])) + sum(255 - int(v) for v in around)) / 255
+    return total / (14 * len(ends))
+
+
+def hill_climb(score, draws, disparity):
+    """Published search: best step (dx, dy, dth) and its fitness."""
+    d = disparity
+    best, best_step, step = 0.0, (0, 0, 0.0), (0, 0, 0.0)
+    for u, v, w in draws.tolist():
+        f = score(step)
+        if f > best:
+            best, best_step = f, step
+            turn = step[2] + (w - d // 2) / 90
+            step = (step[0] + u // 4 - d // 8, step[1] + v // 4 - d // 8, turn)
+        else:
+            step = (u // 2 - d // 4, v // 2 - d // 4, (w - d // 2) / 45)
+    return best_step, best
+
+
+def draw(grid, d, angles, pose, cell, m, rho, kappa):
+    """Published map update on a copy of bytes; pose (x, y) cells from the corner, theta."""
+    grid = grid.astype(int)
+    ny, nx = grid.shape
+    seen, first = set(), True
+    for r, a in zip(d, angles, strict=True):
+        end = (int(r / cell * math.cos(a)), int(r / cell * math.sin(a)))
+        if r == 0 or end in seen:
+            continue
+        seen.add(end)
+        length = int(r / cell)
+        for n in range(0 if first else 1, length + 3):
+            x = int(n * math.cos(pose[2] + a) + pose[0])
+            y = int(n * math.sin(pose[2] + a) + pose[1])
+            if min(x, y) < 50 or x >= nx - 50 or y >= ny - 50:
+                break
+            v = grid[y, x]
+            q = 1 - math.sqrt(abs(v - 127) / 128)
+            if n < length:
+                v = int(v + q * m * rho)
+            if length - 2 < n < length + 1:
+                v = int(v - q * m * kappa * rho)
+            grid[y, x] = v
+        first = False
+    return grid
+
+
+def fit_equations(walls, points, normals, spread, pose, rules):
+    """H (3, 3), g (3,), agreement of points with all wall elements (n, 5) in reach of a cell."""
+    gate, compat, noise2, lone2, lean2, k2, agree2, cell, corner = rules
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    rotation = np.array([[c, -s], [s, c]])
+    h, g, agreement = np.zeros((3, 3)), np.zeros(3), 0.0
+    for p, n, v in zip(points, normals, spread, strict=True):
+        lever, n = rotation @ p, rotation @ n
+        at = lever + pose[:2]
+        lone = not n.any()
+        best = None
+        for w in walls:
+            apart = np.floor((w[5:7] - corner) / cell) - np.floor((at - corner) / cell)
+            off = at - w[:2]
+            if abs(apart).max() > 1 or abs(w[2:4] @ off) >= gate:
+                continue
+            if not lone and w[2:4] @ n < compat:
+                continue
+            if best is None or off @ off < best[0]:
+                best = (off @ off, w, off)
+        if best is None:
+            continue
+        d2, w, off = best
+        if not w[2:4].any():
+            rows, residuals, variance = np.eye(2), off, lone2
+            e2 = d2 / lone2
+        else:
+            rows, residuals = w[2:4][None], np.array([w[2:4] @ off])
+            r2 = residuals[0] ** 2
+            variance = noise2 * (1 + 1 / w[4]) + (lone2 if lone else v / 2) + lean2 * (d2 - r2)
+            e2 = r2 / variance
+        weight = (k2 / (k2 + e2)) ** 2 / variance
+        jacobian = np.column_stack((rows, rows @ np.array([-lever[1], lever[0]])))
+        h += weight * jacobian.T @ jacobian
+        g += weight * jacobian.T @ residuals
+        agreement += agree2 / (agree2 + residuals @ residuals)
+    return h, g, agreement
+
+
+def wall_of(walls, at, normal, cell, corner, gate, compat):
+    """Key (ix, iy) of the wall element nearest to a point that it may lie on, and the distance."""
+    here = np.floor((at - corner) / cell).astype(int)
+    best = (None, math.inf)
+    for iy in range(here[1] - 1, here[1] + 2):
+        for ix in range(here[0] - 1, here[0] + 2):
+            w = walls.get((ix, iy))
+            if w is None or (normal.any() and w["normal"] @ normal < compat):
+                continue
+            off = at - w["mean"]
+            if abs(w["normal"] @ off) < gate and math.hypot(*off) < best[1]:
+                best = ((ix, iy), math.hypot(*off))
+    return best
+
+
+def insert(walls, points, normals, pose, grid, rules):
+    """End points join the wall elements of a dict or start new ones; returns the new keys."""
+    cell, corner = grid
+    gate, compat, most = rules
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    rotation = np.array([[c, -s], [s, c]])
+    new = []
+    for p, n in zip(points, normals, strict=True):
+        at, n = rotation @ p + pose[:2], rotation @ n
+        key, distance = wall_of(walls, at, n, cell, corner, gate, compat)
+        if key and distance < 0.6 * cell and walls[key]["normal"].any() == n.any():
+            w = walls[key]
+            w["weight"] = min(w["weight"] + 1, most)
+            w["mean"] = w["mean"] + (at - w["mean"]) / w["weight"]
+            if n.any():
+                mixed = w["normal"] + (n - w["normal"]) / w["weight"]
+                w["normal"] = mixed / math.hypot(*mixed)
+            continue
+        key = tuple(np.floor((at - corner) / cell).astype(int).tolist())
+        if key not in walls or (n.any() and not walls[key]["normal"].any()):
+            walls[key] = {"mean": at, "normal": n, "weight": 1}
+            new.append(key)
+    return new
+
+
+def draw_grey(grey, points, pose, grid, steps):
+    """Grey levels after one drawing: dict of the cells that change; and the cells on each way."""
+    step, corner = grid
+    white, black = steps
+
+    def shade(v, by):
+        gain = 1.0 - math.sqrt(abs(v)) if v * by > 0 else 1.0
+        return max(-1.0, min(1.0, v + gain * by))
+
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    start = np.array(pose[:2])
+    values, ended, last = {}, set(), None
+    for p in points:
+        end = start + np.array([c * p[0] - s * p[1], s * p[0] + c * p[1]])
+        length = math.hypot(*(end - start))
+        last_cell = tuple(np.floor((end - corner) / step).astype(int).tolist())
+        if last_cell == last:
+            continue
+        last = last_cell
+        for j in range(math.floor(length / step) - 1):
+            at = start + (end - start) / length * step * j
+            key = tuple(np.floor((at - corner) / step).astype(int).tolist())
+            if key not in values:
+                values[key] = shade(float(grey[key[1], key[0]]), white)
+        if last_cell not in ended:
+            ended.add(last_cell)
+            before = values.get(last_cell, float(grey[last_cell[1], last_cell[0]]))
+            values[last_cell] = shade(before, black)
+    return values
+
+
+def leverages(points, normals, variances, lone_variance):
+    """Share of each point in fixing (x, y, theta): trace of w J' J H^-1."""
+    blocks = []
+    for p, n, v in zip(points, normals, variances, strict=True):
+        rows, variance = (n[None], v) if n.any() else (np.eye(2), lone_variance)
+        jacobian = np.column_stack((rows, rows @ np.array([-p[1], p[0]])))
+        blocks.append(jacobian.T @ jacobian / variance)
+    inverse = np.linalg.inv(sum(blocks))
+    return np.array([np.trace(b @ inverse) for b in blocks])
+
+
+def spread_out(owed):
+    """Numbers of the points at which the running sum of debts passes a whole number."""
+    total, taken, picked = 0.0, 0, []
+    for i, debt in enumerate(owed):
+        total += min(debt, 1.0)
+        if math.floor(total) > taken:
+            picked.append(i)
+        taken = math.floor(total)
+    return picked

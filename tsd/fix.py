@@ -1,0 +1,45 @@
+"""What goes into a registration and what comes out."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from slams.types import Floats, Pose2
+
+
+class Start(NamedTuple):
+    """Predicted pose of the base, its deviation [m], [rad], and other poses worth a try."""
+
+    pose: Pose2
+    deviation: float
+    turn_deviation: float
+    others: tuple[Pose2, ...]
+
+
+class Fix(NamedTuple):
+    """A registered pose: whether to trust it, quality in [0, 1], wide start used.
+
+    `information` (3, 3) [1/m2, 1/(m rad), 1/rad2] holds the lower triangle of the normal
+    equations, zeros where there are none.
+    """
+
+    pose: Pose2
+    good: bool
+    quality: float
+    information: Floats
+    searched: bool = False
+
+    @classmethod
+    def none(cls, pose: Pose2) -> Fix:
+        """No match: the given pose, not to be trusted."""
+        return cls(pose, False, 0.0, np.zeros((3, 3)))
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance (3, 3) [m2, m rad, rad2]; inf where nothing is known."""
+        full = np.tril(self.information) + np.tril(self.information, -1).T
+        if np.linalg.matrix_rank(full) != 3:
+            return np.full((3, 3), np.inf)
+        return np.asarray(np.linalg.inv(full), np.float64)

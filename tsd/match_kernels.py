@@ -1,0 +1,118 @@
+"""Direct alignment of surface elements with the directional field: Gauss-Newton."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from slams.geometry import solve3
+from slams.jit import njit
+from slams.types import Floats
+from tsd.field_kernels import Field, facing, read_field
+
+ANNEAL = 2.0  # the robust scale follows the residual down, in residuals
+
+
+class MatchRule(NamedTuple):
+    """Iterations, steps [m, rad] below which to stop, robust scale [m], map's own error [m]."""
+
+    iterations: int
+    stop_translation: float
+    stop_rotation: float
+    robust: float
+    map_noise: float
+
+
+@njit
+def accumulate(
+    field: Field,
+    surfaces: Floats,
+    count: int,
+    pose: Floats,
+    rule: MatchRule,
+    robust: float,
+    out_H: Floats,
+    out_b: Floats,
+) -> tuple[float, float, float]:
+    """Normal equations of sum w rho(sd(T p)), the sum over all elements that the field knows.
+
+    ours: A1, residual = field value [m], Jacobian = the element's own normal. Returns how
+    many elements are known, how many close (robustly), and the rms of the known residuals [m].
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    known, close, squares = 0.0, 0.0, 0.0
+    scale = 1.0 / (robust * robust)
+    final_scale = 1.0 / (rule.robust * rule.robust)
+    out_H[:, :] = 0.0
+    out_b[:] = 0.0
+    floor = rule.map_noise * rule.map_noise
+    for k in range(count):
+        rx = c * surfaces[k, 0] - s * surfaces[k, 1]
+        ry = s * surfaces[k, 0] + c * surfaces[k, 1]
+        nx = c * surfaces[k, 2] - s * surfaces[k, 3]
+        ny = s * surfaces[k, 2] + c * surfaces[k, 3]
+        v, gx, gy = read_field(field, facing(nx, ny), pose[0] + rx, pose[1] + ry)
+        if v != v:
+            continue
+        w = 1.0 / (1.0 / surfaces[k, 4] + floor)
+        trust = 1.0 / (1.0 + v * v * scale)
+        known += 1.0
+        squares += v * v
+        close += 1.0 / (1.0 + v * v * final_scale)
+        w *= trust * trust
+        gx, gy = nx, ny
+        gt = gy * rx - gx * ry
+        out_H[0, 0] += w * gx * gx
+        out_H[1, 0] += w * gx * gy
+        out_H[1, 1] += w * gy * gy
+        out_H[2, 0] += w * gx * gt
+        out_H[2, 1] += w * gy * gt
+        out_H[2, 2] += w * gt * gt
+        out_b[0] -= w * gx * v
+        out_b[1] -= w * gy * v
+        out_b[2] -= w * gt * v
+    return known, close, math.sqrt(squares / max(known, 1.0))
+
+
+@njit
+def align(
+    field: Field,
+    surfaces: Floats,
+    count: int,
+    prior: Floats,
+    rule: MatchRule,
+    out_pose: Floats,
+    out_H: Floats,
+) -> tuple[float, float, float, int]:
+    """Gauss-Newton from out_pose (3,), which it moves.
+
+    ours: A1, A3. Returns known, close and residual as `accumulate`, and the iterations.
+    prior (3,): information [1/m2, 1/m2, 1/rad2] of the start itself, which holds the directions
+    that the scan does not see.
+    """
+    start_x, start_y, start_theta = out_pose[0], out_pose[1], out_pose[2]
+    b, dx = out_H[3], out_H[4]
+    known, close, residual = 0.0, 0.0, 0.0
+    used = 0
+    robust = 3.0 * rule.robust
+    for _ in range(rule.iterations):
+        known, close, residual = accumulate(
+            field, surfaces, count, out_pose, rule, robust, out_H[:3], b
+        )
+        robust = min(max(ANNEAL * residual, rule.robust), robust)
+        out_H[0, 0] += prior[0]
+        out_H[1, 1] += prior[1]
+        out_H[2, 2] += prior[2]
+        b[0] += prior[0] * (start_x - out_pose[0])
+        b[1] += prior[1] * (start_y - out_pose[1])
+        b[2] += prior[2] * (start_theta - out_pose[2])
+        used += 1
+        if not solve3(out_H, b, dx):
+            break
+        out_pose[0] += dx[0]
+        out_pose[1] += dx[1]
+        out_pose[2] += dx[2]
+        small = dx[0] * dx[0] + dx[1] * dx[1] < rule.stop_translation * rule.stop_translation
+        if small and abs(dx[2]) < rule.stop_rotation:
+            break
+    return known, close, residual, used

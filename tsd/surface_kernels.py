@@ -1,0 +1,199 @@
+"""From ranges to surfaces: hits in the base frame and the line through each hit's neighbourhood."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from slams.jit import FAST, njit
+from slams.types import Floats, Ranges
+
+
+class Beams(NamedTuple):
+    """A laser as the kernels see it; `directions` (n, 2) are unit vectors in the base frame."""
+
+    directions: Floats
+    mount_x: float
+    mount_y: float
+    mount_theta: float
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    time_increment: float
+
+
+class Twist(NamedTuple):
+    """Velocity of the base in its own frame [m/s, rad/s]."""
+
+    vx: float
+    vy: float
+    omega: float
+
+
+class SurfaceRule(NamedTuple):
+    """What counts as one surface: window [m], range noise [m], jump angle's cotangent."""
+
+    window: float
+    noise: float
+    max_slope: float
+    rough: float
+    beam_width: float
+
+
+@njit
+def find_hits(ranges: Ranges, beams: Beams, twist: Twist, out_hits: Floats) -> int:
+    """End points of all valid beams, moved to the middle of the scan (deskew).
+
+    ours: A4, D9. out_hits (n, 4): x, y [m] in the base frame, range [m], beam index.
+    """
+    count = 0
+    moving = beams.time_increment > 0.0
+    middle = 0.5 * (ranges.shape[0] - 1)
+    for i in range(ranges.shape[0]):
+        r = float(ranges[i])
+        if not (beams.range_min <= r < beams.range_max):
+            continue
+        x = beams.mount_x + r * beams.directions[i, 0]
+        y = beams.mount_y + r * beams.directions[i, 1]
+        if moving:
+            t = (i - middle) * beams.time_increment
+            c, s = math.cos(twist.omega * t), math.sin(twist.omega * t)
+            x, y = c * x - s * y + twist.vx * t, s * x + c * y + twist.vy * t
+        out_hits[count, 0] = x
+        out_hits[count, 1] = y
+        out_hits[count, 2] = r
+        out_hits[count, 3] = i
+        count += 1
+    return count
+
+
+@njit
+def find_runs(hits: Floats, count: int, beams: Beams, rule: SurfaceRule, out_runs: Floats) -> None:
+    """First and one-past-last hit of the unbroken surface every hit lies on.
+
+    ours: the published 3 degree jump test between neighbors, with room for range noise.
+    out_runs (n, 2).
+    """
+    start = 0
+    for k in range(1, count + 1):
+        broken = k == count
+        if not broken:
+            steps = hits[k, 3] - hits[k - 1, 3]
+            spacing = min(hits[k, 2], hits[k - 1, 2]) * abs(beams.angle_increment) * steps
+            jump = abs(hits[k, 2] - hits[k - 1, 2])
+            broken = steps > 3.0 or jump > rule.max_slope * spacing + 4.0 * rule.noise
+        if broken:
+            for j in range(start, k):
+                out_runs[j, 0] = start
+                out_runs[j, 1] = k
+            start = k
+
+
+@njit
+def sum_moments(hits: Floats, count: int, out_sums: Floats) -> None:
+    """Running sums of 1, x, y, xx, xy, yy, so that any window's moments cost O(1). ours: S6."""
+    out_sums[0, :] = 0.0
+    for k in range(count):
+        x, y = hits[k, 0], hits[k, 1]
+        out_sums[k + 1, 0] = out_sums[k, 0] + x
+        out_sums[k + 1, 1] = out_sums[k, 1] + y
+        out_sums[k + 1, 2] = out_sums[k, 2] + x * x
+        out_sums[k + 1, 3] = out_sums[k, 3] + x * y
+        out_sums[k + 1, 4] = out_sums[k, 4] + y * y
+
+
+@njit(fastmath=FAST)
+def fit_line(sums: Floats, a: int, b: int) -> tuple[float, float, float, float, float]:
+    """Total least squares line through hits a..b-1: center x, y, normal x, y, variance [m2].
+
+    ours: A5; PCA as in the published normals, by running sums.
+    """
+    n = float(b - a)
+    mx = (sums[b, 0] - sums[a, 0]) / n
+    my = (sums[b, 1] - sums[a, 1]) / n
+    xx = (sums[b, 2] - sums[a, 2]) / n - mx * mx
+    xy = (sums[b, 3] - sums[a, 3]) / n - mx * my
+    yy = (sums[b, 4] - sums[a, 4]) / n - my * my
+    half = 0.5 * (xx - yy)
+    root = math.sqrt(half * half + xy * xy) + 1e-300
+    variance = max(0.5 * (xx + yy) - root, 0.0)
+    tx = math.sqrt(max(0.5 * (1.0 + half / root), 0.0))
+    ty = math.copysign(math.sqrt(max(0.5 * (1.0 - half / root), 0.0)), xy)
+    return mx, my, -ty, tx, variance * n / max(n - 2.0, 0.5)
+
+
+@njit(fastmath=FAST)
+def fit_best_line(
+    sums: Floats, k: int, reach: int, first: int, last: int
+) -> tuple[float, float, float, float, float]:
+    """The line of hit k from the window around, before or after it: the smoothest one.
+
+    ours: near a corner one of the three windows lies on one surface only.
+    """
+    best = fit_line(sums, max(k - reach, first), min(k + reach + 1, last))
+    limit = 0.5 * best[4]
+    before, after = max(k - 2 * reach, first), min(k + 2 * reach + 1, last)
+    if k + 1 - before > 2 * min(reach, 1):
+        side = fit_line(sums, before, k + 1)
+        if side[4] < limit:
+            best, limit = side, side[4]
+    if after - k > 2 * min(reach, 1):
+        side = fit_line(sums, k, after)
+        if side[4] < limit:
+            best = side
+    return best
+
+
+@njit(fastmath=FAST)
+def fit_surfaces(
+    hits: Floats,
+    count: int,
+    runs: Floats,
+    sums: Floats,
+    beams: Beams,
+    rule: SurfaceRule,
+    spacing: float,
+    out_surfaces: Floats,
+) -> int:
+    """Surface elements every `spacing` metres: point on the local line, normal, information.
+
+    ours: A5, A6. out_surfaces (n, 6): x, y [m], normal x, y (towards the laser), information
+    [1/m2] of the beams it stands for, index of its hit.
+    """
+    n_elements = 0
+    k = 0
+    while k < count:
+        step_length = max(hits[k, 2] * abs(beams.angle_increment), 1e-6)
+        reach = max(int(rule.window / step_length), 2)
+        first, last = int(runs[k, 0]), int(runs[k, 1])
+        stride = min(max(int(spacing / step_length), 1), last - k)
+        center = k + stride // 2
+        rx, ry = beams.mount_x - hits[center, 0], beams.mount_y - hits[center, 1]
+        r = math.sqrt(rx * rx + ry * ry) + 1e-9
+        if last - first >= 3:
+            mx, my, nx, ny, variance = fit_best_line(sums, center, reach, first, last)
+            while variance > rule.rough and reach > 1:
+                reach = reach // 2
+                mx, my, nx, ny, variance = fit_best_line(sums, center, reach, first, last)
+            if variance > rule.rough:
+                mx, my = hits[center, 0], hits[center, 1]
+        else:
+            mx, my, nx, ny = hits[center, 0], hits[center, 1], rx / r, ry / r
+            variance = 9.0 * rule.noise * rule.noise
+        cosine = (rx * nx + ry * ny) / r
+        if cosine < 0.0:
+            nx, ny, cosine = -nx, -ny, -cosine
+        offset = nx * (hits[center, 0] - mx) + ny * (hits[center, 1] - my)
+        blur = rule.beam_width * step_length
+        floor = rule.noise * rule.noise * max(cosine * cosine, 0.04) + blur * blur
+        if cosine > 0.05:
+            out_surfaces[n_elements, 0] = hits[center, 0] - offset * nx
+            out_surfaces[n_elements, 1] = hits[center, 1] - offset * ny
+            out_surfaces[n_elements, 2] = nx
+            out_surfaces[n_elements, 3] = ny
+            out_surfaces[n_elements, 4] = stride / max(variance, floor)
+            out_surfaces[n_elements, 5] = center
+            n_elements += 1
+        k += stride
+    return n_elements
