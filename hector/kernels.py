@@ -74,13 +74,12 @@ class Window(NamedTuple):
 
 @njit
 def end_points(
-    ranges: Ranges, directions: Floats, mount: Pose2, limits: Limits, twist: Twist, out: Points
+    ranges: Ranges, directions: Floats, mount: Pose2, limits: Limits, out: Points
 ) -> tuple[int, float]:
-    """End points in the base frame at the first beam's time; how many, and the farthest [m].
+    """End points in the base frame and the beams they are of; how many, and the farthest [m].
 
-    [Kohlbrecher11] sec. IV-A, with the filters of the original node; the motion during the sweep
-    is taken out (ours: the original ignores it). ranges (b,) m, directions (b, 2) in the laser
-    frame, out (2, b) m.
+    [Kohlbrecher11] sec. IV-A, with the filters of the original node. ranges (b,) m, directions
+    (b, 2) in the laser frame, out (3, b): x, y [m], number of the beam.
     """
     c, s = math.cos(mount.theta), math.sin(mount.theta)
     n, far = 0, 0.0
@@ -91,23 +90,34 @@ def end_points(
         x, y = r * directions[i, 0], r * directions[i, 1]
         if x < 0.0 and r < limits.body:
             continue
-        bx, by = mount.x + c * x - s * y, mount.y + s * x + c * y
-        if twist.time_increment > 0.0:
-            t = i * twist.time_increment
-            turned = twist.turn * t
-            ct, st = math.cos(turned), math.sin(turned)
-            half = 0.5 * turned
-            ch, sh = math.cos(half), math.sin(half)
-            vx, vy = twist.vx * t, twist.vy * t
-            bx, by = ct * bx - st * by + ch * vx - sh * vy, st * bx + ct * by + sh * vx + ch * vy
-        out[0, n] = bx
-        out[1, n] = by
-        far = max(far, bx * bx + by * by)
+        x, y = mount.x + c * x - s * y, mount.y + s * x + c * y
+        out[0, n] = x
+        out[1, n] = y
+        out[2, n] = i
+        square = x * x + y * y
+        far = square if square > far else far
         n += 1
     return n, math.sqrt(far)
 
 
 @njit
+def deskew(points: Points, n: int, twist: Twist) -> None:
+    """Bring end points to the base frame at the first beam's time, in place.
+
+    ours: the original ignores that the robot moves during a sweep. points (3, >= n) of
+    `end_points`; the base moves on an arc, its chord turned by half the turn.
+    """
+    for i in range(n):
+        t = points[2, i] * twist.time_increment
+        turn = twist.turn * t
+        c, s = math.cos(turn), math.sin(turn)
+        ch, sh = math.cos(0.5 * turn), math.sin(0.5 * turn)
+        x, y, vx, vy = points[0, i], points[1, i], twist.vx * t, twist.vy * t
+        points[0, i] = c * x - s * y + ch * vx - sh * vy
+        points[1, i] = s * x + c * y + sh * vx + ch * vy
+
+
+@njit(inner=True)
 def interpolate(
     p: NDArray[np.float32], x: float, y: float, exact: bool
 ) -> tuple[float, float, float]:
@@ -144,7 +154,7 @@ class Solver(NamedTuple):
     exact: bool
 
 
-@njit(fastmath=FAST)  # 1.2 times as fast: sums may be regrouped
+@njit(fastmath=FAST, inner=True)  # 1.2 times as fast: sums may be regrouped
 def normal_equations(
     level: Level, points: Points, n: int, pose: Pose2, exact: bool, H: Floats, b: Floats
 ) -> float:
@@ -209,7 +219,7 @@ def gauss_newton(
     return Pose2(x, y, theta), score
 
 
-@njit
+@njit(inner=True)
 def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
     """A beam passed cell [v, u], once per scan: inverse sensor model, [Kohlbrecher11] sec. IV-A."""
     if level.stamp[v, u] < mark:
@@ -218,7 +228,7 @@ def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Updat
         level.p[v, u] = probability(level.log_odds[v, u], update.unknown)
 
 
-@njit
+@njit(inner=True)
 def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
     """A beam ended in cell [v, u], once per scan: [Kohlbrecher11] sec. IV-A.
 
@@ -234,7 +244,7 @@ def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: U
     level.p[v, u] = probability(level.log_odds[v, u], update.unknown)
 
 
-@njit
+@njit(inner=True)
 def probability(log_odds: float, unknown: float) -> float:
     """Probability as the matcher reads it, p = e^l / (1 + e^l); `unknown` for exactly 0. ours."""
     if log_odds == 0.0:
@@ -277,7 +287,8 @@ def insert(
             continue
         dx, dy = abs(bx - ax), abs(by - ay)
         sx, sy = (1 if bx > ax else -1), (1 if by > ay else -1)
-        steep, far, near = dy > dx, max(dx, dy), min(dx, dy)
+        steep = dy > dx
+        far, near = (dy, dx) if steep else (dx, dy)
         ix, iy, error = ax, ay, far // 2
         for _ in range(far):
             mark_free(level, np.uint64(ix), np.uint64(iy), mark, update)

@@ -30,7 +30,7 @@ def draw(path: Path) -> None:
     pyramid, scan = LogOddsPyramid(params), EndPoints(params)
     for _ in range(8):
         pyramid.insert(scan.take(_corner_scan(laser, rng), IDENTITY), IDENTITY)
-    points = OFF.transform(scan.points[:, : scan.n].T)
+    points = OFF.transform(scan.points[:2, : scan.n].T)
     figure = Figure(figsize=(10, 5), layout="constrained")
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     _occupancy(left, pyramid, points)

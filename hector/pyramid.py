@@ -23,7 +23,8 @@ POOL = 1 << 14
 class EndPoints:
     """End points of the scan at hand, in the base frame at the time of its first beam.
 
-    `points` (2, >= n) [m]; `far` [m] the farthest from the base; buffers serve every scan.
+    `points` (3, >= n): x, y [m], number of the beam; `far` [m] the farthest from the base; the
+    buffers serve every scan.
     """
 
     def __init__(self, params: HectorParams) -> None:
@@ -41,11 +42,12 @@ class EndPoints:
         laser = scan.laser
         if laser is not self._laser:
             self._adopt(laser, len(scan.ranges))
-        delay = laser.time_increment if self.params.deskew else 0.0
-        twist = Twist(velocity.x, velocity.y, velocity.theta, delay)
         self.n, self.far = kernels.end_points(
-            scan.ranges, self._directions, laser.mount, self._limits, twist, self.points
+            scan.ranges, self._directions, laser.mount, self._limits, self.points
         )
+        if self.sweeps:
+            twist = Twist(velocity.x, velocity.y, velocity.theta, laser.time_increment)
+            kernels.deskew(self.points, self.n, twist)
         return self
 
     def _adopt(self, laser: Laser, n_beams: int) -> None:
@@ -58,7 +60,7 @@ class EndPoints:
             self._size(n_beams)
 
     def _size(self, n_beams: int) -> None:
-        self.points = np.zeros((2, n_beams))
+        self.points = np.zeros((3, n_beams))
         self.normals = np.zeros((3, n_beams))
         self.moments = np.zeros((6, n_beams + 1))
 

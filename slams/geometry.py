@@ -8,13 +8,13 @@ from slams.jit import njit
 from slams.types import Floats
 
 
-@njit
+@njit(inner=True)
 def wrap_angle(angle: float) -> float:
     """The same direction in (-pi, pi] [rad]. ours: compiled twin of `slams.types.wrap_angle`."""
     return angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
 
 
-@njit
+@njit(inner=True)
 def solve3(H: Floats, b: Floats, out: Floats) -> bool:
     """Solve the symmetric H out = b by Cholesky; False if H is not positive definite.
 

@@ -59,11 +59,17 @@ F = TypeVar("F", bound=Callable[..., Any])
 @overload
 def njit(function: F) -> F: ...
 @overload
-def njit(*, fastmath: frozenset[str]) -> Callable[[F], F]: ...
-def njit(function: Any = None, *, fastmath: frozenset[str] = frozenset()) -> Any:
-    """Compile lazily, cache on disk, release the GIL. Use bare or with `fastmath=FAST`."""
+def njit(*, fastmath: frozenset[str] = ..., inner: bool = ...) -> Callable[[F], F]: ...
+def njit(
+    function: Any = None, *, fastmath: frozenset[str] = frozenset(), inner: bool = False
+) -> Any:
+    """Compile lazily, cache on disk, release the GIL. Use bare or with `fastmath=FAST`.
+
+    A kernel that only kernels call is `inner`: it stands in its callers' cache files and needs
+    none of its own, which takes a third of its compile time off.
+    """
     options: dict[str, Any] = {
-        "cache": True,
+        "cache": not inner,
         "nogil": True,
         "error_model": "numpy",
         "fastmath": set(fastmath) if fastmath else False,

@@ -17,7 +17,6 @@ from tests.rooms import CORRIDOR, ROOM, cast, drive, laser, mirrored, scan_at
 
 FREE, OCCUPIED = math.log(0.4 / 0.6), math.log(0.9 / 0.1)
 UPDATE = Update(FREE, OCCUPIED, 50.0, 0.0)
-STILL = Twist(0.0, 0.0, 0.0, 0.0)
 GN = Solver(20, 0.3, 0.2, 1e-6, 0.0, True)
 
 
@@ -45,13 +44,11 @@ def test_end_points_filters_mounts_and_measures():
     lidar = laser(5, fov=math.pi, mount=Pose2(0.2, 0.1, math.pi / 2))
     ranges = np.array([1.0, np.nan, np.inf, 0.3, 2.0], np.float32)
     ranges.flags.writeable = False
-    out = np.zeros((2, 5))
-    n, far = kernels.end_points(
-        ranges, lidar.directions, lidar.mount, Limits(0.4, 30.0, 0.0), STILL, out
-    )
+    out = np.zeros((3, 5))
+    n, far = kernels.end_points(ranges, lidar.directions, lidar.mount, Limits(0.4, 30.0, 0.0), out)
     assert n == 2
-    assert out[:, 0] == pytest.approx([1.2, 0.1])  # beam at -90 deg, turned by the mount
-    assert out[:, 1] == pytest.approx([-1.8, 0.1])
+    assert out[:, 0] == pytest.approx([1.2, 0.1, 0.0])  # beam at -90 deg, turned by the mount
+    assert out[:, 1] == pytest.approx([-1.8, 0.1, 4.0])
     assert far == pytest.approx(math.hypot(1.8, 0.1))
 
 
@@ -59,9 +56,9 @@ def test_the_body_filter_hides_near_ends_behind():
     lidar = laser(3, fov=2.0 * math.pi * 2 / 3)
     ranges = np.array([0.6, 0.6, 0.8], np.float32)
     ranges.flags.writeable = False
-    out = np.zeros((2, 3))
+    out = np.zeros((3, 3))
     limits = Limits(0.1, 30.0, 0.7071)
-    n, _ = kernels.end_points(ranges, lidar.directions, lidar.mount, limits, STILL, out)
+    n, _ = kernels.end_points(ranges, lidar.directions, lidar.mount, limits, out)
     assert n == 2
 
 
@@ -74,13 +71,13 @@ def test_a_moving_sweep_is_brought_to_the_first_beams_time():
         one = dataclasses.replace(lidar, angle_min=lidar.angles[i], n_beams=1)
         ranges[i] = cast(ROOM, pose, one)[0]
     ranges.flags.writeable = False
-    out, still = np.zeros((2, 541)), np.zeros((2, 541))
-    args = (ranges, lidar.directions, lidar.mount, Limits(0.1, 30.0, 0.0))
-    n, _ = kernels.end_points(*args, Twist(*velocity, delay), out)
-    kernels.end_points(*args, STILL, still)
+    out = np.zeros((3, 541))
+    limits = Limits(0.1, 30.0, 0.0)
+    n, _ = kernels.end_points(ranges, lidar.directions, lidar.mount, limits, out)
     assert n == 541
-    assert distance_to_walls(out).max() < 2e-3
-    assert distance_to_walls(still).max() > 0.1
+    assert distance_to_walls(out[:2]).max() > 0.1
+    kernels.deskew(out, n, Twist(*velocity, delay))
+    assert distance_to_walls(out[:2]).max() < 2e-3
 
 
 def exponential(velocity, t):
@@ -242,7 +239,7 @@ def normals_of(scan):
     surface_kernels.scan_normals(
         points.points, points.n, points.mount, points.step, 0.05, points.moments, points.normals
     )
-    return points.points[:, : points.n], points.normals[:, : points.n]
+    return points.points[:2, : points.n], points.normals[:, : points.n]
 
 
 def test_scan_normals_stand_on_the_walls_and_face_the_sensor():
@@ -260,7 +257,7 @@ def test_scan_normals_equal_a_total_least_squares_fit():
     points = np.stack([x, 2.0 + 0.3 * x + rng.normal(0.0, 0.001, 13)])
     out, moments = np.zeros((3, 13)), np.zeros((6, 14))
     surface_kernels.scan_normals(points, 13, IDENTITY, 0.005, 0.05, moments, out)
-    half = int(0.05 / (0.005 * math.hypot(*points[:, 6]) + 1e-6))
+    half = 2 + int(0.05 / (0.005 * math.hypot(*points[:, 6]) + 1e-6))
     window = points[:, 6 - half : 7 + half]
     _, vectors = np.linalg.eigh(np.cov(window))
     normal = vectors[:, 0] * -np.sign(vectors[:, 0] @ points[:, 6])
@@ -374,7 +371,7 @@ def test_line_equations_equal_their_twin():
 
     H, b = np.zeros((3, 3)), np.zeros(3)
     surface_kernels.line_equations(surface, points.points, points.n, IDENTITY, pose, 400.0, H, b)
-    used = points.points[:, : points.n]
+    used = points.points[:2, : points.n]
     expected_H, expected_b = naive.line_sums(lines_at, used, IDENTITY, np.array(pose), 400.0)
     assert pytest.approx(expected_H, rel=1e-4, abs=1e-6) == H
     assert b == pytest.approx(expected_b, rel=1e-4, abs=1e-4)
