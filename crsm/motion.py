@@ -37,11 +37,15 @@ class Motion:
     def moved(self, step: Pose2, scan: Scan) -> None:
         """The robot made `step` until this scan."""
         self.step = step
-        duration = math.inf if self._last is None else scan.t - self._last.t
-        self.velocity = IDENTITY
-        if 0.0 < duration < LONGEST_TIME:
-            self.velocity = Pose2(*(v / duration for v in step))
+        self.velocity = self.velocity_of(step, scan)
         self._last = scan
+
+    def velocity_of(self, step: Pose2, scan: Scan) -> Pose2:
+        """Velocity [m/s, rad/s] of a robot that makes `step` until this scan."""
+        duration = math.inf if self._last is None else scan.t - self._last.t
+        if not 0.0 < duration < LONGEST_TIME:
+            return IDENTITY
+        return Pose2(*(v / duration for v in step))
 
     def _measured(self, scan: Scan) -> Pose2 | None:
         """The step by odometry since the last scan, if both had it and it is possible."""

@@ -63,6 +63,11 @@ class ScanReader:
         return self._rays
 
     @property
+    def sweeps(self) -> bool:
+        """The beams are measured one after the other."""
+        return self.laser.time_increment > 0.0
+
+    @property
     def is_usable(self) -> bool:
         """There is enough to see to be matched."""
         return self.m >= LEAST_POINTS

@@ -68,6 +68,8 @@ class Crsm:
         if view.is_usable and not self._map.is_empty:
             start = self._start(view, predictions)  # 2
             fitted, self.quality = self._fit(view, start)  # 3
+            if view.sweeps:
+                fitted, self.quality = self._fit(*self._seen_again(scan, fitted))
             pose = fitted if self._is_trusted(fitted) else pose
         self._motion.moved(self.pose.between(pose), scan)
         self.pose = pose
@@ -96,6 +98,13 @@ class Crsm:
             self._reader = ScanReader(self.params, scan.laser)
         self._reader.read(scan, self._motion.velocity)
         return self._reader
+
+    def _seen_again(self, scan: Scan, pose: Pose2) -> tuple[ScanReader, Floats]:
+        """Step 1 again with the velocity that was found, and that pose as the start."""
+        assert self._reader is not None
+        velocity = self._motion.velocity_of(self.pose.between(pose), scan)
+        self._reader.read(scan, velocity)
+        return self._reader, np.array([*(pose @ scan.laser.mount), 0.0])
 
     def _start(self, view: ScanReader, predictions: list[Pose2]) -> Floats:
         """Step 2, first guess: the prediction whose critical rays fit best, if they differ."""
