@@ -40,7 +40,8 @@ def main(argv: list[str] | None = None) -> int:
 
 def readmes() -> list[Path]:
     """Every README with generated parts."""
-    return [ROOT / "README.md", *sorted(ROOT.glob("*/README.md"))]
+    packages = sorted(path.parent for path in ROOT.glob("*/slam.py"))
+    return [ROOT / "README.md", *(package / "README.md" for package in packages)]
 
 
 def adopt(folder: Path) -> None:
