@@ -30,6 +30,7 @@ class Motion:
         self._pose = IDENTITY
         self._step = IDENTITY
         self._step_dt = 0.0
+        self._by_stamps = IDENTITY
         self.dt = 0.0
         self._mean_dt = 0.0
         self._error_by_stamps = 0.0
@@ -42,6 +43,7 @@ class Motion:
         if self._before is None:
             return pose
         self.dt = self._interval(scan.t - self._before.t)
+        self._by_stamps = self._scaled_step()
         step = self._expected(self._before, scan)
         self.velocity = _per_second(step, self.dt)
         return pose if self._source == "last" else pose @ step
@@ -49,7 +51,7 @@ class Motion:
     def moved(self, pose: Pose2, scan: Scan) -> None:
         """Learn the pose that was found for the scan."""
         step = self._pose.between(pose)
-        self._error_by_stamps = _recent(self._error_by_stamps, step, self._by_stamps())
+        self._error_by_stamps = _recent(self._error_by_stamps, step, self._by_stamps)
         self._error_by_count = _recent(self._error_by_count, step, self._step)
         self._step, self._step_dt = step, self.dt
         self._before = scan
@@ -63,13 +65,13 @@ class Motion:
             self.odometry += 1
             return before.odometry.between(scan.odometry)
         trusted = self._error_by_stamps <= self._error_by_count
-        step = self._by_stamps() if trusted else self._step
+        step = self._by_stamps if trusted else self._step
         if self._source != "last" and before.yaw is not None and scan.yaw is not None:
             self.gyro += 1
             step = step._replace(theta=float(wrap_angle(scan.yaw - before.yaw)))
         return step
 
-    def _by_stamps(self) -> Pose2:
+    def _scaled_step(self) -> Pose2:
         """The last step at the same velocity over the present interval."""
         if self._step_dt <= 0.0:
             return self._step
