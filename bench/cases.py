@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bench import metrics
+from bench import loss, metrics
+from bench.statistics import mean_interval
+from bench.timing import LiveScans, PeakMemory, cost
+from slams.formats.source import SourceOptions
 from slams.params import Params
 from slams.player import Run, replay, warm_up
 from slams.registry import find
@@ -22,16 +25,23 @@ WARM_UP_SCANS = 4
 
 @dataclass(frozen=True)
 class Choice:
-    """Which part of a log is used, and the seed of every algorithm."""
+    """Which part of a log is used and how; the seed of every algorithm.
+
+    `realtime` also replays each log as a live node would see it; `slower` is how many times slower
+    than this machine's the core of that node is; `options` say how a recorded log is read.
+    """
 
     limit: int | None = None
     every: int = 1
     odometry: bool = True
     seed: int | None = None
+    realtime: bool = False
+    slower: float = 5.0
+    options: SourceOptions | None = None
 
     def log(self, path: str | Path) -> ScanLog:
         """The chosen part of the log at `path`."""
-        return load(path).select(self.limit, self.every, self.odometry)
+        return load(path, self.options).select(self.limit, self.every, self.odometry)
 
 
 @dataclass(frozen=True)
@@ -39,10 +49,12 @@ class Outcome:
     """What came of one case; a failed one has only its row."""
 
     row: dict[str, Any]
-    t: Floats
-    poses: Floats
-    grid: OccupancyGrid | None
-    errors: metrics.UpdateErrors | None
+    t: Floats = field(default_factory=lambda: np.zeros(0))
+    poses: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    seconds: Floats = field(default_factory=lambda: np.zeros(0))
+    grid: OccupancyGrid | None = None
+    common: metrics.Common | None = None
+    errors: dict[str, metrics.SpanErrors] = field(default_factory=dict)
 
 
 def run_case(label: str, path: str, choice: Choice, relations: Floats | None = None) -> Outcome:
@@ -52,54 +64,123 @@ def run_case(label: str, path: str, choice: Choice, relations: Floats | None = N
         return _outcome(label, log, choice, relations)
     except Exception as error:  # an outsider's algorithm may raise anything; the others go on
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        none = np.zeros(0)
-        row = {"algorithm": label, "log": log.name, "failed": reason}
-        return Outcome(row, none, none.reshape(0, 3), None, None)
+        return Outcome({"algorithm": label, "log": log.name, "failed": reason})
 
 
 def _outcome(label: str, log: ScanLog, choice: Choice, relations: Floats | None) -> Outcome:
     entry = find(label)
     params = _params(entry.params(), choice)
-    start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
-    slam: Slam = entry.cls(params)
-    run = replay(slam, log)
+    with PeakMemory() as memory:
+        start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
+        slam: Slam = entry.cls(params)
+        run = replay(slam, log)
+        grid = slam.map()
     row = summarize(run, log, label, params, start_up_s) | {"failed": None}
-    errors = _against_truth(run, log)
-    row["per_update"] = None if errors is None else _tables(errors)
-    row["relations"] = None if relations is None else _relations(run, relations)
-    return Outcome(row, run.t, run.poses, slam.map(), errors)
+    row["cost"] = cost(run.seconds, row["duration_s"], choice.slower) | {
+        "compile_s": row["compile_s"],
+        "peak_memory_mb": memory.mb,
+    }
+    common = _common(run, log)
+    errors = {} if common is None else _span_errors(common)
+    row["errors"] = None if common is None else _against_truth(common, errors, row["errors"])
+    found = None if relations is None else metrics.relation_errors(run.t, run.poses, relations)
+    row["relations"] = None
+    if relations is not None and found is not None:
+        row["relations"] = _relations(found, len(relations))
+    row["loss"] = _losses(common, found, run)
+    if choice.realtime:
+        row["live"] = _live(entry.cls(params), log, choice)
+    return Outcome(row, run.t, run.poses, run.seconds, grid, common, errors)
 
 
 def _params(params: Params, choice: Choice) -> Params:
     return params if choice.seed is None else params.replace(seed=choice.seed)
 
 
-def _against_truth(run: Run, log: ScanLog) -> metrics.UpdateErrors | None:
+def _common(run: Run, log: ScanLog) -> metrics.Common | None:
     truth = log.truth_at(run.t)
     if truth is None:
         return None
-    errors = metrics.update_errors(run.t, run.poses, truth)
-    return errors if len(errors.t) else None
+    common = metrics.common(run.t, run.poses, truth)
+    return common if len(common.t) > 1 else None
 
 
-def _tables(errors: metrics.UpdateErrors) -> dict[str, Any]:
-    """[Kuehn] Tables I and II, and the SE(2) relative error beside them."""
+def _span_errors(common: metrics.Common) -> dict[str, metrics.SpanErrors]:
+    found = {span.name: metrics.span_errors(common, span) for span in metrics.SPANS}
+    return {name: errors for name, errors in found.items() if errors is not None}
+
+
+def _against_truth(
+    common: metrics.Common, errors: dict[str, metrics.SpanErrors], absolute: dict[str, Any]
+) -> dict[str, Any]:
+    """[Kuehn] Tables I and II over every span, with how sure the means are; ATE and drift."""
+    driven = float(loss.way(common.truth)[-1])
     return {
-        "updates": len(errors.t),
-        "dropped": errors.dropped,
-        "translation_m": moments(errors.translation),
-        "orientation_rad": moments(errors.orientation),
-        "se2_translation_m": moments(errors.se2_translation),
-        "se2_rotation_rad": moments(errors.se2_rotation),
+        "dropped": common.dropped,
+        "spans": {name: _moments(found) for name, found in errors.items()},
+        "ate_m": absolute["ate_m"],
+        "end_m": absolute["end_m"],
+        "drift": absolute["end_m"] / driven if driven > 0.0 else None,
     }
 
 
-def _relations(run: Run, relations: Floats) -> dict[str, Any]:
-    translation, rotation, used = metrics.relation_errors(run.t, run.poses, relations)
-    result: dict[str, Any] = {"used": used, "given": len(relations)}
-    if used:
-        result |= {"translation_m": moments(translation), "rotation_rad": moments(rotation)}
+def _moments(errors: metrics.SpanErrors) -> dict[str, Any]:
+    named = {
+        "translation_m": errors.translation,
+        "orientation_rad": errors.orientation,
+        "se2_translation_m": errors.se2_translation,
+    }
+    return {"n": len(errors.t)} | {key: _sure(values) for key, values in named.items()}
+
+
+def _sure(values: Floats) -> dict[str, float]:
+    """Moments, and the 95 % interval of the mean."""
+    interval = mean_interval(values)
+    return moments(values) | {"low": interval.low, "high": interval.high}
+
+
+def _relations(found: metrics.RelationErrors, given: int) -> dict[str, Any]:
+    """[Kuemmerle09]: absolute and squared errors, all relations and local and loops apart."""
+    result: dict[str, Any] = {"used": len(found.t), "given": given}
+    parts = {"all": np.ones(len(found.t), bool), "local": ~found.loop, "loop": found.loop}
+    for name, part in parts.items():
+        if part.any():
+            translation, rotation = found.translation[part], found.rotation[part]
+            result[name] = {
+                "used": int(part.sum()),
+                "translation_m": moments(translation),
+                "rotation_rad": moments(rotation),
+                "translation_m2": moments(translation**2),
+                "rotation_rad2": moments(rotation**2),
+            }
     return result
+
+
+def _losses(
+    common: metrics.Common | None, found: metrics.RelationErrors | None, run: Run
+) -> dict[str, Any]:
+    """Whether the run was lost: by each witness there is, and by the best of them."""
+    verdicts: dict[str, Any] = {"report": loss.by_report(run.report, len(run))}
+    if found is not None and len(found.t):
+        verdicts["relations"] = loss.by_relations(found, float(run.t.min()))
+    if common is not None:
+        verdicts["truth"] = loss.by_truth(common)
+    best = next(name for name in ("truth", "relations", "report") if name in verdicts)
+    return verdicts | {"lost": verdicts[best]["lost"], "by": best}
+
+
+def _live(slam: Slam, log: ScanLog, choice: Choice) -> dict[str, Any]:
+    """The same log as a live node would see it: what was dropped, and what that did."""
+    scans = LiveScans(log, choice.slower)
+    run = replay(slam, scans)
+    common = _common(run, log)
+    errors = {} if common is None else _span_errors(common)
+    return {
+        "dropped": scans.dropped,
+        "share": scans.dropped / len(log),
+        "errors": {name: _moments(found) for name, found in errors.items()},
+        "loss": _losses(common, None, run),
+    }
 
 
 def read_relations(path: str | Path) -> Floats:
@@ -107,18 +188,26 @@ def read_relations(path: str | Path) -> Floats:
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it has other columns.
+        ValueError: it has no relation, other columns, or no numbers.
     """
+    text = Path(path).read_text(encoding="utf-8", errors="replace")
+    rows = [line.split() for line in text.splitlines() if line.strip()]
+    if not rows:
+        raise ValueError(f"{path}: no relation in it; expected lines t1 t2 x y z roll pitch yaw")
+    widths = {len(row) for row in rows}
+    if widths != {8}:
+        raise ValueError(
+            f"{path}: got lines of {', '.join(map(str, sorted(widths)))} columns, "
+            "expected t1 t2 x y z roll pitch yaw"
+        )
     try:
-        table = np.loadtxt(path, ndmin=2)
+        table = np.array(rows, dtype=np.float64)
     except ValueError as error:
         raise ValueError(f"{path}: not a relations file ({error})") from error
-    if table.shape[1] != 8:
-        raise ValueError(
-            f"{path}: got {table.shape[1]} columns, expected t1 t2 x y z roll pitch yaw"
-        )
-    rows: Floats = table[:, [0, 1, 2, 3, 7]]
-    return rows
+    if not np.isfinite(table).all():
+        raise ValueError(f"{path}: got numbers that are not finite, expected seconds and meters")
+    chosen: Floats = table[:, [0, 1, 2, 3, 7]]
+    return chosen
 
 
 def write_results(path: Path, results: dict[str, Any]) -> None:

@@ -20,11 +20,12 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0
 CLASSES = 8
 
 
-def histograms(errors: dict[str, Floats], kind: str, path: Path) -> None:
+def histograms(errors: dict[str, Floats], kind: str, limit: float | None, path: Path) -> None:
     """[Kuehn] Fig. 2 (kind "translation") or 3 ("orientation"): shares of updates per class.
 
     Beside the paper's classes of 0.025 m or 0.05 rad the same errors as cumulative shares on a
-    logarithmic scale: good algorithms never leave the first class.
+    logarithmic scale: good algorithms never leave the first class. `limit` is the mean error of two
+    fixes at the Cramer-Rao bound. Writes `path` with the endings png and pdf.
     """
     width, unit, scale = (
         (TRANSLATION_CLASS, "mm", 1e3)
@@ -62,6 +63,8 @@ def histograms(errors: dict[str, Floats], kind: str, path: Path) -> None:
         ylabel="share of updates below",
         ylim=(0, 1),
     )
+    if limit:
+        curves.axvline(limit * scale, color="0.3", linestyle=":", label="Cramer-Rao bound, mean")
     curves.grid(visible=True, which="both", alpha=0.25)
     curves.legend(loc="upper left", fontsize=8)
     _save(figure, path)
@@ -72,7 +75,8 @@ def maps(
 ) -> None:
     """[Kuehn] Fig. 4: the maps side by side, each with its path; the true path dashed.
 
-    paths (n, 3) and truth (m, 3) in each map's own frame, that of the first scan.
+    paths (n, 3) and truth (m, 3) in each map's own frame, that of the first scan. Writes `path`
+    with the endings png and pdf.
     """
     columns = min(3, len(grids))
     rows = -(-len(grids) // columns)
@@ -117,4 +121,7 @@ def _limits(way: Floats, margin: float = 6.0) -> dict[str, tuple[float, float]]:
 
 
 def _save(figure: Figure, path: Path) -> None:
-    FigureCanvasAgg(figure).print_figure(path, dpi=110)
+    """As png to look at and as pdf to print; no date inside: same figure, same bytes."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.print_figure(path.with_suffix(".png"), dpi=110, metadata={"Software": None})
+    canvas.print_figure(path.with_suffix(".pdf"), metadata={"CreationDate": None})

@@ -7,75 +7,138 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.metrics import between, from_first, relative_errors
+from slams.metrics import (
+    Indices,
+    between,
+    from_first,
+    pair_errors,
+    pairs_over_time,
+    pairs_over_way,
+)
 from slams.types import Floats, wrap_angle
 
 TRANSLATION_CLASS = 0.025  # m, [Kuehn] Fig. 2
 ORIENTATION_CLASS = 0.05  # rad, [Kuehn] Fig. 3
+LOOP = 20.0  # s, relations between stamps further apart are loops; the files do not tell
 
 
-class UpdateErrors(NamedTuple):
-    """Errors of each pose update, from the second pose on: stamps [s], [m], [rad], [m], [rad].
+class Span(NamedTuple):
+    """Over what an error is taken: every update, `seconds`, or `meters` of the true path."""
 
-    `translation` and `orientation` are the paper's; `se2_translation` and `se2_rotation` those of
-    the relative motion in the body frame. `dropped` updates lie outside the truth.
+    name: str
+    seconds: float = 0.0
+    meters: float = 0.0
+
+
+# the paper's rate of updates differs from program to program: time and way do not
+SPANS = (
+    Span("update"),
+    Span("0.1 s", seconds=0.1),
+    Span("1 s", seconds=1.0),
+    Span("10 s", seconds=10.0),
+    Span("1 m", meters=1.0),
+)
+
+
+class Common(NamedTuple):
+    """Poses that have a truth, both trajectories (n, 3) seen from the first of them.
+
+    `t` (n,) [s]; `dropped` poses lie outside the truth, which is never extrapolated.
+    """
+
+    t: Floats
+    estimate: Floats
+    truth: Floats
+    dropped: int
+
+
+class SpanErrors(NamedTuple):
+    """Errors of the motion over one span, one value per pair of poses, (k,) each.
+
+    `t` [s] stamp of the pair's second pose; `translation` [m] and `orientation` [rad] are the
+    paper's differences of components in the common frame; `se2_translation` [m] is that of the
+    motion seen from its own start. A turn's error is the same in both.
     """
 
     t: Floats
     translation: Floats
     orientation: Floats
     se2_translation: Floats
-    se2_rotation: Floats
-    dropped: int
 
 
-def component_errors(estimate: Floats, truth: Floats) -> tuple[Floats, Floats]:
-    """[Kuehn] eq. 1-3: eps = |dg - dp| with dp = p[t-1] - p[t] and dg likewise, in the map frame.
+def common(t: Floats, estimate: Floats, truth: Floats) -> Common:
+    """Make frames common by the first pose with a truth; truth (n, 3) has rows of nan for none."""
+    covered = ~np.isnan(truth[:, 0])
+    dropped = len(t) - int(covered.sum())
+    if dropped == len(t):
+        return Common(t[:0], estimate[:0], truth[:0], dropped)
+    return Common(t[covered], from_first(estimate[covered]), from_first(truth[covered]), dropped)
 
-    Translation (n - 1,) [m] and orientation (n - 1,) [rad] apart. Both trajectories must be given
-    in one frame.
+
+def component_errors(
+    estimate: Floats, truth: Floats, first: Indices, second: Indices
+) -> tuple[Floats, Floats]:
+    """[Kuehn] eq. 1-3: eps = |dg - dp| with dp = p[first] - p[second] and dg likewise.
+
+    Translation (k,) [m] and orientation (k,) [rad] apart, in the frame both trajectories share.
     """
-    dp, dg = estimate[:-1] - estimate[1:], truth[:-1] - truth[1:]
+    dp, dg = estimate[first] - estimate[second], truth[first] - truth[second]
     translation: Floats = np.hypot(dg[:, 0] - dp[:, 0], dg[:, 1] - dp[:, 1])
     return translation, np.abs(wrap_angle(dg[:, 2] - dp[:, 2]))
 
 
-def update_errors(t: Floats, estimate: Floats, truth: Floats) -> UpdateErrors:
-    """All per-update errors of an estimate (n, 3) against the truth at its stamps, nan = none.
+def pairs(common: Common, span: Span) -> tuple[Indices, Indices]:
+    """Indices (k,), (k,) of the poses a span apart."""
+    if span.seconds:
+        return pairs_over_time(common.t, span.seconds)
+    if span.meters:
+        return pairs_over_way(common.truth, span.meters)
+    n = len(common.t)
+    return np.arange(max(n - 1, 0)), np.arange(1, n)
 
-    The frames are made common by the first pose that has a truth: both trajectories are seen from
-    it. Updates without a truth at either end are dropped and counted.
-    """
-    covered = ~np.isnan(truth[:, 0])
-    dropped = len(t) - int(covered.sum())
-    t, estimate, truth = t[covered], estimate[covered], truth[covered]
-    if len(t) < 2:
-        none = np.zeros(0)
-        return UpdateErrors(none, none, none, none, none, dropped)
-    paper = component_errors(from_first(estimate), from_first(truth))
-    return UpdateErrors(t[1:], *paper, *relative_errors(estimate, truth, 1), dropped)
+
+def span_errors(common: Common, span: Span) -> SpanErrors | None:
+    """All errors over a span; None where no two poses are that far apart."""
+    first, second = pairs(common, span)
+    if not len(first):
+        return None
+    paper = component_errors(common.estimate, common.truth, first, second)
+    se2, _ = pair_errors(common.estimate, common.truth, first, second)
+    return SpanErrors(common.t[second], *paper, se2)
+
+
+class RelationErrors(NamedTuple):
+    """Errors of the relations used, (k,) each [m], [rad]; `loop` those between far stamps."""
+
+    t: Floats
+    translation: Floats
+    rotation: Floats
+    loop: NDArray[np.bool_]
 
 
 def relation_errors(
     t: Floats, poses: Floats, relations: Floats, tolerance: float = 5e-4
-) -> tuple[Floats, Floats, int]:
+) -> RelationErrors:
     """[Kuemmerle09]: error of each relation, inverse(relation) @ (inverse(pose t1) @ pose t2).
 
     Args:
         t: stamps (n,) [s]; they may jump back.
         poses: poses (n, 3) at the stamps.
         relations: rows t1 t2 x y theta (k, 5).
-        tolerance: how far a stamp may be from a relation's [s].
-
-    Returns:
-        Lengths [m] and turns [rad] of the errors, and how many relations had both stamps.
+        tolerance: how far a stamp may be from a relation's [s]; others are left out.
     """
     first, found_first = _nearest(t, relations[:, 0], tolerance)
     second, found_second = _nearest(t, relations[:, 1], tolerance)
     used = np.logical_and(found_first, found_second)
     moved = between(poses[first[used]], poses[second[used]])
     error = between(relations[used, 2:5], moved)
-    return np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2]), int(used.sum())
+    stamps = relations[used, :2]
+    return RelationErrors(
+        stamps.max(axis=1),
+        np.hypot(error[:, 0], error[:, 1]),
+        np.abs(error[:, 2]),
+        np.abs(stamps[:, 1] - stamps[:, 0]) > LOOP,
+    )
 
 
 def class_shares(values: Floats, width: float, classes: int) -> Floats:

@@ -1,7 +1,7 @@
 """python -m bench.readme: the generated parts of the READMEs, from results and parameters.
 
-A part stands between `<!-- results -->`, `<!-- relations -->` or `<!-- parameters: NAME -->` and
-`<!-- end -->`.
+A part stands between `<!-- results -->`, `<!-- relations -->`, `<!-- ranking -->` or
+`<!-- parameters: NAME -->` and `<!-- end -->`.
 """
 
 from __future__ import annotations
@@ -19,8 +19,12 @@ PROGRAM = "bench.readme"
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "bench" / "readme_results.json"
 RELATIONS = ROOT / "bench" / "readme_relations.json"
+RANKING = ROOT / "bench" / "readme_ranking.json"
 PICTURES = ("fig2_translation.png", "fig4_maps.png")
-PART = re.compile(r"(<!-- (results|relations|parameters: (\w+)) -->\n).*?(<!-- end -->)", re.DOTALL)
+SHOWN = ("translation", "orientation", "spans", "bound", "overview", "maps", "cost")
+PART = re.compile(
+    r"(<!-- (results|relations|ranking|parameters: (\w+)) -->\n).*?(<!-- end -->)", re.DOTALL
+)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -45,7 +49,13 @@ def readmes() -> list[Path]:
 
 
 def adopt(folder: Path) -> None:
-    """Make a comparison the README's: with relations for the real logs, else the main one."""
+    """Make a folder's results the README's.
+
+    One of bench.ranking, one of bench.compare with relations for the real logs, else the main one.
+    """
+    if (folder / "ranking.json").exists():
+        shutil.copyfile(folder / "ranking.json", RANKING)
+        return
     found = read_results(folder / "results.json")
     if not any(row.get("relations") for row in found["rows"]):
         shutil.copyfile(folder / "results.json", RESULTS)
@@ -56,7 +66,7 @@ def adopt(folder: Path) -> None:
     log = found["logs"][0]["name"]
     key = f"{log}, {'with' if found['odometry'] else 'without'} odometry"
     known[key] = {
-        row["algorithm"]: {"relations": row["relations"], "cpu_ms_per_scan": row["cpu_ms_per_scan"]}
+        row["algorithm"]: {"relations": row["relations"], "loss": row["loss"]}
         for row in found["rows"]
         if not row["failed"]
     }
@@ -67,7 +77,7 @@ def rendered(text: str) -> str:
     """A README's text with its generated parts made anew."""
 
     def _part(match: re.Match[str]) -> str:
-        makers = {"results": results, "relations": relations}
+        makers = {"results": results, "relations": relations, "ranking": ranking}
         maker = makers.get(match[2])
         body = maker() if maker else parameters(match[3])
         return f"{match[1]}\n{body}\n{match[4]}"
@@ -76,30 +86,58 @@ def rendered(text: str) -> str:
 
 
 def results() -> str:
-    """The tables of the committed results, one line per algorithm."""
-    from bench.report import as_markdown
+    """Tables and verdicts of the committed results."""
+    from bench import report, tables
 
     found = read_results(RESULTS)
-    return as_markdown(found["logs"][0], found["rows"])
+    log = found["logs"][0]
+    made = tables.tables(log, found["rows"])
+    parts = [f"`{found['command']}`: {report.head(log)}, on {found['machine']['cpu']}."]
+    for key in SHOWN:
+        if key in made:
+            parts += [f"**{tables.TITLES[key]}**", report.markdown_table(made[key])]
+    words = (f"- {verdict['sentence']}" for verdict in report.neighbors(log["verdicts"]))
+    return "\n\n".join([*parts, "\n".join(words)]) + "\n"
 
 
 def relations() -> str:
-    """Mean and deviation of the relations' errors on real logs, a column per algorithm."""
+    """Errors of the relations on real logs, a column for each log, the published ones below."""
+    from bench.tables import published
+
     known = read_results(RELATIONS)
-    labels = list(dict.fromkeys(label for runs in known.values() for label in runs))
-    lines = [f"| log | {' | '.join(labels)} |", "|---|" + "---|" * len(labels)]
+    lines: dict[str, dict[str, str]] = {}
     for key, runs in known.items():
-        used = max(run["relations"]["used"] for run in runs.values())
-        cells = [_relation_cell(runs.get(label)) for label in labels]
-        lines.append(f"| {key}, {used} relations | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+        for label, run in runs.items():
+            lines.setdefault(label, {})[key] = _relation_cell(run)
+        with_odometry = key.endswith("with odometry")
+        for row in published("relations", key.partition(",")[0]) if with_odometry else []:
+            cell = f"{row['translation_mean']:.4f} ± {row['translation_std']:.4f}"
+            lines.setdefault(f"published: {row['program']}", {})[key] = cell
+    used = {key: max(_used(run) for run in runs.values()) for key, runs in known.items()}
+    heads = [f"{key} ({used[key]} relations)" for key in known]
+    text = [f"| | {' | '.join(heads)} |", "|---|" + "---:|" * len(heads)]
+    for label, cells in lines.items():
+        text.append(f"| {label} | {' | '.join(cells.get(key, '-') for key in known)} |")
+    return "\n".join(text) + "\n"
 
 
-def _relation_cell(run: dict[str, Any] | None) -> str:
-    if run is None or "translation_m" not in run["relations"]:
+def ranking() -> str:
+    """The order of the published programs, counted over arenas."""
+    from bench.ranking import as_markdown
+
+    return as_markdown(read_results(RANKING))
+
+
+def _used(run: dict[str, Any]) -> int:
+    return int(run["relations"]["used"])
+
+
+def _relation_cell(run: dict[str, Any]) -> str:
+    if "all" not in run["relations"]:
         return "-"
-    error = run["relations"]["translation_m"]
-    return f"{error['mean']:.4f} ± {error['std']:.4f}"
+    error = run["relations"]["all"]["translation_m"]
+    lost = " (lost)" if run["loss"]["lost"] else ""
+    return f"{error['mean']:.4f} ± {error['std']:.4f}{lost}"
 
 
 def parameters(name: str) -> str:

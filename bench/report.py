@@ -1,4 +1,4 @@
-"""Tables of results as text for a terminal, markdown for the README, csv for everything else."""
+"""Tables as text for a terminal, markdown for a README, LaTeX for a paper, csv for the rest."""
 
 from __future__ import annotations
 
@@ -8,69 +8,71 @@ from typing import Any
 
 import pandas as pd
 
-from bench.metrics import UpdateErrors
+from bench import tables
+from bench.metrics import SpanErrors
+from bench.tables import TITLES, Line, Rows
 
-Rows = list[dict[str, Any]]
-
-HEADERS = {
-    "translation_m": "Table I: relative error of translation per update [m]",
-    "orientation_rad": "Table II: relative error of orientation per update [rad]",
-    "se2_translation_m": "SE(2) relative error of translation per update [m] (body frame)",
-    "se2_rotation_rad": "SE(2) relative error of rotation per update [rad] (body frame)",
+TERMINAL = (
+    "translation",
+    "orientation",
+    "published",
+    "spans",
+    "overview",
+    "relations",
+    "maps",
+    "live",
+    "cost",
+)
+LATEX = {"&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "±": r"$\pm$", "x ": r"$\times$ "}
+DECIMALS = {
+    "[m]": 4,
+    "[rad]": 4,
+    "[m2]": 6,
+    "[rad2]": 6,
+    "Hausdorff": 0,
+    "walls [mm]": 0,
+    "[mm]": 2,
+    "[mrad]": 3,
+    "[ms]": 3,
+    "[MB]": 0,
+    "[s]": 1,
+    "[%]": 2,
+    "real time": 0,
+    "slower core": 0,
 }
+MAP_SHARES = ("IoU", "SSIM", "SSIM at walls")
+FIVE = ("mean", "deviation", "min", "max", "95 % from", "to")
 
 
-def paper_table(rows: Rows, key: str) -> pd.DataFrame:
-    """[Kuehn] Table I or II: mean, deviation (ddof 0), least and greatest error per update."""
-    columns = {"mean": "mean", "std": "deviation", "min": "min", "max": "max"}
-    values = {
-        row["algorithm"]: {new: row["per_update"][key][old] for old, new in columns.items()}
-        for row in rows
-        if row.get("per_update")
-    }
-    return pd.DataFrame.from_dict(values, orient="index", columns=list(columns.values()))
-
-
-def overview_table(rows: Rows) -> pd.DataFrame:
-    """One line per algorithm: errors over 1 s and 10 s, ATE, relations, cost."""
-    values = {row["algorithm"]: _overview(row) for row in rows if not row["failed"]}
-    frame = pd.DataFrame.from_dict(values, orient="index")
-    return frame.dropna(axis=1, how="all")
-
-
-def _overview(row: dict[str, Any]) -> dict[str, float | None]:
-    errors = row["errors"] or {}
-    line: dict[str, float | None] = {}
-    for key, name in (("per_1_s", "1 s"), ("per_10_s", "10 s")):
-        over = errors.get(key)
-        line[f"{name} [mm]"] = over and 1e3 * over["translation_m"]["mean"]
-        line[f"{name} [mrad]"] = over and 1e3 * over["rotation_rad"]["mean"]
-    line["ATE [mm]"] = errors["ate_m"] * 1e3 if "ate_m" in errors else None
-    relations = row.get("relations") or {}
-    if "translation_m" in relations:
-        line["relations [m]"] = relations["translation_m"]["mean"]
-        line["relations [rad]"] = relations["rotation_rad"]["mean"]
-        line["used"] = relations["used"]
-    line["CPU ms/scan"] = row["cpu_ms_per_scan"]
-    line["x real time"] = row["real_time_factor"]
-    line["compile s"] = row["compile_s"]
-    return line
-
-
-FORMATS = {"ATE [mm]": "{:.1f}", "CPU ms/scan": "{:.3f}", "x real time": "{:.0f}", "used": "{:.0f}"}
-
-
-def _cell(column: str, value: Any) -> str:
+def cell(column: str, value: Any) -> str:
+    """A value as its column shows it; nothing as a dash."""
     if value is None or value != value:
         return "-"
-    if column in ("mean", "deviation", "min", "max") or column.startswith("relations"):
+    if isinstance(value, str):
+        return value
+    if column in FIVE:
         return f"{value:.5f}"
-    return FORMATS.get(column, "{:.2f}").format(value)
+    if column in MAP_SHARES:
+        return f"{value:.3f}"
+    if float(value).is_integer() and "[" not in column:
+        return f"{value:.0f}"
+    places = next((d for unit, d in DECIMALS.items() if unit in column), 2)
+    return f"{value:.{places}f}"
 
 
-def text_table(frame: pd.DataFrame) -> str:
+def cells(frame: pd.DataFrame, corner: str = "algorithm") -> list[list[str]]:
+    """Head, with `corner` over the names of the lines, and body of a table as text."""
+    head = [corner, *map(str, frame.columns)]
+    body = [
+        [str(name), *(cell(str(c), v) for c, v in zip(frame.columns, line, strict=True))]
+        for name, line in zip(frame.index, frame.to_numpy(), strict=True)
+    ]
+    return [head, *body]
+
+
+def text_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
     """A frame in aligned columns."""
-    lines = _cells(frame)
+    lines = cells(frame, corner)
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
     return "\n".join(
         "  ".join(
@@ -81,68 +83,97 @@ def text_table(frame: pd.DataFrame) -> str:
     )
 
 
-def markdown_table(frame: pd.DataFrame) -> str:
+def markdown_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
     """A frame as a markdown table."""
-    lines = _cells(frame)
+    lines = cells(frame, corner)
     rule = ["---", *["---:"] * (len(lines[0]) - 1)]
     return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], rule, *lines[1:]))
 
 
-def _cells(frame: pd.DataFrame) -> list[list[str]]:
-    head = ["algorithm", *map(str, frame.columns)]
-    body = [
-        [str(name), *(_cell(str(c), v) for c, v in zip(frame.columns, line, strict=True))]
-        for name, line in zip(frame.index, frame.to_numpy(), strict=True)
-    ]
-    return [head, *body]
+def latex_table(frame: pd.DataFrame, caption: str) -> str:
+    """A frame as a LaTeX table in the paper's layout (package booktabs)."""
+    lines = [[_latex(text) for text in line] for line in cells(frame)]
+    rows = [" & ".join(line) + r" \\" for line in lines]
+    return "\n".join(
+        [
+            r"\begin{table}[htbp]",
+            r"  \centering",
+            rf"  \caption{{{_latex(caption)}}}",
+            rf"  \begin{{tabular}}{{l{'r' * (len(lines[0]) - 1)}}}",
+            r"    \toprule",
+            f"    {rows[0]}",
+            r"    \midrule",
+            *(f"    {row}" for row in rows[1:]),
+            r"    \bottomrule",
+            r"  \end{tabular}",
+            r"\end{table}",
+        ]
+    )
 
 
-def as_text(log: dict[str, Any], rows: Rows) -> str:
+def head(log: Line) -> str:
+    """The log in one line."""
+    return f"{log['name']}: {log['scans']} scans of {log['beams']} beams, {log['duration_s']:.0f} s"
+
+
+def as_text(log: Line, rows: Rows) -> str:
     """The whole comparison on one log, for a terminal."""
-    parts = [
-        f"{log['name']}: {log['scans']} scans of {log['beams']} beams, {log['duration_s']:.0f} s"
-    ]
-    if any(row.get("per_update") for row in rows):
-        for key in ("translation_m", "orientation_rad"):
-            parts += [HEADERS[key], text_table(paper_table(rows, key))]
-        parts.append("Relative SE(2) errors over a time (mean), absolute error, cost")
-    overview = overview_table(rows)
-    if len(overview):
-        parts.append(text_table(overview))
-    parts += [f"{row['algorithm']} failed: {row['failed']}" for row in rows if row["failed"]]
+    made = tables.tables(log, rows)
+    parts = [head(log), *(f"note: {note}" for note in log.get("notes", []))]
+    for key in TERMINAL:
+        if key in made:
+            parts += [TITLES[key], text_table(made[key])]
+            parts += [tables.DIFFERS] if key == "published" else []
+    if log.get("verdicts"):
+        parts.append("\n".join(verdict["sentence"] for verdict in neighbors(log["verdicts"])))
+    parts += failures(rows)
     return "\n\n".join(parts)
 
 
-def as_markdown(log: dict[str, Any], rows: Rows) -> str:
+def as_markdown(log: Line, rows: Rows) -> str:
     """The whole comparison on one log, for a README."""
-    parts = []
-    if any(row.get("per_update") for row in rows):
-        for key in HEADERS:
-            parts += [f"**{HEADERS[key]}**", markdown_table(paper_table(rows, key))]
-    parts += ["**Errors over a time, absolute error, cost**", markdown_table(overview_table(rows))]
-    return "\n\n".join(parts) + "\n"
+    parts = [head(log), *(f"Note: {note}." for note in log.get("notes", []))]
+    for key, frame in tables.tables(log, rows).items():
+        parts += [f"**{TITLES[key]}**", markdown_table(frame)]
+        if key == "published":
+            parts.append(tables.DIFFERS)
+    if log.get("verdicts"):
+        parts.append("\n".join(f"- {verdict['sentence']}" for verdict in log["verdicts"]))
+    return "\n\n".join([*parts, *failures(rows)]) + "\n"
 
 
-def write_csv(folder: Path, rows: Rows) -> None:
-    """The paper's two tables, and all rows of the overview, as csv."""
-    for name, key in (
-        ("table1_translation", "translation_m"),
-        ("table2_orientation", "orientation_rad"),
-    ):
-        table = paper_table(rows, key)
-        if len(table):
-            table.to_csv(folder / f"{name}.csv", index_label="algorithm")
-    overview_table(rows).to_csv(folder / "overview.csv", index_label="algorithm")
+def as_latex(log: Line, rows: Rows) -> str:
+    """All tables of one log for a paper."""
+    made = tables.tables(log, rows)
+    return "\n\n".join(latex_table(frame, TITLES[key]) for key, frame in made.items()) + "\n"
 
 
-def write_errors(path: Path, errors: UpdateErrors) -> None:
+def neighbors(verdicts: Rows) -> Rows:
+    """Of all pairs, those of algorithms that follow one another in the order of their errors."""
+    return [verdict for verdict in verdicts if verdict["next"]]
+
+
+def failures(rows: Rows) -> list[str]:
+    """A sentence for each run that ended early."""
+    return [f"{row['algorithm']} failed: {row['failed']}" for row in rows if row["failed"]]
+
+
+def write_tables(folder: Path, log: Line, rows: Rows) -> None:
+    """tables.md, tables.tex, and every table as csv with all digits."""
+    (folder / "tables.md").write_text(as_markdown(log, rows), encoding="utf-8")
+    (folder / "tables.tex").write_text(as_latex(log, rows), encoding="utf-8")
+    for key, frame in tables.tables(log, rows).items():
+        frame.to_csv(folder / f"table-{key}.csv", index_label="algorithm")
+
+
+def write_errors(path: Path, errors: SpanErrors) -> None:
     """The errors of each update as csv."""
-    columns: Sequence[str] = (
-        "t_s",
-        "translation_m",
-        "orientation_rad",
-        "se2_translation_m",
-        "se2_rotation_rad",
-    )
-    frame = pd.DataFrame(dict(zip(columns, errors[:5], strict=True)))
+    columns: Sequence[str] = ("t_s", "translation_m", "orientation_rad", "se2_translation_m")
+    frame = pd.DataFrame(dict(zip(columns, errors, strict=True)))
     frame.to_csv(path, index=False, float_format="%.9f")
+
+
+def _latex(text: str) -> str:
+    for plain, escaped in LATEX.items():
+        text = text.replace(plain, escaped)
+    return text

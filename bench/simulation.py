@@ -79,14 +79,33 @@ def world_of(log: ScanLog) -> World | None:
 
     None when the log was not simulated, or its map is gone or has changed since.
     """
+    setting = setting_of(log)
+    if setting is None:
+        return None
+    try:
+        world = _world(setting, Chance.of(setting.seed).arena)
+    except (ValueError, OSError):
+        return None
+    return world if world.fingerprint == log.meta["simulated"]["world"] else None
+
+
+def setting_of(log: ScanLog) -> Setting | None:
+    """What a log was simulated from; None when it was not."""
     try:
         known = dict(log.meta["simulated"])
-        fingerprint = known.pop("world")
-        setting = Setting(**known)
-        world = _world(setting, Chance.of(setting.seed).arena)
-    except (KeyError, TypeError, ValueError, OSError):
+        known.pop("world")
+        return Setting(**known)
+    except (KeyError, TypeError, ValueError):
         return None
-    return world if world.fingerprint == fingerprint else None
+
+
+def errors_of(log: ScanLog, world: World) -> Errors | None:
+    """What a log's sensor made of the true distances in its world; None when not simulated."""
+    setting = setting_of(log)
+    try:
+        return None if setting is None else _errors(setting, find_sensor(setting.sensor), world)
+    except LookupError:
+        return None
 
 
 def _world(setting: Setting, rng: Generator) -> World:

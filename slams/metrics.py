@@ -8,8 +8,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slams.types import Floats, Pose2, wrap_angle
+
+Indices = NDArray[np.int64]
 
 
 def between(a: Floats, b: Floats) -> Floats:
@@ -27,15 +30,53 @@ def from_first(poses: Floats) -> Floats:
 
 
 def relative_errors(estimate: Floats, truth: Floats, lag: int) -> tuple[Floats, Floats]:
-    """Error of the motion over `lag` updates, in the body frame [Kuemmerle09].
+    """`pair_errors` of the motions over `lag` updates each, (n - lag,) [m] and [rad]."""
+    n = len(truth)
+    return pair_errors(estimate, truth, np.arange(n - lag), np.arange(lag, n))
 
-    inverse(true motion) @ estimated motion: its length (n - lag,) [m] and turn [rad]. Needs no
-    common frame.
+
+def pair_errors(
+    estimate: Floats, truth: Floats, first: Indices, second: Indices
+) -> tuple[Floats, Floats]:
+    """Error of the motion from pose `first` to pose `second`, in the body frame [Kuemmerle09].
+
+    inverse(true motion) @ estimated motion: its length (k,) [m] and turn [rad]. Needs no common
+    frame.
     """
-    moved = between(estimate[:-lag], estimate[lag:])
-    true = between(truth[:-lag], truth[lag:])
+    moved = between(estimate[first], estimate[second])
+    true = between(truth[first], truth[second])
     error = between(true, moved)
     return np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])
+
+
+def pairs_over_time(t: Floats, span: float) -> tuple[Indices, Indices]:
+    """Indices (k,), (k,) of the poses `span` seconds apart, for each that has such a partner.
+
+    The partner is the pose whose stamp is nearest. One that is off by more than half the usual step
+    between stamps does not count, nor one off by a quarter of the span: a log of 5 Hz has no pairs
+    0.1 s apart. Stamps may jump back.
+    """
+    order = np.argsort(t, kind="stable")
+    ordered = t[order]
+    step = float(np.median(np.diff(ordered))) if len(t) > 1 else 0.0
+    tolerance = min(0.25 * span, 0.51 * step)
+    right = np.clip(np.searchsorted(ordered, ordered + span), 1, max(len(t) - 1, 1))
+    right = np.minimum(right, len(t) - 1)
+    left = np.maximum(right - 1, 0)
+    miss_left = np.abs(ordered[left] - ordered - span)
+    miss_right = np.abs(ordered[right] - ordered - span)
+    partner = np.where(miss_left < miss_right, left, right)
+    found = np.minimum(miss_left, miss_right) <= tolerance
+    return order[found], order[partner[found]]
+
+
+def pairs_over_way(poses: Floats, way: float) -> tuple[Indices, Indices]:
+    """Indices (k,), (k,) of each pose and the first at least `way` meters further on the path."""
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    driven = np.concatenate([[0.0], np.cumsum(steps)])
+    partner = np.searchsorted(driven, driven + way)
+    found = np.flatnonzero(partner < len(poses))
+    return found, partner[found]
 
 
 def align(estimate: Floats, truth: Floats) -> Pose2:

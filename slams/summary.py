@@ -82,12 +82,12 @@ def truth_errors(run: Run, log: ScanLog) -> dict[str, Any] | None:
     errors: dict[str, Any] = {"not_covered": int((~covered).sum())}
     if len(truth) < 2:
         return errors
-    period = log.scan_period
+    t = run.t[covered]
     errors["per_update"] = _statistics(*metrics.relative_errors(estimate, truth, 1))
     for span in SPANS:
-        lag = max(1, round(span / period)) if period > 0.0 else len(truth)
-        if lag < len(truth):
-            over = metrics.relative_errors(estimate, truth, lag)
+        pairs = metrics.pairs_over_time(t, span)
+        if len(pairs[0]):
+            over = metrics.pair_errors(estimate, truth, *pairs)
             errors[f"per_{span:g}_s"] = _statistics(*over)
     errors["ate_m"] = metrics.ate(estimate, truth)
     first = metrics.from_first(estimate) - metrics.from_first(truth)

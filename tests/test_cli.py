@@ -229,16 +229,19 @@ def test_compare_on_given_logs(log_file, tmp_path):
     results = json.loads((out / "results.json").read_text())
     assert [row["algorithm"] for row in results["rows"]] == names
     by_name = {row["algorithm"]: row for row in results["rows"]}
-    means = {n: r["per_update"]["translation_m"]["mean"] for n, r in by_name.items()}
+    updates = {n: r["errors"]["spans"]["update"]["translation_m"] for n, r in by_name.items()}
+    means = {name: update["mean"] for name, update in updates.items()}
     assert means["hector"] < means["kiss"]
-    for name in ("fig2_translation.png", "fig3_orientation.png", "fig4_maps.png"):
-        assert cv2.imread(str(out / name)).std() > 5.0
+    assert updates["hector"]["low"] < means["hector"] < updates["hector"]["high"]
+    for name in ("fig2_translation", "fig3_orientation", "fig4_maps"):
+        assert cv2.imread(str(out / f"{name}.png")).std() > 5.0
+        assert (out / f"{name}.pdf").read_bytes().startswith(b"%PDF")
     table = np.genfromtxt(out / "errors-hector.csv", delimiter=",", names=True)
     assert len(table) == 59
     assert table["translation_m"].mean() == pytest.approx(means["hector"], abs=1e-8)
     assert (out / "errors-hector-original.csv").is_file()
     assert (
-        (out / "table1_translation.csv").read_text().startswith("algorithm,mean,deviation,min,max")
+        (out / "table-translation.csv").read_text().startswith("algorithm,mean,deviation,min,max")
     )
 
 
@@ -264,7 +267,7 @@ def test_compare_goes_on_when_an_algorithm_raises(log_file, tmp_path, monkeypatc
     assert "faulty:Faulty failed: ZeroDivisionError: on purpose" in done.stdout
     rows = json.loads((tmp_path / "c" / "results.json").read_text())["rows"]
     assert rows[0]["failed"]
-    assert rows[1]["per_update"]
+    assert rows[1]["errors"]["spans"]["update"]
 
 
 def test_compare_with_relations_and_without_truth(log_file, tmp_path, capsys):
@@ -279,7 +282,9 @@ def test_compare_with_relations_and_without_truth(log_file, tmp_path, capsys):
     arguments = [str(tmp_path / "l.npz"), "--algorithms", "odometry", "--jobs", "1"]
     arguments += ["--relations", str(tmp_path / "l.relations"), "--out", str(tmp_path / "out")]
     assert compare.main(arguments) == 0
-    assert "relations [m]" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "Errors of the relations, mean and deviation" in out
+    assert "note: 10 of 11 relations have both stamps in the log" in out
     row = json.loads((tmp_path / "out" / "results.json").read_text())["rows"][0]
     assert (row["relations"]["used"], row["relations"]["given"]) == (10, 11)
 

@@ -2,8 +2,11 @@ import numpy as np
 import pytest
 
 from bench import metrics as bench_metrics
+from bench.metrics import Common
 from slams import metrics
 from slams.types import Pose2
+
+UPDATE = bench_metrics.SPANS[0]
 
 
 def walk(n=200, seed=0):
@@ -27,9 +30,9 @@ def moved(poses, motion):
 def test_component_errors_by_hand():
     truth = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 3.1]])
     estimate = np.array([[0.0, 0.0, 0.0], [1.3, 0.4, -3.1]])
-    translation, orientation = bench_metrics.component_errors(estimate, truth)
-    assert translation == pytest.approx([0.5])
-    assert orientation == pytest.approx([2.0 * np.pi - 6.2])
+    found = bench_metrics.span_errors(Common(np.arange(2.0), estimate, truth, 0), UPDATE)
+    assert found.translation == pytest.approx([0.5])
+    assert found.orientation == pytest.approx([2.0 * np.pi - 6.2])
 
 
 def test_relative_errors_need_no_common_frame_and_component_errors_do():
@@ -41,12 +44,13 @@ def test_relative_errors_need_no_common_frame_and_component_errors_do():
         c, d = metrics.relative_errors(turned, truth, lag)
         assert c == pytest.approx(a, abs=1e-12)
         assert d == pytest.approx(b, abs=1e-12)
-    same = bench_metrics.component_errors(estimate, truth)[0].mean()
-    other = bench_metrics.component_errors(turned, truth)[0].mean()
+    steps = np.arange(len(truth) - 1), np.arange(1, len(truth))
+    same = bench_metrics.component_errors(estimate, truth, *steps)[0].mean()
+    other = bench_metrics.component_errors(turned, truth, *steps)[0].mean()
     assert other > 1.5 * same
 
 
-def test_relative_errors_agree_with_evo():
+def test_errors_agree_with_evo():
     evo_metrics = pytest.importorskip("evo.core.metrics")
     trajectory = pytest.importorskip("evo.core.trajectory")
 
@@ -59,20 +63,49 @@ def test_relative_errors_agree_with_evo():
 
     truth = walk()
     estimate = disturbed(truth)
-    for relation, k in (
-        (evo_metrics.PoseRelation.translation_part, 0),
-        (evo_metrics.PoseRelation.rotation_angle_rad, 1),
-    ):
-        rpe = evo_metrics.RPE(relation, 1, evo_metrics.Unit.frames, all_pairs=True)
-        rpe.process_data((evo_path(truth), evo_path(estimate)))
-        assert metrics.relative_errors(estimate, truth, 1)[k] == pytest.approx(rpe.error, abs=1e-7)
+    t = 0.1 * np.arange(len(truth))
+    seen = bench_metrics.common(t, estimate, truth)
+    for span, frames in ((UPDATE, 1), (bench_metrics.Span("1 s", seconds=1.0), 10)):
+        ours = bench_metrics.span_errors(seen, span)
+        for relation, values in (
+            (evo_metrics.PoseRelation.translation_part, ours.se2_translation),
+            (evo_metrics.PoseRelation.rotation_angle_rad, ours.orientation),
+        ):
+            rpe = evo_metrics.RPE(relation, frames, evo_metrics.Unit.frames, all_pairs=True)
+            rpe.process_data((evo_path(truth), evo_path(estimate)))
+            assert values == pytest.approx(rpe.error, abs=1e-9)
     ape = evo_metrics.APE(evo_metrics.PoseRelation.translation_part)
     estimated, true = evo_path(estimate), evo_path(truth)
     estimated.align(true)
     ape.process_data((true, estimated))
     assert metrics.ate(estimate, truth) == pytest.approx(
-        ape.get_statistic(evo_metrics.StatisticsType.rmse), abs=1e-6
+        ape.get_statistic(evo_metrics.StatisticsType.rmse), abs=1e-9
     )
+
+
+def test_pairs_over_time_do_not_depend_on_the_rate():
+    fast, slow = np.arange(400) / 40.0, np.arange(50) / 5.0
+    for t, step in ((fast, 40), (slow, 5)):
+        first, second = metrics.pairs_over_time(t, 1.0)
+        assert len(first) == len(t) - step
+        assert set(second - first) == {step}
+    assert len(metrics.pairs_over_time(slow, 0.1)[0]) == 0, "5 Hz has no poses 0.1 s apart"
+    assert len(metrics.pairs_over_time(fast[:1], 1.0)[0]) == 0
+
+
+def test_pairs_over_time_follow_stamps_where_scans_are_missing_or_out_of_order():
+    t = np.array([0.0, 0.1, 0.3, 0.2, 0.4, 0.9, 1.0])
+    first, second = metrics.pairs_over_time(t, 0.1)
+    found = sorted(zip(t[first], t[second], strict=True))
+    assert found == [(0.0, 0.1), (0.1, 0.2), (0.2, 0.3), (0.3, 0.4), (0.9, 1.0)]
+
+
+def test_pairs_over_way_wait_for_the_way():
+    poses = np.zeros((6, 3))
+    poses[:, 0] = [0.0, 0.4, 0.4, 0.8, 1.2, 1.4]
+    first, second = metrics.pairs_over_way(poses, 1.0)
+    assert first.tolist() == [0, 1, 2]
+    assert second.tolist() == [4, 5, 5]
 
 
 def test_alignment_recovers_a_motion_exactly():
@@ -83,34 +116,36 @@ def test_alignment_recovers_a_motion_exactly():
     assert found == pytest.approx(motion.inverse(), abs=1e-9)
 
 
-def test_update_errors_use_the_first_pose_and_drop_what_truth_does_not_cover():
+def test_frames_are_made_common_by_the_first_pose_with_a_truth():
     truth = walk(20)
     estimate = metrics.from_first(truth)
     truth[[0, 7]] = np.nan
-    t = np.arange(20.0)
-    errors = bench_metrics.update_errors(t, estimate, truth)
-    assert errors.dropped == 2
+    seen = bench_metrics.common(np.arange(20.0), estimate, truth)
+    assert (seen.dropped, len(seen.t)) == (2, 18)
+    errors = bench_metrics.span_errors(seen, UPDATE)
     assert len(errors.t) == 17
     assert errors.translation == pytest.approx(0.0, abs=1e-12)
-    assert errors.se2_rotation == pytest.approx(0.0, abs=1e-12)
-    nothing = bench_metrics.update_errors(t, estimate, np.full((20, 3), np.nan))
+    assert errors.orientation == pytest.approx(0.0, abs=1e-12)
+    nothing = bench_metrics.common(np.arange(20.0), estimate, np.full((20, 3), np.nan))
     assert (len(nothing.t), nothing.dropped) == (0, 20)
+    assert bench_metrics.span_errors(nothing, UPDATE) is None
 
 
 def test_relations_by_hand():
-    t = np.array([0.0, 2.0, 1.0])  # a stamp that jumps back
+    t = np.array([0.0, 30.0, 1.0])  # a stamp that jumps back
     poses = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, np.pi / 2], [1.0, 0.0, 0.0]])
     relations = np.array(
         [
             [0.0, 1.0, 1.0, 0.0, 0.0],  # right
-            [1.0, 2.0, 1.0, 0.3, 1.5],  # 0.3 m and pi/2 - 1.5 off
+            [1.0, 30.0, 1.0, 0.3, 1.5],  # 0.3 m and pi/2 - 1.5 off
             [0.0, 5.0, 1.0, 0.0, 0.0],  # no such stamp
         ]
     )
-    translation, rotation, used = bench_metrics.relation_errors(t, poses, relations)
-    assert used == 2
-    assert translation == pytest.approx([0.0, 0.3])
-    assert rotation == pytest.approx([0.0, np.pi / 2 - 1.5])
+    found = bench_metrics.relation_errors(t, poses, relations)
+    assert found.translation == pytest.approx([0.0, 0.3])
+    assert found.rotation == pytest.approx([0.0, np.pi / 2 - 1.5])
+    assert found.loop.tolist() == [False, True]
+    assert found.t.tolist() == [1.0, 30.0]
 
 
 def test_classes_share_out_all_values():

@@ -1,0 +1,39 @@
+"""Tables with a title; text of the cells as everywhere else, from bench.report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from bench import report
+from bench.html.markup import Markup, element
+from bench.tables import BOUND
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def table(frame: pd.DataFrame, title: str, kinds: Mapping[str, str]) -> Markup:
+    """A table that scrolls in its own box; `kinds` gives the class of a run by its name."""
+    head, *body = report.cells(frame)
+    return lines_table(title, head, body, kinds)
+
+
+def lines_table(
+    title: str, head: list[str], body: list[list[str]], kinds: Mapping[str, str] | None = None
+) -> Markup:
+    """The same of text, the name of each line in front."""
+    drawn = element(
+        "table",
+        element("caption", element("span", title)),
+        element("thead", element("tr", *(element("th", text, scope="col") for text in head))),
+        element("tbody", *(_line(line, kinds or {}) for line in body)),
+    )
+    return element("div", drawn, class_="scroll", tabindex=0, role="region", aria_label=title)
+
+
+def _line(line: list[str], kinds: Mapping[str, str]) -> Markup:
+    name, *values = line
+    kind = "limit" if name == BOUND else kinds.get(name)
+    header = element("th", element("span", name), scope="row", class_=kind)
+    return element("tr", header, *(element("td", value) for value in values))

@@ -1,0 +1,161 @@
+"""The document: its sections in their order, each only if there is something to say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING, Any
+
+from bench import loss, metrics, report, tables
+from bench.html import charts, plans, words
+from bench.html.cells import table
+from bench.html.legend import legend, rules
+from bench.html.markup import Markup, element, together
+from bench.html.record import facts, parameters
+from bench.html.runs import runs
+
+if TYPE_CHECKING:
+    from bench.compare import Done
+    from bench.html.runs import Run
+    from bench.tables import Line, Rows
+
+HERE = Path(__file__).parent
+HINT = (
+    "Figures zoom by wheel, pinch or the keys + - 0 and move by dragging; double click shows all."
+)
+
+Sections = Mapping[str, Markup | None]
+
+
+def write(path: Path, results: dict[str, Any], entry: dict[str, Any], done: Done) -> None:
+    """Write the report of one log; same results, same bytes.
+
+    Args:
+        path: the file.
+        results: the content of results.json.
+        entry: the log's part of it.
+        done: the log's runs.
+    """
+    path.write_text(document(results, entry, done), encoding="utf-8", errors="replace")
+
+
+def document(results: dict[str, Any], entry: dict[str, Any], done: Done) -> str:
+    """The report's text."""
+    rows = [outcome.row for outcome in done.outcomes]
+    shown = runs(done)
+    found, drawn = _findings(results, entry, rows), _figures(entry, rows, shown, done)
+    record = {
+        "How it was run": together(facts(results, entry), parameters(rows)),
+        "Definitions": _definitions(),
+    }
+    return _template("report.template.html").substitute(
+        title=element("title", f"{entry['name']}: SLAM comparison"),
+        style=(HERE / "report.css").read_text(encoding="utf-8") + rules(done),
+        script=(HERE / "report.js").read_text(encoding="utf-8"),
+        heading=element("h1", report.head(entry)),
+        contents=_contents({**found, **drawn, **record}),
+        main=together(_sections(found), _under_legend(drawn, shown), _sections(record)),
+    )
+
+
+def _findings(results: Line, entry: Line, rows: Rows) -> Sections:
+    return {
+        "Summary": element("p", " ".join(words.summary(entry, rows))),
+        "Tables": _tables(entry, rows),
+        "How sure": _verdicts(results, entry),
+    }
+
+
+def _figures(entry: Line, rows: Rows, shown: list[Run], done: Done) -> Sections:
+    bound = (entry.get("bound") or {}).get("spans", {})
+    span = words.over_what(rows) or "update"
+    return {
+        "Errors": charts.histograms(shown, bound),
+        "Trajectories": plans.trajectories(shown, done),
+        "Maps": plans.maps(shown, done),
+        "Errors over time": charts.over_time(shown, bound, span),
+        "Cost per scan": charts.latency(shown),
+    }
+
+
+def _tables(entry: Line, rows: Rows) -> Markup:
+    """The paper's tables, then the others; runs that ended early below."""
+    kinds = {tables.label(row): f"run-{k}" for k, row in enumerate(rows)}
+    drawn = []
+    for key, frame in tables.tables(entry, rows).items():
+        drawn.append(table(frame, tables.TITLES[key], kinds))
+        if key == "published":
+            drawn.append(element("p", tables.DIFFERS))
+    failed = [element("li", line) for line in report.failures(rows)]
+    if failed:
+        drawn += [element("h3", "Failed"), element("ul", *failed)]
+    return together(*drawn)
+
+
+def _verdicts(results: Line, entry: Line) -> Markup | None:
+    """The sentence of each pair: neighbors in the order of their errors first."""
+    found: Rows = entry.get("verdicts") or []
+    over: Rows = results.get("over_logs") or []
+    if not found and not over:
+        return None
+    return together(
+        _sentences(report.neighbors(found)),
+        _folded("all other pairs", [verdict for verdict in found if not verdict["next"]]),
+        element("h3", "Over all logs of this comparison") if over else None,
+        _sentences(over),
+    )
+
+
+def _sentences(found: Rows) -> Markup | None:
+    lines = [element("li", verdict["sentence"]) for verdict in found]
+    return element("ul", *lines) if lines else None
+
+
+def _folded(title: str, found: Rows) -> Markup | None:
+    return element("details", element("summary", title), _sentences(found)) if found else None
+
+
+def _definitions() -> Markup:
+    """The prose, with the constants of the code."""
+    constants = {
+        "loop_s": metrics.LOOP,
+        "limit_m": loss.LIMIT_M,
+        "limit_share": 100 * loss.LIMIT_SHARE,
+        "limit_rad": loss.LIMIT_RAD,
+        "broken_share": 100 * loss.BROKEN_SHARE,
+        "reported_share": 100 * loss.REPORTED_SHARE,
+    }
+    texts = {name: f"{value:g}" for name, value in constants.items()}
+    texts["spans"] = ", ".join(span.name for span in metrics.SPANS[1:])
+    return Markup(_template("definitions.template.html").substitute(texts))
+
+
+def _under_legend(drawn: Sections, shown: list[Run]) -> Markup | None:
+    if not any(drawn.values()):
+        return None
+    hint = element("p", HINT, class_="hint", hidden=True)
+    return element("div", legend(shown), hint, _sections(drawn), class_="figures")
+
+
+def _sections(bodies: Sections) -> Markup:
+    return together(
+        *(
+            element("section", element("h2", name, id=_anchor(name)), body)
+            for name, body in bodies.items()
+            if body
+        )
+    )
+
+
+def _contents(bodies: Sections) -> Markup:
+    links = [element("a", name, href=f"#{_anchor(name)}") for name, body in bodies.items() if body]
+    return together(*links)
+
+
+def _anchor(name: str) -> str:
+    return name.lower().replace(" ", "-")
+
+
+def _template(name: str) -> Template:
+    return Template((HERE / name).read_text(encoding="utf-8"))

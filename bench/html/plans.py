@@ -1,0 +1,134 @@
+"""Seen from above: the trajectories, and the maps side by side, [Kuehn] Fig. 4."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench.html.markup import Markup, element, together
+from bench.html.pictures import picture
+from bench.html.plots import Axis, figure, line, plot, thinned
+from bench.html.runs import Run
+from slams.types import Floats, OccupancyGrid, Pose2
+
+if TYPE_CHECKING:
+    from bench.compare import Done
+
+ZOOMS = (1, 10, 100, 1000)  # of the errors in the trajectories
+MARGIN = 0.04  # of the shown part around what it must show
+AROUND_MAP = 1.0  # m
+WIDEST = 2.0  # width of a plan over its height
+STILL = 0.1  # m, least size of a plan
+
+
+def trajectories(shown: Sequence[Run], done: Done) -> Markup | None:
+    """All paths in one plan, with the true one; report.js can draw their errors larger."""
+    ways = {run: _seen_from_first(run) for run in shown if len(run.outcome.t)}
+    if not ways:
+        return None
+    true = next((run.outcome.common.truth for run in ways if run.outcome.common), None)
+    whole = done.reference.path if done.reference.path is not None else true
+    axes = _plan(_extent(_kept(ways) if whole is None else [whole]), narrowest=1.4)
+    marks = [] if true is None else [_way(true, axes, "truth", "true path", id="truth")]
+    for run, way in ways.items():
+        base = "truth" if true is not None and len(way) == len(true) else None
+        marks.append(_way(way, axes, run.mark, run.name, data_base=base))
+    words = "this log has no truth" if true is None else "the broad line is the true one"
+    return together(
+        None if true is None else _magnifier(),
+        figure(
+            f"Paths seen from the first pose; {words}.",
+            plot("trajectories of all algorithms", *axes, marks, "xy", "plan"),
+        ),
+    )
+
+
+def maps(shown: Sequence[Run], done: Done) -> Markup | None:
+    """[Kuehn] Fig. 4: the maps side by side in one scale, each with its path."""
+    grids = {run: run.outcome.grid for run in shown if run.outcome.grid is not None}
+    if not grids:
+        return None
+    start, known = done.reference.start, done.reference.grid
+    path = None if start is None else done.reference.path  # else in another frame than the maps
+    ways = _kept({run: run.outcome.poses for run in grids}) if path is None else [path]
+    walls = [_walls(grid) for run, grid in grids.items() if not run.lost]
+    axes = _plan(np.concatenate([_extent(ways), *walls]), narrowest=0.8)
+    true = [] if path is None else [_way(path, axes, "truth", "true path")]
+    panels = []
+    if known is not None and start is not None:
+        panels.append(_panel("true map", axes, [picture(known, "true map", _into(start)), *true]))
+    for run, grid in grids.items():
+        way = _way(run.outcome.poses, axes, run.kind, run.name)
+        panels.append(_panel(run.name, axes, [picture(grid, run.name), *true, way], run.mark))
+    return figure(
+        "Fig. 4 of the paper: white is free, black occupied, gray never observed (inverted on a "
+        f"dark page). Each map with its path{' and, broad, the true one' if true else ''}.",
+        element("div", *panels, class_="maps"),
+    )
+
+
+def _seen_from_first(run: Run) -> Floats:
+    """The path in the frame of the truth, where there is one."""
+    common = run.outcome.common
+    return run.outcome.poses if common is None else common.estimate
+
+
+def _kept(ways: dict[Run, Floats]) -> list[Floats]:
+    """The paths that set the shown part: those of lost runs only if there are no others."""
+    return [way for run, way in ways.items() if not run.lost] or list(ways.values())
+
+
+def _way(
+    poses: Floats, axes: tuple[Axis, Axis], kind: str, title: str, **attributes: object
+) -> Markup:
+    chosen = poses[thinned(len(poses))]
+    return line(chosen[:, 0], chosen[:, 1], axes, kind, title, **attributes)
+
+
+def _panel(name: str, axes: tuple[Axis, Axis], marks: list[Markup], kind: str = "") -> Markup:
+    drawn = plot(f"map: {name}", *axes, marks, "xy", "map")
+    return element("div", element("h3", name), drawn, class_=f"panel {kind}".rstrip())
+
+
+def _magnifier() -> Markup:
+    """A choice that report.js shows and obeys."""
+    options = [element("option", f"{zoom} ×", value=zoom) for zoom in ZOOMS]
+    choice = element("select", *options, id="magnify", autocomplete="off")
+    return element("label", "errors drawn ", choice, class_="tool", hidden=True)
+
+
+def _extent(ways: Sequence[Floats]) -> Floats:
+    """Lower left and upper right corner (2, 2) of all ways."""
+    points = np.concatenate([way[:, :2] for way in ways])
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _walls(grid: OccupancyGrid) -> Floats:
+    """Corners (2, 2) of the part of a map with nearly all of its occupied cells; none: (0, 2)."""
+    cells = np.argwhere(grid.p > 0.5)[:, ::-1]
+    if not len(cells):
+        return np.zeros((0, 2))
+    corners = np.percentile(cells, (0.5, 99.5), axis=0) * grid.resolution + np.array(grid.origin)
+    around: Floats = corners + AROUND_MAP * np.array([[-1.0], [1.0]])
+    return around
+
+
+def _plan(corners: Floats, narrowest: float) -> tuple[Axis, Axis]:
+    """Axes of one scale around all corners, neither too flat nor too tall for a page."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    size = np.maximum((high - low) * (1.0 + 2.0 * MARGIN), STILL)
+    width = max(size[0], narrowest * size[1])
+    height = max(size[1], width / WIDEST)
+    x, y = 0.5 * (low + high)
+    return (
+        Axis("x [m]", float(x - 0.5 * width), float(x + 0.5 * width)),
+        Axis("y [m]", float(y - 0.5 * height), float(y + 0.5 * height)),
+    )
+
+
+def _into(start: Pose2) -> str:
+    """The SVG transform from the world to the frame of the first pose."""
+    return f"rotate({-math.degrees(start.theta):.6f}) translate({-start.x:.6f} {-start.y:.6f})"

@@ -1,0 +1,85 @@
+"""What is known of a log besides its scans: facts, true path, true map, and the physical limit."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bench import bound, mapquality, metrics
+from bench.cases import Choice
+from slams.scanlog import ScanLog
+from slams.types import Floats, OccupancyGrid, Pose2
+
+
+class Reference(NamedTuple):
+    """`entry` is the log's in results.json; `path` (n, 3) the truth seen from its first pose.
+
+    `grid` is the true map in the frame of the world, `start` the first true pose in it.
+    """
+
+    entry: dict[str, Any]
+    path: Floats | None
+    grid: OccupancyGrid | None
+    start: Pose2 | None
+
+
+def reference(path: str, choice: Choice) -> Reference:
+    """Everything known of the chosen part of the log at `path`."""
+    log = choice.log(path)
+    entry = facts(log)
+    truth = log.truth_at(log.t)
+    if truth is None:
+        return Reference(entry, None, None, None)
+    found = metrics.common(log.t, truth, truth)
+    if not len(found.t):
+        return Reference(entry, None, None, None)
+    entry["bound"] = _limits(log, found)
+    at_first = Pose2(*truth[0].tolist()) if np.isfinite(truth[0]).all() else None
+    return Reference(entry, found.truth, mapquality.truth_map(log), at_first)
+
+
+def facts(log: ScanLog) -> dict[str, Any]:
+    """The log's own figures."""
+    entry: dict[str, Any] = {
+        "name": log.name,
+        "scans": len(log),
+        "beams": log.laser.n_beams,
+        "duration_s": float(log.t.max() - log.t.min()),
+        "stamps_back": log.stamp_jumps,
+        "odometry": log.odom is not None,
+        "gyro": log.yaw_rate is not None,
+        "truth_gap_s": None,
+        "notes": list(log.notes),
+        "meta": log.meta,
+    }
+    if len(log) == 1:
+        entry["notes"].append("one scan only: there is no motion to compare")
+    if log.truth is not None:
+        stamps, _ = log.truth.in_order
+        entry["truth_gap_s"] = float(np.diff(stamps).max()) if len(stamps) > 1 else None
+        covered = int(np.isfinite(log.truth.poses_at(log.t)[:, 0]).sum())
+        if covered < len(log):
+            entry["notes"].append(
+                f"the truth covers {covered} of {len(log)} scans; the others do not count"
+            )
+    return entry
+
+
+def _limits(log: ScanLog, truth: metrics.Common) -> dict[str, Any] | None:
+    """Mean errors of two independent fixes at the Cramer-Rao bound, over each span."""
+    limit = bound.bound_of(log)
+    if limit is None:
+        return None
+    covered = np.flatnonzero(np.isin(log.t, truth.t))
+    spans: dict[str, dict[str, float]] = {}
+    for span in metrics.SPANS:
+        first, second = metrics.pairs(truth, span)
+        expected = limit.pairs(covered[first], covered[second])
+        known = ~np.isnan(expected.translation)
+        if known.any():
+            spans[span.name] = {
+                "translation_m": float(expected.translation[known].mean()),
+                "rotation_rad": float(expected.rotation[known].mean()),
+            }
+    return {"strict": limit.strict, "open": limit.open, "ate_m": limit.ate, "spans": spans}

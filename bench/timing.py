@@ -1,0 +1,112 @@
+"""What a run costs: time per scan, memory, and what a live node would have had to drop."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import platform
+import time
+from collections.abc import Generator, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slams.cli import THREADS
+from slams.scanlog import ScanLog
+from slams.types import Floats, Scan
+
+STATUS = Path("/proc/self/status")
+PEAK_RESET = Path("/proc/self/clear_refs")
+
+
+def cost(seconds: Floats, duration: float, slower: float) -> dict[str, float]:
+    """CPU time per scan [ms], and how many times faster than the log the run was.
+
+    Args:
+        seconds: CPU time of each update (n,) [s], compilation taken out.
+        duration: of the log [s].
+        slower: how many times slower the core of `real_time_factor_slower` is than this one.
+    """
+    p50, p95, p99 = (1e3 * np.percentile(seconds, (50, 95, 99))).tolist()
+    factor = duration / max(float(seconds.sum()), 1e-9)
+    return {
+        "mean_ms": 1e3 * float(seconds.mean()),
+        "p50_ms": p50,
+        "p95_ms": p95,
+        "p99_ms": p99,
+        "max_ms": 1e3 * float(seconds.max()),
+        "real_time_factor": factor,
+        "real_time_factor_slower": factor / slower,
+        "slower": slower,
+    }
+
+
+class PeakMemory:
+    """Context that measures how far the memory of this process rises [MB] above its start.
+
+    `mb` is None where the system does not tell (it needs Linux' /proc).
+    """
+
+    mb: float | None = None
+
+    def __enter__(self) -> PeakMemory:
+        with contextlib.suppress(OSError):
+            PEAK_RESET.write_text("5")
+        self._before = _status("VmRSS")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        peak = _status("VmHWM")
+        if peak is not None and self._before is not None:
+            self.mb = max(peak - self._before, 0.0)
+
+
+def _status(key: str) -> float | None:
+    """A line of /proc/self/status [MB]."""
+    try:
+        text = STATUS.read_text()
+    except OSError:
+        return None
+    line = next((line for line in text.splitlines() if line.startswith(f"{key}:")), None)
+    return None if line is None else int(line.split()[1]) / 1024.0
+
+
+class LiveScans:
+    """The scans a live node would get: while it works on one, all but the newest are dropped.
+
+    A scan arrives at its stamp. The time between two draws from the iterator is the node's work,
+    as CPU time of this process, times `slower`. Which scans are dropped depends on the machine.
+    """
+
+    def __init__(self, log: ScanLog, slower: float = 1.0) -> None:
+        self.log, self.slower = log, slower
+        self.dropped = 0
+
+    def __iter__(self) -> Iterator[Scan]:
+        free = -np.inf
+        waiting: Scan | None = None
+        for scan in self.log:
+            if waiting is not None and scan.t > free:
+                free = yield from self._work(waiting, free)
+            elif waiting is not None:
+                self.dropped += 1
+            waiting = scan
+        if waiting is not None:
+            yield waiting
+
+    def _work(self, scan: Scan, free: float) -> Generator[Scan, None, float]:
+        """Hand out a scan; returns when the node is free again."""
+        start = time.process_time()
+        yield scan
+        return max(scan.t, free) + self.slower * (time.process_time() - start)
+
+
+def machine() -> dict[str, Any]:
+    """The machine of the run, as far as the system tells."""
+    cpu = platform.processor() or platform.machine()
+    with contextlib.suppress(OSError, StopIteration):
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        cpu = next(ln for ln in lines if ln.startswith("model name")).partition(":")[2].strip()
+    threads = {name: os.environ.get(name) for name in THREADS}
+    return {"cpu": cpu, "system": platform.system(), "threads": threads}

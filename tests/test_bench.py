@@ -1,0 +1,202 @@
+"""Failure, cost, tables, verdicts and ranking: what the benchmark says of a run."""
+
+import numpy as np
+import pytest
+
+from bench import loss, ranking, report, tables, timing, verdicts
+from bench.cases import Outcome, read_relations
+from bench.metrics import Common, RelationErrors, SpanErrors
+from slams.scanlog import ScanLog
+from slams.types import Laser
+
+
+def line(n, step=0.1):
+    poses = np.zeros((n, 3))
+    poses[:, 0] = step * np.arange(n)
+    return poses
+
+
+def test_a_run_that_leaves_the_limits_is_lost_and_may_come_back():
+    truth = line(100)
+    estimate = truth.copy()
+    estimate[40:60, 1] = 1.0 + 0.05 * 6.0 + 0.1  # beyond 1 m and 5 % of at most 6 m
+    found = loss.by_truth(Common(5.0 + np.arange(100.0), estimate, truth, 0))
+    assert found == {
+        "lost": True,
+        "at_s": 40.0,
+        "after_m": pytest.approx(4.0),
+        "completed": pytest.approx(0.8),
+    }
+    estimate[40:60, 1] = 0.99
+    assert not loss.by_truth(Common(np.arange(100.0), estimate, truth, 0))["lost"]
+    estimate[70:, 2] = 0.51 + 2.0 * np.pi
+    assert loss.by_truth(Common(np.arange(100.0), estimate, truth, 0))["at_s"] == 70.0
+
+
+def test_some_broken_relations_are_no_lost_run():
+    def errors(broken):
+        translation = np.where(np.arange(100) < broken, 2.0, 0.01)
+        return RelationErrors(np.arange(100.0), translation, np.zeros(100), np.zeros(100, bool))
+
+    assert loss.by_relations(errors(5), 0.0) | {"at_s": 0} == {
+        "lost": False,
+        "at_s": 0,
+        "after_m": None,
+        "completed": 0.95,
+        "broken": 5,
+    }
+    assert loss.by_relations(errors(6), 0.0)["lost"]
+
+
+def test_an_algorithm_may_call_itself_lost():
+    assert loss.by_report({"lost": 6}, 100) == {"lost": True, "scans": 6}
+    assert loss.by_report({"lost": 5}, 100) == {"lost": False, "scans": 5}
+    assert loss.by_report({}, 100) == {"lost": False, "scans": 0}
+
+
+def test_cost_by_hand():
+    found = timing.cost(np.array([0.001, 0.002, 0.003, 0.004]), 10.0, 5.0)
+    assert found["mean_ms"] == pytest.approx(2.5)
+    assert (found["p50_ms"], found["max_ms"]) == (pytest.approx(2.5), pytest.approx(4.0))
+    assert found["real_time_factor"] == pytest.approx(1000.0)
+    assert found["real_time_factor_slower"] == pytest.approx(200.0)
+
+
+def test_peak_memory_counts_what_is_allocated_inside_and_nothing_before():
+    before = np.ones(30_000_000)
+    del before
+    with timing.PeakMemory() as memory:
+        inside = np.ones(10_000_000)
+        del inside
+    if memory.mb is None:
+        pytest.skip("this system does not tell a process' peak memory")
+    assert 70.0 < memory.mb < 110.0
+
+
+@pytest.fixture
+def log():
+    laser = Laser(-1.0, 1.0, 3, 0.1, 10.0)
+    return ScanLog(t=0.1 * np.arange(20), ranges=np.ones((20, 3), np.float32), laser=laser)
+
+
+@pytest.mark.parametrize(
+    ("work", "slower", "kept"),
+    [
+        (0.09, 1.0, list(range(20))),  # ready before the next
+        (0.171, 1.0, [0, 1, 3, 5, 6, 8, 10, 11, 13, 15, 17, 18, 19]),
+        (0.053, 5.0, [0, 2, 5, 7, 10, 13, 15, 18, 19]),
+    ],
+)
+def test_a_live_node_takes_the_newest_scan_when_it_is_free(log, monkeypatch, work, slower, kept):
+    clock = {"now": 0.0}
+    monkeypatch.setattr(timing.time, "process_time", lambda: clock["now"])
+    scans, seen = timing.LiveScans(log, slower), []
+    for scan in scans:
+        seen.append(round(scan.t / 0.1))
+        clock["now"] += work
+    assert seen == kept
+    assert scans.dropped == 20 - len(kept)
+
+
+def outcome(name, errors, log="a"):
+    found = SpanErrors(np.arange(float(len(errors))), errors, 0.1 * errors, errors)
+    return Outcome({"algorithm": name, "log": log, "failed": None}, errors={"1 s": found})
+
+
+def test_verdicts_name_the_better_one_and_keep_quiet_about_noise():
+    rng = np.random.default_rng(0)
+    good, other = (1e-3 * np.abs(rng.normal(1.0, 0.3, 2000)) for _ in range(2))
+    found = verdicts.on_one_log(
+        [outcome("bad", good + 2e-3), outcome("good", good), outcome("other", other)]
+    )
+    words = {(v["a"], v["b"]): v for v in found if v["measure"] == "translation"}
+    assert len(found) == 6
+    pair = next(v for names, v in words.items() if set(names) == {"good", "bad"})
+    assert "good is better than bad by 2" in pair["sentence"]
+    assert "mm per second" in pair["sentence"]
+    assert pair["p_value"] >= pair["p_alone"]
+    noise = next(v for names, v in words.items() if set(names) == {"good", "other"})
+    assert "can't be told apart" in noise["sentence"]
+    assert [v["next"] for v in words.values()].count(True) == 2
+
+
+def test_verdicts_over_logs_pair_the_means_of_each_log():
+    rng = np.random.default_rng(1)
+    outcomes = []
+    for k in range(8):
+        hard = 1e-3 * (1.0 + k)
+        for name, more in (("good", 0.0), ("bad", 1e-3)):
+            errors = hard + more + 1e-4 * rng.random(50)
+            outcomes.append(outcome(name, errors, f"log {k}"))
+    found = verdicts.over_logs(outcomes)
+    pair = next(v for v in found if v["measure"] == "translation")
+    assert pair["n"] == 8
+    assert pair["sentence"].startswith("translation: good is better than bad by 1.0")
+
+
+def test_published_figures_are_read_with_their_columns():
+    rows = tables.published("update", "stdr arena (not public)")
+    assert [row["ours"] for row in rows] == ranking.paper_order()
+    assert rows[0]["translation_mean"] == 0.025
+    assert rows[2]["rotation_max"] == 0.333
+    intel = tables.published("relations", "intel")
+    assert [row["translation_mean"] for row in intel] == [0.220, 0.070, 0.031, 0.0229]
+
+
+def test_the_order_is_counted_arena_by_arena():
+    def arena(kind, *errors):
+        names = ("one", "two", "three")
+        runs = {
+            name: {"translation_m": e, "orientation_rad": 1.0, "lost": e > 8}
+            for name, e in zip(names, errors, strict=True)
+        }
+        return {"ranges": kind, "seed": 0, "runs": runs}
+
+    found = {
+        "order": ["one", "two", "three"],
+        "arenas": [
+            arena("exact", 1.0, 2.0, 3.0),
+            arena("exact", 1.0, 3.0, 2.0),
+            arena("exact", 2.0, 1.0, 9.0),
+            arena("stdr", 1.0, 2.0, 3.0),
+        ],
+    }
+    table = ranking.counts(found, "translation").loc["exact ranges, translation"]
+    assert table["one before two"] == "2 of 3"
+    assert table["two before three"] == "2 of 3"
+    assert table["the paper's order"] == "1 of 3"
+    assert table["lost runs"] == 1
+    assert table["three [mm]"] == pytest.approx(1e3 * 14.0 / 3.0)
+    assert "0 of 3" in ranking.as_markdown(found), "equal errors hold no order"
+
+
+def test_latex_escapes_what_it_must():
+    frame = tables.published_table({}, [{"algorithm": "hector@original"}])
+    frame = frame.rename(index={frame.index[0]: "a_b & c%"})
+    text = report.latex_table(frame, "50 % & more_")
+    assert r"50 \% \& more\_" in text
+    assert r"a\_b \& c\%" in text
+    assert text.count(r"\\") == len(frame) + 1
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "no relation in it"),
+        ("1 2 3\n", "got lines of 3 columns"),
+        ("1 2 3 4 5 6 7 8\n1 2\n", "got lines of 2, 8 columns"),
+        ("a b c d e f g h\n", "not a relations file"),
+        ("1 2 nan 4 5 6 7 8\n", "not finite"),
+    ],
+)
+def test_bad_relations_are_refused(tmp_path, text, sentence):
+    path = tmp_path / "x.relations"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=sentence):
+        read_relations(path)
+
+
+def test_a_failed_run_is_told_in_a_sentence():
+    log = {"name": "x", "scans": 1, "beams": 1, "duration_s": 0.0}
+    rows = [{"algorithm": "raiser", "log": "x", "failed": "ValueError: no"}]
+    assert "raiser failed: ValueError: no" in report.as_text(log, rows)

@@ -1,0 +1,211 @@
+"""How sure: coverage of the intervals, tests of pairs, Holm, and the sentence."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from scipy import signal, stats
+
+from bench.statistics import (
+    Paired,
+    adjusted,
+    mean_interval,
+    paired,
+    paired_over_runs,
+    sentence,
+)
+
+
+def autoregressive(phi, series, n, seed):
+    """Series (series, n) of mean 0 and deviation 1 with autocorrelation phi ** lag."""
+    noise = np.random.default_rng(seed).standard_normal((series, n + 300))
+    return math.sqrt(1.0 - phi**2) * signal.lfilter([1.0], [1.0, -phi], noise, axis=1)[:, 300:]
+
+
+def coverage(values, mean):
+    intervals = [mean_interval(row) for row in values]
+    return np.mean([low <= mean <= high for _, low, high in intervals])
+
+
+@pytest.mark.parametrize(("phi", "series"), [(0.0, 300), (0.5, 300), (0.9, 400)])
+def test_intervals_cover_the_mean_of_an_autocorrelated_series(phi, series):
+    assert 0.93 <= coverage(autoregressive(phi, series, 3000, 1), 0.0) <= 0.97
+
+
+def test_intervals_cover_the_mean_of_errors_that_are_never_negative():
+    values = autoregressive(0.9, 400, 3000, 15)
+    assert 0.93 <= coverage(np.abs(values), math.sqrt(2.0 / math.pi)) <= 0.97
+    assert 0.92 <= coverage(values**2, 1.0) <= 0.97  # 94.3 % over 2000 series
+
+
+def test_intervals_cover_the_mean_of_errors_over_overlapping_spans():
+    noise = np.random.default_rng(3).standard_normal((300, 3040))
+    total = np.cumsum(noise, axis=1)
+    assert 0.93 <= coverage((total[:, 40:] - total[:, :-40]) / math.sqrt(40.0), 0.0) <= 0.97
+
+
+def test_interval_is_as_wide_as_theory_says():
+    """The deviation of the mean of an AR(1) is sqrt((1 + phi) / (1 - phi) / n)."""
+    for phi in (0.0, 0.5, 0.9):
+        intervals = [mean_interval(row) for row in autoregressive(phi, 20, 12000, 4)]
+        width = np.mean([high - low for _, low, high in intervals])
+        theory = 2.0 * 1.96 * math.sqrt((1.0 + phi) / (1.0 - phi) / 12000)
+        assert width == pytest.approx(theory, rel=0.05)
+
+
+def test_interval_follows_scale_shift_and_level():
+    (values,) = autoregressive(0.7, 1, 500, 5)
+    value, low, high = mean_interval(values)
+    assert value == pytest.approx(values.mean())
+    assert mean_interval(3.0 + 2.0 * values) == pytest.approx(
+        (3.0 + 2.0 * value, 3.0 + 2.0 * low, 3.0 + 2.0 * high)
+    )
+    wide, narrow = mean_interval(values, 0.99), mean_interval(values, 0.8)
+    assert wide.low < low < narrow.low < value < narrow.high < high < wide.high
+
+
+def test_interval_is_the_same_every_time_and_leaves_out_what_is_not_finite():
+    (values,) = autoregressive(0.7, 1, 500, 6)
+    assert mean_interval(values, seed=3) == mean_interval(values, seed=3)
+    assert mean_interval(values, seed=3) != mean_interval(values, seed=4)
+    gaps = np.insert(values, [0, 7, 400], [np.nan, np.inf, np.nan])
+    assert mean_interval(gaps) == mean_interval(values)
+
+
+def test_interval_of_too_few_or_constant_values():
+    value, low, high = mean_interval(np.array([1.0, 2.0]))
+    assert value == 1.5 and math.isnan(low) and math.isnan(high)
+    assert all(math.isnan(number) for number in mean_interval(np.zeros(0)))
+    assert mean_interval(np.full(50, 0.1)) == pytest.approx((0.1, 0.1, 0.1))
+    spike = np.zeros(1000)
+    spike[500] = 1.0
+    value, low, high = mean_interval(spike)
+    assert value == 0.001 and low <= 0.001 < high
+
+
+def test_pairs_find_a_difference_that_the_series_alone_hide():
+    """What both series share, here a thousand times the difference, drops out."""
+    shared, own = autoregressive(0.9, 2, 3000, 7)
+    a, b = 10.0 * shared + own, 10.0 * shared + 0.5
+    result = paired(a, b)
+    assert result.difference == pytest.approx(own.mean() - 0.5)
+    assert result.low < result.difference < result.high < 0.0
+    assert result.p_value < 0.001 and result.n == 3000
+    assert result.effect == pytest.approx((own - 0.5).mean() / own.std(), rel=1e-3)
+    mirrored = paired(b, a)
+    assert mirrored.difference == -result.difference and mirrored.effect == -result.effect
+    assert (mirrored.low, mirrored.high) == pytest.approx((-result.high, -result.low), rel=0.05)
+
+
+def test_p_values_of_no_difference_are_evenly_spread():
+    a, b = autoregressive(0.8, 300, 2000, 8), autoregressive(0.8, 300, 2000, 9)
+    p = np.array([paired(x, y).p_value for x, y in zip(a, b, strict=True)])
+    assert stats.kstest(p, "uniform").pvalue > 0.05
+    assert 0.03 <= np.mean(p < 0.05) <= 0.07
+
+
+def test_p_value_and_interval_agree():
+    for seed in range(20):
+        (values,) = autoregressive(0.5, 1, 400, seed)
+        for level in (0.5, 0.8, 0.95, 0.98):
+            result = paired(values, np.full(400, 0.1), level)
+            if abs(result.p_value - (1.0 - level)) > 0.002:
+                assert (result.p_value < 1.0 - level) == (not result.low < 0.0 < result.high)
+
+
+def test_p_value_of_a_great_difference_goes_on_falling():
+    """Far out the draws are too few; with a hundred blocks the normal tail is not far off."""
+    (noise,) = autoregressive(0.0, 1, 4000, 10)
+    noise = (noise - noise.mean()) / noise.std()
+    ratios = np.array([2.0, 3.0, 4.0, 5.0, 6.0])
+    p = [paired(noise, np.full(4000, ratio / math.sqrt(4000))).p_value for ratio in ratios]
+    normal = 2.0 * stats.norm.sf(ratios)
+    assert (np.diff(p) < 0.0).all()
+    assert (np.abs(np.log10(p) - np.log10(normal)) < 0.3 * ratios - 0.3).all()
+
+
+def test_pairs_that_are_equal_constant_or_few():
+    values = np.arange(50.0)
+    same = paired(values, values)
+    assert same.p_value == 1.0 and same[:3] == (0.0, 0.0, 0.0) and same.effect == 0.0
+    moved = paired(values, values + 1.0)
+    assert moved.p_value == 0.0 and moved.effect == -math.inf
+    few = paired(values[:4], values[:4])
+    assert math.isnan(few.p_value) and few.n == 4
+    holes = np.where(values < 5.0, np.nan, values)
+    assert paired(holes, values).n == 45
+    with pytest.raises(ValueError, match="as many of each"):
+        paired(values, values[1:])
+
+
+def test_runs_against_scipy():
+    rng = np.random.default_rng(11)
+    a, b = rng.normal(1.0, 1.0, 9), rng.normal(0.0, 1.0, 9)
+    result = paired_over_runs(a, b)
+    interval = stats.ttest_rel(a, b).confidence_interval(0.95)
+    assert (result.low, result.high) == pytest.approx(tuple(interval))
+    oracle = stats.permutation_test(
+        (a, b), lambda x, y: (x - y).mean(), permutation_type="samples", n_resamples=np.inf
+    )
+    assert result.p_value == pytest.approx(oracle.pvalue)
+    assert result.effect == pytest.approx((a - b).mean() / (a - b).std(ddof=1))
+
+
+def test_runs_few_and_many():
+    assert paired_over_runs(np.array([1.0, 2.0]), np.zeros(2)).p_value == 0.5
+    assert paired_over_runs(np.arange(1.0, 7.0), np.zeros(6)).p_value == 2.0 / 64.0
+    assert math.isnan(paired_over_runs(np.ones(1), np.zeros(1)).p_value)
+    rng = np.random.default_rng(12)
+    a, b = rng.normal(0.4, 1.0, 40), np.zeros(40)
+    result = paired_over_runs(a, b)
+    assert result == paired_over_runs(a, b)
+    assert result.p_value == pytest.approx(stats.ttest_rel(a, b).pvalue, rel=0.3)
+
+
+def test_holm_by_hand():
+    assert adjusted([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert adjusted([0.4, math.nan, 0.5])[::2] == pytest.approx([0.8, 0.8])
+    assert math.isnan(adjusted([0.4, math.nan])[1])
+    assert adjusted([]) == [] and adjusted([0.9, 0.8]) == [1.0, 1.0]
+
+
+def test_holm_seldom_errs_once_in_a_family():
+    p = np.random.default_rng(13).random((4000, 6))
+    wrong = np.mean([min(adjusted(family)) < 0.05 for family in p])
+    assert 0.04 < wrong < 0.06
+
+
+def test_sentence_in_words():
+    better = Paired(-0.0012, -0.0014, -0.0010, 0.0001, -0.8, 300)
+    words = "by 1.2 mm per second, 95 % interval 1.0 to 1.4, p < 0.001"
+    assert sentence("hector", "crsm", better) == f"hector is better than crsm {words}"
+    worse = Paired(0.0012, 0.0010, 0.0014, 0.0001, 0.8, 300)
+    assert sentence("crsm", "hector", worse) == f"hector is better than crsm {words}"
+    turn = Paired(0.00012, 0.00001, 0.00023, 0.0312, 0.8, 300)
+    assert sentence("tsd", "crsm", turn, "mrad", 1e3, "per update", 0.9) == (
+        "crsm is better than tsd by 0.12 mrad per update, 90 % interval 0.01 to 0.23, p = 0.031"
+    )
+
+
+def test_sentence_of_no_proven_difference():
+    unsure = Paired(0.0001, -0.0002, 0.0004, 0.41, 0.1, 300)
+    assert sentence("hector", "crsm", unsure) == (
+        "hector and crsm can't be told apart: difference 0.1 mm per second, 95 % interval -0.2 to"
+        " 0.4, p = 0.41"
+    )
+    adjusted_away = Paired(-0.0012, -0.0024, -0.0001, 0.2, -0.8, 300)
+    assert "can't be told apart" in sentence("hector", "crsm", adjusted_away)
+    few = paired(np.zeros(3), np.zeros(3))
+    assert sentence("hector", "crsm", few) == (
+        "hector and crsm can't be compared: only 3 common values"
+    )
+
+
+def test_ten_pairs_of_a_long_log_take_less_than_a_second():
+    values = np.abs(autoregressive(0.3, 5, 12000, 14))
+    start = time.process_time()
+    for i in range(5):
+        for j in range(i):
+            paired(values[i], values[j])
+    assert time.process_time() - start < 1.0
