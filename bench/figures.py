@@ -20,7 +20,18 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0
 CLASSES = 8
 
 
-def histograms(errors: dict[str, Floats], kind: str, limit: float | None, path: Path) -> None:
+def colors(names: list[str]) -> dict[str, str]:
+    """A color for each run, the same in every figure, whichever of the runs it shows."""
+    return {name: COLORS[k % len(COLORS)] for k, name in enumerate(names)}
+
+
+def histograms(
+    errors: dict[str, Floats],
+    kind: str,
+    limit: float | None,
+    color_of: dict[str, str],
+    path: Path,
+) -> None:
     """[Kuehn] Fig. 2 (kind "translation") or 3 ("orientation"): shares of updates per class.
 
     Beside the paper's classes of 0.025 m or 0.05 rad the same errors as cumulative shares on a
@@ -37,7 +48,7 @@ def histograms(errors: dict[str, Floats], kind: str, limit: float | None, path: 
     edges = width * np.arange(CLASSES)
     thickness = 0.8 * width / max(len(errors), 1)
     for k, (name, values) in enumerate(errors.items()):
-        color = COLORS[k % len(COLORS)]
+        color = color_of[name]
         shares = class_shares(values, width, CLASSES)
         bars.bar(
             edges + (k + 0.5) * thickness + 0.1 * width, shares, thickness, color=color, label=name
@@ -71,7 +82,11 @@ def histograms(errors: dict[str, Floats], kind: str, limit: float | None, path: 
 
 
 def maps(
-    grids: dict[str, OccupancyGrid], paths: dict[str, Floats], truth: Floats | None, path: Path
+    grids: dict[str, OccupancyGrid],
+    paths: dict[str, Floats],
+    truth: Floats | None,
+    color_of: dict[str, str],
+    path: Path,
 ) -> None:
     """[Kuehn] Fig. 4: the maps side by side, each with its path; the true path dashed.
 
@@ -84,13 +99,11 @@ def maps(
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     for axes in panels[len(grids) :]:
         axes.set_visible(False)
-    for k, (axes, (name, grid)) in enumerate(zip(panels, grids.items(), strict=False)):
+    for axes, (name, grid) in zip(panels, grids.items(), strict=False):
         _draw_map(axes, grid)
         if truth is not None:
             axes.plot(truth[:, 0], truth[:, 1], color="0.4", linewidth=0.8, linestyle="--")
-        axes.plot(
-            paths[name][:, 0], paths[name][:, 1], color=COLORS[k % len(COLORS)], linewidth=1.0
-        )
+        axes.plot(paths[name][:, 0], paths[name][:, 1], color=color_of[name], linewidth=1.0)
         axes.set_title(name)
     limits = _limits(truth if truth is not None else np.concatenate(list(paths.values())))
     panels[0].set(**limits)

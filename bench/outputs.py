@@ -111,19 +111,30 @@ def _draw(folder: Path, log: Done, entry: Line) -> None:
     """The paper's figures, as far as the log has a truth and the runs did not fail."""
     errors = {o.row["algorithm"]: o.errors["update"] for o in log.outcomes if "update" in o.errors}
     limit = (entry.get("bound") or {}).get("spans", {}).get("update", {})
+    color_of = figures.colors([outcome.row["algorithm"] for outcome in log.outcomes])
     if errors:
         translation = {name: found.translation for name, found in errors.items()}
         orientation = {name: found.orientation for name, found in errors.items()}
         figures.histograms(
-            translation, "translation", limit.get("translation_m"), folder / "fig2_translation"
+            translation,
+            "translation",
+            limit.get("translation_m"),
+            color_of,
+            folder / "fig2_translation",
         )
         figures.histograms(
-            orientation, "orientation", limit.get("rotation_rad"), folder / "fig3_orientation"
+            orientation,
+            "orientation",
+            limit.get("rotation_rad"),
+            color_of,
+            folder / "fig3_orientation",
         )
     grids = {o.row["algorithm"]: o.grid for o in log.outcomes if o.grid is not None}
     if grids:
         paths: dict[str, Floats] = {o.row["algorithm"]: o.poses for o in log.outcomes}
-        figures.maps(grids, paths, log.reference.path, folder / "fig4_maps")
+        # a truth that begins late is seen from another pose than the maps are
+        truth = None if log.reference.start is None else log.reference.path
+        figures.maps(grids, paths, truth, color_of, folder / "fig4_maps")
 
 
 def file_name(label: str) -> str:

@@ -155,14 +155,20 @@ def sentence(
     if swap:
         low, high = -high, -low
     digits = _digits(high - low)
-    interval = f"{level * 100:g} % interval {low:.{digits}f} to {high:.{digits}f}"
+    low_text, high_text = _fixed(low, digits), _fixed(high, digits)
+    interval = f"{level * 100:g} % interval {low_text} to {high_text}"
     chance = _chance(result.p_value)
     if not sure:
-        amount = f"difference {difference:.{digits}f} {unit} {what}"
+        amount = f"difference {_fixed(difference, digits)} {unit} {what}"
         return f"{name_a} and {name_b} can't be told apart: {amount}, {interval}, {chance}"
     better, worse = (name_a, name_b) if swap else (name_b, name_a)
     amount = f"{abs(difference):.{digits}f} {unit} {what}"
     return f"{better} is better than {worse} by {amount}, {interval}, {chance}"
+
+
+def _fixed(value: float, digits: int) -> str:
+    """A number with so many decimals, zero without a sign."""
+    return f"{round(value, digits) + 0.0:.{digits}f}"
 
 
 def _digits(width: float) -> int:
@@ -299,4 +305,5 @@ def _sign_flips(differences: Floats, seed: int) -> float:
         flips = np.random.default_rng(seed).integers(0, 2, (10_000, n))
         flips[0] = 0  # the way it was is one of them
     sums = np.abs((1 - 2 * flips) @ differences)
-    return float(np.mean(sums >= abs(differences.sum()) * (1.0 - 1e-12)))
+    rounding = 1e-12 * np.abs(differences).sum()
+    return float(np.mean(sums >= abs(differences.sum()) - rounding))

@@ -10,17 +10,14 @@ import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slams.formats.occupancy import read_map, read_picture
 from slams.types import Floats, OccupancyGrid
 
 Mask = NDArray[np.bool_]
-
-# map_server's usual thresholds on the probability of being occupied
-THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +101,9 @@ class World:
 
 
 def read_world(path: str | Path, resolution: float | None = None) -> World:
-    """A world from a map_server yaml, or from a picture (dark = wall) with its resolution.
+    """A world from a map_server yaml, or from a picture (dark = wall) with its resolution [m].
+
+    A resolution given with a yaml takes the place of the map's own.
 
     Raises:
         OSError: a file cannot be opened.
@@ -114,63 +113,16 @@ def read_world(path: str | Path, resolution: float | None = None) -> World:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file; expected a map_server yaml or a picture")
     if path.suffix.lower() in (".yaml", ".yml"):
-        return _read_map(path, resolution)
+        grid = read_map(path)
+        return _world(grid.p, grid.resolution if resolution is None else resolution, grid.origin)
     if resolution is None:
         raise ValueError(
             f"{path}: a picture has no scale; give --resolution, the metres per pixel, or the"
             " map's yaml file"
         )
-    return _from_pixels(_pixels(path), resolution, (0.0, 0.0))
+    return _world(read_picture(path), resolution, (0.0, 0.0))
 
 
-def _read_map(path: Path, resolution: float | None) -> World:
-    head = _yaml(path)
-    missing = [key for key in ("image", "resolution", "origin") if key not in head]
-    if missing:
-        raise ValueError(f"{path}: no {', '.join(missing)}; expected a map_server map")
-    try:
-        scale = float(head["resolution"]) if resolution is None else resolution
-        x, y, yaw = (float(value) for value in [*head["origin"], 0.0][:3])
-        limits = tuple(float(head.get(key, usual)) for key, usual in THRESHOLDS.items())
-        negate = bool(int(head.get("negate", 0)))
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{path}: an entry is not a number ({error})") from error
-    if yaw != 0.0 or head.get("mode", "trinary") == "raw":
-        raise ValueError(f"{path}: a turned origin or mode raw; expected yaw 0 and mode trinary")
-    return _from_pixels(_pixels(path.parent / str(head["image"])), scale, (x, y), limits, negate)
-
-
-def _yaml(path: Path) -> dict[str, Any]:
-    import yaml
-
-    try:
-        head = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        reason = " ".join(str(error).split())
-        raise ValueError(f"{path}: not readable as yaml: {reason}") from error
-    if not isinstance(head, dict):
-        raise ValueError(f"{path}: not a map_server map; expected image, resolution, origin")
-    return head
-
-
-def _pixels(path: Path) -> NDArray[np.uint8]:
-    import cv2
-
-    data = np.frombuffer(path.read_bytes(), np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
-    if image is None:
-        raise ValueError(f"{path}: not a picture; expected pgm, png or another image file")
-    return np.asarray(image, np.uint8)
-
-
-def _from_pixels(
-    pixels: NDArray[np.uint8],
-    resolution: float,
-    origin: tuple[float, float],
-    limits: tuple[float, ...] = tuple(THRESHOLDS.values()),
-    negate: bool = False,
-) -> World:
-    bright = pixels[::-1] / 255.0  # image row 0 is the top
-    p = bright if negate else 1.0 - bright
-    occupied, free = p > limits[0], p < limits[1]
-    return World(occupied, ~(occupied | free), resolution, origin)
+def _world(p: NDArray[np.float32], resolution: float, origin: tuple[float, float]) -> World:
+    """Walls where the probability is above one half; what is not known lets rays pass."""
+    return World(p > 0.5, np.isnan(p), resolution, origin)

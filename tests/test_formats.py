@@ -55,7 +55,7 @@ def test_map_reads_back_to_the_same_cells(tmp_path):
 
 def test_a_map_that_is_none(tmp_path):
     (tmp_path / "m.yaml").write_text("image: none.pgm\n")
-    with pytest.raises(ValueError, match="not the yaml of a map"):
+    with pytest.raises(ValueError, match="expected the yaml of a map"):
         occupancy.read_map(tmp_path / "m.yaml")
 
 

@@ -9,6 +9,7 @@ from scipy import signal, stats
 
 from bench.statistics import (
     Paired,
+    _bootstrap,
     adjusted,
     mean_interval,
     paired,
@@ -45,9 +46,38 @@ def test_intervals_cover_the_mean_of_errors_over_overlapping_spans():
     assert 0.93 <= coverage((total[:, 40:] - total[:, :-40]) / math.sqrt(40.0), 0.0) <= 0.97
 
 
+def test_intervals_of_short_series_cover_a_little_less():
+    assert 0.92 <= coverage(autoregressive(0.9, 500, 300, 16), 0.0) <= 0.96
+
+
+def test_blocks_are_longer_than_what_hangs_together():
+    """A hundred blocks at most, ten at least; for AR(1) the best length is known."""
+    (white,), (slow,) = (autoregressive(phi, 1, 3000, 17) for phi in (0.0, 0.9))
+    best = (1.5 * (2.0 * 0.9 / (1.0 - 0.9**2)) ** 2 * 3000) ** (1.0 / 3.0)
+    assert _bootstrap(white, 0).blocks == 100
+    assert 3000 / best / 2.0 < _bootstrap(slow, 0).blocks < 3000 / best * 1.5
+    assert _bootstrap(np.cumsum(white), 0).blocks == 10
+    spans = np.cumsum(autoregressive(0.0, 1, 3300, 18)[0])
+    assert _bootstrap(spans[100:] - spans[:-100], 0).blocks <= 3200 / 100
+
+
+def test_intervals_of_differences_of_neighbors():
+    """Their sum hangs on the ends alone, and the flat top's estimate is often negative."""
+    noise = np.random.default_rng(19).standard_normal((20, 401))
+    for values in np.diff(noise, axis=1):
+        value, low, high = mean_interval(values)
+        assert -0.1 < low < value < high < 0.1
+
+
+def test_deviation_of_a_short_series_is_not_too_small():
+    values = autoregressive(0.9, 400, 300, 20)
+    variance = np.mean([_bootstrap(row, 0).deviation ** 2 for row in values])
+    assert variance == pytest.approx(np.mean(values.mean(axis=1) ** 2), rel=0.12)
+
+
 def test_interval_is_as_wide_as_theory_says():
     """The deviation of the mean of an AR(1) is sqrt((1 + phi) / (1 - phi) / n)."""
-    for phi in (0.0, 0.5, 0.9):
+    for phi in (-0.6, 0.0, 0.5, 0.9):
         intervals = [mean_interval(row) for row in autoregressive(phi, 20, 12000, 4)]
         width = np.mean([high - low for _, low, high in intervals])
         theory = 2.0 * 1.96 * math.sqrt((1.0 + phi) / (1.0 - phi) / 12000)
@@ -155,12 +185,14 @@ def test_runs_against_scipy():
 def test_runs_few_and_many():
     assert paired_over_runs(np.array([1.0, 2.0]), np.zeros(2)).p_value == 0.5
     assert paired_over_runs(np.arange(1.0, 7.0), np.zeros(6)).p_value == 2.0 / 64.0
+    assert paired_over_runs(np.array([0.1, 0.2, -0.3]), np.zeros(3)).p_value == 1.0
     assert math.isnan(paired_over_runs(np.ones(1), np.zeros(1)).p_value)
     rng = np.random.default_rng(12)
     a, b = rng.normal(0.4, 1.0, 40), np.zeros(40)
     result = paired_over_runs(a, b)
     assert result == paired_over_runs(a, b)
     assert result.p_value == pytest.approx(stats.ttest_rel(a, b).pvalue, rel=0.3)
+    assert paired_over_runs(a + 9.0, b).p_value == 1.0 / 10_000
 
 
 def test_holm_by_hand():
@@ -196,6 +228,8 @@ def test_sentence_of_no_proven_difference():
     )
     adjusted_away = Paired(-0.0012, -0.0024, -0.0001, 0.2, -0.8, 300)
     assert "can't be told apart" in sentence("hector", "crsm", adjusted_away)
+    wide = Paired(-0.0012, -0.0026, 0.0002, 0.04, -0.8, 6)
+    assert "can't be told apart" in sentence("hector", "crsm", wide)
     few = paired(np.zeros(3), np.zeros(3))
     assert sentence("hector", "crsm", few) == (
         "hector and crsm can't be compared: only 3 common values"

@@ -18,11 +18,16 @@ UNKNOWN = 0.8  # shade of cells never observed, as in the pdf figures
 SHADES = 15  # steps of gray
 
 
-def picture(grid: OccupancyGrid, title: str, transform: str | None = None) -> Markup:
-    """A map as an image in its own frame; only the part ever observed."""
-    shades, resolution, (x, y) = _shades(grid)
+def picture(
+    grid: OccupancyGrid, title: str, transform: str | None = None, finest: float = 0.0
+) -> Markup:
+    """A map as an image in its own frame; only the part ever observed.
+
+    Cells much finer than `finest` [m] are put together: walls of one such cell would not be seen.
+    """
+    shades, resolution, (x, y) = _shades(grid, finest)
     height, width = shades.shape
-    done, data = cv2.imencode(".png", shades, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    done, data = cv2.imencode(".png", shades, [cv2.IMWRITE_PNG_COMPRESSION, 6])
     if not done:
         raise RuntimeError(f"a map of {width} x {height} cells cannot be written as png")
     return element(
@@ -38,14 +43,16 @@ def picture(grid: OccupancyGrid, title: str, transform: str | None = None) -> Ma
     )
 
 
-def _shades(grid: OccupancyGrid) -> tuple[NDArray[np.uint8], float, tuple[float, float]]:
+def _shades(
+    grid: OccupancyGrid, finest: float
+) -> tuple[NDArray[np.uint8], float, tuple[float, float]]:
     """Gray values of the observed part, its resolution and origin; walls survive the shrinking."""
     known = ~np.isnan(grid.p)
     if not known.any():
         return np.full((1, 1), round(255 * UNKNOWN), np.uint8), grid.resolution, grid.origin
     rows, columns = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
     part = grid.p[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    factor = math.ceil(max(part.shape) / LONGEST)
+    factor = max(math.ceil(max(part.shape) / LONGEST), round(finest / grid.resolution))
     part = _shrunk(np.where(np.isnan(part), -1.0, part), factor)
     steps = np.round((1.0 - np.clip(part, 0.0, 1.0)) * SHADES) * (255.0 / SHADES)
     shades = np.where(part < 0.0, 255.0 * UNKNOWN, steps).round().astype(np.uint8)

@@ -31,7 +31,8 @@ def trajectories(shown: Sequence[Run], done: Done) -> Markup | None:
         return None
     true = next((run.outcome.common.truth for run in ways if run.outcome.common), None)
     whole = done.reference.path if done.reference.path is not None else true
-    axes = _plan(_extent(_kept(ways) if whole is None else [whole]), narrowest=1.4)
+    x, y = _plan(_extent(_kept(ways) if whole is None else [whole]), narrowest=1.4)
+    axes = x._replace(steps=ZOOMS[-1] * x.steps), y._replace(steps=ZOOMS[-1] * y.steps)
     marks = [] if true is None else [_way(true, axes, "truth", "true path", id="truth")]
     for run, way in ways.items():
         base = "truth" if true is not None and len(way) == len(true) else None
@@ -59,7 +60,9 @@ def maps(shown: Sequence[Run], done: Done) -> Markup | None:
     true = [] if path is None else [_way(path, axes, "truth", "true path")]
     panels = []
     if known is not None and start is not None:
-        panels.append(_panel("true map", axes, [picture(known, "true map", _into(start)), *true]))
+        finest = min(grid.resolution for grid in grids.values())
+        image = picture(known, "true map", into(start), finest)
+        panels.append(_panel("true map", axes, [image, *true]))
     for run, grid in grids.items():
         way = _way(run.outcome.poses, axes, run.kind, run.name)
         panels.append(_panel(run.name, axes, [picture(grid, run.name), *true, way], run.mark))
@@ -129,6 +132,6 @@ def _plan(corners: Floats, narrowest: float) -> tuple[Axis, Axis]:
     )
 
 
-def _into(start: Pose2) -> str:
+def into(start: Pose2) -> str:
     """The SVG transform from the world to the frame of the first pose."""
     return f"rotate({-math.degrees(start.theta):.6f}) translate({-start.x:.6f} {-start.y:.6f})"

@@ -18,20 +18,24 @@ from bench.html.markup import Markup, element
 from slams.types import Floats
 
 POINTS = 1500  # most of one line
-FINEST = 20_000  # steps a line's coordinates resolve over the whole axis: 20-fold zoom stays smooth
+STEPS = 20_000  # that coordinates resolve over the whole axis: 20-fold zoom stays smooth
 TICKS = 6  # about, per axis
 
 Tick = tuple[float, str]
 
 
 class Axis(NamedTuple):
-    """The visible range of one direction; `low` and `high` of a `log` axis are logarithms."""
+    """The visible range of one direction; `low` and `high` of a `log` axis are logarithms.
+
+    `marks` are ticks chosen by hand; lines resolve 1 / `steps` of the range.
+    """
 
     label: str
     low: float
     high: float
     log: bool = False
     marks: tuple[Tick, ...] = ()
+    steps: int = STEPS
 
     @property
     def span(self) -> float:
@@ -174,7 +178,7 @@ def _round_step(rough: float) -> float:
 
 
 def _rounded(values: Floats, axis: Axis) -> list[str]:
-    digits = max(0, math.ceil(-math.log10(axis.span / FINEST)))
+    digits = max(0, math.ceil(-math.log10(axis.span / axis.steps)))
     reach = 1e3 * axis.span  # what is further outside is not seen anyway
     kept = np.clip(values, axis.low - reach, axis.high + reach)
     return [

@@ -72,11 +72,10 @@ def _by_relations(rows: Rows) -> list[str]:
     if not known:
         return ["The log has neither truth nor relations: nothing is known of the errors."]
     order = sorted(known, key=lambda name: float(known[name]["translation_m"]["mean"]))
-    words = [f"{name} with {_mm(known[name]['translation_m']['mean'])}" for name in order]
-    return [
-        f"By the log's relations {words[0]} mean error of translation is the most accurate"
-        + (f", followed by {_listed(words[1:])}." if words[1:] else ".")
-    ]
+    errors = {name: _mm(known[name]["translation_m"]["mean"]) for name in order}
+    best = f"By the log's relations {order[0]} is the most accurate: {errors[order[0]]} mean error"
+    others = [f"{name} with {errors[name]}" for name in order[1:]]
+    return [best + (f", followed by {_listed(others)}." if others else ".")]
 
 
 def _failures(entry: Line, rows: Rows, done: Rows) -> list[str]:
