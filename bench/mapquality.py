@@ -95,6 +95,7 @@ class _Cells(NamedTuple):
 
     @property
     def known(self) -> Mask:
+        """Cells of which something is known."""
         return self.occupied | self.free
 
 
@@ -341,6 +342,7 @@ def _similarity(a: Mask, b: Mask, known: Mask) -> Floats:
     weight = np.maximum(_blurred(known.astype(np.float64)), 1e-12)
 
     def mean(values: Mask) -> Floats:
+        """Of the known cells around each."""
         return _blurred((values & known).astype(np.float64)) / weight
 
     mean_a, mean_b = mean(a), mean(b)

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from gmapping.beams import EndPoints
-from gmapping.climb_kernels import ClimbModel, climb_all, insert_hits, reserve_hits
+from gmapping.beams import EndPoints, Track
+from gmapping.climb_kernels import ClimbModel, climb_all, insert_hits
 from gmapping.motion import Motion, Step
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
@@ -43,17 +43,17 @@ class ClimbMatcher:
         self.counts = {"failed": 0}
 
     def points(self, scan: Scan, step: Step) -> Floats:
-        """End points (n, 2) [m] in the base frame."""
+        """End points (n, 3) [m] in the base frame."""
         return self._points(scan, step)[0]
 
-    def track(self, pose: Pose2, step: Step, points: Floats, rng: np.random.Generator) -> Pose2:
+    def track(self, pose: Pose2, step: Step, scan: Scan, rng: np.random.Generator) -> Track:
         """Odometry alone, as the original publishes; every particle gets noise of its own."""
         way = step.pose if step.measured else IDENTITY
         draws = rng.standard_normal((len(self._particles), 3))
         self._particles.move(np.array(way) + draws * self._noise(way))
         self._way += math.hypot(way.x, way.y)
         self._turn += abs(way.theta)
-        return pose @ way
+        return Track(pose @ way, self.points(scan, step), step)
 
     def due(self, pose: Pose2, step: Step) -> bool:
         """Whether the odometry has gone far enough; without odometry every scan is a key scan."""
@@ -70,13 +70,9 @@ class ClimbMatcher:
         self.quality = 1.0 - failed / len(poses)
         return log_w
 
-    def reserve(self, points: Floats, poses: Floats) -> bool:
-        """Make room for the scan in the maps of the first particles; False if there is none."""
-        return self._tiles.write(lambda tiles: reserve_hits(tiles, poses, points))
-
-    def insert(self, points: Floats, poses: Floats) -> None:
-        """Write the end points into the maps of the first particles, at these poses."""
-        insert_hits(self._tiles.tiles, poses, points)
+    def insert(self, points: Floats, poses: Floats) -> bool:
+        """Write the points into the particles' maps, at these poses; False if there was no room."""
+        return insert_hits(self._tiles.tiles, poses, points) == 0
 
     def start_way(self, pose: Pose2) -> None:
         """Measure the way to the next key scan from here."""

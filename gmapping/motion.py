@@ -18,7 +18,8 @@ class Step(NamedTuple):
     """Predicted motion of the base since the last scan.
 
     `pose` the motion; `deviation` (3,) of x, y [m], theta [rad]; `seconds` it took; `measured`
-    whether odometry or a gyro says so; `velocity` the alternative: once more the last motion.
+    whether odometry or a gyro says so; `velocity` the alternative: once more the last motion;
+    `sweep` the motion in as many seconds while the beams were measured.
     """
 
     pose: Pose2
@@ -26,6 +27,7 @@ class Step(NamedTuple):
     seconds: float
     measured: bool
     velocity: Pose2
+    sweep: Pose2 = IDENTITY
 
 
 class Motion:
@@ -57,7 +59,7 @@ class Motion:
         self.used["odometry"] += wheels is not None
         self.used["gyro"] += turn is not None
         measured = wheels is not None or turn is not None
-        return Step(pose, deviation, seconds, measured, self._velocity)
+        return Step(pose, deviation, seconds, measured, self._velocity, pose)
 
     def learn(self, moved: Pose2) -> None:
         """Keep the motion the laser found, to predict the next one."""

@@ -7,8 +7,22 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.filter_kernels import normalize, systematic
 from slams.types import Floats, Pose2, wrap_angle
+
+
+def normalize(log_w: Floats, temper: float) -> tuple[Floats, float]:
+    """Weights that sum to 1 from log weights over `temper`; and n_eff = 1 / sum w^2."""
+    w = np.exp((log_w - log_w.max()) / temper)
+    w /= w.sum()
+    return w, 1.0 / float(np.sum(w * w))
+
+
+def systematic(w: Floats, u: float) -> NDArray[np.int64]:
+    """Ancestors by systematic resampling with one draw u in [0, 1): N w offspring on average."""
+    arrows = (u + np.arange(len(w))) / len(w)
+    ancestors = np.searchsorted(np.cumsum(w), arrows, side="right")
+    last = np.flatnonzero(w)[-1]  # rounding may leave the sum below 1
+    return np.asarray(np.minimum(ancestors, last), np.int64)
 
 
 class Particles:
@@ -55,13 +69,11 @@ class Particles:
         """Multiply the weights by the likelihood of a scan."""
         self.log_w += log_w
         self.lifetime += log_w - log_w.max()
-        self.n_eff = normalize(self.log_w, temper, self.w)
+        self.w, self.n_eff = normalize(self.log_w, temper)
 
     def draw_ancestors(self, u: float) -> NDArray[np.int64]:
         """Ancestors of the next generation by systematic resampling with one draw u."""
-        ancestors = np.zeros(len(self), np.int64)
-        systematic(self.w, u, ancestors)
-        return ancestors
+        return systematic(self.w, u)
 
     def follow(self, ancestors: NDArray[np.int64]) -> None:
         """Become the children of these ancestors, all of one weight."""
@@ -69,7 +81,7 @@ class Particles:
         self.lifetime = self.lifetime[ancestors]
         self._leaves = self._leaves[ancestors]
         self.log_w[:] = 0.0
-        self.w[:] = 1.0 / len(self)
+        self.w = np.full(len(self), 1.0 / len(self))
         children = np.flatnonzero(ancestors == self.best)
         self.best = int(children[0]) if len(children) else int(np.argmax(self.lifetime))
 

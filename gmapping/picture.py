@@ -91,7 +91,8 @@ def _tiles(axes: Axes, tiles: TileMap) -> None:
         slots = tables[..., ty, tx]
         slots = slots[slots >= 0]
         shown[ty, tx] = len(slots) / len(np.unique(slots))
-    x, y = ((tiles.tiles.corner - 0.5 / SIDE) * edge).tolist()
+    x = (tiles.tiles.corner_x - 0.5 / SIDE) * edge
+    y = (tiles.tiles.corner_y - 0.5 / SIDE) * edge
     extent = (x, x + width * edge, y, y + height * edge)
     image = axes.imshow(shown, cmap="Blues", vmin=0, origin="lower", extent=extent)
     axes.figure.colorbar(image, ax=axes, label="particles to a stored tile", shrink=0.6)

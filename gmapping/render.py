@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from gmapping.beams import EndPoints
-from gmapping.filter_kernels import draw
 from gmapping.motion import Step
 from gmapping.params import GMappingParams
+from gmapping.render_kernels import draw
 from slams.types import Floats, OccupancyGrid, Pose2, Scan
 
 
@@ -46,4 +46,4 @@ class Renderer:
         points, beams = self._points(scan, step)
         base = Pose2(*pose.tolist())
         sensor = base.transform(np.array([[beams.x, beams.y]]))[0]
-        return base.transform(points), sensor
+        return base.transform(points[:, :2]), sensor

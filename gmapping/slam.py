@@ -6,9 +6,10 @@ Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007.
 1. Motion: odometry, a gyro or the last motion predicts the step since the last scan.
 2. Tracking (ours): every scan is matched to the best particle's map.
 3. At a key scan every particle is matched to its own map and drawn from a Gaussian around the
-   peak (the improved proposal, sec. III-B); its weight grows by the scan's likelihood.
-4. The number of effective particles n_eff = 1 / sum w^2 follows from the weights (eq. 20).
-5. Below a share of the particles they are resampled (sec. III-C): maps are shared, not copied.
+   peak (the improved proposal); its weight grows by the scan's likelihood.
+4. The number of effective particles n_eff = 1 / sum w^2 follows from the weights.
+5. Below a share of the particles they are resampled (adaptive resampling): maps are shared, not
+   copied.
 6. The scan is written into every particle's map.
 7. The particle of greatest weight over its life is the one that is reported.
 """
@@ -58,11 +59,10 @@ class GMapping:
         """Track a scan; at key scans run the filter. Returns the best particle's pose."""
         before = self.pose
         step = self._motion.step(scan)  # 1
-        points = self._matcher.points(scan, step)
         if self._counts["scans"] == 0:
-            self._begin(step)
+            points = self._begin(scan, step)
         else:
-            self.pose = self._matcher.track(before, step, points, self._rng)  # 2
+            self.pose, points, step = self._matcher.track(before, step, scan, self._rng)  # 2
         if len(points) == 0:
             self._counts["rejected"] += 1
         elif self._matcher.due(self.pose, step):
@@ -118,16 +118,8 @@ class GMapping:
 
     def _insert(self, points: Floats) -> None:
         self.tiles.cover(*self.particles.extent(points))
-        poses = self.particles.poses
-        if not self._matcher.reserve(points, poses):
+        if not self._matcher.insert(points, self.particles.poses):
             self._collapse()
-            poses = self.particles.poses[:1]
-            if not self._matcher.reserve(points, poses):
-                self._counts["rejected"] += 1
-                return
-        self._matcher.insert(points, poses)
-        if len(poses) < len(self.particles):
-            self.tiles.inherit(np.zeros(len(self.particles), np.int64))
         self._counts["inserted"] += 1
 
     def _collapse(self) -> None:
@@ -137,10 +129,11 @@ class GMapping:
         self.tiles.inherit(ancestors)
         self._counts["collapsed"] += 1
 
-    def _begin(self, step: Step) -> None:
-        """The original without odometry has no noise: all particles are one."""
+    def _begin(self, scan: Scan, step: Step) -> Floats:
+        """Points of the first scan. The original without odometry has no noise: one particle."""
         if self.params.matcher == "climb" and not step.measured:
             self._populate(1)
+        return self._matcher.points(scan, step)
 
     def _populate(self, n_particles: int) -> None:
         p, matcher = self.params, MATCHERS[self.params.matcher]

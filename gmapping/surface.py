@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from gmapping.beams import EndPoints
+from gmapping.beams import EndPoints, Track
 from gmapping.motion import Motion, Step
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
-from gmapping.register_kernels import propose, register, search
+from gmapping.peaks import Belief, Peaks, climb, search
+from gmapping.register_kernels import Prior
 from gmapping.scan_kernels import Walls, surfaces
-from gmapping.surface_kernels import LAYERS, SurfaceModel, insert, reserve
+from gmapping.surface_kernels import LAYERS, SurfaceModel, insert
 from gmapping.tiles import TileMap
 from slams.types import IDENTITY, Floats, Pose2, Scan, wrap_angle
 
-UPPER = np.triu_indices(3)
 GRAZING = 0.1  # cosine; walls seen more edge-on say nothing
 RATIO = 0.1  # thickness over length of a wall, squared
-SPARSE = 100  # points the lattice search looks at
-WIDEST = 0.6  # m, rad; the search goes no farther
-LATTICE = (0.1, 0.1, 0.03)  # m, m, rad; within the reach of Gauss-Newton
+MEMORY = 0.05  # weight of one scan in the usual quality
 
 
 class SurfaceMatcher:
@@ -40,32 +37,35 @@ class SurfaceMatcher:
     ) -> None:
         p = self._params = params
         self._motion, self._particles, self._tiles = motion, particles, tiles
-        self._points = EndPoints(params)
+        self._points = EndPoints(params, p.grain)
         self._walls = Walls(p.reach, p.flatness, RATIO, GRAZING)
         self._model = SurfaceModel(p.band, p.cap, p.sigma, p.wide, p.width, p.steps, p.independent)
-        self._buffer = np.zeros((0, 4))
+        self._buffer = np.zeros((0, 5))
         self._key, self._keyed = IDENTITY, False
+        self._usual_quality = 0.0
         self.covariance: Floats = np.zeros((3, 3))
         self.quality = 1.0
         self.counts = {"lost": 0, "recovered": 0}
 
     def points(self, scan: Scan, step: Step) -> Floats:
-        """Pieces of surface (n, 4): x, y [m], nx, ny in the base frame."""
+        """Pieces of surface (n, 5): x, y [m], nx, ny in the base frame, how many beams."""
         points, beams = self._points(scan, step)
         if len(points) > len(self._buffer):
-            self._buffer = np.zeros((len(scan.ranges), 4))
+            self._buffer = np.zeros((len(scan.ranges), 5))
         return self._buffer[: surfaces(points, beams, self._walls, self._buffer)]
 
-    def track(self, pose: Pose2, step: Step, points: Floats, rng: np.random.Generator) -> Pose2:
+    def track(self, pose: Pose2, step: Step, scan: Scan, rng: np.random.Generator) -> Track:
         """Pose of greatest posterior in the best particle's map."""
-        prior = _predict(pose, self.covariance, step)
-        fit = self._register(points, prior, prior.pose)
-        if self._keyed and 0.0 < len(points) * self._params.poor_match > fit.close:
-            fit = self._recover(points, pose, step, prior, fit)
-        self.covariance = _inverse(fit.information)
-        self.quality = fit.close / max(len(points), 1)
-        x, y, theta = fit.pose.tolist()
-        return Pose2(x, y, float(wrap_angle(theta)))
+        belief, points = _predict(pose, self.covariance, step), self.points(scan, step)
+        peak = self._climb(points, belief, belief.pose)
+        if self._keyed and len(points) > 0:
+            peak = self._judged(points, pose, step, belief, peak)
+        if self._points.sweeps:  # seen again with the motion that was found
+            step = step._replace(sweep=pose.between(_pose(peak)))
+            points = self.points(scan, step)
+            peak = self._climb(points, belief, peak.poses[0])
+        self.covariance = np.asarray(np.linalg.inv(peak.information[0]), np.float64)
+        return Track(_pose(peak), points, step)
 
     def due(self, pose: Pose2, step: Step) -> bool:
         """Whether the tracked pose has left the last key scan far enough behind."""
@@ -74,107 +74,89 @@ class SurfaceMatcher:
         return far or abs(way.theta) >= self._params.angular_update or not self._keyed
 
     def propose(self, pose: Pose2, points: Floats, rng: np.random.Generator) -> Floats:
-        """Move every particle by the tracked way, then draw it around its own peak; log weights."""
-        particles, way = self._particles, self._key.between(pose)
+        """Move every particle by the tracked way, then draw it around its own peak; log weights.
+
+        [Grisetti07] improved proposal; ours: the Gaussian is Laplace's at the peak instead of a
+        fit to samples, so the weight is the peak's posterior x sqrt(det 2 pi H^-1).
+        """
+        particles, way, n = self._particles, self._key.between(pose), len(self._particles)
         particles.move(np.array(way))
-        information = _turned(self._motion.noise(way) ** -2.0, particles.poses[:, 2] - way.theta)
-        draws = self._params.spread * rng.standard_normal((len(particles), 3))
-        log_w = np.zeros(len(particles))
-        propose(self._tiles.tiles, points, information, self._model, draws, particles.poses, log_w)
+        noise = _turned(self._motion.noise(way), particles.poses[:, 2] - way.theta)
+        prior = Prior(particles.poses, np.asarray(np.linalg.inv(noise), np.float64))
+        tiles = self._tiles.tiles
+        peaks = climb(tiles, np.arange(n), points, prior, particles.poses, self._model)
+        factor = np.linalg.cholesky(peaks.information)
+        draws = self._params.spread * rng.standard_normal((n, 3))[..., None]
+        off: Floats = np.linalg.solve(factor.transpose(0, 2, 1), draws)[..., 0]
+        particles.poses[:] = peaks.poses + off
+        log_w: Floats = -peaks.cost - np.log(np.diagonal(factor, 0, 1, 2)).sum(axis=1)
         return log_w
 
-    def reserve(self, points: Floats, poses: Floats) -> bool:
-        """Make room for the scan in the maps of the first particles; False if there is none."""
-        band = self._params.band
-        return self._tiles.write(lambda tiles: reserve(tiles, poses, points, band))
-
-    def insert(self, points: Floats, poses: Floats) -> None:
-        """Write the scan into the maps of the first particles, at these poses."""
-        insert(self._tiles.tiles, poses, points, self._model)
+    def insert(self, points: Floats, poses: Floats) -> bool:
+        """Write the scan into the particles' maps, at these poses; False if there was no room."""
+        return insert(self._tiles.tiles, poses, points, self._model) == 0
 
     def start_way(self, pose: Pose2) -> None:
         """Measure the way to the next key scan from here."""
         self._key, self._keyed = pose, True
 
-    def _register(self, points: Floats, prior: Prior, start: Floats) -> Fit:
-        pose, found = start.copy(), np.zeros(12)
-        upper = _inverse(prior.covariance)[UPPER]
-        tiles, best = self._tiles.tiles, self._particles.best
-        cost = register(tiles, best, points, prior.pose, upper, self._model, pose, found)
-        return Fit(pose, cost, _symmetric(found), found[11])
+    def _climb(self, points: Floats, belief: Belief, start: Floats) -> Peaks:
+        best = np.array([self._particles.best])
+        return climb(self._tiles.tiles, best, points, belief.prior(), start[None], self._model)
 
-    def _recover(self, points: Floats, pose: Pose2, step: Step, prior: Prior, fit: Fit) -> Fit:
+    def _judged(
+        self, points: Floats, pose: Pose2, step: Step, belief: Belief, peak: Peaks
+    ) -> Peaks:
+        """The peak, or a better one if it explains less of the scan than usual."""
+        beams = float(points[:, 4].sum())
+        if peak.close[0] < self._params.poor_match * self._usual_quality * beams:
+            peak = self._recover(points, pose, step, belief, peak)
+        self.quality = float(peak.close[0]) / beams
+        if self.quality >= self._params.poor_match * self._usual_quality:
+            weight = MEMORY if self._usual_quality > 0.0 else 1.0
+            self._usual_quality += weight * (self.quality - self._usual_quality)
+        return peak
+
+    def _recover(
+        self, points: Floats, pose: Pose2, step: Step, belief: Belief, peak: Peaks
+    ) -> Peaks:
         """Try wider starts: odometry may have slipped, or lag behind the robot."""
         self.counts["lost"] += 1
-        slip = prior.covariance + np.eye(3) * (self._params.slip * step.seconds) ** 2
-        tighter = 0.5 * (_log_det(slip) - _log_det(prior.covariance))
-        fits = [fit._replace(cost=fit.cost - tighter)]
-        for mean in (prior.pose, np.array(pose @ step.velocity)):
-            wide = Prior(mean, slip)
-            fits.append(self._register(points, wide, self._search(points, wide)))
-        best = min(fits, key=lambda f: f.cost)
-        self.counts["recovered"] += best is not fits[0]
-        return best
-
-    def _search(self, points: Floats, prior: Prior) -> Floats:
-        sparse = np.ascontiguousarray(points[:: max(1, len(points) // SPARSE)])
-        half = np.minimum(2.0 * np.sqrt(np.diag(prior.covariance)), WIDEST)
-        window = np.concatenate([half, LATTICE])
-        upper, start = _inverse(prior.covariance)[UPPER], prior.pose.copy()
-        tiles, best = self._tiles.tiles, self._particles.best
-        search(tiles, best, sparse, prior.pose, upper, window, self._model, start)
-        return start
+        slip = belief.covariance + np.eye(3) * (self._params.slip * step.seconds) ** 2
+        tighter = 0.5 * (_log_det(slip) - _log_det(belief.covariance))
+        peaks = [peak._replace(cost=peak.cost - tighter)]
+        for mean in (belief.pose, np.array(pose @ step.velocity)):
+            wide = Belief(mean, slip)
+            tiles, best = self._tiles.tiles, self._particles.best
+            peaks.append(self._climb(points, wide, search(tiles, best, points, wide, self._model)))
+        best_peak = min(peaks, key=lambda p: float(p.cost[0]))
+        self.counts["recovered"] += best_peak is not peaks[0]
+        return best_peak
 
 
-class Prior(NamedTuple):
-    """What is believed of a pose (3,) before the scan, and its covariance (3, 3)."""
-
-    pose: Floats
-    covariance: Floats
+def _pose(peak: Peaks) -> Pose2:
+    x, y, theta = peak.poses[0].tolist()
+    return Pose2(x, y, float(wrap_angle(theta)))
 
 
-class Fit(NamedTuple):
-    """A peak: pose (3,), negative log posterior, information (3, 3), how many points lie close."""
-
-    pose: Floats
-    cost: float
-    information: Floats
-    close: float
-
-
-def _predict(pose: Pose2, covariance: Floats, step: Step) -> Prior:
-    """The prior after a step, in the map frame."""
+def _predict(pose: Pose2, covariance: Floats, step: Step) -> Belief:
+    """What is believed after a step, in the map frame."""
     moved = pose @ step.pose
-    c, s = math.cos(pose.theta), math.sin(pose.theta)
     lever = np.array([[1.0, 0.0, pose.y - moved.y], [0.0, 1.0, moved.x - pose.x], [0.0, 0.0, 1.0]])
-    noise = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) * step.deviation
-    return Prior(np.array(moved), lever @ covariance @ lever.T + noise @ noise.T)
+    noise = _turned(step.deviation, np.array([pose.theta]))[0]
+    return Belief(np.array(moved), lever @ covariance @ lever.T + noise)
+
+
+def _turned(deviation: Floats, headings: Floats) -> Floats:
+    """Covariances (n, 3, 3) in the map of a step with deviations (3,) along the body's axes."""
+    c, s = np.cos(headings), np.sin(headings)
+    turned = np.zeros((len(headings), 3, 3))
+    turned[:, 0, 0] = turned[:, 1, 1] = c
+    turned[:, 0, 1], turned[:, 1, 0], turned[:, 2, 2] = -s, s, 1.0
+    turned *= deviation
+    covariances: Floats = turned @ turned.transpose(0, 2, 1)
+    return covariances
 
 
 def _log_det(matrix: Floats) -> float:
     return float(np.linalg.slogdet(matrix)[1])
-
-
-def _inverse(matrix: Floats) -> Floats:
-    inverse: Floats = np.asarray(np.linalg.inv(matrix), np.float64)
-    return inverse
-
-
-def _turned(information: Floats, headings: Floats) -> Floats:
-    """A diagonal information of the body frame (3,) seen from the map: upper triangles (n, 6)."""
-    c, s = np.cos(headings), np.sin(headings)
-    along, across, heading = information
-    upper = np.zeros((len(headings), 6))
-    upper[:, 0] = c * c * along + s * s * across
-    upper[:, 1] = c * s * (along - across)
-    upper[:, 3] = s * s * along + c * c * across
-    upper[:, 5] = heading
-    return upper
-
-
-def _symmetric(upper: Floats) -> Floats:
-    """The symmetric matrix (3, 3) of an upper triangle (>= 6,)."""
-    h = np.zeros((3, 3))
-    h[UPPER] = upper[:6]
-    full: Floats = h + np.triu(h, 1).T
-    return full

@@ -1,11 +1,11 @@
-"""A map of signed distances to surfaces: which tiles a scan touches, and what it writes."""
+"""A map of signed distances to surfaces, and what a scan writes into it."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-from gmapping.tile_kernels import Tiles, cell_of, inside_tile, make_writable, slot_of
+from gmapping.tile_kernels import BITS, Tiles, cell_of, inside_tile, own_slot
 from slams.jit import njit
 from slams.types import Floats
 
@@ -30,7 +30,7 @@ class SurfaceModel(NamedTuple):
     independent: float
 
 
-@njit
+@njit(inner=True)
 def facing(nx: float, ny: float) -> int:
     """Layer of a surface by the side its normal points to: 0 +x, 1 +y, 2 -x, 3 -y. ours."""
     if abs(nx) >= abs(ny):
@@ -39,45 +39,21 @@ def facing(nx: float, ny: float) -> int:
 
 
 @njit
-def reserve(tiles: Tiles, poses: Floats, surface: Floats, band: int) -> int:
-    """Make every tile the scan will touch writable; returns how many were lacking.
-
-    ours: may be called again when tiles became free, what is done stays done. poses (particles,
-    3) m, rad; surface (n, 4) x, y [m], nx, ny in the base frame.
-    """
-    lacking = 0
-    for particle in range(poses.shape[0]):
-        x0, y0, theta = poses[particle, 0], poses[particle, 1], poses[particle, 2]
-        c, s = math.cos(theta), math.sin(theta)
-        last_layer, last_x, last_y = -1, 0, 0
-        for i in range(surface.shape[0]):
-            x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
-            layer = facing(c * nx - s * ny, s * nx + c * ny)
-            ix = cell_of(x0 + c * x - s * y, tiles.resolution)
-            iy = cell_of(y0 + s * x + c * y, tiles.resolution)
-            if layer == last_layer and ix == last_x and iy == last_y:
-                continue
-            last_layer, last_x, last_y = layer, ix, iy
-            for corner in range(4):
-                jx = ix + (band if corner & 1 else -band)
-                jy = iy + (band if corner & 2 else -band)
-                lacking += make_writable(tiles, particle, layer, jx, jy)
-    return lacking
-
-
-@njit
-def insert(tiles: Tiles, poses: Floats, surface: Floats, model: SurfaceModel) -> None:
+def insert(tiles: Tiles, poses: Floats, surface: Floats, model: SurfaceModel) -> int:
     """Average the line through every point into the cells around it, in every particle's map.
 
     ours: a cell keeps the means over lines of the signed distance d = n . (cell - point) and of
     the normal n, so (d, n) is the mean line as seen from the cell's center, and the weight. A
-    line counts less the farther along the wall its point lies. Arrays as in `reserve`.
+    line counts less the farther along the wall its point lies. poses (particles, 3) m, rad;
+    surface (n, 5) x, y [m], nx, ny in the base frame, beams; returns how many cells had no room.
     """
     edge = tiles.resolution
     reach, along = (model.band + 0.5) * edge, 1.5 * edge
+    lacking = 0
     for particle in range(poses.shape[0]):
         x0, y0, theta = poses[particle, 0], poses[particle, 1], poses[particle, 2]
         c, s = math.cos(theta), math.sin(theta)
+        tx, ty, last, slot = 0, 0, -1, -1  # the tile written last
         for i in range(surface.shape[0]):
             x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
             px, py = x0 + c * x - s * y, y0 + s * x + c * y
@@ -87,12 +63,15 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, model: SurfaceModel) ->
             for jy in range(iy - model.band, iy + model.band + 1):
                 for jx in range(ix - model.band, ix + model.band + 1):
                     ox, oy = jx * edge - px, jy * edge - py
-                    weight = 1.0 - abs(wx * oy - wy * ox) / along
+                    weight = surface[i, 4] * (1.0 - abs(wx * oy - wy * ox) / along)
                     distance = wx * ox + wy * oy
                     if weight <= 0.0 or abs(distance) > reach:
                         continue
-                    slot = slot_of(tiles, particle, layer, jx, jy)
+                    if jx >> BITS != tx or jy >> BITS != ty or layer != last:
+                        tx, ty, last = jx >> BITS, jy >> BITS, layer
+                        slot = own_slot(tiles, particle, layer, jx, jy)
                     if slot < 0:
+                        lacking += 1
                         continue
                     cell = tiles.cells[slot, inside_tile(jx, jy)]
                     total = cell[3] + weight
@@ -101,3 +80,4 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, model: SurfaceModel) ->
                     cell[1] += gain * (wx - cell[1])
                     cell[2] += gain * (wy - cell[2])
                     cell[3] = min(total, model.cap)
+    return lacking

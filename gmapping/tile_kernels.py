@@ -21,59 +21,57 @@ class Tiles(NamedTuple):
 
     `cells` (slots, CELLS, 4) four numbers a cell, whatever the matcher keeps there; `tables`
     (particles, layers, ny, nx) slot of each tile, -1 = never touched; `references` (slots,) how
-    many tables point at a slot; `stack` (slots,) the free slots, `n_free` (1,) how many;
-    `corner` (2,) tile index of tables[..., 0, 0]; `resolution` [m].
+    many tables point at a slot; `free` (slots + 1,) how many slots are free, then these slots;
+    `corner_x`, `corner_y` tile index of tables[..., 0, 0]; `resolution` [m].
     """
 
     cells: NDArray[np.float32]
     tables: NDArray[np.int32]
     references: NDArray[np.int32]
-    stack: NDArray[np.int32]
-    n_free: NDArray[np.int64]
-    corner: NDArray[np.int64]
+    free: NDArray[np.int32]
+    corner_x: int
+    corner_y: int
     resolution: float
 
 
-@njit
+@njit(inner=True)
 def cell_of(coordinate: float, resolution: float) -> int:
     """Index of the cell whose center, index * resolution, is nearest to a coordinate [m]. ours."""
     return math.floor(coordinate / resolution + 0.5)
 
 
-@njit
+@njit(inner=True)
+def inside_tile(ix: int, iy: int) -> int:
+    """Place of a cell in its tile, row by row. ours."""
+    return ((iy & LAST) << BITS) | (ix & LAST)
+
+
+@njit(inner=True)
 def slot_of(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
     """Slot of the tile that holds a cell, -1 if absent or outside. ours."""
-    tx = (ix >> BITS) - tiles.corner[0]
-    ty = (iy >> BITS) - tiles.corner[1]
+    tx, ty = (ix >> BITS) - tiles.corner_x, (iy >> BITS) - tiles.corner_y
     if tx < 0 or ty < 0 or ty >= tiles.tables.shape[2] or tx >= tiles.tables.shape[3]:
         return -1
     slot: int = tiles.tables[particle, layer, ty, tx]
     return slot
 
 
-@njit
-def inside_tile(ix: int, iy: int) -> int:
-    """Place of a cell in its tile, row by row. ours."""
-    return ((iy & LAST) << BITS) | (ix & LAST)
-
-
-@njit
-def make_writable(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
-    """Give a particle a tile of its own around a cell; 1 if the pool is empty, else 0.
+@njit(inner=True)
+def own_slot(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
+    """Slot of a tile that only this particle has, to write to; -1 if there is no room.
 
     ours: copy on write; a tile is copied only while another table points at it too.
     """
-    tx = (ix >> BITS) - tiles.corner[0]
-    ty = (iy >> BITS) - tiles.corner[1]
+    tx, ty = (ix >> BITS) - tiles.corner_x, (iy >> BITS) - tiles.corner_y
     if tx < 0 or ty < 0 or ty >= tiles.tables.shape[2] or tx >= tiles.tables.shape[3]:
-        return 0
-    old = tiles.tables[particle, layer, ty, tx]
+        return -1
+    old: int = tiles.tables[particle, layer, ty, tx]
     if old >= 0 and tiles.references[old] == 1:
-        return 0
-    if tiles.n_free[0] == 0:
-        return 1
-    tiles.n_free[0] -= 1
-    new = tiles.stack[tiles.n_free[0]]
+        return old
+    if tiles.free[0] == 0:
+        return -1
+    new: int = tiles.free[tiles.free[0]]
+    tiles.free[0] -= 1
     tiles.references[new] = 1
     tiles.tables[particle, layer, ty, tx] = new
     if old >= 0:
@@ -81,7 +79,7 @@ def make_writable(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> 
     for k in range(CELLS):  # loops: assigning slices takes numba seconds to compile
         for j in range(4):
             tiles.cells[new, k, j] = tiles.cells[old, k, j] if old >= 0 else 0.0
-    return 0
+    return new
 
 
 @njit
@@ -109,5 +107,5 @@ def inherit(tiles: Tiles, ancestors: NDArray[np.int64], out_tables: NDArray[np.i
                         continue
                     tiles.references[slot] -= 1
                     if tiles.references[slot] == 0:
-                        tiles.stack[tiles.n_free[0]] = slot
-                        tiles.n_free[0] += 1
+                        tiles.free[0] += 1
+                        tiles.free[tiles.free[0]] = slot

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,21 +20,26 @@ class TileMap:
     """
 
     def __init__(self, n_particles: int, layers: int, resolution: float, max_tiles: int) -> None:
-        self.peak = 0
+        self._peak = 0
         self.tiles = Tiles(
             cells=np.empty((max_tiles, CELLS, 4), np.float32),
             tables=np.full((n_particles, layers, 2 * MARGIN, 2 * MARGIN), -1, np.int32),
             references=np.zeros(max_tiles, np.int32),
-            stack=np.arange(max_tiles - 1, -1, -1, dtype=np.int32),
-            n_free=np.array([max_tiles], np.int64),
-            corner=np.array([-MARGIN, -MARGIN], np.int64),
+            free=np.concatenate([[max_tiles], np.arange(max_tiles)[::-1]]).astype(np.int32),
+            corner_x=-MARGIN,
+            corner_y=-MARGIN,
             resolution=resolution,
         )
 
     @property
     def used(self) -> int:
         """Tiles in use now."""
-        return len(self.tiles.references) - int(self.tiles.n_free[0])
+        return len(self.tiles.references) - int(self.tiles.free[0])
+
+    @property
+    def peak(self) -> int:
+        """Most tiles that were ever in use before a resampling, or now."""
+        return max(self._peak, self.used)
 
     @property
     def shared(self) -> float:
@@ -49,7 +52,8 @@ class TileMap:
         edge = SIDE * self.tiles.resolution
         first = np.floor(low / edge).astype(np.int64) - 1
         last = np.floor(high / edge).astype(np.int64) + 1
-        tables, corner = self.tiles.tables, self.tiles.corner
+        tables = self.tiles.tables
+        corner = np.array([self.tiles.corner_x, self.tiles.corner_y])
         size = np.array(tables.shape[:1:-1])
         before = np.where(first < corner, corner - first + MARGIN, 0)
         after = np.where(last >= corner + size, last - corner - size + 1 + MARGIN, 0)
@@ -57,14 +61,10 @@ class TileMap:
             return
         pad = ((0, 0), (0, 0), (before[1], after[1]), (before[0], after[0]))
         grown = np.ascontiguousarray(np.pad(tables, pad, constant_values=-1))
-        self.tiles = self.tiles._replace(tables=grown, corner=corner - before)
-
-    def write(self, reserve: Callable[[Tiles], int]) -> bool:
-        """Reserve tiles by a kernel that returns how many it lacked; False if it lacked any."""
-        lacking = reserve(self.tiles)
-        self.peak = max(self.peak, self.used)
-        return lacking == 0
+        x, y = (corner - before).tolist()
+        self.tiles = self.tiles._replace(tables=grown, corner_x=x, corner_y=y)
 
     def inherit(self, ancestors: NDArray[np.int64]) -> None:
         """Hand every particle the map of its ancestor, without copying tiles."""
+        self._peak = self.peak
         inherit(self.tiles, ancestors, np.empty_like(self.tiles.tables))

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bench.bound import bound, bound_of
+from bench.bound import Bound, _weights, bound, bound_of
 from bench.bound_kernels import Squares, fisher_information
 from bench.range_errors import Errors
 from bench.setting import Setting
@@ -153,6 +153,22 @@ def test_a_face_ends_where_a_cell_stands_before_it():
         assert information_of(world, np.zeros((1, 3)), np.diag([0.0, slide**2, 0.0]))[1] == counts
 
 
+def test_a_face_ends_at_the_edge_of_the_world():
+    wall = np.zeros((30, 10), bool)
+    wall[:, 5] = True
+    world = World(wall, np.zeros_like(wall), 0.5, (0.0, -7.5))
+    for y in (-7.0, 7.0):
+        for slide, counts in ((0.4, True), (0.6, False)):
+            ray = np.array([[0.3, y, 0.0]])
+            assert information_of(world, ray, np.diag([0.0, slide**2, 0.0]))[1] == counts
+
+
+def test_an_unsure_pose_takes_beams_beside_edges_away():
+    world, poses = arena()
+    sharp, dull = (bound(world, Errors(s, step=0.0), fan(181), poses) for s in (1e-6, 0.1))
+    assert (sharp.beams == 181).all() and (dull.beams < 175).all()
+
+
 def test_a_turned_or_mirrored_world_turns_or_mirrors_the_bound():
     world, poses = arena()
     laser = fan(181)
@@ -252,33 +268,16 @@ def test_noise_that_grows_dropout_and_rounding():
     rounded = bound(world, Errors(0.0, step=step), fan(91), poses)
     np.testing.assert_allclose(rounded.covariance, found.covariance, rtol=1e-9)
     assert found.strict and not rounded.strict
-    share = bound(room(box=False), Errors(0.0, 0.5, step=0.0), four_ways(), np.array([[3, 2, 0.0]]))
-    assert share.open == 1 and share.strict
     with pytest.raises(ValueError, match="no bound exists"):
         bound(world, Errors(0.0, step=0.0), fan(91), poses)
 
 
-def four_ways():
-    return Laser(-math.pi, 0.5 * math.pi, 4, 0.05, 30.0)
-
-
 def test_the_deviation_of_a_growing_noise_tells_too():
-    """Two walls ahead and behind at 3 m, noise half the range: (1 + 2 / 4) / 1.5^2 each."""
-    laser = fan(181)
-    pose = np.array([[3.0, 2.0, 0.0]])
-    grown = bound(room(box=False), Errors(0.0, 0.5, step=0.0), laser, pose)
-    ranges = lines(pose[0], laser.angles)
-    information = np.zeros((3, 3))
-    for h, r in zip(laser.angles, ranges, strict=True):
-        beam, _ = by_differences(lambda p, h=h: lines(p, np.array([h])), pose[0])
-        information += beam * SIGMA**2 * 1.5 / (0.5 * r) ** 2
-    # so great a pose uncertainty takes beams away: at most as good
-    assert (np.diag(grown.covariance[0]) >= 0.99 * np.diag(np.linalg.inv(information))).all()
-    small = bound(room(box=False), Errors(0.0, 0.005, step=0.0), laser, pose)
-    factor = 1.5 / (1.0 + 2.0 * 0.005**2)
-    np.testing.assert_allclose(
-        small.covariance[0] * 1e4 / factor, np.linalg.inv(information), rtol=0.03, atol=1e-9
-    )
+    """Noise of half the range at 2 m: sigma 1 m, (1 + 2 / 4) / sigma^2."""
+    (weight,) = _weights(Errors(0.0, 0.5, step=0.0), fan(91), np.array([[2.0]]), None)
+    assert weight[0] == pytest.approx(1.5)
+    (weight,) = _weights(Errors(0.6, 0.2, step=0.0), fan(91), np.array([[2.0]]), None)
+    assert weight[0] == pytest.approx(1.0 + 2.0 * 0.2**2)
 
 
 def test_beams_outside_the_limits_or_without_a_reading_do_not_count():
@@ -290,6 +289,11 @@ def test_beams_outside_the_limits_or_without_a_reading_do_not_count():
     assert bound(world, NOISE, near, poses).beams[0] <= (distances < 2.0).sum() < 91
     ranges = distances.astype(np.float32)[None]
     assert bound(world, NOISE, laser, poses, ranges).beams[0] == found.beams[0]
+    halved = dataclasses.replace(NOISE, dropout=0.5)  # the ranges tell which beams are lost
+    there = bound(world, halved, laser, poses, ranges)
+    np.testing.assert_allclose(there.covariance, found.covariance)
+    far = dataclasses.replace(laser, range_min=2.0)
+    assert bound(world, NOISE, far, poses).beams[0] <= (distances >= 2.0).sum() < 91
     ranges[0, :20], ranges[0, 20:30], ranges[0, 30:40] = np.nan, np.inf, ranges[0, 30:40] - 0.1
     masked = bound(world, NOISE, laser, poses, ranges)
     assert 40 <= masked.beams[0] <= 51
@@ -322,6 +326,7 @@ def test_a_sweep_is_as_good_as_the_poses_it_was_seen_from():
         ]
     )
     found = bound(world, dataclasses.replace(NOISE, noise=1e-6), laser, moving)
+    np.testing.assert_array_equal(found.poses, moving[:, 0])
     for k in range(2):
         information, _ = by_differences(ranges, poses[k], 1e-8)
         np.testing.assert_allclose(
@@ -362,6 +367,15 @@ def test_mean_length_of_round_and_flat_gaussians():
         expected = mean * math.sqrt(2.0) if covariance[1, 1] else mean
         assert translation[0] == pytest.approx(expected)
         assert rotation[0] == pytest.approx(math.sqrt(4.0 / math.pi))
+
+
+def test_an_unsure_heading_turns_a_long_motion():
+    """10 m along x: the error of the first heading moves the end by 10 m times it, sideways."""
+    heading = np.stack([np.diag([0.0, 0.0, 1e-6]), np.zeros((3, 3))])
+    poses = np.array([[1.0, 2.0, 0.4], [11.0, 2.0, 0.0]])
+    found = Bound(poses, heading, np.ones(2, np.int64), True).relative(1)
+    assert found.translation[0] == pytest.approx(10.0 * 1e-3 * math.sqrt(2.0 / math.pi))
+    assert found.rotation[0] == pytest.approx(1e-3 * math.sqrt(2.0 / math.pi))
 
 
 def test_bound_of_a_simulated_log():

@@ -8,20 +8,13 @@ import slams
 from gmapping import GMapping, GMappingParams
 from gmapping.climb import ClimbMatcher
 from gmapping.climb_kernels import ClimbModel, hill_climb, log_likelihood, score
-from gmapping.filter_kernels import draw, normalize, systematic
 from gmapping.motion import Motion, Step
-from gmapping.particles import Particles
-from gmapping.register_kernels import (
-    backward,
-    cholesky,
-    linearize,
-    posterior,
-    propose,
-    register,
-    search,
-)
+from gmapping.particles import Particles, normalize, systematic
+from gmapping.peaks import Belief, climb, search
+from gmapping.register_kernels import Prior, linearize
+from gmapping.render_kernels import draw
 from gmapping.scan_kernels import Beams, Walls, end_points, surfaces
-from gmapping.surface_kernels import SurfaceModel, insert, reserve
+from gmapping.surface_kernels import SurfaceModel, insert
 from gmapping.tiles import TileMap
 from slams.types import IDENTITY, Laser, Pose2, Scan, wrap_angle
 from tests import naive_gmapping as naive
@@ -57,10 +50,10 @@ def cast(pose, laser=LASER, walls=ROOM):
     return r.min(axis=1)
 
 
-def make_scan(pose, t=0.0, laser=LASER, rng=None, odometry=None, yaw=None, walls=ROOM):
+def make_scan(pose, t=0.0, laser=LASER, rng=None, odometry=None, yaw=None, walls=ROOM, sd=0.01):
     ranges = cast(pose, laser, walls)
     if rng is not None:
-        ranges = ranges + rng.normal(0.0, 0.01, len(ranges))
+        ranges = ranges + rng.normal(0.0, sd, len(ranges))
     ranges = ranges.astype(np.float32)
     ranges.flags.writeable = False
     return Scan(t, ranges, laser, odometry, yaw)
@@ -96,18 +89,33 @@ def position_error(poses, truth):
     return np.hypot(*(poses[:, :2] - np.array(truth)[:, :2]).T)
 
 
-def surface_of(pose, laser=LASER):
-    points, found = np.zeros((laser.n_beams, 2)), np.zeros((laser.n_beams, 4))
-    beams = Beams(*laser.mount, 0.0, 0.0, 0.0, laser.angle_increment, 0.1, 30.0)
-    n = end_points(cast(pose, laser).astype(np.float32), laser.directions, beams, points)
+def surface_of(pose, laser=LASER, walls=ROOM, grain=0.0):
+    points, found = np.zeros((laser.n_beams, 3)), np.zeros((laser.n_beams, 5))
+    beams = Beams(*laser.mount, 0.0, 0.0, 0.0, laser.angle_increment, 0.1, laser.range_max, grain)
+    ranges = cast(pose, laser, walls).astype(np.float32)
+    n = end_points(ranges, laser.directions, beams, points)
     return found[: surfaces(points[:n], beams, Walls(0.12, 0.03, 0.1, 0.1), found)]
 
 
 def mapped(surface, pose=(0.0, 0.0, 0.0), n=1):
     tiles, poses = TileMap(n, 4, 0.05, 5000), np.tile(np.array(pose, float), (n, 1))
-    assert tiles.write(lambda t: reserve(t, poses, surface, MODEL.band))
-    insert(tiles.tiles, poses, surface, MODEL)
+    assert insert(tiles.tiles, poses, surface, MODEL) == 0
     return tiles
+
+
+def linearized(tiles, pose, surface, width=0.1):
+    """Upper triangle of H (3, 3), gradient (3,), cost, beams close by."""
+    h, out = np.zeros((3, 3)), np.zeros(5)
+    linearize(tiles, 0, np.array(pose, float), surface, width, h, out)
+    return h + np.tril(h, -1).T, -out[:3], out[3], out[4]
+
+
+def one(pose, information):
+    """The prior of one start."""
+    return Prior(np.array(pose, float)[None], information * np.eye(3)[None])
+
+
+BEST = np.zeros(1, np.int64)
 
 
 # scans
@@ -116,12 +124,21 @@ def mapped(surface, pose=(0.0, 0.0, 0.0), n=1):
 def test_end_points_follow_mount_motion_and_limits():
     ranges = np.array([1.0, np.nan, np.inf, 0.05, 40.0, 2.0], np.float32)
     directions = np.tile([1.0, 0.0], (6, 1))
-    beams = Beams(0.3, 0.1, math.pi / 2, 0.01, 0.0, 0.02, 0.01, 0.1, 30.0)
-    out = np.zeros((6, 2))
+    beams = Beams(0.3, 0.1, math.pi / 2, 0.01, 0.0, 0.02, 0.01, 0.1, 30.0, 0.0)
+    out = np.zeros((6, 3))
     assert end_points(ranges, directions, beams, out) == 2
-    np.testing.assert_allclose(out[0], [0.3, 1.1], atol=1e-12)
+    np.testing.assert_allclose(out[0], [0.3, 1.1, 1.0], atol=1e-12)
     later = Pose2(0.05, 0.0, 0.1).transform(np.array([[0.3, 2.1]]))[0]
-    np.testing.assert_allclose(out[1], later, atol=1e-12)
+    np.testing.assert_allclose(out[1], [*later, 1.0], atol=1e-12)
+
+
+def test_beams_that_end_close_together_become_their_mean():
+    ranges = np.array([1.0, 1.02, 1.03, 1.05, 1.06, 3.0], np.float32)
+    beams = Beams(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01, 0.1, 30.0, 0.04)
+    out = np.zeros((6, 3))
+    assert end_points(ranges, np.tile([1.0, 0.0], (6, 1)), beams, out) == 3
+    expected = [[3.05 / 3, 0.0, 3.0], [1.055, 0.0, 2.0], [3.0, 0.0, 1.0]]
+    np.testing.assert_allclose(out[:3], expected, atol=1e-6)
 
 
 def test_normals_are_those_of_the_walls_and_face_the_laser():
@@ -129,16 +146,34 @@ def test_normals_are_those_of_the_walls_and_face_the_laser():
     wall = surface[np.abs(surface[:, 0] - 4.0) < 1e-3]
     inner = wall[(np.abs(wall[:, 1] + 1.5) > 0.3) & (np.abs(wall[:, 1] - 2.5) > 0.3)]
     assert len(inner) > 20
-    np.testing.assert_allclose(inner[:, 2:], [[-1.0, 0.0]] * len(inner), atol=1e-4)
-    assert (np.sum(surface[:, :2] * surface[:, 2:], axis=1) < 0.0).all()
+    np.testing.assert_allclose(inner[:, 2:4], [[-1.0, 0.0]] * len(inner), atol=1e-4)
+    assert (np.sum(surface[:, :2] * surface[:, 2:4], axis=1) < 0.0).all()
 
 
 def test_a_point_on_nothing_flat_looks_at_the_laser():
-    points = np.array([[1.0, 0.0], [3.0, 0.0], [1.0, 0.1]])
-    out = np.zeros((3, 4))
-    beams = Beams(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.005, 0.1, 30.0)
+    points = np.array([[1.0, 0.0, 1.0], [3.0, 0.0, 2.0], [1.0, 0.1, 1.0]])
+    out = np.zeros((3, 5))
+    beams = Beams(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.005, 0.1, 30.0, 0.0)
     assert surfaces(points, beams, Walls(0.12, 0.03, 0.1, 0.1), out) == 3
-    np.testing.assert_allclose(out[1], [3.0, 0.0, -1.0, 0.0])
+    np.testing.assert_allclose(out[1], [3.0, 0.0, -1.0, 0.0, 2.0])
+
+
+def test_a_mean_of_beams_counts_as_many_in_normals_and_maps():
+    several = np.array([[2.0, 0.1 * k, 3.0 if k == 1 else 1.0] for k in range(-2, 3)])
+    several[3, 0] = 2.02
+    alone = np.repeat(several, several[:, 2].astype(int), axis=0) * [1.0, 1.0, 0.0] + [0, 0, 1.0]
+    beams = Beams(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01, 0.1, 30.0, 0.0)
+    a, b = np.zeros((5, 5)), np.zeros((7, 5))
+    walls = Walls(0.5, 0.1, 0.1, 0.1)
+    assert surfaces(several, beams, walls, a) == 5 and surfaces(alone, beams, walls, b) == 7
+    np.testing.assert_allclose(a[0, :4], b[0, :4])
+    b[3:6] = a[3] * [1, 1, 1, 1, 0] + [0, 0, 0, 0, 1]
+    b[[0, 1, 2, 6]] = a[[0, 1, 2, 4]]
+    mine, theirs = mapped(a), mapped(b)
+    np.testing.assert_allclose(mine.tiles.cells[:4], theirs.tiles.cells[:4], atol=1e-6)
+    pose = [0.02, 0.01, 0.01]
+    for x, y in zip(linearized(mine.tiles, pose, a), linearized(mine.tiles, pose, b), strict=True):
+        np.testing.assert_allclose(x, y, rtol=1e-6)
 
 
 # maps of surfaces
@@ -148,34 +183,31 @@ def test_insert_and_residuals_equal_the_naive_twin():
     surface = surface_of(Pose2(0.3, 0.2, 0.4))[::3]
     pose = np.array([0.31, -0.12, 0.37])
     tiles = mapped(surface, pose)
-    points, normals = surface[:, :2], surface[:, 2:]
+    points, normals = surface[:, :2], surface[:, 2:4]
     twin = naive.surface_map(
         naive.moved(pose, points), naive.moved((0, 0, pose[2]), normals), 0.05, 2, 100.0
     )
-    near, out = pose + np.array([0.02, -0.03, 0.01]), np.zeros(12)
-    linearize(tiles.tiles, 0, near, surface, 0.1, out)
+    near = pose + np.array([0.02, -0.03, 0.01])
+    _, _, mine, close = linearized(tiles.tiles, near, surface)
     r = naive.residuals(twin, near, points, normals, 0.05)
     known = r[np.isfinite(r)]
     cost = np.sum(known**2 * 0.01 / (0.01 + known**2)) + 0.01 * (len(r) - len(known))
-    np.testing.assert_allclose(out[9], cost, rtol=1e-4)
-    assert out[10] == len(known)
-    assert out[11] == np.sum(np.abs(known) < 0.1)
+    np.testing.assert_allclose(mine, cost, rtol=1e-4)
+    assert close == np.sum(np.abs(known) < 0.1)
 
 
 def test_the_gradient_is_that_of_the_robust_cost():
     surface = surface_of(IDENTITY)
-    tiles, out, gradient = mapped(surface), np.zeros(12), np.zeros(3)
+    tiles, gradient = mapped(surface), np.zeros(3)
     tiles.tiles.cells[tiles.tiles.references > 0, :, 3] *= 1e6  # so that w / (w + 1) is 1
     pose = np.array([0.011, -0.007, 0.004])
-    linearize(tiles.tiles, 0, pose, surface, 0.1, out)
-    expected = out[6:9].copy()
+    expected = linearized(tiles.tiles, pose, surface)[1]
     for j in range(3):
         side = []
         for sign in (1, -1):
             near = pose.copy()
             near[j] += sign * 1e-6
-            linearize(tiles.tiles, 0, near, surface, 0.1, out)
-            side.append(out[9])
+            side.append(linearized(tiles.tiles, near, surface)[2])
         gradient[j] = (side[0] - side[1]) / 4e-6
     np.testing.assert_allclose(gradient, expected, rtol=0.02, atol=1e-3)
 
@@ -183,75 +215,86 @@ def test_the_gradient_is_that_of_the_robust_cost():
 @pytest.mark.parametrize("offset", [(0.05, -0.04, 0.03), (-0.06, 0.03, -0.04)])
 def test_register_finds_a_known_motion_both_ways(offset):
     there = Pose2(*offset)
-    loose = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
     for a, b in ((IDENTITY, there), (there, IDENTITY)):
         tiles, surface = mapped(surface_of(a), a), surface_of(b)
-        pose, out = np.array(a), np.zeros(12)
-        register(tiles.tiles, 0, surface, np.array(a), loose, MODEL, pose, out)
-        np.testing.assert_allclose(pose, b, atol=2e-3)
+        peaks = climb(tiles.tiles, BEST, surface, one(a, 1.0), np.array([a]), MODEL)
+        np.testing.assert_allclose(peaks.poses[0], b, atol=2e-3)
 
 
 def test_the_prior_holds_what_the_scan_leaves_open():
     corridor = np.array([[-50.0, 1.0, 50.0, 1.0], [50.0, -1.0, -50.0, -1.0]])
     laser = Laser(-math.pi, math.radians(1.0), 360, 0.1, 5.0)
-    scan = cast(IDENTITY, laser, corridor)
-    points, found = np.zeros((360, 2)), np.zeros((360, 4))
-    beams = Beams(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, laser.angle_increment, 0.1, 5.0)
-    n = end_points(scan.astype(np.float32), laser.directions, beams, points)
-    surface = found[: surfaces(points[:n], beams, Walls(0.12, 0.03, 0.1, 0.1), found)]
-    prior, out = np.array([0.2, 0.03, 0.01]), np.zeros(12)
-    pose = prior.copy()
-    information = np.array([1e4, 0.0, 0.0, 1e4, 0.0, 1e4])
-    register(mapped(surface).tiles, 0, surface, prior, information, MODEL, pose, out)
-    np.testing.assert_allclose(pose, [0.2, 0.0, 0.0], atol=2e-3)
+    surface, start = surface_of(IDENTITY, laser, corridor), np.array([[0.2, 0.03, 0.01]])
+    peaks = climb(mapped(surface).tiles, BEST, surface, one(start[0], 1e4), start, MODEL)
+    np.testing.assert_allclose(peaks.poses, [[0.2, 0.0, 0.0]], atol=2e-3)
+    np.testing.assert_allclose(peaks.information[0, 0, 0], 1e4)
 
 
 def test_search_finds_the_start_gauss_newton_cannot():
-    surface, far = surface_of(IDENTITY), np.array([0.31, -0.28, 0.14])
-    tiles, start = mapped(surface).tiles, np.zeros(3)
-    window = np.array([0.5, 0.5, 0.3, 0.1, 0.1, 0.03])
-    loose = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
-    search(tiles, 0, surface, far, loose, window, MODEL, start)
-    np.testing.assert_allclose(start, 0.0, atol=0.06)
+    surface, far = surface_of(IDENTITY), np.array([0.45, -0.52, 0.45])
+    tiles = mapped(surface).tiles
+    belief = Belief(far, np.diag([0.3, 0.3, 0.3]) ** 2)
+    missed = climb(tiles, BEST, surface, belief.prior(), far[None], MODEL).poses
+    assert np.abs(missed).max() > 0.1
+    np.testing.assert_allclose(search(tiles, 0, surface, belief, MODEL), 0.0, atol=0.06)
+
+
+def test_many_starts_climb_as_each_alone_in_the_map_of_its_owner():
+    tiles = TileMap(3, 4, 0.05, 5000)
+    surface = surface_of(IDENTITY)
+    insert(
+        tiles.tiles, np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.2]]), surface, MODEL
+    )
+    starts = np.array([[0.52, 0.03, 0.01], [-0.03, 0.02, 0.01]])
+    prior = Prior(starts, np.tile(np.eye(3), (2, 1, 1)))
+    peaks = climb(tiles.tiles, np.array([1, 0]), surface, prior, starts, MODEL)
+    np.testing.assert_allclose(peaks.poses, [[0.5, 0, 0], [0, 0, 0]], atol=2e-3)
+    for k, owner in enumerate((1, 0)):
+        owners, start = np.array([owner]), starts[[k]]
+        alone = climb(tiles.tiles, owners, surface, one(start[0], 1.0), start, MODEL)
+        np.testing.assert_array_equal(alone.poses[0], peaks.poses[k])
+        assert alone.cost[0] == peaks.cost[k]
+
+
+def proposals(n, spread):
+    """Draws of n particles with one map, their log weights, and the peak they are drawn around."""
+    slam = GMapping(GMappingParams(n_particles=n, spread=spread, max_tiles=100 * n))
+    matcher, surface = slam._matcher, surface_of(IDENTITY)
+    one_map = mapped(surface)
+    slam.tiles.tiles = one_map.tiles._replace(tables=np.repeat(one_map.tiles.tables, n, axis=0))
+    matcher._model = MODEL
+    log_w = matcher.propose(Pose2(0.03, 0.02, 0.01), surface, np.random.default_rng(3))
+    way = np.array([[0.03, 0.02, 0.01]])
+    noise = Motion(GMappingParams()).noise(Pose2(*way[0]))
+    prior = Prior(way, np.diag(noise**-2.0)[None])
+    return slam.particles, log_w, climb(one_map.tiles, BEST, surface, prior, way, MODEL)
 
 
 def test_proposals_have_the_covariance_of_the_peak_and_the_weight_of_laplace():
-    surface = surface_of(IDENTITY)
-    n = 4000
-    tiles = mapped(surface)
-    one = tiles.tiles._replace(tables=np.repeat(tiles.tiles.tables, n, axis=0))
-    draws = np.random.default_rng(3).standard_normal((n, 3))
-    information = np.tile([1e4, 0.0, 0.0, 1e4, 0.0, 1e4], (n, 1)).astype(float)
-    poses, log_w, found, factor = np.zeros((n, 3)), np.zeros(n), np.zeros(12), np.zeros(6)
-    propose(one, surface, information, MODEL, draws, poses, log_w)
-    peak = np.zeros(3)
-    cost = register(tiles.tiles, 0, surface, np.zeros(3), information[0], MODEL, peak, found)
-    h = np.array([[found[0], found[1], found[2]], [0, found[3], found[4]], [0, 0, found[5]]])
-    h = h + np.triu(h, 1).T
-    np.testing.assert_allclose(np.cov(poses.T) @ h, np.eye(3), atol=0.15)
-    np.testing.assert_allclose(log_w, -cost - 0.5 * np.linalg.slogdet(h)[1], rtol=1e-9)
-    assert cholesky(found, factor) == pytest.approx(np.linalg.slogdet(h)[1])
+    particles, log_w, peak = proposals(4000, 1.0)
+    h = peak.information[0]
+    np.testing.assert_allclose(particles.poses.mean(axis=0), peak.poses[0], atol=2e-4)
+    np.testing.assert_allclose(np.cov(particles.poses.T) @ h, np.eye(3), atol=0.15)
+    np.testing.assert_allclose(log_w, -peak.cost[0] - 0.5 * np.linalg.slogdet(h)[1], rtol=1e-9)
+
+
+def test_without_spread_a_proposal_is_the_peak():
+    particles, _, peak = proposals(3, 0.0)
+    np.testing.assert_allclose(particles.poses, np.repeat(peak.poses, 3, axis=0), atol=1e-12)
 
 
 def test_likelihood_and_prior_weigh_as_by_hand():
-    found, prior, pose = np.zeros(12), np.array([1.0, 2.0, 3.0]), np.array([1.1, 1.8, 3.3])
-    found[9] = 0.05
+    surface = surface_of(IDENTITY)
+    tiles = mapped(surface).tiles
     h = np.array([[40.0, 3.0, 5.0], [3.0, 30.0, 2.0], [5.0, 2.0, 20.0]])
-    d = pose - prior
-    by_hand = 0.5 * d @ h @ d + 0.5 * 0.05 / MODEL.sigma**2 * np.array([1.0, 0.5])
-    for points, expected in zip((7, 60), by_hand, strict=True):  # of 60 points 30 are independent
-        mine = posterior(found, points, MODEL, h[np.triu_indices(3)], prior, pose)
-        assert mine == pytest.approx(expected)
-
-
-def test_backward_inverts_the_transposed_factor():
-    h = np.array([4.0, 1.0, 0.5, 3.0, 0.2, 2.0])
-    factor, x = np.zeros(6), np.zeros(3)
-    assert cholesky(h, factor) > -math.inf
-    backward(factor, 1.0, 2.0, 3.0, x)
-    lower = np.array([[factor[0], 0, 0], [factor[1], factor[3], 0], [factor[2], *factor[4:]]])
-    np.testing.assert_allclose(lower.T @ x, [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(lower @ lower.T, [[4, 1, 0.5], [1, 3, 0.2], [0.5, 0.2, 2]])
+    prior = Prior(np.array([[0.1, -0.2, 0.3]]), h[None])
+    still = MODEL._replace(steps=1, wide=0.03)
+    for part in (surface[::40], surface):  # of the beams at most 30 are independent
+        peaks = climb(tiles, BEST, part, prior, np.zeros((1, 3)), still)
+        d = peaks.poses[0] - prior.poses[0]
+        cost = linearized(tiles, [0.0, 0.0, 0.0], part, 0.03)[2]
+        share = min(1.0, 30.0 / len(part))
+        assert peaks.cost[0] == pytest.approx(0.5 * d @ h @ d + 0.5 * share * cost / 0.02**2)
 
 
 # the original's matcher
@@ -260,19 +303,18 @@ def test_backward_inverts_the_transposed_factor():
 @pytest.fixture(scope="module")
 def hits():
     rng = np.random.default_rng(1)
-    points = rng.uniform(-0.5, 0.5, (60, 2))
+    points = np.column_stack([rng.uniform(-0.5, 0.5, (60, 2)), np.ones(60)])
     particles, tiles = Particles(1), TileMap(1, 1, 0.05, 500)
     matcher = ClimbMatcher(GMappingParams(), Motion(GMappingParams()), particles, tiles)
-    assert matcher.reserve(points, particles.poses)
-    matcher.insert(points, particles.poses)
+    assert matcher.insert(points, particles.poses)
     return tiles.tiles, points
 
 
 def test_score_and_likelihood_equal_the_naive_twin(hits):
     tiles, points = hits
-    cells = naive.hit_map(points, 0.05)
+    cells = naive.hit_map(points[:, :2], 0.05)
     pose = np.array([0.03, -0.02, 0.1])
-    there = naive.moved(pose, points)
+    there = naive.moved(pose, points[:, :2])
     expected = naive.score(cells, there, 0.05, 0.05)
     assert score(tiles, 0, pose, points, 0.05, -1.0) == pytest.approx(expected, rel=1e-5)
     expected = naive.log_likelihood(cells, there, 0.05, 0.075, 0.5)
@@ -280,9 +322,8 @@ def test_score_and_likelihood_equal_the_naive_twin(hits):
 
 
 def test_a_single_hit_scores_by_its_distance(hits):
-    tiles, matcher_point = TileMap(1, 1, 0.05, 50), np.array([[1.0, 0.0]])
+    tiles, matcher_point = TileMap(1, 1, 0.05, 50), np.array([[1.0, 0.0, 1.0]])
     matcher = ClimbMatcher(GMappingParams(), Motion(GMappingParams()), Particles(1), tiles)
-    matcher.reserve(matcher_point, np.zeros((1, 3)))
     matcher.insert(matcher_point, np.zeros((1, 3)))
     near, far = np.array([0.04, 0.0, 0.0]), np.array([0.12, 0.0, 0.0])
     assert score(tiles.tiles, 0, near, matcher_point, 0.05, -1.0) == pytest.approx(
@@ -313,8 +354,8 @@ def test_motion_noise_has_the_originals_moments():
     p = GMappingParams.preset("original")
     matcher = ClimbMatcher(p, Motion(p), particles, TileMap(1, 1, 0.05, 10))
     step = Step(Pose2(0.5, -0.2, 0.3), np.zeros(3), 0.1, True, IDENTITY)
-    pose = matcher.track(IDENTITY, step, np.zeros((0, 2)), np.random.default_rng(5))
-    assert pose == IDENTITY @ step.pose
+    track = matcher.track(IDENTITY, step, make_scan(IDENTITY), np.random.default_rng(5))
+    assert track.pose == IDENTITY @ step.pose
     expected = [
         0.1 * (0.5 + 0.06) + 0.03,
         0.1 * (0.2 + 0.15) + 0.03,
@@ -328,7 +369,7 @@ def test_a_robot_at_rest_gets_no_noise_from_the_original():
     particles, p = Particles(10), GMappingParams.preset("original")
     matcher = ClimbMatcher(p, Motion(p), particles, TileMap(1, 1, 0.05, 10))
     rest = Step(IDENTITY, np.zeros(3), 0.1, True, IDENTITY)
-    matcher.track(IDENTITY, rest, np.zeros((0, 2)), np.random.default_rng(5))
+    matcher.track(IDENTITY, rest, make_scan(IDENTITY), np.random.default_rng(5))
     assert not particles.poses.any()
 
 
@@ -349,31 +390,27 @@ def test_noise_between_key_scans_is_that_of_the_way_whatever_the_rate():
 
 
 def test_weights_and_n_eff_by_hand():
-    w = np.zeros(3)
-    n_eff = normalize(np.log([1.0, 2.0, 1.0]) - 900.0, 1.0, w)
+    w, n_eff = normalize(np.log([1.0, 2.0, 1.0]) - 900.0, 1.0)
     np.testing.assert_allclose(w, [0.25, 0.5, 0.25])
     assert n_eff == pytest.approx(1.0 / (0.0625 + 0.25 + 0.0625))
-    assert normalize(np.full(3, -5.0), 1.0, w) == pytest.approx(3.0)
-    normalize(np.log([1.0, 16.0]), 4.0, w[:2])
-    np.testing.assert_allclose(w[:2], [1 / 3, 2 / 3])
+    assert normalize(np.full(3, -5.0), 1.0)[1] == pytest.approx(3.0)
+    np.testing.assert_allclose(normalize(np.log([1.0, 16.0]), 4.0)[0], [1 / 3, 2 / 3])
 
 
 def test_mean_offspring_is_n_times_the_weight():
     rng = np.random.default_rng(11)
-    w, out = np.array([0.05, 0.4, 0.0, 0.22, 0.33]), np.zeros(5, np.int64)
-    count = np.zeros(5)
+    w, count = np.array([0.05, 0.4, 0.0, 0.22, 0.33]), np.zeros(5)
     for _ in range(20_000):
-        systematic(w, rng.random(), out)
-        count += np.bincount(out, minlength=5)
+        count += np.bincount(systematic(w, rng.random()), minlength=5)
     np.testing.assert_allclose(count / 20_000, 5 * w, atol=0.015)
 
 
 def test_systematic_resampling_with_a_known_draw():
-    out = np.zeros(4, np.int64)
-    systematic(np.array([0.1, 0.2, 0.3, 0.4]), 0.5, out)
+    out = systematic(np.array([0.1, 0.2, 0.3, 0.4]), 0.5)
     np.testing.assert_array_equal(out, [1, 2, 3, 3])
-    systematic(np.array([0.0, 1.0 - 1e-9, 0.0, 0.0]), 0.999999999999, out)
+    out = systematic(np.array([0.0, 1.0 - 1e-9, 0.0, 0.0]), 0.999999999999)
     assert (out == 1).all()
+    assert systematic(np.array([0.0, 0.5, 0.5]), 0.0)[0] == 1
 
 
 def test_histories_follow_ancestors_and_the_reported_particle_has_a_margin():
@@ -400,7 +437,7 @@ def references_add_up(tiles):
         tiles.tables[tiles.tables >= 0].astype(int), minlength=len(tiles.references)
     )
     np.testing.assert_array_equal(pointers, tiles.references)
-    free = tiles.stack[: tiles.n_free[0]]
+    free = tiles.free[1 : tiles.free[0] + 1]
     assert sorted(free) == sorted(np.flatnonzero(pointers == 0))
 
 
@@ -412,14 +449,22 @@ def test_writing_to_one_particle_never_shows_in_another():
     before = [
         tiles.tiles.cells[tiles.tiles.tables[i]][tiles.tiles.tables[i] >= 0] for i in range(3)
     ]
-    poses = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0]])
-    assert tiles.write(lambda t: reserve(t, poses, surface, 2))
-    insert(tiles.tiles, poses[1:] * 0.0 + poses[1:], surface, MODEL)  # particle 0 alone
+    insert(tiles.tiles, np.array([[0.01, 0.0, 0.0]]), surface, MODEL)  # particle 0 alone
     after = [tiles.tiles.cells[tiles.tiles.tables[i]][tiles.tiles.tables[i] >= 0] for i in range(3)]
     assert not np.array_equal(before[0], after[0])
     np.testing.assert_array_equal(before[1], after[1])
     np.testing.assert_array_equal(before[2], after[2])
     references_add_up(tiles.tiles)
+
+
+def test_a_copied_tile_keeps_what_it_held():
+    surface = surface_of(IDENTITY)
+    tiles = mapped(surface, n=2)
+    tiles.inherit(np.zeros(2, np.int64))
+    close = linearized(tiles.tiles, np.zeros(3), surface)[3]
+    assert insert(tiles.tiles, np.zeros((1, 3)), surface[:1], MODEL) == 0
+    assert tiles.shared < 0.5  # the tile around that point was copied
+    assert linearized(tiles.tiles, np.zeros(3), surface)[3] == close
 
 
 def test_nothing_leaks_in_ten_thousand_resamplings():
@@ -431,8 +476,7 @@ def test_nothing_leaks_in_ten_thousand_resamplings():
         tiles.inherit(rng.integers(0, 5, 5))
         if i % 100 == 0:
             poses = rng.normal(0.0, 0.01, (5, 3))
-            assert tiles.write(lambda t, p=poses: reserve(t, p, surface, 2))
-            insert(tiles.tiles, poses, surface, MODEL)
+            assert insert(tiles.tiles, poses, surface, MODEL) == 0
     references_add_up(tiles.tiles)
     tiles.inherit(np.zeros(5, np.int64))
     assert tiles.used <= 2 * alone
@@ -440,13 +484,15 @@ def test_nothing_leaks_in_ten_thousand_resamplings():
 
 def test_growth_keeps_every_cell_where_it_was():
     surface = surface_of(IDENTITY)
-    tiles, out, before = mapped(surface), np.zeros(12), np.zeros(12)
-    linearize(tiles.tiles, 0, np.zeros(3), surface, 0.1, before)
+    tiles, away = mapped(surface), np.array([[-30.0, 20.0, 0.0]])
+    before, used = linearized(tiles.tiles, np.zeros(3), surface), tiles.used
+    assert insert(tiles.tiles, away, surface, MODEL) > 0  # outside the tables
+    assert tiles.used == used
     tiles.cover(np.array([-40.0, -3.0]), np.array([2.0, 25.0]))
-    linearize(tiles.tiles, 0, np.zeros(3), surface, 0.1, out)
-    np.testing.assert_array_equal(out, before)
-    assert mapped(surface, (-30.0, 20.0, 0.0)).used == 0  # outside the tables
-    assert tiles.write(lambda t: reserve(t, np.array([[-30.0, 20.0, 0.0]]), surface, 2))
+    after = linearized(tiles.tiles, np.zeros(3), surface)
+    for a, b in zip(before, after, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert insert(tiles.tiles, away, surface, MODEL) == 0
 
 
 def test_memory_is_bounded_by_sharing_one_map():
@@ -468,6 +514,17 @@ def test_after_the_pool_was_full_all_particles_have_the_same_map():
             break
     tables = slam.tiles.tiles.tables
     assert (tables == tables[0]).all()
+    references_add_up(slam.tiles.tiles)
+
+
+def test_resampled_particles_go_on_with_pose_and_map_of_their_ancestor():
+    slam, _ = run(drive(20)[1], n_particles=4, spread=1.0)
+    pose, table = slam.particles.poses[1].copy(), slam.tiles.tiles.tables[1].copy()
+    assert not np.array_equal(table, slam.tiles.tiles.tables[2])
+    slam.particles.weigh(np.array([-90.0, 0.0, -90.0, -90.0]), 1.0)
+    slam._resample()
+    np.testing.assert_array_equal(slam.particles.poses, np.tile(pose, (4, 1)))
+    np.testing.assert_array_equal(slam.tiles.tiles.tables, np.tile(table, (4, 1, 1, 1)))
     references_add_up(slam.tiles.tiles)
 
 
@@ -546,12 +603,58 @@ def test_the_original_corrects_odometry_and_without_it_needs_one_particle():
     assert position_error(poses, truth).max() < 0.1
 
 
+def swept(at, t, laser):
+    """A scan whose beams follow one another while the base moves; at(t) is the base's pose."""
+    ranges = np.zeros(laser.n_beams, np.float32)
+    for i, angle in enumerate(laser.angles):
+        beam = Laser(angle, 0.0, 1, 0.1, 30.0)
+        ranges[i] = cast(at(t + i * laser.time_increment), beam)[0]
+    ranges.flags.writeable = False
+    return Scan(t, ranges, laser)
+
+
+def test_a_slow_sweep_is_seen_again_with_the_motion_that_was_found():
+    laser = Laser(-math.pi, math.radians(2.0), 180, 0.1, 30.0, time_increment=0.2 / 180)
+
+    def at(t):  # from rest along an arc
+        return Pose2(0.0, 0.0, 0.3 * t * t / 2) @ Pose2(0.15 * t * t, 0.0, 0.0)
+
+    times = 0.2 * np.arange(16)
+    _, poses = run([swept(at, t, laser) for t in times], n_particles=2)
+    truth = np.array([at(t) for t in times])
+    assert position_error(poses, truth).max() < 0.03
+    assert np.abs(poses[:, 2] - truth[:, 2]).max() < 0.03
+
+
 def test_a_mounted_laser_gives_the_pose_of_the_base():
     laser = Laser(
         LASER.angle_min, LASER.angle_increment, LASER.n_beams, 0.1, 30.0, Pose2(0.2, -0.1, 0.7)
     )
     truth, scans = drive(60, laser)
     assert position_error(run(scans, n_particles=3)[1], truth).max() < 0.03
+
+
+def test_where_odometry_stands_still_the_last_motion_is_tried():
+    slam, _ = run([make_scan(IDENTITY)], n_particles=2)
+    moved, rest = Pose2(0.45, -0.52, 0.45), np.full(3, 1e-3)
+    step = Step(IDENTITY, rest, 0.1, True, velocity=moved @ Pose2(0.02, 0.02, 0.01))
+    slam._matcher.track(IDENTITY, step, make_scan(IDENTITY), slam._rng)
+    track = slam._matcher.track(IDENTITY, step, make_scan(moved), slam._rng)
+    np.testing.assert_allclose(track.pose, moved, atol=0.01)
+    assert slam.report()["recovered"] == 1
+
+
+def test_a_noisy_laser_is_not_taken_for_a_lost_robot():
+    truth, scans = drive(80, noise=False)
+    rng = np.random.default_rng(6)
+    scans = [
+        make_scan(p, s.t, LASER, rng, s.odometry, None, ROOM, 0.04)
+        for p, s in zip(truth, scans, strict=True)
+    ]
+    slam, poses = run(scans, n_particles=2)
+    assert slam.quality < 0.75
+    assert slam.report()["lost"] < 8
+    assert position_error(poses, truth).max() < 0.05
 
 
 def test_odometry_that_freezes_and_catches_up_does_not_carry_the_pose_away():
@@ -567,19 +670,40 @@ def test_odometry_that_freezes_and_catches_up_does_not_carry_the_pose_away():
     assert position_error(poses, truth).max() < 0.05
 
 
-def test_the_right_hypothesis_survives():
-    surface = surface_of(IDENTITY)
-    n = 30
-    tiles, particles = mapped(surface, n=n), Particles(n)
-    particles.poses[:] = np.random.default_rng(4).normal(0.0, [0.4, 0.4, 0.2], (n, 3))
-    particles.poses[13] = 0.001
-    information = np.tile([1e6, 0.0, 0.0, 1e6, 0.0, 1e6], (n, 1)).astype(float)
-    log_w = np.zeros(n)
-    propose(tiles.tiles, surface, information, MODEL, np.zeros((n, 3)), particles.poses, log_w)
-    particles.weigh(log_w, 1.0)
-    assert np.argmax(particles.w) == 13
-    ancestors = particles.draw_ancestors(0.5)
-    assert np.mean(ancestors == 13) > 0.5
+def there_and_back(seed=0):
+    """A corridor, its end in sight only at first and at last; amid, the particles are set apart.
+
+    Every third particle stays where it is, the others are moved along the corridor. Returns the
+    filter, its poses, the truth, and the generation in which the particles were moved.
+    """
+    walls = np.array([[-1, 1, 30, 1], [30, -1, -1, -1], [-1, -1, -1, 1]], float)
+    laser, rng = Laser(-math.pi, math.radians(1.0), 360, 0.1, 3.0), np.random.default_rng(8)
+    truth = [Pose2(5.0 - abs(5.0 - 0.05 * i), 0.0, 0.0) for i in range(200)]
+    slam, poses = GMapping(GMappingParams(n_particles=24, seed=seed)), []
+    for i, pose in enumerate(truth):
+        scan = make_scan(pose, 0.1 * i, laser, rng, pose, walls=walls)
+        poses.append(slam.update(scan))
+        if i == 100:
+            apart, matcher = 0.6 * (np.arange(24) % 3 - 1), slam._matcher
+            slam.particles.poses[:, 0] += apart
+            slam.pose = slam.pose._replace(x=slam.pose.x + apart[slam.particles.best])
+            matcher.start_way(slam.pose)
+            slam.particles.move(np.array(slam.particles.best_pose.between(slam.pose)))
+            slam.particles.remember()
+            slam._renderer.keep(scan, Motion(slam.params).step(scan))
+            generation = len(slam.trajectory()) - 1
+    return slam, np.array(poses), truth, generation
+
+
+def test_the_right_hypothesis_survives_a_way_back_to_known_ground():
+    slam, poses, truth, generation = there_and_back()
+    error = position_error(poses, truth)
+    assert error[101:130].min() > 0.5  # a wrong one leads while the end is out of sight
+    assert error[-1] < 0.05
+    right = [abs(slam.particles.history(i)[generation, 0] - 5.0) < 0.1 for i in range(24)]
+    assert sum(right) >= 16  # they were 8
+    assert slam.particles.w[right].sum() > 0.999
+    references_add_up(slam.tiles.tiles)
 
 
 # contract

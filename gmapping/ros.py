@@ -1,0 +1,24 @@
+"""What the parameters of slam_gmapping mean here; the mapped names stand at the fields."""
+
+from slams.params import RosNames
+
+CLIMB = "the default matches to a distance field, not by hill climbing"
+INERT = "no effect in slam_gmapping either"
+
+ROS = RosNames(
+    package="gmapping",
+    nodes=("slam_gmapping", "slam_gmapping_node", "slam_gmapping_replay"),
+    original_only=dict.fromkeys(
+        ("sigma", "lsigma", "lstep", "astep", "iterations", "ogain", "minimumScore"), CLIMB
+    ),
+    ignored=dict.fromkeys(("xmin", "ymin", "xmax", "ymax"), "the map grows as needed")
+    | dict.fromkeys(("llsamplerange", "llsamplestep", "lasamplerange", "lasamplestep"), INERT)
+    | {
+        "kernelSize": "a window of 3 x 3 cells, the default there",
+        "lskip": "every beam counts, the default there",
+        "temporalUpdate": "key scans come with the way alone, the default there",
+        "tf_delay": "a log has no delay",
+        "inverted_laser": "the log has the laser's mount",
+    },
+    refused={"throttle_scans": ("1", "say --every instead")},
+)
