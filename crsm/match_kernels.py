@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from crsm.map_kernels import NX, NY, WEIGHT, WallMap, X, Y, nearest_wall
 from crsm.scan_kernels import Points
@@ -13,6 +13,23 @@ BLACK = 255.0
 HALVINGS = 3
 ROUNDS = 10  # of steps of one size
 PROMISING = 0.5  # of the best fitness: below, a restart is not climbed from
+
+
+class Rules(NamedTuple):
+    """When a point is of a wall, and what it then weighs.
+
+    gate [m] across the wall; compat, least cosine between the normals; variances of ranges [m2],
+    lone points [m2] and wall directions [rad2]; squares of the scales of robustness [sigma2] and
+    agreement [m2].
+    """
+
+    gate: float
+    compat: float
+    range2: float
+    lone2: float
+    lean2: float
+    robust2: float
+    agreement2: float
 
 
 @njit
@@ -86,61 +103,56 @@ def restart_hill_climb(
 
 @njit(fastmath=FAST)
 def normal_equations(
-    grid: WallMap, points: Points, m: int, pose: Any, rules: Any, out: Any
+    grid: WallMap, points: Points, m: int, pose: Any, rules: Rules, out: Any
 ) -> None:
-    """ours: H, g of the distances of all points to the walls nearest to them, and the agreement.
+    """ours: H, g of the distances of m points to the walls nearest to them, and the agreement.
 
-    rules (gate [m], least cosine, range variance [m2], lone variance [m2], lean variance [rad2],
-    robust scale k [sigma], agreement variance [m2]); out (10,): H upper (6), g (3), agreement.
+    pose (x, y, theta, 1 to look for the walls, 0 to take those found before); out (10,): H upper
+    (6), g (3), agreement. A wall tells about the way along its normal, a lone point about both.
     """
-    xy, normal, spread = points.xy, points.normal, points.spread
-    gate, compat, noise2, lone2, lean2, k2, agree2 = rules
-    wall, cell = grid.wall, grid.cell
+    xy, normal, found, wall, cell = points.xy, points.normal, points.wall, grid.wall, grid.cell
+    k2, agree2, lone2 = rules.robust2, rules.agreement2, rules.lone2
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    ny_cells, nx_cells = grid.dark.shape
+    (x0, y0), (ny_cells, nx_cells) = grid.corner, grid.dark.shape
     hxx = hxy = hxt = hyy = hyt = htt = gx = gy = gt = agreement = 0.0
     for i in range(m):
-        px, py = xy[i, 0], xy[i, 1]
-        nx, ny = normal[i, 0], normal[i, 1]
+        px, py, nx, ny = xy[i, 0], xy[i, 1], normal[i, 0], normal[i, 1]
         rx, ry = c * px - s * py, s * px + c * py
         x, y = rx + pose[0], ry + pose[1]
-        ix = math.floor((x - grid.corner[0]) / cell)
-        iy = math.floor((y - grid.corner[1]) / cell)
-        if ix < 1 or iy < 1 or ix >= nx_cells - 1 or iy >= ny_cells - 1:
+        if pose[3] > 0.0:
+            jx, jy = math.floor((x - x0) / cell), math.floor((y - y0) / cell)
+            if min(jx, jy) < 1 or jx >= nx_cells - 1 or jy >= ny_cells - 1:
+                continue
+            point = (x, y, c * nx - s * ny, s * nx + c * ny)
+            found[i, 0], found[i, 1] = nearest_wall(wall, jx, jy, point, rules.gate, rules.compat)
+        jx, jy = found[i, 0], found[i, 1]
+        if jx == 0:
             continue
-        point = (x, y, c * nx - s * ny, s * nx + c * ny)
-        jx, jy, d2 = nearest_wall(wall, ix, iy, point, gate, compat)
-        if jx < 0:
-            continue
-        wx, wy = float(wall[jy, jx, NX]), float(wall[jy, jx, NY])
+        wx, wy = wall[jy, jx, NX], wall[jy, jx, NY]
         dx, dy = x - wall[jy, jx, X], y - wall[jy, jx, Y]
+        d2 = dx * dx + dy * dy
         if wx == 0.0 and wy == 0.0:
-            w = (k2 / (k2 + d2 / lone2)) ** 2 / lone2
-            hxx += w
-            hyy += w
-            hxt -= w * ry
-            hyt += w * rx
-            htt += w * (rx * rx + ry * ry)
-            gx += w * dx
-            gy += w * dy
-            gt += w * (rx * dy - ry * dx)
-            agreement += agree2 / (agree2 + d2)
-            continue
-        r2 = (wx * dx + wy * dy) ** 2
-        loose = lone2 if nx == 0.0 and ny == 0.0 else 0.5 * spread[i]
-        variance = noise2 * (1.0 + 1.0 / wall[jy, jx, WEIGHT]) + loose + lean2 * (d2 - r2)
+            r2, variance = d2, lone2
+            axx, axy, ayy = 1.0, 0.0, 1.0
+        else:
+            r2 = (wx * dx + wy * dy) ** 2
+            loose = lone2 if nx == 0.0 and ny == 0.0 else 0.5 * points.spread[i]
+            variance = rules.range2 * (1.0 + 1.0 / wall[jy, jx, WEIGHT])
+            variance += loose + rules.lean2 * (d2 - r2)
+            axx, axy, ayy = wx * wx, wx * wy, wy * wy
         w = (k2 / (k2 + r2 / variance)) ** 2 / variance
-        turn = wy * rx - wx * ry
-        wr = w * (wx * dx + wy * dy)
-        hxx += w * wx * wx
-        hxy += w * wx * wy
-        hxt += w * wx * turn
-        hyy += w * wy * wy
-        hyt += w * wy * turn
-        htt += w * turn * turn
-        gx += wr * wx
-        gy += wr * wy
-        gt += wr * turn
+        axx, axy, ayy = w * axx, w * axy, w * ayy
+        tx, ty = axy * rx - axx * ry, ayy * rx - axy * ry
+        bx, by = axx * dx + axy * dy, axy * dx + ayy * dy
+        hxx += axx
+        hxy += axy
+        hyy += ayy
+        hxt += tx
+        hyt += ty
+        htt += ty * rx - tx * ry
+        gx += bx
+        gy += by
+        gt += by * rx - bx * ry
         agreement += agree2 / (agree2 + r2)
     out[0], out[1], out[2], out[3], out[4], out[5] = hxx, hxy, hxt, hyy, hyt, htt
     out[6], out[7], out[8], out[9] = gx, gy, gt, agreement

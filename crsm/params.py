@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from slams.params import Params, param
+from crsm.ros import ROS as ROS_NAMES
+from slams.params import Params, RosNames, param
 
 CODE = "original code"
 
@@ -112,7 +113,7 @@ class CrsmParams(Params):
         "1",
         "least cosine between two normals of one wall; keeps both faces of a thin wall apart",
         source="ours: 45 degrees",
-        low=-1.0,
+        low=0.5,
         high=1.0,
     )
     robust: float = param(
@@ -141,6 +142,20 @@ class CrsmParams(Params):
         "points a wall element averages over; then it follows slowly",
         source="ours: drift against change",
         low=1.0,
+    )
+    insert_step: float = param(
+        0.03,
+        "m",
+        "way (or turn, in rad) between two scans that enter the walls",
+        source="ours: at 40 Hz a third of the scans, and no less exact for it",
+        low=0.0,
+    )
+    insert_rest: int = param(
+        10,
+        "1",
+        "a scan enters the walls after so many, also when the robot stands",
+        source="ours: standing still helps the map",
+        low=1,
     )
     draw_step: float = param(
         0.2,
@@ -182,7 +197,6 @@ class CrsmParams(Params):
         source="ours",
         low=0,
         high=1_000_000,
-        ros=("max_hill_climbing_iterations",),
     )
     enough: float = param(
         0.85, "1", "fitness that ends a search", source="ours: an early end", low=0.0
@@ -265,6 +279,12 @@ class CrsmParams(Params):
         0.75, "m", "free patch at the start", source=CODE, low=0.0, high=2.0, ros=("robot_length",)
     )
 
+    ROS: ClassVar[RosNames | None] = ROS_NAMES
+    # At 5 Hz the original's 40 scans at rest are 8 s: a robot that moves by then is lost by a
+    # meter. The default has no such wait, and finds walls by the beams' spacing on any laser.
+    SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        laser: {"hold": 4} for laser in ("rplidar-a1", "lds01", "lds02")
+    }
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "original": {"program": "published", "cell": 0.02, "density": 40.0}
     }

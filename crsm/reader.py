@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from crsm.params import CrsmParams
-from crsm.scan_kernels import Points, find_walls
+from crsm.scan_kernels import Points, end_points, find_walls
 from slams.types import Floats, Laser, Pose2, Scan
 
+LEAST_RANGE = 1e-3  # m
 LEAST_POINTS = 10  # to match a scan
-CANDIDATES = 4  # points looked at for each critical ray
 GOOD_LINE = 2.0  # range variances: no second look at one side only
 
 
@@ -20,46 +18,32 @@ class ScanReader:
     """Buffers for the scans of one laser and what was read last into them."""
 
     def __init__(self, params: CrsmParams, laser: Laser) -> None:
-        n = laser.n_beams
         self.params = params
         self.laser = laser
-        self.points = Points(
-            np.zeros((n, 2)),
-            np.zeros((n, 2)),
-            np.zeros(n),
-            np.zeros(n, np.int64),
-            np.zeros((n + 1, 5)),
-        )
-        self._rays: NDArray[np.int64] | None = None
+        self.points = _blank(laser.n_beams)
         self.m = 0
         self.reach = 0.0
+        self._rays: NDArray[np.int64] | None = None
+        self._beams = np.hstack((laser.directions, np.zeros_like(laser.directions)))
+        noise2 = params.range_noise**2
+        self._within = (max(laser.range_min, LEAST_RANGE), min(laser.range_max, params.max_range))
+        self._gap = (params.gap, params.gap_beams * abs(laser.angle_increment))
+        self._limits = (GOOD_LINE * noise2, params.roughness**2 * noise2)
 
     def read(self, scan: Scan, velocity: Pose2) -> None:
         """Points, walls and rays, freed from the motion during the scan (base, m/s and rad/s)."""
-        p = self.params
-        longest = min(self.laser.range_max, p.max_range)
-        usable = (scan.ranges >= max(self.laser.range_min, 1e-3)) & (scan.ranges < longest)
-        beams = np.flatnonzero(usable)
-        self.m = beams.size
+        if self.sweeps:
+            self._move_beams(velocity)
+        points = self.points
+        self.m, self.reach = end_points(scan.ranges, self._beams, self._within, self._gap, points)
+        find_walls(points, self.m, self.params.window**2, self._limits)
         self._rays = None
-        if self.m == 0:
-            return
-        ranges = scan.ranges[beams].astype(np.float64)
-        self.reach = float(ranges.max())
-        xy = self.laser.directions[beams] * ranges[:, None]
-        if self.laser.time_increment > 0.0:
-            xy = self._unmoved(xy, beams * self.laser.time_increment, velocity)
-        self.points.beam[: self.m] = beams
-        self.points.xy[: self.m] = xy
-        self._find_walls()
 
     @property
     def rays(self) -> NDArray[np.int64]:
         """Numbers of the points that are critical rays, chosen when first asked for."""
         if self._rays is None:
-            count = self.params.critical_rays
-            every = max(1, self.m // (CANDIDATES * count))
-            self._rays = every * critical_rays(*self._information(every), count)
+            self._rays = critical_rays(*self._information(), self.params.critical_rays)
         return self._rays
 
     @property
@@ -72,12 +56,13 @@ class ScanReader:
         """There is enough to see to be matched."""
         return self.m >= LEAST_POINTS
 
-    def _unmoved(self, xy: Floats, t: NDArray[Any], velocity: Pose2) -> Floats:
-        """End points as seen from where the laser was at the first beam; t (m,) [s] since then."""
+    def _move_beams(self, velocity: Pose2) -> None:
+        """Directions and starts of the beams as seen from where the laser was at the first one."""
         vx, vy, turn = self._of_laser(velocity)
+        t = self.laser.time_increment * np.arange(self.laser.n_beams)
         c, s = np.cos(turn * t), np.sin(turn * t)
-        columns = (c * xy[:, 0] - s * xy[:, 1] + vx * t, s * xy[:, 0] + c * xy[:, 1] + vy * t)
-        return np.stack(columns, axis=1)
+        x, y = self.laser.directions.T
+        self._beams[:] = np.stack((c * x - s * y, s * x + c * y, vx * t, vy * t), axis=1)
 
     def _of_laser(self, velocity: Pose2) -> tuple[float, float, float]:
         """Velocity of the laser, seen from the laser, of a base that moves with `velocity`."""
@@ -88,23 +73,13 @@ class ScanReader:
         seen = Pose2(0.0, 0.0, -mount.theta) @ lever
         return seen.x, seen.y, velocity.theta
 
-    def _find_walls(self) -> None:
-        p = self.params
-        moments = np.cumsum(_moments(self.points.xy[: self.m]), axis=0)
-        self.points.sums[1 : self.m + 1] = moments
-        noise2 = p.range_noise**2
-        gap = (p.gap, p.gap_beams * abs(self.laser.angle_increment))
-        limits = (GOOD_LINE * noise2, p.roughness**2 * noise2)
-        find_walls(self.points, self.m, p.window, gap, limits)
-
-    def _information(self, every: int) -> tuple[Floats, Floats]:
-        """What every n-th point measures: rows (3, 2k) over x, y, theta, weights (2k,) [1/m2].
+    def _information(self) -> tuple[Floats, Floats]:
+        """What each point measures: rows (3, 2m) over x, y, theta, weights (2m,) [1/m2].
 
         A wall point has one row, the second is 0; a lone point has two.
         """
         p, m = self.params, self.m
-        xy, normal = self.points.xy[:m:every].T, self.points.normal[:m:every].T
-        spread = self.points.spread[:m:every]
+        xy, normal, spread = self.points.xy[:m].T, self.points.normal[:m].T, self.points.spread[:m]
         lone = (normal[0] == 0.0) & (normal[1] == 0.0)
         cx = np.concatenate((normal[0] + lone, np.zeros(spread.size)))
         cy = np.concatenate((normal[1], lone))
@@ -113,10 +88,16 @@ class ScanReader:
         return np.stack((cx, cy, turn)), np.tile(1.0 / variance, 2)
 
 
-def _moments(xy: Floats) -> Floats:
-    """x, y, xx, yy, xy of each point (m, 5)."""
-    x, y = xy[:, 0], xy[:, 1]
-    return np.stack((x, y, x * x, y * y, x * y), axis=1)
+def _blank(n: int) -> Points:
+    """Room for the points of n beams."""
+    return Points(
+        np.zeros((n + 1, 2)),
+        np.zeros((n, 2)),
+        np.zeros(n),
+        np.zeros(n + 1, np.int64),
+        np.zeros((n + 1, 5)),
+        np.zeros((n, 2), np.int64),
+    )
 
 
 def leverage(rows: Floats, weights: Floats) -> Floats:

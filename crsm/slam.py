@@ -21,8 +21,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from crsm.match_kernels import fitness, normal_equations, restart_hill_climb
-from crsm.motion import Motion
+from crsm.fitter import Fitter, Upper
+from crsm.match_kernels import fitness, restart_hill_climb
+from crsm.motion import Motion, Pace
 from crsm.params import CrsmParams
 from crsm.published import Published
 from crsm.reader import ScanReader
@@ -31,8 +32,6 @@ from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
 MEMORY = 0.05  # weight of one scan in the usual quality
-FIT_ROUNDS, FIT_STEP, FIT_TURN = 20, 1e-4, 3e-5  # 1, m, rad
-UPPER = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # where H stands in its upper triangle
 CLIMB_STEPS = (0.05, 0.02)  # m, rad
 AGREED, AGREED_TURN = 0.5, 0.01  # cells, rad between predictions that need no choice
 
@@ -48,13 +47,15 @@ class Crsm:
         self.quality = 0.0
         self._published = Published(params) if params.program == "published" else None
         self._map = WallGrid(params)
+        self._fitter = Fitter(params)
         self._motion = Motion()
         self._rng = np.random.default_rng(params.seed)
         self._reader: ScanReader | None = None
         self._usual_quality = 0.0
-        self._information = np.zeros((3, 3))
-        self._drawn_at = IDENTITY
-        self._undrawn = self._misses = 0
+        self._information: Upper | None = None
+        self._inserted = Pace(params.insert_step, params.insert_rest)
+        self._drawn = Pace(params.draw_step, params.draw_rest)
+        self._misses = 0
         names = ("inserted", "rejected", "lost", "recovered", "searched", "restarts", "faded")
         self._counts = dict.fromkeys(names, 0)
 
@@ -89,8 +90,10 @@ class Crsm:
     @property
     def covariance(self) -> Floats:
         """Covariance (3, 3) of the last fit in m and rad, the prior included."""
-        h = self._information
-        return np.asarray(np.linalg.inv(h)) if h.any() else np.zeros((3, 3))
+        if self._information is None:
+            return np.zeros((3, 3))
+        xx, xy, xt, yy, yt, tt = self._information
+        return np.asarray(np.linalg.inv([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]))
 
     def _read(self, scan: Scan) -> ScanReader:
         """Step 1: end points on walls and critical rays, without the motion during the scan."""
@@ -99,63 +102,53 @@ class Crsm:
         self._reader.read(scan, self._motion.velocity)
         return self._reader
 
-    def _seen_again(self, scan: Scan, pose: Pose2) -> tuple[ScanReader, Floats]:
+    def _seen_again(self, scan: Scan, pose: Pose2) -> tuple[ScanReader, Pose2]:
         """Step 1 again with the velocity that was found, and that pose as the start."""
         assert self._reader is not None
         velocity = self._motion.velocity_of(self.pose.between(pose), scan)
         self._reader.read(scan, velocity)
-        return self._reader, np.array([*(pose @ scan.laser.mount), 0.0])
+        return self._reader, pose @ scan.laser.mount
 
-    def _start(self, view: ScanReader, predictions: list[Pose2]) -> Floats:
+    def _start(self, view: ScanReader, predictions: list[Pose2]) -> Pose2:
         """Step 2, first guess: the prediction whose critical rays fit best, if they differ."""
         starts = [pose @ view.laser.mount for pose in predictions]
-        apart = np.abs(np.array(predictions) - predictions[0]).max(axis=0)
-        if max(apart[:2]) < AGREED * self.params.cell and apart[2] < AGREED_TURN:
-            return np.array([*starts[0], 0.0])
+        if self._agree(predictions):
+            return starts[0]
         fits = [self._fitness(view, pose) for pose in starts]
-        best = int(np.argmax(fits))
-        return np.array([*starts[best], fits[best]])
+        return starts[fits.index(max(fits))]
 
-    def _search(self, view: ScanReader, start: Floats) -> None:
-        """Step 2, random restart hill climbing; `start` (4,) becomes the best pose found."""
+    def _agree(self, predictions: list[Pose2]) -> bool:
+        """They are so close that the fit makes up for it."""
+        first, near = predictions[0], AGREED * self.params.cell
+        return all(
+            max(abs(p.x - first.x), abs(p.y - first.y)) < near
+            and abs(p.theta - first.theta) < AGREED_TURN
+            for p in predictions
+        )
+
+    def _search(self, view: ScanReader, start: Pose2) -> Pose2:
+        """Step 2, random restart hill climbing: the best pose found."""
         p = self.params
         reach = np.array([p.search_distance, p.search_distance, p.search_angle])
         draws = self._rng.uniform(-1.0, 1.0, (p.restarts, 3)) * reach
         rules = (*CLIMB_STEPS, p.enough)
-        cells, points = self._map.cells, view.points
-        used = restart_hill_climb(cells, points, view.rays, len(view.rays), draws, rules, start)
+        cells, points, best = self._map.cells, view.points, np.array([*start, 0.0])
+        used = restart_hill_climb(cells, points, view.rays, len(view.rays), draws, rules, best)
         self._counts["searched"] += 1
         self._counts["restarts"] += used
+        return Pose2(*best[:3].tolist())
 
-    def _fit(self, view: ScanReader, start: Floats) -> tuple[Pose2, float]:
+    def _fit(self, view: ScanReader, start: Pose2) -> tuple[Pose2, float]:
         """Step 3: all beams to the walls; a poor fit is tried again from a thorough search.
 
         Returns the base's pose and the quality 0..1.
         """
-        best = self._fitted(view, start)
-        if best[1] < self.params.search_below * self._usual_quality:
-            self._search(view, start)
-            other = self._fitted(view, start)
-            best = other if other[1] > best[1] else best
-        pose, quality, self._information = best
-        return Pose2(*pose.tolist()) @ view.laser.mount.inverse(), quality
-
-    def _fitted(self, view: ScanReader, start: Floats) -> tuple[Floats, float, Floats]:
-        """Gauss-Newton; returns the laser's pose (3,), quality 0..1 and information (3, 3)."""
-        p = self.params
-        noise2, lone2 = p.range_noise**2, p.lone_noise**2
-        rules = (p.gate, p.compat, noise2, lone2, p.lean**2, p.robust**2, p.agreement**2)
-        prior = np.diag([p.prior**-2, p.prior**-2, p.prior_turn**-2])
-        pose, system = start[:3].copy(), np.zeros(10)
-        for _ in range(FIT_ROUNDS):
-            at = (float(pose[0]), float(pose[1]), float(pose[2]))
-            normal_equations(self._map.cells, view.points, view.m, at, rules, system)
-            h = system[UPPER] + prior
-            step = np.linalg.solve(h, system[6:9] + prior @ (pose - start[:3]))
-            pose -= step
-            if max(abs(step[:2])) < FIT_STEP and abs(step[2]) < FIT_TURN:
-                break
-        return pose, float(system[9]) / view.m, h
+        best = self._fitter.fit(self._map, view, start)
+        if best.quality < self.params.search_below * self._usual_quality:
+            other = self._fitter.fit(self._map, view, self._search(view, start))
+            best = other if other.quality > best.quality else best
+        self._information = best.information
+        return best.pose @ view.laser.mount.inverse(), best.quality
 
     def _fitness(self, view: ScanReader, pose: Pose2) -> float:
         cells, rays = self._map.cells, view.rays
@@ -176,18 +169,19 @@ class Crsm:
         return True
 
     def _insert(self, view: ScanReader) -> None:
-        """Step 4: walls from every trusted scan, grey levels where the robot has moved on."""
+        """Step 4: walls and grey levels, each where the robot has moved on or waited."""
         if not view.is_usable or 0 < self._misses <= self.params.patience:
             self._counts["rejected"] += 1
+            return
+        draw_due = self._drawn.is_due(self.pose)
+        if not (self._inserted.is_due(self.pose) or draw_due):
             return
         at = self.pose @ view.laser.mount
         if not self._map.insert(view.points, view.m, at, view.reach):
             self._counts["rejected"] += 1
             return
+        self._inserted.done(self.pose)
         self._counts["inserted"] += 1
-        self._undrawn += 1
-        step = self._drawn_at.between(self.pose)
-        moved = max(math.hypot(step.x, step.y), abs(step.theta)) >= self.params.draw_step
-        if moved or self._undrawn >= self.params.draw_rest or self._counts["inserted"] == 1:
+        if draw_due:
             self._counts["faded"] += self._map.draw(view.points, view.m, at)
-            self._drawn_at, self._undrawn = self.pose, 0
+            self._drawn.done(self.pose)

@@ -7,20 +7,24 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from crsm.map_kernels import HALO, WEIGHT, WallMap, draw, insert
+from crsm.map_kernels import HALO, NX, NY, WEIGHT, WallMap, X, Y, whiten
 from crsm.params import CrsmParams
 from crsm.scan_kernels import Points
-from slams.types import OccupancyGrid, Pose2
+from slams.types import Floats, OccupancyGrid, Pose2
 
 START_CELLS = 512  # edge of the first map
 SPARE = 64  # cells added beyond what a scan needs
 MOST_CELLS = 1 << 23  # 290 m x 290 m with cells of 0.1 m
 KNOWN = 0.1  # grey level, either way, from which a cell counts as seen
-MOST_PASSED = 8192  # times one drawing notes that a beam went through a wall
+ONE_WALL = 0.6  # cells between an end point and the wall element it joins
+NEXT_TO_NOTHING = 1e-9  # weight of an element before its points are averaged in
+MARGIN = 2.0  # cells that a beam goes on behind a wall to have gone through it
+CORE = 0.25  # cells around the mean end point of an element that is surely wall
 BLUR = 1.5  # cells, sigma of the darkness around a wall
 _OFF = np.arange(-HALO, HALO + 1)
 BLOT = (255.0 * np.exp(-(_OFF[:, None] ** 2 + _OFF**2) / (2.0 * BLUR**2))).astype(np.uint8)
 WIDE_BLOT = np.pad(BLOT, 2 * HALO)  # the same among cells that it leaves as they are
+Cells = NDArray[np.int64]  # (m,) numbers of cells, counted along the rows
 
 
 class WallGrid:
@@ -30,6 +34,7 @@ class WallGrid:
         self.params = params
         half = -0.5 * START_CELLS * params.cell
         self.cells = self._blank(START_CELLS, START_CELLS, (half, half))
+        self._point = np.zeros(self.cells.dark.size, np.int64)
         self.is_empty = True
         self._drawings = 0
 
@@ -37,44 +42,132 @@ class WallGrid:
         """Walls of m points seen from `pose` (of the laser); False if they do not fit."""
         if not self._make_room(pose, reach):
             return False
-        p = self.params
-        cells = np.zeros((m, 2), np.int64)
-        rules = (p.gate, p.compat, p.max_weight)
-        new = insert(self.cells, points, m, tuple(pose), rules, cells)
-        for ix, iy in cells[:new].tolist():
-            self._darken(ix, iy)
+        seen = _seen_from(pose, points, m)
+        cells = self._flat(*points.wall[:m].T)
+        joined = self._joins(cells, seen)
+        left = np.flatnonzero(~joined)
+        cells[left] = self._cells_of(seen[:, left])
+        self._begin(cells[left], seen[:, left])
+        joined[left] = self._joins(cells[left], seen[:, left])
+        self._average_in(cells[joined], seen[:, joined])
         self.is_empty = False
         return True
+
+    def _joins(self, cells: Cells, seen: Floats) -> NDArray[np.bool_]:
+        """Which points are of the wall element in their cell: near enough and of its kind.
+
+        A lone point's normal, (0, 0), is 1 away from that of any wall.
+        """
+        elements = self._elements(cells)
+        dx, dy, ex, ey = seen - elements[:WEIGHT]
+        near = dx * dx + dy * dy < (ONE_WALL * self.cells.cell) ** 2
+        alike = ex * ex + ey * ey < 2.0 - 2.0 * self.params.compat
+        return np.asarray(near & alike & (elements[WEIGHT] > 0.0))
+
+    def _begin(self, cells: Cells, seen: Floats) -> None:
+        """The first of the points in an empty cell makes an element; so do walls of lone points."""
+        elements = self._elements(cells)
+        of_walls, lone = seen[NX:].any(axis=0), ~elements[NX:WEIGHT].any(axis=0)
+        points = np.flatnonzero((elements[WEIGHT] <= 0.0) | (of_walls & lone))
+        new, first = np.unique(cells[points], return_index=True)
+        wall = self.cells.wall.reshape(-1, WEIGHT + 1)
+        wall[new, :WEIGHT] = seen[:, points[first]].T
+        wall[new, WEIGHT] = NEXT_TO_NOTHING
+        for cell in new.tolist():
+            self._darken(*divmod(cell, self.cells.dark.shape[1]))
+
+    def _average_in(self, cells: Cells, seen: Floats) -> None:
+        """Running means of wall elements with the points in their cells."""
+        self._point[cells] = np.arange(len(cells))
+        one_of = self._point[cells]  # the same point for all points of a cell
+        count = np.bincount(one_of, minlength=len(cells))
+        firsts = np.flatnonzero(count)
+        which, at, count = cells[firsts], (np.cumsum(count > 0) - 1)[one_of], count[firsts]
+        elements = self._elements(which).astype(np.float64)
+        weight = np.minimum(elements[WEIGHT] + count, self.params.max_weight)
+        for k in range(WEIGHT):
+            off = seen[k] - elements[k][at]
+            elements[k] += np.bincount(at, off, len(which)) / weight
+        length = np.sqrt(elements[NX] ** 2 + elements[NY] ** 2)
+        elements[NX:WEIGHT] /= np.where(length > 0.0, length, 1.0)
+        elements[WEIGHT] = weight
+        self.cells.wall.reshape(-1, WEIGHT + 1)[which] = elements.T
+
+    def _elements(self, cells: Cells) -> Floats:
+        """Wall elements (5, m) of cells."""
+        flat = self.cells.wall.reshape(-1, WEIGHT + 1)
+        return np.ascontiguousarray(np.take(flat, cells, axis=0).T)
+
+    def _cells_of(self, seen: Floats) -> Cells:
+        (x, y), cell = self.cells.corner, self.cells.cell
+        ix, iy = np.floor((seen[X] - x) / cell), np.floor((seen[Y] - y) / cell)
+        return self._flat(ix.astype(np.int64), iy.astype(np.int64))
+
+    def _flat(self, ix: NDArray[np.int64], iy: NDArray[np.int64]) -> Cells:
+        return np.asarray(iy * self.cells.dark.shape[1] + ix)
 
     def draw(self, points: Points, m: int, pose: Pose2) -> int:
         """Whiten the ways of m beams and blacken their ends; returns the walls that are gone.
 
         Wall elements lose weight when beams go clean through them.
         """
-        p = self.params
+        cells, seen = self.cells, _seen_from(pose, points, m)
+        step, (x, y) = cells.cell / cells.fine, cells.corner
         self._drawings += 1
-        passed = np.zeros((MOST_PASSED, 2), np.int64)
-        rules = (self._drawings, -p.density, p.density * p.obstacle_density)
-        n = draw(self.cells, points, m, tuple(pose), rules, passed)
-        return self._weaken(np.unique(passed[:n], axis=0)) if n else 0
+        ends = (seen[X] - x) / step, (seen[Y] - y) / step
+        self._blacken(np.floor(ends[0]).astype(np.int64), np.floor(ends[1]).astype(np.int64))
+        start = ((pose.x - x) / step, (pose.y - y) / step)
+        whiten(cells, start, np.stack(ends), self._drawings, self.params.density)
+        return self._weaken(self._passed(pose, seen))
 
-    def _weaken(self, which: NDArray[np.int64]) -> int:
-        """Fade the wall elements of cells (n, 2) (ix, iy); returns those gone."""
-        ix, iy = which.T
-        weight = (1.0 - self.params.fade) * self.cells.wall[iy, ix, WEIGHT] - 1.0
-        self.cells.wall[iy, ix, WEIGHT] = np.maximum(weight, 0.0)
-        gone = which[weight <= 0.0]
-        for jx, jy in gone.tolist():
-            self._brighten(jx, jy)
+    def _blacken(self, ix: NDArray[np.int64], iy: NDArray[np.int64]) -> None:
+        """Beams end in these grey cells: one step to black for each cell."""
+        grey, drawn = self.cells.grey.ravel(), self.cells.drawn.ravel()
+        cells = np.unique(iy * self.cells.grey.shape[1] + ix)
+        step = self.params.density * self.params.obstacle_density
+        old = grey[cells]
+        grey[cells] = np.minimum(1.0, old + step * (1.0 - np.sqrt(old.clip(0.0))))
+        drawn[cells] = self._drawings
+
+    def _passed(self, pose: Pose2, seen: Floats) -> Cells:
+        """The cells of wall elements which the beams next to them went through."""
+        rays = seen[: Y + 1] - np.array([[pose.x], [pose.y]])
+        bearings = np.arctan2(rays[Y], rays[X])
+        order = np.argsort(bearings)
+        cells = self._walls_among(seen)
+        elements = self._elements(cells)
+        elements[: Y + 1] -= np.array([[pose.x], [pose.y]])
+        after = np.searchsorted(bearings[order], np.arctan2(elements[Y], elements[X]))
+        through = np.zeros(len(cells), np.bool_)
+        for beam in (order[after - 1], order[after % len(order)]):
+            through |= went_through(elements, rays[:, beam], self.cells.cell)
+        return cells[through]
+
+    def _walls_among(self, seen: Floats) -> Cells:
+        """The cells with walls in the smallest box around points."""
+        (x, y), cell = self.cells.corner, self.cells.cell
+        x0, x1 = (int((f(seen[X]) - x) / cell) for f in (np.min, np.max))
+        y0, y1 = (int((f(seen[Y]) - y) / cell) for f in (np.min, np.max))
+        iy, ix = np.nonzero(self.cells.dark[y0 : y1 + 1, x0 : x1 + 1] == BLOT.max())
+        return self._flat(ix + x0, iy + y0)
+
+    def _weaken(self, cells: Cells) -> int:
+        """Fade the wall elements of these cells; returns how many are gone."""
+        flat = self.cells.wall.reshape(-1, WEIGHT + 1)
+        weight = (1.0 - self.params.fade) * flat[cells, WEIGHT] - 1.0
+        flat[cells, WEIGHT] = np.maximum(weight, 0.0)
+        gone = cells[weight <= 0.0]
+        for cell in gone.tolist():
+            self._brighten(*divmod(cell, self.cells.dark.shape[1]))
         return len(gone)
 
-    def _darken(self, ix: int, iy: int) -> None:
-        """A new wall in cell (ix, iy) darkens the search field around it."""
+    def _darken(self, iy: int, ix: int) -> None:
+        """A new wall in cell [iy, ix] darkens the search field around it."""
         around = self.cells.dark[iy - HALO : iy + HALO + 1, ix - HALO : ix + HALO + 1]
         np.maximum(around, BLOT, out=around)
 
-    def _brighten(self, ix: int, iy: int) -> None:
-        """The wall of cell (ix, iy) is gone; the search field around it is made anew."""
+    def _brighten(self, iy: int, ix: int) -> None:
+        """The wall of cell [iy, ix] is gone; the search field around it is made anew."""
         low_x, low_y = max(0, ix - 2 * HALO), max(0, iy - 2 * HALO)
         y, x = slice(low_y, iy + 2 * HALO + 1), slice(low_x, ix + 2 * HALO + 1)
         jy, jx = np.nonzero(self.cells.wall[y, x, WEIGHT] > 0.0)
@@ -127,6 +220,7 @@ class WallGrid:
         inner = np.s_[low_y * fine : (low_y + ny) * fine, low_x * fine : (low_x + nx) * fine]
         new.grey[inner] = old.grey
         self.cells = new
+        self._point = np.zeros(new.dark.size, np.int64)
         return True
 
     def _missing(self, at: float, reach: float, n: int) -> tuple[int, int]:
@@ -135,3 +229,28 @@ class WallGrid:
         below = math.ceil((margin - at) / self.cells.cell)
         above = math.ceil((at + margin) / self.cells.cell) - n
         return (below + SPARE if below > 0 else 0), (above + SPARE if above > 0 else 0)
+
+
+def _seen_from(pose: Pose2, points: Points, m: int) -> Floats:
+    """Points and normals (4, m) in the frame that `pose` stands in."""
+    c, s = math.cos(pose.theta), math.sin(pose.theta)
+    turn = np.array([[c, -s], [s, c]])
+    seen = np.empty((4, m))
+    seen[:NX] = turn @ points.xy[:m].T + np.array([[pose.x], [pose.y]])
+    seen[NX:] = turn @ points.normal[:m].T
+    return seen
+
+
+def went_through(elements: Floats, rays: Floats, cell: float) -> NDArray[np.bool_]:
+    """Which of k beams passed the core of its wall element and went on behind it.
+
+    elements (5, k) and the ends of the beams, rays (2, k), as seen from the laser [m]. A beam along
+    the wall, or one that ends at it, did not.
+    """
+    length = np.sqrt(rays[X] ** 2 + rays[Y] ** 2)
+    x, y = rays / np.maximum(length, 1e-9)
+    across = elements[X] * y - elements[Y] * x
+    behind = length - elements[X] * x - elements[Y] * y
+    lone = ~elements[NX:WEIGHT].any(axis=0)
+    behind *= np.where(lone, 1.0, np.abs(elements[NX] * x + elements[NY] * y))
+    return np.asarray((behind > MARGIN * cell) & (np.abs(across) < CORE * cell))

@@ -155,33 +155,50 @@ def wall_of(walls, at, normal, cell, corner, gate, compat):
     return best
 
 
+def is_of(wall, at, normal, cell, compat):
+    """The point is of the wall: near enough, and both are walls of like direction or lone."""
+    near = math.hypot(*(at - wall["mean"])) < 0.6 * cell
+    if not (normal.any() and wall["normal"].any()):
+        return near and not normal.any() and not wall["normal"].any()
+    return near and wall["normal"] @ normal > compat
+
+
 def insert(walls, points, normals, pose, grid, rules):
-    """End points join the wall elements of a dict or start new ones; returns the new keys."""
+    """End points of one scan join the wall elements of a dict or start new ones."""
     cell, corner = grid
     gate, compat, most = rules
     c, s = math.cos(pose[2]), math.sin(pose[2])
     rotation = np.array([[c, -s], [s, c]])
-    new = []
-    for p, n in zip(points, normals, strict=True):
-        at, n = rotation @ p + pose[:2], rotation @ n
-        key, distance = wall_of(walls, at, n, cell, corner, gate, compat)
-        if key and distance < 0.6 * cell and walls[key]["normal"].any() == n.any():
-            w = walls[key]
-            w["weight"] = min(w["weight"] + 1, most)
-            w["mean"] = w["mean"] + (at - w["mean"]) / w["weight"]
-            if n.any():
-                mixed = w["normal"] + (n - w["normal"]) / w["weight"]
-                w["normal"] = mixed / math.hypot(*mixed)
-            continue
-        key = tuple(np.floor((at - corner) / cell).astype(int).tolist())
-        if key not in walls or (n.any() and not walls[key]["normal"].any()):
-            walls[key] = {"mean": at, "normal": n, "weight": 1}
-            new.append(key)
-    return new
+    seen = [(rotation @ p + pose[:2], rotation @ n) for p, n in zip(points, normals, strict=True)]
+    keys = []
+    for at, n in seen:
+        key, _ = wall_of(walls, at, n, cell, corner, gate, compat)
+        if not (key and is_of(walls[key], at, n, cell, compat)):
+            key = tuple(np.floor((at - corner) / cell).astype(int).tolist())
+        keys.append(key)
+    started = {}
+    for key, (at, n) in zip(keys, seen, strict=True):
+        over_lone = key in walls and n.any() and not walls[key]["normal"].any()
+        if (key not in walls or over_lone) and key not in started:
+            started[key] = {"mean": at, "normal": n, "weight": 0}
+    walls |= started
+    joining = {}
+    for key, (at, n) in zip(keys, seen, strict=True):
+        if is_of(walls[key], at, n, cell, compat):
+            joining.setdefault(key, []).append((at, n))
+    for key, joined in joining.items():
+        w, k = walls[key], len(joined)
+        w["weight"] = min(w["weight"] + k, most)
+        mean, mixed = (np.mean([j[i] for j in joined], axis=0) for i in (0, 1))
+        w["mean"] = w["mean"] + (mean - w["mean"]) * k / w["weight"]
+        if mixed.any():
+            mixed = w["normal"] + (mixed - w["normal"]) * k / w["weight"]
+            w["normal"] = mixed / math.hypot(*mixed)
+    return walls
 
 
 def draw_grey(grey, points, pose, grid, steps):
-    """Grey levels after one drawing: dict of the cells that change; and the cells on each way."""
+    """Grey levels after one drawing: dict of the cells that change."""
     step, corner = grid
     white, black = steps
 
@@ -189,25 +206,19 @@ def draw_grey(grey, points, pose, grid, steps):
         gain = 1.0 - math.sqrt(abs(v)) if v * by > 0 else 1.0
         return max(-1.0, min(1.0, v + gain * by))
 
+    def cell_of(at):
+        return tuple(np.floor((at - corner) / step).astype(int).tolist())
+
     c, s = math.cos(pose[2]), math.sin(pose[2])
     start = np.array(pose[:2])
-    values, ended, last = {}, set(), None
-    for p in points:
-        end = start + np.array([c * p[0] - s * p[1], s * p[0] + c * p[1]])
+    ends = [start + np.array([c * p[0] - s * p[1], s * p[0] + c * p[1]]) for p in points]
+    values = {key: shade(float(grey[key[1], key[0]]), black) for key in map(cell_of, ends)}
+    for end in ends:
         length = math.hypot(*(end - start))
-        last_cell = tuple(np.floor((end - corner) / step).astype(int).tolist())
-        if last_cell == last:
-            continue
-        last = last_cell
         for j in range(math.floor(length / step) - 1):
-            at = start + (end - start) / length * step * j
-            key = tuple(np.floor((at - corner) / step).astype(int).tolist())
+            key = cell_of(start + (end - start) / length * step * j)
             if key not in values:
                 values[key] = shade(float(grey[key[1], key[0]]), white)
-        if last_cell not in ended:
-            ended.add(last_cell)
-            before = values.get(last_cell, float(grey[last_cell[1], last_cell[0]]))
-            values[last_cell] = shade(before, black)
     return values
 
 
