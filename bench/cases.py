@@ -28,7 +28,8 @@ class Choice:
     """Which part of a log is used and how; the seed of every algorithm.
 
     `realtime` also replays each log as a live node would see it; `slower` is how many times slower
-    than this machine's the core of that node is; `options` say how a recorded log is read.
+    than this machine's the core of that node is; `options` say how a recorded log is read;
+    `sensor` names the laser that the parameters are for.
     """
 
     limit: int | None = None
@@ -38,6 +39,7 @@ class Choice:
     realtime: bool = False
     slower: float = 5.0
     options: SourceOptions | None = None
+    sensor: str | None = None
 
     def log(self, path: str | Path) -> ScanLog:
         """The chosen part of the log at `path`."""
@@ -94,6 +96,8 @@ def _outcome(label: str, log: ScanLog, choice: Choice, relations: Floats | None)
 
 
 def _params(params: Params, choice: Choice) -> Params:
+    if choice.sensor is not None:
+        params = params.for_sensor(choice.sensor)
     return params if choice.seed is None else params.replace(seed=choice.seed)
 
 

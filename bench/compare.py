@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from slams import cli
+from slams.params import LASERS
 from slams.registry import names
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ def parser() -> argparse.ArgumentParser:
         "--full", action="store_true", help="the originals as well, the published tables beside"
     )
     p.add_argument("--relations", metavar="FILE", help="Freiburg relations of the one log")
+    p.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
     p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
     p.add_argument("--limit", type=int, metavar="N", help="only N scans")
     p.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th scan")
@@ -129,7 +131,9 @@ def _labels(arguments: argparse.Namespace) -> list[str]:
 
     labels: list[str] = arguments.algorithms or names()
     for label in labels:
-        find(label).params()
+        params = find(label).params()
+        if arguments.sensor:
+            params.for_sensor(arguments.sensor)
     if not arguments.full or arguments.algorithms:
         return labels
     originals = [name for name in labels if "original" in find(name).cls.Params.PRESETS]
@@ -157,6 +161,7 @@ def _checked(arguments: argparse.Namespace) -> tuple[Choice, Floats | None]:
         arguments.realtime,
         arguments.slower,
         cli.log_options(arguments),
+        arguments.sensor,
     )
     for path in arguments.logs:
         choice.log(path)

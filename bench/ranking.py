@@ -29,7 +29,9 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(prog=f"python -m {PROGRAM}", description=(__doc__ or "").partition("\n")[0])
     p.add_argument("--arenas", type=int, default=10, metavar="N", help="default: %(default)s")
-    p.add_argument("--duration", type=float, default=60.0, metavar="S", help="of each drive")
+    p.add_argument(
+        "--duration", type=float, default=30.0, metavar="S", help="of each drive (%(default)g)"
+    )
     p.add_argument("--out", metavar="DIR", default="results/ranking", help="default: %(default)s")
     p.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), metavar="N")
     p.add_argument("-q", "--quiet", action="store_true", help="no progress, no table")

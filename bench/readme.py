@@ -1,7 +1,7 @@
 """python -m bench.readme: the generated parts of the READMEs, from results and parameters.
 
-A part stands between `<!-- results -->`, `<!-- relations -->`, `<!-- ranking -->` or
-`<!-- parameters: NAME -->` and `<!-- end -->`.
+A part stands between `<!-- results -->`, `<!-- relations -->`, `<!-- ranking -->`,
+`<!-- parameters: NAME -->` or `<!-- ros-parameters: NAME -->` and `<!-- end -->`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ RANKING = ROOT / "bench" / "readme_ranking.json"
 PICTURES = ("fig2_translation.png", "fig4_maps.png")
 SHOWN = ("translation", "orientation", "spans", "bound", "overview", "maps", "cost")
 PART = re.compile(
-    r"(<!-- (results|relations|ranking|parameters: (\w+)) -->\n).*?(<!-- end -->)", re.DOTALL
+    r"(<!-- (results|relations|ranking|(?:ros-)?parameters: (\w+)) -->\n).*?(<!-- end -->)",
+    re.DOTALL,
 )
 
 
@@ -77,12 +78,20 @@ def rendered(text: str) -> str:
     """A README's text with its generated parts made anew."""
 
     def _part(match: re.Match[str]) -> str:
-        makers = {"results": results, "relations": relations, "ranking": ranking}
-        maker = makers.get(match[2])
-        body = maker() if maker else parameters(match[3])
-        return f"{match[1]}\n{body}\n{match[4]}"
+        return f"{match[1]}\n{_body(match[2], match[3])}\n{match[4]}"
 
     return PART.sub(_part, text)
+
+
+def _body(part: str, name: str | None) -> str:
+    """What stands in a part; `name` is the algorithm's whose parameters it lists."""
+    if name is None:
+        return {"results": results, "relations": relations, "ranking": ranking}[part]()
+    if part.startswith("ros-"):
+        from slams.ros_params import mapping_table
+
+        return mapping_table(name)
+    return parameters(name)
 
 
 def results() -> str:

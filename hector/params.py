@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from slams.params import Params, param
+from hector.ros import ROS as ROS_NAMES
+from slams.params import Params, RosNames, param
 
 LAUNCH = "original code, mapping_default.launch"
 CODE = "original code"
@@ -16,6 +17,12 @@ CODE = "original code"
 class HectorParams(Params):
     """The default is hector at its best; `original` behaves like hector_mapping 0.5.2."""
 
+    ROS: ClassVar[RosNames | None] = ROS_NAMES
+    # Turning lasers at 5 Hz: without a prediction and with skewed scans the original is lost by
+    # meters on every simulated log, with these two its ATE is 2 to 4 cm. The default has them.
+    SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        laser: {"start": "auto", "deskew": True} for laser in ("rplidar-a1", "lds01", "lds02")
+    }
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "original": {
             "levels": 2,
@@ -132,6 +139,7 @@ class HectorParams(Params):
         "where there is some (auto)",
         source="ours: the original starts at the last pose",
         choices=("last", "velocity", "auto"),
+        ros=("use_tf_pose_start_estimate",),
     )
     steps_coarse: int = param(
         12,

@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from slams.live import Estimate, LiveSlam
     from slams.params import Params, param
     from slams.player import Run, replay
     from slams.registry import create, find, names
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "Estimate": "live",
+    "LiveSlam": "live",
     "Params": "params",
     "param": "params",
     "create": "registry",
@@ -40,7 +43,9 @@ _HOME = {
 }
 
 __all__ = [
+    "Estimate",
     "Laser",
+    "LiveSlam",
     "OccupancyGrid",
     "Params",
     "Pose2",

@@ -1,4 +1,4 @@
-"""What both commands share: one thread, one clear sentence for bad input, a progress bar."""
+"""What the commands share: one thread, one sentence for bad input, log options, progress."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Iterable
-from typing import NoReturn, TypeVar
+from typing import TYPE_CHECKING, NoReturn, TypeVar
+
+if TYPE_CHECKING:
+    from slams.formats.source import SourceOptions
 
 T = TypeVar("T")
 
@@ -15,9 +18,9 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_
 
 
 def one_thread() -> None:
-    """Ask every library for one thread; before numpy is imported, CPU times mean little else."""
+    """Make every library use one thread; before numpy is imported, CPU times mean little else."""
     for name in THREADS:
-        os.environ.setdefault(name, "1")
+        os.environ[name] = "1"
 
 
 class RefusedError(Exception):
@@ -62,6 +65,45 @@ def run_command(program: str, command: Callable[[], int]) -> int:
         return FAILED
     except KeyboardInterrupt:
         return _say(program, "interrupted", INTERRUPTED)
+
+
+def add_log_options(parser: argparse.ArgumentParser) -> None:
+    """Give a command the options of what to take from a recorded log."""
+    group = parser.add_argument_group(
+        "reading a log",
+        "npz, ROS 1 or ROS 2 bag, CARMEN log, BreezySLAM .dat: found out by the content. Needed "
+        "only where a log leaves a choice.",
+    )
+    group.add_argument("--scan-topic", metavar="TOPIC", help="the laser; or a CARMEN message")
+    group.add_argument("--odom", metavar="NAME", help="odometry topic or tf frame; or none")
+    group.add_argument("--imu", metavar="TOPIC", help="gyro topic; or none")
+    group.add_argument(
+        "--truth", metavar="NAME", help="true poses: topic, tf frame, TUM or csv file; or none"
+    )
+    group.add_argument("--base-frame", metavar="FRAME", help="tf frame that poses are of")
+    group.add_argument(
+        "--first-beam",
+        metavar="DEG",
+        type=float,
+        help="direction of the first reading where a CARMEN log or .dat does not tell",
+    )
+    group.add_argument("--salvage", action="store_true", help="read what is whole in a damaged log")
+
+
+def log_options(arguments: argparse.Namespace) -> SourceOptions:
+    """What the options of `add_log_options` say, for `slams.load`."""
+    from dataclasses import fields
+
+    from slams.formats.source import SourceOptions
+
+    return SourceOptions(**{f.name: getattr(arguments, f.name) for f in fields(SourceOptions)})
+
+
+def show_notes(program: str, notes: Iterable[str], quiet: bool = False) -> None:
+    """What a reader has to say about a log: a line each on stderr."""
+    if not quiet:
+        for note in notes:
+            sys.stderr.write(f"{program}: note: {note}\n")
 
 
 def progress(

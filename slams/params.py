@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 UNITS = ("m", "rad", "s", "cell", "1", "m/s", "rad/s", "Hz")
+LASERS = ("utm30lx", "rplidar-a1", "lds01", "lds02")
 
 
 @dataclass(frozen=True)
@@ -57,13 +58,45 @@ def param(
 
 
 @dataclass(frozen=True)
+class RosNames:
+    """What the parameters of the original's ROS node mean here, beside the fields' `ros=` names.
+
+    Every mapping but `words` and `defaults` has ROS names as keys and one sentence as value.
+
+    Attributes:
+        package: the ROS package.
+        nodes: names its node goes by: executables and what launch files call them.
+        units: ROS names in another unit than the field: "deg", "sin" of an angle, "cell".
+        cell: the field with the edge of a cell, for the unit "cell".
+        words: ROS values -> values of the field; None leaves the field as it is.
+        original_only: names the preset `original` takes; why the others do not.
+        ignored: names that change nothing here, and why.
+        refused: names that must keep a value, that value, and what to do instead.
+        defaults: values the node has for names that nobody sets, where `original` has others.
+    """
+
+    package: str
+    nodes: tuple[str, ...]
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    cell: str = "cell"
+    words: Mapping[str, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
+    original_only: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    ignored: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    refused: Mapping[str, tuple[str, str]] = dataclasses.field(default_factory=dict)
+    defaults: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Params:
     """Base of every algorithm's parameters: checks values, knows presets, prints its table.
 
-    A preset is a mapping of field names to the values that differ from the defaults.
+    A preset is a mapping of field names to the values that differ from the defaults; a sensor's
+    values go on top of any preset.
     """
 
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    ROS: ClassVar[RosNames | None] = None
 
     seed: int = param(
         0, "1", "seed of every random draw", source="ours: same input, same output", low=0
@@ -97,6 +130,19 @@ class Params:
                 f"unknown preset {name!r}; expected one of {', '.join(cls.presets())}"
             )
         return cls().replace(**cls.PRESETS.get(name, {}))
+
+    def for_sensor(self, name: str) -> Self:
+        """A copy with what has to change for a laser of `LASERS`.
+
+        Raises:
+            LookupError: no such laser.
+        """
+        known = dict.fromkeys([*LASERS, *self.SENSORS])
+        if name not in known:
+            near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.4)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise LookupError(f"unknown sensor {name!r}{hint} (known: {', '.join(known)})")
+        return self.replace(**self.SENSORS.get(name, {}))
 
     def replace(self, **changes: Any) -> Self:
         """A copy with some values changed; text is read as the parameter's type.

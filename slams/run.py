@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
+from slams.params import LASERS
 from slams.registry import names
 
 if TYPE_CHECKING:
@@ -15,10 +17,13 @@ if TYPE_CHECKING:
     from slams.player import Run
     from slams.registry import Entry
     from slams.scanlog import ScanLog
-    from slams.types import Slam
+    from slams.types import OccupancyGrid, Pose2, Scan, Slam
+    from slams.video import Video
+    from slams.view import View
 
 PROGRAM = "slams.run"
 WARM_UP_SCANS = 4
+RESULTS = ["map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", "summary.json"]
 
 
 def parser() -> argparse.ArgumentParser:
@@ -26,12 +31,20 @@ def parser() -> argparse.ArgumentParser:
     p = cli.Parser(
         prog=f"python -m {PROGRAM}",
         description="Replay every scan of a log through one SLAM algorithm, in order.",
-        epilog="Writes trajectory.csv, trajectory.tum, map.pgm + map.yaml, map.png, summary.json.",
+        epilog=f"Writes {', '.join(RESULTS)}.",
     )
     p.add_argument("algorithm", help=f"one of {', '.join(names())}; name@preset; or module:Class")
-    p.add_argument("log", nargs="?", help="scan log, scans.npz")
+    p.add_argument("log", nargs="?", help="scan log: npz, ROS bag, CARMEN log, BreezySLAM .dat")
     p.add_argument("--out", metavar="DIR", help="default: results/<log>-<algorithm>")
     p.add_argument("--preset", metavar="NAME", help="as name@preset, e.g. original")
+    p.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
+    p.add_argument(
+        "--ros-params",
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="launch or parameter file of the original's ROS node; may be given again",
+    )
     p.add_argument("--params", metavar="FILE.yaml", help="parameters, lines 'name: value'")
     p.add_argument(
         "--set",
@@ -46,7 +59,22 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--limit", type=int, metavar="N", help="only N scans")
     p.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th scan")
     p.add_argument("--seed", type=int, metavar="N", help="seed of every random draw")
+    p.add_argument(
+        "--mcap", action="store_true", help="also write result.mcap for Foxglove, RViz, evo"
+    )
+    p.add_argument(
+        "--video", metavar="FILE", help="also a film: .mp4, .gif, or a folder for png files"
+    )
+    p.add_argument("--video-every", type=int, metavar="K", help="a frame every K scans")
+    p.add_argument(
+        "--view",
+        metavar="FILE.rrd",
+        nargs="?",
+        const="live",
+        help="watch in the viewer rerun, or save for it (extra viz)",
+    )
     p.add_argument("-q", "--quiet", action="store_true", help="no progress bar, no summary")
+    cli.add_log_options(p)
     return p
 
 
@@ -62,19 +90,25 @@ def _command(arguments: argparse.Namespace) -> int:
         sys.stdout.write(parameter_table(params))
         return 0
     log = cli.refusing(lambda: _log(arguments))
-    slam, run, start_up_s = _replayed(entry, params, log, arguments.quiet)
+    cli.show_notes(PROGRAM, log.notes, arguments.quiet)
+    slam, run, start_up_s = _replayed(entry, params, log, arguments)
     folder = Path(arguments.out or f"results/{log.name}-{entry.label.replace(':', '.')}")
-    text = cli.refusing(lambda: write_results(folder, entry, params, log, slam, run, start_up_s))
-    if not arguments.quiet:
-        sys.stdout.write(
-            f"{text}\n{folder}/: map.png, map.pgm + map.yaml, trajectory.csv, "
-            "trajectory.tum, summary.json\n"
+    text = cli.refusing(
+        lambda: write_results(
+            folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap
         )
+    )
+    if not arguments.quiet:
+        names = ", ".join(RESULTS + (["result.mcap"] if arguments.mcap else []))
+        sys.stdout.write(f"{text}\n{folder}/: {names}\n")
     return 0
 
 
 def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params]:
-    """The algorithm and its parameters: defaults < preset < YAML file < --set < --seed."""
+    """The algorithm and its parameters.
+
+    Defaults < preset < sensor < ROS files < YAML file < --set < --seed.
+    """
     from slams.registry import find
 
     label = arguments.algorithm
@@ -82,6 +116,10 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params]:
         label = f"{label.partition('@')[0]}@{arguments.preset}"
     entry = find(label)
     params = entry.params()
+    if arguments.sensor:
+        params = params.for_sensor(arguments.sensor)
+    if arguments.ros_params:
+        params = _with_ros_files(params, entry, arguments)
     if arguments.params:
         params = params.with_yaml(arguments.params)
     params = params.replace(**dict(_assignment(text) for text in arguments.changes))
@@ -90,14 +128,23 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params]:
     return entry, params
 
 
+def _with_ros_files(params: Params, entry: Entry, arguments: argparse.Namespace) -> Params:
+    from slams import ros_params
+
+    taken = ros_params.take(params, arguments.ros_params, entry.preset)
+    if not arguments.quiet:
+        sys.stderr.write(ros_params.report(taken, entry.label))
+    return taken.params
+
+
 def parameter_table(params: Params) -> str:
-    """All parameters as YAML that `--params` reads back, with unit, meaning and source."""
-    rows = params.table()
+    """All parameters as YAML that `--params` reads back: unit, meaning, source, ROS names."""
+    rows, specs = params.table(), params.specs()
     width = max(len(f"{name}: {value}") for name, value, *_ in rows)
-    lines = [
-        f"{f'{name}: {value}':{width}}  # [{unit}] {meaning} ({source})"
-        for name, value, unit, meaning, source in rows
-    ]
+    lines = []
+    for name, value, unit, meaning, source in rows:
+        there = f"; ROS: {', '.join(specs[name].ros)}" if specs[name].ros else ""
+        lines.append(f"{f'{name}: {value}':{width}}  # [{unit}] {meaning} ({source}{there})")
     return "\n".join(lines) + "\n"
 
 
@@ -109,6 +156,7 @@ def write_results(
     slam: Slam,
     run: Run,
     start_up_s: float,
+    mcap: bool = False,
 ) -> str:
     """Write all files of a run to `folder`, whole or not at all; returns the summary as text."""
     from slams.formats import files, occupancy, trajectory
@@ -122,7 +170,15 @@ def write_results(
         occupancy.write_map(partial, grid)
         occupancy.write_picture(partial / "map.png", grid, run.poses)
         (partial / "summary.json").write_text(as_json(summary), encoding="utf-8")
+        if mcap:
+            _write_mcap(partial / "result.mcap", log, run, grid)
     return as_text(summary)
+
+
+def _write_mcap(path: Path, log: ScanLog, run: Run, grid: OccupancyGrid) -> None:
+    from slams.formats.mcap import write_mcap  # only here, for it loads the bag library
+
+    write_mcap(path, log, run.poses, grid)
 
 
 def _log(arguments: argparse.Namespace) -> ScanLog:
@@ -130,21 +186,50 @@ def _log(arguments: argparse.Namespace) -> ScanLog:
 
     if arguments.log is None:
         raise ValueError(f"no log given; expected {PROGRAM} {arguments.algorithm} scans.npz")
-    for name in ("limit", "every"):
+    for name in ("limit", "every", "video_every"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
-            raise ValueError(f"--{name}: got {value}, expected 1 or more")
-    log = load(arguments.log)
+            raise ValueError(f"--{name.replace('_', '-')}: got {value}, expected 1 or more")
+    log = load(arguments.log, cli.log_options(arguments))
     return log.select(arguments.limit, arguments.every, not arguments.no_odometry)
 
 
-def _replayed(entry: Entry, params: Params, log: ScanLog, quiet: bool) -> tuple[Slam, Run, float]:
+def _replayed(
+    entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
+) -> tuple[Slam, Run, float]:
     from slams.player import replay, warm_up
 
-    start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
     slam = entry.cls(params)
-    scans = cli.progress(log, len(log), entry.label, quiet)
-    return slam, replay(slam, scans), start_up_s
+    with ExitStack() as watching:
+        watchers = cli.refusing(lambda: _watchers(slam, entry.label, log, arguments))
+        for watcher in watchers:
+            watching.enter_context(watcher)
+
+        def _watch(scan: Scan, pose: Pose2) -> None:
+            for watcher in watchers:
+                watcher.watch(scan, pose)
+
+        start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
+        scans = cli.progress(log, len(log), entry.label, arguments.quiet)
+        return slam, replay(slam, scans, _watch if watchers else None), start_up_s
+
+
+def _watchers(
+    slam: Slam, label: str, log: ScanLog, arguments: argparse.Namespace
+) -> list[Video | View]:
+    """Whoever wants to see the run; what they miss is said before it starts."""
+    title = f"{label} on {log.name}"
+    watchers: list[Video | View] = []
+    if arguments.view:
+        from slams.view import View
+
+        watchers.append(View(arguments.view, slam, title))
+    if arguments.video:
+        from slams.video import Video, usual_every
+
+        every = arguments.video_every or usual_every(len(log))
+        watchers.append(Video(arguments.video, slam, title, every))
+    return watchers
 
 
 def _assignment(text: str) -> tuple[str, str]:

@@ -18,12 +18,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import IO, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slams.types import Floats, Laser, Pose2, Ranges, Scan, wrap_angle
+
+if TYPE_CHECKING:
+    from slams.formats.source import SourceOptions
 
 FORMAT = "scanlog-1"
 REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
@@ -72,7 +75,8 @@ class ScanLog:
     """Scans of one laser with what else was recorded; iteration yields `Scan`s.
 
     `t` (n,) [s]; `ranges` (n, b) float32 [m], inf = nothing up to range_max, nan = not valid.
-    The order in the log rules, also where stamps jump back.
+    The order in the log rules, also where stamps jump back. `notes` are what whoever reads the
+    recording should tell the user: a sentence each, kept in no file.
     """
 
     t: Floats
@@ -82,6 +86,7 @@ class ScanLog:
     truth: Track | None = None
     yaw_rate: Track | None = None
     meta: dict[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _check_scans(self.t, self.ranges, self.laser.n_beams)
@@ -168,17 +173,34 @@ class ScanLog:
         _write_npz(Path(path), arrays)
 
 
-def load(path: str | Path) -> ScanLog:
-    """Read a scan log.
+def load(path: str | Path, options: SourceOptions | None = None, **choices: Any) -> ScanLog:
+    """Read a recorded log: scanlog npz, ROS bag, CARMEN log or BreezySLAM .dat, by its content.
+
+    Args:
+        path: the file, or the folder of a ROS 2 bag.
+        options: what to take from it where that is not plain.
+        choices: single options, as `scan_topic="/scan"`.
+
+    Raises:
+        OSError: the file cannot be opened.
+        ValueError: it is not a complete, valid log; the sentence says why.
+    """
+    from slams.formats import source
+
+    chosen = replace(options or source.SourceOptions(), **choices)
+    return source.read(Path(path), chosen)
+
+
+def load_npz(path: Path) -> ScanLog:
+    """Read "scanlog-1".
 
     Raises:
         OSError: the file cannot be opened.
         ValueError: it is not a complete, valid scan log; the sentence says why.
     """
-    path = Path(path)
     try:
-        with path.open("rb") as file:
-            data = _arrays(file)
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            data = {key: archive[key] for key in archive.files}
     except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, NotImplementedError) as error:
         raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
     except ValueError as error:
@@ -187,14 +209,6 @@ def load(path: str | Path) -> ScanLog:
         return _from_arrays(data, path.stem)
     except ValueError as error:
         raise ValueError(f"{path}: not a scan log: {error}") from error
-
-
-def _arrays(file: IO[bytes]) -> dict[str, Any]:
-    if file.read(2) != b"PK":
-        raise ValueError(f"not an npz file; expected a scan log ({FORMAT})")
-    file.seek(0)
-    with np.load(file, allow_pickle=False) as archive:
-        return {key: archive[key] for key in archive.files}
 
 
 def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:

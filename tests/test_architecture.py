@@ -57,6 +57,11 @@ def test_only_jit_imports_numba():
     assert users == {ROOT / "slams" / "jit.py"}
 
 
+def test_only_the_formats_import_the_bag_library():
+    users = {path for path in FILES if any(m.partition(".")[0] == "rosbags" for m in imports(path))}
+    assert {path.parent for path in users} == {ROOT / "slams" / "formats"}
+
+
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_slam_is_a_page_without_kernels_or_loops_over_beams(name):
     text = (ROOT / name / "slam.py").read_text(encoding="utf-8")

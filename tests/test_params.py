@@ -72,3 +72,17 @@ def test_table_and_unit():
     assert names == ["seed", "cell", "steps", "exact", "mode"]
     with pytest.raises(ValueError, match="unit 'mm'"):
         param(1.0, "mm", "x", source="y")
+
+
+@dataclass(frozen=True)
+class OnSensors(Example):
+    SENSORS = {"lds01": {"cell": 0.2}, "mine": {"steps": 9}}
+
+
+def test_a_sensor_changes_what_it_says_on_top_of_any_preset():
+    assert OnSensors().for_sensor("lds01").cell == 0.2
+    p = OnSensors.preset("original").for_sensor("mine")
+    assert (p.cell, p.mode, p.steps) == (0.1, "b", 9)
+    assert OnSensors().for_sensor("utm30lx") == OnSensors()
+    with pytest.raises(LookupError, match=r"unknown sensor 'lds03'; did you mean 'lds0[12]'.*mine"):
+        OnSensors().for_sensor("lds03")

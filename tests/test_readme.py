@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench import compare, readme, simulate
-from slams import metrics, run
+from bench import compare, ranking, readme, simulate
+from slams import check, convert, metrics, run
 from slams.player import replay
 from slams.registry import find
 from tests.rooms import drive
@@ -30,6 +30,9 @@ def test_the_commands_of_the_readme_are_ones_the_programs_take():
         "slams.run": run.parser(),
         "bench.compare": compare.parser(),
         "bench.simulate": simulate.parser(),
+        "bench.ranking": ranking.parser(),
+        "slams.convert": convert.parser(),
+        "slams.check": check.parser(),
     }
     lines = re.findall(r"^    python -m (.*)$", README.replace("\n--", " --"), re.M)
     lines += re.findall(r"`python -m ([^`]*)`", README.replace("\n", " "))
@@ -68,12 +71,3 @@ def test_the_example_algorithm_works(example):
     truth = log.truth_at(done.t)
     assert metrics.relative_errors(done.poses, truth, 1)[0].mean() < 0.02
     assert np.isnan(example.cls(example.params()).map().p).all()
-
-
-def test_the_example_of_the_library_works(tmp_path, monkeypatch):
-    code = next(b for b in re.findall(r"```python\n(.*?)```", README, re.S) if "slams.load" in b)
-    drive(n=5).save(tmp_path / "scans.npz")
-    monkeypatch.chdir(tmp_path)
-    scope: dict = {}
-    exec(code, scope)
-    assert scope["grid"].p.size > 100

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -12,6 +13,7 @@ from slams.types import Floats, OccupancyGrid
 
 OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196  # 205 = unknown must not load as free
 FREE, OCCUPIED, UNKNOWN = 254, 0, 205
+MODES = ("trinary", "scale", "raw")
 PATH_COLOR, START_COLOR = (60, 76, 231), (96, 174, 39)  # red, green in OpenCV's order
 
 Pixels = NDArray[np.uint8]
@@ -37,27 +39,106 @@ def write_map(folder: str | Path, grid: OccupancyGrid) -> None:
     (folder / "map.yaml").write_text(text, encoding="utf-8")
 
 
-def read_map(path: str | Path) -> OccupancyGrid:
-    """Read a map_server yaml with its picture: p 1 occupied, 0 free, nan unknown.
+def read_map(path: str | Path, notes: list[str] | None = None) -> OccupancyGrid:
+    """Read a map_server or nav2 yaml with its picture: p 1 occupied, 0 free, nan unknown.
+
+    Modes trinary, scale (p in between) and raw (percent as pixels), negated or not. What a user
+    should be told is added to `notes`.
 
     Raises:
         OSError: the yaml or its picture cannot be read.
-        ValueError: the yaml is not a map's.
+        ValueError: the yaml is not a map's, or its map is turned; the sentence says so.
     """
     path = Path(path)
+    head = _head(path)
+    image = _read_image(path.parent / head.image)
+    if head.mode == "raw":
+        p = np.where(image <= 100.0, image / 100.0, np.nan)
+    else:
+        shade = image / 255.0
+        p = _probability(shade if head.negate else 1.0 - shade, head)
+    if notes is not None and _unknown_is_free(image, head):
+        notes.append(
+            f"{path}: free_thresh {head.free:g} makes the gray of unknown cells (205) free; "
+            f"{FREE_THRESH} keeps them unknown"
+        )
+    return OccupancyGrid(p[::-1].astype(np.float32), head.resolution, head.origin)
+
+
+def read_picture(path: str | Path) -> NDArray[np.float32]:
+    """A picture as a map (ny, nx), row 0 lowest y: p 1 occupied (dark), 0 free, nan between.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is no picture.
+    """
+    usual = Head("", 1.0, (0.0, 0.0), "trinary", False, OCCUPIED_THRESH, FREE_THRESH)
+    p = _probability(1.0 - _read_image(Path(path)) / 255.0, usual)
+    return p[::-1].astype(np.float32)
+
+
+class Head(NamedTuple):
+    """The entries of a map's yaml."""
+
+    image: str
+    resolution: float
+    origin: tuple[float, float]
+    mode: str
+    negate: bool
+    occupied: float
+    free: float
+
+
+def _head(path: Path) -> Head:
+    entries = _entries(path)
+    try:
+        x, y, yaw = (float(value) for value in [*entries["origin"], 0.0][:3])
+        head = Head(
+            str(entries["image"]),
+            float(entries["resolution"]),
+            (x, y),
+            str(entries.get("mode", "trinary")),
+            bool(int(entries.get("negate", 0))),
+            float(entries.get("occupied_thresh", OCCUPIED_THRESH)),
+            float(entries.get("free_thresh", FREE_THRESH)),
+        )
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path}: an entry is not a number ({error})") from error
+    if head.mode not in MODES:
+        raise ValueError(f"{path}: mode: got {head.mode}, expected {', '.join(MODES)}")
+    if yaw != 0.0 or not (head.resolution > 0.0 and np.isfinite([x, y, head.resolution]).all()):
+        raise ValueError(
+            f"{path}: got resolution {head.resolution}, origin {x}, {y}, {yaw}; expected metres "
+            "per cell and an origin that is not turned (yaw 0)"
+        )
+    return head
+
+
+def _entries(path: Path) -> dict[str, Any]:
     try:
         entries = yaml.safe_load(path.read_text(encoding="utf-8"))
-        resolution, origin = float(entries["resolution"]), entries["origin"]
-        image = _read_image(path.parent / entries["image"])
-        shade = image.astype(np.float64) / 255.0
-        occupancy = shade if entries.get("negate", 0) else 1.0 - shade
-        high, low = float(entries["occupied_thresh"]), float(entries["free_thresh"])
-    except (yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not the yaml of a map ({error})") from error
-    p = np.full(image.shape, np.nan, np.float32)
-    p[occupancy > high] = 1.0
-    p[occupancy < low] = 0.0
-    return OccupancyGrid(p[::-1].copy(), resolution, (float(origin[0]), float(origin[1])))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{path}: not readable as yaml: {reason}") from error
+    known = entries if isinstance(entries, dict) else {}
+    missing = [key for key in ("image", "resolution", "origin") if key not in known]
+    if missing:
+        raise ValueError(f"{path}: no {', '.join(missing)}; expected the yaml of a map")
+    return known
+
+
+def _probability(occupancy: Floats, head: Head) -> Floats:
+    """Cells by their darkness, 0 to 1: between the thresholds nan, or in mode scale a ramp."""
+    between = np.full(occupancy.shape, np.nan)
+    if head.mode == "scale":
+        between = (occupancy - head.free) / max(head.occupied - head.free, 1e-9)
+    return np.where(occupancy > head.occupied, 1.0, np.where(occupancy < head.free, 0.0, between))
+
+
+def _unknown_is_free(image: Floats, head: Head) -> bool:
+    """The trap of nav2's old threshold 0.25: darkness 0.196 is no longer unknown."""
+    gray = 255 - UNKNOWN if head.negate else UNKNOWN
+    return head.mode == "trinary" and head.free > (255 - UNKNOWN) / 255.0 and gray in image
 
 
 def trinary(grid: OccupancyGrid) -> Pixels:
@@ -102,12 +183,16 @@ def _write_image(path: Path, pixels: Pixels) -> None:
         raise OSError(f"{path}: the picture could not be written")
 
 
-def _read_image(path: Path) -> Pixels:
+def _read_image(path: Path) -> Floats:
+    """Pixels (h, w) from 0 to 255, colors averaged as map_server does."""
     import cv2
 
     if not path.is_file():
         raise FileNotFoundError(f"{path}: there is no such picture; the yaml names it")
-    pixels = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    data = np.frombuffer(path.read_bytes(), np.uint8)
+    pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     if pixels is None:
-        raise ValueError(f"{path}: not a picture")
-    return pixels.astype(np.uint8)
+        raise ValueError(f"{path}: not a picture; expected pgm, png or another image file")
+    full = 257.0 if pixels.dtype == np.uint16 else 1.0
+    gray = pixels.astype(np.float64) / full
+    return gray[:, :, :3].mean(axis=2) if gray.ndim == 3 else gray

@@ -27,16 +27,57 @@ def write_tum(path: str | Path, t: Floats, poses: Floats) -> None:
     np.savetxt(path, table, fmt="%.9f", header="t x y z qx qy qz qw")
 
 
+def read_tum(path: str | Path) -> tuple[Floats, Floats]:
+    """Read `t x y z qx qy qz qw` lines: t (n,) and the poses (n, 3) in the plane.
+
+    Raises:
+        OSError: the file cannot be opened.
+        ValueError: the file has other columns.
+    """
+    table = _table(path, None, "t x y z qx qy qz qw", 8)
+    x, y, z, w = table[:, 4:].T
+    with np.errstate(over="ignore", invalid="ignore"):  # no rotation; `read` finds the nan
+        yaw = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return table[:, 0], np.column_stack([table[:, 1:3], yaw])
+
+
+def read(path: str | Path) -> tuple[Floats, Floats]:
+    """A trajectory file of either kind: t (n,) and poses (n, 3), all finite.
+
+    Raises:
+        OSError: the file cannot be opened.
+        ValueError: it is neither; the sentence says what was found.
+    """
+    first = next(iter(_lines(path)), "")
+    t, poses = (read_csv if "," in first else read_tum)(path)
+    if not len(t) or not (np.isfinite(t).all() and np.isfinite(poses).all()):
+        raise ValueError(f"{path}: got no poses or such that are not finite, expected a trajectory")
+    return t, poses
+
+
 def read_csv(path: str | Path) -> tuple[Floats, Floats]:
     """Read what `write_csv` wrote: t (n,) and poses (n, 3).
 
     Raises:
         ValueError: the file has other columns.
     """
-    try:
-        table = np.loadtxt(path, delimiter=",", ndmin=2, comments=("#", "t"))
-    except ValueError as error:
-        raise ValueError(f"{path}: not lines of t,x,y,theta ({error})") from error
-    if table.shape[1] != 4:
-        raise ValueError(f"{path}: got {table.shape[1]} columns, expected t,x,y,theta")
+    table = _table(path, ",", "t,x,y,theta", 4)
     return table[:, 0], table[:, 1:]
+
+
+def _table(path: str | Path, delimiter: str | None, columns: str, n: int) -> Floats:
+    """The numbers of a file (k, n)."""
+    rows = [line.split(delimiter) for line in _lines(path)]
+    wrong = next((row for row in rows if len(row) != n), None)
+    if wrong is not None:
+        raise ValueError(f"{path}: got {len(wrong)} columns, expected {columns}")
+    try:
+        return np.array(rows, np.float64).reshape(-1, n)
+    except ValueError as error:
+        raise ValueError(f"{path}: not lines of {columns} ({error})") from error
+
+
+def _lines(path: str | Path) -> list[str]:
+    """All lines but the empty ones and those that begin with # or t: comments and column names."""
+    text = Path(path).read_bytes().decode("latin-1")
+    return [line for line in text.split("\n") if line.strip()[:1] not in "#t"]

@@ -1,0 +1,302 @@
+"""python -m slams.check: does an algorithm keep the contract of `slams.types.Slam`?
+
+Each clause is one check, over made-up scans of a small room; some seconds and no files.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import math
+import sys
+import traceback
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from slams import cli
+
+if TYPE_CHECKING:
+    from slams.registry import Entry
+    from slams.scanlog import ScanLog
+    from slams.types import Scan, Slam
+
+PROGRAM = "slams.check"
+SHORT = 12
+FRAME_TOLERANCE = 1e-6  # rounding alone, m and rad
+
+
+class BrokenContractError(Exception):
+    """A clause that does not hold, in one sentence."""
+
+
+class Check(NamedTuple):
+    """One clause: its name as printed, and what raises `BrokenContractError` if it is broken."""
+
+    name: str
+    run: Callable[[Entry], None]
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    p = cli.Parser(
+        prog=f"python -m {PROGRAM}",
+        description="Check that an algorithm keeps the contract of slams.types.Slam.",
+        epilog="Prints a line per clause; exit code 0 if all hold, 1 if not.",
+    )
+    p.add_argument(
+        "algorithm",
+        nargs="+",
+        help="name, name@preset or module:Class; without @preset every preset is checked",
+    )
+    return p
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    cli.one_thread()
+    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
+
+
+def _command(arguments: argparse.Namespace) -> int:
+    entries = cli.refusing(lambda: [e for label in arguments.algorithm for e in _all(label)])
+    failed = 0
+    for entry in entries:
+        sys.stdout.write(f"{entry.label}\n")
+        for check in CHECKS:
+            sentence = broken(entry, check)
+            failed += sentence is not None
+            text = (
+                f"ok      {check.name}" if sentence is None else f"FAILED  {check.name}: {sentence}"
+            )
+            sys.stdout.write(f"  {text}\n")
+            sys.stdout.flush()
+    return cli.FAILED if failed else 0
+
+
+def _all(label: str) -> list[Entry]:
+    """Every preset of a label that names none."""
+    from slams.registry import find
+
+    entry = find(label)
+    others = [] if "@" in label else entry.cls.Params.presets()[1:]
+    return [entry, *(find(f"{label}@{preset}") for preset in others)]
+
+
+def broken(entry: Entry, check: Check) -> str | None:
+    """What is wrong, in one sentence; None if the clause holds."""
+    try:
+        check.run(entry)
+    except BrokenContractError as error:
+        return str(error)
+    except Exception as error:  # whatever an algorithm of somebody else may raise
+        return _raised(error)
+    return None
+
+
+def _raised(error: Exception) -> str:
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    what = f"raised {type(error).__name__}: {error}"
+    return f"{' '.join(what.split())[:200]} ({Path(frame.filename).name}:{frame.lineno})"
+
+
+def _expect(condition: bool, sentence: str) -> None:
+    if not condition:
+        raise BrokenContractError(sentence)
+
+
+def _new(entry: Entry) -> Slam:
+    return entry.cls(entry.params())
+
+
+@functools.cache
+def _log() -> ScanLog:
+    from slams.room import drive
+
+    return drive(n=SHORT)
+
+
+def _pose(slam: Slam, scan: Scan) -> tuple[float, ...]:
+    pose = slam.update(scan)
+    whole = isinstance(pose, tuple) and len(pose) == 3
+    _expect(whole, f"update returned {pose!r}, expected a Pose2")
+    return tuple(pose)
+
+
+def _poses(slam: Slam, scans: Iterable[Scan]) -> list[tuple[float, ...]]:
+    return [_pose(slam, scan) for scan in scans]
+
+
+def _is_a_slam(entry: Entry) -> None:
+    from slams.params import Params
+    from slams.types import Slam
+
+    known = isinstance(entry.cls.Params, type) and issubclass(entry.cls.Params, Params)
+    _expect(known, "its Params is not a subclass of slams.Params")
+    slam = _new(entry)
+    _expect(isinstance(slam, Slam), "an instance lacks update, map, report or Params")
+    _expect(isinstance(slam.report(), dict), "report() before the first scan is not a dict")
+
+
+def _starts_at_the_origin(entry: Entry) -> None:
+    from slams.types import IDENTITY
+
+    pose = _pose(_new(entry), next(iter(_log())))
+    _expect(pose == IDENTITY, f"the first pose is {pose}, expected Pose2(0, 0, 0)")
+
+
+def odd_scans() -> dict[str, Scan]:
+    """Scans that a real laser sends one day."""
+    import numpy as np
+
+    from slams.room import laser, scan_at
+    from slams.types import Laser, Pose2, Scan
+
+    lidar = laser()
+    good = scan_at((0.0, 0.0, 0.0), lidar)
+
+    def _scan(t: float, values: object, fan: Laser = lidar, odom: Pose2 | None = None) -> Scan:
+        ranges = np.array(values, np.float32)
+        ranges.flags.writeable = False
+        return Scan(t, ranges, fan, odom)
+
+    n = lidar.n_beams
+    return {
+        "nothing but inf": _scan(1.0, np.full(n, np.inf)),
+        "nothing but nan": _scan(2.0, np.full(n, np.nan)),
+        "one beam": _scan(3.0, [2.0], Laser(0.0, 0.0, 1, 0.1, 30.0)),
+        "two beams": _scan(3.1, [2.0, np.nan], Laser(0.0, 0.1, 2, 0.1, 30.0)),
+        "zeros": _scan(4.0, np.zeros(n)),
+        "another beam count": scan_at((0.0, 0.0, 0.0), laser(91), t=5.0),
+        "clockwise": scan_at((0.0, 0.0, 0.0), Laser(2.0, -0.02, 200, 0.1, 30.0), t=6.0),
+        "stamp jumps back": _scan(0.5, good.ranges),
+        "same stamp": _scan(0.5, good.ranges),
+        "far jump of odometry": _scan(7.0, good.ranges, lidar, Pose2(1e3, -1e3, 3.0)),
+        "many more beams": scan_at((0.0, 0.0, 0.0), laser(1441), t=8.0),
+    }
+
+
+def _stays_finite(entry: Entry) -> None:
+    from slams.room import scan_at
+
+    odd = odd_scans()
+    good = [scan_at((0.01 * k, 0.0, 0.0), t=0.05 * k) for k in range(3)]
+    for kind, scans in {
+        **{k: [scan] for k, scan in odd.items()},
+        "all": list(odd.values()),
+    }.items():
+        for stream in ([*good, *scans, *good], [*scans, *good]):
+            _expect_finite(entry, stream, f"{kind} {'later' if stream[0] is good[0] else 'first'}")
+
+
+def _expect_finite(entry: Entry, scans: list[Scan], kind: str) -> None:
+    from slams.types import OccupancyGrid
+
+    slam = _new(entry)
+    for scan in scans:
+        try:
+            pose = _pose(slam, scan)
+        except Exception as error:
+            if isinstance(error, BrokenContractError):
+                raise
+            raise BrokenContractError(f"{_raised(error)} [scans: {kind}]") from error
+        _expect(all(map(math.isfinite, pose)), f"the pose is {pose} [scans: {kind}]")
+    _expect(isinstance(slam.map(), OccupancyGrid), f"map() is no OccupancyGrid [scans: {kind}]")
+
+
+def _writes_nothing(entry: Entry) -> None:
+    import numpy as np
+
+    scans = list(_log())
+    before = [scan.ranges.copy() for scan in scans]
+    _poses(_new(entry), scans)
+    same = all(
+        np.array_equal(scan.ranges, ranges, equal_nan=True)
+        for scan, ranges in zip(scans, before, strict=True)
+    )
+    _expect(same, "the ranges of a scan changed")
+
+
+def _repeats(entry: Entry) -> None:
+    first, second = _poses(_new(entry), _log()), _poses(_new(entry), _log())
+    index = next((i for i, (a, b) in enumerate(zip(first, second, strict=True)) if a != b), None)
+    if index is not None:
+        raise BrokenContractError(
+            f"scan {index} of the same log got {first[index]}, then {second[index]}"
+        )
+
+
+def _runs_without_odometry(entry: Entry) -> None:
+    slam = _new(entry)
+    _poses(slam, _log().select(odometry=False))
+    used = slam.report().get("odometry")
+    _expect(used == 0, f"report()['odometry'] is {used!r} after scans without odometry, expected 0")
+
+
+def _shares_nothing(entry: Entry) -> None:
+    alone = _poses(_new(entry), _log())
+    first, second = _new(entry), _new(entry)
+    together = []
+    for scan, other in zip(_log(), reversed(list(_log())), strict=True):
+        together.append(tuple(first.update(scan)))
+        second.update(other)
+    _expect(together == alone, "a second instance changed the poses of the first")
+
+
+def _takes_any_odom_frame(entry: Entry) -> None:
+    import numpy as np
+
+    from slams.types import Pose2, Scan
+
+    motion = Pose2(-7.0, 4.0, 2.0)
+    moved = [
+        Scan(s.t, s.ranges, s.laser, motion @ (s.odometry or motion), (s.yaw or 0.0) + 2.0)
+        for s in _log()
+    ]
+    apart = np.abs(np.array(_poses(_new(entry), moved)) - np.array(_poses(_new(entry), _log())))
+    worst = float(apart.max())
+    _expect(worst < FRAME_TOLERANCE, f"another odom frame moves a pose by {worst:.2g} (m or rad)")
+
+
+def _takes_a_changing_laser(entry: Entry) -> None:
+    from slams.room import laser, scan_at
+
+    lasers = (laser(181), laser(361))
+    scans = [scan_at((0.02 * k, 0.0, 0.0), lasers[k % 2], t=0.05 * k) for k in range(6)]
+    _expect_finite(entry, scans, "181 and 361 beams by turns")
+
+
+def _maps_in_the_first_frame(entry: Entry) -> None:
+    import numpy as np
+
+    slam = _new(entry)
+    _poses(slam, _log())
+    grid = slam.map()
+    p = grid.p
+    _expect(p.ndim == 2 and p.dtype == np.float32, f"map().p is {p.dtype} {p.shape}")
+    _expect(grid.resolution > 0.0, f"map().resolution is {grid.resolution}")
+    known = p[~np.isnan(p)]
+    if not known.size:
+        return
+    _expect(known.min() >= 0.0 and known.max() <= 1.0, "map().p is not in 0..1 where observed")
+    (x, y), (height, width) = grid.origin, p.shape
+    inside = x < 0.0 < x + width * grid.resolution and y < 0.0 < y + height * grid.resolution
+    _expect(inside, f"the first pose is not on the map: origin {grid.origin}, {width} x {height}")
+
+
+CHECKS = (
+    Check("0 it is a Slam with Params", _is_a_slam),
+    Check("1 the first pose is the origin", _starts_at_the_origin),
+    Check("2 every pose is finite, whatever comes", _stays_finite),
+    Check("3 nothing of a scan is written to", _writes_nothing),
+    Check("4 same scans, same poses, bit for bit", _repeats),
+    Check("5 it runs without odometry and says what it used", _runs_without_odometry),
+    Check("6 two instances do not disturb each other", _shares_nothing),
+    Check("7 the odom frame is arbitrary", _takes_any_odom_frame),
+    Check("8 a changing laser is handled", _takes_a_changing_laser),
+    Check("9 the map lies in the frame of the first scan", _maps_in_the_first_frame),
+)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

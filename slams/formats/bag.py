@@ -1,0 +1,159 @@
+"""ROS 1 and ROS 2 bags through the rosbags library: topics and raw messages of whatever storage."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+from slams.formats.source import DamagedError
+
+T = TypeVar("T")
+
+SCAN = "sensor_msgs/msg/LaserScan"
+ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
+IMU = "sensor_msgs/msg/Imu"
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSE = "geometry_msgs/msg/PoseStamped"
+POSE_COV = "geometry_msgs/msg/PoseWithCovarianceStamped"
+TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
+SCANS, TRUTHS, TFS = (SCAN, ECHOES), (ODOMETRY, POSE, POSE_COV), (TF, OLD_TF)
+KNOWN = frozenset({*SCANS, *TRUTHS, *TFS, IMU})
+
+REPAIR = {
+    "bag": "'rosbag reindex FILE' repairs it",
+    "mcap": "'mcap recover FILE -o NEW.mcap' repairs it",
+    "db3": "'sqlite3 FILE .recover | sqlite3 NEW.db3' repairs it",
+    "folder": "'ros2 bag reindex FOLDER' writes its metadata anew",
+}
+
+
+class Topic(NamedTuple):
+    """A topic with its message type and how many messages it has."""
+
+    name: str
+    msgtype: str
+    messages: int
+
+
+class Record(NamedTuple):
+    """One message as stored; `received` [ns] is when the recorder got it."""
+
+    topic: str
+    msgtype: str
+    received: int
+    data: bytes
+
+
+class Bag(Protocol):
+    """A recording: its topics, and the messages of some of them in the order of receiving."""
+
+    topics: list[Topic]
+    ros1: bool
+
+    def records(self, topics: Collection[str]) -> Iterator[Record]:
+        """Messages of these topics."""
+        ...
+
+
+@contextmanager
+def open_bag(path: Path, kind: str) -> Iterator[LibraryBag]:
+    """A bag read by the library.
+
+    Raises:
+        DamagedError: the library cannot read it.
+    """
+    with _named(path, kind) as name:
+        bag = LibraryBag(path, kind, name)
+        try:
+            yield bag
+        finally:
+            bag.close()
+
+
+@contextmanager
+def _named(path: Path, kind: str) -> Iterator[Path]:
+    """The library tells storages by the file's ending: a link with the right one."""
+    if kind in ("folder", "bag") or path.suffix == f".{kind}":
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="slams-") as folder:
+        link = Path(folder) / f"bag.{kind}"
+        link.symlink_to(path.resolve())
+        yield link
+
+
+class LibraryBag:
+    """A whole bag; `name` is the path the library gets."""
+
+    def __init__(self, path: Path, kind: str, name: Path) -> None:
+        self.path, self.kind, self.ros1 = path, kind, kind == "bag"
+        self._reader = self._guarded(lambda: self._opened(name))
+        counts: dict[tuple[str, str], int] = {}
+        for connection in self._reader.connections:
+            key = connection.topic, connection.msgtype
+            counts[key] = counts.get(key, 0) + connection.msgcount
+        self.topics = [Topic(*key, n) for key, n in counts.items()]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._guarded(self._reader.close)
+
+    def records(self, topics: Collection[str]) -> Iterator[Record]:
+        """Messages of these topics.
+
+        Raises:
+            DamagedError: the library cannot read on.
+        """
+        wanted = [c for c in self._reader.connections if c.topic in topics and c.msgtype in KNOWN]
+        messages = self._reader.messages(connections=wanted) if wanted else iter(())
+        while (item := self._guarded(lambda: next(messages, None))) is not None:
+            connection, received, data = item
+            if connection in wanted:  # a damaged index leads to others, too
+                yield Record(connection.topic, connection.msgtype, received, data)
+
+    def _opened(self, name: Path) -> Any:
+        from rosbags.rosbag1 import Reader as Reader1
+        from rosbags.rosbag2 import Reader as Reader2
+
+        reader = Reader1(name) if self.ros1 else Reader2(name)
+        reader.open()
+        return reader
+
+    def _guarded(self, work: Callable[[], T]) -> T:
+        """Let the library do something; whatever it raises on a damaged file is one sentence."""
+        try:
+            return work()
+        except Exception as error:  # its parsers raise what they stumble over: any class
+            if isinstance(error, FileNotFoundError | PermissionError) and error.errno:
+                raise
+            raise damaged(self.path, self.kind, error) from error
+
+
+def damaged(path: Path, kind: str, error: BaseException) -> DamagedError:
+    """The sentence for a bag that is not whole, with the way out."""
+    reason = " ".join(str(error).replace(str(path), path.name).split())[:120].rstrip(".")
+    reason = reason or type(error).__name__
+    return DamagedError(
+        f"{path}: cut short or damaged ({reason}); {REPAIR[kind]}, --salvage reads what is whole"
+    )
+
+
+@cache
+def decoder(ros1: bool) -> Callable[[bytes, str], Any]:
+    """What turns raw messages of the known types into objects.
+
+    The standard definitions are used, not those of the bag: an old recording has none, and one
+    odd definition among them is no reason to refuse the scans.
+    """
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    if not ros1:
+        return get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
+    store = get_typestore(Stores.ROS1_NOETIC)
+    for name in TFS:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
+    return store.deserialize_ros1

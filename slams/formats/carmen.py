@@ -1,0 +1,273 @@
+"""CARMEN log files (.log, .clf): one message per line, metres and radians, time at the end.
+
+    PARAM name value
+    ODOM x y theta tv rv accel
+    TRUEPOS true_x true_y true_theta odom_x odom_y odom_theta
+    FLASER n r1..rn  laser_x laser_y laser_theta  robot_x robot_y robot_theta
+    RAWLASER1 type start fov step max_range accuracy remission_mode n r1..rn m e1..em
+    ROBOTLASER1 as RAWLASER1, then laser pose, robot pose, tv rv forward side turn_axis
+
+Each line ends with `ipc_timestamp host logger_timestamp`. Some ROBOTLASER lines have no remissions.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from slams.formats.source import DamagedError, SourceOptions, name_of, text_of
+from slams.formats.sweep import Geometry, Sweep, common, usable
+from slams.scanlog import ScanLog, Track
+from slams.types import Floats, Laser, Pose2, Ranges
+
+LASER = re.compile(r"(FLASER|RLASER|RAWLASER\d|ROBOTLASER\d)$")
+WORD = re.compile(r"^(PARAM|SYNC|ODOM|TRUEPOS|FLASER|RLASER|(RAW|ROBOT)LASER\d)[ \t]", re.M)
+FRONT = ("ROBOTLASER1", "FLASER", "RAWLASER1")  # one laser's; the first tells most
+TAIL = 3
+STEPS = {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5}  # [deg] of a SICK, where no line tells it
+RANGE_MIN, RANGE_MAX = 0.1, 81.0  # of a SICK, the same
+RIGID = 2e-3  # [m, rad] that a laser on its robot seems to move by rounding
+CODE = 10  # times as frequent as any reading near it: the code for "nothing seen"
+
+
+class Reading(NamedTuple):
+    """One laser line; the poses of laser and robot are None where it has none."""
+
+    sweep: Sweep
+    laser: Pose2 | None
+    robot: Pose2 | None
+
+
+def is_carmen(text: str) -> bool:
+    """Whether the start of a file has lines of CARMEN messages."""
+    return WORD.search(text) is not None and "\0" not in text
+
+
+def read(path: Path, options: SourceOptions) -> ScanLog:
+    """The scans of one laser with odometry and truth.
+
+    Raises:
+        ValueError: no such laser, or a line is not whole; the sentence says which.
+    """
+    notes: list[str] = []
+    text = text_of(path, options.salvage, notes)
+    message = _chosen(path, text, options.scan_topic)
+    lines = Lines(message, options.first_beam)
+    bad = _parse(path, text, lines, options.salvage)
+    if bad:
+        notes.append(f"{bad} lines are not whole and left out")
+    if not lines.readings:
+        raise ValueError(f"{path}: no {message} line is whole")
+    if "\nNEFF " in text:
+        notes.append("NEFF lines: the poses of this log are the result of another SLAM")
+    return _log(path, lines, options, notes)
+
+
+def _chosen(path: Path, text: str, wanted: str | None) -> str:
+    """The laser message to read: the one asked for, else the front laser, else the only one."""
+    words = Counter(line.split(maxsplit=1)[0] for line in text.split("\n") if line.strip())
+    counts = {word: n for word, n in words.items() if LASER.match(word)}
+    found = ", ".join(f"{name} ({n})" for name, n in sorted(counts.items())) or "none"
+    if wanted is not None and wanted not in counts:
+        raise ValueError(f"{path}: no {wanted} lines; its laser messages: {found}")
+    if not counts:
+        raise ValueError(f"{path}: no laser lines; expected FLASER, RAWLASER1 or ROBOTLASER1")
+    front = [name for name in FRONT if name in counts]
+    if wanted is None and not front and len(counts) > 1:
+        raise ValueError(f"{path}: {len(counts)} lasers, --scan-topic picks one: {found}")
+    return wanted or (front or list(counts))[0]
+
+
+def _parse(path: Path, text: str, lines: Lines, salvage: bool) -> int:
+    """Go through all lines; the number of those that are not whole."""
+    bad = 0
+    for number, line in enumerate(text.split("\n"), 1):
+        words = line.split()
+        take = lines.parsers.get(words[0]) if words else None
+        if take is None:
+            continue
+        try:
+            take(words)
+        except (ValueError, IndexError, OverflowError) as error:
+            if not salvage:
+                hint = "--salvage leaves such lines out"
+                raise DamagedError(
+                    f"{path}: line {number} ({words[0]}) is not whole; {hint}"
+                ) from error
+            bad += 1
+    return bad
+
+
+class Lines:
+    """What the lines of a log say, sorted by message."""
+
+    def __init__(self, message: str, first_beam: float | None) -> None:
+        self.message, self.first_beam = message, first_beam
+        self.params: dict[str, str] = {}
+        self.odom: list[list[float]] = []
+        self.truth: list[list[float]] = []
+        self.readings: list[Reading] = []
+        laser = self._old_laser if message in ("FLASER", "RLASER") else self._new_laser
+        self.parsers: dict[str, Callable[[list[str]], None]] = {
+            "PARAM": self._param,
+            "ODOM": lambda words: self.odom.append(_pose_row(words)),
+            "TRUEPOS": lambda words: self.truth.append(_pose_row(words)),
+            message: laser,
+        }
+
+    def number(self, name: str, default: float) -> float:
+        """A parameter that is a positive number, or what stands for it."""
+        try:
+            value = float(self.params[name])
+        except (KeyError, ValueError):
+            return default
+        return value if math.isfinite(value) and value > 0.0 else default
+
+    def _param(self, words: list[str]) -> None:
+        if len(words) > 2:  # a parameter can be empty
+            self.params[words[1]] = words[2]
+
+    def _old_laser(self, words: list[str]) -> None:
+        """FLASER n r1..rn laser pose, robot pose."""
+        n = int(words[1])
+        _expect(n >= 1 and len(words) == 2 + n + 6 + TAIL)
+        poses = _numbers(words[2 + n : 8 + n])
+        sweep = _sweep(words, words[2 : 2 + n], self._old_geometry(n))
+        self.readings.append(Reading(sweep, Pose2(*poses[:3]), Pose2(*poses[3:])))
+
+    def _old_geometry(self, n: int) -> Geometry:
+        """The lines do not tell the angles: the parameters do, or else 180 degrees it is."""
+        usual = STEPS.get(n, 180.0 / max(n - 1, 1))
+        step = self.number("laser_front_laser_resolution", usual)
+        if step * (n - 1) > 360.0:  # the parameter is of another laser
+            step = usual
+        first = -90.0 if n in STEPS else -0.5 * step * (n - 1)
+        first = math.radians(first if self.first_beam is None else self.first_beam)
+        high = self.number("robot_front_laser_max", RANGE_MAX)
+        return Geometry(n, first, math.radians(step), RANGE_MIN, high)
+
+    def _new_laser(self, words: list[str]) -> None:
+        """RAWLASERn and ROBOTLASERn; the number of words tells what stands at their end."""
+        n = int(words[8])
+        _expect(n >= 1 and len(words) >= 9 + n + TAIL)
+        poses = _end_poses(words[9 + n : -TAIL], 11 if words[0].startswith("ROBOT") else 0)
+        geometry = self._new_geometry(n, _numbers(words[2:6]))
+        sweep = _sweep(words, words[9 : 9 + n], geometry)
+        self.readings.append(Reading(sweep, *(poses or (None, None))))
+
+    def _new_geometry(self, n: int, numbers: list[float]) -> Geometry:
+        first, fov, step, high = numbers
+        even = fov / (n - 1) if n > 1 else step
+        if step <= 0.0 or abs(step - even) * n < 1e-3:  # six decimals are few for a step
+            step = even
+        first = first if self.first_beam is None else math.radians(self.first_beam)
+        return Geometry(n, first, step, RANGE_MIN, high)
+
+
+def _end_poses(rest: list[str], numbers: int) -> list[Pose2]:
+    """Laser and robot pose behind the readings, where remissions may stand before them."""
+    if len(rest) != numbers:
+        remissions = int(rest[0])
+        _expect(remissions >= 0 and len(rest) == 1 + remissions + numbers)
+    if not numbers:
+        return []
+    values = _numbers(rest[-numbers:][:6])
+    return [Pose2(*values[:3]), Pose2(*values[3:])]
+
+
+def _sweep(words: list[str], readings: list[str], geometry: Geometry) -> Sweep:
+    _expect(usable(geometry))
+    with np.errstate(over="ignore"):  # beyond float32 is nothing seen
+        return Sweep(_stamp(words), np.array(readings, np.float64).astype(np.float32), geometry)
+
+
+def _pose_row(words: list[str]) -> list[float]:
+    """Stamp and first pose of an ODOM or TRUEPOS line."""
+    _expect(len(words) == 7 + TAIL)
+    return [_stamp(words), *_numbers(words[1:4])]
+
+
+def _stamp(words: list[str]) -> float:
+    return _numbers(words[-TAIL : -TAIL + 1])[0]
+
+
+def _numbers(words: list[str]) -> list[float]:
+    numbers = [float(word) for word in words]
+    _expect(all(map(math.isfinite, numbers)))
+    return numbers
+
+
+def _expect(whole: bool) -> None:
+    if not whole:
+        raise ValueError("the line is not whole")
+
+
+def _log(path: Path, lines: Lines, options: SourceOptions, notes: list[str]) -> ScanLog:
+    readings = lines.readings
+    mount = _mount(lines, notes)
+    t, ranges, laser = common([reading.sweep for reading in readings], mount, False, notes)
+    odom, odometry = _odometry(path, t, lines, options.odom)
+    source = {"format": "CARMEN", "file": path.name, "scans": lines.message, "odometry": odometry}
+    return ScanLog(
+        t,
+        ranges,
+        replace(laser, range_max=_no_return(ranges, laser)),
+        odom=odom,
+        truth=_track(lines.truth),
+        meta={"name": name_of(path), "source": source},
+        notes=tuple(notes),
+    )
+
+
+def _mount(lines: Lines, notes: list[str]) -> Pose2:
+    """The laser on the robot: its pose seen from the robot's, where that stays the same."""
+    seen = [r.robot.between(r.laser) for r in lines.readings if r.robot and r.laser]
+    offset = Pose2(lines.number("robot_frontlaser_offset", 0.0), 0.0, 0.0)
+    if not seen:
+        return offset
+    middle = Pose2(*np.median(np.array(seen), axis=0).tolist())
+    apart = np.abs([middle.between(pose) for pose in seen])
+    if np.median(apart, axis=0).max() > RIGID:
+        notes.append("laser and robot poses do not move together; the laser is taken at the robot")
+        return offset
+    return middle
+
+
+def _odometry(
+    path: Path, t: Floats, lines: Lines, wanted: str | None
+) -> tuple[Track | None, str | None]:
+    """The robot's poses in the laser lines, else the ODOM lines; and where they are from."""
+    robot = [r.robot for r in lines.readings if r.robot is not None]
+    found: dict[str, Track | None] = {}
+    if len(robot) == len(t):
+        found[lines.message] = Track(t, np.array(robot, np.float64))
+    if lines.odom:
+        found["ODOM"] = _track(lines.odom)
+    if wanted not in (None, "none", *found):
+        raise ValueError(f"{path}: no odometry {wanted}; it has {', '.join(found) or 'none'}")
+    name = next(iter(found), "none") if wanted is None else wanted
+    return found.get(name), None if name == "none" else name
+
+
+def _track(rows: list[list[float]]) -> Track | None:
+    table = np.array(rows, np.float64)
+    return Track(table[:, 0].copy(), table[:, 1:].copy()) if rows else None
+
+
+def _no_return(ranges: Ranges, laser: Laser) -> float:
+    """The range limit: the greatest reading, if it is so frequent that it means nothing seen."""
+    readings = ranges[np.isfinite(ranges) & (ranges > 0.0)]
+    if not readings.size:
+        return laser.range_max
+    values, counts = np.unique(readings[readings > 0.8 * readings.max()], return_counts=True)
+    others = counts[:-1].max() if len(counts) > 1 else 1
+    if counts[-1] <= CODE * others or values[-1] <= laser.range_min:
+        return laser.range_max
+    return min(laser.range_max, float(values[-1]))

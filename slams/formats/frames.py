@@ -1,0 +1,177 @@
+"""The transform tree of a bag: where the laser sits, and how one frame moves in another."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from slams.scanlog import Track
+from slams.types import Floats, Pose2, wrap_angle
+
+RIGID = 1e-4  # [m, and of a quaternion] that a transform moves by rounding
+BASES = ("base_link", "base_footprint")  # REP 105
+FAR = 1e7  # [m] no robot drives so far: a broken number
+TILT = math.radians(10.0)  # [rad] out of the plane that is too much
+
+Edge = tuple[str, str]  # parent, child
+
+
+def bare(frame: str) -> str:
+    """A frame's name as tf2 has it, without the slash of tf."""
+    return frame.lstrip("/")
+
+
+class Transforms:
+    """Transforms by parent and child, each a list of (t, x, y, z, qx, qy, qz, qw)."""
+
+    def __init__(self) -> None:
+        self.samples: dict[Edge, list[tuple[float, ...]]] = {}
+        self.static: set[Edge] = set()
+
+    def add(self, message: Any, static: bool) -> None:
+        """Take the transforms of a tf message."""
+        for item in message.transforms:
+            edge = bare(item.header.frame_id), bare(item.child_frame_id)
+            p, q = item.transform.translation, item.transform.rotation
+            row = (seconds(item.header.stamp), p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+            if edge[0] != edge[1] and all(abs(value) < FAR for value in row[1:]):
+                self.samples.setdefault(edge, []).append(row)
+                if static:
+                    self.static.add(edge)
+
+    @property
+    def frames(self) -> list[str]:
+        """Names of all frames."""
+        return sorted({frame for edge in self.samples for frame in edge})
+
+    def ancestors(self, frame: str) -> list[str]:
+        """Frames the frame is rigidly fixed to, from itself up the tree."""
+        found = [bare(frame)]
+        while (edge := self._above(found[-1], rigid=True)) and edge[0] not in found:
+            found.append(edge[0])
+        return found
+
+    def above(self, frame: str) -> list[str]:
+        """All frames that the frame sits or moves in, nearest first."""
+        found = [bare(frame)]
+        while (edge := self._above(found[-1], rigid=False)) and edge[0] not in found:
+            found.append(edge[0])
+        return found[1:]
+
+    def fixed(self, base: str, frame: str) -> Floats | None:
+        """The frame in base, 4 x 4, if they are rigidly fixed to each other."""
+        up, over = self._to_root(frame), self._to_root(base)
+        shared = next((name for name in up if name in over), None)
+        return None if shared is None else np.linalg.inv(over[shared]) @ up[shared]
+
+    def moving(self, parent: str, frame: str) -> Track | None:
+        """The frame's planar pose in a frame above it, at the stamps of the quickest transform."""
+        chain = list(self._chain(bare(parent), bare(frame)))
+        if not chain:
+            return None
+        tracks = [_planar_track(self.samples[edge]) for edge in chain]
+        alive = [k for k, edge in enumerate(chain) if not self._rigid(edge)]
+        clock = max(alive or [0], key=lambda k: len(tracks[k].t))
+        t = tracks[clock].t
+        poses = np.zeros((len(t), 3))
+        for k, track in enumerate(tracks):
+            step = track.poses_at(t) if k in alive else np.tile(track.values[0], (len(t), 1))
+            poses = _composed(poses, step)
+        covered = np.isfinite(poses).all(axis=1)
+        return Track(t[covered], poses[covered]) if covered.any() else None
+
+    def _above(self, frame: str, rigid: bool) -> Edge | None:
+        edges = [edge for edge in self.samples if edge[1] == frame]
+        edges = [edge for edge in edges if self._rigid(edge)] if rigid else edges
+        return edges[0] if edges else None
+
+    def _rigid(self, edge: Edge) -> bool:
+        """Static, or published again and again without a change."""
+        rows = self.samples[edge]
+        if edge in self.static:
+            return True
+        return bool(np.ptp(np.array(rows)[:, 1:], axis=0).max() < RIGID)
+
+    def _to_root(self, frame: str) -> dict[str, Floats]:
+        """The frame in each of its rigid ancestors."""
+        pose, found = np.eye(4), {}
+        names = self.ancestors(frame)
+        found[names[0]] = pose
+        for child, parent in pairwise(names):
+            pose = _matrix(self.samples[parent, child][0]) @ pose
+            found[parent] = pose
+        return found
+
+    def _chain(self, parent: str, frame: str) -> Iterator[Edge]:
+        """Edges from the parent down to the frame; none if it is not above it."""
+        edges: list[Edge] = []
+        names = {frame}
+        while frame != parent:
+            edge = self._above(frame, rigid=False)
+            if edge is None or edge[0] in names:
+                return
+            edges.append(edge)
+            frame = edge[0]
+            names.add(frame)
+        yield from reversed(edges)
+
+
+def planar(matrix: Floats, what: str, notes: list[str]) -> tuple[Pose2, bool]:
+    """A pose in space as one in the plane, and whether it stands on its head."""
+    upright = float(np.clip(matrix[2, 2], -1.0, 1.0))
+    tilt = min(math.acos(upright), math.pi - math.acos(upright))
+    if tilt > TILT:
+        notes.append(f"{what} is tilted by {math.degrees(tilt):.0f} degrees; it is taken as level")
+    yaw = math.atan2(matrix[1, 0], matrix[0, 0])
+    return Pose2(float(matrix[0, 3]), float(matrix[1, 3]), yaw), upright < 0.0
+
+
+def yaw_of(q: Any) -> float:
+    """Heading [rad] of a quaternion message."""
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
+
+
+def moved(track: Track, step: Pose2) -> Track:
+    """The same track of a frame that is fixed at `step` in the first one."""
+    steps = np.tile(np.array(step), (len(track.t), 1))
+    return Track(track.t, _composed(track.values, steps))
+
+
+def _composed(a: Floats, b: Floats) -> Floats:
+    """Poses a @ b (n, 3), row by row."""
+    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
+    x = a[:, 0] + c * b[:, 0] - s * b[:, 1]
+    y = a[:, 1] + s * b[:, 0] + c * b[:, 1]
+    poses: Floats = np.stack([x, y, wrap_angle(a[:, 2] + b[:, 2])], axis=1)
+    return poses
+
+
+def _planar_track(rows: Iterable[tuple[float, ...]]) -> Track:
+    table = np.array(list(rows), np.float64)
+    x, y, z, w = table[:, 4:].T
+    yaw = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return Track(table[:, 0].copy(), np.column_stack([table[:, 1:3], yaw]))
+
+
+def _matrix(row: tuple[float, ...]) -> Floats:
+    """4 x 4 of x, y, z and a quaternion of any length."""
+    x, y, z, w = np.array(row[4:]) / (np.linalg.norm(row[4:]) or 1.0)
+    pose = np.eye(4)
+    pose[:3, 3] = row[1:4]
+    pose[:3, :3] += 2.0 * np.array(
+        [
+            [-y * y - z * z, x * y - z * w, x * z + y * w],
+            [x * y + z * w, -x * x - z * z, y * z - x * w],
+            [x * z - y * w, y * z + x * w, -x * x - y * y],
+        ]
+    )
+    return pose
+
+
+def seconds(stamp: Any) -> float:
+    """A ROS time [s]."""
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)

@@ -1,0 +1,156 @@
+"""Messages of the standard ROS types as rows of numbers, topic by topic."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slams.formats.bag import (
+    ECHOES,
+    IMU,
+    ODOMETRY,
+    POSE,
+    POSE_COV,
+    SCAN,
+    TFS,
+    Bag,
+    Record,
+    decoder,
+)
+from slams.formats.frames import FAR, Transforms, bare, seconds, yaw_of
+from slams.formats.source import DamagedError
+from slams.formats.sweep import Geometry, Sweep
+from slams.scanlog import Track
+from slams.types import Floats, Ranges
+
+
+class Row(NamedTuple):
+    """One message: when it was sent by its header, when received [s], whose frame it is of."""
+
+    sent: float
+    received: float
+    frame: str
+    values: Any
+
+
+class Messages:
+    """All that was taken from a bag: rows by topic, and the transforms.
+
+    `types` are the topics with the message types that are expected on them.
+    """
+
+    def __init__(self, types: dict[str, Collection[str]]) -> None:
+        self.types = types
+        self.rows: dict[str, list[Row]] = {topic: [] for topic in types}
+        self.transforms = Transforms()
+        self.bad = 0
+
+    def collect(self, path: Path, bag: Bag, topics: Collection[str], salvage: bool) -> None:
+        """Take the messages of these topics, transforms among them.
+
+        Raises:
+            DamagedError: a message cannot be read, unless salvaging: then it is counted.
+        """
+        decode = decoder(bag.ros1)
+        for record in bag.records(topics):
+            try:
+                message = decode(record.data, record.msgtype)
+            except Exception as error:  # the library's parsers raise what they stumble over
+                if not salvage:
+                    raise DamagedError(
+                        f"{path}: a message of {record.topic} cannot be read; "
+                        "--salvage leaves it out"
+                    ) from error
+                self.bad += 1
+                continue
+            self._take(record, message)
+
+    def _take(self, record: Record, message: Any) -> None:
+        if record.msgtype in TFS:
+            self.transforms.add(message, record.topic.endswith("static"))
+        elif record.msgtype in self.types.get(record.topic, ()):
+            self.rows[record.topic].append(_row(record, message))
+
+    def frame(self, topic: str) -> str:
+        """The frame that most messages of a topic name."""
+        frames = Counter(row.frame for row in self.rows[topic])
+        return bare(frames.most_common(1)[0][0]) if frames else ""
+
+    def sweeps(self, topic: str) -> list[Sweep]:
+        """A laser's sweeps."""
+        rows = self.rows[topic]
+        stamps = _stamps(rows).tolist()
+        return [Sweep(t, *row.values) for t, row in zip(stamps, rows, strict=True)]
+
+    def track(self, topic: str) -> Track | None:
+        """Poses, or turn rates about three axes, over time; what is not finite is left out."""
+        rows = self.rows[topic]
+        values = np.array([row.values for row in rows], np.float64).reshape(-1, 3)
+        whole = (np.abs(values) < FAR).all(axis=1)
+        return Track(_stamps(rows)[whole], values[whole]) if whole.any() else None
+
+    def unstamped(self, topic: str) -> bool:
+        """Whether no header of the topic has a stamp, so that the time of receiving stands in."""
+        return not any(row.sent for row in self.rows[topic])
+
+
+def _row(record: Record, message: Any) -> Row:
+    frame, values = READ[record.msgtype](message)
+    return Row(seconds(message.header.stamp), 1e-9 * record.received, frame, values)
+
+
+def _stamps(rows: list[Row]) -> Floats:
+    sent = np.array([row.sent for row in rows], np.float64)
+    return sent if sent.any() else np.array([row.received for row in rows], np.float64)
+
+
+def _scan(message: Any) -> tuple[str, tuple[Ranges, Geometry]]:
+    return _sweep(message, np.array(message.ranges, np.float32))
+
+
+def _echoes(message: Any) -> tuple[str, tuple[Ranges, Geometry]]:
+    """The first echo of each beam; none means nothing up to range_max."""
+    first = [e.echoes[0] if len(e.echoes) else math.inf for e in message.ranges]
+    return _sweep(message, np.array(first, np.float32))
+
+
+def _sweep(message: Any, ranges: Ranges) -> tuple[str, tuple[Ranges, Geometry]]:
+    geometry = Geometry(
+        len(ranges),
+        float(message.angle_min),
+        float(message.angle_increment),
+        float(message.range_min),
+        float(message.range_max),
+        float(message.time_increment),
+    )
+    return message.header.frame_id, (ranges, geometry)
+
+
+def _odometry(message: Any) -> tuple[str, list[float]]:
+    return message.child_frame_id, _pose(message.pose.pose)
+
+
+def _imu(message: Any) -> tuple[str, list[float]]:
+    """Turn rates; a covariance of -1 says that there are none."""
+    w = message.angular_velocity
+    given = message.angular_velocity_covariance[0] != -1.0
+    return message.header.frame_id, [w.x, w.y, w.z] if given else [math.nan] * 3
+
+
+def _pose(pose: Any) -> list[float]:
+    return [pose.position.x, pose.position.y, yaw_of(pose.orientation)]
+
+
+READ: dict[str, Callable[[Any], tuple[str, Any]]] = {
+    SCAN: _scan,
+    ECHOES: _echoes,
+    ODOMETRY: _odometry,
+    IMU: _imu,
+    POSE: lambda message: ("", _pose(message.pose)),
+    POSE_COV: lambda message: ("", _pose(message.pose.pose)),
+}

@@ -1,0 +1,142 @@
+"""Scans as drivers record them, brought to the one geometry of a log."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from slams.types import Floats, Laser, Pose2, Ranges
+
+SAME = 0.01  # directions that differ by less than this part of a step are the same
+
+
+class Geometry(NamedTuple):
+    """What a driver says about one sweep: directions [rad], range limits [m], beam time [s]."""
+
+    n_beams: int
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    time_increment: float = 0.0
+
+
+def usable(geometry: Geometry) -> bool:
+    """Whether beams have directions: a step that is one, from an angle that is one."""
+    turning = 1e-6 < abs(geometry.angle_increment) < 7.0 or geometry.n_beams == 1
+    return geometry.n_beams > 0 and turning and abs(geometry.angle_min) < 100.0
+
+
+class Sweep(NamedTuple):
+    """One sweep as recorded: stamp of the first beam [s], readings (n_beams,) [m]."""
+
+    t: float
+    ranges: Ranges
+    geometry: Geometry
+
+
+def common(
+    sweeps: Sequence[Sweep], mount: Pose2, flipped: bool, notes: list[str]
+) -> tuple[Floats, Ranges, Laser]:
+    """Stamps (n,), ranges (n, b) and the laser of all sweeps, in the most common geometry.
+
+    A sweep of another geometry gives each direction its nearest reading, at most half a step away.
+    `flipped` is a laser mounted upside down: its beams turn the other way round.
+    """
+    geometry = _most_common(sweeps)
+    rows, changed = np.empty((len(sweeps), geometry.n_beams), np.float32), 0
+    for row, sweep in zip(rows, sweeps, strict=True):
+        if _same_directions(sweep.geometry, geometry):
+            row[:] = sweep.ranges
+        else:
+            row[:] = _resampled(sweep, geometry)
+            changed += 1
+    if changed:
+        notes.append(
+            f"{changed} of {len(sweeps)} scans have other beams and are resampled to the most "
+            f"common {geometry.n_beams}"
+        )
+    t = np.array([sweep.t for sweep in sweeps])
+    return t, rows, _laser(geometry, t, rows, mount, flipped, notes)
+
+
+def _most_common(sweeps: Sequence[Sweep]) -> Geometry:
+    """The geometry most sweeps have; the drivers' rounding of angles set aside, the first wins."""
+    rounded = Counter(_rounded(sweep.geometry) for sweep in sweeps)
+    best = rounded.most_common(1)[0][0]
+    exact = Counter(sweep.geometry for sweep in sweeps if _rounded(sweep.geometry) == best)
+    return exact.most_common(1)[0][0]
+
+
+def _rounded(geometry: Geometry) -> tuple[int, float, float]:
+    return geometry.n_beams, round(geometry.angle_min, 4), round(geometry.angle_increment, 6)
+
+
+def _same_directions(a: Geometry, b: Geometry) -> bool:
+    if a.n_beams != b.n_beams:
+        return False
+    tolerance = SAME * abs(b.angle_increment)
+    spread = (a.n_beams - 1) * abs(a.angle_increment - b.angle_increment)
+    return abs(a.angle_min - b.angle_min) <= tolerance and spread <= tolerance
+
+
+def _resampled(sweep: Sweep, target: Geometry) -> Ranges:
+    """Readings in the target's directions; nan where the sweep has none."""
+    source = sweep.geometry
+    row = np.full(target.n_beams, np.nan, np.float32)
+    if source.n_beams == 1 or target.n_beams == 1:
+        return row
+    angles = target.angle_min + target.angle_increment * np.arange(target.n_beams)
+    turn = 2.0 * math.pi / abs(source.angle_increment)
+    place = (angles - source.angle_min) / source.angle_increment
+    nearest = np.floor((place + 0.5) % turn).astype(np.intp)  # a whole turn on is the same beam
+    inside = nearest < source.n_beams
+    row[inside] = sweep.ranges[nearest[inside]]
+    return row
+
+
+def _laser(
+    geometry: Geometry, t: Floats, rows: Ranges, mount: Pose2, flipped: bool, notes: list[str]
+) -> Laser:
+    sign = -1.0 if flipped else 1.0
+    range_min, range_max = _limits(geometry, rows, notes)
+    return Laser(
+        angle_min=sign * geometry.angle_min,
+        angle_increment=sign * geometry.angle_increment,
+        n_beams=geometry.n_beams,
+        range_min=range_min,
+        range_max=range_max,
+        mount=mount,
+        time_increment=_time_increment(geometry, t, notes),
+    )
+
+
+def _limits(geometry: Geometry, rows: Ranges, notes: list[str]) -> tuple[float, float]:
+    """The driver's range limits, or what the readings say where it gives none."""
+    low, high = geometry.range_min, geometry.range_max
+    if not (math.isfinite(low) and low >= 0.0):
+        low = 0.0
+    if not (math.isfinite(high) and high > low):
+        seen = rows[np.isfinite(rows) & (rows > low)]
+        high = float(seen.max()) * 1.001 if seen.size else low + 1.0
+        notes.append(f"range_max is {geometry.range_max:g}; {high:.2f} m are taken instead")
+    return low, high
+
+
+def _time_increment(geometry: Geometry, t: Floats, notes: list[str]) -> float:
+    """The driver's time from beam to beam, 0 where it cannot be true."""
+    increment = geometry.time_increment
+    if not math.isfinite(increment) or increment < 0.0:
+        return 0.0
+    period = float(np.median(np.abs(np.diff(t)))) if len(t) > 1 else math.inf
+    if increment * (geometry.n_beams - 1) > 1.5 * period > 0.0:
+        notes.append(
+            f"time_increment {increment:g} s does not fit a scan every {period:.3g} s; "
+            "scans are taken as instantaneous"
+        )
+        return 0.0
+    return increment

@@ -1,0 +1,288 @@
+"""Parameters of one ROS node, read from a launch or parameter file without ROS.
+
+Three kinds of files: ROS 1 parameter YAML (flat, or below the node's name), ROS 2 parameter YAML
+(`node: ros__parameters:`), and launch XML with `<param>`, `<rosparam>` and `<arg>`. What another
+file or program would have to say (`<include>`, `$(find ...)`, `$(eval ...)`) is noted, not run.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+LARGEST = 1 << 18  # bytes
+MOST_VALUES = 10_000  # a YAML file with aliases can hold more than its length tells
+DEEPEST = 50
+SUBSTITUTION = re.compile(r"\$\((\w+)\s+([^()]*)\)")
+PARAMETERS = "ros__parameters"
+
+Leaf = tuple[tuple[str, ...], Any]
+
+
+@dataclass
+class NodeParameters:
+    """Values by name, and what the file left to others."""
+
+    values: dict[str, Any] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+def read_node(path: str | Path, nodes: Iterable[str], known: Iterable[str]) -> NodeParameters:
+    """The parameters a file gives to a node.
+
+    Args:
+        path: YAML or launch XML; the content tells which.
+        nodes: what the node may be called: package, executable or name.
+        known: its parameters, for a file that calls the node otherwise.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is neither, or has no such node, or several.
+    """
+    path = Path(path)
+    text = _text(path)
+    try:
+        if text.lstrip().startswith("<"):
+            return _of_launch(text, path, set(nodes))
+        return _of_yaml(text, path, set(nodes), set(known))
+    except RecursionError:
+        raise ValueError(f"{path}: nested too deeply for a parameter file") from None
+
+
+def _text(path: Path) -> str:
+    if path.suffix == ".py":
+        raise ValueError(
+            f"{path}: a Python launch file is a program; give the YAML file with its parameters"
+        )
+    with path.open("rb") as file:
+        raw = file.read(LARGEST + 1)
+    if len(raw) > LARGEST:
+        raise ValueError(f"{path}: larger than a launch or parameter file ever is")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: not text; expected a launch file or YAML parameters") from None
+
+
+def _of_yaml(text: str, path: Path, nodes: set[str], known: set[str]) -> NodeParameters:
+    content = _parsed_yaml(text, path)
+    if not isinstance(content, dict):
+        raise ValueError(f"{path}: expected parameters 'name: value', or a launch file")
+    leaves = list(_leaves(content, path))
+    return NodeParameters(_by_name(_of_node(leaves, path, nodes, known), path))
+
+
+def _parsed_yaml(text: str, path: Path) -> Any:
+    if max(text.count("["), text.count("{")) > MOST_VALUES // DEEPEST:  # YAML takes its time
+        raise ValueError(f"{path}: nested too deeply for a parameter file")
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ValueError(f"{path}: not a YAML file ({' '.join(str(error).split())})") from error
+    except ValueError as error:  # a date that is none
+        raise ValueError(f"{path}: not a YAML file ({error})") from error
+
+
+def _leaves(content: dict[Any, Any], path: Path) -> Iterator[Leaf]:
+    """Every value with its path of names; "a/b" and "a.b" are paths, too."""
+    count = 0
+    stack: list[tuple[tuple[str, ...], Any]] = [((), content)]
+    while stack:
+        names, value = stack.pop()
+        count += 1
+        if count > MOST_VALUES or len(names) > DEEPEST:
+            raise ValueError(f"{path}: more values than a parameter file ever has")
+        if isinstance(value, dict):
+            stack.extend(
+                ((*names, *_parts(str(key))), below) for key, below in reversed(value.items())
+            )
+        elif names:
+            yield names, value
+
+
+def _parts(name: str) -> tuple[str, ...]:
+    return tuple(part for part in re.split(r"[/.]", name) if part and part != "~")
+
+
+def _of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -> list[Leaf]:
+    """The leaves below one of the names; without those, the one group with known parameters."""
+    named = [leaf for leaf in leaves if nodes & set(leaf[0][:-1])]
+    if named:
+        everyone = [leaf for leaf in leaves if leaf[0][0] == "**"]
+        return [*everyone, *named]
+    groups: dict[tuple[str, ...], list[Leaf]] = {}
+    for names, value in leaves:
+        groups.setdefault(_group(names), []).append((names, value))
+    fitting = [name for name, group in groups.items() if known & {names[-1] for names, _ in group}]
+    if not fitting:
+        raise ValueError(f"{path}: no parameter of {', '.join(sorted(nodes))} in it")
+    if len(fitting) > 1:
+        several = ", ".join("/".join(name) or "no node" for name in fitting)
+        raise ValueError(f"{path}: parameters of several nodes ({several}); keep one")
+    return groups[fitting[0]]
+
+
+def _group(names: tuple[str, ...]) -> tuple[str, ...]:
+    if PARAMETERS in names:
+        return names[: names.index(PARAMETERS)]
+    return names[:1] if len(names) > 1 else ()
+
+
+def _by_name(leaves: list[Leaf], path: Path) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    came_from: dict[str, tuple[str, ...]] = {}
+    for names, value in leaves:
+        name = names[-1]
+        before = came_from.get(name, ("**",))
+        if before[0] != "**" and values[name] != value:
+            both = f"{'/'.join(before)}: {values[name]} and {'/'.join(names)}: {value}"
+            raise ValueError(f"{path}: two values of one parameter ({both}); keep one")
+        values[name], came_from[name] = value, names
+    return values
+
+
+def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
+    launch = _Launch(path, nodes)
+    launch.walk(_parsed_xml(text, path), {}, 0)
+    if len(launch.found) > 1:
+        raise ValueError(
+            f"{path}: {len(launch.found)} nodes of {', '.join(sorted(nodes))}; keep one"
+        )
+    if not launch.found:
+        others = f"; it starts {', '.join(sorted(launch.others))}" if launch.others else ""
+        notes = f" ({'; '.join(launch.notes)})" if launch.notes else ""
+        raise ValueError(f"{path}: no node of {', '.join(sorted(nodes))}{others}{notes}")
+    names = nodes | {launch.found[0][0]}
+    outside = [leaf for leaf in launch.outside if names & set(leaf[0][:-1])]
+    inside = _by_name(launch.found[0][1], path)
+    return NodeParameters(_by_name(outside, path) | inside, launch.notes)
+
+
+def _parsed_xml(text: str, path: Path) -> Element:
+    """The root; a file that declares entities is refused before they could grow."""
+    from xml.etree import ElementTree
+    from xml.parsers import expat
+
+    def _refuse(*_: object) -> None:
+        raise ValueError(f"{path}: a launch file has no <!DOCTYPE ...>")
+
+    checker = expat.ParserCreate()
+    checker.StartDoctypeDeclHandler = _refuse
+    try:
+        checker.Parse(text.encode("utf-8"), True)
+        return ElementTree.fromstring(text)
+    except (expat.ExpatError, ElementTree.ParseError) as error:
+        raise ValueError(f"{path}: not a launch file ({error})") from error
+
+
+class _Launch:
+    """One walk through a launch file, top to bottom as roslaunch does it."""
+
+    def __init__(self, path: Path, nodes: set[str]) -> None:
+        self.notes: list[str] = []
+        self.found: list[tuple[str, list[Leaf]]] = []
+        self.others: set[str] = set()
+        self.outside: list[Leaf] = []
+        self._path = path
+        self._nodes = nodes
+
+    def walk(self, parent: Element, args: dict[str, str], depth: int) -> None:
+        """Take the parameters of a `<launch>` or `<group>`."""
+        if depth > DEEPEST:
+            raise ValueError(f"{self._path}: nested too deeply for a launch file")
+        for element in parent:
+            if not self._enabled(element, args):
+                continue
+            if element.tag == "arg" and "name" in element.attrib:
+                self._argument(element, args)
+            elif element.tag == "group":
+                self.walk(element, dict(args), depth + 1)
+            elif element.tag == "include":
+                self.notes.append(f"<include {element.get('file', '')}> is not followed")
+            elif element.tag == "node":
+                self._node(element, args)
+            else:
+                self.outside.extend(self._given(element, args))
+
+    def _argument(self, element: Element, args: dict[str, str]) -> None:
+        text = element.get("value", element.get("default"))
+        if text is not None:
+            args[element.attrib["name"]] = self._filled(text, args)
+
+    def _node(self, element: Element, args: dict[str, str]) -> None:
+        keys = ("pkg", "type", "exec")
+        called = {self._filled(element.get(key, ""), args) for key in keys}
+        if not called & self._nodes:
+            self.others.add(element.get("pkg", "?"))
+            return
+        leaves = [
+            leaf
+            for child in element
+            if self._enabled(child, args)
+            for leaf in self._given(child, args)
+        ]
+        self.found.append((self._filled(element.get("name", ""), args), leaves))
+
+    def _given(self, element: Element, args: dict[str, str]) -> list[Leaf]:
+        """Leaves of one `<param>` or `<rosparam>`."""
+        source = element.get("file") or element.get("from") or element.get("command")
+        if element.tag in ("param", "rosparam") and source not in (None, "load"):
+            self.notes.append(
+                f"{self._filled(str(source), args)} is another file; give it, too, if it matters"
+            )
+            return []
+        if element.tag == "param" and "name" in element.attrib:
+            value = self._filled(element.get("value", ""), args)
+            return [(_parts(self._filled(element.attrib["name"], args)), _scalar(value))]
+        if element.tag != "rosparam":
+            return []
+        text = self._filled(element.text or "", args)
+        content = _parsed_yaml(text, self._path)
+        names = _parts(f"{element.get('ns', '')}/{element.get('param', '')}")
+        if isinstance(content, dict):
+            return [((*names, *leaf), value) for leaf, value in _leaves(content, self._path)]
+        return [(names, content)] if names else []
+
+    def _enabled(self, element: Element, args: dict[str, str]) -> bool:
+        for key, wanted in (("if", True), ("unless", False)):
+            if key not in element.attrib:
+                continue
+            text = self._filled(element.attrib[key], args).strip().lower()
+            if text not in ("true", "false", "1", "0"):
+                self.notes.append(f"<{element.tag} {key}={text!r}> is left out: not understood")
+                return False
+            if (text in ("true", "1")) != wanted:
+                return False
+        return True
+
+    def _filled(self, text: str, args: dict[str, str]) -> str:
+        """`text` with `$(arg x)`, `$(env X)` and `$(optenv X y)` filled in where known."""
+
+        def _value(match: re.Match[str]) -> str:
+            kind, content = match[1], match[2].strip()
+            if kind in ("arg", "var"):
+                return args.get(content, match[0])
+            name, _, otherwise = content.partition(" ")
+            if kind == "env":
+                return os.environ.get(name, match[0])
+            return os.environ.get(name, otherwise) if kind == "optenv" else match[0]
+
+        return SUBSTITUTION.sub(_value, text)
+
+
+def _scalar(text: str) -> Any:
+    """A value as roslaunch would type it: number, truth or text."""
+    try:
+        value = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError):
+        return text
+    return value if isinstance(value, int | float | bool) else text

@@ -1,0 +1,305 @@
+"""LiveSlam: scans pushed one by one as a robot delivers them, for a node of your own.
+
+A log is complete and in order; a robot's scans come late, twice, with other beam counts, with and
+without odometry. What is not fit for the algorithm is held back here and counted.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slams.registry import find
+from slams.scanlog import ScanLog
+from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan, Slam
+
+LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
+LONGEST_GAP = 0.5  # s without a yaw rate that may still be bridged
+FAILURES = ("lost", "rejected", "empty")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What is known after a scan.
+
+    Attributes:
+        t: stamp of the scan the pose belongs to (its first beam) [s].
+        pose: T_map_base.
+        map_to_odom: T_map_odom, what a ROS node publishes; None for a scan without odometry.
+        covariance: of the pose, (3, 3) [m, rad]; inf on the diagonal where the algorithm has none.
+        quality: share of the scan that agrees with the map, 0..1; nan where there is none.
+        used: False for a scan from the past or sent twice: the estimate before is repeated.
+        lost: the scan did not fit the map, the pose is a prediction.
+        seconds_lost: for how long that has been so.
+    """
+
+    t: float
+    pose: Pose2
+    map_to_odom: Pose2 | None
+    covariance: Floats
+    quality: float
+    used: bool
+    lost: bool
+    seconds_lost: float
+
+
+class LiveSlam:
+    """One algorithm fed scan by scan.
+
+    The kernels are compiled in the constructor (seconds the first time, then kept on disk), so no
+    push waits for them. All methods may be called from several threads; they take turns, and a
+    push waits while a map is drawn.
+
+    Args:
+        algorithm: as on the command line: "hector", "tsd@original", "module:Class".
+        mount: the laser in the robot's base frame.
+        sensor: preset for a laser, as `--sensor`.
+        warm_up: False leaves the compilation to the first scans.
+        changes: single parameters.
+
+    Raises:
+        LookupError: unknown algorithm, sensor or parameter.
+        ValueError: a parameter out of its bounds.
+    """
+
+    def __init__(
+        self,
+        algorithm: str = "hector",
+        *,
+        mount: Pose2 = IDENTITY,
+        sensor: str | None = None,
+        warm_up: bool = True,
+        **changes: Any,
+    ) -> None:
+        self._entry = find(algorithm)
+        params = self._entry.params()
+        if sensor is not None:
+            params = params.for_sensor(sensor)
+        self.params = params.replace(**changes)
+        self._mount = mount
+        self._lock = threading.RLock()
+        if warm_up:
+            self._warm_up()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget map and pose; the next scan's pose is the origin of a new map."""
+        with self._lock:
+            self._slam: Slam = self._entry.cls(self.params)
+            self._yaw = _Yaw()
+            self._laser: Laser | None = None
+            self._last: Estimate | None = None
+            self._fitted_at = -math.inf
+            self._late = 0
+            self._failures = 0
+            names = ("scans", "late", "repeated", "lasers", "bad_odometry", "clock_set_back")
+            self._counts = dict.fromkeys(names, 0)
+
+    def push(
+        self,
+        stamp: float,
+        ranges: ArrayLike,
+        angle_min: float,
+        angle_increment: float,
+        range_min: float,
+        range_max: float,
+        *,
+        time_increment: float = 0.0,
+        odometry: Sequence[float] | None = None,
+        yaw_rate: float | None = None,
+    ) -> Estimate:
+        """Take one scan, with the fields of a sensor_msgs/LaserScan.
+
+        Args:
+            stamp: time of the first beam [s].
+            ranges: (n,) [m]; inf, nan and values outside of the limits as in REP 117.
+            angle_min: direction of the first beam [rad].
+            angle_increment: from beam to beam [rad], negative for a laser that turns clockwise.
+            range_min: nearest valid range [m].
+            range_max: farthest valid range [m].
+            time_increment: from beam to beam [s].
+            odometry: x, y [m], theta [rad] of the base in the odom frame at the stamp.
+            yaw_rate: of the gyro at the stamp [rad/s]; or push it more often by `push_yaw_rate`.
+
+        Raises:
+            ValueError: the fields are not those of a scan.
+        """
+        values = np.asarray(ranges, np.float32)
+        if values.ndim != 1 or not len(values):
+            raise ValueError(f"ranges: got shape {values.shape}, expected (n,) with n >= 1")
+        geometry = (angle_min, angle_increment, range_min, range_max, time_increment)
+        with self._lock:
+            laser = self._laser_of(len(values), geometry)
+            one = ScanLog(np.array([float(stamp)]), values[None], laser)
+            if yaw_rate is not None:
+                self._yaw.push(float(stamp), yaw_rate)
+            yaw = self._yaw.at(float(stamp))
+            return self.push_scan(
+                Scan(float(stamp), one.ranges[0], laser, self._pose_of(odometry), yaw)
+            )
+
+    def push_message(
+        self,
+        message: Any,
+        *,
+        odometry: Sequence[float] | None = None,
+        yaw_rate: float | None = None,
+    ) -> Estimate:
+        """Take one sensor_msgs/LaserScan of ROS 1 or ROS 2, or anything with its fields."""
+        return self.push(
+            seconds(message.header.stamp),
+            message.ranges,
+            message.angle_min,
+            message.angle_increment,
+            message.range_min,
+            message.range_max,
+            time_increment=message.time_increment,
+            odometry=odometry,
+            yaw_rate=yaw_rate,
+        )
+
+    def push_scan(self, scan: Scan) -> Estimate:
+        """Take one `Scan`, its ranges cleaned as a `ScanLog` does it."""
+        with self._lock:
+            if self._last is not None and not self._is_next(scan.t, self._last):
+                return self._last
+            self._late = 0
+            self._counts["scans"] += 1
+            pose = self._slam.update(scan)
+            self._last = self._estimate(scan, pose)
+            return self._last
+
+    def push_yaw_rate(self, stamp: float, rate: float) -> None:
+        """Take one reading of the gyro [rad/s], as often as it comes."""
+        with self._lock:
+            self._yaw.push(stamp, rate)
+
+    @property
+    def last(self) -> Estimate | None:
+        """The estimate of the last push; None before the first."""
+        with self._lock:
+            return self._last
+
+    def map(self) -> OccupancyGrid:
+        """The map as it stands now; drawn when asked for."""
+        with self._lock:
+            return self._slam.map()
+
+    def report(self) -> dict[str, Any]:
+        """Counts: scans used, late, repeated, changes of the laser; then the algorithm's own."""
+        with self._lock:
+            return self._counts | {"algorithm": self._slam.report()}
+
+    def _is_next(self, t: float, last: Estimate) -> bool:
+        """Whether a stamp is later than the last; if not for long, the clock was set back."""
+        if t > last.t:
+            return True
+        self._counts["repeated" if t == last.t else "late"] += 1
+        self._late += t < last.t
+        if self._late > LATE_IN_A_ROW:
+            self._counts["clock_set_back"] += 1
+            self._fitted_at = t
+            return True
+        self._last = replace(last, used=False)
+        return False
+
+    def _estimate(self, scan: Scan, pose: Pose2) -> Estimate:
+        lost = self._has_failed()
+        if not lost or math.isinf(self._fitted_at):
+            self._fitted_at = scan.t
+        return Estimate(
+            t=scan.t,
+            pose=pose,
+            map_to_odom=None if scan.odometry is None else pose @ scan.odometry.inverse(),
+            covariance=_covariance(self._slam),
+            quality=float(getattr(self._slam, "quality", math.nan)),
+            used=True,
+            lost=lost,
+            seconds_lost=scan.t - self._fitted_at,
+        )
+
+    def _has_failed(self) -> bool:
+        """Whether the algorithm counts one failure more than before."""
+        report = self._slam.report()
+        failures = sum(int(report.get(name, 0)) for name in FAILURES)
+        failed = failures > self._failures
+        self._failures = failures
+        return failed
+
+    def _laser_of(self, n_beams: int, geometry: tuple[float, ...]) -> Laser:
+        """The laser; one object as long as the geometry stays."""
+        angle_min, angle_increment, range_min, range_max, time_increment = map(float, geometry)
+        fan = Laser(
+            angle_min, angle_increment, n_beams, range_min, range_max, self._mount, time_increment
+        )
+        if fan != self._laser:
+            if not all(map(math.isfinite, geometry)) or not 0.0 <= range_min < range_max:
+                raise ValueError(f"not the geometry of a laser: {fan}")
+            self._counts["lasers"] += 1
+            self._laser = fan
+        return self._laser
+
+    def _pose_of(self, odometry: Sequence[float] | None) -> Pose2 | None:
+        if odometry is None:
+            return None
+        pose = Pose2(*map(float, odometry))
+        if all(map(math.isfinite, pose)):
+            return pose
+        self._counts["bad_odometry"] += 1
+        return None
+
+    def _warm_up(self) -> None:
+        """Let throw-away instances see a room: at rest, on the move, as a sweep, and lost."""
+        from slams.room import drive, laser, scan_at
+
+        for increment, measured in ((0.0, True), (5e-4, False)):
+            lidar = replace(laser(n_beams=91), time_increment=increment)
+            log = drive(n=8, rate=5.0, lidar=lidar, odometry=measured, gyro=measured)
+            slam = self._entry.cls(self.params)
+            for scan in (*log, scan_at((2.0, 1.5, 2.0), lidar, t=2.0)):
+                slam.update(scan)
+            slam.map()
+
+
+class _Yaw:
+    """The heading integrated from the gyro's readings."""
+
+    def __init__(self) -> None:
+        self._t = math.nan
+        self._rate = self._yaw = 0.0
+
+    def push(self, t: float, rate: float) -> None:
+        """Take one reading [rad/s]."""
+        if not math.isfinite(rate):
+            return
+        step = t - self._t
+        if 0.0 < step <= LONGEST_GAP:
+            self._yaw += 0.5 * step * (self._rate + rate)
+        self._t, self._rate = t, rate
+
+    def at(self, t: float) -> float | None:
+        """The heading at a stamp close to the last reading; None where there is none."""
+        step = t - self._t
+        return self._yaw + step * self._rate if abs(step) <= LONGEST_GAP else None
+
+
+def seconds(stamp: Any) -> float:
+    """A ROS stamp, of ROS 2 (sec, nanosec) or ROS 1 (secs, nsecs), or a number [s]."""
+    if hasattr(stamp, "nanosec"):
+        return float(stamp.sec + 1e-9 * stamp.nanosec)
+    if hasattr(stamp, "nsecs"):
+        return float(stamp.secs + 1e-9 * stamp.nsecs)
+    return float(stamp)
+
+
+def _covariance(slam: Slam) -> Floats:
+    covariance = getattr(slam, "covariance", None)
+    if covariance is None:
+        return np.diag([math.inf] * 3)
+    return np.array(covariance, np.float64)

@@ -1,0 +1,139 @@
+"""A small room of line segments and drives through it, by plain numpy.
+
+What the checks of the contract, the tests and the warm-up of `LiveSlam` look at; `bench` has the
+real simulator.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from slams.scanlog import ScanLog, Track
+from slams.types import IDENTITY, Floats, Laser, Pose2, Scan
+
+Segment = tuple[float, float, float, float]
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> list[Segment]:
+    """The four sides of a rectangle."""
+    return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
+
+
+ROOM: Floats = np.array(
+    [
+        *box(-4.0, -3.0, 5.0, 4.0),
+        *box(2.5, 1.0, 3.3, 2.2),
+        *box(-2.6, -1.9, -2.0, -1.2),
+        (-4.0, 2.2, -2.0, 2.2),
+        (0.5, -3.0, 0.9, -1.8),
+    ]
+)
+
+
+def laser(
+    n_beams: int = 361,
+    fov: float = 1.5 * math.pi,
+    mount: Pose2 = IDENTITY,
+    time_increment: float = 0.0,
+    range_max: float = 30.0,
+) -> Laser:
+    """A laser that looks ahead, `fov` wide [rad]."""
+    step = fov / (n_beams - 1) if n_beams > 1 else 0.0
+    return Laser(-0.5 * fov, step, n_beams, 0.1, range_max, mount, time_increment)
+
+
+def cast(segments: Floats, pose: Sequence[float] | Floats, lidar: Laser) -> Floats:
+    """Exact ranges of one instantaneous scan from the base pose; inf where nothing is hit."""
+    sensor = Pose2(*pose) @ lidar.mount
+    angles = lidar.angles + sensor.theta
+    d = np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None, :]
+    a = segments[None, :, :2] - np.array([sensor.x, sensor.y])
+    e = (segments[:, 2:] - segments[:, :2])[None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cross = d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0]
+        r = (a[..., 0] * e[..., 1] - a[..., 1] * e[..., 0]) / cross
+        u = (a[..., 0] * d[..., 1] - a[..., 1] * d[..., 0]) / cross
+    r[~((r > 0.0) & (u >= 0.0) & (u <= 1.0))] = np.inf
+    nearest: Floats = r.min(axis=1)
+    return nearest
+
+
+def scan_at(
+    pose: Sequence[float] | Floats,
+    lidar: Laser | None = None,
+    segments: Floats = ROOM,
+    noise: float = 0.0,
+    rng: np.random.Generator | None = None,
+    t: float = 0.0,
+    odometry: Pose2 | None = None,
+    yaw: float | None = None,
+) -> Scan:
+    """The scan from a pose; `noise` [m] is drawn from `rng`."""
+    lidar = lidar or laser()
+    ranges = cast(segments, pose, lidar)
+    if noise and rng is not None:
+        ranges = ranges + rng.normal(0.0, noise, len(ranges))
+    single = ranges.astype(np.float32)
+    single.flags.writeable = False
+    return Scan(t, single, lidar, odometry, yaw)
+
+
+def way(n: int, dt: float) -> Floats:
+    """Poses (n, 3) of a smooth drive around the room, at most about 0.6 m/s and 0.6 rad/s."""
+    s = 0.35 * dt * np.arange(n)
+    x, y = 1.2 * np.sin(s), 0.9 * np.sin(2.0 * s) * 0.6
+    theta = 0.8 * np.sin(0.7 * s)
+    return np.stack([x, y, theta], axis=1)
+
+
+def drive(
+    n: int = 200,
+    rate: float = 20.0,
+    noise: float = 0.01,
+    seed: int = 0,
+    lidar: Laser | None = None,
+    segments: Floats = ROOM,
+    odometry: bool = True,
+    gyro: bool = True,
+) -> ScanLog:
+    """A log of the room with truth, drifting odometry and a gyro."""
+    rng = np.random.default_rng(seed)
+    lidar = lidar or laser()
+    t = np.arange(n) / rate
+    poses = way(n, 1.0 / rate)
+    ranges = _swept(t, rate, lidar, segments) if lidar.time_increment else None
+    if ranges is None:
+        ranges = np.array([cast(segments, pose, lidar) for pose in poses])
+    noisy = (ranges + rng.normal(0.0, noise, ranges.shape)).astype(np.float32)
+    odom = Track(t, _drifting(poses, rng)) if odometry else None
+    rate_of_turn = np.gradient(poses[:, 2], t) if n > 1 else np.zeros(1)
+    yaw_rate = Track(t, rate_of_turn + 0.001) if gyro else None
+    return ScanLog(t, noisy, lidar, odom, Track(t, poses), yaw_rate, {"name": "room"})
+
+
+def _swept(t: Floats, rate: float, lidar: Laser, segments: Floats) -> Floats:
+    """Ranges (n, b) of beams that are measured one after the other on the way."""
+    n, b = len(t), lidar.n_beams
+    fine = way(n * b, 1.0 / (rate * b))
+    ranges = np.empty((n, b))
+    for i in range(n):
+        for k in range(b):
+            sample = round((t[i] + k * lidar.time_increment) * rate * b)
+            one = Laser(lidar.angles[k], 0.0, 1, 0.1, 30.0, lidar.mount)
+            ranges[i, k] = cast(segments, fine[min(sample, len(fine) - 1)], one)[0]
+    return ranges
+
+
+def _drifting(poses: Floats, rng: np.random.Generator) -> Floats:
+    """Odometry (n, 3) in a frame of its own: 2 % too long, with slip."""
+    steps = [Pose2(*a).between(Pose2(*b)) for a, b in pairwise(poses)]
+    odom = [Pose2(3.0, -2.0, 0.5)]
+    for step in steps:
+        slip = rng.normal(0.0, 0.02, 3) * np.array([abs(step.x), abs(step.x), abs(step.theta)])
+        moved = Pose2(step.x * 1.02 + slip[0], step.y + slip[1], step.theta + slip[2])
+        odom.append(odom[-1] @ moved)
+    return np.array(odom)

@@ -1,0 +1,249 @@
+"""The parameters of an original's ROS launch or parameter file, taken over by their ROS names.
+
+Which name means what stands in the algorithm's own `Params`: `ros=` at the fields, the rest in
+`Params.ROS`. Each parameter of a file is mapped, ignored with a reason, or refused.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from slams.launch import read_node
+from slams.params import Params, RosNames
+
+P = TypeVar("P", bound=Params)
+
+PLUMBING = re.compile(
+    r"(^|_)(frames?|topics?|pub|publish(er)?|tf|freq(uency)?|period|interval|queue|service|debug|"
+    r"timing|verbose|sim|use_sim_time|qos)(_|$)"
+)
+PLUMBING_REASON = "ROS plumbing: topics, frames and rates are the log's"
+UNIT_WORDS = {"deg": "degrees", "sin": "the sine", "cell": "cells"}
+
+
+class Fate(NamedTuple):
+    """What became of one ROS parameter: "mapped", "assumed" or "ignored", and how or why."""
+
+    name: str
+    value: Any
+    fate: str
+    text: str
+
+
+class Taken(NamedTuple):
+    """Parameters with the values of a file, and the fate of each name in it."""
+
+    params: Params
+    fates: list[Fate]
+    notes: list[str]
+
+
+def take(params: Params, paths: Iterable[str | Path], preset: str = "default") -> Taken:
+    """The parameters with what launch or parameter files say; a later file overrules.
+
+    Args:
+        params: the preset's parameters.
+        paths: ROS 1 or ROS 2 parameter YAML, or launch XML.
+        preset: "original" takes over what only the published program has, and the node's own
+            defaults for what the files leave out.
+
+    Raises:
+        OSError: a file cannot be read.
+        ValueError: a file is neither, or a parameter in it is refused; the sentence says why.
+    """
+    names = _names(params)
+    values, notes = _read(paths, names, _fields(params))
+    _refuse(values, names)
+    mapping = _Mapping(params, names, preset == "original")
+    for name, value in values.items():
+        mapping.take(name, value)
+    if preset == "original":
+        mapping.assume(names.defaults)
+    return Taken(mapping.result(), mapping.fates, notes)
+
+
+def report(taken: Taken, label: str) -> str:
+    """The fates as lines for a terminal, mapped ones first."""
+    counts = [(fate, sum(f.fate == fate for f in taken.fates)) for fate in _ORDER]
+    title = ", ".join(f"{n} {fate}" for fate, n in counts if n)
+    lines = [f"{_names(taken.params).package} -> {label}: {title or 'nothing'}"]
+    for fate in sorted(taken.fates, key=lambda fate: _ORDER.index(fate.fate)):
+        kind = "" if fate.fate == "mapped" else f"{fate.fate}: "
+        lines.append(f"  {fate.name} = {fate.value}: {kind}{fate.text}")
+    return "\n".join([*lines, *(f"  note: {note}" for note in taken.notes)]) + "\n"
+
+
+_ORDER = ("mapped", "assumed", "ignored")
+
+
+def mapping_table(label: str) -> str:
+    """The mapping of an algorithm as a markdown table, one line per ROS parameter."""
+    from slams.registry import find
+
+    cls = find(label).cls.Params
+    ros, specs = _names(cls()), cls.specs()
+    lines = [f"| parameter of {ros.package} | here | |", "|---|---|---|"]
+    for name, field in _fields(cls()).items():
+        there = f" ({UNIT_WORDS[ros.units[name]]})" if name in ros.units else ""
+        unit = specs[field].unit
+        here = f"`{field}`" + (f" ({unit})" if there and unit != "1" else "")
+        reason = ros.original_only.get(name)
+        only = f"only with the preset `original`: {reason}" if reason else ""
+        words = ", ".join(f"{a} is {b}" for a, b in ros.words.get(name, {}).items() if b)
+        lines.append(f"| `{name}`{there} | {here} | {'; '.join(filter(None, (words, only)))} |")
+    for name, (value, reason) in ros.refused.items():
+        lines.append(f"| `{name}` | refused, unless {value} | {reason} |")
+    for name, reason in ros.ignored.items():
+        lines.append(f"| `{name}` | ignored | {reason} |")
+    lines.append(f"| topics, frames, rates | ignored | {PLUMBING_REASON.partition(': ')[0]} |")
+    return "\n".join(lines) + "\n"
+
+
+def _names(params: Params) -> RosNames:
+    if params.ROS is None:
+        raise ValueError(
+            f"{type(params).__name__.removesuffix('Params')} has no original in ROS, so there are "
+            "no ROS parameters to take over"
+        )
+    return params.ROS
+
+
+def _fields(params: Params) -> dict[str, str]:
+    """ROS name -> field, in the order of the fields."""
+    return {name: field for field, spec in params.specs().items() for name in spec.ros}
+
+
+def _read(
+    paths: Iterable[str | Path], names: RosNames, fields: dict[str, str]
+) -> tuple[dict[str, Any], list[str]]:
+    values: dict[str, Any] = {}
+    notes: list[str] = []
+    known = [*fields, *names.ignored, *names.refused]
+    for path in paths:
+        found = read_node(path, (names.package, *names.nodes), known)
+        values |= found.values
+        notes += found.notes
+    return values, notes
+
+
+def _refuse(values: dict[str, Any], names: RosNames) -> None:
+    wrong = [
+        f"{name}: {values[name]} ({reason})"
+        for name, (harmless, reason) in names.refused.items()
+        if name in values and _word(values[name]) != harmless
+    ]
+    if wrong:
+        raise ValueError(f"{names.package}: refused {'; '.join(wrong)}")
+
+
+def _word(value: Any) -> str:
+    """A value as text: 1.0 and 1 are one word, True and "true" are."""
+    if isinstance(value, float) and value.is_integer():
+        return str(int(value))
+    return str(value).lower()
+
+
+class _Mapping:
+    """Changes of the parameters, collected name by name."""
+
+    def __init__(self, params: Params, names: RosNames, original: bool) -> None:
+        self.fates: list[Fate] = []
+        self._params = params
+        self._names = names
+        self._original = original
+        self._fields = _fields(params)
+        self._given: dict[str, tuple[str, Any]] = {}  # field -> ROS name, value
+
+    def take(self, name: str, value: Any, fate: str = "mapped") -> None:
+        """Let one name of the file find its field, or say why not."""
+        reason = self._reason_to_ignore(name, value)
+        if reason:
+            self.fates.append(Fate(name, value, "ignored", reason))
+            return
+        field = self._fields[name]
+        if field in self._given:
+            name, value = self._overruled(field, name, value)
+        self._given[field] = (name, value)
+        self.fates.append(Fate(name, value, fate, field))
+
+    def assume(self, defaults: Any) -> None:
+        """The node's own defaults, where the files give no name of the field."""
+        for name, value in defaults.items():
+            if self._fields[name] not in self._given:
+                self.take(name, value, "assumed")
+
+    def result(self) -> Params:
+        """The parameters; sizes in cells are converted with the new cell."""
+        cell = self._names.cell
+        order = sorted(self._given, key=lambda field: field != cell)
+        params = self._params
+        for field in order:
+            name, value = self._given[field]
+            try:
+                params = params.replace(**{field: self._converted(params, name, value)})
+            except ValueError as error:
+                raise ValueError(f"{self._names.package}: {name} = {value}: {error}") from error
+        self.fates = [self._said(fate, params) for fate in self.fates]
+        return params
+
+    def _reason_to_ignore(self, name: str, value: Any) -> str:
+        names = self._names
+        if name in self._fields:
+            only = names.original_only.get(name) if not self._original else None
+            word = names.words.get(name, {}).get(_word(value), "")
+            return only or ("" if word is not None else "as without it")
+        if name in names.ignored:
+            return names.ignored[name]
+        if name in names.refused:
+            return "as here"
+        if PLUMBING.search(name):
+            return PLUMBING_REASON
+        near = difflib.get_close_matches(name, [*self._fields, *names.ignored], n=1, cutoff=0.7)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        return f"not a known parameter of {names.package}{hint}"
+
+    def _overruled(self, field: str, name: str, value: Any) -> tuple[str, Any]:
+        """Of two names for one field the one listed last at the field is the stronger."""
+        order = self._params.specs()[field].ros
+        other, other_value = self._given[field]
+        if order.index(name) > order.index(other):
+            name, value, other, other_value = other, other_value, name, value
+        self.fates = [f for f in self.fates if f.name not in (name, other)]
+        self.fates.append(Fate(name, value, "ignored", f"{other} says it"))
+        return other, other_value
+
+    def _converted(self, params: Params, name: str, value: Any) -> Any:
+        if isinstance(value, str) and "$(" in value:
+            raise ValueError("the file leaves it to roslaunch; write the value")
+        words = self._names.words.get(name)
+        if words is not None:
+            if _word(value) not in words:
+                raise ValueError(f"expected one of {', '.join(words)}")
+            return words[_word(value)]
+        unit = self._names.units.get(name)
+        if unit is None:
+            return value
+        return _in_our_unit(value, unit, getattr(params, self._names.cell, 1.0))
+
+    def _said(self, fate: Fate, params: Params) -> Fate:
+        if fate.fate == "ignored":
+            return fate
+        unit = params.specs()[fate.text].unit
+        return fate._replace(text=f"{fate.text} = {getattr(params, fate.text)} [{unit}]")
+
+
+def _in_our_unit(value: Any, unit: str, cell: float) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ValueError("expected a number") from None
+    if unit == "cell":
+        return number * cell
+    if unit == "sin":
+        return math.asin(min(max(number, -1.0), 1.0))
+    return math.radians(number)

@@ -1,0 +1,310 @@
+"""A film of a run: the scan on the map so far, the way, the pose; mp4, gif or a folder of png.
+
+Frames depend on the log and the algorithm alone: the same run gives the same film.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+import numpy as np
+
+from slams.formats.occupancy import PATH_COLOR, START_COLOR, UNKNOWN, Pixels
+from slams.scene import Scene
+
+if TYPE_CHECKING:
+    from slams.types import Floats, OccupancyGrid, Pose2, Scan, Slam
+
+WIDTH, HEIGHT, HEAD = 960, 720, 40  # pixels; HEAD is the strip with the text
+RATE = 20  # frames per second
+LENGTH = 300  # frames, unless --video-every says otherwise
+REDRAW = 5  # frames from one drawing of the map to the next
+SCAN_COLOR, TEXT_COLOR, LOST_COLOR = (200, 110, 20), (40, 40, 40), (30, 30, 220)
+STEP, LEAST, MARGIN = 2.0, 8.0, 0.5  # m: the part of the world shown grows by STEP
+ROBOT = np.array([[0.35, 0.0], [-0.2, 0.2], [-0.2, -0.2]])  # m: an arrow head
+
+
+def check_target(path: str | Path) -> Path:
+    """The target of a film.
+
+    Raises:
+        ValueError: the ending is neither .mp4 nor .gif, nor that of a folder.
+        OSError: its folder does not exist, or it stands in the way.
+    """
+    path = Path(path)
+    if path.suffix not in ("", ".mp4", ".gif"):
+        raise ValueError(f"--video: got {path}, expected .mp4, .gif or a folder for png files")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"--video: {path}: there is no folder {path.parent}")
+    if path.is_dir() and path.suffix:
+        raise IsADirectoryError(f"--video: {path}: is a folder")
+    if path.is_file() and not path.suffix:
+        raise NotADirectoryError(f"--video: {path}: is a file; expected .mp4, .gif or a folder")
+    return path
+
+
+class Video:
+    """Takes every pose of a run as it comes; the film is complete when the block ends.
+
+    Args:
+        path: .mp4, .gif, or a folder for png files.
+        slam: the algorithm, asked for its map and, where it has one, its quality.
+        title: stands in the head of every frame.
+        every: scans from one frame to the next.
+    """
+
+    def __init__(self, path: str | Path, slam: Slam, title: str, every: int) -> None:
+        self._slam = slam
+        self._title = title
+        self._every = every
+        self._writer = _writer(check_target(path))
+        self._scene = Scene()
+        self._painter = Painter(self._scene)
+        self._frames = 0
+        self._t: list[float] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None and self._t:
+                self._frames = 0  # the last frame has the last map
+                self._draw()
+            self._writer.close(complete=kind is None)
+        except BaseException:
+            self._writer.close(complete=False)
+            raise
+
+    def watch(self, scan: Scan, pose: Pose2) -> None:
+        """See one scan and the pose that was found for it."""
+        self._scene.add(scan, pose)
+        self._t.append(scan.t)
+        if (len(self._t) - 1) % self._every == 0:
+            self._draw()
+
+    def _draw(self) -> None:
+        if self._frames % REDRAW == 0:
+            self._painter.grid = self._slam.map()
+        self._frames += 1
+        pose, seconds = self._scene.pose, self._t[-1] - self._t[0]
+        text = f"{self._title}   {seconds:6.1f} s   x {pose.x:.2f} y {pose.y:.2f} m"
+        text += f"  {math.degrees(pose.theta):.0f} deg"
+        quality = getattr(self._slam, "quality", None)
+        if quality is not None:
+            text += f"   match {quality:.2f}"
+        self._writer.write(self._painter.frame(text))
+
+
+class Painter:
+    """Draws a scene; the window grows with what was seen."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.grid: OccupancyGrid | None = None
+        self._scene = scene
+
+    def frame(self, text: str) -> Pixels:
+        """One picture (HEIGHT, WIDTH, 3), BGR."""
+        import cv2
+
+        scene = self._scene
+        image = np.full((HEIGHT, WIDTH, 3), UNKNOWN, np.uint8)
+        scale, corner = self._window()
+        if self.grid is not None:
+            _draw_map(image, self.grid, scale, corner)
+
+        def _pixels(points: Floats) -> Any:
+            x = (points[:, 0] - corner[0]) * scale - 0.5
+            y = HEIGHT - (points[:, 1] - corner[1]) * scale - 0.5
+            return np.round(np.stack([x, y], axis=1) * 16).astype(np.int32)  # 4 bits of a pixel
+
+        way = _pixels(np.array(scene.way)[:, :2])
+        cv2.polylines(image, [way], False, PATH_COLOR, 2, cv2.LINE_AA, 4)
+        cv2.circle(image, tuple(way[0].tolist()), 16 * 5, START_COLOR, -1, cv2.LINE_AA, 4)
+        for x, y in _pixels(scene.points).tolist():
+            cv2.circle(image, (x, y), 24, SCAN_COLOR, -1, cv2.LINE_AA, 4)
+        robot = ROBOT * max(1.0, 30.0 / scale)
+        cv2.fillPoly(image, [_pixels(scene.pose.transform(robot))], PATH_COLOR, cv2.LINE_AA, 4)
+        _draw_head(image, text, scale)
+        return image
+
+    def _window(self) -> tuple[float, Floats]:
+        """Pixels per meter, and the world's point (2,) at the lower left corner."""
+        low = np.floor((self._scene.low - MARGIN) / STEP) * STEP
+        high = np.ceil((self._scene.high + MARGIN) / STEP) * STEP
+        size = np.maximum(high - low, LEAST)
+        scale = float(min(WIDTH / size[0], (HEIGHT - HEAD) / size[1]))
+        shown = np.array([WIDTH, HEIGHT - HEAD]) / scale
+        return scale, 0.5 * (low + high) - 0.5 * shown
+
+
+def _draw_map(image: Pixels, grid: OccupancyGrid, scale: float, corner: Floats) -> None:
+    """Cells as gray, each pixel the cell under it (or the mean of the cells)."""
+    import cv2
+
+    p, edge = grid.p, grid.resolution
+    gray = np.where(np.isnan(p), UNKNOWN, 255.0 * (1.0 - p)).astype(np.uint8)[::-1]
+    zoom = edge * scale
+    if zoom < 1.0:
+        size = [max(1, round(n * zoom)) for n in gray.shape[::-1]]
+        gray = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+        zoom = edge * scale * p.shape[1] / gray.shape[1]
+    left = (grid.origin[0] - corner[0]) * scale
+    top = HEIGHT - (grid.origin[1] - corner[1] + edge * p.shape[0]) * scale
+    shift = 0.5 * zoom - 0.5
+    place = np.array([[zoom, 0.0, left + shift], [0.0, zoom, top + shift]])
+    drawn = cv2.warpAffine(
+        gray, place, (WIDTH, HEIGHT), flags=cv2.INTER_NEAREST, borderValue=UNKNOWN
+    )
+    image[:] = drawn[:, :, None]
+
+
+def _draw_head(image: Pixels, text: str, scale: float) -> None:
+    """The strip with the text above, a bar of whole meters below."""
+    import cv2
+
+    font = cv2.FONT_HERSHEY_SIMPLEX
+    image[:HEAD] = 245
+    cv2.putText(image, text, (12, 26), font, 0.55, TEXT_COLOR, 1, cv2.LINE_AA)
+    meters = max(1, round(0.15 * WIDTH / scale))
+    right = 12 + round(meters * scale)
+    cv2.rectangle(image, (6, HEIGHT - 40), (right + 6, HEIGHT - 6), (245, 245, 245), -1)
+    cv2.line(image, (12, HEIGHT - 14), (right, HEIGHT - 14), TEXT_COLOR, 2)
+    label = f"{meters} m"
+    cv2.putText(image, label, (12, HEIGHT - 21), font, 0.5, TEXT_COLOR, 1, cv2.LINE_AA)
+
+
+class Writer(Protocol):
+    """Takes frames; the target appears only when all are there."""
+
+    def write(self, image: Pixels) -> None:
+        """Take one frame."""
+        ...
+
+    def close(self, complete: bool) -> None:
+        """Rename what was written, or remove it; a second call does nothing."""
+        ...
+
+
+def _writer(path: Path) -> Writer:
+    if path.suffix == ".mp4":
+        return _Mp4(path)
+    return _Gif(path) if path.suffix == ".gif" else _Folder(path)
+
+
+class _Target:
+    """A temporary name beside the target."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.partial = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+
+    def close(self, complete: bool) -> None:
+        """Rename or remove."""
+        if complete and self.partial.exists():
+            if self.partial.is_dir():
+                shutil.rmtree(self.path, ignore_errors=True)
+            self.partial.replace(self.path)
+        elif self.partial.is_dir():
+            shutil.rmtree(self.partial, ignore_errors=True)
+        else:
+            self.partial.unlink(missing_ok=True)
+
+
+class _Mp4(_Target):
+    """MPEG-4, which OpenCV's own wheels can write everywhere."""
+
+    def __init__(self, path: Path) -> None:
+        import cv2
+
+        super().__init__(path)
+        code = cv2.VideoWriter.fourcc(*"mp4v")
+        self._film = cv2.VideoWriter(str(self.partial), code, RATE, (WIDTH, HEIGHT))
+        if not self._film.isOpened():
+            raise OSError(f"--video: {path}: OpenCV cannot write mp4 here; .gif or a folder can do")
+
+    def write(self, image: Pixels) -> None:
+        """Take one frame."""
+        self._film.write(image)
+
+    def close(self, complete: bool) -> None:
+        """End the film; rename or remove."""
+        self._film.release()
+        super().close(complete)
+
+
+class _Gif(_Target):
+    """Two thirds of the size, 40 grays and 216 colors; kept in memory until the end."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._frames: list[Any] = []
+        self._palette, self._nearest = _palette()
+        self.partial.touch()
+
+    def write(self, image: Pixels) -> None:
+        """Take one frame."""
+        import cv2
+        from PIL import Image
+
+        small = cv2.resize(image, (WIDTH * 2 // 3, HEIGHT * 2 // 3), interpolation=cv2.INTER_AREA)
+        b, g, r = (small[:, :, k].astype(np.int32) >> 3 for k in range(3))
+        frame = Image.fromarray(self._nearest[(r << 10) | (g << 5) | b])
+        frame.putpalette(self._palette)
+        self._frames.append(frame)
+
+    def close(self, complete: bool) -> None:
+        """Write all frames; rename or remove."""
+        if complete and self._frames:
+            first, rest = self._frames[0], self._frames[1:]
+            first.save(
+                self.partial,
+                save_all=True,
+                append_images=rest,
+                duration=1000 // RATE,
+                loop=0,
+                optimize=False,
+            )
+        self._frames.clear()
+        super().close(complete)
+
+
+def _palette() -> tuple[bytes, Pixels]:
+    """256 RGB colors, and the nearest of them for every color of 5 bits a channel."""
+    steps = np.linspace(0, 255, 6)
+    cube = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    grays = np.linspace(0, 255, 40)[:, None].repeat(3, axis=1)
+    colors = np.concatenate([grays, cube])
+    five_bits = np.arange(1 << 15)
+    shades = np.stack([five_bits >> 10, (five_bits >> 5) & 31, five_bits & 31], axis=1) * 255 / 31
+    far = ((shades[:, None, :] - colors[None]) ** 2).sum(axis=2)
+    return colors.round().astype(np.uint8).tobytes(), far.argmin(axis=1).astype(np.uint8)
+
+
+class _Folder(_Target):
+    """00000.png, 00001.png, ..., for a film of your own making."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self.partial.mkdir()
+        self._count = 0
+
+    def write(self, image: Pixels) -> None:
+        """Take one frame."""
+        import cv2
+
+        if not cv2.imwrite(str(self.partial / f"{self._count:05d}.png"), image):
+            raise RuntimeError(f"--video: {self.path}: the picture could not be written")
+        self._count += 1
+
+
+def usual_every(n_scans: int) -> int:
+    """Scans from frame to frame, so that a film has about `LENGTH` frames."""
+    return max(1, math.ceil(n_scans / LENGTH))

@@ -1,0 +1,154 @@
+"""A run in the rerun viewer: map, scan, way and match quality, live or as a recording (.rrd).
+
+Needs the extra `viz`; nothing else of slams does.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from slams.formats.occupancy import UNKNOWN
+from slams.scene import Scene
+
+if TYPE_CHECKING:
+    from slams.types import Pose2, Scan, Slam
+
+LIVE = "live"
+REDRAW = 1.0  # s of the log from one drawing of the map to the next
+WAY_EVERY = 0.5  # s of the log from one drawing of the way to the next
+WAY_COLOR, SCAN_COLOR, ROBOT_COLOR = (231, 76, 60), (20, 110, 200), (39, 174, 96)
+MAP_HEIGHT = -0.02  # m: the map lies under scan and way
+
+
+def load_rerun() -> Any:
+    """The rerun library.
+
+    Raises:
+        LookupError: the extra is not installed.
+    """
+    try:
+        rerun = import_module("rerun")
+    except ImportError:
+        rerun = None
+    if not hasattr(rerun, "RecordingStream"):  # a folder of that name can be imported, too
+        raise LookupError(
+            "--view needs the viewer rerun, which is not installed: pip install 'slams[viz]', "
+            "or use --video, which needs nothing more"
+        )
+    return rerun
+
+
+class View:
+    """Takes every pose of a run as it comes.
+
+    Args:
+        target: "live" opens the viewer; anything else is the .rrd file to write.
+        slam: the algorithm, asked for its map and, where it has one, its quality.
+        title: what the viewer calls the run.
+
+    Raises:
+        LookupError: the extra `viz` is not installed.
+        ValueError: the target has another ending than .rrd.
+        OSError: its folder does not exist.
+    """
+
+    def __init__(self, target: str, slam: Slam, title: str) -> None:
+        self._rr = load_rerun()
+        self._slam = slam
+        self._scene = Scene()
+        self._path = None if target == LIVE else _checked(Path(target))
+        self._stream = self._rr.RecordingStream(f"slams: {title}", recording_id=title)
+        if self._path is None:
+            self._stream.spawn()
+        else:
+            self._stream.save(self._partial(self._path))
+        self._start = 0.0
+        self._map_due = self._way_due = 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        if kind is None and self._scene.way:
+            self._log_map()
+            self._log_way()
+        self._stream.disconnect()
+        if self._path is None:
+            return
+        if kind is None:
+            self._partial(self._path).replace(self._path)
+        else:
+            self._partial(self._path).unlink(missing_ok=True)
+
+    def watch(self, scan: Scan, pose: Pose2) -> None:
+        """See one scan and the pose that was found for it."""
+        if not self._scene.way:
+            self._start = self._map_due = self._way_due = scan.t
+        self._scene.add(scan, pose)
+        self._stream.set_time("log", duration=scan.t - self._start)
+        self._stream.set_time("scan", sequence=len(self._scene.way) - 1)
+        self._log_scan()
+        if scan.t >= self._map_due:
+            self._map_due = scan.t + REDRAW
+            self._log_map()
+        if scan.t >= self._way_due:
+            self._way_due = scan.t + WAY_EVERY
+            self._log_way()
+
+    def _log_scan(self) -> None:
+        rr, pose = self._rr, self._scene.pose
+        self._stream.log(
+            "map/scan", rr.Points3D(_flat(self._scene.points), colors=[SCAN_COLOR], radii=[0.03])
+        )
+        nose = pose.transform(np.array([[0.0, 0.0], [0.4, 0.0]]))
+        self._stream.log(
+            "map/robot", rr.LineStrips3D([_flat(nose)], colors=[ROBOT_COLOR], radii=[0.06])
+        )
+        quality = getattr(self._slam, "quality", None)
+        if quality is not None:
+            self._stream.log("match", rr.Scalars(float(quality)))
+
+    def _log_way(self) -> None:
+        way = _flat(np.array(self._scene.way)[:, :2])
+        self._stream.log("map/way", self._rr.LineStrips3D([way], colors=[WAY_COLOR], radii=[0.02]))
+
+    def _log_map(self) -> None:
+        rr, grid = self._rr, self._slam.map()
+        gray = np.where(np.isnan(grid.p), UNKNOWN, 255.0 * (1.0 - grid.p)).astype(np.uint8)[::-1]
+        height, width = gray.shape
+        self._stream.log(
+            "map/grid",
+            rr.GridMap(
+                data=gray.tobytes(),
+                format=rr.components.ImageFormat(
+                    width=width, height=height, color_model="L", channel_datatype="U8"
+                ),
+                cell_size=float(grid.resolution),
+                translation=[*map(float, grid.origin), MAP_HEIGHT],
+            ),
+        )
+
+    @staticmethod
+    def _partial(path: Path) -> Path:
+        return path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+
+
+def _checked(path: Path) -> Path:
+    if path.suffix != ".rrd":
+        raise ValueError(f"--view: got {path}, expected a file .rrd, or nothing for a live view")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"--view: {path}: there is no folder {path.parent}")
+    return path
+
+
+def _flat(points: Any) -> Any:
+    """Points (n, 2) as (n, 3) in the plane."""
+    return np.concatenate([points, np.zeros((len(points), 1))], axis=1)

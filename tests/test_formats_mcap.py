@@ -1,0 +1,249 @@
+"""result.mcap read back by the rosbags library and by evo; the maps of map_server."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+
+import slams
+from slams import run
+from slams.formats import mcap, occupancy
+from slams.types import Laser, OccupancyGrid, Pose2
+from tests.rooms import drive
+
+GRID = OccupancyGrid(
+    np.array([[0.878, 0.1, np.nan], [0.5, 0.0, 1.0]], np.float32), 0.05, (-1.0, 2.0)
+)
+WAY = np.stack([np.arange(6.0), 0.5 * np.arange(6), np.linspace(-3, 3, 6)], axis=1)
+
+
+def log_of(t):
+    rows = np.random.default_rng(0).uniform(0.5, 20.0, (len(t), 9)).astype(np.float32)
+    rows[0, :2] = np.nan, np.inf
+    laser = Laser(-1.0, 0.25, 9, 0.1, 30.0, Pose2(0.1, 0.2, 0.3), 1e-4)
+    return slams.ScanLog(np.asarray(t, np.float64), rows, laser)
+
+
+def messages(path):
+    found = {}
+    with AnyReader([path]) as reader:
+        for connection, t, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            found.setdefault(connection.topic, []).append((t, message))
+    return found
+
+
+@pytest.fixture
+def written(tmp_path):
+    log = log_of(1e9 + 0.1 * np.arange(6))
+    mcap.write_mcap(tmp_path / "result.mcap", log, WAY, GRID)
+    return log, tmp_path / "result.mcap"
+
+
+def test_topics(written):
+    log, path = written
+    found = messages(path)
+    counts = {topic: len(items) for topic, items in found.items()}
+    assert counts == {"/map": 1, "/path": 1, "/tf_static": 1, "/tf": 6, "/pose": 6, "/scan": 6}
+    assert [t for t, _ in found["/pose"]] == [round(t * 1e9) for t in log.t]
+    assert sorted(path.parent.iterdir()) == [path]
+
+
+def test_the_map(written):
+    message = messages(written[1])["/map"][0][1]
+    assert message.data.tolist() == [88, 10, -1, 50, 0, 100]  # row 0 is the lowest y
+    info = message.info
+    assert (info.width, info.height, info.resolution) == (3, 2, pytest.approx(0.05))
+    assert (info.origin.position.x, info.origin.position.y) == (-1.0, 2.0)
+    assert message.header.frame_id == "map"
+
+
+def test_scans_poses_and_frames(written):
+    log, path = written
+    found = messages(path)
+    scan = found["/scan"][3][1]
+    assert np.array_equal(scan.ranges, log.ranges[3])
+    assert (scan.angle_min, scan.angle_max) == pytest.approx((-1.0, 1.0))
+    assert scan.header.frame_id == "laser"
+    mount = found["/tf_static"][0][1].transforms[0]
+    assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "laser")
+    assert mount.transform.translation.y == 0.2
+    moves = [message.transforms[0] for _, message in found["/tf"]]
+    assert [tf.transform.translation.x for tf in moves] == WAY[:, 0].tolist()
+    assert {(tf.header.frame_id, tf.child_frame_id) for tf in moves} == {("map", "base_link")}
+    assert len(found["/path"][0][1].poses) == 6
+
+
+def test_evo_reads_the_poses(written):
+    file_interface = pytest.importorskip("evo.tools.file_interface")
+    log, path = written
+    with Reader(path) as reader:
+        read = file_interface.read_bag_trajectory(reader, "/pose")
+    assert read.timestamps == pytest.approx(log.t, abs=1e-6)
+    assert read.positions_xyz[:, :2] == pytest.approx(WAY[:, :2])
+    yaw = [np.arctan2(T[1, 0], T[0, 0]) for T in read.poses_se3]
+    assert yaw == pytest.approx(WAY[:, 2])
+
+
+def test_the_log_reads_its_own_result(written):
+    log, path = written
+    again = slams.load(path, truth="map")
+    assert np.array_equal(again.ranges, log.ranges, equal_nan=True)
+    assert again.laser.mount == pytest.approx(log.laser.mount)
+    assert again.truth.values == pytest.approx(WAY)
+
+
+def test_equal_runs_give_equal_bytes(written):
+    log, path = written
+    mcap.write_mcap(path.with_name("again.mcap"), log, WAY, GRID)
+    assert path.read_bytes() == path.with_name("again.mcap").read_bytes()
+
+
+@pytest.mark.parametrize("t", [[-1.0, 0.0], [3e9, 3e9 + 1.0]])
+def test_stamps_that_ros_does_not_hold_count_from_the_first_scan(t, tmp_path):
+    mcap.write_mcap(tmp_path / "r.mcap", log_of(t), WAY[:2], GRID)
+    assert [t for t, _ in messages(tmp_path / "r.mcap")["/pose"]] == [0, 10**9]
+
+
+def test_stamps_that_jump_back(tmp_path):
+    mcap.write_mcap(tmp_path / "r.mcap", log_of([5.0, 7.0, 6.0]), WAY[:3], GRID)
+    assert len(messages(tmp_path / "r.mcap")["/pose"]) == 3
+
+
+def test_nothing_is_left_of_what_fails(tmp_path):
+    with pytest.raises(ValueError, match="zip"):
+        mcap.write_mcap(tmp_path / "r.mcap", log_of([1.0, 2.0]), WAY, GRID)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_run_writes_it_when_asked(tmp_path, capsys):
+    drive(n=8).save(tmp_path / "room.npz")
+    arguments = ["odometry", str(tmp_path / "room.npz"), "--out", str(tmp_path / "o"), "--mcap"]
+    assert run.main(arguments) == 0
+    assert capsys.readouterr().out.rstrip().endswith("result.mcap")
+    assert len(messages(tmp_path / "o" / "result.mcap")["/scan"]) == 8
+    assert run.main([*arguments[:-2], str(tmp_path / "p")]) == 0
+    assert not (tmp_path / "p" / "result.mcap").exists()
+
+
+def test_run_takes_a_bag_and_says_what_it_assumed(tmp_path, capsys):
+    from tests import bags
+
+    log = drive(n=8)
+
+    def recorded(make):
+        laser = log.laser
+        angles = (laser.angle_min, laser.angle_increment)
+        return [
+            ("/scan", t + 1.0, make.scan(t + 1.0, row, angles=angles))
+            for t, row in zip(log.t, log.ranges, strict=True)
+        ]
+
+    path = bags.write(tmp_path, "mcap", recorded, name="kitchen")
+    assert run.main(["odometry", str(path), "--out", str(tmp_path / "o")]) == 0
+    shown = capsys.readouterr()
+    assert "odometry on kitchen: 8 scans" in shown.out
+    assert shown.err.startswith("slams.run: note: no transform from a base to the laser's frame")
+    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
+    assert summary["meta"]["source"]["scans"] == "/scan"
+    assert "no transform" in summary["meta"]["notes"][0]
+    assert run.main(["odometry", str(path), "--out", str(tmp_path / "p"), "-q"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
+def test_every_algorithm_takes_a_laser_that_turns_the_other_way(name):
+    log = drive(n=25)
+    laser = log.laser
+    reverse = replace(
+        log,
+        ranges=log.ranges[:, ::-1].copy(),
+        laser=replace(
+            laser, angle_min=float(laser.angles[-1]), angle_increment=-laser.angle_increment
+        ),
+    )
+    entry = slams.find(name)
+    one, other = (slams.replay(entry.cls(entry.params()), scans).poses for scans in (log, reverse))
+    assert np.abs(one - other).max() < 2e-3
+
+
+# maps
+
+
+def a_map(tmp_path, pixels, **changes):
+    cv2.imwrite(str(tmp_path / "m.png"), np.array(pixels, np.uint8))
+    entries = {
+        "image": "m.png",
+        "resolution": 0.1,
+        "origin": [1.0, 2.0, 0.0],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.196,
+    } | changes
+    (tmp_path / "m.yaml").write_text(yaml.safe_dump(entries))
+    return tmp_path / "m.yaml"
+
+
+def cells(path, notes=None):
+    return occupancy.read_map(path, notes).p.tolist()
+
+
+def same(found, expected):
+    assert np.array(found) == pytest.approx(np.array(expected), nan_ok=True, abs=1e-6)
+
+
+def test_trinary_maps(tmp_path):
+    same(cells(a_map(tmp_path, [[0, 254], [205, 100]])), [[np.nan, np.nan], [1, 0]])
+    same(cells(a_map(tmp_path, [[0, 254, 50]], negate=1)), [[0, 1, np.nan]])
+
+
+def test_scaled_and_raw_maps(tmp_path):
+    gray = 255 - round(255 * 0.423)
+    found = cells(a_map(tmp_path, [[0, 255, gray]], mode="scale"))
+    assert found[0] == pytest.approx([1.0, 0.0, 0.5], abs=2e-3)
+    same(cells(a_map(tmp_path, [[0, 100, 30, 255]], mode="raw")), [[0, 1, 0.3, np.nan]])
+
+
+def test_colors_are_averaged(tmp_path):
+    same(cells(a_map(tmp_path, [[[0, 0, 255], [255, 255, 255]]])), [[1, 0]])
+
+
+def test_the_trap_of_the_old_threshold_is_told(tmp_path):
+    notes: list[str] = []
+    same(cells(a_map(tmp_path, [[0, 254, 205]], free_thresh=0.25), notes), [[1, 0, 0]])
+    assert "free_thresh 0.25 makes the gray of unknown cells (205) free" in notes[0]
+    notes.clear()
+    cells(a_map(tmp_path, [[0, 254]], free_thresh=0.25), notes)
+    cells(a_map(tmp_path, [[0, 254, 205]]), notes)
+    assert notes == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"origin": [0.0, 0.0, 0.5]}, "not turned"),
+        ({"origin": 3}, "not a number"),
+        ({"mode": "color"}, "mode: got color, expected trinary, scale, raw"),
+        ({"resolution": 0.0}, "expected metres per cell"),
+        ({"resolution": "fine"}, "not a number"),
+        ({"image": "none.png"}, "no such picture"),
+        ({"image": "m.yaml"}, "not a picture"),
+    ],
+)
+def test_other_maps_are_refused(changes, sentence, tmp_path):
+    path = a_map(tmp_path, [[0, 254]], **changes)
+    with pytest.raises((ValueError, OSError), match=sentence) as caught:
+        occupancy.read_map(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_yaml_that_is_a_list(tmp_path):
+    Path(tmp_path / "m.yaml").write_text("- 1\n- 2\n")
+    with pytest.raises(ValueError, match="expected the yaml of a map"):
+        occupancy.read_map(tmp_path / "m.yaml")

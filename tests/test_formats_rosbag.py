@@ -1,0 +1,561 @@
+"""Bags written by the rosbags library, read as logs."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+import slams
+from slams import convert
+from slams.types import Pose2
+from tests import bags
+
+N, BEAMS = 12, 31
+T = 1.6e9 + 0.1 * np.arange(N)
+WAY = np.stack([0.1 * np.arange(N), 0.02 * np.arange(N), 0.05 * np.arange(N)], axis=1)
+MOUNT = ("base_link", "laser", (0.2, -0.1, 0.3), 0.5, 0.0)
+
+TRUTH_NOTE = "/ground_truth is taken as the truth (--truth none does without)"
+
+
+def ranges(n=N, beams=BEAMS):
+    return np.random.default_rng(0).uniform(0.5, 20.0, (n, beams)).astype(np.float32)
+
+
+def drive(make):
+    """Scans, odometry, gyro, a true pose and the mount; received 30 ms late."""
+    messages = [
+        ("/tf_static", T[0], make.tf(T[0], MOUNT, ("base_link", "imu", (0, 0, 0), 0.0, 0.0)))
+    ]
+    for t, row, pose in zip(T, ranges(), WAY, strict=True):
+        messages += [
+            ("/scan", t + 0.03, make.scan(t, row)),
+            ("/odom", t + 0.03, make.odometry(t, *pose)),
+            ("/imu", t + 0.03, make.imu(t, (0.0, 0.0, 0.5))),
+            ("/ground_truth", t + 0.03, make.odometry(t, *(pose + 1.0))),
+            ("/rosout", t + 0.03, make.string("hello")),
+        ]
+    return messages
+
+
+def refused(path, **choices):
+    with pytest.raises(ValueError, match="^" + str(path)) as caught:
+        slams.load(path, **choices)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("kind", bags.KINDS)
+def test_every_storage_gives_what_was_recorded(kind, tmp_path):
+    log = slams.load(bags.write(tmp_path, kind, drive))
+    assert log.t == pytest.approx(T, abs=1e-6)
+    assert np.array_equal(log.ranges, ranges())
+    laser = log.laser
+    assert (laser.n_beams, laser.range_max) == (BEAMS, 30.0)
+    assert (laser.angle_min, laser.angle_increment) == pytest.approx((-1.5, 0.1))
+    assert laser.mount == pytest.approx((0.2, -0.1, 0.5))
+    assert log.odometry_at_scans() == pytest.approx(WAY)
+    assert log.truth_at(log.t) == pytest.approx(WAY + 1.0)
+    assert log.yaw_rate.values == pytest.approx(0.5)
+    assert log.name == "drive"
+    assert log.meta["source"]["odometry"] == "/odom"
+    assert log.notes == (TRUTH_NOTE,)
+
+
+def test_what_bags_say_survives_in_an_npz(tmp_path, capsys):
+    path = bags.write(tmp_path, "mcap", drive)
+    assert convert.main([str(path), str(tmp_path / "o.npz")]) == 0
+    shown = capsys.readouterr()
+    assert "drive: 12 scans of 31 beams, 10.0 Hz, 1.1 s" in shown.out
+    assert "odometry: 12 stamps from /odom" in shown.out
+    assert shown.err == f"slams.convert: note: {TRUTH_NOTE}\n"
+    log, again = slams.load(path), slams.load(tmp_path / "o.npz")
+    assert np.array_equal(again.ranges, log.ranges)
+    assert again.laser == log.laser
+    assert np.array_equal(again.truth.values, log.truth.values)
+    assert again.meta == log.meta
+    assert again.notes == ()
+
+
+def test_a_db3_without_definitions_is_read(tmp_path):
+    path = bags.write(tmp_path, "db3", drive)
+    bags.forget_definitions(path)
+    assert np.array_equal(slams.load(path).ranges, ranges())
+
+
+def test_the_kind_is_found_out_by_the_content(tmp_path):
+    for kind in ("mcap", "db3", "bag"):
+        path = bags.write(tmp_path / kind, kind, drive)
+        renamed = path.rename(path.with_name("recording"))
+        assert np.array_equal(slams.load(renamed).ranges, ranges()), kind
+
+
+# topics
+
+
+def scans_on(*topics):
+    return lambda make: [(name, t, make.scan(t, ranges()[0])) for name in topics for t in T]
+
+
+def test_several_lasers_leave_a_choice(tmp_path):
+    path = bags.write(tmp_path, "mcap", scans_on("/front", "/rear"))
+    sentence = "2 laser scan topics, --scan-topic picks one: /front (12), /rear (12)"
+    assert sentence in refused(path)
+    assert slams.load(path, scan_topic="rear").meta["source"]["scans"] == "/rear"
+    assert "no laser scans on /side; there are: /front (12)" in refused(path, scan_topic="/side")
+
+
+def test_no_scans_lists_what_there_is(tmp_path):
+    path = bags.write(tmp_path, "bag", lambda make: [("/chat", 1.0, make.string("hi"))])
+    assert "no laser scans; expected sensor_msgs/LaserScan" in refused(path)
+    assert "/chat (std_msgs/msg/String, 1)" in refused(path)
+
+
+def two_odometries(make):
+    more = [("/wheels", t, make.odometry(t, *pose)) for t, pose in zip(T, 2 * WAY, strict=True)]
+    return drive(make) + more
+
+
+def test_several_odometries_leave_a_choice(tmp_path):
+    path = bags.write(tmp_path, "folder-db3", two_odometries)
+    sentence = "2 odometry topics, --odom picks one (or none): /odom (12), /wheels (12)"
+    assert sentence in refused(path)
+    assert slams.load(path, odom="/wheels").odometry_at_scans() == pytest.approx(2 * WAY)
+    assert slams.load(path, odom="none").odom is None
+    assert "--odom: /air is no topic and no frame above base_link" in refused(path, odom="/air")
+
+
+def test_several_gyros_are_none_and_said_so(tmp_path):
+    def messages(make):
+        return drive(make) + [("/imu2", t, make.imu(t, (0.0, 0.0, 0.7))) for t in T]
+
+    path = bags.write(tmp_path, "mcap", messages)
+    log = slams.load(path)
+    assert log.yaw_rate is None
+    assert "2 IMU topics, none is used; --imu picks one: /imu (12), /imu2 (12)" in log.notes
+    assert slams.load(path, imu="/imu2").yaw_rate.values == pytest.approx(0.7)
+    assert slams.load(path, imu="none").notes == log.notes[:1]
+
+
+def test_truth_from_topics_of_every_type(tmp_path):
+    def messages(make):
+        rows = [(t, *pose) for t, pose in zip(T, WAY, strict=True)]
+        return (
+            scans_on("/scan")(make)
+            + [("/mocap", row[0], make.posed(*row)) for row in rows]
+            + [("/amcl_pose", row[0], make.posed_with_covariance(*row)) for row in rows]
+            + [("/gt", row[0], make.odometry(*row)) for row in rows]
+        )
+
+    path = bags.write(tmp_path, "bag", messages)
+    for topic in ("/mocap", "/amcl_pose", "gt"):
+        assert slams.load(path, truth=topic, odom="none").truth_at(T) == pytest.approx(WAY), topic
+    assert slams.load(path).truth is None
+    sentence = refused(path, truth="nowhere")
+    assert "--truth: nowhere is no topic, frame or file; topics: /mocap (12)" in sentence
+
+
+def test_truth_from_files(tmp_path):
+    from slams.formats import trajectory
+
+    path = bags.write(tmp_path, "mcap", scans_on("/scan"))
+    trajectory.write_tum(tmp_path / "t.tum", T, WAY)
+    trajectory.write_csv(tmp_path / "t.csv", T, WAY)
+    for name in ("t.tum", "t.csv"):
+        truth = slams.load(path, truth=str(tmp_path / name)).truth_at(T[1:-1])
+        assert truth == pytest.approx(WAY[1:-1], abs=1e-5)
+
+
+# frames
+
+
+def tree(*static, moving=(), old=False):
+    """Scans with transforms: static ones once, moving ones at each scan, as functions of i."""
+
+    def messages(make):
+        every = [("/scan", t, make.scan(t, ranges()[0])) for t in T]
+        if static:
+            every.append(("/tf_static", T[0], make.tf(T[0], *static)))
+        for i, t in enumerate(T):
+            items = [item(i) for item in moving]
+            if items:
+                every.append(("/tf", t, make.tf(t, *items, old=old)))
+        return every
+
+    return messages
+
+
+def moves(parent, child):
+    return lambda i: (parent, child, (*WAY[i, :2], 0.0), WAY[i, 2], 0.0)
+
+
+def rests(*transform):
+    return lambda _: transform
+
+
+def test_the_mount_is_a_chain_of_transforms(tmp_path):
+    chain = (
+        ("base_footprint", "base_link", (0.0, 0.0, 0.1), 0.0, 0.0),
+        ("base_link", "mast", (1.0, 0.0, 0.5), math.pi / 2, 0.0),
+        ("mast", "laser", (0.5, 0.0, 0.0), 0.1, 0.0),
+    )
+    path = bags.write(tmp_path, "mcap", tree(*chain))
+    log = slams.load(path)
+    assert log.laser.mount == pytest.approx((1.0, 0.5, math.pi / 2 + 0.1))
+    assert slams.load(path, base_frame="mast").laser.mount == pytest.approx((0.5, 0.0, 0.1))
+    sentence = refused(path, base_frame="map")
+    assert (
+        "--base-frame: map is not fixed to the laser's frame laser; frames: base_foot" in sentence
+    )
+
+
+def test_frames_without_a_usual_name_leave_a_choice(tmp_path):
+    chain = (("a", "b", (1.0, 0.0, 0.0), 0.0, 0.0), ("b", "laser", (1.0, 0.0, 0.0), 0.0, 0.0))
+    path = bags.write(tmp_path, "mcap", tree(*chain))
+    assert "hangs on 2 frames, --base-frame picks one: b, a" in refused(path)
+    assert slams.load(path, base_frame="/a").laser.mount == pytest.approx((2.0, 0.0, 0.0))
+    path = bags.write(tmp_path / "one", "mcap", tree(chain[1]))
+    assert slams.load(path).laser.mount == pytest.approx((1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("kind", "old"), [("bag", True), ("bag", False), ("mcap", False)])
+def test_odometry_and_mount_from_moving_transforms(kind, old, tmp_path):
+    moving = (
+        rests("map", "odom", (5.0, 0.0, 0.0), 0.0, 0.0),
+        moves("/odom" if old else "odom", "base_link"),
+        rests(*MOUNT),
+    )
+    path = bags.write(tmp_path, kind, tree(moving=moving, old=old))
+    log = slams.load(path)
+    assert log.odometry_at_scans() == pytest.approx(WAY, abs=1e-6)
+    assert log.meta["source"]["odometry"] == "tf odom"
+    assert log.laser.mount == pytest.approx((0.2, -0.1, 0.5))
+    assert slams.load(path, truth="map").truth_at(T)[1:, 0] == pytest.approx(WAY[1:, 0] + 5.0)
+    assert "no topic and no frame above" in refused(path, odom="moon")
+
+
+def test_odometry_of_another_frame_is_carried_to_the_base(tmp_path):
+    def messages(make):
+        wheels = make.tf(T[0], ("base_link", "wheels", (-0.5, 0, 0), 0.0, 0.0))
+        poses = [("/w", t, make.odometry(t, 0.0, 0.0, 0.1, "wheels")) for t in T]
+        return [*drive(make), ("/tf_static", T[0], wheels), *poses]
+
+    log = slams.load(bags.write(tmp_path, "mcap", messages), odom="/w", base_frame="base_link")
+    expected = Pose2(0.0, 0.0, 0.1) @ Pose2(0.5, 0.0, 0.0)
+    assert log.odometry_at_scans()[3] == pytest.approx(expected)
+
+
+def test_a_slow_transform_above_a_quick_one_is_interpolated(tmp_path):
+    def messages(make):
+        every = tree(MOUNT, moving=(moves("odom", "base_link"),))(make)
+        ends = [(T[0], 5.0), (T[-1], 7.2)]
+        shift = [make.tf(t, ("map", "odom", (x, 0.0, 0.0), 0.0, 0.0)) for t, x in ends]
+        return every + [("/tf", t, item) for (t, _), item in zip(ends, shift, strict=True)]
+
+    truth = slams.load(bags.write(tmp_path, "bag", messages), truth="map").truth
+    assert len(truth.t) == N
+    assert truth.values[:, 0] == pytest.approx(5.0 + 3.0 * WAY[:, 0], abs=1e-5)
+
+
+def test_the_frame_of_the_odometry_is_the_base(tmp_path):
+    def messages(make):
+        chain = (("base_footprint", "base_link", (0.3, 0.0, 0.1), 0.0, 0.0), MOUNT)
+        poses = [("/odom", t, make.odometry(t, 0, 0, 0, "base_footprint")) for t in T]
+        return [*tree(*chain)(make), *poses]
+
+    log = slams.load(bags.write(tmp_path, "mcap", messages))
+    assert log.meta["source"]["base_frame"] == "base_footprint"
+    assert log.laser.mount == pytest.approx((0.5, -0.1, 0.5))
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize("roll", [0.0, math.pi])
+def test_a_point_stays_where_it_is_however_the_laser_hangs(reverse, roll, tmp_path):
+    point, place, yaw = np.array([3.0, 1.0]), np.array([0.2, -0.1]), 0.5
+    seen = Pose2(*place, yaw).inverse().transform(point[None])[0]
+    if roll:
+        seen[1] = -seen[1]  # in a frame whose y points the other way
+    direction, distance = math.atan2(seen[1], seen[0]), float(np.hypot(*seen))
+    step = -0.05 if reverse else 0.05
+    row = np.full(41, np.inf)
+    row[7] = distance
+
+    def messages(make):
+        angles = (direction - 7 * step, step)
+        mount = ("base_link", "laser", (*place, 0.3), yaw, roll)
+        scans = [("/scan", t, make.scan(t, row, angles=angles)) for t in T]
+        return [*scans, ("/tf_static", T[0], make.tf(T[0], mount))]
+
+    log = slams.load(bags.write(tmp_path, "bag", messages))
+    hit = log.laser.directions[7] * log.ranges[0, 7]
+    assert log.laser.mount.transform(hit[None])[0] == pytest.approx(point, abs=1e-5)
+    assert log.notes == ()
+
+
+@pytest.mark.parametrize(("roll", "sign"), [(0.0, 1.0), (math.pi, -1.0)])
+def test_the_gyro_turns_about_the_upright_axis(roll, sign, tmp_path):
+    def messages(make):
+        gyro = ("base_link", "imu", (0.0, 0.0, 0.1), 0.3, roll)
+        items = [(("/imu"), t, make.imu(t, (0.0, 0.0, 0.4 + i))) for i, t in enumerate(T)]
+        return [*tree(MOUNT, gyro)(make), *items]
+
+    log = slams.load(bags.write(tmp_path, "mcap", messages))
+    assert log.yaw_rate.values == pytest.approx(sign * (0.4 + np.arange(N)))
+
+
+def test_a_gyro_that_gives_no_rates_is_left_out(tmp_path):
+    def messages(make):
+        return tree(MOUNT)(make) + [("/imu", t, make.imu(t, (0, 0, 0), given=False)) for t in T]
+
+    assert slams.load(bags.write(tmp_path, "mcap", messages)).yaw_rate is None
+
+
+def test_without_transforms_the_laser_is_the_base_and_that_is_said(tmp_path):
+    log = slams.load(bags.write(tmp_path, "bag", scans_on("/scan")))
+    assert log.laser.mount == (0.0, 0.0, 0.0)
+    assert "no transform from a base to the laser's frame 'laser'" in log.notes[0]
+
+
+def test_a_tilted_laser_is_said(tmp_path):
+    mount = ("base_link", "laser", (0.0, 0.0, 0.3), 0.0, math.radians(30.0))
+    log = slams.load(bags.write(tmp_path, "mcap", tree(mount)))
+    assert "the laser is tilted by 30 degrees" in log.notes[0]
+
+
+# scans
+
+
+def test_changing_beams_are_brought_to_the_most_common(tmp_path):
+    angles = np.linspace(-math.pi, math.pi, 360, endpoint=False)
+    distance = 5.0 + np.cos(angles)
+
+    def messages(make):
+        every = []
+        for i, t in enumerate(T):
+            n, first = (350, 0.0) if i % 4 == 3 else (360, -math.pi)
+            step = 2.0 * math.pi / n
+            row = 5.0 + np.cos(first + step * np.arange(n))
+            every.append(("/scan", t, make.scan(t, row, angles=(first, step))))
+        return every
+
+    log = slams.load(bags.write(tmp_path, "bag", messages))
+    assert log.ranges.shape == (N, 360)
+    assert "3 of 12 scans have other beams and are resampled to the most common 360" in log.notes
+    assert log.ranges[0] == pytest.approx(distance, abs=1e-5)
+    assert log.ranges[3] == pytest.approx(distance, abs=0.02)  # at most half a degree off
+
+
+def test_other_beams_give_the_nearest_reading_and_none_where_there_is_none(tmp_path):
+    row = np.arange(1.0, 11.0)
+
+    def messages(make):
+        every = [("/scan", t, make.scan(t, row, angles=(-0.5, 0.1))) for t in T]
+        shifted = make.scan(T[-1] + 1, row[:8], angles=(-0.26, 0.1))
+        return [*every, ("/scan", T[-1] + 1, shifted)]
+
+    last = slams.load(bags.write(tmp_path, "bag", messages)).ranges[-1]
+    assert np.isnan(last[:2]).all()  # -0.26 is nearest to -0.3
+    assert last[2:].tolist() == row[:8].tolist()
+
+
+def test_the_first_echo_counts_and_none_is_nothing_seen(tmp_path):
+    def messages(make):
+        return [("/echoes", t, make.echoes(t, [[2.0, 3.0], [], [4.0]])) for t in T]
+
+    log = slams.load(bags.write(tmp_path, "mcap", messages))
+    assert log.ranges[0].tolist() == [2.0, math.inf, 4.0]
+
+
+def test_readings_follow_rep_117(tmp_path):
+    row = [0.0, 0.05, -math.inf, math.nan, 5.0, 30.5, math.inf]
+    path = bags.write(tmp_path, "bag", lambda make: [("/scan", t, make.scan(t, row)) for t in T])
+    read = slams.load(path).ranges[0]
+    assert np.isnan(read[:4]).all()
+    assert read[4:].tolist() == [5.0, math.inf, math.inf]
+
+
+def test_scans_without_stamps_have_the_times_of_recording(tmp_path):
+    path = bags.write(
+        tmp_path, "bag", lambda make: [("/scan", t, make.scan(0.0, [1.0] * 3)) for t in T]
+    )
+    log = slams.load(path)
+    assert log.t == pytest.approx(T, abs=1e-6)
+    assert "the times of recording stand in" in " ".join(log.notes)
+
+
+def test_a_time_increment_that_cannot_be_is_said(tmp_path):
+    path = bags.write(
+        tmp_path, "bag", lambda make: [("/scan", t, make.scan(t, [1.0] * 31, beam=0.1)) for t in T]
+    )
+    log = slams.load(path)
+    assert log.laser.time_increment == 0.0
+    assert "does not fit a scan every 0.1 s" in " ".join(log.notes)
+
+
+def test_range_limits_that_are_none_come_from_the_readings(tmp_path):
+    def messages(make):
+        return [("/scan", t, make.scan(t, [1.0, 7.0], limits=(0.1, 0.0))) for t in T]
+
+    log = slams.load(bags.write(tmp_path, "bag", messages))
+    assert log.ranges[0].tolist() == [1.0, 7.0]
+    assert "range_max is 0" in " ".join(log.notes)
+
+
+def test_empty_scans_are_left_out(tmp_path):
+    def messages(make):
+        return [("/scan", t, make.scan(t, [] if i == 2 else [1.0] * 3)) for i, t in enumerate(T)]
+
+    log = slams.load(bags.write(tmp_path, "bag", messages))
+    assert len(log) == N - 1
+    assert "1 scans without beams or angles are left out" in log.notes
+
+
+def test_what_covers_little_is_said(tmp_path):
+    def messages(make):
+        return scans_on("/scan")(make) + [
+            ("/odom", t, make.odometry(t, 0, 0, 0)) for t in (T[0], T[1], T[2])
+        ]
+
+    assert (
+        "odometry covers 3 of 12 scans" in slams.load(bags.write(tmp_path, "bag", messages)).notes
+    )
+
+
+# damage
+
+
+def long_drive(make):
+    return [("/scan", t, make.scan(t, ranges(1, 500)[0])) for t in 1e9 + 0.1 * np.arange(300)]
+
+
+DAMAGE = [
+    (kind, fix)
+    for kind, fix in (
+        ("bag", "rosbag reindex"),
+        ("bag-bz2", "rosbag reindex"),
+        ("bag-lz4", "rosbag reindex"),
+        ("mcap", "mcap recover"),
+        ("db3", ".recover"),
+    )
+]
+
+
+@pytest.mark.parametrize(("kind", "fix"), DAMAGE)
+def test_a_bag_cut_short_is_refused_or_salvaged(kind, fix, tmp_path, capsys):
+    path = bags.write(tmp_path, kind, long_drive)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(0.6 * len(whole))])
+    out = tmp_path / "out.npz"
+    assert convert.main([str(path), str(out)]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert err.startswith(f"slams.convert: {path}: cut short or damaged (")
+    assert fix in err
+    assert err.endswith("--salvage reads what is whole\n")
+    assert not out.exists()
+    assert convert.main([str(path), str(out), "--salvage"]) == 0
+    assert "note: cut short or damaged" in capsys.readouterr().err
+    log = slams.load(out)
+    assert 60 < len(log) < 240
+    assert np.array_equal(log.ranges[-1], ranges(1, 500)[0])
+
+
+def test_of_a_chunk_cut_short_the_beginning_is_read(tmp_path):
+    path = bags.write(tmp_path, "bag", scans_on("/scan"))
+    data = path.read_bytes()
+    path.write_bytes(ranges()[0].tobytes().join(data.split(ranges()[0].tobytes())[:8]))
+    assert len(slams.load(path, salvage=True)) == 7  # the only chunk ends within the eighth
+
+
+def test_salvaged_messages_are_in_the_order_of_receiving(tmp_path):
+    path = bags.write(tmp_path, "bag", lambda make: scans_on("/scan")(make)[::-1])
+    data = path.read_bytes()
+    path.write_bytes(data[: data.rfind(b"op=\x07")])
+    assert (np.diff(slams.load(path, salvage=True).t) > 0).all()
+
+
+def test_salvaging_a_whole_bag_changes_nothing(tmp_path):
+    path = bags.write(tmp_path, "bag", drive)
+    assert slams.load(path, salvage=True).notes == slams.load(path).notes
+
+
+@pytest.mark.parametrize("kind", ["folder-db3", "folder-mcap", "folder-zstd"])
+def test_a_folder_without_metadata(kind, tmp_path):
+    path = bags.write(tmp_path, kind, drive)
+    (path / "metadata.yaml").unlink()
+    assert "ros2 bag reindex" in refused(path)
+    assert np.array_equal(slams.load(path, salvage=True).ranges, ranges())
+
+
+@pytest.mark.parametrize("kind", bags.KINDS[:5])
+def test_the_linear_reader_finds_all_that_the_library_finds(kind, tmp_path):
+    from slams.formats.bag import open_bag
+    from slams.formats.bag_salvage import SalvagedBag
+
+    path = bags.write(tmp_path, kind, drive)
+    names = ["/scan", "/odom", "/imu", "/tf_static"]
+    salvaged = SalvagedBag(path, kind.partition("-")[0])
+    with open_bag(path, kind.partition("-")[0]) as bag:
+        assert sorted(salvaged.topics) == sorted(bag.topics)
+        assert sorted(salvaged.records(names)) == sorted(bag.records(names))
+
+
+def test_a_message_that_cannot_be_read(tmp_path):
+    path = bags.write(tmp_path, "bag", drive)
+    data = bytearray(path.read_bytes())
+    at = data.find(np.float32(30.0).tobytes())  # range_max, then the number of ranges
+    data[at + 4 : at + 8] = (10**6).to_bytes(4, "little")
+    path.write_bytes(data)
+    assert "a message of /scan cannot be read; --salvage leaves it out" in refused(path)
+    log = slams.load(path, salvage=True)
+    assert len(log) == N - 1
+    assert "1 messages cannot be read and are left out" in log.notes
+
+
+def test_an_mcap_with_messages_of_others_too(tmp_path):
+    path = bags.write(tmp_path, "mcap", drive)
+    name = b"std_msgs/msg/String"
+    data = path.read_bytes()
+    foreign = data.replace(name + b"\x07\0\0\0ros2msg", name + b"\x07\0\0\0ros1msg")
+    assert foreign != data
+    path.write_bytes(foreign)
+    assert np.array_equal(slams.load(path).ranges, ranges())
+
+
+def test_an_mcap_of_ros_1_messages(tmp_path):
+    path = bags.ros1_in_mcap(tmp_path, scans_on("/scan"))
+    log = slams.load(path)
+    assert np.array_equal(log.ranges, np.tile(ranges()[0], (N, 1)))
+    assert log.t == pytest.approx(T, abs=1e-6)
+
+
+def test_other_folders_and_packed_files_are_refused(tmp_path):
+    (tmp_path / "f").mkdir()
+    assert "is a directory without a ROS 2 bag" in refused(tmp_path / "f")
+    (tmp_path / "x.zstd").write_bytes(b"\x28\xb5\x2f\xfd123")
+    assert "zstd -d" in refused(tmp_path / "x.zstd")
+    (tmp_path / "x.bag").write_bytes(b"#ROSBAG V1.2\n")
+    assert "rosbag fix" in refused(tmp_path / "x.bag")
+
+
+def test_a_big_bag_is_read_in_no_time(tmp_path):
+    rows = np.random.default_rng(1).uniform(1.0, 20.0, (6000, 1081)).astype(np.float32)
+
+    def messages(make):
+        for i, row in enumerate(rows):
+            yield "/scan", 0.025 * i + 1.0, make.scan(0.025 * i + 1.0, row, angles=(-2.3, 0.004))
+
+    path = bags.write(tmp_path, "bag", messages)
+    start = time.process_time()
+    log = slams.load(path)
+    assert time.process_time() - start < 3.0
+    assert np.array_equal(log.ranges, rows)
+
+
+def test_the_bag_of_a_hand_held_laser(shared_data):
+    log = slams.load(shared_data("data/handheld/scan_tools_demo.bag"))
+    assert (len(log), log.laser.n_beams) == (360, 681)
+    assert log.scan_period == pytest.approx(0.1, abs=1e-3)
+    assert log.laser.time_increment == pytest.approx(0.1 / 1024, rel=1e-6)
+    assert log.odom is None

@@ -1,0 +1,372 @@
+"""CARMEN logs, BreezySLAM .dat and trajectory files, their lines typed as the formats say."""
+
+import gzip
+import math
+
+import numpy as np
+import pytest
+
+import slams
+from slams import convert
+from slams.formats import trajectory
+
+# the lines of the format's documentation, with three readings more or less
+FLASER = "FLASER 181 {} 1.25 2.0 0.5 1.0 2.0 0.5 100.5 host 0.25"
+RAW = "RAWLASER1 0 -1.570796 3.141593 0.017453 81.920000 0.05 0 181 {} 0 100.5 host 0.25"
+ROBOT = (
+    "ROBOTLASER1 0 -1.570796 3.141593 0.017453 81.920000 0.05 0 181 {} {}"
+    "1.25 2.0 0.5 1.0 2.0 0.5 0.1 0.2 0.57 0.37 1000000.0 100.5 host 0.25"
+)
+READINGS = " ".join(f"{1.0 + 0.01 * i:.2f}" for i in range(181))
+HEADER = """# CARMEN Logfile
+# ODOM x y theta tv rv accel
+PARAM robot_use_laser on 99.0 host 0.0
+PARAM robot_empty  99.0 host 0.0
+"""
+
+
+def written(tmp_path, *lines, name="drive.log", header=HEADER, newline="\n"):
+    path = tmp_path / name
+    text = header + newline.join(lines) + newline
+    packed = gzip.compress(text.encode(), mtime=0) if name.endswith(".gz") else text.encode()
+    path.write_bytes(packed)
+    return path
+
+
+def refused(path, **choices):
+    with pytest.raises(ValueError, match="^" + str(path)) as caught:
+        slams.load(path, **choices)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["drive.log", "drive.clf", "drive.log.gz", "recording"])
+def test_flaser(name, tmp_path):
+    log = slams.load(written(tmp_path, FLASER.format(READINGS), name=name))
+    assert log.t.tolist() == [100.5]
+    assert log.ranges[0] == pytest.approx(1.0 + 0.01 * np.arange(181), abs=1e-6)
+    assert log.laser.angle_min == pytest.approx(-math.pi / 2)
+    assert log.laser.angle_increment == pytest.approx(math.radians(1.0))
+    assert log.laser.range_max == 81.0
+    mount = (0.25 * math.cos(0.5), -0.25 * math.sin(0.5), 0.0)  # the laser seen from the robot
+    assert log.laser.mount == pytest.approx(mount)
+    assert log.odom.values.tolist() == [[1.0, 2.0, 0.5]]
+    assert log.name in ("drive", "recording")
+    assert log.meta["source"]["scans"] == "FLASER"
+
+
+@pytest.mark.parametrize(
+    ("n", "step", "first"), [(180, 1.0, -90.0), (360, 0.5, -90.0), (361, 0.5, -90.0), (91, 2, -90)]
+)
+def test_flaser_angles_follow_from_the_number_of_readings(n, step, first, tmp_path):
+    line = f"FLASER {n} {'2.0 ' * (n - 1)}3.0 0 0 0 0 0 0 1.0 host 1.0"
+    laser = slams.load(written(tmp_path, line)).laser
+    assert math.degrees(laser.angle_increment) == pytest.approx(step)
+    assert math.degrees(laser.angle_min) == pytest.approx(first)
+    shifted = slams.load(tmp_path / "drive.log", first_beam=-89.5).laser
+    assert math.degrees(shifted.angle_min) == pytest.approx(-89.5)
+
+
+def test_flaser_angles_and_limit_from_parameters(tmp_path):
+    header = "PARAM laser_front_laser_resolution 0.25 1 h 1\nPARAM robot_front_laser_max 8 1 h 1\n"
+    line = "FLASER 401 " + "2.0 " * 400 + "3.0 0 0 0 0 0 0 1.0 host 1.0"
+    laser = slams.load(written(tmp_path, line, header=header)).laser
+    assert math.degrees(laser.angle_increment) == pytest.approx(0.25)
+    assert math.degrees(laser.angle_min) == pytest.approx(-50.0)
+    assert laser.range_max == 8.0
+
+
+def test_a_parameter_of_another_laser_is_not_believed(tmp_path):
+    header = "PARAM laser_front_laser_resolution 3.0 1 h 1\n"
+    laser = slams.load(written(tmp_path, FLASER.format(READINGS), header=header)).laser
+    assert math.degrees(laser.angle_increment) == pytest.approx(1.0)
+
+
+def test_remissions_that_are_not_all_there(tmp_path):
+    assert "is not whole" in refused(written(tmp_path, ROBOT.format(READINGS, "3 7.0 8.0 ")))
+
+
+def test_a_log_packed_in_pieces(tmp_path):
+    path = written(tmp_path, FLASER.format(READINGS), name="drive.log.gz")
+    path.write_bytes(path.read_bytes() * 2)
+    assert len(slams.load(path)) == 2
+
+
+@pytest.mark.parametrize("remissions", ["", "0 ", "2 7.0 8.0 "])
+def test_robotlaser_with_and_without_remissions(remissions, tmp_path):
+    log = slams.load(written(tmp_path, ROBOT.format(READINGS, remissions)))
+    assert log.odom.values.tolist() == [[1.0, 2.0, 0.5]]
+    assert log.laser.n_beams == 181
+    assert log.laser.angle_increment == pytest.approx(math.pi / 180, abs=1e-7)
+    assert log.laser.range_max == pytest.approx(81.92)
+    assert log.ranges[0, -1] == pytest.approx(2.8)
+
+
+def test_rawlaser_takes_its_odometry_from_odom_lines(tmp_path):
+    odom = [f"ODOM {t - 100:.1f} 0 0.1 0 0 0 {t} host 0" for t in (100.0, 101.0)]
+    header = HEADER + "PARAM robot_frontlaser_offset 0.3 1 h 1\n"
+    log = slams.load(written(tmp_path, *odom, RAW.format(READINGS), header=header))
+    assert log.odometry_at_scans() == pytest.approx(np.array([[0.5, 0.0, 0.1]]))
+    assert log.laser.mount == (0.3, 0.0, 0.0)
+    assert log.meta["source"]["odometry"] == "ODOM"
+
+
+def test_one_laser_in_three_kinds_of_lines_is_read_once(tmp_path):
+    lines = [ROBOT.format(READINGS, ""), FLASER.format(READINGS), RAW.format(READINGS)]
+    path = written(tmp_path, *lines)
+    assert len(slams.load(path)) == 1
+    assert slams.load(path).meta["source"]["scans"] == "ROBOTLASER1"
+    assert slams.load(path, scan_topic="FLASER").meta["source"]["scans"] == "FLASER"
+    sentence = "no RLASER lines; its laser messages: FLASER (1), RAWLASER1 (1), ROBOTLASER1 (1)"
+    assert sentence in refused(path, scan_topic="RLASER")
+    assert "no odometry ODOM; it has ROBOTLASER1" in refused(path, odom="ODOM")
+    assert slams.load(path, odom="none").odom is None
+
+
+def test_several_other_lasers_leave_a_choice(tmp_path):
+    lines = [RAW.format(READINGS).replace("RAWLASER1", name) for name in ("RAWLASER2", "RAWLASER3")]
+    path = written(tmp_path, *lines)
+    assert "2 lasers, --scan-topic picks one: RAWLASER2 (1), RAWLASER3 (1)" in refused(path)
+
+
+def test_true_poses_are_the_truth(tmp_path):
+    true = ["TRUEPOS 7 8 0.9 0 0 0 100.0 host 0", "TRUEPOS 9 8 0.9 0 0 0 101.0 host 0"]
+    log = slams.load(written(tmp_path, *true, FLASER.format(READINGS)))
+    assert log.truth_at(log.t)[0] == pytest.approx([8.0, 8.0, 0.9])
+    assert slams.load(tmp_path / "drive.log", truth="none").truth is None
+
+
+def test_truth_from_a_file(tmp_path):
+    trajectory.write_tum(tmp_path / "t.tum", np.array([100.0, 101.0]), np.ones((2, 3)))
+    log = slams.load(written(tmp_path, FLASER.format(READINGS)), truth=str(tmp_path / "t.tum"))
+    assert log.truth_at(log.t)[0] == pytest.approx(np.ones(3), abs=1e-8)
+
+
+def test_the_reading_that_means_nothing_seen(tmp_path):
+    row = ["81.91"] * 60 + [f"{1.0 + 0.1 * i:.2f}" for i in range(121)]
+    log = slams.load(written(tmp_path, ROBOT.format(" ".join(row), "")))
+    assert np.isinf(log.ranges[0, :60]).all()
+    assert np.isfinite(log.ranges[0, 60:]).all()
+
+
+def test_the_greatest_reading_of_a_short_room_is_a_wall(tmp_path):
+    log = slams.load(written(tmp_path, FLASER.format(READINGS)))
+    assert np.isfinite(log.ranges).all()
+
+
+def test_poses_of_another_slam_are_no_mount(tmp_path):
+    lines = [
+        f"FLASER 181 {READINGS} {x} 0 0 {x + dx} 0 0 {x}.0 host 0"
+        for x, dx in ((0, 0), (1, 0.1), (2, 0.3), (3, 0.2))
+    ]
+    log = slams.load(written(tmp_path, *lines, "NEFF 30"))
+    assert log.laser.mount == (0.0, 0.0, 0.0)
+    assert "NEFF lines: the poses of this log are the result of another SLAM" in log.notes
+    assert (
+        "laser and robot poses do not move together; the laser is taken at the robot" in log.notes
+    )
+
+
+def test_the_order_of_the_file_rules(tmp_path):
+    lines = [FLASER.format(READINGS).replace("100.5", t) for t in ("3.0", "1.0", "2.0")]
+    log = slams.load(written(tmp_path, *lines))
+    assert log.t.tolist() == [3.0, 1.0, 2.0]
+    assert log.stamp_jumps == 1
+
+
+def test_windows_line_ends(tmp_path):
+    log = slams.load(written(tmp_path, *[FLASER.format(READINGS)] * 2, newline="\r\n"))
+    assert len(log) == 2
+
+
+HALVES = {
+    "readings": FLASER.format(READINGS)[:400],
+    "count": "FLASER 18",
+    "no number": FLASER.format(READINGS).replace("2.80", "2.8x"),
+    "not finite": FLASER.format(READINGS).replace(" 1.25 ", " nan "),
+    "name only": "FLASER",
+    "negative": FLASER.format(READINGS).replace("181", "-1"),
+    "odometry": "ODOM 1 2",
+}
+
+
+@pytest.mark.parametrize("kind", HALVES)
+def test_a_line_cut_in_half_is_refused_or_left_out(kind, tmp_path, capsys):
+    path = written(tmp_path, FLASER.format(READINGS), HALVES[kind], FLASER.format(READINGS))
+    out = tmp_path / "o.npz"
+    assert convert.main([str(path), str(out)]) == 2
+    word = HALVES[kind].split()[0]
+    sentence = f"{path}: line 6 ({word}) is not whole; --salvage leaves such lines out\n"
+    assert capsys.readouterr().err == f"slams.convert: {sentence}"
+    assert not out.exists()
+    assert convert.main([str(path), str(out), "--salvage"]) == 0
+    assert "note: 1 lines are not whole and left out" in capsys.readouterr().err
+    assert len(slams.load(out)) == 2
+
+
+def test_no_laser_lines(tmp_path):
+    path = written(tmp_path, "ODOM 1 2 3 0 0 0 1.0 host 1.0")
+    assert "no laser lines; expected FLASER, RAWLASER1 or ROBOTLASER1" in refused(path)
+    path = written(tmp_path, "FLASER 3 1")
+    assert "line 5 (FLASER) is not whole" in refused(path)
+    assert "no FLASER line is whole" in refused(path, salvage=True)
+
+
+@pytest.mark.parametrize("damage", ["cut", "corrupt"])
+def test_packed_logs_that_are_not_whole(damage, tmp_path):
+    rng = np.random.default_rng(0)
+    rows = (" ".join(f"{r:.2f}" for r in rng.uniform(1, 9, 181)) for _ in range(200))
+    path = written(tmp_path, *map(FLASER.format, rows), name="drive.log.gz")
+    data = bytearray(path.read_bytes())
+    half = len(data) // 2
+    if damage == "cut":
+        data = data[:half]
+    else:
+        data[half : half + 200] = b"\xff" * 200
+    path.write_bytes(bytes(data))
+    assert "--salvage what is whole" in refused(path)
+    log = slams.load(path, salvage=True)
+    assert 50 < len(log) < 150
+    assert "read as far as it goes" in log.notes[0]
+
+
+# BreezySLAM
+
+
+def dat(tmp_path, *stamps, name="exp.dat"):
+    path = tmp_path / name
+    rows = (f"{t} 0 111 222 {'9 ' * 21} " + " ".join(map(str, range(682))) for t in stamps)
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_breezy_dat(tmp_path):
+    log = slams.load(dat(tmp_path, 2_000_000, 2_100_000))
+    assert log.t.tolist() == [2.0, 2.1]
+    assert np.isinf(log.ranges[0, 0])  # 0 mm is nothing seen
+    assert np.isnan(log.ranges[0, 7])  # and less than 20 mm an error of the sensor
+    assert log.ranges[0, 681] == pytest.approx(0.681)
+    assert log.laser.angles[340] == pytest.approx(0.0, abs=1e-9)
+    assert math.degrees(log.laser.angle_increment) == pytest.approx(360.0 / 1024.0)
+    assert log.odom.values.tolist() == [[0.0, 0.0, 0.0]] * 2
+
+
+def test_wheel_counts_are_odometry(tmp_path):
+    path = dat(tmp_path, 0, 1, 2, 3)
+    turn = 2.0 * math.pi * 0.077  # [m] a wheel rolls in one turn of 2000 counts
+    quarter = round(0.25 * math.pi * 0.33 / turn * 2000.0)  # [count] each way, for 90 degrees
+    counts = [
+        (5, 5),
+        (2005, 2005),
+        (2005 - quarter, 2005 + quarter),
+        (4005 - quarter, 4005 + quarter),
+    ]
+    lines = [line.split() for line in path.read_text().splitlines()]
+    for words, (left, right) in zip(lines, counts, strict=True):
+        words[2:4] = str(left), str(right)
+    path.write_text("\n".join(" ".join(words) for words in lines))
+    poses = slams.load(path).odom.values
+    half = 0.5 * math.pi
+    expected = [[0, 0, 0], [turn, 0, 0], [turn, 0, half], [turn, turn, half]]
+    assert poses == pytest.approx(np.array(expected), abs=2e-3)
+    assert slams.load(path, odom="none").odom is None
+
+
+def test_wheels_that_turn_unequally_roll_on_an_arc(tmp_path):
+    path = dat(tmp_path, 0, 1)
+    path.write_text(
+        path.read_text().replace(" 111 222 ", " 0 0 ", 1).replace(" 111 222 ", " 0 4000 ")
+    )
+    x, y, theta = slams.load(path).odom.values[1]
+    radius = 0.165  # about the left wheel, which stands
+    assert (x, y) == pytest.approx((radius * math.sin(theta), radius * (1.0 - math.cos(theta))))
+
+
+def test_a_dat_line_that_is_not_whole(tmp_path):
+    path = dat(tmp_path, 1, 2, 3)
+    text = path.read_text()
+    path.write_text(text[: len(text) - 500])
+    assert "line 3: got" in refused(path)
+    log = slams.load(path, salvage=True)
+    assert len(log) == 2
+    assert log.notes == ("1 lines are not whole and left out",)
+
+
+def test_other_text_is_refused(tmp_path):
+    texts = {"a.log": "", "b.log": "hello\n", "c.dat": "1 2 3\n", "d.log": "<html>"}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+        assert "not an npz file, a ROS bag, a CARMEN log or a BreezySLAM .dat" in refused(
+            tmp_path / name
+        )
+
+
+# trajectories
+
+
+def test_tum_round_trip(tmp_path):
+    t, poses = np.array([1.0, 2.0]), np.array([[1.0, 2.0, 3.0], [-1.0, 0.5, -3.0]])
+    trajectory.write_tum(tmp_path / "t.tum", t, poses)
+    read_t, read_poses = trajectory.read(tmp_path / "t.tum")
+    assert read_t == pytest.approx(t)
+    assert read_poses == pytest.approx(poses, abs=1e-7)
+
+
+def test_tum_written_by_evo(tmp_path):
+    evo = pytest.importorskip("evo.core.trajectory")
+    file_interface = pytest.importorskip("evo.tools.file_interface")
+    half = 0.25
+    made = evo.PoseTrajectory3D(
+        np.array([[1.0, 2.0, 0.0]]),
+        np.array([[math.cos(half), 0.0, 0.0, math.sin(half)]]),
+        np.array([5.0]),
+    )
+    file_interface.write_tum_trajectory_file(tmp_path / "t.tum", made)
+    t, poses = trajectory.read(tmp_path / "t.tum")
+    assert t.tolist() == [5.0]
+    assert poses[0] == pytest.approx([1.0, 2.0, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "got no poses"),
+        ("# t, x, y\n", "got no poses"),
+        ("1 2 3\n", "got 3 columns, expected t x y z qx qy qz qw"),
+        ("1,2,3\n", "got 3 columns, expected t,x,y,theta"),
+        ("1 2 3 4 5 6 7 eight\n", "not lines of t x y z qx qy qz qw"),
+        ("1,2,3,nan\n", "not finite"),
+    ],
+)
+def test_other_trajectories_are_refused(text, sentence, tmp_path):
+    (tmp_path / "t.txt").write_text(text)
+    with pytest.raises(ValueError, match=sentence):
+        trajectory.read(tmp_path / "t.txt")
+
+
+# the real ones
+
+
+def test_the_csail_log(shared_data):
+    log = slams.load(shared_data("data/csail/mit-csail.log.gz"))
+    known = slams.load(shared_data("data/csail/mit-csail.npz"))
+    assert log.ranges.shape == (1988, 361)
+    assert np.array_equal(log.ranges, known.ranges, equal_nan=True)
+    assert np.array_equal(log.t, known.t)
+    first = slams.Pose2(*log.odom.values[0])
+    last = first.between(slams.Pose2(*log.odom.values[-1]))
+    assert last == pytest.approx(known.odom.values[-1], abs=1e-9)
+
+
+def test_the_aces_log(shared_data):
+    log = slams.load(shared_data("data/aces/aces-corrected.log.gz"))
+    assert log.ranges.shape == (440, 180)
+    assert log.laser.range_max == 50.0
+    assert log.odom is not None
+
+
+def test_the_mines_log(shared_data):
+    log = slams.load(shared_data("data/mines/exp1.dat"))
+    known = slams.load(shared_data("data/mines/mines1.npz"))
+    assert np.array_equal(log.t, known.t)
+    assert np.allclose(log.ranges, known.ranges, atol=1e-6, equal_nan=True)

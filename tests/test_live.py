@@ -1,0 +1,312 @@
+"""LiveSlam: what a robot's scans do that a log's do not."""
+
+import math
+import os
+import subprocess
+import sys
+import threading
+import time
+from types import SimpleNamespace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+import slams
+from slams import LiveSlam, Pose2
+from slams.live import LATE_IN_A_ROW, seconds
+from slams.registry import BUILT_IN, find
+from tests.rooms import ROOM, drive, laser, scan_at
+
+ODOMETRY = "slams.baselines:Odometry"
+
+
+def fan(lidar):
+    return lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max
+
+
+def push(live, scan, **more):
+    return live.push(scan.t, scan.ranges, *fan(scan.laser), odometry=scan.odometry, **more)
+
+
+@pytest.fixture(scope="module")
+def log():
+    return drive(n=40)
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_pushes_give_the_poses_of_a_replay(name, log):
+    entry = find(name)
+    slam = entry.cls(entry.params())
+    live = LiveSlam(name, warm_up=False)
+    for scan in log.select(12):
+        estimate = push(live, slams.Scan(scan.t, scan.ranges, scan.laser, scan.odometry))
+        plain = slams.Scan(scan.t, scan.ranges, scan.laser, scan.odometry)
+        assert estimate.pose == slam.update(plain)
+        assert (estimate.t, estimate.used, estimate.lost) == (scan.t, True, False)
+        assert estimate.covariance.shape == (3, 3)
+    assert np.array_equal(live.map().p, slam.map().p, equal_nan=True)
+
+
+def test_map_to_odom_joins_the_two_frames(log):
+    live = LiveSlam("hector", warm_up=False)
+    for scan in log:
+        estimate = push(live, scan)
+        assert estimate.map_to_odom @ scan.odometry == pytest.approx(estimate.pose, abs=1e-12)
+    assert estimate.quality > 0.8
+    sigma = np.sqrt(np.diag(estimate.covariance))
+    assert (sigma > 0.0).all()
+    assert (sigma < 0.01).all()
+    without = live.push(9.0, scan.ranges, *fan(scan.laser))
+    assert without.map_to_odom is None
+
+
+def test_late_and_repeated_scans_are_left_out(log):
+    scans = list(log)
+    live, plain = LiveSlam(warm_up=False), LiveSlam(warm_up=False)
+    for scan in scans[:10]:
+        last = push(live, scan)
+        for old in (scan, scans[0]):
+            again = push(live, old)
+            assert (again.pose, again.t, again.used) == (last.pose, last.t, False)
+        assert push(plain, scan).pose == last.pose
+    report = live.report()
+    assert (report["scans"], report["repeated"], report["late"]) == (10, 11, 9)
+    assert live.map().p.shape == plain.map().p.shape
+
+
+def test_a_clock_that_was_set_back_is_followed(log):
+    live = LiveSlam(ODOMETRY)
+    late = [slams.Scan(s.t, s.ranges, s.laser, s.odometry) for s in log]
+    for scan in log:
+        push(live, slams.Scan(scan.t + 100.0, scan.ranges, scan.laser, scan.odometry))
+    used = [push(live, scan).used for scan in late]
+    assert used == [False] * LATE_IN_A_ROW + [True] * (len(late) - LATE_IN_A_ROW)
+    assert live.report()["clock_set_back"] == 1
+
+
+def test_single_late_scans_do_not_set_the_clock_back(log):
+    live, scans = LiveSlam(ODOMETRY, warm_up=False), list(log)
+    for k in range(3):
+        assert push(live, scans[20 + k]).used
+        assert not any(push(live, scan).used for scan in scans[: LATE_IN_A_ROW - 2])
+    assert live.report()["clock_set_back"] == 0
+
+
+def test_no_map_is_drawn_in_the_middle_of_a_push(log):
+    class Slow(find("odometry").cls):
+        busy = False
+        seen: ClassVar = []
+
+        def update(self, scan):
+            self.busy = True
+            time.sleep(0.05)
+            self.busy = False
+            return super().update(scan)
+
+        def map(self):
+            self.seen.append(self.busy)
+            return super().map()
+
+    live = LiveSlam(ODOMETRY, warm_up=False)
+    live._slam = Slow(live.params)
+    thread = threading.Thread(target=lambda: [push(live, scan) for scan in log.select(3)])
+    thread.start()
+    while thread.is_alive():
+        live.map()
+        time.sleep(0.005)
+    thread.join()
+    assert not any(Slow.seen)
+
+
+def test_a_change_of_the_laser_is_counted_and_an_unchanged_one_is_one_object():
+    seen = []
+
+    class Watch(find("odometry").cls):
+        def update(self, scan):
+            seen.append(scan.laser)
+            return super().update(scan)
+
+    live = LiveSlam(
+        ODOMETRY,
+        warm_up=False,
+    )
+    live._slam = Watch(live.params)
+    for k, n in enumerate((181, 181, 361, 181)):
+        scan = scan_at((0.0, 0.0, 0.0), laser(n), t=float(k))
+        live.push(scan.t, scan.ranges.tolist(), *fan(scan.laser), time_increment=1e-4)
+    assert seen[0] is seen[1]
+    assert [lidar.n_beams for lidar in seen] == [181, 181, 361, 181]
+    assert live.report()["lasers"] == 3
+    assert seen[0].time_increment == 1e-4
+
+
+def test_ranges_are_cleaned_and_left_alone():
+    seen = []
+    live = LiveSlam(
+        ODOMETRY,
+        warm_up=False,
+    )
+    live._slam.update = lambda scan: seen.append(scan) or Pose2(0.0, 0.0, 0.0)
+    given = np.array([0.05, 1.0, 40.0, np.inf, -np.inf, np.nan], np.float32)
+    before = given.copy()
+    live.push(0.0, given, 0.0, 0.1, 0.1, 30.0)
+    assert np.array_equal(
+        seen[0].ranges, [np.nan, 1, np.inf, np.inf, np.nan, np.nan], equal_nan=True
+    )
+    assert np.array_equal(given, before, equal_nan=True)
+    assert not seen[0].ranges.flags.writeable
+
+
+def test_the_gyro_is_integrated_however_often_it_comes():
+    seen = []
+    for often in (True, False):
+        live = LiveSlam(
+            ODOMETRY,
+            warm_up=False,
+        )
+        live._slam.update = lambda scan: seen.append(scan.yaw) or Pose2(0.0, 0.0, 0.0)
+        scan = scan_at((0.0, 0.0, 0.0))
+        for k in range(5):
+            if often:
+                for j in range(10):
+                    live.push_yaw_rate(0.1 * (k - 1) + 0.01 * j + 0.005, 0.5)
+            rate = None if often else 0.5
+            live.push(0.1 * k, scan.ranges, *fan(scan.laser), yaw_rate=rate)
+        live.push(5.0, scan.ranges, *fan(scan.laser))
+        live.push_yaw_rate(5.0, math.nan)
+    assert np.diff(seen[:5]) == pytest.approx([0.05] * 4)
+    assert np.diff(seen[6:11]) == pytest.approx([0.05] * 4)
+    assert seen[5] is None
+    assert seen[11] is None
+
+
+def test_losing_the_place_is_told(log):
+    live = LiveSlam("hector", warm_up=False)
+    for scan in log:
+        assert not push(live, scan).lost
+    elsewhere = ROOM * 0.37 + np.array([0.4, 0.7, 0.4, 0.7])
+    for k in range(5):
+        strange = scan_at((0.0, 0.0, 1.0), segments=elsewhere, t=10.0 + k)
+        estimate = live.push(strange.t, strange.ranges, *fan(strange.laser))
+        assert estimate.lost
+        assert estimate.used
+    assert estimate.seconds_lost == pytest.approx(14.0 - scan.t)
+    back = live.push(20.0, scan.ranges, *fan(scan.laser))
+    assert (back.lost, back.seconds_lost) == (False, 0.0)
+
+
+def test_reset_starts_a_new_map(log):
+    live = LiveSlam("hector", warm_up=False)
+    first = [push(live, scan).pose for scan in log.select(5)]
+    live.reset()
+    assert live.last is None
+    assert [push(live, scan).pose for scan in log.select(5)] == first
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"ranges": []}, r"ranges: got shape \(0,\)"),
+        ({"ranges": [[1.0]]}, r"ranges: got shape \(1, 1\)"),
+        ({"range_max": 0.0}, "not the geometry of a laser"),
+        ({"angle_min": math.nan}, "not the geometry of a laser"),
+        ({"stamp": math.inf}, "stamps that are not finite"),
+    ],
+)
+def test_what_is_no_scan_is_refused_in_one_sentence(change, sentence):
+    live = LiveSlam(ODOMETRY, warm_up=False)
+    scan = {"stamp": 0.0, "ranges": [1.0], "angle_min": 0.0, "angle_increment": 0.1}
+    with pytest.raises(ValueError, match=sentence):
+        live.push(**{**scan, "range_min": 0.1, "range_max": 9.0, **change})
+    assert live.report()["scans"] == 0
+
+
+def test_bad_odometry_is_none():
+    live = LiveSlam(ODOMETRY, warm_up=False)
+    scan = scan_at((0.0, 0.0, 0.0))
+    for t, odometry in (
+        (0.0, (0.0, 0.0, 0.0)),
+        (1.0, (math.nan, 0.0, 0.0)),
+        (2.0, [1.0, 0.0, 0.0]),
+    ):
+        estimate = live.push(t, scan.ranges, *fan(scan.laser), odometry=odometry)
+        assert (estimate.map_to_odom is None) == (t == 1.0)
+    assert estimate.pose == Pose2(1.0, 0.0, 0.0)
+    assert live.report()["bad_odometry"] == 1
+
+
+def test_messages_of_ros_1_and_2():
+    live = LiveSlam(ODOMETRY, warm_up=False)
+    scan = scan_at((0.0, 0.0, 0.0))
+    fields = dict(
+        zip(
+            ("angle_min", "angle_increment", "range_min", "range_max"), fan(scan.laser), strict=True
+        )
+    )
+    for stamp in (SimpleNamespace(sec=1, nanosec=5 * 10**8), SimpleNamespace(secs=2, nsecs=10**8)):
+        header = SimpleNamespace(stamp=stamp)
+        message = SimpleNamespace(header=header, ranges=scan.ranges, time_increment=0.0, **fields)
+        estimate = live.push_message(message, yaw_rate=0.1)
+        assert estimate.t == pytest.approx(seconds(stamp))
+    assert estimate.t == pytest.approx(2.1)
+
+
+def test_threads_take_turns(log):
+    live = LiveSlam("hector", warm_up=False)
+    maps, errors = [], []
+
+    def _draw():
+        try:
+            maps.extend(live.map().p.shape for _ in range(20))
+        except Exception as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=_draw)
+    thread.start()
+    poses = [push(live, scan).pose for scan in log]
+    thread.join()
+    alone = LiveSlam("hector", warm_up=False)
+    assert poses == [push(alone, scan).pose for scan in log]
+    assert (len(maps), errors) == (20, [])
+
+
+def test_mount_sensor_and_parameters_reach_the_algorithm():
+    live = LiveSlam("hector", sensor="lds01", mount=Pose2(0.1, 0.0, 0.2), warm_up=False, levels=2)
+    assert live.params == find("hector").params().for_sensor("lds01").replace(levels=2)
+    scan = scan_at((0.0, 0.0, 0.0))
+    live.push(0.0, scan.ranges, *fan(scan.laser))
+    assert live._laser.mount == Pose2(0.1, 0.0, 0.2)
+    with pytest.raises(LookupError, match="unknown sensor 'lds-01'; did you mean 'lds01'"):
+        LiveSlam("hector", sensor="lds-01")
+    with pytest.raises(LookupError, match="unknown parameter 'level'"):
+        LiveSlam("hector", level=1)
+
+
+COLD = """
+from slams.jit import CompileClock
+from slams.live import LiveSlam
+from tests.rooms import drive, laser
+live = LiveSlam("hector")
+with CompileClock() as clock:
+    for scan in (*drive(n=12), *drive(n=6, rate=5.0, lidar=laser(91, time_increment=5e-4))):
+        lidar = scan.laser
+        live.push(scan.t + 9.0 * (lidar.n_beams == 91), scan.ranges, lidar.angle_min,
+                  lidar.angle_increment, 0.1, 30.0, time_increment=lidar.time_increment,
+                  odometry=scan.odometry, yaw_rate=0.1)
+    live.map()
+assert live.report()["lasers"] == 2
+print(clock.seconds)
+"""
+
+
+def test_nothing_is_compiled_after_the_constructor(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", COLD],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) == 0.0

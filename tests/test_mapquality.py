@@ -1,0 +1,374 @@
+"""Map quality against closed forms, a naive twin and worlds seen from known places."""
+
+import dataclasses
+import json
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bench.mapquality import _looked_at, compare, map_frame, truth_map
+from bench.setting import Setting
+from bench.simulation import simulate, world_of
+from bench.world import World
+from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
+
+CELL = 0.05
+SIDE = 60  # cells of the room's inner side
+MEASURES = (
+    "iou",
+    "adnn_to_truth",
+    "adnn_from_truth",
+    "hausdorff",
+    "hausdorff_95",
+    "ssim",
+    "ssim_walls",
+    "wall_thickness",
+    "true_wall_thickness",
+    "coverage",
+)
+
+
+def room(thickness=1):
+    """A square room with walls as thick as that, nothing known beyond."""
+    p = np.full((SIDE + 10, SIDE + 10), np.nan, np.float32)
+    p[5 - thickness : SIDE + 5 + thickness, 5 - thickness : SIDE + 5 + thickness] = 1.0
+    p[5:-5, 5:-5] = 0.0
+    return OccupancyGrid(p, CELL, (-1.0, -2.0))
+
+
+def moved(grid, dx=0.0, dy=0.0):
+    x, y = grid.origin
+    return OccupancyGrid(grid.p, grid.resolution, (x + dx, y + dy))
+
+
+def values(quality):
+    return {name: getattr(quality, name).value for name in MEASURES}
+
+
+def test_equal_maps_are_perfect():
+    found = compare(room(), room(), IDENTITY)
+    walls = 4 * SIDE + 4
+    assert values(found) == pytest.approx(
+        {
+            "iou": 1.0,
+            "adnn_to_truth": 0.0,
+            "adnn_from_truth": 0.0,
+            "hausdorff": 0.0,
+            "hausdorff_95": 0.0,
+            "ssim": 1.0,
+            "ssim_walls": 1.0,
+            "wall_thickness": found.true_wall_thickness.value,
+            "true_wall_thickness": found.wall_thickness.value,
+            "coverage": 1.0,
+        }
+    )
+    assert all(getattr(found, name).meaningful for name in MEASURES)
+    assert found.iou.support == found.adnn_to_truth.support == walls
+    assert found.ssim.support == found.coverage.support == (SIDE + 2) ** 2
+    assert found.hausdorff.support == 2 * walls
+    assert found.alignment == "true pose of the first scan" and found.resolution == CELL
+
+
+def test_the_frame_is_taken_out():
+    """The same room, with a block off its middle, in a frame moved and turned by 90 degrees."""
+    truth = room()
+    truth.p[20:30, 40:45] = 1.0
+    x, y = truth.origin
+    shifted = OccupancyGrid(truth.p, CELL, (x - 0.3, y + 0.7))
+    assert compare(shifted, truth, Pose2(0.3, -0.7, 0.0)).iou.value == 1.0
+    # x of the map looks along the world's y, y against the world's x
+    turned = np.ascontiguousarray(truth.p.T[::-1])
+    grid = OccupancyGrid(turned, CELL, (y - 2.0, 1.0 - (x + 70 * CELL)))
+    found = compare(grid, truth, Pose2(1.0, 2.0, 0.5 * math.pi))
+    assert found.iou.value == found.coverage.value == 1.0
+    assert found.hausdorff.value == pytest.approx(0.0, abs=1e-12)
+    assert compare(grid, truth, Pose2(1.0, 2.0, -0.5 * math.pi)).hausdorff.value > 0.2
+
+
+def test_a_map_shifted_by_one_cell():
+    """Two walls still lie on themselves, two beside."""
+    found = compare(moved(room(), dx=CELL), room(), IDENTITY)
+    side = SIDE + 2
+    shared = 2 * (side - 1)
+    known = side * (side - 1)
+    # of each map's upright walls one lies outside what the other knows
+    here, there = shared + side - 2, shared + side - 2
+    assert found.iou.value == pytest.approx(shared / (here + there - shared))
+    assert found.coverage.value == pytest.approx(known / side**2)
+    # upright walls are one cell off, but for the corners of one on the other map's level walls
+    assert found.adnn_to_truth.value == pytest.approx(CELL * (2 * side - 2) / (4 * SIDE + 4))
+    assert found.adnn_from_truth.value == pytest.approx(found.adnn_to_truth.value)
+    assert found.hausdorff.value == found.hausdorff_95.value == pytest.approx(CELL)
+    assert 0.0 < found.ssim_walls.value < found.ssim.value < 0.95
+
+
+def test_thick_walls():
+    """Walls of 1 to 4 cells, of which the innermost is true."""
+    for k in (1, 2, 3, 4):
+        found = compare(room(k), room(), IDENTITY)
+        assert found.wall_thickness.value == pytest.approx(k * CELL, rel=0.06)
+        assert found.true_wall_thickness.value == pytest.approx(CELL, rel=0.06)
+        assert found.adnn_from_truth.value == 0.0
+        assert found.iou.value == 1.0  # what the truth does not know is not judged
+        here, true = (np.argwhere(grid.p == 1.0) for grid in (room(k), room()))
+        off = np.hypot(*(here[:, None] - true[None]).T).min(axis=0)
+        assert found.adnn_to_truth.value == pytest.approx(CELL * off.mean())
+        assert found.hausdorff_95.value == pytest.approx(CELL * np.quantile(off, 0.95))
+
+
+def test_thickness_of_a_long_wall_in_closed_form():
+    for k, length in ((1, 150), (2, 150), (3, 400)):
+        p = np.zeros((40, length + 20), np.float32)
+        p[10 : 10 + k, 10 : 10 + length] = 1.0
+        found = compare(OccupancyGrid(p, CELL, (0.0, 0.0)), room(), IDENTITY).wall_thickness
+        half = (length + k + math.sqrt(2.0) * (length + k - 1)) / (1.0 + math.sqrt(2.0))
+        assert found.value == pytest.approx(CELL * k * length / half)
+        assert found.support == k * length and found.meaningful
+
+
+def test_thickness_does_not_depend_on_the_wall_s_direction():
+    y, x = np.mgrid[0:600, 0:600] * 0.02
+    for degrees in (0.0, 22.5, 45.0, 80.0):
+        angle = math.radians(degrees)
+        across = np.abs((y - 6.0) * math.cos(angle) - (x - 6.0) * math.sin(angle))
+        grid = OccupancyGrid((across < 0.15).astype(np.float32), 0.02, (0.0, 0.0))
+        assert compare(grid, room(), IDENTITY).wall_thickness.value == pytest.approx(0.3, rel=0.1)
+
+
+def test_half_a_map():
+    half = room()
+    half = OccupancyGrid(np.where(np.arange(SIDE + 10) < 35, half.p, np.nan), CELL, half.origin)
+    found = compare(half, room(), IDENTITY)
+    assert found.coverage.value == pytest.approx(0.5)
+    assert found.iou.value == 1.0 and found.adnn_to_truth.value == 0.0
+    missing = np.arange(1, 32)
+    level, upright = 2.0 * missing.sum(), (SIDE + 2 - 2) * 31.0
+    # the far wall's inner cells are nearest to the ends of the level ones or to the near wall
+    inner = np.minimum(np.arange(1, SIDE + 1), np.arange(SIDE, 0, -1))
+    far = np.minimum(np.hypot(31.0, inner), 61.0).sum()
+    assert upright < far
+    walls = 4 * SIDE + 4
+    assert found.adnn_from_truth.value == pytest.approx(CELL * (level + far) / walls)
+    assert found.hausdorff.value == pytest.approx(CELL * math.hypot(31.0, 30.0))
+
+
+def test_unknown_is_never_free():
+    """A map of walls alone knows no free cell: nothing is gained by it."""
+    walls = room()
+    walls = OccupancyGrid(np.where(walls.p == 0.0, np.nan, walls.p), CELL, walls.origin)
+    found = compare(walls, room(), IDENTITY)
+    assert found.coverage.value == pytest.approx((4 * SIDE + 4) / (SIDE + 2) ** 2)
+    assert not found.iou.meaningful and "the map knows only 6 %" in found.iou.reason
+    half_sure = OccupancyGrid(np.where(np.isnan(walls.p), 0.5, walls.p), CELL, walls.origin)
+    assert compare(half_sure, room(), IDENTITY).coverage.value == found.coverage.value
+
+
+def test_one_wrong_cell_decides_hausdorff_but_not_its_95th_percentile():
+    wrong = room()
+    wrong.p[35, 35] = 1.0
+    found = compare(wrong, room(), IDENTITY)
+    assert found.hausdorff.value == pytest.approx(30 * CELL)
+    assert found.hausdorff_95.value == 0.0
+    around = 11 * 11  # what its window holds
+    assert found.ssim_walls.support == compare(room(), room(), IDENTITY).ssim_walls.support + around
+    assert found.iou.value == pytest.approx((4 * SIDE + 4) / (4 * SIDE + 5))
+
+
+def test_maps_of_other_resolutions():
+    """The same walls in cells of half the size, and of twice."""
+    truth = room()
+    fine = OccupancyGrid(truth.p.repeat(2, axis=0).repeat(2, axis=1), CELL / 2, truth.origin)
+    found = compare(fine, truth, IDENTITY)
+    assert found.iou.value == found.coverage.value == 1.0
+    assert found.coverage.support == 4 * (SIDE + 2) ** 2
+    off = CELL / 4 * math.sqrt(2.0)
+    assert found.adnn_to_truth.value == pytest.approx(off)
+    assert found.adnn_from_truth.value == pytest.approx(off)
+    back = compare(truth, fine, IDENTITY)
+    assert back.iou.value == back.coverage.value == 1.0
+    assert back.hausdorff.value == pytest.approx(off)
+
+
+@pytest.mark.parametrize("parts", [2, 5])
+def test_true_walls_thinner_than_a_cell_still_fill_it(parts):
+    truth, n = room(), parts * (SIDE + 10)
+    thin = np.full((n, n), np.nan, np.float32)
+    first, last = 5 * parts - 1, n - 5 * parts
+    thin[first : last + 1, first : last + 1] = 1.0
+    thin[first + 1 : last, first + 1 : last] = 0.0
+    found = compare(truth, OccupancyGrid(thin, CELL / parts, truth.origin), IDENTITY)
+    assert found.iou.value == 1.0 and found.iou.support == 4 * SIDE + 4
+
+
+def naive_similarity(a, b, known):
+    """[Wang04] at each known cell, by loops."""
+    offsets = np.arange(-5, 6)
+    window = np.exp(-(offsets[:, None] ** 2 + offsets**2) / (2.0 * 1.5**2))
+    out = []
+    for iy, ix in np.argwhere(known):
+        weights, xs, ys = [], [], []
+        for dy in offsets:
+            for dx in offsets:
+                place = iy + dy, ix + dx
+                inside = 0 <= place[0] < a.shape[0] and 0 <= place[1] < a.shape[1]
+                if inside and known[place]:
+                    weights.append(window[dy + 5, dx + 5])
+                    xs.append(float(a[place]))
+                    ys.append(float(b[place]))
+        w, x, y = np.array(weights) / sum(weights), np.array(xs), np.array(ys)
+        mx, my = w @ x, w @ y
+        vx, vy, cov = w @ (x - mx) ** 2, w @ (y - my) ** 2, w @ ((x - mx) * (y - my))
+        out.append(
+            (2 * mx * my + 1e-4) * (2 * cov + 9e-4) / ((mx**2 + my**2 + 1e-4) * (vx + vy + 9e-4))
+        )
+    return np.array(out)
+
+
+def test_similarity_against_its_naive_twin():
+    rng = np.random.default_rng(0)
+    a, b = (np.where(rng.random((36, 40)) < 0.3, 1.0, 0.0).astype(np.float32) for _ in range(2))
+    a[rng.random(a.shape) < 0.2] = np.nan
+    b[:6] = np.nan
+    found = compare(OccupancyGrid(a, 0.1, (0, 0)), OccupancyGrid(b, 0.1, (0, 0)), IDENTITY)
+    known = ~np.isnan(a) & ~np.isnan(b)
+    expected = naive_similarity(a > 0.5, b > 0.5, known)
+    assert found.ssim.value == pytest.approx(expected.mean(), rel=1e-9)
+    assert found.ssim.support == known.sum() and not found.ssim.meaningful
+
+
+def test_similarity_of_black_and_white():
+    """No structure at all: C1 / (1 + C1)."""
+    black = OccupancyGrid(np.ones((40, 40), np.float32), CELL, (0.0, 0.0))
+    white = OccupancyGrid(np.zeros((40, 40), np.float32), CELL, (0.0, 0.0))
+    assert compare(black, white, IDENTITY).ssim.value == pytest.approx(1e-4 / (1.0 + 1e-4))
+
+
+def test_what_cannot_be_judged_says_why():
+    nothing = OccupancyGrid(np.full((30, 30), np.nan, np.float32), CELL, (0.0, 0.0))
+    for found in (compare(nothing, room(), IDENTITY), compare(nothing, nothing, IDENTITY)):
+        assert not any(
+            getattr(found, name).meaningful
+            for name in MEASURES
+            if name not in ("coverage", "true_wall_thickness")
+        )
+    found = compare(nothing, room(), IDENTITY)
+    assert found.coverage.value == 0.0 and found.coverage.meaningful
+    assert found.iou.reason == "the map has only 0 occupied cells"
+    assert math.isnan(found.adnn_to_truth.value)
+    unseen = compare(room(), nothing, IDENTITY)
+    assert unseen.iou.reason == "only 0 cells of true walls could be seen"
+    assert not unseen.coverage.meaningful
+    elsewhere = compare(moved(room(), 100.0), room(), IDENTITY)
+    assert elsewhere.iou.reason == "the map knows only 0 % of what could be seen"
+    plain = json.loads(json.dumps(found.as_dict(), allow_nan=False))
+    assert plain["alignment"] == found.alignment and plain["resolution"] == CELL
+    assert plain["adnn_to_truth"] == {
+        "value": None,
+        "support": 0,
+        "meaningful": False,
+        "reason": "the map has only 0 occupied cells",
+    }
+
+
+@cache
+def log_of(**changes):
+    return simulate(dataclasses.replace(Setting(size=8.0, duration=20.0, noise=0.0), **changes))
+
+
+def test_the_true_map_is_what_could_be_seen():
+    log = log_of()
+    world, truth = world_of(log), truth_map(log)
+    assert truth.p.shape == world.occupied.shape and truth.origin == world.origin
+    free, walls, unknown = truth.p == 0.0, truth.p == 1.0, np.isnan(truth.p)
+    assert not (free & ~world.free).any() and not (walls & ~world.occupied).any()
+    assert (world.free & unknown).any() and (world.occupied & unknown).any()
+    beside = np.pad(free, 1)
+    beside = beside[:-2, 1:-1] | beside[2:, 1:-1] | beside[1:-1, :-2] | beside[1:-1, 2:]
+    assert not (walls & ~beside).any()
+    poses = log.truth_at(log.t)[::20]
+    rays = np.concatenate([poses + np.array([0.0, 0.0, a]) for a in log.laser.angles[::8]])
+    r = world.cast(rays)
+    direction = np.stack([np.cos(rays[:, 2]), np.sin(rays[:, 2])], axis=1)
+    hits = world.cells_of(rays[:, :2] + (r + 1e-6)[:, None] * direction)
+    assert walls[hits].mean() > 0.995
+    for share in (0.1, 0.5, 0.9):
+        assert free[world.cells_of(rays[:, :2] + (share * r)[:, None] * direction)].mean() > 0.995
+
+
+def test_an_open_place_is_seen_as_a_disc():
+    nothing = np.zeros((200, 240), bool)
+    world = World(nothing, nothing, 0.02, (-2.0, -1.5))
+    laser = Laser(-math.pi, math.pi / 180, 360, 0.1, 1.2)
+    seen = _looked_at(world, laser, np.array([[0.3, 0.4, 0.2]]))
+    iy, ix = np.nonzero(seen)
+    assert 0.02 * (ix.mean() + 0.5) - 2.0 == pytest.approx(0.3, abs=0.002)
+    assert 0.02 * (iy.mean() + 0.5) - 1.5 == pytest.approx(0.4, abs=0.002)
+    assert 0.02**2 * seen.sum() == pytest.approx(math.pi * 1.2**2, rel=0.03)
+
+
+def test_nothing_behind_walls_is_seen():
+    """Each free cell known has a straight sight to one of the poses, but for their rims."""
+    log = log_of()
+    world, truth = world_of(log), truth_map(log, most=10)
+    poses = log.truth_at(log.t)[:: math.ceil(len(log) / 10)]
+    rng = np.random.default_rng(1)
+    cells = rng.permutation(np.argwhere(truth.p == 0.0))[:1500]
+    centers = (cells[:, ::-1] + 0.5) * world.resolution + np.array(world.origin)
+    gap = centers[:, None] - poses[None, :, :2]
+    distance, direction = np.hypot(*gap.T).T, np.arctan2(gap[..., 1], gap[..., 0])
+    rays = np.stack([*np.broadcast_arrays(poses[:, 0], poses[:, 1], direction)], axis=-1).reshape(
+        -1, 3
+    )
+    sight = world.cast(rays).reshape(distance.shape) > distance - 2.0 * world.resolution
+    assert sight.any(axis=1).mean() > 0.99
+
+
+def test_the_true_map_knows_the_laser_s_limits_and_its_sweep():
+    near = truth_map(log_of(sensor="lds01"))
+    far = truth_map(log_of(sensor="rplidar-a1"))
+    assert np.isfinite(near.p).sum() < np.isfinite(far.p).sum()
+    swept = truth_map(log_of(sensor="rplidar-a1", sweep=True))
+    assert (np.isfinite(swept.p) == np.isfinite(far.p)).mean() > 0.98
+
+
+def test_no_true_map_of_a_real_log():
+    log = log_of()
+    assert truth_map(dataclasses.replace(log, meta={})) is None
+    assert truth_map(dataclasses.replace(log, truth=None)) is None
+
+
+def test_a_map_of_exact_ranges_at_true_poses_is_nearly_perfect():
+    """Hits and their sights in cells of 0.05 m, in the frame of the first scan."""
+    log = log_of()
+    truth, poses = truth_map(log), log.truth_at(log.t)
+    frame = map_frame(poses, poses)
+    p = np.full((320, 320), np.nan, np.float32)
+    for scan, pose in list(zip(log, poses, strict=True))[::20]:
+        hits = np.isfinite(scan.ranges)
+        at = frame.inverse() @ Pose2(*pose)
+        r = scan.ranges[hits, None].astype(float)
+        for share, value in ((0.2, 0), (0.5, 0), (0.8, 0), (0.9, 0), (1.0, 1)):
+            reach = share * r + (0.005 if value else 0.0)
+            points = at.transform(reach * scan.laser.directions[hits])
+            ix, iy = np.floor((points + 8.0) / CELL).astype(int).T
+            p[iy, ix] = value if value else np.where(p[iy, ix] == 1.0, 1.0, 0.0)
+    found = compare(OccupancyGrid(p, CELL, (-8.0, -8.0)), truth, frame)
+    assert found.adnn_to_truth.value < 0.03 and found.adnn_from_truth.value < 0.03
+    assert found.hausdorff_95.value < 0.06
+    assert found.iou.value > 0.6 and found.iou.meaningful
+    assert found.wall_thickness.value < 1.3 * found.true_wall_thickness.value
+
+
+def test_map_frame():
+    truth = np.array([[1.0, 2.0, 0.5], [2.0, 2.5, 0.6], [2.5, 3.5, 1.0]])
+    first = Pose2(*truth[0])
+    estimate = np.array([first.between(Pose2(*pose)) for pose in truth])
+    assert map_frame(estimate, truth) == first
+    assert map_frame(estimate, truth, by_trajectory=True) == pytest.approx(first)
+    late = truth.copy()
+    late[0] = np.nan
+    assert map_frame(estimate, late) is None
+    assert map_frame(estimate, late, by_trajectory=True) == pytest.approx(first)
+    assert map_frame(estimate[:1], late[:1], by_trajectory=True) is None

@@ -1,0 +1,175 @@
+"""The code blocks of the README run."""
+
+import math
+import re
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+from slams import check
+from slams.registry import Entry, find
+from tests.rooms import drive
+
+README = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
+
+
+def block(word):
+    return next(b for b in re.findall(r"```python\n(.*?)```", README, re.S) if word in b)
+
+
+def write_bag(path, log):
+    """A ROS 1 bag of the log's scans, by the bag library alone."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types, lidar = store.types, log.laser
+    with Writer(path) as writer:
+        scans = writer.add_connection("/scan", "sensor_msgs/msg/LaserScan", typestore=store)
+        for t, ranges in zip(log.t + 1.0, log.ranges, strict=True):
+            stamp = types["builtin_interfaces/msg/Time"](int(t), round(t % 1 * 1e9))
+            header = types["std_msgs/msg/Header"](0, stamp, "laser")
+            message = types["sensor_msgs/msg/LaserScan"](
+                header,
+                lidar.angle_min,
+                lidar.angle_min + lidar.angle_increment * (lidar.n_beams - 1),
+                lidar.angle_increment,
+                0.0,
+                0.05,
+                lidar.range_min,
+                lidar.range_max,
+                ranges,
+                np.zeros(0, np.float32),
+            )
+            raw = store.serialize_ros1(message, message.__msgtype__)
+            writer.write(scans, round(t * 1e9), raw)
+
+
+def test_from_a_bag_to_a_map_in_ten_lines(tmp_path, monkeypatch):
+    code = block("slams.load")
+    assert len([line for line in code.splitlines() if line.strip()]) <= 10
+    write_bag(tmp_path / "drive.bag", drive(n=20))
+    monkeypatch.chdir(tmp_path)
+    exec(code, scope := {})
+    assert math.hypot(*np.subtract(scope["pose"], drive(n=20).truth.values[-1])[:2]) < 0.01
+    assert (tmp_path / "map.pgm").stat().st_size > 1000
+    assert (tmp_path / "map.yaml").exists()
+
+
+def test_the_example_of_live_slam_works():
+    exec(block("live.push("), scope := {})
+    assert scope["estimate"].used
+    assert not scope["estimate"].lost
+    assert np.allclose(scope["estimate"].pose, 0.0, atol=1e-3)
+    assert np.isfinite(scope["grid"].p).any()
+
+
+class Message(SimpleNamespace):
+    """A message: any field can be set, at any depth."""
+
+    def __getattr__(self, name):
+        value = Message()
+        setattr(self, name, value)
+        return value
+
+
+@pytest.fixture
+def ros(monkeypatch):
+    """Stand-ins for rclpy and its messages that keep what a node does."""
+
+    class Node:
+        def __init__(self, name):
+            self.subscriptions, self.published = {}, []
+
+        def create_publisher(self, kind, topic, qos):
+            return SimpleNamespace(publish=self.published.append)
+
+        def create_subscription(self, kind, topic, callback, qos):
+            self.subscriptions[topic] = callback
+
+        def create_timer(self, seconds, callback):
+            self.timer = callback
+
+        def get_clock(self):
+            return SimpleNamespace(now=lambda: SimpleNamespace(to_msg=lambda: 0))
+
+    class Buffer:
+        pose = (3.0, -2.0, 0.5)
+
+        def lookup_transform(self, target, source, stamp):
+            x, y, theta = self.pose
+            rotation = SimpleNamespace(z=math.sin(theta / 2), w=math.cos(theta / 2))
+            translation = SimpleNamespace(x=x, y=y)
+            return SimpleNamespace(
+                transform=SimpleNamespace(translation=translation, rotation=rotation)
+            )
+
+    sent = []
+    modules = {
+        "rclpy": {"init": lambda: None, "spin": lambda node: None},
+        "rclpy.node": {"Node": Node},
+        "rclpy.qos": {
+            "DurabilityPolicy": SimpleNamespace(TRANSIENT_LOCAL=1),
+            "QoSProfile": lambda **_: None,
+            "qos_profile_sensor_data": None,
+        },
+        "geometry_msgs.msg": {"TransformStamped": Message},
+        "nav_msgs.msg": {"OccupancyGrid": Message},
+        "sensor_msgs.msg": {"LaserScan": Message},
+        "tf2_ros": {
+            "Buffer": Buffer,
+            "TransformListener": lambda buffer, node: None,
+            "TransformBroadcaster": lambda node: SimpleNamespace(sendTransform=sent.append),
+            "TransformException": KeyError,
+        },
+    }
+    for package in ("geometry_msgs", "nav_msgs", "sensor_msgs"):
+        monkeypatch.setitem(sys.modules, package, ModuleType(package))
+    for name, content in modules.items():
+        module = ModuleType(name)
+        vars(module).update(content)
+        monkeypatch.setitem(sys.modules, name, module)
+    return sent
+
+
+def test_the_node_of_the_readme_publishes_the_correction_and_the_map(ros):
+    code = block("class SlamNode")
+    assert len([line for line in code.splitlines() if line.strip()]) <= 65
+    exec(code, scope := {})
+    scope["main"]()
+    node = scope["SlamNode"]()
+    for scan in drive(n=3):
+        stamp = SimpleNamespace(sec=int(scan.t), nanosec=round(scan.t % 1 * 1e9))
+        node.subscriptions["scan"](
+            SimpleNamespace(
+                header=SimpleNamespace(stamp=stamp),
+                ranges=scan.ranges,
+                time_increment=0.0,
+                **{
+                    key: getattr(scan.laser, key)
+                    for key in ("angle_min", "angle_increment", "range_min", "range_max")
+                },
+            )
+        )
+    assert len(ros) == 3
+    assert (ros[0].header.frame_id, ros[0].child_frame_id) == ("map", "odom")
+    theta = 2.0 * math.atan2(ros[0].transform.rotation.z, ros[0].transform.rotation.w)
+    assert theta == pytest.approx(-0.5)
+    node.timer()
+    info, grid = node.published[0].info, node.live.map()
+    assert len(node.published[0].data) == info.height * info.width == grid.p.size
+    assert set(node.published[0].data) <= set(range(-1, 101))
+
+
+def test_the_example_algorithm_keeps_the_contract(tmp_path, monkeypatch):
+    text = (Path(check.__file__).parents[1] / "README.md").read_text()
+    code = next(b for b in re.findall(r"```python\n(.*?)```", text, re.S) if "class Icp" in b)
+    (tmp_path / "mine.py").write_text(code)
+    monkeypatch.syspath_prepend(tmp_path)
+    entry = find("mine:Icp")
+    sys.modules.pop("mine", None)
+    assert isinstance(entry, Entry)
+    assert [check.broken(entry, clause) for clause in check.CHECKS] == [None] * len(check.CHECKS)

@@ -1,0 +1,294 @@
+"""Launch and parameter files of the originals, taken over by their ROS names."""
+
+import math
+import time
+from contextlib import suppress
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from slams import launch, ros_params
+from slams.registry import BASELINES, BUILT_IN, find
+
+ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
+
+HECTOR_LAUNCH = """<?xml version="1.0"?>
+<launch>
+  <arg name="base_frame" default="base_footprint"/>
+  <arg name="map_size" default="2048"/>
+  <arg name="levels" value="2"/>
+  <node pkg="rviz" type="rviz" name="rviz"/>
+  <node pkg="hector_mapping" type="hector_mapping" name="hector_mapping" output="screen">
+    <param name="map_frame" value="map" />
+    <param name="base_frame" value="$(arg base_frame)" />
+    <param name="use_tf_scan_transformation" value="true"/>
+    <param name="use_tf_pose_start_estimate" value="false"/>
+    <param name="map_resolution" value="0.050"/>
+    <param name="map_size" value="$(arg map_size)"/>
+    <param name="map_start_x" value="0.5"/>
+    <param name="map_multi_res_levels" value="$(arg levels)" />
+    <param name="update_factor_free" value="0.4"/>
+    <param name="update_factor_occupied" value="0.9" />
+    <param name="map_update_distance_thresh" value="0.4"/>
+    <param name="map_update_angle_thresh" value="0.06" />
+    <param name="scan_topic" value="scan"/>
+  </node>
+</launch>
+"""
+
+
+def wrote(tmp_path, text, name="slam.launch"):
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+def take(label, *paths):
+    entry = find(label)
+    return ros_params.take(entry.params(), paths, entry.preset)
+
+
+def fates(taken):
+    return {fate.name: fate.fate for fate in taken.fates}
+
+
+def test_the_originals_launch_file_is_the_original_preset(tmp_path):
+    taken = take("hector@original", wrote(tmp_path, HECTOR_LAUNCH))
+    assert taken.params == find("hector@original").params()
+    assert "assumed" not in fates(taken).values()
+
+
+def test_a_launch_file_moves_the_default_by_meaning(tmp_path):
+    taken = take("hector", wrote(tmp_path, HECTOR_LAUNCH))
+    p, default = taken.params, find("hector").params()
+    assert (p.resolution, p.levels, p.insert_distance, p.insert_angle) == (0.05, 2, 0.4, 0.06)
+    assert (p.map_size, p.start) == (default.map_size, default.start)
+    assert fates(taken)["map_size"] == "ignored"
+    assert fates(taken)["base_frame"] == "ignored"
+    text = ros_params.report(taken, "hector")
+    assert "map_multi_res_levels = 2: levels = 2 [1]" in text
+    assert "map_size = 2048: ignored: the map grows as needed" in text
+    assert len(text.splitlines()) == 1 + 13
+
+
+def test_what_a_file_leaves_out_has_the_nodes_default_in_the_original(tmp_path):
+    path = wrote(tmp_path, "laser_max_dist: 10.0\n", "p.yaml")
+    p = take("hector@original", path).params
+    assert (p.max_range, p.resolution, p.levels, p.map_size) == (10.0, 0.025, 3, 1024)
+    assert take("hector", path).params.resolution == 0.05
+    taken = take("tsd@original", wrote(tmp_path, "registration_mode: 3\n", "t.yaml"))
+    assert taken.params.registration == "tsd"
+    assert taken.params.icp_iterations == 25
+    assert fates(taken)["icp_iterations"] == "assumed"
+
+
+def test_units_are_converted(tmp_path):
+    text = """slam_node:
+  ros__parameters:
+    truncation_radius: 3
+    cellsize: 0.04
+    ransac_phi_max: 45.0
+    reg_sin_rot_max: 0.5
+    registration_mode: 1
+"""
+    path = wrote(tmp_path, text, "p.yaml")
+    p = take("tsd@original", path).params
+    assert (p.cell, p.registration) == (0.04, "exp")
+    assert p.truncation == pytest.approx(0.12)
+    assert p.phi_max == pytest.approx(math.pi / 4)
+    assert p.max_rotation == pytest.approx(math.pi / 6)
+    default = take("tsd", path).params
+    assert default.truncation == pytest.approx(0.12)
+    assert default.registration == "direct"
+
+
+TREES = {
+    "flat": "particles: 80\nlinearUpdate: 0.5\n",
+    "below the node": "slam_gmapping:\n  particles: 80\n  linearUpdate: 0.5\n",
+    "another name": "my_slam:\n  particles: 80\n  linearUpdate: 0.5\namcl:\n  min_particles: 5\n",
+    "a path": "/robot/slam_gmapping/particles: 80\n/robot/slam_gmapping/linearUpdate: 0.5\n",
+    "a dump": "robot:\n  slam_gmapping: {particles: 80, linearUpdate: 0.5}\n  amcl: {delta: 9}\n",
+    "ROS 2": "/slam_gmapping:\n  ros__parameters:\n    particles: 80\n    linearUpdate: 0.5\n",
+    "ROS 2, any node": "/**:\n  ros__parameters:\n    particles: 80\n    linearUpdate: 0.5\n",
+    "ROS 2, two nodes": "slam_gmapping:\n  ros__parameters: {particles: 80, linearUpdate: 0.5}\n"
+    "costmap:\n  ros__parameters: {delta: 3.0}\n",
+    "any node, then this one": "/**:\n  ros__parameters: {particles: 5, linearUpdate: 0.5}\n"
+    "slam_gmapping:\n  ros__parameters: {particles: 80}\n",
+    "launch": '<launch><node pkg="gmapping" type="slam_gmapping" name="g">'
+    '<param name="particles" value="80"/><rosparam>linearUpdate: 0.5</rosparam></node></launch>',
+    "launch, parameters outside": '<launch><param name="g/particles" value="80"/>'
+    '<rosparam ns="g">{linearUpdate: 0.5}</rosparam><param name="other/delta" value="9"/>'
+    '<group ns="x"><node pkg="gmapping" type="slam_gmapping" name="g"/></group></launch>',
+    "launch, conditions": '<launch><arg name="many" default="true"/>'
+    '<node pkg="gmapping" exec="slam_gmapping" name="g">'
+    '<param name="particles" value="80" if="$(var many)"/>'
+    '<param name="particles" value="5" unless="$(arg many)"/>'
+    '<rosparam param="linearUpdate">0.5</rosparam></node></launch>',
+}
+
+
+@pytest.mark.parametrize("tree", TREES)
+def test_the_node_is_found_in_every_kind_of_file(tmp_path, tree):
+    p = take("gmapping", wrote(tmp_path, TREES[tree])).params
+    assert (p.n_particles, p.linear_update, p.resolution) == (80, 0.5, 0.05)
+
+
+def test_substitutions(tmp_path, monkeypatch):
+    monkeypatch.setenv("N", "12")
+    node = (
+        '<launch><arg name="d" default="0.1"/><node pkg="gmapping" type="slam_gmapping">{}</node>'
+    )
+    text = node.format(
+        '<param name="particles" value="$(env N)"/><param name="delta" value="$(arg d)"/>'
+        '<param name="linearUpdate" value="$(optenv NOT_THERE 0.7)"/>'
+    )
+    p = take("gmapping", wrote(tmp_path, text + "</launch>")).params
+    assert (p.n_particles, p.resolution, p.linear_update) == (12, 0.1, 0.7)
+    for unknown in ("$(arg n)", "$(eval 3 * 4)"):
+        text = node.format(f'<param name="particles" value="{unknown}"/>') + "</launch>"
+        with pytest.raises(ValueError, match=r"particles = .* leaves it to roslaunch; write the"):
+            take("gmapping", wrote(tmp_path, text))
+
+
+def test_what_another_file_says_is_noted(tmp_path):
+    text = """<launch><include file="$(find a)/b.launch"/>
+<node pkg="gmapping" type="slam_gmapping" name="g"><param name="delta" value="0.1"/>
+<rosparam command="load" file="$(find my)/p.yaml"/></node></launch>"""
+    taken = take("gmapping", wrote(tmp_path, text))
+    assert any("b.launch> is not followed" in note for note in taken.notes)
+    assert any("$(find my)/p.yaml is another file" in note for note in taken.notes)
+    both = take("gmapping", wrote(tmp_path, text), wrote(tmp_path, "delta: 0.2\n", "p.yaml"))
+    assert both.params.resolution == 0.2
+
+
+@pytest.mark.parametrize(
+    ("label", "text", "sentence"),
+    [
+        (
+            "hector",
+            "map_with_known_poses: true",
+            "refused map_with_known_poses: True .there is no mapping",
+        ),
+        ("gmapping", "throttle_scans: 3", "refused throttle_scans: 3 .say --every"),
+        ("tsd", "robot_nbr: 2", "one robot, one laser"),
+        ("kiss", "delta: 1", "Kiss has no original in ROS"),
+        ("gmapping", "particles: many", "gmapping: particles = many: parameter 'n_particles': got"),
+        ("gmapping", "delta: 99", "delta = 99: parameter 'resolution': got 99.0, expected 0.01"),
+        ("tsd@original", "registration_mode: 7", "expected one of 0, 1, 2, 3"),
+        ("tsd@original", "ransac_phi_max: wide", "expected a number"),
+        ("hector", "foo: 1", "no parameter of hector_mapping"),
+        ("hector", "a: {map_size: 1}\nb: {map_size: 2}", "several nodes .a, b.; keep one"),
+        ("tsd", "slam_node: {r1/max_range: 1, r2/max_range: 2}", "two values of one parameter"),
+        ("hector", "- 1", "expected parameters 'name: value', or a launch file"),
+        ("hector", "a: [1", "not a YAML file"),
+        ("hector", "a: 2001-99-99", "not a YAML file"),
+        ("hector", "<launch>", "not a launch file"),
+        ("hector", "<launch><node pkg='amcl'/></launch>", "no node of .*; it starts amcl"),
+        ("hector", "<launch>" + 2 * "<node pkg='hector_mapping'/>" + "</launch>", "2 nodes of"),
+    ],
+)
+def test_bad_files_get_one_clear_sentence(tmp_path, label, text, sentence):
+    with pytest.raises(ValueError, match=sentence) as caught:
+        take(label, wrote(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+def test_files_that_are_none(tmp_path):
+    with pytest.raises(ValueError, match="a Python launch file is a program"):
+        take("hector", wrote(tmp_path, "def f(): 1", "slam.launch.py"))
+    (tmp_path / "b.yaml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ValueError, match="not text"):
+        take("hector", tmp_path / "b.yaml")
+    with pytest.raises(FileNotFoundError):
+        take("hector", tmp_path / "none.yaml")
+
+
+BOMB = """<!DOCTYPE l [<!ENTITY a "aaaaaaaaaa">
+<!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;&b;&b;">]>
+<launch><node pkg="hector_mapping"><param name="map_size" value="&c;"/></node></launch>"""
+ALIASES = "a0: &a0 [1, 1]\n" + "\n".join(
+    f"a{k}: &a{k} {{x: *a{k - 1}, y: *a{k - 1}}}" for k in range(1, 60)
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (BOMB, "no <!DOCTYPE"),
+        (ALIASES, "more values than a parameter file ever has"),
+        ("[" * 5000, "nested too deeply"),
+        ("<launch>" + "<group>" * 5000 + "</group>" * 5000 + "</launch>", "nested too deeply"),
+        ("x" * (2 << 20), "larger than a launch or parameter file"),
+    ],
+    ids=["entities", "aliases", "deep YAML", "deep XML", "large"],
+)
+def test_hostile_files_are_refused_at_once(tmp_path, text, sentence):
+    start = time.process_time()
+    with pytest.raises(ValueError, match=sentence):
+        take("hector", wrote(tmp_path, text))
+    assert time.process_time() - start < 2.0
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    st.integers(0, len(HECTOR_LAUNCH)),
+    st.integers(0, 40),
+    st.text(st.sampled_from('<>/="$()a0&{}[]:\n -*!'), max_size=12),
+    st.sampled_from([HECTOR_LAUNCH, *TREES.values()]),
+)
+def test_a_damaged_file_never_ends_in_anything_but_a_sentence(tmp_path, at, cut, put, text):
+    path = wrote(tmp_path, text[:at] + put + text[at + cut :])
+    for label in ("hector", "gmapping"):
+        with suppress(ValueError):
+            taken = take(label, path)
+            assert len(ros_params.report(taken, label).splitlines()) > 0
+
+
+def test_overruled_and_unknown_names_are_told(tmp_path):
+    path = wrote(tmp_path, "maxUrange: 16.0\nmaxRange: 30.0\nparticels: 3\nodom_frame: o\n")
+    taken = take("gmapping", path)
+    assert taken.params.max_range == 16.0
+    text = ros_params.report(taken, "gmapping")
+    assert "maxRange = 30.0: ignored: maxUrange says it" in text
+    assert (
+        "particels = 3: ignored: not a known parameter of gmapping; did you mean particles?" in text
+    )
+    assert "odom_frame = o: ignored: ROS plumbing" in text
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_every_name_of_the_mapping_is_used_once_and_told_in_the_table(name):
+    cls = find(name).cls.Params
+    ros, fields = cls.ROS, [alias for spec in cls.specs().values() for alias in spec.ros]
+    every = [*fields, *ros.ignored, *ros.refused]
+    assert len(every) == len(set(every))
+    mapped = set(fields)
+    assert set(ros.units) | set(ros.words) | set(ros.original_only) | set(ros.defaults) <= mapped
+    assert "cell" not in ros.units.values() or ros.cell in cls.specs()
+    table = ros_params.mapping_table(name)
+    for alias in every:
+        assert f"\n{table}".count(f"\n| `{alias}`") == 1
+    assert all(line.count("|") == 4 for line in table.splitlines())
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_every_mapped_name_is_taken_by_the_original(tmp_path, name):
+    cls = find(name).cls.Params
+    ros = cls.ROS
+    for alias in [alias for spec in cls.specs().values() for alias in spec.ros]:
+        field = next(field for field, spec in cls.specs().items() if alias in spec.ros)
+        value = ros.defaults.get(alias, getattr(cls.preset("original"), field))
+        word = next((a for a, b in ros.words.get(alias, {}).items() if b == value), None)
+        number = 0.3 if ros.units.get(alias) == "sin" else 1.5 if alias in ros.units else value
+        text = str(word if word is not None else number).lower()
+        if word is None and alias in ros.words:
+            text = next(iter(ros.words[alias]))
+        taken = take(f"{name}@original", wrote(tmp_path, f"{alias}: {text}\n"))
+        assert fates(taken)[alias] == "mapped", alias
+
+
+def test_reading_is_a_library_call(tmp_path):
+    found = launch.read_node(wrote(tmp_path, HECTOR_LAUNCH), ["hector_mapping"], [])
+    assert found.values["map_size"] == 2048
+    assert found.notes == []

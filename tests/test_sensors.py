@@ -1,0 +1,23 @@
+"""Sensor presets: known lasers, known parameters, and worth having."""
+
+import pytest
+
+from bench.sensors import SENSORS
+from slams.params import LASERS
+from slams.registry import BASELINES, BUILT_IN, find
+
+ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
+
+
+def test_the_lasers_are_those_of_the_simulator():
+    assert sorted(LASERS) == sorted(SENSORS)
+
+
+@pytest.mark.parametrize("sensor", LASERS)
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_every_preset_takes_every_sensor(name, sensor):
+    cls = find(name).cls.Params
+    assert set(cls.SENSORS) <= set(LASERS)
+    for preset in cls.presets():
+        changed = cls.preset(preset).for_sensor(sensor)
+        assert changed.as_dict() == cls.preset(preset).as_dict() | cls.SENSORS.get(sensor, {})

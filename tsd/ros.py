@@ -1,0 +1,74 @@
+"""What the parameters of ohm_tsd_slam mean here; the mapped names stand at the fields."""
+
+from slams.params import RosNames
+
+DIRECT = "the default has no ICP and no RANSAC"
+UNUSED = "read but not used by ohm_tsd_slam either"
+
+ROS = RosNames(
+    package="ohm_tsd_slam",
+    nodes=("slam_node", "tsd_slam", "tsd_slam_node", "ohm_tsd_slam_node", "slam"),
+    units={
+        "truncation_radius": "cell",
+        "reg_sin_rot_max": "sin",
+        "ransac_phi_max": "deg",
+        "maxAngleDiff": "deg",
+    },
+    words={"registration_mode": {"0": "icp", "1": "exp", "2": "pdf", "3": "tsd"}},
+    original_only={
+        "registration_mode": "the default registers directly to the field",
+        "map_size": "the map grows as needed",
+        "laser_min_range": "the laser's own limit holds",
+        "las_min_range": "the laser's own limit holds",
+        "max_range": "the laser's own limit holds",
+        "low_reflectivity_range": "the default frees nothing without a return",
+        "footprint_width": "the default frees nothing unseen",
+        "footprint_x_offset": "the default frees nothing unseen",
+    }
+    | dict.fromkeys(
+        (
+            *("icp_iterations", "dist_filter_max", "dist_filter_min", "reg_trs_max"),
+            *("reg_sin_rot_max", "trials", "sizeControlSet", "ransac_phi_max", "epsThresh"),
+            *("zrand", "zhit", "zshort", "zmax", "sighit", "lamshort", "maxAngleDiff"),
+            "percentagePointsInC",
+        ),
+        DIRECT,
+    ),
+    ignored={
+        "x_offset": "moves the picture of the map alone",
+        "y_offset": "moves the picture of the map alone",
+        "local_offset_x": "the first pose is the origin",
+        "local_offset_y": "the first pose is the origin",
+        "local_offset_yaw": "the first pose is the origin",
+        "footprint_height": "the freed patch is square",
+        "min_range": "the log's laser has it",
+        "use_object_inflation": "the map's picture is not inflated",
+        "object_inflation_factor": "the map's picture is not inflated",
+    }
+    | dict.fromkeys(
+        (
+            *("x_off_factor", "y_off_factor", "zphi", "rangemax", "sigphi", "maxAnglePenalty"),
+            *("epsTresh", "ransac_trials", "ransac_eps_thresh", "ransac_ctrlset_size"),
+            *("max_velocity_lin", "max_velocity_rot", "ude_odom_rescue", "wait_for_odom_tf"),
+        ),
+        UNUSED,
+    ),
+    refused={"robot_nbr": ("1", "one robot, one laser; a log per robot")},
+    defaults={
+        "registration_mode": 0,
+        "icp_iterations": 25,
+        "dist_filter_max": 1.0,
+        "dist_filter_min": 0.1,
+        "reg_trs_max": 0.25,
+        "reg_sin_rot_max": 0.17,
+        "sizeControlSet": 140,
+        "ransac_phi_max": 30.0,
+        "zrand": 0.25,
+        "zhit": 0.45,
+        "zshort": 0.25,
+        "zmax": 0.05,
+        "sighit": 0.2,
+        "percentagePointsInC": 0.9,
+        "maxAngleDiff": 3.0,
+    },
+)
