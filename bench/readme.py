@@ -52,7 +52,8 @@ def readmes() -> list[Path]:
 def adopt(folder: Path) -> None:
     """Make a folder's results the README's.
 
-    One of bench.ranking, one of bench.compare with relations for the real logs, else the main one.
+    One of bench.ranking, one of bench.compare with relations for its algorithms on a real log, else
+    the main one.
     """
     if (folder / "ranking.json").exists():
         shutil.copyfile(folder / "ranking.json", RANKING)
@@ -66,11 +67,10 @@ def adopt(folder: Path) -> None:
     known = read_results(RELATIONS) if RELATIONS.exists() else {}
     log = found["logs"][0]["name"]
     key = f"{log}, {'with' if found['odometry'] else 'without'} odometry"
-    known[key] = {
-        row["algorithm"]: {"relations": row["relations"], "loss": row["loss"]}
-        for row in found["rows"]
-        if not row["failed"]
-    }
+    runs = known.setdefault(key, {})
+    for row in found["rows"]:
+        if not row["failed"]:
+            runs[row["algorithm"]] = {"relations": row["relations"], "loss": row["loss"]}
     write_results(RELATIONS, dict(sorted(known.items())))
 
 

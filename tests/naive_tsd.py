@@ -63,3 +63,64 @@ def line_of(points):
     """Center and normal of the total least squares line."""
     center = points.mean(axis=0)
     return center, np.linalg.svd(points - center)[2][1]
+
+
+def coarse_score(value, points, layers, x, y, truncation):
+    """How well shifted points agree with a field, read cell by cell; value(layer, x, y) or nan."""
+    total = 0.0
+    for (px, py), layer in zip(points, layers, strict=True):
+        v = value(layer, x + px, y + py)
+        total += 0.0 if math.isnan(v) else max(1.0 - abs(v) / truncation, 0.0)
+    return total
+
+
+def passed(laser, ends, corner, cell, shape):
+    """Cells that the beams from a laser to their ends pass, in steps of a cell."""
+    seen = np.zeros(shape, bool)
+    for end in ends:
+        r = np.hypot(*(end - laser))
+        for step in range(int(r / cell)):
+            x, y = laser + step * cell * (end - laser) / r
+            seen[math.floor((y - corner[1]) / cell), math.floor((x - corner[0]) / cell)] = True
+    return seen
+
+
+def beam_score(closest, angles, points, motion, model):
+    """Product of the beam model's probabilities of moved points; 0 when too few have a partner."""
+    product, near = 1.0, 0
+    for x, y in Pose2(*motion).transform(points):
+        r, a = math.hypot(x, y), math.atan2(y, x)
+        j = min(max(math.floor((a - angles[0]) / angles[1] + 0.5), 0), len(closest) - 1)
+        m = closest[j, 0]
+        near += closest[j, 1] < model.max_angle
+        gauss = math.exp(-0.5 * ((m - r) / model.sigma) ** 2)
+        p = model.hit / math.sqrt(2 * math.pi) / model.sigma * gauss
+        p += model.random / model.range_max
+        if r < m:
+            lam = model.decay
+            p += model.short * lam * math.exp(-lam * r) / (1 - math.exp(-lam * m))
+        product *= p
+    return product if near > model.share * len(points) else 0.0
+
+
+def pushed_cell(lines, x, y, truncation, cap):
+    """Value and weight that lines (x, y, nx, ny, weight) give one cell, one after the other."""
+    value, total = 0.0, 0.0
+    for px, py, nx, ny, weight in lines:
+        sd = nx * (x - px) + ny * (y - py)
+        w = weight * max(min(1.0 + sd / truncation, 1.0), 0.01)
+        value += (sd - value) * w / (total + w)
+        total = min(total + w, cap)
+    return value, total
+
+
+def matched_pairs(model, scene, gate):
+    """For every model point the closest scene point that has it as nearest within the gate."""
+    partner = np.full(len(model), -1)
+    best = np.full(len(model), np.inf)
+    for k, point in enumerate(scene):
+        d = np.hypot(*(model - point).T)
+        m = int(d.argmin())
+        if d[m] <= gate and d[m] < best[m]:
+            partner[m], best[m] = k, d[m]
+    return partner

@@ -86,3 +86,16 @@ def test_a_folder_appears_whole_or_not_at_all(tmp_path):
     assert (out / "mine.txt").read_text() == "kept"
     assert (out / "sub" / "b.json").is_file()
     assert sorted(p.name for p in out.parent.iterdir()) == ["out"]
+
+
+def test_trajectories_packed_by_gzip_read_the_same(tmp_path):
+    import gzip
+
+    poses = np.array([[0.0, 0.0, 0.0], [1.0, -2.0, 3.0]])
+    trajectory.write_csv(tmp_path / "a.csv", np.array([0.5, 1.0]), poses)
+    data = (tmp_path / "a.csv").read_bytes()
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(data))
+    assert np.allclose(trajectory.read_csv(tmp_path / "a.csv.gz")[1], poses)
+    (tmp_path / "cut.csv.gz").write_bytes(gzip.compress(data)[:-12])
+    with pytest.raises(ValueError, match="cut short"):
+        trajectory.read_csv(tmp_path / "cut.csv.gz")

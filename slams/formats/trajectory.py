@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import gzip
+import zlib
 from pathlib import Path
 
 import numpy as np
 
 from slams.types import Floats
+
+GZIP = b"\x1f\x8b"
 
 
 def write_csv(path: str | Path, t: Floats, poses: Floats) -> None:
@@ -79,5 +83,11 @@ def _table(path: str | Path, delimiter: str | None, columns: str, n: int) -> Flo
 
 def _lines(path: str | Path) -> list[str]:
     """All lines but the empty ones and those that begin with # or t: comments and column names."""
-    text = Path(path).read_bytes().decode("latin-1")
+    data = Path(path).read_bytes()
+    if data.startswith(GZIP):
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, zlib.error) as error:
+            raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
+    text = data.decode("latin-1")
     return [line for line in text.split("\n") if line.strip()[:1] not in "#t"]
