@@ -161,6 +161,7 @@ def write_results(
     """Write all files of a run to `folder`, whole or not at all; returns the summary as text."""
     from slams.formats import files, occupancy, trajectory
     from slams.summary import as_json, as_text, summarize
+    from slams.types import Illustrated
 
     summary = summarize(run, log, entry.label, params, start_up_s)
     grid = slam.map()
@@ -170,6 +171,8 @@ def write_results(
         occupancy.write_map(partial, grid)
         occupancy.write_picture(partial / "map.png", grid, run.poses)
         (partial / "summary.json").write_text(as_json(summary), encoding="utf-8")
+        if isinstance(slam, Illustrated):
+            occupancy.write_images(partial, slam.pictures())
         if mcap:
             _write_mcap(partial / "result.mcap", log, run, grid)
     return as_text(summary)

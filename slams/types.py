@@ -168,3 +168,12 @@ class Slam(Protocol):
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far (inserted, rejected, lost, ...)."""
         ...
+
+
+@runtime_checkable
+class Illustrated(Protocol):
+    """An algorithm that has pictures of its own beside the map; the runner writes them."""
+
+    def pictures(self) -> dict[str, NDArray[np.uint8]]:
+        """File name to image (h, w) or (h, w, 3), blue, green, red."""
+        ...

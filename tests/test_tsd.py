@@ -588,6 +588,7 @@ def test_a_surface_is_one_cell_wide_where_it_crosses(layer):
     assert (cells.sum(axis=1) == 1).all() and cells[:, 6].all()
     assert not surface_cells(-image, layer, 0.05).any()  # faces the other way
     assert not surface_cells(3.0 * image, layer, 0.05).any()  # two surfaces, none between
+    assert not surface_cells(0.5 * image, layer, 0.05).any()  # shows in the other axis' layer
 
 
 def test_walls_of_the_map_are_thin_and_nothing_else_is_occupied():
@@ -621,13 +622,63 @@ def test_pictures_show_both_sides_of_the_field():
     assert colored(np.full((2, 2), np.nan, np.float32), 0.1).shape == (1, 1, 3)
 
 
+def test_rays_jump_over_free_space_without_missing_anything():
+    slam = Tsd(TsdParams.preset("original").replace(registration="icp", map_size=6))
+    slam.update(scan_at((0.0, 0.0, 0.0)))
+    slam.update(scan_at((0.3, 0.1, 0.2), t=0.1))
+    registration = slam._registration
+    kernel = registration._grid.kernel
+    assert 0.01 < kernel.near.mean() < 0.5
+    for pose in ((0.3, 0.1, 0.2), (-1.0, 0.5, 2.0), (4.6, 1.1, 1.0), (5.2, 0.0, 0.3)):
+        found = []
+        for near in (kernel.near, np.ones_like(kernel.near)):
+            points, mask = np.zeros((361, 2)), np.zeros(361, np.bool_)
+            cast_rays(
+                kernel._replace(near=near), np.array(pose), registration._sensor, points, mask
+            )
+            found.append((points, mask))
+        assert np.array_equal(found[0][1], found[1][1])
+        assert found[0][0] == pytest.approx(found[1][0], abs=1e-9)
+
+
+def near_by_hand(tsd):
+    n = len(tsd)
+    padded = np.pad(tsd, ((0, 1), (0, 1)), constant_values=np.nan)
+    below = [padded[j : j + n, i : i + n] <= 0.0 for j in (0, 1) for i in (0, 1)]
+    return np.any(below, axis=0).reshape(n // 8, 8, n // 8, 8).any(axis=(1, 3))
+
+
+def test_cells_below_zero_are_near_for_every_interpolation_that_reads_them(pushed):
+    kernel, sensor, pose, ranges, _ = pushed
+    assert np.array_equal(kernel.near, near_by_hand(kernel.tsd))
+    grid, mask = TsdGrid(0.05, 0.15, 256, True), np.ones(541, np.bool_)
+    grid.push(np.array(pose), ranges, mask, sensor)
+    side = len(grid.kernel.tsd)
+    far = np.array([6.0, 6.0, 0.0])
+    grid.push(far, np.full(541, np.inf), np.zeros(541, np.bool_), sensor)
+    grid.push(far, np.full(541, 3.0), mask, sensor)
+    assert len(grid.kernel.tsd) > side
+    below = near_by_hand(grid.kernel.tsd)
+    assert (grid.kernel.near | ~below).all()
+
+
+def test_the_pool_of_tiles_grows(monkeypatch):
+    monkeypatch.setattr("tsd.grid.POOL", 64)
+    slam = default()
+    for scan in drive(n=40, gyro=False):
+        slam.update(scan)
+    kernel = slam._registration._field.kernel
+    assert 64 < kernel.used[0] < len(kernel.tsd)
+
+
 def test_odometry_that_stalls_and_jumps_is_overruled():
     log = drive(n=60, gyro=False)
     truth, slam = log.truth_at(log.t), default()
     held = None
     for i, (p, scan) in enumerate(zip(truth, log, strict=True)):
         held = held if 20 <= i < 40 and held is not None else scan.odometry
-        found = slam.update(Scan(scan.t, scan.ranges, scan.laser, held))
+        jumped = Pose2(1.2, 0.0, 0.0) @ held if i >= 50 else held
+        found = slam.update(Scan(scan.t, scan.ranges, scan.laser, jumped))
         distance, turn = error(Pose2(*truth[0]).between(Pose2(*p)), found)
         assert distance < 0.02 and turn < 0.01, i
     assert slam.report()["rejected"] == 0

@@ -81,7 +81,7 @@ class Direct:
         self._prior[2] = start.turn_deviation**-2
         best = self._align(start.pose)
         information = self._normal_equations[:3].copy()
-        searched = False
+        searched, tried = False, False
         for attempt, enough in (
             (self._from_others, self._as_usual),
             (self._from_near, self._as_usual),
@@ -89,7 +89,7 @@ class Direct:
         ):
             if enough(best):
                 break
-            self._usual = min(self._usual, best.close + GAIN)
+            tried = True
             for match in attempt():
                 if match.worth > best.worth + GAIN:
                     best, searched = match, True
@@ -99,6 +99,8 @@ class Direct:
         p = self._params
         good = best.close > p.min_close * best.known and best.known > p.min_known
         if good:
+            if tried:
+                self._usual = min(self._usual, best.close + GAIN)
             self._learn(best)
         return Fix(best.pose, good, best.close, information, searched)
 
@@ -107,25 +109,11 @@ class Direct:
         count = self._fit(0.0, self._dense)
         if count == 0:
             return
-        base = np.array(pose)
-        place_lines(
-            self._dense,
-            count,
-            self._hits,
-            self._beams,
-            base,
-            self._lines,
-            self._gaps,
-            self._line_of_beam,
-        )
-        laser = np.array(pose @ self._mount)
-        lines, gaps = self._lines[:count], self._gaps[:count]
-        x, y = lines[:, 0], lines[:, 1]
-        low = (min(float(x.min()), float(laser[0])), min(float(y.min()), float(laser[1])))
-        high = (max(float(x.max()), float(laser[0])), max(float(y.max()), float(laser[1])))
+        lines = self._lines[:count]
+        box = place_lines(self._dense, count, self._runs, self._beams, np.array(pose), lines)
+        laser = pose @ self._mount
         for field in (self._field, self._coarse):
-            field.cover((*low, *high), float(gaps.max()))
-            field.push(lines, gaps, self._line_of_beam, self._beams, laser)
+            field.push(lines, box, self._beams.angle_increment, laser.x, laser.y)
 
     def occupancy(self) -> OccupancyGrid:
         """The map for the outside."""
@@ -144,7 +132,6 @@ class Direct:
         self._beams = Beams(
             directions,
             *laser.mount,
-            laser.angle_min,
             laser.angle_increment,
             laser.range_min,
             laser.range_max,
@@ -153,8 +140,7 @@ class Direct:
         self._hits, self._runs = np.zeros((n, 4)), np.zeros((n, 2))
         self._sums = np.zeros((n + 1, 5))
         self._elements, self._dense = np.zeros((n, 6)), np.zeros((n, 6))
-        self._lines, self._gaps = np.zeros((n, 7)), np.zeros(n)
-        self._line_of_beam = np.zeros(n, np.int64)
+        self._lines = np.zeros((n, 7))
 
     def _fit(self, spacing: float, out: Floats) -> int:
         return int(
@@ -190,9 +176,13 @@ class Direct:
 
     def _penalty(self, pose: Pose2) -> float:
         """What a pose must make good for its distance from the prediction."""
-        step = self._start.pose.between(pose)
-        shift = math.hypot(step.x, step.y) / JUMP
-        return 0.5 * (shift * shift + (step.theta / JUMP_TURN) ** 2)
+        start = self._start
+        expected = [start.pose, start.others[-1]] if start.doubtful else [start.pose]
+        steps = [other.between(pose) for other in expected]
+        return min(
+            0.5 * ((step.x**2 + step.y**2) / JUMP**2 + (step.theta / JUMP_TURN) ** 2)
+            for step in steps
+        )
 
     def _plausible(self, match: Match) -> bool:
         """Whether most elements are known and most of those agree."""

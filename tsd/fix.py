@@ -10,12 +10,16 @@ from slams.types import Floats, Pose2
 
 
 class Start(NamedTuple):
-    """Predicted pose of the base, its deviation [m], [rad], and other poses worth a try."""
+    """Predicted pose of the base, its deviation [m], [rad], and other poses worth a try.
+
+    The last of these is where the base is if odometry is wrong; `doubtful` when it may be.
+    """
 
     pose: Pose2
     deviation: float
     turn_deviation: float
     others: tuple[Pose2, ...]
+    doubtful: bool = False
 
 
 class Fix(NamedTuple):

@@ -7,12 +7,18 @@ from numpy.typing import NDArray
 
 from slams.types import Floats, OccupancyGrid
 from tsd import grid_kernels
-from tsd.field_kernels import SIDE, Field, PushRule, carve, list_tiles, update_tiles
+from tsd.field_kernels import PASSED, SIDE, Field, PushRule, carve, list_rows, push_rows
 from tsd.grid_kernels import Grid, Mask, Sensor
-from tsd.surface_kernels import Beams
 
-FREE, OCCUPIED = 0.1, 0.9
+FREE, OCCUPIED = 0.02, 0.98
+CERTAIN = 0.5  # least weight of a cell that shows as a surface
+UNKNOWN = 205.0  # shade of a picture's unknown cells
+STEEP, TWO_CELLS = 0.67, 1.3  # slope of the field across one surface, along its layer's axis
+ROWS = 1 << 14  # of cells one scan can touch
+POOL = 1 << 13  # tiles, doubled when half of them are taken
+BLOCKS = grid_kernels.SIDE // grid_kernels.BLOCK
 Image = NDArray[np.float32]
+Box = tuple[float, float, float, float]
 Picture = tuple[Image, Image, float, tuple[float, float]]
 
 
@@ -26,49 +32,37 @@ class TileField:
     """
 
     def __init__(self, cell: float, truncation: float, max_weight: float) -> None:
-        self.truncation = truncation
+        self._truncation = truncation
         self._max_weight = max_weight
-        self._pushes = 0
+        self._rows = np.zeros((ROWS, 4))
         side = 32
         self.kernel = Field(
             slots=np.full((4, side, side), -1, np.int32),
-            tsd=np.full((1024, SIDE, SIDE), np.nan, np.float32),
-            weight=np.zeros((1024, SIDE, SIDE), np.float32),
+            tsd=np.full((POOL, SIDE, SIDE), np.nan, np.float32),
+            weight=np.zeros((POOL, SIDE, SIDE), np.float32),
             corner=np.full(2, -0.5 * side * SIDE * cell),
             cell=cell,
             used=np.zeros(1, np.int64),
-            stamp=np.zeros((side, side), np.int64),
-            visited=np.zeros(side * side, np.int64),
             seen=np.zeros((side * SIDE, side * SIDE), np.uint8),
         )
 
-    def push(
-        self,
-        lines: Floats,
-        gaps: Floats,
-        line_of_beam: NDArray[np.int64],
-        beams: Beams,
-        laser: Floats,
-    ) -> None:
-        """Enter surface lines (n, 7), seen from the laser's pose (3,), see `field_kernels`."""
-        count = len(lines)
-        self._pushes += 1
-        rule = PushRule(self.truncation, self._max_weight, 2 * self._pushes)
-        listed = list_tiles(self.kernel, lines, count, gaps, rule)
-        while listed < 0:
+    def push(self, lines: Floats, box: Box, gap: float, x: float, y: float) -> None:
+        """Enter lines (n, 7) of `place_lines` within a box, seen from x, y by beams `gap` apart."""
+        self._cover((min(box[0], x), min(box[1], y), max(box[2], x), max(box[3], y)))
+        if self.kernel.used[0] > len(self.kernel.tsd) // 2:
             self._more_tiles()
-            rule = rule._replace(number=rule.number + 1)
-            listed = list_tiles(self.kernel, lines, count, gaps, rule)
-        update_tiles(self.kernel, listed, lines, line_of_beam, beams, laser, rule)
-        gap = abs(beams.angle_increment)
-        carve(self.kernel, lines, count, float(laser[0]), float(laser[1]), gap, rule)
+        rule = PushRule(self._truncation, self._max_weight, gap)
+        n_rows = list_rows(self.kernel, lines, len(lines), rule, self._rows)
+        push_rows(self.kernel, lines, self._rows, n_rows, rule)
+        carve(self.kernel, lines, len(lines), x, y, rule)
 
     def occupancy(self) -> OccupancyGrid:
-        """Occupied where the field crosses zero, free where beams passed, nan elsewhere."""
+        """Occupied where a surface crosses a cell, free where beams passed, nan elsewhere."""
         f = self.kernel
-        p = np.where(f.seen > 0, np.float32(FREE), np.float32(np.nan))
+        p = np.where(f.seen & PASSED, np.float32(FREE), np.float32(np.nan))
         for layer in range(4):
-            p[zero_crossings(self._dense(layer, f.tsd))] = OCCUPIED
+            tsd, weight = self._dense(layer, f.tsd), self._dense(layer, f.weight)
+            p[surface_cells(np.where(weight >= CERTAIN, tsd, np.nan), layer, f.cell)] = OCCUPIED
         return OccupancyGrid(p, f.cell, (float(f.corner[0]), float(f.corner[1])))
 
     def picture(self) -> Picture:
@@ -89,12 +83,12 @@ class TileField:
         image: Image = tiles.transpose(0, 2, 1, 3).reshape(ny * SIDE, nx * SIDE)
         return image
 
-    def cover(self, box: tuple[float, float, float, float], margin: float) -> None:
-        """Grow the table of tiles until it holds a box (x0, y0, x1, y1) [m] with a margin."""
+    def _cover(self, box: Box) -> None:
+        """Grow the table of tiles until it holds a box and what is beside it."""
         f = self.kernel
         size = f.cell * SIDE
-        margin += self.truncation
-        ny, nx = f.stamp.shape
+        margin = 0.5 + 2.0 * self._truncation
+        ny, nx = f.slots.shape[1:]
         x0, y0 = float(f.corner[0]), float(f.corner[1])
         low_x, low_y = box[0] - margin - x0, box[1] - margin - y0
         high_x, high_y = box[2] + margin - x0, box[3] + margin - y0
@@ -108,12 +102,9 @@ class TileField:
         after = np.where(high > shape, high - shape + pad, 0)
         frame = [(int(before[axis]), int(after[axis])) for axis in (1, 0)]
         cells = [(a * SIDE, b * SIDE) for a, b in frame]
-        stamp = np.pad(f.stamp, frame)
         self.kernel = f._replace(
             slots=np.pad(f.slots, [(0, 0), *frame], constant_values=-1),
             corner=f.corner - before * size,
-            stamp=stamp,
-            visited=np.zeros(stamp.size, np.int64),
             seen=np.pad(f.seen, cells),
         )
 
@@ -144,6 +135,7 @@ class TsdGrid:
             weight=np.zeros((cells, cells), np.float32),
             allocated=np.zeros((n, n), np.bool_),
             emptiness=np.zeros((n, n)),
+            near=np.zeros((n * BLOCKS, n * BLOCKS), np.bool_),
             corner=np.full(2, -0.5 * cells * cell),
             cell=cell,
             truncation=max(truncation, 2.0 * cell),
@@ -188,6 +180,7 @@ class TsdGrid:
             weight=np.pad(g.weight, cells),
             allocated=np.pad(g.allocated, frame),
             emptiness=np.pad(g.emptiness, frame),
+            near=np.pad(g.near, [(a * BLOCKS, b * BLOCKS) for a, b in frame]),
             corner=g.corner - before * size,
         )
 
@@ -205,3 +198,39 @@ def zero_crossings(tsd: Image) -> Mask:
         occupied[first] |= crossing & closer
         occupied[second] |= crossing & ~closer
     return occupied
+
+
+def surface_cells(tsd: Image, layer: int, cell: float) -> Mask:
+    """Cells of one layer that hold a surface: the zero between neighbors along the layer's axis.
+
+    The distance must rise towards the side the surface faces, by what one surface makes it
+    rise over a cell [m]: borders between two surfaces do not show.
+    """
+    image = tsd if layer % 2 == 0 else tsd.T
+    a, b = (image[:, :-1], image[:, 1:]) if layer < 2 else (image[:, 1:], image[:, :-1])
+    rise = (b - a) / cell
+    crossing = (a <= 0.0) & (b > 0.0) & (rise > STEEP) & (rise < TWO_CELLS)
+    behind, before = crossing & (-a <= b), crossing & (-a > b)
+    low, high = (behind, before) if layer < 2 else (before, behind)
+    occupied = np.zeros(image.shape, np.bool_)
+    occupied[:, :-1] |= low
+    occupied[:, 1:] |= high
+    return occupied if layer % 2 == 0 else occupied.T
+
+
+def colored(tsd: Image, truncation: float) -> NDArray[np.uint8]:
+    """The field as a picture (ny, nx, 3), blue, green, red, north up.
+
+    Blue before a surface, red behind, the paler the farther; gray where nothing is known.
+    """
+    pale = 255.0 * np.clip(np.abs(tsd) / truncation, 0.0, 1.0)
+    full = np.full_like(pale, 255.0)
+    blue, red = np.where(tsd > 0.0, full, pale), np.where(tsd > 0.0, pale, full)
+    image = np.stack([blue, pale, red], axis=2)
+    known = np.isfinite(tsd)
+    image[~known] = UNKNOWN
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if rows.size == 0:
+        rows = columns = np.zeros(1, np.int64)
+    part = image[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return np.ascontiguousarray(part[::-1].astype(np.uint8))

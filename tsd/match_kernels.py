@@ -23,7 +23,7 @@ class MatchRule(NamedTuple):
     map_noise: float
 
 
-@njit
+@njit(inner=True)
 def accumulate(
     field: Field,
     surfaces: Floats,
@@ -43,15 +43,14 @@ def accumulate(
     known, close, squares = 0.0, 0.0, 0.0
     scale = 1.0 / (robust * robust)
     final_scale = 1.0 / (rule.robust * rule.robust)
-    out_H[:, :] = 0.0
-    out_b[:] = 0.0
+    xx, xy, yy, xt, yt, tt, bx, by, bt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     floor = rule.map_noise * rule.map_noise
     for k in range(count):
         rx = c * surfaces[k, 0] - s * surfaces[k, 1]
         ry = s * surfaces[k, 0] + c * surfaces[k, 1]
         nx = c * surfaces[k, 2] - s * surfaces[k, 3]
         ny = s * surfaces[k, 2] + c * surfaces[k, 3]
-        v, gx, gy = read_field(field, facing(nx, ny), pose[0] + rx, pose[1] + ry)
+        v, _, _ = read_field(field, facing(nx, ny), pose[0] + rx, pose[1] + ry)
         if v != v:
             continue
         w = 1.0 / (1.0 / surfaces[k, 4] + floor)
@@ -60,17 +59,13 @@ def accumulate(
         squares += v * v
         close += 1.0 / (1.0 + v * v * final_scale)
         w *= trust * trust
-        gx, gy = nx, ny
-        gt = gy * rx - gx * ry
-        out_H[0, 0] += w * gx * gx
-        out_H[1, 0] += w * gx * gy
-        out_H[1, 1] += w * gy * gy
-        out_H[2, 0] += w * gx * gt
-        out_H[2, 1] += w * gy * gt
-        out_H[2, 2] += w * gt * gt
-        out_b[0] -= w * gx * v
-        out_b[1] -= w * gy * v
-        out_b[2] -= w * gt * v
+        nt = ny * rx - nx * ry
+        xx, xy, yy = xx + w * nx * nx, xy + w * nx * ny, yy + w * ny * ny
+        xt, yt, tt = xt + w * nx * nt, yt + w * ny * nt, tt + w * nt * nt
+        bx, by, bt = bx - w * nx * v, by - w * ny * v, bt - w * nt * v
+    out_H[0, 0], out_H[1, 0], out_H[1, 1] = xx, xy, yy
+    out_H[2, 0], out_H[2, 1], out_H[2, 2] = xt, yt, tt
+    out_b[0], out_b[1], out_b[2] = bx, by, bt
     return known, close, math.sqrt(squares / max(known, 1.0))
 
 

@@ -61,7 +61,7 @@ class Published:
         n_model = compact(self._model, self._model_mask, self._buckets.points, self._beam_of_model)
         fill_buckets(self._buckets, n_model)
         motion = self._pre_register(pose)
-        move(self._moved, self._n_scene, motion)
+        move(self._moved, self._n_scene, *motion.tolist())
         pairs = icp(
             self._buckets, n_model, self._moved, self._n_scene, self._gate, self._links, motion
         )
@@ -113,7 +113,9 @@ class Published:
         self._scene_phi, self._model_phi = np.zeros(n), np.zeros(n)
         self._closest = np.zeros((n, 2))
         self._beam_of_scene, self._beam_of_model = np.zeros(n, np.int64), np.zeros(n, np.int64)
-        self._links = Links(np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n))
+        self._links = Links(
+            np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), np.zeros((n, 2))
+        )
         self._buckets = Buckets(
             np.zeros((256, 256), np.int32),
             np.zeros(n, np.int64),

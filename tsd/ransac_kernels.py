@@ -66,7 +66,7 @@ def oriented_normals(points: Floats, mask: Mask, out_phi: Floats) -> None:
         out_phi[i] = math.atan2(c, -s) if toward else math.atan2(-c, s)
 
 
-@njit
+@njit(inner=True)
 def score_pdf(
     grid: Grid,
     control: Floats,
@@ -93,7 +93,7 @@ def score_pdf(
     return score
 
 
-@njit
+@njit(inner=True)
 def score_beams(
     model_range: Floats,
     angles: Floats,
@@ -131,7 +131,7 @@ def score_beams(
     return score if near > beam_model.share * n_control else 0.0
 
 
-@njit
+@njit(inner=True)
 def score_normals(
     buckets: Buckets,
     model_phi: Floats,
@@ -151,7 +151,7 @@ def score_normals(
         if theta < frustum[0] or theta > frustum[1]:
             continue
         seen += 1
-        m, d2 = nearest(buckets, x, y, hit_distance, -1)
+        m, d2, _ = nearest(buckets, x, y, hit_distance, -1)
         e = 1.33
         if m >= 0:
             turn = math.cos(model_phi[m] - control[k, 2] - motion[2])
@@ -163,7 +163,7 @@ def score_normals(
     return hits, hits / max(seen, 1), error
 
 
-@njit
+@njit(inner=True)
 def make_hypothesis(
     model: Floats,
     phi_model: float,
@@ -185,6 +185,13 @@ def make_hypothesis(
     out_motion[1] = model[1] - (s * scene[0] + c * scene[1])
     out_motion[2] = turn
     return True
+
+
+@njit(inner=True)
+def keep(motion: Floats, out_motion: Floats) -> None:
+    """Copy (x, y, theta). ours: compiling a slice assignment takes seconds."""
+    for i in range(3):
+        out_motion[i] = motion[i]
 
 
 class Scans(NamedTuple):
@@ -220,7 +227,7 @@ def ransac_tsd(
                 score = score_pdf(grid, control, len(control), motion, pose, z_random, best)
                 if score > best:
                     best = score
-                    out_motion[:] = motion
+                    keep(motion, out_motion)
     return best
 
 
@@ -251,7 +258,7 @@ def ransac_pdf(
                 )
                 if score > best:
                     best = score
-                    out_motion[:] = motion
+                    keep(motion, out_motion)
     return best
 
 
@@ -291,7 +298,7 @@ def ransac_exp(
             similar = ratio < best + 1e-5 and hits == best_hits and error < best_error
             if better or similar:
                 best, best_hits, best_error = ratio, hits, error
-                out_motion[:] = motion
+                keep(motion, out_motion)
     return best
 
 

@@ -20,7 +20,7 @@ class SearchRule(NamedTuple):
     truncation: float
 
 
-@njit
+@njit(inner=True)
 def score_shift(
     field: Field, turned: Floats, count: int, x: float, y: float, rule: SearchRule
 ) -> float:

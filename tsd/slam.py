@@ -22,15 +22,17 @@ import math
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, wrap_angle
 from tsd.direct import Direct
 from tsd.fix import Fix, Start
-from tsd.grid import Picture
+from tsd.grid import Picture, colored
 from tsd.params import TsdParams
 from tsd.published import Published
 
 COUNTS = ("pushed", "odometry", "gyro", "searched", "rejected", "recovered", "empty", "restarted")
+DOUBTFUL = 0.1  # odometry so far from the last motion [m], [rad] has stalled or jumped
 
 
 class Tsd:
@@ -91,6 +93,11 @@ class Tsd:
         """The field itself: distances [m] (ny, nx), weights, edge of a cell, corner (x, y) [m]."""
         return self._registration.picture()
 
+    def pictures(self) -> dict[str, NDArray[np.uint8]]:
+        """File name to image (ny, nx, 3), blue, green, red: the field with both its sides."""
+        tsd = self.field()[0]
+        return {"map_tsd.png": colored(tsd, self.params.truncation)}
+
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
         return {**self._counts, "lost": self._lost}
@@ -118,7 +125,8 @@ class Tsd:
             distance, turn = math.hypot(surprise.x, surprise.y), abs(surprise.theta)
             deviation = 0.5 * p.prior_translation + p.odometry_noise * (distance + 0.1 * turn)
             turn_deviation = 0.5 * p.prior_rotation + p.odometry_noise * turn
-            return Start(self._pose @ step, deviation, turn_deviation, others)
+            doubtful = distance > DOUBTFUL or turn > DOUBTFUL
+            return Start(self._pose @ step, deviation, turn_deviation, others, doubtful)
         step = self._step
         if scan.yaw is not None and last.yaw is not None:
             self._counts["gyro"] += 1

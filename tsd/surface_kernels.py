@@ -16,7 +16,6 @@ class Beams(NamedTuple):
     mount_x: float
     mount_y: float
     mount_theta: float
-    angle_min: float
     angle_increment: float
     range_min: float
     range_max: float
@@ -103,7 +102,7 @@ def sum_moments(hits: Floats, count: int, out_sums: Floats) -> None:
         out_sums[k + 1, 4] = out_sums[k, 4] + y * y
 
 
-@njit(fastmath=FAST)
+@njit(fastmath=FAST, inner=True)
 def fit_line(sums: Floats, a: int, b: int) -> tuple[float, float, float, float, float]:
     """Total least squares line through hits a..b-1: center x, y, normal x, y, variance [m2].
 
@@ -123,7 +122,7 @@ def fit_line(sums: Floats, a: int, b: int) -> tuple[float, float, float, float, 
     return mx, my, -ty, tx, variance * n / max(n - 2.0, 0.5)
 
 
-@njit(fastmath=FAST)
+@njit(fastmath=FAST, inner=True)
 def fit_best_line(
     sums: Floats, k: int, reach: int, first: int, last: int
 ) -> tuple[float, float, float, float, float]:
@@ -172,10 +171,11 @@ def fit_surfaces(
         rx, ry = beams.mount_x - hits[center, 0], beams.mount_y - hits[center, 1]
         r = math.sqrt(rx * rx + ry * ry) + 1e-9
         if last - first >= 3:
-            mx, my, nx, ny, variance = fit_best_line(sums, center, reach, first, last)
-            while variance > rule.rough and reach > 1:
-                reach = reach // 2
+            while True:
                 mx, my, nx, ny, variance = fit_best_line(sums, center, reach, first, last)
+                if variance <= rule.rough or reach <= 1:
+                    break
+                reach = reach // 2
             if variance > rule.rough:
                 mx, my = hits[center, 0], hits[center, 1]
         else:

@@ -176,6 +176,12 @@ def write_picture(path: str | Path, grid: OccupancyGrid, poses: Floats | None = 
     _write_image(Path(path), picture(grid, poses))
 
 
+def write_images(folder: Path, images: dict[str, Pixels]) -> None:
+    """Write images (h, w) or (h, w, 3) BGR under their file names."""
+    for name, pixels in images.items():
+        _write_image(folder / name, pixels)
+
+
 def _write_image(path: Path, pixels: Pixels) -> None:
     import cv2
 
