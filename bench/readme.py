@@ -14,6 +14,7 @@ from typing import Any
 
 from bench.cases import read_results, write_results
 from slams import cli
+from slams.registry import names
 
 PROGRAM = "bench.readme"
 ROOT = Path(__file__).resolve().parent.parent
@@ -125,7 +126,8 @@ def relations() -> str:
     used = {key: max(_used(run) for run in runs.values()) for key, runs in known.items()}
     heads = [f"{key} ({used[key]} relations)" for key in known]
     text = [f"| | {' | '.join(heads)} |", "|---|" + "---:|" * len(heads)]
-    for label, cells in lines.items():
+    ours = {name: k for k, name in enumerate(names())}
+    for label, cells in sorted(lines.items(), key=lambda line: ours.get(line[0], len(ours))):
         text.append(f"| {label} | {' | '.join(cells.get(key, '-') for key in known)} |")
     return "\n".join(text) + "\n"
 

@@ -25,6 +25,7 @@ TERMINAL = (
 )
 LATEX = {"&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "±": r"$\pm$", "x ": r"$\times$ "}
 DECIMALS = {
+    "after [m]": 1,
     "[m]": 4,
     "[rad]": 4,
     "[m2]": 6,
