@@ -19,6 +19,7 @@ from slams.types import IDENTITY, Floats, Pose2, Scan, wrap_angle
 
 GRAZING = 0.1  # cosine; walls seen more edge-on say nothing
 RATIO = 0.1  # thickness over length of a wall, squared
+LOST = 0.5  # share of the usual quality below which not even a new room explains a scan
 MEMORY = 0.05  # weight of one scan in the usual quality
 
 
@@ -45,7 +46,7 @@ class SurfaceMatcher:
         self._usual_quality = 0.0
         self.covariance: Floats = np.zeros((3, 3))
         self.quality = 1.0
-        self.counts = {"lost": 0, "recovered": 0}
+        self.counts = {"searched": 0, "recovered": 0, "lost": 0}
 
     def points(self, scan: Scan, step: Step) -> Floats:
         """Pieces of surface (n, 5): x, y [m], nx, ny in the base frame, how many beams."""
@@ -112,6 +113,7 @@ class SurfaceMatcher:
         if peak.close[0] < self._params.poor_match * self._usual_quality * beams:
             peak = self._recover(points, pose, step, belief, peak)
         self.quality = float(peak.close[0]) / beams
+        self.counts["lost"] += self.quality < LOST * self._usual_quality
         if self.quality >= self._params.poor_match * self._usual_quality:
             weight = MEMORY if self._usual_quality > 0.0 else 1.0
             self._usual_quality += weight * (self.quality - self._usual_quality)
@@ -121,7 +123,7 @@ class SurfaceMatcher:
         self, points: Floats, pose: Pose2, step: Step, belief: Belief, peak: Peaks
     ) -> Peaks:
         """Try wider starts: odometry may have slipped, or lag behind the robot."""
-        self.counts["lost"] += 1
+        self.counts["searched"] += 1
         slip = belief.covariance + np.eye(3) * (self._params.slip * step.seconds) ** 2
         tighter = 0.5 * (_log_det(slip) - _log_det(belief.covariance))
         peaks = [peak._replace(cost=peak.cost - tighter)]

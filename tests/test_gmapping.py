@@ -655,7 +655,7 @@ def test_a_noisy_laser_is_not_taken_for_a_lost_robot():
     ]
     slam, poses = run(scans, n_particles=2)
     assert slam.quality < 0.75
-    assert slam.report()["lost"] < 8
+    assert slam.report()["searched"] < 8
     assert position_error(poses, truth).max() < 0.05
 
 
