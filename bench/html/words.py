@@ -91,7 +91,7 @@ def _lost(row: Line) -> str:
     if verdict.get("at_s") is not None:
         words += f" after {report.cell('[s]', verdict['at_s'])} s"
     if verdict.get("after_m") is not None:
-        words += f" and {report.cell('[m2]', verdict['after_m']).rstrip('0').rstrip('.')} m"
+        words += f" and {report.cell('after [m]', verdict['after_m'])} m"
     return f"{words}."
 
 
