@@ -13,6 +13,7 @@ from bench import loss, metrics
 from bench.statistics import mean_interval
 from bench.timing import LiveScans, PeakMemory, cost
 from slams.formats.source import SourceOptions
+from slams.metrics import path_length
 from slams.params import Params
 from slams.player import Run, replay, warm_up
 from slams.registry import find
@@ -86,9 +87,7 @@ def _outcome(label: str, log: ScanLog, choice: Choice, relations: Floats | None)
     errors = {} if common is None else _span_errors(common)
     row["errors"] = None if common is None else _against_truth(common, errors, row["errors"])
     found = None if relations is None else metrics.relation_errors(run.t, run.poses, relations)
-    row["relations"] = None
-    if relations is not None and found is not None:
-        row["relations"] = _relations(found, len(relations))
+    row["relations"] = None if found is None else _relations(found)
     row["loss"] = _losses(common, found, run)
     if choice.realtime:
         row["live"] = _live(entry.cls(params), log, choice)
@@ -118,13 +117,13 @@ def _against_truth(
     common: metrics.Common, errors: dict[str, metrics.SpanErrors], absolute: dict[str, Any]
 ) -> dict[str, Any]:
     """[Kuehn] Tables I and II over every span, with how sure the means are; ATE and drift."""
-    driven = float(loss.way(common.truth)[-1])
+    length = path_length(common.truth)
     return {
         "dropped": common.dropped,
         "spans": {name: _moments(found) for name, found in errors.items()},
         "ate_m": absolute["ate_m"],
         "end_m": absolute["end_m"],
-        "drift": absolute["end_m"] / driven if driven > 0.0 else None,
+        "drift": absolute["end_m"] / length if length > 0.0 else None,
     }
 
 
@@ -143,9 +142,9 @@ def _sure(values: Floats) -> dict[str, float]:
     return moments(values) | {"low": interval.low, "high": interval.high}
 
 
-def _relations(found: metrics.RelationErrors, given: int) -> dict[str, Any]:
+def _relations(found: metrics.RelationErrors) -> dict[str, Any]:
     """[Kuemmerle09]: absolute and squared errors, all relations and local and loops apart."""
-    result: dict[str, Any] = {"used": len(found.t), "given": given}
+    result: dict[str, Any] = {"used": len(found.t), "given": found.given}
     parts = {"all": np.ones(len(found.t), bool), "local": ~found.loop, "loop": found.loop}
     for name, part in parts.items():
         if part.any():

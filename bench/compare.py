@@ -179,7 +179,9 @@ def simulated(folder: Path, arguments: argparse.Namespace) -> Path:
     from bench.setting import Setting
     from bench.simulation import simulate
 
-    duration = arguments.duration or (QUICK_DURATION if arguments.quick else DURATION)
+    duration = arguments.duration
+    if duration is None:
+        duration = QUICK_DURATION if arguments.quick else DURATION
     log = simulate(Setting(seed=arguments.seed or 0, duration=duration))
     path = folder / f"{log.name}.npz"
     log.save(path)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.metrics import Common, RelationErrors
+from slams.metrics import driven
 from slams.types import Floats, wrap_angle
 
 LIMIT_M = 1.0  # a pose further off than this and LIMIT_SHARE of the way driven is of no use
@@ -23,11 +24,11 @@ def by_truth(common: Common) -> dict[str, Any]:
     `at_s` from the log's first truth on and `after_m` of the true way; None if it never was.
     `completed` is the share of the poses within the limits: one that was lost may come back.
     """
-    driven = way(common.truth)
+    reached = driven(common.truth)
     off = np.hypot(*(common.estimate - common.truth)[:, :2].T)
     turned = np.abs(wrap_angle(common.estimate[:, 2] - common.truth[:, 2]))
-    beyond = np.logical_or(off > LIMIT_M + LIMIT_SHARE * driven, turned > LIMIT_RAD)
-    return _verdict(beyond, common.t - common.t.min(), driven)
+    beyond = np.logical_or(off > LIMIT_M + LIMIT_SHARE * reached, turned > LIMIT_RAD)
+    return _verdict(beyond, common.t - common.t.min(), reached)
 
 
 def by_relations(errors: RelationErrors, start: float) -> dict[str, Any]:
@@ -44,19 +45,12 @@ def by_report(report: dict[str, Any], scans: int) -> dict[str, Any]:
     return {"lost": count > REPORTED_SHARE * scans, "scans": count}
 
 
-def way(poses: Floats) -> Floats:
-    """Meters driven (n,) until each pose."""
-    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    driven: Floats = np.concatenate([[0.0], np.cumsum(steps)])
-    return driven
-
-
-def _verdict(beyond: NDArray[np.bool_], t: Floats, driven: Floats | None) -> dict[str, Any]:
+def _verdict(beyond: NDArray[np.bool_], t: Floats, reached: Floats | None) -> dict[str, Any]:
     lost = np.flatnonzero(beyond)
     first = int(lost[0]) if len(lost) else None
     return {
         "lost": first is not None,
         "at_s": None if first is None else float(t[first]),
-        "after_m": None if first is None or driven is None else float(driven[first]),
+        "after_m": None if first is None or reached is None else float(reached[first]),
         "completed": float(1.0 - beyond.mean()) if len(beyond) else 0.0,
     }

@@ -108,12 +108,13 @@ def span_errors(common: Common, span: Span) -> SpanErrors | None:
 
 
 class RelationErrors(NamedTuple):
-    """Errors of the relations used, (k,) each [m], [rad]; `loop` those between far stamps."""
+    """Errors of the relations used, of `given` ones, (k,) each [m], [rad]; `loop`: far stamps."""
 
     t: Floats
     translation: Floats
     rotation: Floats
     loop: NDArray[np.bool_]
+    given: int
 
 
 def relation_errors(
@@ -138,6 +139,7 @@ def relation_errors(
         np.hypot(error[:, 0], error[:, 1]),
         np.abs(error[:, 2]),
         np.abs(stamps[:, 1] - stamps[:, 0]) > LOOP,
+        len(relations),
     )
 
 

@@ -72,9 +72,8 @@ def pairs_over_time(t: Floats, span: float) -> tuple[Indices, Indices]:
 
 def pairs_over_way(poses: Floats, way: float) -> tuple[Indices, Indices]:
     """Indices (k,), (k,) of each pose and the first at least `way` meters further on the path."""
-    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    driven = np.concatenate([[0.0], np.cumsum(steps)])
-    partner = np.searchsorted(driven, driven + way)
+    reached = driven(poses)
+    partner = np.searchsorted(reached, reached + way)
     found = np.flatnonzero(partner < len(poses))
     return found, partner[found]
 
@@ -102,6 +101,13 @@ def ate(estimate: Floats, truth: Floats) -> float:
     return float(np.sqrt(np.mean(absolute_errors(estimate, truth) ** 2)))
 
 
+def driven(poses: Floats) -> Floats:
+    """Meters driven (n,) along the path through the positions until each pose."""
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    reached: Floats = np.concatenate([[0.0], np.cumsum(steps)])
+    return reached
+
+
 def path_length(poses: Floats) -> float:
     """Length of the path through the positions [m]."""
-    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
+    return float(driven(poses)[-1])

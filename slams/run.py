@@ -99,8 +99,11 @@ def _command(arguments: argparse.Namespace) -> int:
         )
     )
     if not arguments.quiet:
-        names = ", ".join(RESULTS + (["result.mcap"] if arguments.mcap else []))
-        sys.stdout.write(f"{text}\n{folder}/: {names}\n")
+        from slams.types import Illustrated
+
+        more = ["result.mcap"] if arguments.mcap else []
+        more += ["the algorithm's own pictures"] if isinstance(slam, Illustrated) else []
+        sys.stdout.write(f"{text}\n{folder}/: {', '.join(RESULTS + more)}\n")
     return 0
 
 

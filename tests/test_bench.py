@@ -36,7 +36,9 @@ def test_a_run_that_leaves_the_limits_is_lost_and_may_come_back():
 def test_some_broken_relations_are_no_lost_run():
     def errors(broken):
         translation = np.where(np.arange(100) < broken, 2.0, 0.01)
-        return RelationErrors(np.arange(100.0), translation, np.zeros(100), np.zeros(100, bool))
+        return RelationErrors(
+            np.arange(100.0), translation, np.zeros(100), np.zeros(100, bool), 100
+        )
 
     assert loss.by_relations(errors(5), 0.0) | {"at_s": 0} == {
         "lost": False,
