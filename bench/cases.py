@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,8 @@ from slams.formats.source import SourceOptions
 from slams.metrics import path_length
 from slams.params import Params
 from slams.player import Run, replay, warm_up
-from slams.registry import find
+from slams.registry import Entry, find
+from slams.ros_params import Taken
 from slams.scanlog import ScanLog, load
 from slams.summary import moments, summarize
 from slams.types import Floats, OccupancyGrid, Slam
@@ -30,7 +32,7 @@ class Choice:
 
     `realtime` also replays each log as a live node would see it; `slower` is how many times slower
     than this machine's the core of that node is; `options` say how a recorded log is read;
-    `sensor` names the laser that the parameters are for.
+    `sensor` names the laser that the parameters are for; `ros` has what ROS files say, by label.
     """
 
     limit: int | None = None
@@ -41,10 +43,20 @@ class Choice:
     slower: float = 5.0
     options: SourceOptions | None = None
     sensor: str | None = None
+    ros: Mapping[str, Taken] = field(default_factory=dict)
 
     def log(self, path: str | Path) -> ScanLog:
         """The chosen part of the log at `path`."""
         return load(path, self.options).select(self.limit, self.every, self.odometry)
+
+    def params(self, entry: Entry) -> Params:
+        """The parameters of an algorithm: preset < sensor < ROS files < seed."""
+        params = entry.params()
+        if self.sensor is not None:
+            params = params.for_sensor(self.sensor)
+        if entry.label in self.ros:
+            params = self.ros[entry.label].params
+        return params if self.seed is None else params.replace(seed=self.seed)
 
 
 @dataclass(frozen=True)
@@ -72,13 +84,13 @@ def run_case(label: str, path: str, choice: Choice, relations: Floats | None = N
 
 def _outcome(label: str, log: ScanLog, choice: Choice, relations: Floats | None) -> Outcome:
     entry = find(label)
-    params = _params(entry.params(), choice)
+    params = choice.params(entry)
     with PeakMemory() as memory:
         start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
         slam: Slam = entry.cls(params)
         run = replay(slam, log)
         grid = slam.map()
-    row = summarize(run, log, label, params, start_up_s) | {"failed": None}
+    row = summarize(run, log, label, params, start_up_s, spans=()) | {"failed": None}
     row["cost"] = cost(run.seconds, row["duration_s"], choice.slower) | {
         "compile_s": row["compile_s"],
         "peak_memory_mb": memory.mb,
@@ -92,12 +104,6 @@ def _outcome(label: str, log: ScanLog, choice: Choice, relations: Floats | None)
     if choice.realtime:
         row["live"] = _live(entry.cls(params), log, choice)
     return Outcome(row, run.t, run.poses, run.seconds, grid, common, errors)
-
-
-def _params(params: Params, choice: Choice) -> Params:
-    if choice.sensor is not None:
-        params = params.for_sensor(choice.sensor)
-    return params if choice.seed is None else params.replace(seed=choice.seed)
 
 
 def _common(run: Run, log: ScanLog) -> metrics.Common | None:

@@ -10,6 +10,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from bench.cases import Choice, Outcome
     from bench.reference import Reference
+    from slams.ros_params import Taken
     from slams.types import Floats
 
 PROGRAM = "bench.compare"
@@ -53,6 +55,13 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--relations", metavar="FILE", help="Freiburg relations of the one log")
     p.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
+    p.add_argument(
+        "--ros-params",
+        metavar="ALGORITHM=FILE",
+        action="append",
+        default=[],
+        help="launch or parameter file of the original's ROS node; may be given again",
+    )
     p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
     p.add_argument("--limit", type=int, metavar="N", help="only N scans")
     p.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th scan")
@@ -110,7 +119,8 @@ def _command(arguments: argparse.Namespace) -> int:
     from slams.formats import files
 
     labels = cli.refusing(lambda: _labels(arguments))
-    choice, relations = cli.refusing(lambda: _checked(arguments))
+    choice, relations = cli.refusing(lambda: _checked(arguments, labels))
+    _say_what_became(choice, arguments.quiet)
     logs = [Path(path) for path in arguments.logs]
     with files.complete_folder(arguments.out) as folder:
         if not logs:
@@ -130,20 +140,30 @@ def _labels(arguments: argparse.Namespace) -> list[str]:
     from slams.registry import find
 
     labels: list[str] = arguments.algorithms or names()
-    for label in labels:
-        params = find(label).params()
-        if arguments.sensor:
-            params.for_sensor(arguments.sensor)
     if not arguments.full or arguments.algorithms:
         return labels
     originals = [name for name in labels if "original" in find(name).cls.Params.PRESETS]
     return [f"{name}@original" for name in originals] + labels
 
 
-def _checked(arguments: argparse.Namespace) -> tuple[Choice, Floats | None]:
+def _checked(arguments: argparse.Namespace, labels: list[str]) -> tuple[Choice, Floats | None]:
     """Everything the user gave, read once before the work starts."""
-    from bench.cases import Choice, read_relations
+    from bench.cases import read_relations
 
+    _check_options(arguments)
+    choice = _choice(arguments, labels)
+    for path in arguments.logs:
+        choice.log(path)
+    if arguments.relations is None:
+        return choice, None
+    if len(arguments.logs) != 1:
+        raise ValueError(
+            f"--relations: got {len(arguments.logs)} logs, expected the one they are of"
+        )
+    return choice, read_relations(arguments.relations)
+
+
+def _check_options(arguments: argparse.Namespace) -> None:
     for name in ("limit", "every", "jobs"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
@@ -153,6 +173,13 @@ def _checked(arguments: argparse.Namespace) -> tuple[Choice, Floats | None]:
     out = Path(arguments.out)
     if out.exists() and not out.is_dir():
         raise NotADirectoryError(f"{out}: is a file; expected a folder for the results")
+
+
+def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
+    """What the options say of logs and parameters; every algorithm can be run with it."""
+    from bench.cases import Choice
+    from slams.registry import find
+
     choice = Choice(
         arguments.limit or (QUICK_SCANS if arguments.quick else None),
         arguments.every,
@@ -163,15 +190,41 @@ def _checked(arguments: argparse.Namespace) -> tuple[Choice, Floats | None]:
         cli.log_options(arguments),
         arguments.sensor,
     )
-    for path in arguments.logs:
-        choice.log(path)
-    if arguments.relations is None:
-        return choice, None
-    if len(arguments.logs) != 1:
-        raise ValueError(
-            f"--relations: got {len(arguments.logs)} logs, expected the one they are of"
-        )
-    return choice, read_relations(arguments.relations)
+    choice = replace(choice, ros=_of_ros_files(arguments.ros_params, labels, choice))
+    for label in labels:
+        choice.params(find(label))
+    return choice
+
+
+def _of_ros_files(given: list[str], labels: list[str], choice: Choice) -> dict[str, Taken]:
+    """What the files of ROS nodes say for each algorithm that has some."""
+    from slams import ros_params
+    from slams.registry import find
+
+    files: dict[str, list[str]] = {}
+    for text in given:
+        label, _, path = text.partition("=")
+        if not path:
+            raise ValueError(f"--ros-params: got {text!r}, expected ALGORITHM=FILE")
+        if label not in labels:
+            raise ValueError(
+                f"--ros-params: got {label!r}, expected one that is compared: {', '.join(labels)}"
+            )
+        files.setdefault(label, []).append(path)
+    entries = {label: find(label) for label in files}
+    return {
+        label: ros_params.take(choice.params(entry), files[label], entry.preset)
+        for label, entry in entries.items()
+    }
+
+
+def _say_what_became(choice: Choice, quiet: bool) -> None:
+    """The fate of each parameter in ROS files, on stderr as slams.run says it."""
+    from slams import ros_params
+
+    if not quiet:
+        for label, taken in choice.ros.items():
+            sys.stderr.write(ros_params.report(taken, label))
 
 
 def simulated(folder: Path, arguments: argparse.Namespace) -> Path:

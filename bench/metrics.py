@@ -7,27 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.metrics import (
-    Indices,
-    between,
-    from_first,
-    pair_errors,
-    pairs_over_time,
-    pairs_over_way,
-)
+from slams.metrics import Indices, between, from_first, pair_errors
+from slams.summary import Span, span_pairs
 from slams.types import Floats, wrap_angle
 
 TRANSLATION_CLASS = 0.025  # m, [Kuehn] Fig. 2
 ORIENTATION_CLASS = 0.05  # rad, [Kuehn] Fig. 3
 LOOP = 20.0  # s, relations between stamps further apart are loops; the files do not tell
-
-
-class Span(NamedTuple):
-    """Over what an error is taken: every update, `seconds`, or `meters` of the true path."""
-
-    name: str
-    seconds: float = 0.0
-    meters: float = 0.0
 
 
 # the paper's rate of updates differs from program to program: time and way do not
@@ -89,12 +75,7 @@ def component_errors(
 
 def pairs(common: Common, span: Span) -> tuple[Indices, Indices]:
     """Indices (k,), (k,) of the poses a span apart."""
-    if span.seconds:
-        return pairs_over_time(common.t, span.seconds)
-    if span.meters:
-        return pairs_over_way(common.truth, span.meters)
-    n = len(common.t)
-    return np.arange(max(n - 1, 0)), np.arange(1, n)
+    return span_pairs(common.t, common.truth, span)
 
 
 def span_errors(common: Common, span: Span) -> SpanErrors | None:

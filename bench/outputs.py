@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from bench.cases import Choice, Outcome
     from bench.compare import Done
     from bench.reference import Reference
+    from slams.ros_params import Taken
 
 FORMAT = "results-2"
 
@@ -25,7 +26,7 @@ def write(folder: Path, logs: list[Done], choice: Choice, arguments: argparse.Na
     """Write all files to `folder`; returns the tables as text for the terminal."""
     from bench import html
 
-    found = results(logs, arguments)
+    found = results(logs, choice, arguments)
     cases.write_results(folder / "results.json", found)
     texts = []
     for k, (log, entry) in enumerate(zip(logs, found["logs"], strict=True)):
@@ -43,7 +44,7 @@ def write(folder: Path, logs: list[Done], choice: Choice, arguments: argparse.Na
     return "\n\n".join(texts)
 
 
-def results(logs: list[Done], arguments: argparse.Namespace) -> dict[str, Any]:
+def results(logs: list[Done], choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
     """The content of results.json."""
     rows = []
     for log in logs:
@@ -58,12 +59,19 @@ def results(logs: list[Done], arguments: argparse.Namespace) -> dict[str, Any]:
         "command": f"python -m bench.compare {shlex.join(arguments.words)}".strip(),
         "odometry": not arguments.no_odometry,
         "slower": arguments.slower,
+        "ros_params": {label: _ros_files(taken) for label, taken in choice.ros.items()},
         "versions": versions(),
         "machine": timing.machine() | {"processes": arguments.jobs},
         "logs": [log.reference.entry for log in logs],
         "rows": rows,
         "over_logs": verdicts.over_logs(every) if len(logs) > 1 else [],
     }
+
+
+def _ros_files(taken: Taken) -> dict[str, Any]:
+    """What ROS files said and what became of it: enough to write them again."""
+    fates = [fate._asdict() | {"value": str(fate.value)} for fate in taken.fates]
+    return {"files": taken.files, "parameters": fates, "notes": taken.notes}
 
 
 def _map_quality(outcome: Outcome, reference: Reference) -> dict[str, Any] | None:

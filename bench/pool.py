@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Callable, Hashable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from typing import Any, TypeVar
 
 K = TypeVar("K", bound=Hashable)
@@ -13,18 +13,21 @@ K = TypeVar("K", bound=Hashable)
 def finished(
     tasks: dict[K, tuple[Callable[..., Any], tuple[Any, ...]]], workers: int
 ) -> Iterator[tuple[K, Future[Any]]]:
-    """Tasks, each a function of a module and its arguments, as they end.
-
-    Spawned, not forked: threads of libraries do not survive a fork.
-    """
-    context = multiprocessing.get_context("spawn")
+    """Tasks, each a function of a module and its arguments, as they end."""
     size = max(1, min(workers, len(tasks)))
-    with ProcessPoolExecutor(size, mp_context=context, max_tasks_per_child=1) as pool:
-        futures = {
-            pool.submit(function, *arguments): key for key, (function, arguments) in tasks.items()
-        }
+    with ThreadPoolExecutor(size) as waiting:
+        futures = {waiting.submit(_alone, *task): key for key, task in tasks.items()}
         try:
             for future in as_completed(futures):
                 yield futures[future], future
         finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+            waiting.shutdown(wait=True, cancel_futures=True)
+
+
+def _alone(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    """A task in a pool of one process: of a pool of several, one that dies takes the others along.
+
+    Spawned, not forked: threads of libraries do not survive a fork.
+    """
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(function, *arguments).result()

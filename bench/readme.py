@@ -1,12 +1,14 @@
 """python -m bench.readme: the generated parts of the READMEs, from results and parameters.
 
 A part stands between `<!-- results -->`, `<!-- relations -->`, `<!-- ranking -->`,
-`<!-- parameters: NAME -->` or `<!-- ros-parameters: NAME -->` and `<!-- end -->`.
+`<!-- public -->`, `<!-- parameters: NAME -->` or `<!-- ros-parameters: NAME -->` and
+`<!-- end -->`.
 """
 
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 import sys
 from pathlib import Path
@@ -21,10 +23,12 @@ ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "bench" / "readme_results.json"
 RELATIONS = ROOT / "bench" / "readme_relations.json"
 RANKING = ROOT / "bench" / "readme_ranking.json"
+PUBLIC = ROOT / "bench" / "readme_public.json"
 PICTURES = ("fig2_translation.png", "fig4_maps.png")
 SHOWN = ("translation", "orientation", "spans", "bound", "overview", "maps", "cost")
 PART = re.compile(
-    r"(<!-- (results|relations|ranking|(?:ros-)?parameters: (\w+)) -->\n).*?(<!-- end -->)",
+    r"(<!-- (results|relations|ranking|public|(?:ros-)?parameters: (\w+)) -->\n)"
+    r".*?(<!-- end -->)",
     re.DOTALL,
 )
 
@@ -53,13 +57,16 @@ def readmes() -> list[Path]:
 def adopt(folder: Path) -> None:
     """Make a folder's results the README's.
 
-    One of bench.ranking, one of bench.compare with relations for its algorithms on a real log, else
-    the main one.
+    One of bench.ranking; one of bench.compare over several logs, the public ones; one with
+    relations for its algorithms on a real log; else the main one.
     """
     if (folder / "ranking.json").exists():
         shutil.copyfile(folder / "ranking.json", RANKING)
         return
     found = read_results(folder / "results.json")
+    if len(found["logs"]) > 1:
+        write_results(PUBLIC, public_figures(found))
+        return
     if not any(row.get("relations") for row in found["rows"]):
         shutil.copyfile(folder / "results.json", RESULTS)
         for name in PICTURES:
@@ -75,6 +82,26 @@ def adopt(folder: Path) -> None:
     write_results(RELATIONS, dict(sorted(known.items())))
 
 
+def public_figures(found: dict[str, Any]) -> dict[str, Any]:
+    """Of results over several logs what `public` shows; logs without the folders they are in."""
+    from bench import compare
+
+    words = shlex.split(found["command"])[3:]  # after python -m bench.compare
+    paths = compare.parser().parse_args(words).logs
+    typed = [Path(word).name if word in paths else word for word in words]
+    if "--out" in typed:
+        k = typed.index("--out")
+        del typed[k : k + 2]
+    keys = ("name", "scans", "beams", "duration_s")
+    logs = [{key: log[key] for key in keys} | {"cpu_ms": {}} for log in found["logs"]]
+    by_name = {log["name"]: log for log in logs}
+    for row in found["rows"]:
+        if not row["failed"]:
+            by_name[row["log"]]["cpu_ms"][row["algorithm"]] = row["cost"]["mean_ms"]
+    command = f"python -m {compare.PROGRAM} {shlex.join(typed)}"
+    return {"command": command, "cpu": found["machine"]["cpu"], "logs": logs}
+
+
 def rendered(text: str) -> str:
     """A README's text with its generated parts made anew."""
 
@@ -87,7 +114,8 @@ def rendered(text: str) -> str:
 def _body(part: str, name: str | None) -> str:
     """What stands in a part; `name` is the algorithm's whose parameters it lists."""
     if name is None:
-        return {"results": results, "relations": relations, "ranking": ranking}[part]()
+        whole = {"results": results, "relations": relations, "ranking": ranking, "public": public}
+        return whole[part]()
     if part.startswith("ros-"):
         from slams.ros_params import mapping_table
 
@@ -137,6 +165,24 @@ def ranking() -> str:
     from bench.ranking import as_markdown
 
     return as_markdown(read_results(RANKING))
+
+
+def public() -> str:
+    """Size of the public logs, and what each algorithm costs on them."""
+    found = read_results(PUBLIC)
+    labels = list(dict.fromkeys(label for log in found["logs"] for label in log["cpu_ms"]))
+    heads = ["log", "scans x beams", "lasts [s]", *(f"{label} [ms]" for label in labels)]
+    text = [f"| {' | '.join(heads)} |", "| --- |" + " ---: |" * (len(heads) - 1)]
+    for log in found["logs"]:
+        cells = [log["name"], f"{log['scans']} x {log['beams']}", f"{log['duration_s']:.0f}"]
+        cells += [_milliseconds(log["cpu_ms"].get(label)) for label in labels]
+        text.append(f"| {' | '.join(cells)} |")
+    head = f"`{found['command']}`, CPU time of a scan on {found['cpu']}:"
+    return f"{head}\n\n" + "\n".join(text) + "\n"
+
+
+def _milliseconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"
 
 
 def _used(run: dict[str, Any]) -> int:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from slams import summary
 from slams.cli import THREADS
 from slams.scanlog import ScanLog
 from slams.types import Floats, Scan
@@ -21,25 +22,10 @@ PEAK_RESET = Path("/proc/self/clear_refs")
 
 
 def cost(seconds: Floats, duration: float, slower: float) -> dict[str, float]:
-    """CPU time per scan [ms], and how many times faster than the log the run was.
-
-    Args:
-        seconds: CPU time of each update (n,) [s], compilation taken out.
-        duration: of the log [s].
-        slower: how many times slower the core of `real_time_factor_slower` is than this one.
-    """
-    p50, p95, p99 = (1e3 * np.percentile(seconds, (50, 95, 99))).tolist()
-    factor = duration / max(float(seconds.sum()), 1e-9)
-    return {
-        "mean_ms": 1e3 * float(seconds.mean()),
-        "p50_ms": p50,
-        "p95_ms": p95,
-        "p99_ms": p99,
-        "max_ms": 1e3 * float(seconds.max()),
-        "real_time_factor": factor,
-        "real_time_factor_slower": factor / slower,
-        "slower": slower,
-    }
+    """`slams.summary.cost`, and the real-time factor of a core `slower` times slower."""
+    found = summary.cost(seconds, duration)
+    factor = found["real_time_factor"] / slower
+    return found | {"real_time_factor_slower": factor, "slower": slower}
 
 
 class PeakMemory:

@@ -117,9 +117,10 @@ def _log() -> ScanLog:
 
 
 def _pose(slam: Slam, scan: Scan) -> tuple[float, ...]:
+    from slams.types import Pose2
+
     pose = slam.update(scan)
-    whole = isinstance(pose, tuple) and len(pose) == 3
-    _expect(whole, f"update returned {pose!r}, expected a Pose2")
+    _expect(isinstance(pose, Pose2), f"update returned {pose!r}, expected a Pose2")
     return tuple(pose)
 
 
@@ -273,7 +274,8 @@ def _maps_in_the_first_frame(entry: Entry) -> None:
     _poses(slam, _log())
     grid = slam.map()
     p = grid.p
-    _expect(p.ndim == 2 and p.dtype == np.float32, f"map().p is {p.dtype} {p.shape}")
+    whole = p.ndim == 2 and p.size > 0 and p.dtype == np.float32
+    _expect(whole, f"map().p is {p.dtype} {p.shape}, expected float32 (ny, nx) with cells")
     _expect(grid.resolution > 0.0, f"map().resolution is {grid.resolution}")
     known = p[~np.isnan(p)]
     if not known.size:

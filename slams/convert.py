@@ -48,7 +48,7 @@ def _command(arguments: argparse.Namespace) -> int:
 
 def described(log: ScanLog) -> str:
     """What is in a log, in a few lines."""
-    laser, source = log.laser, log.meta.get("source", {})
+    laser, source = log.laser, log.meta.get("source")
     rate = f"{1.0 / log.scan_period:.1f} Hz" if log.scan_period > 0.0 else "one stamp"
     lines = [
         f"{log.name}: {len(log)} scans of {laser.n_beams} beams, {rate}, "
@@ -59,7 +59,7 @@ def described(log: ScanLog) -> str:
     tracks = {"odometry": log.odom, "yaw_rate": log.yaw_rate, "truth": log.truth}
     for name, track in tracks.items():
         if track is not None:
-            origin = source.get(name)
+            origin = source.get(name) if isinstance(source, dict) else None  # it is free text
             named = f" from {origin}" if origin else ""
             lines.append(f"{name.replace('_', ' ')}: {len(track.t)} stamps{named}")
     return "\n".join(lines)

@@ -82,7 +82,7 @@ def _of_yaml(text: str, path: Path, nodes: set[str], known: set[str]) -> NodePar
 
 
 def _parsed_yaml(text: str, path: Path) -> Any:
-    if max(text.count("["), text.count("{")) > MOST_VALUES // DEEPEST:  # YAML takes its time
+    if _nesting(text) > DEEPEST:  # YAML takes its time over these
         raise ValueError(f"{path}: nested too deeply for a parameter file")
     try:
         return yaml.safe_load(text)
@@ -90,6 +90,15 @@ def _parsed_yaml(text: str, path: Path) -> Any:
         raise ValueError(f"{path}: not a YAML file ({' '.join(str(error).split())})") from error
     except ValueError as error:  # a date that is none
         raise ValueError(f"{path}: not a YAML file ({error})") from error
+
+
+def _nesting(text: str) -> int:
+    """How deep brackets stand in each other; those in comments are units and intervals."""
+    depth = deepest = 0
+    for bracket in re.findall(r"[\[{\]}]", re.sub(r"#.*", "", text)):
+        depth = max(0, depth + (1 if bracket in "[{" else -1))
+        deepest = max(deepest, depth)
+    return deepest
 
 
 def _leaves(content: dict[Any, Any], path: Path) -> Iterator[Leaf]:
@@ -110,7 +119,8 @@ def _leaves(content: dict[Any, Any], path: Path) -> Iterator[Leaf]:
 
 
 def _parts(name: str) -> tuple[str, ...]:
-    return tuple(part for part in re.split(r"[/.]", name) if part and part != "~")
+    """Names from the outside in; "~x" and "~/x" are the node's own x."""
+    return tuple(part.lstrip("~") for part in re.split(r"[/.]", name) if part.strip("~"))
 
 
 def _of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -> list[Leaf]:
@@ -152,7 +162,7 @@ def _by_name(leaves: list[Leaf], path: Path) -> dict[str, Any]:
 
 def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
     launch = _Launch(path, nodes)
-    launch.walk(_parsed_xml(text, path), {}, 0)
+    launch.walk(_parsed_xml(text, path), {}, ())
     if len(launch.found) > 1:
         raise ValueError(
             f"{path}: {len(launch.found)} nodes of {', '.join(sorted(nodes))}; keep one"
@@ -195,9 +205,9 @@ class _Launch:
         self._path = path
         self._nodes = nodes
 
-    def walk(self, parent: Element, args: dict[str, str], depth: int) -> None:
-        """Take the parameters of a `<launch>` or `<group>`."""
-        if depth > DEEPEST:
+    def walk(self, parent: Element, args: dict[str, str], groups: tuple[str, ...]) -> None:
+        """Take the parameters of a `<launch>` or `<group>`; `groups` are namespaces around it."""
+        if len(groups) > DEEPEST:
             raise ValueError(f"{self._path}: nested too deeply for a launch file")
         for element in parent:
             if not self._enabled(element, args):
@@ -205,13 +215,16 @@ class _Launch:
             if element.tag == "arg" and "name" in element.attrib:
                 self._argument(element, args)
             elif element.tag == "group":
-                self.walk(element, dict(args), depth + 1)
+                namespace = self._filled(element.get("ns", ""), args)
+                self.walk(element, dict(args), (*groups, namespace))
             elif element.tag == "include":
                 self.notes.append(f"<include {element.get('file', '')}> is not followed")
             elif element.tag == "node":
                 self._node(element, args)
             else:
-                self.outside.extend(self._given(element, args))
+                around = _parts("/".join(groups))
+                given = self._given(element, args)
+                self.outside.extend(((*around, *names), value) for names, value in given)
 
     def _argument(self, element: Element, args: dict[str, str]) -> None:
         text = element.get("value", element.get("default"))

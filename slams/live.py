@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from slams.formats.sweep import Geometry, usable
 from slams.registry import find
 from slams.scanlog import ScanLog
 from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan, Slam
@@ -123,7 +124,7 @@ class LiveSlam:
             angle_increment: from beam to beam [rad], negative for a laser that turns clockwise.
             range_min: nearest valid range [m].
             range_max: farthest valid range [m].
-            time_increment: from beam to beam [s].
+            time_increment: from beam to beam [s]; less than 0 or not finite counts as 0.
             odometry: x, y [m], theta [rad] of the base in the odom frame at the stamp.
             yaw_rate: of the gyro at the stamp [rad/s]; or push it more often by `push_yaw_rate`.
 
@@ -234,13 +235,16 @@ class LiveSlam:
 
     def _laser_of(self, n_beams: int, geometry: tuple[float, ...]) -> Laser:
         """The laser; one object as long as the geometry stays."""
-        angle_min, angle_increment, range_min, range_max, time_increment = map(float, geometry)
-        fan = Laser(
-            angle_min, angle_increment, n_beams, range_min, range_max, self._mount, time_increment
-        )
+        angle_min, angle_increment, range_min, range_max, between = map(float, geometry)
+        between = between if 0.0 < between < math.inf else 0.0
+        fan = Laser(angle_min, angle_increment, n_beams, range_min, range_max, self._mount, between)
         if fan != self._laser:
-            if not all(map(math.isfinite, geometry)) or not 0.0 <= range_min < range_max:
-                raise ValueError(f"not the geometry of a laser: {fan}")
+            turns = usable(Geometry(n_beams, angle_min, angle_increment, range_min, range_max))
+            if not (turns and 0.0 <= range_min < range_max < math.inf):
+                raise ValueError(
+                    f"not the geometry of a laser: {fan}; expected an angle, a step between the "
+                    "beams, and 0 <= range_min < range_max"
+                )
             self._counts["lasers"] += 1
             self._laser = fan
         return self._laser
@@ -248,6 +252,8 @@ class LiveSlam:
     def _pose_of(self, odometry: Sequence[float] | None) -> Pose2 | None:
         if odometry is None:
             return None
+        if len(odometry) != 3:
+            raise ValueError(f"odometry: got {len(odometry)} numbers, expected x, y, theta")
         pose = Pose2(*map(float, odometry))
         if all(map(math.isfinite, pose)):
             return pose
@@ -276,9 +282,10 @@ class _Yaw:
 
     def push(self, t: float, rate: float) -> None:
         """Take one reading [rad/s]."""
-        if not math.isfinite(rate):
-            return
         step = t - self._t
+        late = -LONGEST_GAP <= step < 0.0  # further back the clock was set back
+        if late or not (math.isfinite(t) and math.isfinite(rate)):
+            return
         if 0.0 < step <= LONGEST_GAP:
             self._yaw += 0.5 * step * (self._rate + rate)
         self._t, self._rate = t, rate

@@ -105,8 +105,9 @@ def drive(
     lidar = lidar or laser()
     t = np.arange(n) / rate
     poses = way(n, 1.0 / rate)
-    ranges = _swept(t, rate, lidar, segments) if lidar.time_increment else None
-    if ranges is None:
+    if lidar.time_increment:
+        ranges = _swept(t, rate, lidar, segments)
+    else:
         ranges = np.array([cast(segments, pose, lidar) for pose in poses])
     noisy = (ranges + rng.normal(0.0, noise, ranges.shape)).astype(np.float32)
     odom = Track(t, _drifting(poses, rng)) if odometry else None

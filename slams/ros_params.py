@@ -36,11 +36,12 @@ class Fate(NamedTuple):
 
 
 class Taken(NamedTuple):
-    """Parameters with the values of a file, and the fate of each name in it."""
+    """Parameters with the values of files, and the fate of each name in them."""
 
     params: Params
     fates: list[Fate]
     notes: list[str]
+    files: list[str]
 
 
 def take(params: Params, paths: Iterable[str | Path], preset: str = "default") -> Taken:
@@ -57,14 +58,15 @@ def take(params: Params, paths: Iterable[str | Path], preset: str = "default") -
         ValueError: a file is neither, or a parameter in it is refused; the sentence says why.
     """
     names = _names(params)
-    values, notes = _read(paths, names, _fields(params))
+    files = [str(path) for path in paths]
+    values, notes = _read(files, names, _fields(params))
     _refuse(values, names)
     mapping = _Mapping(params, names, preset == "original")
     for name, value in values.items():
         mapping.take(name, value)
     if preset == "original":
         mapping.assume(names.defaults)
-    return Taken(mapping.result(), mapping.fates, notes)
+    return Taken(mapping.result(), mapping.fates, notes, files)
 
 
 def report(taken: Taken, label: str) -> str:

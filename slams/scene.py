@@ -33,7 +33,9 @@ class Scene:
         self._t = 0.0
 
     def add(self, scan: Scan, pose: Pose2) -> None:
-        """Take the next scan and its pose."""
+        """Take the next scan and its pose; one that is not finite is left to the replay to tell."""
+        if not np.isfinite(pose).all():
+            pose = self.pose
         self.points = pose.transform(_hits(scan, self._velocity(scan, pose)))
         self.pose, self._t = pose, scan.t
         self.way.append(pose)

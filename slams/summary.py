@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 import platform
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,16 @@ from slams.player import Run
 from slams.scanlog import ScanLog
 from slams.types import Floats
 
-SPANS = (1.0, 10.0)
+
+class Span(NamedTuple):
+    """Over what an error is taken: every update, `seconds`, or `meters` of the true path."""
+
+    name: str
+    seconds: float = 0.0
+    meters: float = 0.0
+
+
+SPANS = (Span("update"), Span("1 s", seconds=1.0), Span("10 s", seconds=10.0))
 LIBRARIES = (
     "numpy",
     "numba",
@@ -29,7 +39,12 @@ LIBRARIES = (
 
 
 def summarize(
-    run: Run, log: ScanLog, label: str, params: Params, start_up_s: float
+    run: Run,
+    log: ScanLog,
+    label: str,
+    params: Params,
+    start_up_s: float,
+    spans: Sequence[Span] = SPANS,
 ) -> dict[str, Any]:
     """Everything about one run.
 
@@ -39,9 +54,10 @@ def summarize(
         label: the algorithm as the user named it.
         params: its parameters.
         start_up_s: CPU seconds of loading and compiling before the run.
+        spans: over what relative errors are taken.
     """
-    milliseconds = 1e3 * run.seconds
     duration = float(run.t.max() - run.t.min())
+    spent = cost(run.seconds, duration)
     return {
         "algorithm": label,
         "log": log.name,
@@ -51,15 +67,11 @@ def summarize(
         "path_length_m": metrics.path_length(run.poses),
         "stamps_back": log.stamp_jumps,
         "scans_without_return": int((~np.isfinite(log.ranges).any(axis=1)).sum()),
-        "cpu_ms_per_scan": float(milliseconds.mean()),
-        "cpu_ms": {
-            "p50": float(np.percentile(milliseconds, 50)),
-            "p95": float(np.percentile(milliseconds, 95)),
-            "max": float(milliseconds.max()),
-        },
-        "real_time_factor": duration / max(float(run.seconds.sum()), 1e-9),
+        "cpu_ms_per_scan": spent["mean_ms"],
+        "cpu_ms": {name: spent[f"{name}_ms"] for name in ("p50", "p95", "max")},
+        "real_time_factor": spent["real_time_factor"],
         "compile_s": start_up_s + run.compile_s,
-        "errors": truth_errors(run, log),
+        "errors": truth_errors(run, log, spans),
         "report": run.report,
         "seed": params.seed,
         "parameters": params.as_dict(),
@@ -69,8 +81,36 @@ def summarize(
     }
 
 
-def truth_errors(run: Run, log: ScanLog) -> dict[str, Any] | None:
-    """Relative SE(2) errors per update and over spans of time, and the ATE; None without truth.
+def cost(seconds: Floats, duration: float) -> dict[str, float]:
+    """CPU time per scan [ms], and how many times faster than the log the run was.
+
+    Args:
+        seconds: CPU time of each update (n,) [s], compilation taken out.
+        duration: of the log [s].
+    """
+    p50, p95, p99 = (1e3 * np.percentile(seconds, (50, 95, 99))).tolist()
+    return {
+        "mean_ms": 1e3 * float(seconds.mean()),
+        "p50_ms": p50,
+        "p95_ms": p95,
+        "p99_ms": p99,
+        "max_ms": 1e3 * float(seconds.max()),
+        "real_time_factor": duration / max(float(seconds.sum()), 1e-9),
+    }
+
+
+def span_pairs(t: Floats, truth: Floats, span: Span) -> tuple[metrics.Indices, metrics.Indices]:
+    """Indices (k,), (k,) of the poses a span apart; stamps (n,) [s], true poses (n, 3)."""
+    if span.seconds:
+        return metrics.pairs_over_time(t, span.seconds)
+    if span.meters:
+        return metrics.pairs_over_way(truth, span.meters)
+    n = len(t)
+    return np.arange(max(n - 1, 0)), np.arange(1, n)
+
+
+def truth_errors(run: Run, log: ScanLog, spans: Sequence[Span] = SPANS) -> dict[str, Any] | None:
+    """Relative SE(2) errors over each span, and the ATE; None without truth.
 
     Poses whose stamp the truth does not cover are left out and counted.
     """
@@ -83,12 +123,11 @@ def truth_errors(run: Run, log: ScanLog) -> dict[str, Any] | None:
     if len(truth) < 2:
         return errors
     t = run.t[covered]
-    errors["per_update"] = _statistics(*metrics.relative_errors(estimate, truth, 1))
-    for span in SPANS:
-        pairs = metrics.pairs_over_time(t, span)
+    for span in spans:
+        pairs = span_pairs(t, truth, span)
         if len(pairs[0]):
             over = metrics.pair_errors(estimate, truth, *pairs)
-            errors[f"per_{span:g}_s"] = _statistics(*over)
+            errors[f"per_{span.name.replace(' ', '_')}"] = _statistics(*over)
     errors["ate_m"] = metrics.ate(estimate, truth)
     first = metrics.from_first(estimate) - metrics.from_first(truth)
     errors["end_m"] = float(math.hypot(first[-1, 0], first[-1, 1]))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shutil
 from pathlib import Path
 from types import TracebackType
@@ -26,6 +27,7 @@ LENGTH = 300  # frames, unless --video-every says otherwise
 REDRAW = 5  # frames from one drawing of the map to the next
 SCAN_COLOR, TEXT_COLOR, LOST_COLOR = (200, 110, 20), (40, 40, 40), (30, 30, 220)
 STEP, LEAST, MARGIN = 2.0, 8.0, 0.5  # m: the part of the world shown grows by STEP
+FRAME = re.compile(r"\d{5,}\.png")  # what a folder of frames holds, and nothing else
 ROBOT = np.array([[0.35, 0.0], [-0.2, 0.2], [-0.2, -0.2]])  # m: an arrow head
 
 
@@ -34,7 +36,7 @@ def check_target(path: str | Path) -> Path:
 
     Raises:
         ValueError: the ending is neither .mp4 nor .gif, nor that of a folder.
-        OSError: its folder does not exist, or it stands in the way.
+        OSError: its folder does not exist, it stands in the way, or it holds other files.
     """
     path = Path(path)
     if path.suffix not in ("", ".mp4", ".gif"):
@@ -45,6 +47,10 @@ def check_target(path: str | Path) -> Path:
         raise IsADirectoryError(f"--video: {path}: is a folder")
     if path.is_file() and not path.suffix:
         raise NotADirectoryError(f"--video: {path}: is a file; expected .mp4, .gif or a folder")
+    if path.is_dir() and not all(FRAME.fullmatch(item.name) for item in path.iterdir()):
+        raise FileExistsError(
+            f"--video: {path}: holds other files; expected a new folder or one of frames"
+        )
     return path
 
 
@@ -203,17 +209,14 @@ class _Target:
     """A temporary name beside the target."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.partial = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+        self.path = path.resolve()  # "." has no name to put a temporary one beside
+        name = f".{self.path.stem}.{os.getpid()}.part{self.path.suffix}"
+        self.partial = self.path.with_name(name)
 
     def close(self, complete: bool) -> None:
         """Rename or remove."""
         if complete and self.partial.exists():
-            if self.partial.is_dir():
-                shutil.rmtree(self.path, ignore_errors=True)
             self.partial.replace(self.path)
-        elif self.partial.is_dir():
-            shutil.rmtree(self.partial, ignore_errors=True)
         else:
             self.partial.unlink(missing_ok=True)
 
@@ -293,6 +296,7 @@ class _Folder(_Target):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
+        shutil.rmtree(self.partial, ignore_errors=True)  # of a killed run: process numbers repeat
         self.partial.mkdir()
         self._count = 0
 
@@ -303,6 +307,17 @@ class _Folder(_Target):
         if not cv2.imwrite(str(self.partial / f"{self._count:05d}.png"), image):
             raise RuntimeError(f"--video: {self.path}: the picture could not be written")
         self._count += 1
+
+    def close(self, complete: bool) -> None:
+        """Put the frames in the place of older ones, or remove them; the folder itself stays."""
+        if complete and self.partial.exists():
+            self.path.mkdir(exist_ok=True)
+            for old in self.path.iterdir():
+                if FRAME.fullmatch(old.name):
+                    old.unlink()
+            for frame in self.partial.iterdir():
+                frame.replace(self.path / frame.name)
+        shutil.rmtree(self.partial, ignore_errors=True)
 
 
 def usual_every(n_scans: int) -> int:

@@ -5,6 +5,7 @@ Needs the extra `viz`; nothing else of slams does.
 
 from __future__ import annotations
 
+import math
 import os
 from importlib import import_module
 from pathlib import Path
@@ -55,7 +56,7 @@ class View:
     Raises:
         LookupError: the extra `viz` is not installed.
         ValueError: the target has another ending than .rrd.
-        OSError: its folder does not exist.
+        OSError: its folder does not exist, or it is one.
     """
 
     def __init__(self, target: str, slam: Slam, title: str) -> None:
@@ -63,13 +64,15 @@ class View:
         self._slam = slam
         self._scene = Scene()
         self._path = None if target == LIVE else _checked(Path(target))
-        self._stream = self._rr.RecordingStream(f"slams: {title}", recording_id=title)
+        # equal runs give equal recordings; in an open viewer they would run into each other
+        name = None if self._path is None else title
+        self._stream = self._rr.RecordingStream(f"slams: {title}", recording_id=name)
         if self._path is None:
             self._stream.spawn()
         else:
             self._stream.save(self._partial(self._path))
         self._start = 0.0
-        self._map_due = self._way_due = 0.0
+        self._map_at = self._way_at = -math.inf
 
     def __enter__(self) -> Self:
         return self
@@ -77,30 +80,32 @@ class View:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
-        if kind is None and self._scene.way:
-            self._log_map()
-            self._log_way()
-        self._stream.disconnect()
-        if self._path is None:
-            return
-        if kind is None:
-            self._partial(self._path).replace(self._path)
-        else:
-            self._partial(self._path).unlink(missing_ok=True)
+        complete = False
+        try:
+            if kind is None and self._scene.way:
+                self._log_map()
+                self._log_way()
+            complete = kind is None
+        finally:
+            self._stream.disconnect()
+            if self._path is not None and complete:
+                self._partial(self._path).replace(self._path)
+            elif self._path is not None:
+                self._partial(self._path).unlink(missing_ok=True)
 
     def watch(self, scan: Scan, pose: Pose2) -> None:
         """See one scan and the pose that was found for it."""
         if not self._scene.way:
-            self._start = self._map_due = self._way_due = scan.t
+            self._start = scan.t
         self._scene.add(scan, pose)
         self._stream.set_time("log", duration=scan.t - self._start)
         self._stream.set_time("scan", sequence=len(self._scene.way) - 1)
         self._log_scan()
-        if scan.t >= self._map_due:
-            self._map_due = scan.t + REDRAW
+        if abs(scan.t - self._map_at) >= REDRAW:  # also where stamps jump back
+            self._map_at = scan.t
             self._log_map()
-        if scan.t >= self._way_due:
-            self._way_due = scan.t + WAY_EVERY
+        if abs(scan.t - self._way_at) >= WAY_EVERY:
+            self._way_at = scan.t
             self._log_way()
 
     def _log_scan(self) -> None:
@@ -146,6 +151,8 @@ def _checked(path: Path) -> Path:
         raise ValueError(f"--view: got {path}, expected a file .rrd, or nothing for a live view")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"--view: {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise IsADirectoryError(f"--view: {path}: is a folder; expected the name of a file")
     return path
 
 

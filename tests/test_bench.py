@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from bench import loss, ranking, report, tables, timing, verdicts
-from bench.cases import Outcome, read_relations
+from bench.cases import Choice, Outcome, read_relations, run_case
 from bench.metrics import Common, RelationErrors, SpanErrors
-from slams.scanlog import ScanLog
+from slams.player import replay
+from slams.registry import find
+from slams.scanlog import ScanLog, load
+from slams.summary import summarize
 from slams.types import Laser
+from tests.rooms import drive
 
 
 def line(n, step=0.1):
@@ -60,8 +64,31 @@ def test_cost_by_hand():
     found = timing.cost(np.array([0.001, 0.002, 0.003, 0.004]), 10.0, 5.0)
     assert found["mean_ms"] == pytest.approx(2.5)
     assert (found["p50_ms"], found["max_ms"]) == (pytest.approx(2.5), pytest.approx(4.0))
+    assert (found["p95_ms"], found["p99_ms"]) == (pytest.approx(3.85), pytest.approx(3.97))
     assert found["real_time_factor"] == pytest.approx(1000.0)
     assert found["real_time_factor_slower"] == pytest.approx(200.0)
+
+
+def test_a_run_has_the_same_figures_in_its_summary_and_in_the_benchmark(tmp_path):
+    drive(n=60).save(tmp_path / "room.npz")
+    log = load(tmp_path / "room.npz")
+    entry = find("odometry")
+    own = summarize(replay(entry.cls(entry.params()), log), log, "odometry", entry.params(), 0.0)
+    row = run_case("odometry", str(tmp_path / "room.npz"), Choice()).row
+    assert row["cpu_ms_per_scan"] == row["cost"]["mean_ms"]
+    assert row["cpu_ms"] == {name: row["cost"][f"{name}_ms"] for name in ("p50", "p95", "max")}
+    assert row["real_time_factor"] == row["cost"]["real_time_factor"]
+    assert [key for key in own["errors"] if key.startswith("per_")] == ["per_update", "per_1_s"]
+    for key, span in (("per_update", "update"), ("per_1_s", "1 s")):
+        found = row["errors"]["spans"][span]
+        for name, theirs in (
+            ("translation_m", "se2_translation_m"),
+            ("rotation_rad", "orientation_rad"),
+        ):
+            for moment, value in own["errors"][key][name].items():
+                assert value == pytest.approx(found[theirs][moment], rel=1e-9, abs=1e-12)
+    for name in ("ate_m", "end_m"):
+        assert row["errors"][name] == own["errors"][name]
 
 
 def test_peak_memory_counts_what_is_allocated_inside_and_nothing_before():

@@ -68,6 +68,11 @@ class ReturnsNothing(Good):
         super().update(scan)
 
 
+class ReturnsATuple(Good):
+    def update(self, scan):
+        return tuple(super().update(scan))
+
+
 class Writes(Good):
     def update(self, scan):
         ctypes.memset(scan.ranges.ctypes.data, 0, 8)  # numpy itself would refuse
@@ -122,6 +127,11 @@ class MapInPercent(Good):
         return OccupancyGrid(np.full((2, 2), 100.0, np.float32), 0.1, (-0.1, -0.1))
 
 
+class NoMap(Good):
+    def map(self):
+        return OccupancyGrid(np.zeros((0, 0), np.float32), 0.1, (0.0, 0.0))
+
+
 class DoubleMap(Good):
     def map(self):
         return OccupancyGrid(np.zeros((2, 2)), 0.1, (-0.1, -0.1))
@@ -165,6 +175,7 @@ def test_a_good_one_passes():
         (Nan, "2", "the pose is (nan, 0.0, 0.0) [scans: nothing but inf later]"),
         (Raises, "2", "IndexError: index 100 is out of bounds"),
         (ReturnsNothing, "1", "update returned None, expected a Pose2"),
+        (ReturnsATuple, "1", "update returned (0.0, 0.0, 0.0), expected a Pose2"),
         (Writes, "3", "the ranges of a scan changed"),
         (Chance, "4", "scan 1 of the same log got ("),
         (Silent, "5", "report()['odometry'] is None after scans without odometry"),
@@ -174,6 +185,7 @@ def test_a_good_one_passes():
         (MapElsewhere, "9", "the first pose is not on the map"),
         (MapInPercent, "9", "map().p is not in 0..1"),
         (DoubleMap, "9", "map().p is float64"),
+        (NoMap, "9", "map().p is float32 (0, 0), expected float32 (ny, nx) with cells"),
     ],
 )
 def test_each_clause_finds_what_breaks_it(cls, number, sentence):

@@ -254,9 +254,13 @@ def test_compare_on_given_logs(log_file, tmp_path):
     )
 
 
-def test_compare_goes_on_when_an_algorithm_raises(log_file, tmp_path, monkeypatch):
+def test_compare_goes_on_when_an_algorithm_raises_or_dies(log_file, tmp_path, monkeypatch):
     (tmp_path / "faulty.py").write_text(
+        "import os\n"
         "from slams.baselines import Odometry\n"
+        "class Dying(Odometry):\n"
+        "    def update(self, scan):\n"
+        "        os._exit(1)\n"
         "class Faulty(Odometry):\n"
         "    def update(self, scan):\n"
         "        raise ZeroDivisionError('on purpose')\n"
@@ -265,8 +269,11 @@ def test_compare_goes_on_when_an_algorithm_raises(log_file, tmp_path, monkeypatc
     done = command(
         log_file,
         "--algorithms",
-        "faulty:Faulty",
         "odometry",
+        "faulty:Faulty",
+        "faulty:Dying",
+        "--jobs",
+        "1",
         "--out",
         "c",
         cwd=tmp_path,
@@ -275,8 +282,9 @@ def test_compare_goes_on_when_an_algorithm_raises(log_file, tmp_path, monkeypatc
     assert done.returncode == 0, done.stderr
     assert "faulty:Faulty failed: ZeroDivisionError: on purpose" in done.stdout
     rows = json.loads((tmp_path / "c" / "results.json").read_text())["rows"]
-    assert rows[0]["failed"]
-    assert rows[1]["errors"]["spans"]["update"]
+    assert rows[0]["errors"]["spans"]["update"], "the others still count"
+    assert rows[1]["failed"].startswith("ZeroDivisionError")
+    assert rows[2]["failed"].startswith("its process died")
 
 
 def test_compare_with_relations_and_without_truth(log_file, tmp_path, capsys):
@@ -305,6 +313,13 @@ def test_compare_with_relations_and_without_truth(log_file, tmp_path, capsys):
         (["--algorithms", "nobody"], "unknown algorithm 'nobody'"),
         (["--jobs", "0"], "--jobs: got 0"),
         (["--relations", "r.txt"], "expected the one they are of"),
+        (["--seed", "-1"], "parameter 'seed': got -1"),
+        (["--sensor", "lsd01"], "unknown sensor 'lsd01'; did you mean 'lds01'"),
+        (["--ros-params", "slam.launch"], "got 'slam.launch', expected ALGORITHM=FILE"),
+        (["--ros-params", "tsd="], "got 'tsd=', expected ALGORITHM=FILE"),
+        (["--ros-params", "hector@original=f"], "got 'hector@original', expected one that is"),
+        (["--ros-params", "hector=none.yaml"], "none.yaml: no such file"),
+        (["--ros-params", "kiss=none.yaml"], "Kiss has no original in ROS"),
     ],
 )
 def test_compare_refuses_bad_input_in_one_sentence(
@@ -318,6 +333,38 @@ def test_compare_refuses_bad_input_in_one_sentence(
     assert err.count("\n") == 1
     assert sentence in err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_compare_takes_the_files_of_ros_nodes(log_file, tmp_path, capsys):
+    from bench import compare
+
+    for name, text in (
+        ("a=1.yaml", "map_resolution: 0.1\nmap_frame: map\nlaser_max_dist: 12.0\n"),
+        ("b.yaml", "map_resolution: 0.2\n"),
+        ("o.yaml", "laser_max_dist: 9.0\n"),
+    ):
+        (tmp_path / name).write_text(text)
+    algorithms = ["hector@original", "hector", "gmapping"]
+    arguments = [str(log_file), "--algorithms", *algorithms, "--limit", "4", "--seed", "7"]
+    files = [("hector", "a=1.yaml"), ("hector@original", "o.yaml"), ("hector", "b.yaml")]
+    for label, name in files:
+        arguments += ["--ros-params", f"{label}={tmp_path / name}"]
+    arguments += ["--sensor", "lds02", "--out", str(tmp_path / "out")]
+    assert compare.main(arguments) == 0
+    told = capsys.readouterr().err
+    assert told.startswith("hector_mapping -> hector: 2 mapped, 1 ignored\n  map_resolution = 0.2")
+    assert "hector_mapping -> hector@original: 1 mapped, " in told
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    original, hector, gmapping = (row["parameters"] for row in results["rows"])
+    assert (hector["resolution"], hector["max_range"], hector["seed"]) == (0.2, 12.0, 7)
+    assert (original["resolution"], original["start"]) == (0.025, "auto"), "as the node's own"
+    assert (gmapping["resolution"], gmapping["sigma"], gmapping["seed"]) == (0.05, 0.05, 7)
+    said = results["ros_params"]
+    assert list(said) == ["hector", "hector@original"]
+    assert said["hector"]["files"] == [str(tmp_path / "a=1.yaml"), str(tmp_path / "b.yaml")]
+    became = {p["name"]: (p["value"], p["fate"], p["text"]) for p in said["hector"]["parameters"]}
+    assert became["map_resolution"] == ("0.2", "mapped", "resolution = 0.2 [m]")
+    assert became["map_frame"][:2] == ("map", "ignored")
 
 
 def test_compare_on_two_logs_as_a_live_node(log_file, tmp_path, capsys):

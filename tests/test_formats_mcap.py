@@ -1,6 +1,7 @@
 """result.mcap read back by the rosbags library and by evo; the maps of map_server."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -228,7 +229,12 @@ def test_the_trap_of_the_old_threshold_is_told(tmp_path):
     ("changes", "sentence"),
     [
         ({"origin": [0.0, 0.0, 0.5]}, "not turned"),
-        ({"origin": 3}, "not a number"),
+        ({"origin": 3}, r"origin: got 3, expected \[x, y, yaw\]"),
+        ({"origin": [0.0]}, r"origin: got \[0.0\], expected \[x, y, yaw\]"),
+        ({"origin": ["a", 0.0]}, "not a number"),
+        ({"negate": math.inf}, "not a number"),
+        ({"resolution": 10**400}, "not a number"),
+        ({"free_thresh": math.nan}, "free_thresh nan, expected 0 to 1"),
         ({"mode": "color"}, "mode: got color, expected trinary, scale, raw"),
         ({"resolution": 0.0}, "expected metres per cell"),
         ({"resolution": "fine"}, "not a number"),
@@ -243,7 +249,40 @@ def test_other_maps_are_refused(changes, sentence, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_a_yaml_that_is_a_list(tmp_path):
-    Path(tmp_path / "m.yaml").write_text("- 1\n- 2\n")
-    with pytest.raises(ValueError, match="expected the yaml of a map"):
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("- 1\n- 2\n", "expected the yaml of a map"),
+        ("made: 2024-99-99\n", "m.yaml: not readable as yaml: month"),
+        ("x: " + "[" * 3000 + "]" * 3000, "m.yaml: not readable as yaml"),
+        (b"\xff\xfe", "m.yaml: not readable as yaml"),
+    ],
+)
+def test_a_yaml_that_is_no_map(text, sentence, tmp_path):
+    Path(tmp_path / "m.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ValueError, match=sentence):
         occupancy.read_map(tmp_path / "m.yaml")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"P5\n100000 100000\n255\n0000",  # OpenCV refuses the size by an error of its own
+        b"P5\n3 4\n255\n00000",
+        b"\x89PNG\r\n\x1a\n00000",
+    ],
+)
+def test_a_picture_that_is_none_is_one_sentence(content, tmp_path, capfd):
+    (tmp_path / "m.pgm").write_bytes(content)
+    with pytest.raises(ValueError, match=r"m\.pgm: not a picture; expected pgm"):
+        occupancy.read_picture(tmp_path / "m.pgm")
+    with pytest.raises(OSError, match="No such file") as caught:
+        occupancy.read_picture(tmp_path / "none.pgm")
+    assert caught.value.filename == str(tmp_path / "none.pgm")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_map_without_cells_is_not_written(tmp_path):
+    with pytest.raises(OSError, match="could not be written"):
+        occupancy.write_map(tmp_path, OccupancyGrid(np.zeros((0, 0), np.float32), 0.1, (0.0, 0.0)))

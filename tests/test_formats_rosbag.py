@@ -1,6 +1,11 @@
 """Bags written by the rosbags library, read as logs."""
 
+import bz2
+import gzip
 import math
+import os
+import shutil
+import sqlite3
 import time
 
 import numpy as np
@@ -537,6 +542,73 @@ def test_other_folders_and_packed_files_are_refused(tmp_path):
     assert "zstd -d" in refused(tmp_path / "x.zstd")
     (tmp_path / "x.bag").write_bytes(b"#ROSBAG V1.2\n")
     assert "rosbag fix" in refused(tmp_path / "x.bag")
+
+
+@pytest.mark.parametrize(
+    ("pack", "command"), [(gzip.compress, "gunzip"), (bz2.compress, "bunzip2")]
+)
+def test_a_packed_bag_is_refused_with_the_way_out(pack, command, tmp_path):
+    path = bags.write(tmp_path, "bag", drive)
+    path.write_bytes(pack(path.read_bytes()))
+    assert refused(path).endswith(f"unpack it first: {command} drive.bag")
+
+
+def test_a_topic_without_a_name_is_none(tmp_path):
+    def messages(make):
+        return [*scans_on("/scan")(make), ("", T[0], make.odometry(T[0], 0, 0, 0))]
+
+    path = bags.write(tmp_path, "bag", messages)  # which the library cannot read
+    assert slams.load(path, salvage=True).odom is None
+
+
+def test_a_database_that_cannot_even_say_what_is_wrong(tmp_path):
+    path = bags.write(tmp_path, "db3", drive).rename(tmp_path / "killed")
+    path.write_bytes(path.read_bytes().replace(b"CREATE TABLE", b"CREATE\x9bTABLE"))
+    sentence = refused(path)
+    assert "damaged (Cannot open database killed: " in sentence
+    assert "nothing in it can be salvaged" in refused(path, salvage=True)
+
+
+def test_a_folder_that_may_not_be_read(tmp_path, monkeypatch):
+    def forbidden(path):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(os, "listdir", forbidden)
+    monkeypatch.setattr(os, "scandir", forbidden)
+    with pytest.raises(PermissionError):
+        slams.load(tmp_path)
+
+
+def test_a_database_whose_recorder_was_killed(tmp_path):
+    whole, killed = bags.write(tmp_path, "db3", drive), tmp_path / "killed.db3"
+    database = sqlite3.connect(whole)
+    database.execute("PRAGMA journal_mode=wal")
+    rows = database.execute("SELECT topic_id, timestamp, data FROM messages").fetchall()
+    database.execute("DELETE FROM messages WHERE timestamp > ?", (round(1e9 * T[5]),))
+    database.commit()
+    database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    late = [row for row in rows if row[1] > round(1e9 * T[5])]
+    insert = "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)"
+    database.executemany(insert, late)
+    database.commit()
+    shutil.copyfile(whole, killed)
+    shutil.copyfile(f"{whole}-wal", f"{killed}-wal")
+    database.close()
+    assert len(slams.load(whole)) == N
+    assert "(its last messages are still in killed.db3-wal); 'sqlite3" in refused(killed)
+    assert len(slams.load(killed, salvage=True)) == N
+    assert sorted(path.name for path in tmp_path.glob("killed*")) == [
+        "killed.db3",
+        "killed.db3-wal",
+    ]
+
+
+def test_a_folder_whose_recording_never_began(tmp_path):
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    (folder / "drive_0.mcap").touch()
+    assert "ros2 bag reindex" in refused(folder)
+    assert "nothing in it can be salvaged" in refused(folder, salvage=True)
 
 
 def test_a_big_bag_is_read_in_no_time(tmp_path):

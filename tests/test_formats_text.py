@@ -140,6 +140,25 @@ def test_truth_from_a_file(tmp_path):
     trajectory.write_tum(tmp_path / "t.tum", np.array([100.0, 101.0]), np.ones((2, 3)))
     log = slams.load(written(tmp_path, FLASER.format(READINGS)), truth=str(tmp_path / "t.tum"))
     assert log.truth_at(log.t)[0] == pytest.approx(np.ones(3), abs=1e-8)
+    assert log.meta["source"]["truth"] == "t.tum"
+    assert log.notes == ()
+    trajectory.write_tum(tmp_path / "far.tum", np.array([0.0, 1.0]), np.ones((2, 3)))
+    log = slams.load(tmp_path / "drive.log", truth=str(tmp_path / "far.tum"))
+    assert log.notes == ("the truth covers 0 of 1 scans",)
+    assert log.meta["notes"] == list(log.notes)
+
+
+def test_options_that_say_nothing_about_a_log_are_told(tmp_path):
+    path = written(tmp_path, FLASER.format(READINGS))
+    log = slams.load(path, imu="/imu", base_frame="base", scan_topic="FLASER", odom="FLASER")
+    assert log.notes == ("--imu, --base-frame: nothing to choose in a CARMEN log",)
+    assert slams.load(path, imu="none").notes == ()
+
+
+@pytest.mark.parametrize("angle", [math.nan, math.inf, 361.0])
+def test_a_first_beam_that_is_no_direction(angle, tmp_path):
+    with pytest.raises(ValueError, match=r"--first-beam: got .*, expected degrees from -360"):
+        slams.load(written(tmp_path, FLASER.format(READINGS)), first_beam=angle)
 
 
 def test_the_reading_that_means_nothing_seen(tmp_path):

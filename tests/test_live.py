@@ -181,6 +181,31 @@ def test_the_gyro_is_integrated_however_often_it_comes():
     assert seen[11] is None
 
 
+def test_a_late_reading_of_the_gyro_is_not_counted_again():
+    live = LiveSlam(ODOMETRY, warm_up=False)
+    seen = []
+    live._slam.update = lambda scan: seen.append(scan.yaw) or Pose2(0.0, 0.0, 0.0)
+    scan = scan_at((0.0, 0.0, 0.0))
+    for t in (0.0, 0.1, 0.2, 0.1, 0.05, math.nan, 0.3):
+        live.push_yaw_rate(t, 1.0)
+    live.push(0.3, scan.ranges, *fan(scan.laser))
+    live.push_yaw_rate(-50.0, 1.0)  # the clock was set back
+    live.push_yaw_rate(-49.9, 1.0)
+    for k in range(LATE_IN_A_ROW + 1):
+        live.push(-49.9 + 0.001 * k, scan.ranges, *fan(scan.laser))
+    assert seen == pytest.approx([0.3, 0.4 + 0.001 * LATE_IN_A_ROW])
+
+
+@pytest.mark.parametrize("wrong", [-1e-5, math.nan, math.inf])
+def test_a_time_between_beams_that_cannot_be_is_none(wrong):
+    live = LiveSlam(ODOMETRY, warm_up=False)
+    seen = []
+    live._slam.update = lambda scan: seen.append(scan.laser) or Pose2(0.0, 0.0, 0.0)
+    live.push(0.0, [1.0, 2.0], 0.0, 0.1, 0.1, 9.0, time_increment=wrong)
+    live.push(1.0, [1.0, 2.0], 0.0, 0.1, 0.1, 9.0, time_increment=1e-5)
+    assert [laser.time_increment for laser in seen] == [0.0, 1e-5]
+
+
 def test_losing_the_place_is_told(log):
     live = LiveSlam("hector", warm_up=False)
     for scan in log:
@@ -211,6 +236,9 @@ def test_reset_starts_a_new_map(log):
         ({"ranges": [[1.0]]}, r"ranges: got shape \(1, 1\)"),
         ({"range_max": 0.0}, "not the geometry of a laser"),
         ({"angle_min": math.nan}, "not the geometry of a laser"),
+        ({"ranges": [1.0, 2.0], "angle_increment": 0.0}, "expected an angle, a step between"),
+        ({"range_max": math.inf}, "not the geometry of a laser"),
+        ({"odometry": (1.0, 2.0)}, "odometry: got 2 numbers, expected x, y, theta"),
         ({"stamp": math.inf}, "stamps that are not finite"),
     ],
 )

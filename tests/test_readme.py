@@ -1,5 +1,6 @@
 """The READMEs say what the code does."""
 
+import json
 import re
 import shlex
 import sys
@@ -41,6 +42,62 @@ def test_the_commands_of_the_readme_are_ones_the_programs_take():
         module, *arguments = shlex.split(line, comments=True)
         if module in parsers and (arguments or module != "bench.simulate"):
             parsers[module].parse_args(arguments)
+
+
+def test_the_measured_tables_of_the_readme_are_generated():
+    assert [part for _, part, *_ in readme.PART.findall(README)] == [
+        "results",
+        "ranking",
+        "relations",
+        "public",
+    ]
+
+
+def several_logs(folder):
+    """Results of two logs as bench.compare writes them, as far as the README needs them."""
+    more = {"duration_s": 10.0, "meta": {"more": "than is shown"}}
+    costs = (("hector", 0.26), ("mine:Slam", 12.34))
+    rows = [
+        {"algorithm": label, "log": log, "failed": None, "cost": {"mean_ms": ms}}
+        for log in ("a", "b")
+        for label, ms in costs
+    ]
+    rows[3] |= {"failed": "ValueError: no", "cost": None}
+    found = {
+        "command": "python -m bench.compare ../logs/a.bag 'x y/b.npz' --out /somewhere/o --every 2",
+        "machine": {"cpu": "a core"},
+        "logs": [
+            {"name": "a", "scans": 9, "beams": 3} | more,
+            {"name": "b", "scans": 70, "beams": 5} | more,
+        ],
+        "rows": rows,
+    }
+    (folder / "results.json").write_text(json.dumps(found))
+
+
+def test_results_of_several_logs_become_the_table_of_public_logs(tmp_path, monkeypatch):
+    for kind in ("PUBLIC", "RESULTS", "RELATIONS", "RANKING"):
+        monkeypatch.setattr(readme, kind, tmp_path / f"{kind.lower()}.json")
+    several_logs(tmp_path)
+    readme.adopt(tmp_path)
+    assert "more" not in (tmp_path / "public.json").read_text()
+    text = readme.rendered("<!-- public -->\n<!-- end -->")
+    assert "`python -m bench.compare a.bag b.npz --every 2`, CPU time of a scan on a core" in text
+    assert "| log | scans x beams | lasts [s] | hector [ms] | mine:Slam [ms] |" in text
+    assert "| a | 9 x 3 | 10 | 0.3 | 12.3 |\n| b | 70 x 5 | 10 | 0.3 | - |\n" in text
+    assert readme.rendered(text) == text
+
+
+def test_every_public_log_with_figures_says_where_it_is_from():
+    logs = (
+        compare.parser()
+        .parse_args(shlex.split(readme.read_results(readme.PUBLIC)["command"])[3:])
+        .logs
+    )
+    section = README.partition("## Public logs")[2]
+    assert len(logs) >= 4
+    for log in logs:
+        assert re.search(rf"^\| `{re.escape(log)}` \| .* \| [\w.-]+/\w+", section, re.M), log
 
 
 def test_the_targets_of_make_exist():

@@ -1,6 +1,7 @@
 """--video and --view: what they write, and what they say when they cannot."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -184,6 +185,35 @@ def test_run_makes_films(log_file, tmp_path, capsys):
     assert "--video-every: got 0, expected 1 or more" in capsys.readouterr().err
 
 
+def test_a_folder_with_other_files_is_left_alone(log_file, log, tmp_path, capsys, monkeypatch):
+    folder = tmp_path / "precious"
+    folder.mkdir()
+    (folder / "thesis.txt").write_text("years")
+    assert run("odometry", log_file, "--video", folder, "--out", tmp_path / "o") == 2
+    assert "precious: holds other files; expected a new folder" in capsys.readouterr().err
+    assert [path.name for path in folder.iterdir()] == ["thesis.txt"]
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    monkeypatch.chdir(empty)
+    film(".", log)  # where somebody stands: filled, not replaced
+    assert len(list(Path.cwd().iterdir())) == 4
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["empty", "precious"]
+
+
+def test_a_pose_that_is_none_is_told_by_the_replay(log_file, tmp_path, capsys, monkeypatch):
+    (tmp_path / "nans.py").write_text(
+        "from slams.baselines import Odometry\n"
+        "from slams import Pose2\n"
+        "class Nans(Odometry):\n"
+        "    def update(self, scan):\n"
+        "        super().update(scan)\n"
+        "        return Pose2(float('nan'), 0.0, 0.0) if scan.t > 0.5 else Pose2(0.0, 0.0, 0.0)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    assert run("nans:Nans", log_file, "--video", tmp_path / "v.gif", "--out", tmp_path / "o") == 1
+    assert "Nans returned Pose2(x=nan" in capsys.readouterr().err
+
+
 def test_timing_does_not_count_the_film(log_file, tmp_path):
     from slams.player import replay
     from slams.scanlog import load
@@ -216,6 +246,7 @@ class Recording:
 
     def __init__(self, name, recording_id):
         self.sent, self.times, self.target, self.open = [], [], None, True
+        self.recording_id = recording_id
         Recording.last = self
 
     def spawn(self):
@@ -286,6 +317,7 @@ def test_view_as_a_user_types_it(rerun, log_file, tmp_path, capsys):
     out = ["--out", tmp_path / "o", "-q"]
     assert run("odometry", log_file, "--view", *out) == 0
     assert Recording.last.target == "window"
+    assert Recording.last.recording_id is None  # else the viewer adds it to the run before
     assert run("odometry", log_file, "--view", tmp_path / "a.rrd", *out) == 0
     assert (tmp_path / "a.rrd").read_text() == "rrd"
     assert run("odometry", "--view", log_file, *out) == 2
@@ -294,6 +326,35 @@ def test_view_as_a_user_types_it(rerun, log_file, tmp_path, capsys):
     with pytest.raises(RuntimeError), view.View(str(tmp_path / "b.rrd"), odometry(), "it"):
         raise RuntimeError
     assert not list(tmp_path.glob("*b.*"))
+    (tmp_path / "c.rrd").mkdir()
+    assert run("odometry", log_file, "--view", tmp_path / "c.rrd", *out) == 2
+    assert "c.rrd: is a folder" in capsys.readouterr().err
+
+
+def test_nothing_is_left_of_a_view_whose_last_map_fails(rerun, log, tmp_path):
+    class Breaks:
+        drawn = 0
+
+        def map(self):
+            self.drawn += 1
+            assert self.drawn == 1
+            return odometry().map()
+
+    with (
+        pytest.raises(AssertionError),
+        view.View(str(tmp_path / "a.rrd"), Breaks(), "it") as watcher,
+    ):
+        watcher.watch(next(iter(log)), Pose2(0.0, 0.0, 0.0))
+    assert list(tmp_path.iterdir()) == []
+    assert not Recording.last.open
+
+
+def test_the_map_is_drawn_on_where_stamps_jump_back(rerun, log, tmp_path):
+    slam = odometry()
+    with view.View(str(tmp_path / "a.rrd"), slam, "it") as watcher:
+        for t in (100.0, 100.5, 0.0, 0.5, 1.0):
+            watcher.watch(replace(next(iter(log)), t=t), Pose2(0.0, 0.0, 0.0))
+    assert sum(path == "map/grid" for path, _ in Recording.last.sent) == 3 + 1
 
 
 def test_the_real_viewer_library_takes_it(log, tmp_path):

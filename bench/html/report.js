@@ -238,16 +238,15 @@ addEventListener("scroll", (event) => (lastScroll = event.timeStamp), { passive:
 for (const box of document.querySelectorAll(".plot[data-zoom]")) new Plot(box);
 for (const hint of document.querySelectorAll(".hint")) hint.hidden = false;
 
-// Tables: a button in each heading sorts by its column, numbers as numbers, dashes last.
+// Tables: a button in each heading sorts by its column: numbers, then words, dashes last.
 
 function sortBy(table, column, ascending) {
-  const text = (row) => row.cells[column].textContent;
-  const key = (row) => (text(row) === "-" ? Infinity : Number(text(row)) * (ascending ? 1 : -1));
+  const kind = (text) => (text === "-" ? 2 : Number.isNaN(Number(text)) ? 1 : 0);
   const rows = [...table.tBodies[0].rows];
-  const words = rows.some((row) => Number.isNaN(key(row)));
   rows.sort((a, b) => {
-    if (!words) return key(a) === key(b) ? 0 : key(a) - key(b);
-    return text(a).localeCompare(text(b)) * (ascending ? 1 : -1);
+    const [x, y] = [a, b].map((row) => row.cells[column].textContent);
+    if (kind(x) !== kind(y)) return kind(x) - kind(y);
+    return (kind(x) ? x.localeCompare(y) : x - y) * (ascending ? 1 : -1);
   });
   table.tBodies[0].append(...rows);
 }

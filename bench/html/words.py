@@ -21,7 +21,7 @@ class Ranked(NamedTuple):
 def summary(entry: Line, rows: Rows) -> list[str]:
     """One paragraph about a log, as sentences."""
     done = [row for row in rows if not row["failed"]]
-    return [*_accuracy(entry, done), *_failures(entry, rows, done), *_cost(done)]
+    return [*_accuracy(entry, done), *_failures(rows, done), *_cost(done)]
 
 
 def over_what(rows: Rows) -> str | None:
@@ -78,10 +78,9 @@ def _by_relations(rows: Rows) -> list[str]:
     return [best + (f", followed by {_listed(others)}." if others else ".")]
 
 
-def _failures(entry: Line, rows: Rows, done: Rows) -> list[str]:
+def _failures(rows: Rows, done: Rows) -> list[str]:
     sentences = [f"{line}." for line in report.failures(rows)]
-    lost = [row for row in done if row["loss"]["lost"]]
-    sentences += [_lost(row) for row in lost]
+    sentences += [_lost(row) for row in done if row["loss"]["lost"]]
     return sentences or ["No run failed, none was lost."]
 
 

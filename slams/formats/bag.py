@@ -64,8 +64,10 @@ def open_bag(path: Path, kind: str) -> Iterator[LibraryBag]:
     """A bag read by the library.
 
     Raises:
-        DamagedError: the library cannot read it.
+        DamagedError: the library cannot read it, or would miss its end.
     """
+    if kind == "db3" and (log := write_ahead(path)) is not None:
+        raise damaged(path, kind, f"its last messages are still in {log.name}")
     with _named(path, kind) as name:
         bag = LibraryBag(path, kind, name)
         try:
@@ -86,11 +88,18 @@ def _named(path: Path, kind: str) -> Iterator[Path]:
         yield link
 
 
+def write_ahead(database: Path) -> Path | None:
+    """What a recorder that was killed had not yet moved into its database, if anything."""
+    log = database.with_name(f"{database.name}-wal")
+    return log if log.is_file() and log.stat().st_size else None
+
+
 class LibraryBag:
     """A whole bag; `name` is the path the library gets."""
 
     def __init__(self, path: Path, kind: str, name: Path) -> None:
         self.path, self.kind, self.ros1 = path, kind, kind == "bag"
+        self._name = name
         self._reader = self._guarded(lambda: self._opened(name))
         counts: dict[tuple[str, str], int] = {}
         for connection in self._reader.connections:
@@ -130,13 +139,15 @@ class LibraryBag:
         except Exception as error:  # its parsers raise what they stumble over: any class
             if isinstance(error, FileNotFoundError | PermissionError) and error.errno:
                 raise
-            raise damaged(self.path, self.kind, error) from error
+            text = str(error) or type(error).__name__
+            for name in (self._name, self.path):
+                text = text.replace(str(name), self.path.name)
+            raise damaged(self.path, self.kind, text) from error
 
 
-def damaged(path: Path, kind: str, error: BaseException) -> DamagedError:
+def damaged(path: Path, kind: str, reason: str) -> DamagedError:
     """The sentence for a bag that is not whole, with the way out."""
-    reason = " ".join(str(error).replace(str(path), path.name).split())[:120].rstrip(".")
-    reason = reason or type(error).__name__
+    reason = " ".join(reason.split())[:120].rstrip(".")
     return DamagedError(
         f"{path}: cut short or damaged ({reason}); {REPAIR[kind]}, --salvage reads what is whole"
     )

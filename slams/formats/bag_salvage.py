@@ -18,7 +18,7 @@ from typing import Any
 
 import lz4.frame
 
-from slams.formats.bag import KNOWN, Record, Topic
+from slams.formats.bag import KNOWN, Record, Topic, write_ahead
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -71,7 +71,7 @@ def _found(path: Path, kind: str) -> Found:
             yield from _found(file, file.suffix[1:])
     elif kind == "db3":
         yield from _rows(path)
-    else:
+    elif path.stat().st_size:  # an empty file cannot be mapped
         with path.open("rb") as stored:
             data = mmap.mmap(stored.fileno(), 0, access=mmap.ACCESS_READ)
             start, reader = (HEADER1, _Ros1()) if kind == "bag" else (HEADER2, _Mcap())
@@ -89,6 +89,8 @@ def _rows(path: Path) -> Found:
     with tempfile.TemporaryDirectory(prefix="slams-") as folder:
         copy = Path(folder) / "copy.db3"
         shutil.copyfile(path, copy)
+        if (log := write_ahead(path)) is not None:
+            shutil.copyfile(log, copy.with_name(f"{copy.name}-wal"))
         _pad(copy)
         database = sqlite3.connect(copy)
         try:
@@ -97,7 +99,7 @@ def _rows(path: Path) -> Found:
                 if key in topics and isinstance(received, int) and isinstance(data, bytes):
                     name, msgtype = topics[key]
                     yield str(name), str(msgtype), received, data
-        except (sqlite3.Error, OverflowError):
+        except (sqlite3.Error, OverflowError, UnicodeDecodeError):  # also in its own sentences
             return
         finally:
             database.close()

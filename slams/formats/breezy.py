@@ -37,6 +37,7 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
     """The scans of a .dat file.
 
     Raises:
+        OSError: the file cannot be opened.
         ValueError: a line has other columns; the sentence says which.
     """
     notes: list[str] = []

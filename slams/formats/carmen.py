@@ -54,6 +54,7 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
     """The scans of one laser with odometry and truth.
 
     Raises:
+        OSError: the file cannot be opened.
         ValueError: no such laser, or a line is not whole; the sentence says which.
     """
     notes: list[str] = []

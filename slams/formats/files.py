@@ -18,11 +18,12 @@ def complete_folder(folder: str | Path) -> Iterator[Path]:
     Raises:
         OSError: the folder cannot be made or written.
     """
-    folder = Path(folder)
+    folder = Path(folder).resolve()  # "." has no name to put a temporary one beside
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(f"{folder}: is a file; expected a folder for the results")
     folder.parent.mkdir(parents=True, exist_ok=True)
     partial = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    shutil.rmtree(partial, ignore_errors=True)  # of a killed run: process numbers repeat
     partial.mkdir()
     try:
         yield partial

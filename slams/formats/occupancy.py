@@ -23,6 +23,9 @@ def write_map(folder: str | Path, grid: OccupancyGrid) -> None:
     """Write map.pgm and map.yaml; trinary, loads in map_server and nav2.
 
     Row 0 of the picture is the highest y; the yaml's origin is the lower left corner.
+
+    Raises:
+        OSError: a file cannot be written, or the map has no cells.
     """
     folder = Path(folder)
     _write_image(folder / "map.pgm", trinary(grid))
@@ -51,6 +54,8 @@ def read_map(path: str | Path, notes: list[str] | None = None) -> OccupancyGrid:
     """
     path = Path(path)
     head = _head(path)
+    if not (path.parent / head.image).is_file():
+        raise FileNotFoundError(f"{path}: there is no such picture as {head.image} beside it")
     image = _read_image(path.parent / head.image)
     if head.mode == "raw":
         p = np.where(image <= 100.0, image / 100.0, np.nan)
@@ -91,8 +96,11 @@ class Head(NamedTuple):
 
 def _head(path: Path) -> Head:
     entries = _entries(path)
+    origin = entries["origin"]
+    if not (isinstance(origin, list) and len(origin) in (2, 3)):
+        raise ValueError(f"{path}: origin: got {origin}, expected [x, y, yaw]")
     try:
-        x, y, yaw = (float(value) for value in [*entries["origin"], 0.0][:3])
+        x, y, yaw = (float(value) for value in [*origin, 0.0][:3])
         head = Head(
             str(entries["image"]),
             float(entries["resolution"]),
@@ -102,8 +110,12 @@ def _head(path: Path) -> Head:
             float(entries.get("occupied_thresh", OCCUPIED_THRESH)),
             float(entries.get("free_thresh", FREE_THRESH)),
         )
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{path}: an entry is not a number ({error})") from error
+    if not np.isfinite([head.occupied, head.free]).all():
+        raise ValueError(
+            f"{path}: got occupied_thresh {head.occupied}, free_thresh {head.free}, expected 0 to 1"
+        )
     if head.mode not in MODES:
         raise ValueError(f"{path}: mode: got {head.mode}, expected {', '.join(MODES)}")
     if yaw != 0.0 or not (head.resolution > 0.0 and np.isfinite([x, y, head.resolution]).all()):
@@ -117,7 +129,7 @@ def _head(path: Path) -> Head:
 def _entries(path: Path) -> dict[str, Any]:
     try:
         entries = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # no text, no date, too deep
         reason = " ".join(str(error).split())
         raise ValueError(f"{path}: not readable as yaml: {reason}") from error
     known = entries if isinstance(entries, dict) else {}
@@ -185,20 +197,29 @@ def write_images(folder: Path, images: dict[str, Pixels]) -> None:
 def _write_image(path: Path, pixels: Pixels) -> None:
     import cv2
 
-    if not cv2.imwrite(str(path), pixels):
+    if not (pixels.size and cv2.imwrite(str(path), pixels)):
         raise OSError(f"{path}: the picture could not be written")
 
 
 def _read_image(path: Path) -> Floats:
     """Pixels (h, w) from 0 to 255, colors averaged as map_server does."""
-    import cv2
-
-    if not path.is_file():
-        raise FileNotFoundError(f"{path}: there is no such picture; the yaml names it")
-    data = np.frombuffer(path.read_bytes(), np.uint8)
-    pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    pixels = _decoded(np.frombuffer(path.read_bytes(), np.uint8))
     if pixels is None:
         raise ValueError(f"{path}: not a picture; expected pgm, png or another image file")
     full = 257.0 if pixels.dtype == np.uint16 else 1.0
     gray = pixels.astype(np.float64) / full
     return gray[:, :, :3].mean(axis=2) if gray.ndim == 3 else gray
+
+
+def _decoded(data: Pixels) -> NDArray[Any] | None:
+    """The picture in the bytes of a file, if it is one; OpenCV's own complaints are held back."""
+    import cv2
+
+    logging = cv2.utils.logging
+    before = logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    try:
+        return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    except cv2.error:  # larger than any picture
+        return None
+    finally:
+        logging.setLogLevel(before)

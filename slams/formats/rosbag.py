@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from slams.formats import trajectory
 from slams.formats.bag import IMU, ODOMETRY, SCANS, TFS, TRUTHS, Bag, Topic, open_bag
-from slams.formats.frames import BASES, moved, planar
+from slams.formats.frames import BASES, bare, moved, planar
 from slams.formats.ros_messages import Messages
 from slams.formats.source import DamagedError, SourceOptions, name_of
 from slams.formats.sweep import Sweep, common, usable
@@ -66,7 +66,7 @@ class _Recording:
     def __init__(self, path: Path, kind: str, bag: Bag, options: SourceOptions) -> None:
         self.path, self.kind, self.bag, self.options = path, kind, bag, options
         self.notes: list[str] = []
-        self.topics = [topic for topic in bag.topics if topic.messages]
+        self.topics = [topic for topic in bag.topics if topic.messages and topic.name]
 
     def log(self) -> ScanLog:
         """The whole way."""
@@ -78,7 +78,6 @@ class _Recording:
         odom, odometry = self._odometry()
         truth, true_source = self._truth()
         rate = self._yaw_rate()
-        self._say_coverage(t, {"odometry": odom, "the truth": truth, "the yaw rate": rate})
         source = {
             "format": KIND[self.kind],
             "file": self.path.resolve().name,
@@ -218,7 +217,7 @@ class _Recording:
                     f"{self.path}: --base-frame: {wanted} is not fixed to the laser's frame "
                     f"{laser}; frames: {_some(self.messages.transforms.frames) or 'none'}"
                 )
-            return wanted.lstrip("/")
+            return bare(wanted)
         above = self.messages.transforms.ancestors(laser)
         odom = self.messages.frame(self.roles.odom) if self.roles.odom else ""
         usual = [odom] if odom and self._fixed(odom, laser) is not None else []
@@ -228,7 +227,7 @@ class _Recording:
                 f"{self.path}: the laser's frame {laser} hangs on {len(above) - 1} frames, "
                 f"--base-frame picks one: {_some(above[1:])}"
             )
-        return (usual or above)[0] if usual else above[-1]
+        return usual[0] if usual else above[-1]
 
     def _mount(self) -> tuple[Pose2, bool]:
         """The laser in the base, and whether it is upside down."""
@@ -267,10 +266,9 @@ class _Recording:
         wanted, topic = self.options.truth, self.roles.truth
         if topic is not None:
             return self._at_base(topic), topic
-        if wanted in (None, "none"):
+        if wanted is None or wanted == "none":
             return None, None
-        assert wanted is not None
-        if wanted.lstrip("/") in self.messages.transforms.frames:
+        if bare(wanted) in self.messages.transforms.frames:
             return self._moving(wanted, "--truth"), f"tf {wanted}"
         if Path(wanted).is_file():
             return Track(*trajectory.read(wanted)), Path(wanted).name
@@ -310,14 +308,6 @@ class _Recording:
             self.notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
             return Track(track.t, track.values[:, 2].copy())
         return Track(track.t, track.values @ matrix[2, :3])
-
-    def _say_coverage(self, t: Floats, tracks: dict[str, Track | None]) -> None:
-        """Tell of what does not reach over the scans."""
-        for name, track in tracks.items():
-            if track is not None:
-                inside = int(((t >= track.t.min()) & (t <= track.t.max())).sum())
-                if inside < 0.9 * len(t):
-                    self.notes.append(f"{name} covers {inside} of {len(t)} scans")
 
 
 def _match(wanted: str, found: Sequence[Topic]) -> str | None:

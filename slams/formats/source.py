@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from slams.scanlog import ScanLog
@@ -18,7 +18,15 @@ MAGIC = {
     b"\x89MCAP0\r\n": "mcap",
     b"SQLite format 3\0": "db3",
 }
-GZIP, ZSTD, OLD_BAG = b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"#ROS"
+GZIP, OLD_BAG = b"\x1f\x8b", b"#ROS"
+PACKED = {b"\x28\xb5\x2f\xfd": "zstd -d", b"BZh": "bunzip2", b"\xfd7zXZ\0": "unxz"}
+FAMILY = {"npz": "an npz file", "carmen": "a CARMEN log", "breezy": "a BreezySLAM .dat"}
+NOT_IN = {  # options that say nothing about a kind; what is not named is a bag
+    "npz": ("scan_topic", "odom", "imu", "base_frame", "first_beam"),
+    "carmen": ("imu", "base_frame"),
+    "breezy": ("scan_topic", "odom", "imu", "base_frame"),
+}
+COVERED = 0.9  # share of the scans that a track should reach over
 
 
 @dataclass(frozen=True)
@@ -52,23 +60,48 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
         OSError: the file cannot be opened.
         ValueError: it holds no scan log, or the options do not fit; the sentence says why.
     """
+    first = options.first_beam
+    if first is not None and not abs(first) <= 360.0:
+        raise ValueError(f"--first-beam: got {first:g}, expected degrees from -360 to 360")
     kind = kind_of(path)
-    if kind in ("bag", "mcap", "db3", "folder"):
+    if kind in FAMILY:
+        log = _with_truth(_read_file(path, kind, options), options)
+    else:
         from slams.formats import rosbag
 
         log = rosbag.read(path, kind, options)
-    else:
-        log = _with_truth(_read_file(path, kind, options), options)
-    return replace(log, meta=log.meta | {"notes": list(log.notes)}) if log.notes else log
+    return _noted(log, [*log.notes, *_left_aside(kind, options), *_uncovered(log)])
+
+
+def _noted(log: ScanLog, notes: list[str]) -> ScanLog:
+    """The log with its notes, in its meta behind those of an earlier conversion."""
+    earlier = log.meta.get("notes")
+    kept = [note for note in earlier if note not in notes] if isinstance(earlier, list) else []
+    meta = log.meta | {"notes": [*kept, *notes]}
+    return replace(log, notes=tuple(notes), meta=meta) if notes else log
 
 
 def _read_file(path: Path, kind: str, options: SourceOptions) -> ScanLog:
     from slams.formats import breezy, carmen
-    from slams.scanlog import load_npz
 
     if kind == "npz":
-        return load_npz(path)
+        return _read_npz(path, options)
     return carmen.read(path, options) if kind == "carmen" else breezy.read(path, options)
+
+
+def _read_npz(path: Path, options: SourceOptions) -> ScanLog:
+    from slams.scanlog import load_npz
+
+    try:
+        log = load_npz(path)
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        reason = f"damaged or cut short ({error}); copy it again"
+        raise ValueError(f"{path}: {reason}") from error  # a place outside of the file
+    choices = {"odom": options.odom, "yaw_rate": options.imu}
+    hidden: dict[str, Any] = {key: None for key, choice in choices.items() if choice == "none"}
+    return replace(log, **hidden) if hidden else log
 
 
 def _with_truth(log: ScanLog, options: SourceOptions) -> ScanLog:
@@ -80,7 +113,30 @@ def _with_truth(log: ScanLog, options: SourceOptions) -> ScanLog:
         return log
     if options.truth == "none":
         return replace(log, truth=None)
-    return replace(log, truth=Track(*trajectory.read(options.truth)))
+    truth, source = Track(*trajectory.read(options.truth)), log.meta.get("source", {})
+    if isinstance(source, dict):  # in an npz of others it can be anything
+        source = source | {"truth": Path(options.truth).name}
+    return replace(log, truth=truth, meta=log.meta | {"source": source})
+
+
+def _left_aside(kind: str, options: SourceOptions) -> list[str]:
+    """Tell of options that were given and say nothing about this kind of log."""
+    names = NOT_IN.get(kind, ("first_beam",))
+    given = [name for name in names if getattr(options, name) not in (None, "none")]
+    flags = ", ".join(f"--{name.replace('_', '-')}" for name in given)
+    return [f"{flags}: nothing to choose in {FAMILY.get(kind, 'a bag')}"] if given else []
+
+
+def _uncovered(log: ScanLog) -> list[str]:
+    """Tell of tracks that do not reach over the scans."""
+    tracks = {"odometry": log.odom, "the truth": log.truth, "the yaw rate": log.yaw_rate}
+    notes = []
+    for name, track in tracks.items():
+        if track is not None:
+            inside = int(((log.t >= track.t.min()) & (log.t <= track.t.max())).sum())
+            if inside < COVERED * len(log):
+                notes.append(f"{name} covers {inside} of {len(log)} scans")
+    return notes
 
 
 def kind_of(path: Path) -> str:
@@ -97,8 +153,9 @@ def kind_of(path: Path) -> str:
     for magic, kind in MAGIC.items():
         if head.startswith(magic):
             return kind
-    if head.startswith(ZSTD):
-        raise ValueError(f"{path}: compressed as a whole; unpack it first: zstd -d {path.name}")
+    for magic, command in PACKED.items():
+        if head.startswith(magic):
+            raise _packed(path, command)
     if head.startswith(OLD_BAG):
         raise ValueError(f"{path}: a bag of a version before 2.0; 'rosbag fix' makes a new one")
     return _kind_of_text(path, head)
@@ -126,8 +183,13 @@ def name_of(path: Path) -> str:
     return path.resolve().name.removesuffix(".gz").rpartition(".")[0] or path.resolve().name
 
 
+def _packed(path: Path, command: str) -> ValueError:
+    return ValueError(f"{path}: compressed as a whole; unpack it first: {command} {path.name}")
+
+
 def _kind_of_folder(path: Path) -> str:
-    if any(any(path.glob(pattern)) for pattern in ("metadata.yaml", "*.mcap", "*.db3")):
+    names = [item.name for item in path.iterdir()]  # glob finds nothing where it may not look
+    if any(name == "metadata.yaml" or name.endswith((".mcap", ".db3")) for name in names):
         return "folder"
     raise ValueError(f"{path}: is a directory without a ROS 2 bag (metadata.yaml, .mcap, .db3)")
 
@@ -137,6 +199,8 @@ def _kind_of_text(path: Path, head: bytes) -> str:
 
     if head.startswith(GZIP):
         head = _unpacked(head, HEAD)[0]
+        if head.startswith(tuple(MAGIC)):
+            raise _packed(path, "gunzip")
     text = head.decode("latin-1")
     if carmen.is_carmen(text):
         return "carmen"

@@ -11,6 +11,7 @@ import numpy as np
 from slams.types import Floats
 
 GZIP = b"\x1f\x8b"
+BOM = b"\xef\xbb\xbf"  # that spreadsheets put before a csv
 
 
 def write_csv(path: str | Path, t: Floats, poses: Floats) -> None:
@@ -89,5 +90,5 @@ def _lines(path: str | Path) -> list[str]:
             data = gzip.decompress(data)
         except (OSError, EOFError, zlib.error) as error:
             raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
-    text = data.decode("latin-1")
+    text = data.removeprefix(BOM).decode("latin-1")
     return [line for line in text.split("\n") if line.strip()[:1] not in "#t"]
