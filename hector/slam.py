@@ -19,10 +19,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from hector.kernels import Solver
-from hector.motion import Motion
 from hector.params import HectorParams
 from hector.pyramid import EndPoints, LogOddsPyramid
 from hector.surface_kernels import Fit
+from slams.motion import Motion
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 

@@ -65,13 +65,91 @@ def line_of(points):
     return center, np.linalg.svd(points - center)[2][1]
 
 
-def coarse_score(value, points, layers, x, y, truncation):
-    """How well shifted points agree with a field, read cell by cell; value(layer, x, y) or nan."""
+def cell_of(kernel, layer, x, y):
+    """Signed distance and center of the cell at a point, and whether a beam passed it."""
+    ix = math.floor((x - kernel.corner[0]) / kernel.cell)
+    iy = math.floor((y - kernel.corner[1]) / kernel.cell)
+    center = kernel.corner + kernel.cell * (np.array([ix, iy]) + 0.5)
+    slot = kernel.slots[layer, iy // 8, ix // 8]
+    sd = math.nan if slot < 0 else float(kernel.tsd[slot, iy % 8, ix % 8])
+    return sd, center, bool(kernel.seen[iy, ix] & 1)
+
+
+def layer_of(normal):
+    """The layer 0 +x, 1 +y, 2 -x, 3 -y that a normal is closest to."""
+    return int(np.argmax([normal[0], normal[1], -normal[0], -normal[1]]))
+
+
+def pose_score(kernel, elements, pose, truncation, against):
+    """Agreement of elements (n, 6) with the field at a pose, contradictions subtracted."""
     total = 0.0
-    for (px, py), layer in zip(points, layers, strict=True):
-        v = value(layer, x + px, y + py)
-        total += 0.0 if math.isnan(v) else max(1.0 - abs(v) / truncation, 0.0)
+    for x, y, nx, ny, *_ in elements:
+        point = Pose2(*pose).transform(np.array([[x, y]]))[0]
+        normal = Pose2(0.0, 0.0, pose[2]).transform(np.array([[nx, ny]]))[0]
+        sd, center, passed_by = cell_of(kernel, layer_of(normal), *point)
+        sd += normal @ (point - center)
+        if abs(sd) < truncation:
+            total += 1.0 - abs(sd) / truncation
+        elif not math.isnan(sd) or passed_by:
+            total -= against
     return total
+
+
+def pair_pose(line, element):
+    """The pose that lays an element x, y, normal on a line x, y, normal."""
+    theta = math.atan2(line[3], line[2]) - math.atan2(element[3], element[2])
+    turned = Pose2(0.0, 0.0, theta).transform(np.array([element[:2]]))[0]
+    return Pose2(line[0] - turned[0], line[1] - turned[1], theta)
+
+
+def in_line(points, ranges, beams, noise):
+    """Whether the middle one of three points lies on the chord of the others, up to noise."""
+    chord = (points[2] - points[0]) / np.linalg.norm(points[2] - points[0])
+    normal = np.array([-chord[1], chord[0]])
+    cosine = abs(normal @ points[1]) / ranges[1]
+    near = abs(normal @ (points[1] - points[0])) < 4.0 * noise * max(cosine, 0.2)
+    return beams[2] - beams[0] <= 4 and near
+
+
+def runs_of(points, ranges, beams, step, max_slope, noise):
+    """For every hit the first and one past the last hit of its unbroken surface."""
+    cuts = [0]
+    for k in range(1, len(ranges)):
+        gap = beams[k] - beams[k - 1]
+        limit = max_slope * min(ranges[k], ranges[k - 1]) * step * gap + 4.0 * noise
+        if gap <= 3 and abs(ranges[k] - ranges[k - 1]) <= limit:
+            continue
+        triples = [slice(a, a + 3) for a in (k - 2, k - 1) if a >= 0 and a + 3 <= len(ranges)]
+        if not any(in_line(points[t], ranges[t], beams[t], noise) for t in triples):
+            cuts.append(k)
+    cuts.append(len(ranges))
+    return [(a, b) for a, b in zip(cuts, cuts[1:], strict=False) for _ in range(a, b)]
+
+
+def agreement(kernel, elements, pose, offsets, robust):
+    """For each offset of a pose how many elements lie in seen cells, and how many agree."""
+    counts = []
+    for offset in offsets:
+        seen, agree = 0.0, 0.0
+        for x, y, nx, ny, *_ in elements:
+            point = Pose2(*pose).transform(np.array([[x, y]]))[0] + offset
+            normal = Pose2(0.0, 0.0, pose[2]).transform(np.array([[nx, ny]]))[0]
+            iy, ix = np.floor((point - kernel.corner) / kernel.cell).astype(int)[::-1]
+            around = (point - kernel.corner) / kernel.cell - 0.5
+            low = np.floor(around).astype(int)
+            wx, wy = around - low
+            corners = [
+                cell_of(kernel, layer_of(normal), *(kernel.corner + kernel.cell * (low + d + 0.5)))
+                for d in np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
+            ]
+            weights = [(1 - wx) * (1 - wy), wx * (1 - wy), (1 - wx) * wy, wx * wy]
+            v = sum(w * corner[0] for w, corner in zip(weights, corners, strict=True))
+            if not math.isnan(v):
+                seen, agree = seen + 1.0, agree + 1.0 / (1.0 + (v / robust) ** 2)
+            elif kernel.seen[iy, ix]:
+                seen += 1.0
+        counts.append((seen, agree))
+    return counts
 
 
 def passed(laser, ends, corner, cell, shape):

@@ -1,6 +1,7 @@
 """tsd: kernels against naive twins and analytic fields, recovery, both presets."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from slams.types import IDENTITY, Pose2, Scan
 from tests import naive_tsd
 from tests.rooms import ROOM, box, cast, drive, laser, mirrored, scan_at
 from tsd import Tsd, TsdParams
+from tsd.direct import Match
 from tsd.field_kernels import (
     PASSED,
     PushRule,
@@ -21,9 +23,11 @@ from tsd.field_kernels import (
     push_rows,
     read_field,
 )
+from tsd.fix import Start
 from tsd.grid import TileField, TsdGrid, colored, surface_cells, zero_crossings
 from tsd.grid_kernels import Sensor, cast_rays, mask_scan
 from tsd.icp_kernels import Buckets, Links, closed_form, fill_buckets, nearest, pair_up
+from tsd.match_kernels import FLAT, MatchRule, agreement_along, align
 from tsd.picture import draw
 from tsd.ransac_kernels import (
     BeamModel,
@@ -33,8 +37,18 @@ from tsd.ransac_kernels import (
     score_beams,
     score_pdf,
 )
-from tsd.search_kernels import SearchRule, score_shift
-from tsd.surface_kernels import Beams, Twist, find_hits, fit_line, sum_moments
+from tsd.rescue_kernels import AGAINST, PairRule, score_pose, try_pairs
+from tsd.surface_kernels import (
+    Beams,
+    SurfaceRule,
+    Twist,
+    find_hits,
+    find_runs,
+    fit_best_line,
+    fit_line,
+    fit_surfaces,
+    sum_moments,
+)
 
 PLANE = np.array([(-50.0, 2.0, 50.0, 2.0)])
 CORNER = np.array([(-3.0, 2.0, 3.0, 2.0), (3.0, 2.0, 3.0, -2.0), (3.0, -2.0, -3.0, -2.0)])
@@ -542,25 +556,240 @@ def test_carve_marks_what_every_beam_passes():
     assert (twin & ~seen).sum() < 0.02 * twin.sum()  # close by, not every beam is walked
 
 
-def test_coarse_score_equals_the_naive_twin():
-    slam = default()
-    for scan in drive(n=10):
+def scanned(n=10, **changes):
+    """A default that has seen a drive, and its registration with the last scan's elements."""
+    slam = default(**changes)
+    for scan in drive(n=n):
         slam.update(scan)
-    kernel = slam._registration._coarse.kernel
-    rng = np.random.default_rng(7)
-    points, layers = rng.uniform(-4, 4, (60, 2)), rng.integers(0, 4, 60)
-    turned = np.column_stack([points, layers, np.ones(60)])
+    direct = slam._registration
+    return slam, direct, direct._elements[: direct._count].copy()
 
-    def value(layer, x, y):
-        ix = math.floor((x - kernel.corner[0]) / kernel.cell)
-        iy = math.floor((y - kernel.corner[1]) / kernel.cell)
-        slot = kernel.slots[layer, iy // 8, ix // 8]
-        return math.nan if slot < 0 else float(kernel.tsd[slot, iy % 8, ix % 8])
 
-    for x, y in ((0.0, 0.0), (0.3, -0.2)):
-        score = score_shift(kernel, turned, 60, x, y, SearchRule(0.6, 0.6, 0.1, 0.03, 0.5))
-        twin = naive_tsd.coarse_score(value, points, layers, x, y, 0.5)
-        assert score == pytest.approx(twin) and twin > 1.0
+def test_pose_score_equals_the_naive_twin_and_stops_when_it_cannot_win():
+    slam, direct, elements = scanned()
+    kernel, rule, pose = direct._field.kernel, PairRule(0.6, 0.8, 0.15), np.array(slam._pose)
+    for shift in ((0.0, 0.0, 0.0), (0.07, -0.04, 0.02), (0.5, 0.6, 0.4)):
+        at = pose + shift
+        twin = naive_tsd.pose_score(kernel, elements, at, 0.15, AGAINST)
+        score = score_pose(kernel, elements, len(elements), at, rule, -np.inf)
+        assert score == pytest.approx(twin, rel=1e-4, abs=1e-3)
+    best = naive_tsd.pose_score(kernel, elements, pose, 0.15, AGAINST)
+    assert best > 0.7 * len(elements)
+    wrong = pose + np.array([0.5, 0.6, 0.4])
+    assert score_pose(kernel, elements, len(elements), wrong, rule, best) <= best
+
+
+def test_pairs_equal_the_naive_twin_within_the_limits():
+    slam, direct, elements = scanned()
+    elements = np.ascontiguousarray(elements[::9])
+    kernel, lines = direct._field.kernel, direct._lines
+    start = np.array(slam._pose @ Pose2(0.2, 0.1, 0.2))
+    rule = PairRule(0.5, math.cos(0.4), 0.15)
+    trials = np.arange(0, direct._n_lines, 7)
+    best = np.zeros((len(trials) + 1, 4))
+    try_pairs(kernel, lines, trials, elements, len(elements), start, rule, best)
+    for m, row in zip(trials, best, strict=False):
+        scores = [0.0]
+        for element in elements:
+            pose = naive_tsd.pair_pose(lines[m], element)
+            distance, turn = error(start, pose)
+            if distance <= 0.5 and turn <= 0.4:
+                scores.append(naive_tsd.pose_score(kernel, elements, pose, 0.15, AGAINST))
+        assert row[3] == pytest.approx(max(scores), rel=1e-3, abs=1e-2)
+    assert best[:-1, 3].max() > 0.7 * len(elements)
+    distance, turn = error(slam._pose, best[best[:-1, 3].argmax(), :3])
+    assert distance < 0.1 and turn < 0.05
+
+
+def hits_of(ranges, lidar):
+    """Hits (n, 4) of a standing laser."""
+    beams = Beams(lidar.directions, 0.0, 0.0, 0.0, lidar.angle_increment, 0.1, 30.0, 0.0)
+    hits = np.zeros((lidar.n_beams, 4))
+    count = find_hits(ranges, beams, Twist(0.0, 0.0, 0.0), hits)
+    return beams, hits, count
+
+
+RULE = SurfaceRule(0.12, 0.01, 8.0, 0.02**2, 0.2)
+
+
+def test_runs_equal_the_naive_twin():
+    lidar = laser(361)
+    ranges = cast(ROOM, (0.3, -0.2, 0.5), lidar).copy()
+    ranges[100:106] = np.inf
+    ranges[200] = np.inf
+    beams, hits, count = hits_of(ranges, lidar)
+    runs = np.zeros((361, 2))
+    find_runs(hits, count, beams, RULE, runs)
+    x_y, r, i = hits[:count, :2], hits[:count, 2], hits[:count, 3]
+    twin = naive_tsd.runs_of(x_y, r, i, lidar.angle_increment, 8.0, 0.01)
+    assert runs[:count].tolist() == [list(map(float, run)) for run in twin]
+    assert len({tuple(run) for run in twin}) > 3
+
+
+def test_the_best_of_three_windows_lies_on_one_wall_only():
+    t = np.arange(20) * 0.02
+    points = np.concatenate(
+        [np.stack([t - 0.4, 0.0 * t], axis=1), np.stack([0.0 * t, -t - 0.02], axis=1)]
+    )
+    sums = np.zeros((41, 5))
+    sum_moments(np.column_stack([points, np.zeros((40, 2))]), 40, sums)
+    for k, normal in ((17, (0.0, 1.0)), (18, (0.0, 1.0)), (21, (1.0, 0.0)), (22, (1.0, 0.0))):
+        *_, nx, ny, variance = fit_best_line(sums, k, 4, 0, 40)
+        assert abs(nx * normal[0] + ny * normal[1]) == pytest.approx(1.0, abs=1e-6)
+        assert variance < 1e-10
+
+
+def test_surface_elements_stand_for_their_beams():
+    lidar = laser(1081)
+    room = np.array(box(-2.0, -3.0, 4.0, 2.5))
+    beams, hits, count = hits_of(cast(room, (0.0, 0.0, 0.0), lidar), lidar)
+    runs, sums, out = np.zeros((1081, 2)), np.zeros((1082, 5)), np.zeros((1081, 6))
+    find_runs(hits, count, beams, RULE, runs)
+    sum_moments(hits, count, sums)
+    n = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.05, out)
+    x, y, nx, ny, information, index = out[:n].T
+    assert np.min(np.abs([x + 2.0, x - 4.0, y + 3.0, y - 2.5]), axis=0).max() < 1e-3
+    assert (nx * x + ny * y < 0.0).all()  # towards the laser
+    assert np.abs(np.hypot(nx, ny) - 1.0).max() < 1e-9
+    assert (np.diff(index) > 0).all()
+    wall = (np.abs(x - 4.0) < 1e-3) & (np.abs(y) < 1.0)  # at 4 m: a beam every 1.7 cm
+    step = np.hypot(x, y) * lidar.angle_increment
+    stride = np.maximum((0.05 / step).astype(int), 1)
+    cosine = 4.0 / np.hypot(x, y)
+    expected = stride / ((0.01 * cosine) ** 2 + (0.2 * step) ** 2)
+    assert information[wall] == pytest.approx(expected[wall], rel=0.05)
+    dense = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.0, out)
+    assert dense > 0.97 * count
+
+
+def test_alignment_equals_gauss_newton_by_hand():
+    slam, direct, elements = scanned()
+    rule = MatchRule(1, 1e-4, 1e-5, 0.03, 0.01)
+    prior = np.array([100.0, 200.0, 300.0])
+    start = np.array(slam._pose) + np.array([0.02, -0.01, 0.01])
+    found, room = start.copy(), np.zeros((5, 3))
+    align(direct._field.kernel, elements, len(elements), prior, rule, found, room)
+    H, b = np.diag(prior), np.zeros(3)
+    for x, y, nx, ny, information, _ in elements:
+        p = Pose2(*start).transform(np.array([[x, y]]))[0]
+        n = Pose2(0.0, 0.0, start[2]).transform(np.array([[nx, ny]]))[0]
+        v, *gradient = read_field(direct._field.kernel, facing(*n), *p)
+        if math.isnan(v):
+            continue
+        if np.hypot(*gradient) > FLAT:
+            n = np.array(gradient) / np.hypot(*gradient)
+        lever = p - start[:2]
+        J = np.array([n[0], n[1], n[1] * lever[0] - n[0] * lever[1]])
+        w = 1.0 / (1.0 / information + 0.01**2) / (1.0 + (v / 0.09) ** 2) ** 2
+        H, b = H + w * np.outer(J, J), b - w * J * v
+    assert found - start == pytest.approx(np.linalg.solve(H, b), rel=1e-9)
+    assert np.tril(room[:3]) == pytest.approx(np.tril(H))
+
+
+def test_agreement_along_equals_the_naive_twin():
+    slam, direct, elements = scanned()
+    offsets = np.array([(0.0, 0.0), (0.1, 0.0), (-0.3, 0.2)])
+    pose, rule = np.array(slam._pose), MatchRule(1, 1e-4, 1e-5, 0.03, 0.01)
+    out = np.zeros((3, 2))
+    kernel = direct._field.kernel
+    agreement_along(kernel, elements, len(elements), direct._beams, pose, offsets, rule, out)
+    twin = naive_tsd.agreement(kernel, elements, pose, offsets, 0.03)
+    assert out == pytest.approx(np.array(twin), rel=1e-4, abs=1e-3)
+    assert out[0, 1] > 0.9 * out[0, 0] and out[2, 1] < 0.8 * out[2, 0]
+
+
+HALLWAY = [(-60.0, 1.0, 60.0, 1.0), (-60.0, -1.0, 60.0, -1.0)]
+NICHES = [(-6.0, 0.96), (2.1, -1.0), (7.5, 0.96)]
+
+
+def driven(segments, n_beams, with_odometry, slip=0.0, step=0.03):
+    """Where a default is after 59 steps [m] along a corridor, slipped half way."""
+    slam, lidar, rng = default(), laser(n_beams), np.random.default_rng(3)
+    for i in range(60):
+        at = Pose2(step * i, 0.0, 0.0)
+        scan = scan_at(at, lidar, np.array(segments), noise=0.01, rng=rng, t=0.1 * i)
+        if i == 30:
+            slam._pose = slam._pose @ Pose2(slip, 0.0, 0.0)
+        odometry = Pose2(at.x + 5.0, 0.0, 0.0) if with_odometry else None
+        found = slam.update(Scan(scan.t, scan.ranges, scan.laser, odometry))
+    return found.x
+
+
+@pytest.mark.parametrize("n_beams", [181, 1081])
+def test_a_bare_corridor_does_not_hold_the_robot(n_beams):
+    assert driven(HALLWAY, n_beams, with_odometry=True) == pytest.approx(1.77, abs=0.2)
+
+
+@pytest.mark.parametrize("n_beams", [181, 1081])
+def test_niches_of_a_corridor_are_enough_without_odometry(n_beams):
+    sides = [side for x, y in NICHES for side in box(x, y, x + 0.15, y + 0.04)]
+    assert driven([*HALLWAY, *sides], n_beams, with_odometry=False) == pytest.approx(1.77, abs=0.2)
+
+
+def test_niches_of_a_corridor_hold_a_robot_at_rest():
+    sides = [side for x, y in NICHES for side in box(x, y, x + 0.15, y + 0.04)]
+    assert abs(driven([*HALLWAY, *sides], 181, with_odometry=False, step=0.0)) < 0.15
+
+
+def test_a_slip_along_a_corridor_is_taken_back():
+    sides = [side for x, y in NICHES for side in box(x, y, x + 0.15, y + 0.04)]
+    slipped = driven([*HALLWAY, *sides], 181, with_odometry=True, slip=-0.3)
+    assert slipped == pytest.approx(1.77, abs=0.06)
+
+
+def test_no_other_pose_is_taken_for_what_noise_prefers(monkeypatch):
+    _, direct, _ = scanned()
+    start = Start(direct._start.pose, 0.02, 0.05, ())
+    base = direct.register(start)
+    for off, searched in ((0.02, False), (0.2, True)):
+        better = Match(base.pose @ Pose2(off, 0.0, 0.0), 1.0, 1.0, base.quality + 1.0, 0.01)
+        monkeypatch.setattr(direct, "_as_usual", lambda match: match.close == 1.0)
+        monkeypatch.setattr(direct, "_from_others", lambda better=better: [better])
+        monkeypatch.setattr(direct, "_from_near", list)
+        assert direct.register(start).searched == searched
+
+
+def test_what_is_usual_falls_faster_when_nothing_better_was_found():
+    _, direct, _ = scanned()
+    poor = Match(IDENTITY, 1.0, 0.5, 0.5, 0.01)
+    usual = direct._usual
+    direct._learn(poor, tried=False)
+    slowly = usual - direct._usual
+    direct._usual = usual
+    direct._learn(poor, tried=True)
+    assert usual - direct._usual == pytest.approx(5.0 * slowly)
+
+
+def test_scans_that_were_lost_on_the_way_change_nothing():
+    log = drive(n=120, odometry=False, gyro=False)
+    truth, slam = log.truth_at(log.t), default()
+    kept = [i for i in range(120) if i < 30 or i % 4 == 0]
+    for i, scan in ((i, scan) for i, scan in enumerate(log) if i in kept):
+        found = slam.update(scan)
+        step = Pose2(*truth[0]).between(Pose2(*truth[i]))
+        assert error(step, found)[0] < 0.01, i
+    assert slam.report()["searched"] == slam.report()["rejected"] == 0
+
+
+def test_a_slow_sweep_is_seen_again_with_the_velocity_that_was_found():
+    lidar = laser(361, time_increment=0.19 / 361)
+    log = drive(n=60, rate=5.0, lidar=lidar, odometry=False, gyro=False)
+    truth, errors = log.truth_at(log.t), []
+    steps = [Pose2(*a).between(Pose2(*b)) for a, b in pairwise(truth)]
+    for again in (True, False):
+        slam = default()
+        if not again:
+            slam._looks_again = lambda scan, pose: False
+        found = [Pose2(*p) for p in replay(slam, log).poses]
+        errors.append(
+            np.mean(
+                [
+                    error(a.between(b), s)[0]
+                    for (a, b), s in zip(pairwise(found), steps, strict=True)
+                ]
+            )
+        )
+    assert errors[0] < 0.8 * errors[1]
 
 
 def test_beam_score_equals_the_naive_twin():

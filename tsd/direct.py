@@ -11,9 +11,9 @@ from slams.types import Floats, Laser, OccupancyGrid, Pose2, Scan
 from tsd.field_kernels import place_lines
 from tsd.fix import Fix, Start
 from tsd.grid import Picture, TileField
-from tsd.match_kernels import MatchRule, align
+from tsd.match_kernels import MatchRule, agreement_along, align
 from tsd.params import TsdParams
-from tsd.search_kernels import SearchRule, search
+from tsd.rescue_kernels import PairRule, try_pairs
 from tsd.surface_kernels import (
     Beams,
     SurfaceRule,
@@ -26,9 +26,14 @@ from tsd.surface_kernels import (
 
 GAIN = 0.02  # another start must be better by this share of the elements
 JUMP, JUMP_TURN = 0.5, 0.7  # a start this far off [m], [rad] costs half of the elements
-ANGLE_STEP = 0.035  # of the wide search [rad]: half a coarse cell at 3 m
 NO_STEP = 1e-6  # between the beams of a laser that has one [rad]
-SEARCHED = 100  # elements that take part in the wide search
+SCORED = 100  # elements that make and score hypotheses
+TAKEN = 3  # hypotheses aligned
+APART = 0.1, 0.05  # closer hypotheses [m], [rad] are one
+UNSEEN = 0.01  # a direction seen worse than this [m] is looked along
+SHIFTS = np.linspace(-0.4, 0.4, 17)  # along it [m]
+ALONG = 0.15  # deviation of what is to be found there [m]
+SAME = 0.03, 0.02  # a pose so near [m], [rad] is no other answer: only noise prefers it
 
 
 class Match(NamedTuple):
@@ -46,10 +51,12 @@ class Direct:
 
     Args:
         params: parameters.
+        rng: source of every random draw.
     """
 
-    def __init__(self, params: TsdParams) -> None:
+    def __init__(self, params: TsdParams, rng: np.random.Generator) -> None:
         p = self._params = params
+        self._rng = rng
         self._field = TileField(p.cell, p.truncation, p.max_weight)
         self._coarse = TileField(p.coarse_cell, p.coarse_truncation, p.max_weight)
         self._surface_rule = SurfaceRule(
@@ -59,10 +66,11 @@ class Direct:
         self._coarse_rule = MatchRule(p.iterations, 1e-3, 1e-3, 0.3 * p.coarse_truncation, 0.03)
         self._prior = np.zeros(3)
         self._normal_equations = np.zeros((5, 3))
-        self._peaks = np.zeros((512, 4))
+        self._best = np.zeros((p.trials + 1, 4))
+        self._counts = np.zeros((len(SHIFTS), 2))
         self._usual, self._residual = 0.7, p.range_noise
         self._laser: Laser | None = None
-        self._turned = np.zeros((2 * SEARCHED, 4))
+        self._n_lines = 0
 
     def see(self, scan: Scan, twist: Pose2) -> int:
         """Hits and surface elements of the scan, deskewed; returns how many elements there are."""
@@ -79,9 +87,9 @@ class Direct:
         self._start = start
         self._prior[:2] = start.deviation**-2
         self._prior[2] = start.turn_deviation**-2
-        best = self._align(start.pose)
+        best = direct = self._align(start.pose)
         information = self._normal_equations[:3].copy()
-        searched, tried = False, False
+        tried = False
         for attempt, enough in (
             (self._from_others, self._as_usual),
             (self._from_near, self._as_usual),
@@ -91,18 +99,20 @@ class Direct:
                 break
             tried = True
             for match in attempt():
-                if match.worth > best.worth + GAIN:
-                    best, searched = match, True
-        if searched:
+                elsewhere = not _near(match.pose, direct.pose, SAME)
+                if elsewhere and match.worth > best.worth + GAIN:
+                    best = match
+        if best is not direct:
             self._align(best.pose)
             information = self._normal_equations[:3].copy()
         p = self._params
         good = best.close > p.min_close * best.known and best.known > p.min_known
+        pose, slip = best.pose, (0.0, 0.0)
         if good:
-            if tried:
-                self._usual = min(self._usual, best.close + GAIN)
-            self._learn(best)
-        return Fix(best.pose, good, best.close, information, searched)
+            self._learn(best, tried)
+            slip = self._slip(pose, information)
+        pose = Pose2(pose.x + slip[0], pose.y + slip[1], pose.theta)
+        return Fix(pose, good, best.close, information, best is not direct, slip)
 
     def push(self, pose: Pose2) -> None:
         """Enter the scan last seen at `pose` of the base into both fields."""
@@ -111,6 +121,7 @@ class Direct:
             return
         lines = self._lines[:count]
         box = place_lines(self._dense, count, self._runs, self._beams, np.array(pose), lines)
+        self._n_lines = count
         laser = pose @ self._mount
         for field in (self._field, self._coarse):
             field.push(lines, box, self._beams.angle_increment, laser.x, laser.y)
@@ -174,6 +185,37 @@ class Direct:
         worth = close / total - self._penalty(found)
         return Match(found, known / total, close / total, worth, residual)
 
+    def _slip(self, pose: Pose2, information: Floats) -> tuple[float, float]:
+        """Where the scan sees one direction badly, to the mean of all poses along it by likelihood.
+
+        In a corridor the few elements that face along it are beyond the reach of Gauss-Newton
+        once the robot has slipped, and what noise turned that way holds the pose where it is.
+        """
+        xx, yy = information[0, 0] - self._prior[0], information[1, 1] - self._prior[1]
+        xy = information[1, 0]
+        if 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy) > UNSEEN**-2:
+            return 0.0, 0.0
+        across = 0.5 * math.atan2(2.0 * xy, xx - yy)
+        axis = np.array([-math.sin(across), math.cos(across)])
+        counts = self._counts
+        agreement_along(
+            self._field.kernel,
+            self._elements,
+            self._count,
+            self._beams,
+            np.array(pose),
+            SHIFTS[:, None] * axis,
+            self._rule,
+            counts,
+        )
+        seen, agree = counts.T
+        middle = len(SHIFTS) // 2
+        evidence = agree - seen * agree[middle] / max(seen[middle], 1.0)
+        evidence -= 0.5 * (SHIFTS / ALONG) ** 2
+        likelihood = np.exp(evidence - evidence.max())
+        x, y = (likelihood @ SHIFTS / likelihood.sum() * axis).tolist()
+        return x, y
+
     def _penalty(self, pose: Pose2) -> float:
         """What a pose must make good for its distance from the prediction."""
         start = self._start
@@ -199,41 +241,48 @@ class Direct:
         return [self._align(self._align(pose, coarse=True).pose) for pose in starts]
 
     def _from_near(self) -> list[Match]:
-        return self._search(1.0)
+        return self._from_pairs(1.0)
 
     def _from_far(self) -> list[Match]:
-        return self._search(2.0)
+        return self._from_pairs(2.0)
 
-    def _search(self, width: float) -> list[Match]:
-        """Coarse to fine from the best peaks of an exhaustive search."""
+    def _from_pairs(self, width: float) -> list[Match]:
+        """From the best of the poses that random pairs of elements propose."""
+        return [self._align(pose) for pose in self._hypotheses(width)]
+
+    def _hypotheses(self, width: float) -> list[Pose2]:
+        """RANSAC: lines of the last push, elements of the scan."""
         p = self._params
-        rule = SearchRule(
-            p.search_translation * width,
-            p.search_rotation * width,
-            p.coarse_cell * width,
-            ANGLE_STEP,
-            p.coarse_truncation,
+        rule = PairRule(
+            p.search_translation * width, math.cos(p.search_rotation * width), p.truncation
         )
-        stride = max(self._count // SEARCHED, 1)
+        stride = max(self._count // SCORED, 1)
         some = np.ascontiguousarray(self._elements[: self._count : stride])
-        n = search(
-            self._coarse.kernel,
-            some,
-            len(some),
-            np.array(self._start.pose),
-            rule,
-            self._turned,
-            self._peaks,
-        )
-        scores = np.pad(self._peaks[:n, 0], 1)
-        peaks = np.flatnonzero((scores[1:-1] >= scores[:-2]) & (scores[1:-1] >= scores[2:]))
-        best = peaks[np.argsort(-scores[1 + peaks], kind="stable")][:3]
-        poses = [Pose2(*self._peaks[i, 1:].tolist()) for i in best]
-        return [self._align(self._align(pose, coarse=True).pose) for pose in poses]
+        trials = self._rng.permutation(self._n_lines)[: p.trials]
+        start = np.array(self._start.pose)
+        best = self._best[: len(trials) + 1]
+        try_pairs(self._field.kernel, self._lines, trials, some, len(some), start, rule, best)
+        found: list[Pose2] = []
+        for *numbers, score in best[np.argsort(-best[:-1, 3], kind="stable")].tolist():
+            pose = Pose2(*numbers)
+            if score > 0.0 and not any(_near(pose, other, APART) for other in found):
+                found.append(pose)
+        return found[:TAKEN]
 
-    def _learn(self, match: Match) -> None:
-        """The usual agreement, and from the usual residual the field's own error."""
-        self._usual += 0.1 * (match.close - self._usual)
+    def _learn(self, match: Match, tried: bool) -> None:
+        """The usual agreement, and from the usual residual the field's own error.
+
+        Where nothing better was found the usual falls at once: the scans after are alike, and
+        trying everything at each of them finds no more.
+        """
+        share = 0.5 if tried and match.close < self._usual else 0.1
+        self._usual += share * (match.close - self._usual)
         self._residual += 0.05 * (match.residual - self._residual)
         noise = max(self._params.map_noise * self._residual, 0.001)
         self._rule = self._rule._replace(map_noise=noise)
+
+
+def _near(a: Pose2, b: Pose2, limits: tuple[float, float]) -> bool:
+    """Whether two poses are closer than limits [m], [rad]."""
+    step = a.between(b)
+    return math.hypot(step.x, step.y) < limits[0] and abs(step.theta) < limits[1]

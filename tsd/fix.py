@@ -25,6 +25,8 @@ class Start(NamedTuple):
 class Fix(NamedTuple):
     """A registered pose: whether to trust it, quality in [0, 1], wide start used.
 
+    `slip` [m] is how far `pose` was moved along a direction that the scan sees badly, in the frame
+    of the map: the robot did not drive that far, it was not where it was thought to be.
     `information` (3, 3) [1/m2, 1/(m rad), 1/rad2] holds the lower triangle of the normal
     equations, zeros where there are none.
     """
@@ -34,6 +36,7 @@ class Fix(NamedTuple):
     quality: float
     information: Floats
     searched: bool = False
+    slip: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def none(cls, pose: Pose2) -> Fix:

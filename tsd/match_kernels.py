@@ -8,8 +8,11 @@ from typing import NamedTuple
 from slams.geometry import solve3
 from slams.jit import njit
 from slams.types import Floats
-from tsd.field_kernels import Field, facing, read_field
+from tsd.field_kernels import Field, facing, read_field, was_seen
+from tsd.surface_kernels import Beams
 
+FLAT = 0.3  # least slope of the field for a direction of its own
+SPARSE = 10.0  # cells between hits along a wall, beyond which the map has gaps there
 ANNEAL = 2.0  # the robust scale follows the residual down, in residuals
 
 
@@ -36,8 +39,9 @@ def accumulate(
 ) -> tuple[float, float, float]:
     """Normal equations of sum w rho(sd(T p)), the sum over all elements that the field knows.
 
-    ours: A1, residual = field value [m], Jacobian = the element's own normal. Returns how
-    many elements are known, how many close (robustly), and the rms of the known residuals [m].
+    ours: A1, residual = field value [m], Jacobian = the field's own direction: an element's normal
+    is noisy, and noise that points along a corridor holds the pose there. Returns how many
+    elements are known, how many close (robustly), and the rms of the known residuals [m].
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     known, close, squares = 0.0, 0.0, 0.0
@@ -50,9 +54,12 @@ def accumulate(
         ry = s * surfaces[k, 0] + c * surfaces[k, 1]
         nx = c * surfaces[k, 2] - s * surfaces[k, 3]
         ny = s * surfaces[k, 2] + c * surfaces[k, 3]
-        v, _, _ = read_field(field, facing(nx, ny), pose[0] + rx, pose[1] + ry)
+        v, gx, gy = read_field(field, facing(nx, ny), pose[0] + rx, pose[1] + ry)
         if v != v:
             continue
+        slope = math.sqrt(gx * gx + gy * gy)
+        if slope > FLAT:
+            nx, ny = gx / slope, gy / slope
         w = 1.0 / (1.0 / surfaces[k, 4] + floor)
         trust = 1.0 / (1.0 + v * v * scale)
         known += 1.0
@@ -111,3 +118,42 @@ def align(
         if small and abs(dx[2]) < rule.stop_rotation:
             break
     return known, close, residual, used
+
+
+@njit
+def agreement_along(
+    field: Field,
+    surfaces: Floats,
+    count: int,
+    beams: Beams,
+    pose: Floats,
+    offsets: Floats,
+    rule: MatchRule,
+    out: Floats,
+) -> None:
+    """How many elements lie where beams were before, and how many of those agree. ours.
+
+    At a pose moved by offsets (n, 2) [m]; out (n, 2). Where nothing was ever seen an element says
+    nothing; where beams passed and there is no surface it disagrees. Hits so sparse that the map
+    has gaps between them are left out: gaps move with the robot.
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    out[:, :] = 0.0
+    for k in range(count):
+        rx, ry = beams.mount_x - surfaces[k, 0], beams.mount_y - surfaces[k, 1]
+        facing_it = rx * surfaces[k, 2] + ry * surfaces[k, 3]
+        if (rx * rx + ry * ry) * abs(beams.angle_increment) > SPARSE * field.cell * facing_it:
+            continue
+        nx = c * surfaces[k, 2] - s * surfaces[k, 3]
+        ny = s * surfaces[k, 2] + c * surfaces[k, 3]
+        layer = facing(nx, ny)
+        x0 = pose[0] + c * surfaces[k, 0] - s * surfaces[k, 1]
+        y0 = pose[1] + s * surfaces[k, 0] + c * surfaces[k, 1]
+        for i in range(offsets.shape[0]):
+            x, y = x0 + offsets[i, 0], y0 + offsets[i, 1]
+            v, _, _ = read_field(field, layer, x, y)
+            if v == v:
+                out[i, 0] += 1.0
+                out[i, 1] += 1.0 / (1.0 + v * v / (rule.robust * rule.robust))
+            elif was_seen(field, x, y):
+                out[i, 0] += 1.0

@@ -7,8 +7,8 @@ Mapping, VMV 2014.
 J. Martin, A. Nuechter: Multi-Robot Localization and Mapping Based on Signed Distance Functions,
 ICARSC 2015.
 
-1. See: points (default: surface elements with their normals) of the scan.
-2. Predict: odometry, gyro or the last motion (original: the last pose).
+1. Predict: odometry, gyro or the last motion (original: the last pose).
+2. See: points (default: surface elements with their normals) of the scan.
 3. Register the scan with the grid (default: Gauss-Newton on the field; original: ray cast of a
    model scan, RANSAC pre-registration, ICP).
 4. Refuse an implausible registration: the prediction stands and nothing is pushed.
@@ -24,15 +24,19 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, wrap_angle
+from slams.motion import Motion
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 from tsd.direct import Direct
 from tsd.fix import Fix, Start
 from tsd.grid import Picture, colored
 from tsd.params import TsdParams
 from tsd.published import Published
 
-COUNTS = ("pushed", "odometry", "gyro", "searched", "rejected", "recovered", "empty", "restarted")
+COUNTS = ("pushed", "searched", "rejected", "recovered", "empty", "restarted")
 DOUBTFUL = 0.1  # odometry so far from the last motion [m], [rad] has stalled or jumped
+JUMP, JUMP_TURN = 0.25, 0.35  # farther from the prediction [m], [rad] is no motion
+SLIPPED = 0.8  # of a slip that is made good says nothing about the velocity
+BLUR, BLUR_TURN = 0.002, 0.001  # in one sweep [m], [rad]: a better velocity is worth a second look
 
 
 class Tsd:
@@ -48,42 +52,40 @@ class Tsd:
         self.params = params
         rng = np.random.default_rng(params.seed)
         self._registration = (
-            Direct(params) if params.registration == "direct" else Published(params, rng)
+            Direct(params, rng) if params.registration == "direct" else Published(params, rng)
         )
+        self._motion = Motion("auto" if params.prediction else "last")
         self._pose = self._pushed_at = IDENTITY
-        self._step = self._velocity = IDENTITY
-        self._last: Scan | None = None
+        self._velocity = IDENTITY
         self._fix = Fix.none(IDENTITY)
         self._lost = 0
         self._counts = dict.fromkeys(COUNTS, 0)
 
     def update(self, scan: Scan) -> Pose2:
         """Take the next scan; return the base's pose in the map."""
-        pose = self._follow(scan)
-        half = 0.5 * scan.laser.time_increment * (scan.laser.n_beams - 1)
-        if half == 0.0 or self._counts["pushed"] == 0:
-            return pose
-        v = self._velocity  # a scan that takes time is registered at its middle
-        return pose @ Pose2(v.x * half, v.y * half, v.theta * half).inverse()
-
-    def _follow(self, scan: Scan) -> Pose2:
-        self._velocity = self._twist(scan)
-        seen = self._registration.see(scan, self._velocity)  # 1
-        start = self._predict(scan)  # 2
-        self._last = scan
-        if seen == 0:
+        start = self._predict(scan)  # 1
+        self._velocity = self._motion.velocity
+        if self._registration.see(scan, self._velocity) == 0:  # 2
             self._counts["empty"] += 1
-            return self._keep(start.pose)
-        if self._counts["pushed"] == 0:
-            self._pose = start.pose
-            return self._push()
+            self._keep(scan, start.pose)
+        elif self._counts["pushed"] == 0:
+            self._keep(scan, start.pose)
+            self._push()
+        else:
+            self._register(scan, start)
+        half = 0.5 * _duration(scan)  # registered at its middle; the stamp is that of its start
+        return self._pose @ _scaled(self._velocity, half).inverse()
+
+    def _register(self, scan: Scan, start: Start) -> None:
         fix = self._registration.register(start)  # 3
+        if fix.good and self._looks_again(scan, fix.pose):
+            fix = self._registration.register(start._replace(pose=fix.pose))
         if not fix.good:
-            return self._refuse(start.pose)  # 4
-        self._accept(start, fix)  # 5
+            self._refuse(scan, start.pose)  # 4
+            return
+        self._accept(scan, start, fix)  # 5
         if self._moved():
             self._push()  # 6
-        return self._pose
 
     def map(self) -> OccupancyGrid:
         """The map as it stands now."""
@@ -100,7 +102,8 @@ class Tsd:
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
-        return {**self._counts, "lost": self._lost}
+        motion = {"odometry": self._motion.odometry, "gyro": self._motion.gyro}
+        return {**self._counts, **motion, "lost": self._lost}
 
     @property
     def covariance(self) -> Floats:
@@ -114,64 +117,72 @@ class Tsd:
 
     def _predict(self, scan: Scan) -> Start:
         """The pose expected now and how sure that is."""
-        p, last = self.params, self._last
-        if not p.prediction or last is None:
-            return Start(self._pose, p.prior_translation, p.prior_rotation, ())
-        others = (self._pose, self._pose @ self._step)
-        if scan.odometry is not None and last.odometry is not None:
-            self._counts["odometry"] += 1
-            step = last.odometry.between(scan.odometry)
-            surprise = self._step.between(step)  # odometry that stalls disagrees with the motion
-            distance, turn = math.hypot(surprise.x, surprise.y), abs(surprise.theta)
-            deviation = 0.5 * p.prior_translation + p.odometry_noise * (distance + 0.1 * turn)
-            turn_deviation = 0.5 * p.prior_rotation + p.odometry_noise * turn
-            doubtful = distance > DOUBTFUL or turn > DOUBTFUL
-            return Start(self._pose @ step, deviation, turn_deviation, others, doubtful)
-        step = self._step
-        if scan.yaw is not None and last.yaw is not None:
-            self._counts["gyro"] += 1
-            step = Pose2(step.x, step.y, wrap_angle(scan.yaw - last.yaw))
-        return Start(self._pose @ step, p.prior_translation, p.prior_rotation, others)
+        p, motion = self.params, self._motion
+        pose = motion.predict(self._pose, scan)
+        if not p.prediction:
+            return Start(pose, p.prior_translation, p.prior_rotation, ())
+        unmeasured = self._pose @ motion.step
+        if not motion.measured:
+            return Start(pose, p.prior_translation, p.prior_rotation, (self._pose, unmeasured))
+        surprise = unmeasured.between(pose)  # odometry that stalls disagrees with the motion
+        distance, turn = math.hypot(surprise.x, surprise.y), abs(surprise.theta)
+        return Start(
+            pose,
+            0.5 * p.prior_translation + p.odometry_noise * (distance + 0.1 * turn),
+            0.5 * p.prior_rotation + p.odometry_noise * turn,
+            (self._pose, unmeasured),
+            distance > DOUBTFUL or turn > DOUBTFUL,
+        )
 
-    def _twist(self, scan: Scan) -> Pose2:
-        """Velocity [m/s, rad/s] of the last step, zero when the stamps do not tell."""
-        dt = 0.0 if self._last is None else scan.t - self._last.t
-        if not 1e-3 < dt < 1.0:
-            return IDENTITY
-        return Pose2(self._step.x / dt, self._step.y / dt, self._step.theta / dt)
+    def _looks_again(self, scan: Scan, pose: Pose2) -> bool:
+        """See the scan anew with the velocity that was found, where that moves its points."""
+        found, expected, seconds = self._motion.velocity_to(pose), self._velocity, _duration(scan)
+        blur = seconds * math.hypot(found.x - expected.x, found.y - expected.y)
+        if blur < BLUR and seconds * abs(found.theta - expected.theta) < BLUR_TURN:
+            return False
+        self._velocity = found
+        return self._registration.see(scan, found) > 0
 
-    def _accept(self, start: Start, fix: Fix) -> None:
+    def _accept(self, scan: Scan, start: Start, fix: Fix) -> None:
         surprise = start.pose.between(fix.pose)
-        if math.hypot(surprise.x, surprise.y) < 0.25 and abs(surprise.theta) < 0.35:
-            self._step = self._pose.between(fix.pose)  # a larger jump is no motion
+        if math.hypot(surprise.x, surprise.y) < JUMP and abs(surprise.theta) < JUMP_TURN:
+            x, y = (SLIPPED * s for s in fix.slip)
+            self._motion.moved(Pose2(fix.pose.x - x, fix.pose.y - y, fix.pose.theta), scan)
+        else:
+            self._motion.missed(scan)
         self._counts["searched"] += fix.searched
         self._counts["recovered"] += self._lost > 0
         self._lost = 0
         self._fix, self._pose = fix, fix.pose
 
-    def _refuse(self, predicted: Pose2) -> Pose2:
+    def _refuse(self, scan: Scan, predicted: Pose2) -> None:
         """Stay with the prediction; after many scans without a match map on from there."""
         self._counts["rejected"] += 1
         self._lost += 1
-        self._keep(predicted)
+        self._keep(scan, predicted)
         if self._lost % self.params.lost_scans == 0 and self.params.prediction:
             self._counts["restarted"] += 1
-            return self._push()
-        return self._pose
+            self._push()
 
-    def _keep(self, predicted: Pose2) -> Pose2:
-        step = self._step
-        self._step = Pose2(0.7 * step.x, 0.7 * step.y, 0.7 * step.theta)
+    def _keep(self, scan: Scan, predicted: Pose2) -> None:
+        self._motion.missed(scan)
         self._pose = predicted
-        return predicted
 
     def _moved(self) -> bool:
         step = self._pushed_at.between(self._pose)
         far = math.hypot(step.x, step.y) > self.params.push_translation
         return far or abs(math.sin(step.theta)) > self.params.push_rotation
 
-    def _push(self) -> Pose2:
+    def _push(self) -> None:
         self._counts["pushed"] += 1
         self._registration.push(self._pose)
         self._pushed_at = self._pose
-        return self._pose
+
+
+def _duration(scan: Scan) -> float:
+    """Time from the first to the last beam [s]."""
+    return abs(scan.laser.time_increment) * (scan.laser.n_beams - 1)
+
+
+def _scaled(velocity: Pose2, seconds: float) -> Pose2:
+    return Pose2(velocity.x * seconds, velocity.y * seconds, velocity.theta * seconds)

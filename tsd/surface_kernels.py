@@ -67,12 +67,30 @@ def find_hits(ranges: Ranges, beams: Beams, twist: Twist, out_hits: Floats) -> i
     return count
 
 
+@njit(inner=True)
+def in_line(hits: Floats, k: int, beams: Beams, noise: float) -> bool:
+    """Whether hits k, k + 1, k + 2, of beams side by side, lie on one line up to noise.
+
+    ours: far along a corridor hits are a meter apart, and still on one wall. Taken for a surface
+    each, facing the laser, they move with the robot and hold it where it is.
+    """
+    if hits[k + 2, 3] - hits[k, 3] > 4.0:
+        return False
+    ax, ay = hits[k + 1, 0] - hits[k, 0], hits[k + 1, 1] - hits[k, 1]
+    cx, cy = hits[k + 2, 0] - hits[k, 0], hits[k + 2, 1] - hits[k, 1]
+    chord = math.sqrt(cx * cx + cy * cy) + 1e-9
+    rx, ry = hits[k + 1, 0] - beams.mount_x, hits[k + 1, 1] - beams.mount_y
+    cosine = abs(cx * ry - cy * rx) / (chord * hits[k + 1, 2] + 1e-9)
+    off = abs(cx * ay - cy * ax)
+    return bool(off < 4.0 * noise * max(cosine, 0.2) * chord)
+
+
 @njit
 def find_runs(hits: Floats, count: int, beams: Beams, rule: SurfaceRule, out_runs: Floats) -> None:
     """First and one-past-last hit of the unbroken surface every hit lies on.
 
-    ours: the published 3 degree jump test between neighbors, with room for range noise.
-    out_runs (n, 2).
+    ours: the published 3 degree jump test between neighbors, with room for range noise, and for
+    grazing walls. out_runs (n, 2).
     """
     start = 0
     for k in range(1, count + 1):
@@ -82,6 +100,10 @@ def find_runs(hits: Floats, count: int, beams: Beams, rule: SurfaceRule, out_run
             spacing = min(hits[k, 2], hits[k - 1, 2]) * abs(beams.angle_increment) * steps
             jump = abs(hits[k, 2] - hits[k - 1, 2])
             broken = steps > 3.0 or jump > rule.max_slope * spacing + 4.0 * rule.noise
+            if broken and k > 1:
+                broken = not in_line(hits, k - 2, beams, rule.noise)
+            if broken and k + 1 < count:
+                broken = not in_line(hits, k - 1, beams, rule.noise)
         if broken:
             for j in range(start, k):
                 out_runs[j, 0] = start

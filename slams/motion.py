@@ -6,8 +6,9 @@ import math
 
 from slams.types import IDENTITY, Pose2, Scan, wrap_angle
 
-LONGEST = 5.0
-MEMORY = 0.9
+LONGEST = 5.0  # times the last interval that a step is stretched to
+MEMORY = 0.9  # of the mean errors of both predictions, and of the mean interval
+FADING = 0.7  # of the last step, per scan without a match
 
 
 class Motion:
@@ -15,7 +16,8 @@ class Motion:
 
     `source` is "last" (stands still), "velocity" (constant velocity, turn from the gyro where
     there is one) or "auto" (odometry where there is some, else velocity). `velocity` is the
-    expected motion per second in the base frame, `dt` [s] the interval; `odometry` and `gyro`
+    expected motion per second in the base frame, `dt` [s] the interval; `step` what velocity and
+    gyro alone expect, `measured` whether odometry was believed instead; `odometry` and `gyro`
     count their uses.
 
     Stamps of real logs can be so ragged that a step as long as the last one predicts better than
@@ -26,25 +28,31 @@ class Motion:
         self.odometry = 0
         self.gyro = 0
         self.velocity = IDENTITY
+        self.step = IDENTITY
+        self.measured = False
+        self.dt = 0.0
         self._source = source
         self._pose = IDENTITY
-        self._step = IDENTITY
-        self._step_dt = 0.0
-        self._by_stamps = IDENTITY
-        self.dt = 0.0
-        self._mean_dt = 0.0
-        self._error_by_stamps = 0.0
-        self._error_by_count = 0.0
+        self._last_step = self._by_stamps = IDENTITY
+        self._step_dt = self._mean_dt = 0.0
+        self._error_by_stamps = self._error_by_count = 0.0
         self._before: Scan | None = None
 
     def predict(self, pose: Pose2, scan: Scan) -> Pose2:
         """The pose at `scan`, from `pose` at the scan before."""
-        self._pose = pose
-        if self._before is None:
+        self._pose, before = pose, self._before
+        if before is None:
             return pose
-        self.dt = self._interval(scan.t - self._before.t)
+        self.dt = self._interval(scan.t - before.t)
         self._by_stamps = self._scaled_step()
-        step = self._expected(self._before, scan)
+        self.step, turn = self._continued(), self._by_gyro(before, scan)
+        if turn is not None:
+            self.step = self.step._replace(theta=turn)
+        wheels = self._by_wheels(before, scan)
+        step = self.step if wheels is None else wheels
+        self.measured = wheels is not None
+        self.odometry += self.measured
+        self.gyro += turn is not None and not self.measured
         self.velocity = _per_second(step, self.dt)
         return pose if self._source == "last" else pose @ step
 
@@ -52,30 +60,41 @@ class Motion:
         """Learn the pose that was found for the scan."""
         step = self._pose.between(pose)
         self._error_by_stamps = _recent(self._error_by_stamps, step, self._by_stamps)
-        self._error_by_count = _recent(self._error_by_count, step, self._step)
-        self._step, self._step_dt = step, self.dt
+        self._error_by_count = _recent(self._error_by_count, step, self._last_step)
+        self._last_step, self._step_dt = step, self.dt
+        self._before = scan
+
+    def missed(self, scan: Scan) -> None:
+        """No motion was found for the scan: the last one means less and less."""
+        self._last_step = _scaled(self._last_step, FADING)
         self._before = scan
 
     def velocity_to(self, pose: Pose2) -> Pose2:
         """Velocity of the base had it moved to `pose` since the scan before."""
         return _per_second(self._pose.between(pose), self.dt)
 
-    def _expected(self, before: Scan, scan: Scan) -> Pose2:
-        if self._source == "auto" and before.odometry is not None and scan.odometry is not None:
-            self.odometry += 1
-            return before.odometry.between(scan.odometry)
+    def _by_wheels(self, before: Scan, scan: Scan) -> Pose2 | None:
+        """The step by odometry, where it may be used and both scans have it."""
+        if self._source != "auto" or before.odometry is None or scan.odometry is None:
+            return None
+        return before.odometry.between(scan.odometry)
+
+    def _by_gyro(self, before: Scan, scan: Scan) -> float | None:
+        """The turn [rad] by the gyro, where it may be used and both scans have it."""
+        if self._source == "last" or before.yaw is None or scan.yaw is None:
+            return None
+        return float(wrap_angle(scan.yaw - before.yaw))
+
+    def _continued(self) -> Pose2:
+        """The last motion goes on, by its velocity or by its step."""
         trusted = self._error_by_stamps <= self._error_by_count
-        step = self._by_stamps if trusted else self._step
-        if self._source != "last" and before.yaw is not None and scan.yaw is not None:
-            self.gyro += 1
-            step = step._replace(theta=float(wrap_angle(scan.yaw - before.yaw)))
-        return step
+        return self._by_stamps if trusted else self._last_step
 
     def _scaled_step(self) -> Pose2:
         """The last step at the same velocity over the present interval."""
         if self._step_dt <= 0.0:
-            return self._step
-        return _scaled(self._step, min(LONGEST, self.dt / self._step_dt))
+            return self._last_step
+        return _scaled(self._last_step, min(LONGEST, self.dt / self._step_dt))
 
     def _interval(self, dt: float) -> float:
         """Time since the scan before [s]; the usual one where the stamps do not go forward."""
