@@ -72,7 +72,8 @@ def in_line(hits: Floats, k: int, beams: Beams, noise: float) -> bool:
     """Whether hits k, k + 1, k + 2, of beams side by side, lie on one line up to noise.
 
     ours: far along a corridor hits are a meter apart, and still on one wall. Taken for a surface
-    each, facing the laser, they move with the robot and hold it where it is.
+    each, facing the laser, they move with the robot and hold it where it is. Any three hits are
+    in line to within the gap between their beams, so they must be so to a fifth of that.
     """
     if hits[k + 2, 3] - hits[k, 3] > 4.0:
         return False
@@ -81,8 +82,9 @@ def in_line(hits: Floats, k: int, beams: Beams, noise: float) -> bool:
     chord = math.sqrt(cx * cx + cy * cy) + 1e-9
     rx, ry = hits[k + 1, 0] - beams.mount_x, hits[k + 1, 1] - beams.mount_y
     cosine = abs(cx * ry - cy * rx) / (chord * hits[k + 1, 2] + 1e-9)
-    off = abs(cx * ay - cy * ax)
-    return bool(off < 4.0 * noise * max(cosine, 0.2) * chord)
+    off = abs(cx * ay - cy * ax) / chord
+    gap = hits[k + 1, 2] * abs(beams.angle_increment)
+    return bool(off < 4.0 * noise * max(cosine, 0.05) and off < 0.2 * gap)
 
 
 @njit
