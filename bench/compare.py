@@ -21,8 +21,8 @@ from slams.registry import names
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-    from bench.cases import Choice, Outcome
-    from bench.reference import Reference
+    from bench.run.cases import Choice, Outcome
+    from bench.run.reference import Reference
     from slams.ros_params import Taken
     from slams.types import Floats
 
@@ -115,7 +115,7 @@ class Done(NamedTuple):
 
 
 def _command(arguments: argparse.Namespace) -> int:
-    from bench import outputs
+    from bench.report import outputs
     from slams.formats import files
 
     labels = cli.refusing(lambda: _labels(arguments))
@@ -148,7 +148,7 @@ def _labels(arguments: argparse.Namespace) -> list[str]:
 
 def _checked(arguments: argparse.Namespace, labels: list[str]) -> tuple[Choice, Floats | None]:
     """Everything the user gave, read once before the work starts."""
-    from bench.cases import read_relations
+    from bench.run.cases import read_relations
 
     _check_options(arguments)
     choice = _choice(arguments, labels)
@@ -177,7 +177,7 @@ def _check_options(arguments: argparse.Namespace) -> None:
 
 def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
     """What the options say of logs and parameters; every algorithm can be run with it."""
-    from bench.cases import Choice
+    from bench.run.cases import Choice
     from slams.registry import find
 
     choice = Choice(
@@ -229,8 +229,8 @@ def _say_what_became(choice: Choice, quiet: bool) -> None:
 
 def simulated(folder: Path, arguments: argparse.Namespace) -> Path:
     """The paper's data set, simulated into `folder`: rescue maze, UTM-30LX, five minutes."""
-    from bench.setting import Setting
-    from bench.simulation import simulate
+    from bench.sim.setting import Setting
+    from bench.sim.simulation import simulate
 
     duration = arguments.duration
     if duration is None:
@@ -249,9 +249,9 @@ def _run_all(
     relations: Floats | None,
 ) -> list[Done]:
     """All cases in processes of their own, in the order asked for."""
-    from bench.cases import run_case
-    from bench.pool import finished
-    from bench.reference import reference
+    from bench.run.cases import run_case
+    from bench.run.pool import finished
+    from bench.run.reference import reference
 
     tasks: dict[Job, tuple[Callable[..., Any], tuple[Any, ...]]] = {}
     # the last first: the baselines are slow, and a long case must not begin at the end
@@ -273,7 +273,7 @@ def _result(job: Job, future: Future[Any]) -> Any:
     """What came of a job; a process that died is a failed run, the others still count."""
     from concurrent.futures.process import BrokenProcessPool
 
-    from bench.cases import Outcome
+    from bench.run.cases import Outcome
 
     try:
         return future.result()

@@ -45,7 +45,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(arguments: argparse.Namespace) -> int:
-    from bench.cases import write_results
+    from bench.run.cases import write_results
     from slams.formats import files
 
     cli.refusing(lambda: _check(arguments))
@@ -70,14 +70,14 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def paper_order() -> list[str]:
     """Labels of our versions of the paper's programs, best first in its Table I."""
-    from bench.tables import published
+    from bench.report.tables import published
 
     rows = [row for row in published("update") if row["ours"]]
     return [row["ours"] for row in sorted(rows, key=lambda row: float(row["translation_mean"]))]
 
 
 def _run_all(arguments: argparse.Namespace) -> dict[str, Any]:
-    from bench.pool import finished
+    from bench.run.pool import finished
 
     labels = paper_order()
     tasks = {
@@ -100,9 +100,9 @@ def _run_all(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def run_arena(kind: str, seed: int, duration: float, labels: list[str]) -> dict[str, Any]:
     """Mean and greatest error per update of each program in one arena, the laser alone."""
-    from bench import loss, metrics
-    from bench.setting import Setting
-    from bench.simulation import simulate
+    from bench.judge import loss, metrics
+    from bench.sim.setting import Setting
+    from bench.sim.simulation import simulate
     from slams.player import replay
     from slams.registry import find
 
@@ -147,14 +147,14 @@ def counts(found: dict[str, Any], measure: str) -> pd.DataFrame:
 
 def as_text(found: dict[str, Any]) -> str:
     """The tables for a terminal."""
-    from bench.report import text_table
+    from bench.report.text import text_table
 
     return "\n\n".join(text_table(counts(found, measure), "log") for measure in MEASURES)
 
 
 def as_markdown(found: dict[str, Any]) -> str:
     """The tables for the README."""
-    from bench.report import markdown_table
+    from bench.report.text import markdown_table
 
     made = (markdown_table(counts(found, measure), "log") for measure in MEASURES)
     return "\n\n".join(made) + "\n"

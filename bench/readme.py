@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from bench.cases import read_results, write_results
+from bench.run.cases import read_results, write_results
 from slams import cli
 from slams.registry import names
 
@@ -125,7 +125,8 @@ def _body(part: str, name: str | None) -> str:
 
 def results() -> str:
     """Tables and verdicts of the committed results."""
-    from bench import report, tables
+    from bench.report import tables
+    from bench.report import text as report
 
     found = read_results(RESULTS)
     log = found["logs"][0]
@@ -140,7 +141,7 @@ def results() -> str:
 
 def relations() -> str:
     """Errors of the relations on real logs, a column for each log, the published ones below."""
-    from bench.tables import published
+    from bench.report.tables import published
 
     known = read_results(RELATIONS)
     lines: dict[str, dict[str, str]] = {}

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bench.setting import Setting
+from bench.sim.setting import Setting
 from slams import cli
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(options: argparse.Namespace) -> int:
-    from bench.simulation import picture, simulate, world_of
+    from bench.sim.simulation import picture, simulate, world_of
 
     start = time.process_time()
     cli.refusing(lambda: _check_names(options.out, options.picture))

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bench.setting import Setting
-from bench.simulation import simulate
+from bench.sim.setting import Setting
+from bench.sim.simulation import simulate
 from slams import metrics
 from slams.player import replay
 from slams.registry import BASELINES, BUILT_IN, create

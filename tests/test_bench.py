@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
-from bench import loss, ranking, report, tables, timing, verdicts
-from bench.cases import Choice, Outcome, read_relations, run_case
-from bench.metrics import Common, RelationErrors, SpanErrors
+from bench import ranking
+from bench.judge import loss, verdicts
+from bench.judge.metrics import Common, RelationErrors, SpanErrors
+from bench.report import tables
+from bench.report import text as report
+from bench.run import timing
+from bench.run.cases import Choice, Outcome, read_relations, run_case
 from slams.player import replay
 from slams.registry import find
 from slams.scanlog import ScanLog, load

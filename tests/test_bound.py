@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bench.bound import Bound, _weights, bound, bound_of
-from bench.bound_kernels import Squares, fisher_information
-from bench.range_errors import Errors
-from bench.setting import Setting
-from bench.simulation import errors_of, simulate, world_of
-from bench.world import World, read_world
+from bench.judge.bound import Bound, _weights, bound, bound_of
+from bench.judge.bound_kernels import Squares, fisher_information
+from bench.sim.range_errors import Errors
+from bench.sim.setting import Setting
+from bench.sim.simulation import errors_of, simulate, world_of
+from bench.sim.world import World, read_world
 from slams.metrics import absolute_errors, relative_errors
 from slams.scanlog import Track, load
 from slams.types import IDENTITY, Laser, Pose2, wrap_angle

@@ -7,16 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench import html, loss, metrics, tables, verdicts
-from bench.cases import Choice, Outcome, run_case
 from bench.compare import Done
-from bench.figures import COLORS
-from bench.html.legend import NIGHT, PAPER, legible, rules
-from bench.html.markup import Markup, element, together
-from bench.html.pictures import LONGEST, picture
-from bench.html.plans import into
-from bench.html.plots import Axis, envelope, path, thinned, ticks
-from bench.reference import Reference, facts
+from bench.judge import loss, metrics, verdicts
+from bench.report import html, tables
+from bench.report.figures import COLORS
+from bench.report.html.legend import NIGHT, PAPER, legible, rules
+from bench.report.html.markup import Markup, element, together
+from bench.report.html.pictures import LONGEST, picture
+from bench.report.html.plans import into
+from bench.report.html.plots import Axis, envelope, path, thinned, ticks
+from bench.run.cases import Choice, Outcome, run_case
+from bench.run.reference import Reference, facts
 from slams import OccupancyGrid, Params, Pose2
 from tests.rooms import drive
 

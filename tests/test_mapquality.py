@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bench.mapquality import _looked_at, compare, map_frame, truth_map
-from bench.setting import Setting
-from bench.simulation import simulate, world_of
-from bench.world import World
+from bench.judge.mapquality import _looked_at, compare, map_frame, truth_map
+from bench.sim.setting import Setting
+from bench.sim.simulation import simulate, world_of
+from bench.sim.world import World
 from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
 
 CELL = 0.05

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from bench import metrics as bench_metrics
-from bench.metrics import Common
+from bench.judge import metrics as bench_metrics
+from bench.judge.metrics import Common
 from slams import metrics
 from slams.types import Pose2
 

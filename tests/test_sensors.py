@@ -2,7 +2,7 @@
 
 import pytest
 
-from bench.sensors import SENSORS
+from bench.sim.sensors import SENSORS
 from slams.params import LASERS
 from slams.registry import BASELINES, BUILT_IN, find
 

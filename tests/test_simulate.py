@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from bench import simulate as command
-from bench.drive import Drive, Robot, drive, gyro, legs, odometry
-from bench.range_errors import Errors
-from bench.sensors import SENSORS, find_sensor
-from bench.setting import Setting
-from bench.simulation import simulate, world_of
-from bench.world import World
+from bench.sim.drive import Drive, Robot, drive, gyro, legs, odometry
+from bench.sim.range_errors import Errors
+from bench.sim.sensors import SENSORS, find_sensor
+from bench.sim.setting import Setting
+from bench.sim.simulation import simulate, world_of
+from bench.sim.world import World
 from slams.scanlog import load
 from slams.types import Pose2, wrap_angle
 from tests import naive_world
@@ -346,5 +346,5 @@ def test_interrupt_is_130(tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("bench.simulation.simulate", interrupted)
+    monkeypatch.setattr("bench.sim.simulation.simulate", interrupted)
     assert command.main([str(tmp_path / "scans.npz")]) == 130

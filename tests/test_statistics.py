@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from bench.statistics import (
+from bench.judge.statistics import (
     Paired,
     _bootstrap,
     adjusted,

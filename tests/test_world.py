@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from bench.arena import _blocks, rescue_arena
-from bench.drive import Routes, nodes_of
-from bench.world import World, read_world
+from bench.sim.arena import _blocks, rescue_arena
+from bench.sim.drive import Routes, nodes_of
+from bench.sim.world import World, read_world
 from tests import naive_world
 
 CELL = 0.05
@@ -114,7 +114,7 @@ def test_gap_is_the_chebyshev_distance():
 
 
 def test_occlude_meets_the_near_side_of_a_disc():
-    from bench.world_kernels import occlude
+    from bench.sim.world_kernels import occlude
 
     rays = np.array([[0, 0, 0.0], [0, 0.05, 0.0], [0, 0, 0.5], [0, 0, math.pi], [2.0, 0, 0.0]])
     discs = np.array([[[2.0, 0.0]], [[1.0, 0.0]]])  # at tick 0 and at tick 1

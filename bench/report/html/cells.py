@@ -1,13 +1,13 @@
-"""Tables with a title; text of the cells as everywhere else, from bench.report."""
+"""Tables with a title; text of the cells as everywhere else, from bench.report.text."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from bench import report
-from bench.html.markup import Markup, element
-from bench.tables import BOUND
+from bench.report import text as report
+from bench.report.html.markup import Markup, element
+from bench.report.tables import BOUND
 
 if TYPE_CHECKING:
     import pandas as pd

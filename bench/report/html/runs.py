@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bench.tables import label
+from bench.report.tables import label
 
 if TYPE_CHECKING:
-    from bench.cases import Outcome
     from bench.compare import Done
+    from bench.run.cases import Outcome
 
 
 @dataclass(frozen=True, eq=False)

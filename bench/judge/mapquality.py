@@ -23,7 +23,7 @@ from slams.metrics import align
 from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
-    from bench.world import World
+    from bench.sim.world import World
     from slams.scanlog import ScanLog
     from slams.types import Laser
 
@@ -115,8 +115,8 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     scan, at most `most`), exact ranges up to the laser's limit. Occupied are the walls' cells that
     share an edge with one of these. All else is unknown: rooms never looked into, insides of walls.
     """
-    from bench.bound import true_poses
-    from bench.simulation import world_of
+    from bench.judge.bound import true_poses
+    from bench.sim.simulation import world_of
 
     world = world_of(log)
     if world is None or log.truth is None:
@@ -198,7 +198,7 @@ def _looked_at(world: World, laser: Laser, poses: Floats) -> Mask:
     """Cells inside the outline of an exact scan from one of the poses (n, 3) or (n, b, 3)."""
     import cv2
 
-    from bench.bound import rays_of
+    from bench.judge.bound import rays_of
 
     seen = np.zeros(world.occupied.shape, np.uint8)
     for k in range(len(poses)):

@@ -1,5 +1,5 @@
 """report.html: one file with everything about one log; it works offline and without scripts."""
 
-from bench.html.document import write
+from bench.report.html.document import write
 
 __all__ = ["write"]

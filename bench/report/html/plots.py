@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.html.markup import Markup, element
+from bench.report.html.markup import Markup, element
 from slams.types import Floats
 
 POINTS = 1500  # most of one line

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from bench import report
-from bench.tables import BOUND, Line, Rows, label
-from bench.verdicts import SPANS
+from bench.judge.verdicts import SPANS
+from bench.report import text as report
+from bench.report.tables import BOUND, Line, Rows, label
 from slams.registry import BASELINES
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from bench.html.cells import lines_table
-from bench.html.markup import Markup, element, together
-from bench.tables import Line, Rows, label
+from bench.report.html.cells import lines_table
+from bench.report.html.markup import Markup, element, together
+from bench.report.tables import Line, Rows, label
 
 
 def facts(results: Line, entry: Line) -> Markup:

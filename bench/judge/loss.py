@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.metrics import Common, RelationErrors
+from bench.judge.metrics import Common, RelationErrors
 from slams.metrics import driven
 from slams.types import Floats, wrap_angle
 

@@ -7,18 +7,20 @@ from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any
 
-from bench import loss, metrics, report, tables
-from bench.html import charts, plans, words
-from bench.html.cells import table
-from bench.html.legend import legend, rules
-from bench.html.markup import Markup, element, together
-from bench.html.record import facts, parameters
-from bench.html.runs import runs
+from bench.judge import loss, metrics
+from bench.report import tables
+from bench.report import text as report
+from bench.report.html import charts, plans, words
+from bench.report.html.cells import table
+from bench.report.html.legend import legend, rules
+from bench.report.html.markup import Markup, element, together
+from bench.report.html.record import facts, parameters
+from bench.report.html.runs import runs
 
 if TYPE_CHECKING:
     from bench.compare import Done
-    from bench.html.runs import Run
-    from bench.tables import Line, Rows
+    from bench.report.html.runs import Run
+    from bench.report.tables import Line, Rows
 
 HERE = Path(__file__).parent
 HINT = (

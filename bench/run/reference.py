@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench import bound, mapquality, metrics
-from bench.cases import Choice
+from bench.judge import bound, mapquality, metrics
+from bench.run.cases import Choice
 from slams.scanlog import ScanLog
 from slams.types import Floats, OccupancyGrid, Pose2
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bench.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS, class_shares
+from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS, class_shares
 from slams.types import Floats, OccupancyGrid
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.world import Mask, World
+from bench.sim.world import Mask, World
 
 if TYPE_CHECKING:
     from numpy.random import Generator

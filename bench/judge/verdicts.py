@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench import statistics
-from bench.cases import Outcome
-from bench.metrics import SpanErrors
+from bench.judge import statistics
+from bench.judge.metrics import SpanErrors
+from bench.run.cases import Outcome
 from slams.types import Floats
 
 Rows = list[dict[str, Any]]

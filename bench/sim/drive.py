@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.world import Mask, World
+from bench.sim.world import Mask, World
 from slams.types import Floats, wrap_angle
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ def drive(world: World, robot: Robot, rng: Generator, seconds: float, rate: floa
     Raises:
         ValueError: the world has no room for it.
     """
-    from bench.drive_kernels import Limits, follow
+    from bench.sim.drive_kernels import Limits, follow
 
     way = Routes(world, robot.clearance + MARGIN).way(1.2 * robot.v * seconds + 2.0, rng)
     pace = _pace(way, _room(world, way), robot)

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from bench.sensors import SENSORS
+from bench.sim.sensors import SENSORS
 
 FINE = 400.0  # Hz, least rate of the true motion that all else is taken from
 CELL = 0.02  # m, of the rescue arena

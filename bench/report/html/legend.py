@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from bench.figures import COLORS
-from bench.html.markup import Markup, element
+from bench.report.figures import COLORS
+from bench.report.html.markup import Markup, element
 
 if TYPE_CHECKING:
     from bench.compare import Done
-    from bench.html.runs import Run
+    from bench.report.html.runs import Run
 
 # a second cue beside the color; 8 colors and 5 patterns make 40 pairs
 DASHES = ("none", "9 3", "2 3", "9 3 2 3", "16 4")

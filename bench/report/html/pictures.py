@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.html.markup import Markup, element
-from bench.html.plots import short
+from bench.report.html.markup import Markup, element
+from bench.report.html.plots import short
 from slams.types import OccupancyGrid
 
 LONGEST = 1000  # px

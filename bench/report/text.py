@@ -8,9 +8,9 @@ from typing import Any
 
 import pandas as pd
 
-from bench import tables
-from bench.metrics import SpanErrors
-from bench.tables import TITLES, Line, Rows
+from bench.judge.metrics import SpanErrors
+from bench.report import tables
+from bench.report.tables import TITLES, Line, Rows
 
 TERMINAL = (
     "translation",

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from bench import loss, metrics
-from bench.statistics import mean_interval
-from bench.timing import LiveScans, PeakMemory, cost
+from bench.judge import loss, metrics
+from bench.judge.statistics import mean_interval
+from bench.run.timing import LiveScans, PeakMemory, cost
 from slams.formats.source import SourceOptions
 from slams.metrics import path_length
 from slams.params import Params

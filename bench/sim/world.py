@@ -81,7 +81,7 @@ class World:
 
     def cast(self, rays: Floats) -> Floats:
         """Exact distance (m,) [m] along each ray (m, 3) x, y, direction; inf = hits nothing."""
-        from bench.world_kernels import cast_rays
+        from bench.sim.world_kernels import cast_rays
 
         distances = np.empty(len(rays))
         cast_rays(self.gap, self.resolution, np.array(self.origin), rays, distances)

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.drive import LEG, Drive, Robot, drive, drive_far, gyro, legs, odometry
-from bench.range_errors import Errors
-from bench.sensors import Sensor, find_sensor
-from bench.setting import CELL, FINE, Setting
-from bench.world import World, read_world
+from bench.sim.drive import LEG, Drive, Robot, drive, drive_far, gyro, legs, odometry
+from bench.sim.range_errors import Errors
+from bench.sim.sensors import Sensor, find_sensor
+from bench.sim.setting import CELL, FINE, Setting
+from bench.sim.world import World, read_world
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats, Ranges, wrap_angle
 
@@ -111,7 +111,7 @@ def errors_of(log: ScanLog, world: World) -> Errors | None:
 def _world(setting: Setting, rng: Generator) -> World:
     if setting.arena != "rescue":
         return read_world(setting.arena, setting.resolution)
-    from bench.arena import rescue_arena
+    from bench.sim.arena import rescue_arena
 
     return rescue_arena(rng, setting.resolution or CELL, setting.size)
 
@@ -183,7 +183,7 @@ class _Measuring:
         rays[:, 2] += np.tile(self.laser.angles, len(t))
         distances = self.world.cast(rays)
         if self.legs is not None:
-            from bench.world_kernels import occlude
+            from bench.sim.world_kernels import occlude
 
             now = np.round(stamps / self.true.t[1]).astype(np.int32)
             occlude(rays, np.minimum(now, len(self.legs) - 1), self.legs, LEG, distances)

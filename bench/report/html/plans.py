@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.html.markup import Markup, element, together
-from bench.html.pictures import picture
-from bench.html.plots import Axis, figure, line, plot, thinned
-from bench.html.runs import Run
+from bench.report.html.markup import Markup, element, together
+from bench.report.html.pictures import picture
+from bench.report.html.plots import Axis, figure, line, plot, thinned
+from bench.report.html.runs import Run
 from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:

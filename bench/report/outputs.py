@@ -7,16 +7,19 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bench import cases, figures, mapquality, report, timing, verdicts
-from bench.tables import Line
+from bench.judge import mapquality, verdicts
+from bench.report import figures
+from bench.report import text as report
+from bench.report.tables import Line
+from bench.run import cases, timing
 from slams.formats import trajectory
 from slams.summary import versions
 from slams.types import Floats
 
 if TYPE_CHECKING:
-    from bench.cases import Choice, Outcome
     from bench.compare import Done
-    from bench.reference import Reference
+    from bench.run.cases import Choice, Outcome
+    from bench.run.reference import Reference
     from slams.ros_params import Taken
 
 FORMAT = "results-2"
@@ -24,7 +27,7 @@ FORMAT = "results-2"
 
 def write(folder: Path, logs: list[Done], choice: Choice, arguments: argparse.Namespace) -> str:
     """Write all files to `folder`; returns the tables as text for the terminal."""
-    from bench import html
+    from bench.report import html
 
     found = results(logs, choice, arguments)
     cases.write_results(folder / "results.json", found)

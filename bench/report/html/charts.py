@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench.figures import CLASSES
-from bench.html.markup import Markup, element, together
-from bench.html.plots import Axis, across, band, bar, envelope, figure, line, plot, thinned
-from bench.html.runs import Run
-from bench.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS, SpanErrors, class_shares
-from bench.tables import BOUND
+from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS, SpanErrors, class_shares
+from bench.report.figures import CLASSES
+from bench.report.html.markup import Markup, element, together
+from bench.report.html.plots import Axis, across, band, bar, envelope, figure, line, plot, thinned
+from bench.report.html.runs import Run
+from bench.report.tables import BOUND
 from slams.types import Floats
 
 STRETCHES, MEANS = 600, 200  # of time that an area and a line are made of

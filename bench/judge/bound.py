@@ -35,8 +35,8 @@ from numpy.typing import NDArray
 from slams.types import Floats, Laser, Ranges, wrap_angle
 
 if TYPE_CHECKING:
-    from bench.range_errors import Errors
-    from bench.world import World
+    from bench.sim.range_errors import Errors
+    from bench.sim.world import World
     from slams.scanlog import ScanLog
 
 BLOCK = 200  # poses at once
@@ -156,7 +156,7 @@ def bound_of(log: ScanLog, most: int = POSES) -> Bound | None:
     out, every k-th, and each stands for those up to the next. A scan whose stamps the truth does
     not cover is open.
     """
-    from bench.simulation import errors_of, world_of
+    from bench.sim.simulation import errors_of, world_of
 
     world = world_of(log)
     errors = None if world is None else errors_of(log, world)
@@ -193,7 +193,7 @@ def _block(
     out_beams: NDArray[np.int64],
 ) -> Floats:
     """Covariances (n, 3, 3) of some poses; how many beams counted goes to out_beams (n,)."""
-    from bench.bound_kernels import Squares, fisher_information
+    from bench.judge.bound_kernels import Squares, fisher_information
 
     rays = rays_of(laser, poses)
     distances = world.cast(np.nan_to_num(rays).reshape(-1, 3)).reshape(rays.shape[:2])

@@ -1,0 +1,1 @@
+"""Make a log: arenas, drives, sensors, and what breaks an algorithm."""
