@@ -8,22 +8,21 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from slams import cli
 from slams.params import LASERS
 from slams.registry import names
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
-
-    from bench.run.cases import Choice, Outcome
-    from bench.run.reference import Reference
+    from bench.results import Comparison
+    from bench.run.cases import Choice
     from slams.ros_params import Taken
+    from slams.scanlog import ScanLog
     from slams.types import Floats
 
 PROGRAM = "bench.compare"
@@ -99,40 +98,73 @@ def main(argv: list[str] | None = None) -> int:
     return cli.run_command(PROGRAM, _work)
 
 
-class Job(NamedTuple):
-    """One algorithm on one log; no algorithm: what else is known of the log."""
-
-    label: str | None
-    path: str
-
-
-class Done(NamedTuple):
-    """Everything that came of the log at `path`."""
-
-    path: str
-    reference: Reference
-    outcomes: list[Outcome]
-
-
 def _command(arguments: argparse.Namespace) -> int:
-    from bench.report import outputs
+    from bench.report import text
     from slams.formats import files
 
     labels = cli.refusing(lambda: _labels(arguments))
-    choice, relations = cli.refusing(lambda: _checked(arguments, labels))
+    choice, relations, logs = cli.refusing(lambda: _checked(arguments, labels))
     _say_what_became(choice, arguments.quiet)
-    logs = [Path(path) for path in arguments.logs]
     with files.complete_folder(arguments.out) as folder:
-        if not logs:
-            logs = [cli.refusing(lambda: simulated(folder, arguments))]
-        done = _run_all(arguments, labels, logs, choice, relations)
-        text = outputs.write(folder, done, choice, arguments)
+        logs = logs or [cli.refusing(lambda: simulated(folder, choice, arguments))]
+        comparison = _compared(labels, logs, choice, relations, arguments)
+        _write(folder, comparison, logs, arguments.mcap)
     if not arguments.quiet:
-        sys.stdout.write(
-            f"{text}\n{arguments.out}/: report.html, results.json, tables and figures\n"
-        )
-    failed = all(o.row["failed"] for log in done for o in log.outcomes)
-    return cli.FAILED if failed else 0
+        more = f"{arguments.out}/: report.html, results.json, tables and figures"
+        sys.stdout.write(f"{text.terminal(comparison)}\n{more}\n")
+    return cli.FAILED if all(row["failed"] for row in comparison.rows) else 0
+
+
+def _compared(
+    labels: list[str],
+    logs: list[ScanLog],
+    choice: Choice,
+    relations: Floats | None,
+    arguments: argparse.Namespace,
+) -> Comparison:
+    """All runs, and everything that follows from them."""
+    from bench.judge.comparison import weighed
+    from bench.run.comparing import run_all
+
+    found = run_all(labels, logs, choice, relations, arguments.jobs, arguments.quiet)
+    return weighed(found, _facts(choice, arguments))
+
+
+def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
+    """How the comparison was made: command, machine, versions."""
+    from bench.run import timing
+    from slams.summary import versions
+
+    return {
+        "command": f"python -m {PROGRAM} {shlex.join(arguments.words)}".strip(),
+        "odometry": choice.odometry,
+        "slower": choice.slower,
+        "ros_params": {label: _ros_files(taken) for label, taken in choice.ros.items()},
+        "versions": versions(),
+        "machine": timing.machine() | {"processes": arguments.jobs},
+    }
+
+
+def _ros_files(taken: Taken) -> dict[str, Any]:
+    """What ROS files said and what became of it: enough to write them again."""
+    fates = [fate._asdict() | {"value": str(fate.value)} for fate in taken.fates]
+    return {"files": taken.files, "parameters": fates, "notes": taken.notes}
+
+
+def _write(folder: Path, comparison: Comparison, logs: list[ScanLog], mcap: bool) -> None:
+    """The results first, then everything that is drawn from them."""
+    from bench import results
+    from bench.report import outputs
+    from slams.formats.mcap import write_mcap
+
+    results.save(folder, comparison)
+    outputs.write(folder, comparison)
+    for k, log in enumerate(logs if mcap else []):
+        place = outputs.place_of(folder, comparison, k)
+        for outcome in comparison.logs[k].outcomes:
+            if outcome.grid is not None and len(outcome.t) == len(log):
+                name = outputs.file_name(outcome.row["algorithm"])
+                write_mcap(place / f"{name}.mcap", log, outcome.poses, outcome.grid)
 
 
 def _labels(arguments: argparse.Namespace) -> list[str]:
@@ -146,21 +178,22 @@ def _labels(arguments: argparse.Namespace) -> list[str]:
     return [f"{name}@original" for name in originals] + labels
 
 
-def _checked(arguments: argparse.Namespace, labels: list[str]) -> tuple[Choice, Floats | None]:
+def _checked(
+    arguments: argparse.Namespace, labels: list[str]
+) -> tuple[Choice, Floats | None, list[ScanLog]]:
     """Everything the user gave, read once before the work starts."""
     from bench.run.cases import read_relations
 
     _check_options(arguments)
     choice = _choice(arguments, labels)
-    for path in arguments.logs:
-        choice.log(path)
+    logs = [choice.log(path) for path in arguments.logs]
     if arguments.relations is None:
-        return choice, None
+        return choice, None, logs
     if len(arguments.logs) != 1:
         raise ValueError(
             f"--relations: got {len(arguments.logs)} logs, expected the one they are of"
         )
-    return choice, read_relations(arguments.relations)
+    return choice, read_relations(arguments.relations), logs
 
 
 def _check_options(arguments: argparse.Namespace) -> None:
@@ -227,8 +260,8 @@ def _say_what_became(choice: Choice, quiet: bool) -> None:
             sys.stderr.write(ros_params.report(taken, label))
 
 
-def simulated(folder: Path, arguments: argparse.Namespace) -> Path:
-    """The paper's data set, simulated into `folder`: rescue maze, UTM-30LX, five minutes."""
+def simulated(folder: Path, choice: Choice, arguments: argparse.Namespace) -> ScanLog:
+    """The paper's data set, simulated and kept in `folder`: rescue maze, UTM-30LX, five minutes."""
     from bench.sim.setting import Setting
     from bench.sim.simulation import simulate
 
@@ -236,52 +269,8 @@ def simulated(folder: Path, arguments: argparse.Namespace) -> Path:
     if duration is None:
         duration = QUICK_DURATION if arguments.quick else DURATION
     log = simulate(Setting(seed=arguments.seed or 0, duration=duration))
-    path = folder / f"{log.name}.npz"
-    log.save(path)
-    return path
-
-
-def _run_all(
-    arguments: argparse.Namespace,
-    labels: list[str],
-    logs: list[Path],
-    choice: Choice,
-    relations: Floats | None,
-) -> list[Done]:
-    """All cases in processes of their own, in the order asked for."""
-    from bench.run.cases import run_case
-    from bench.run.pool import finished
-    from bench.run.reference import reference
-
-    tasks: dict[Job, tuple[Callable[..., Any], tuple[Any, ...]]] = {}
-    # the last first: the baselines are slow, and a long case must not begin at the end
-    for path in map(str, reversed(logs)):
-        tasks[Job(None, path)] = reference, (path, choice)
-        for label in reversed(labels):
-            tasks[Job(label, path)] = run_case, (label, path, choice, relations)
-    shown = cli.progress(
-        finished(tasks, arguments.jobs), len(tasks), "comparing", arguments.quiet, unit="run"
-    )
-    found = {job: _result(job, future) for job, future in shown}
-    return [
-        Done(path, found[Job(None, path)], [found[Job(label, path)] for label in labels])
-        for path in map(str, logs)
-    ]
-
-
-def _result(job: Job, future: Future[Any]) -> Any:
-    """What came of a job; a process that died is a failed run, the others still count."""
-    from concurrent.futures.process import BrokenProcessPool
-
-    from bench.run.cases import Outcome
-
-    try:
-        return future.result()
-    except BrokenProcessPool as error:
-        if job.label is None:
-            raise
-        reason = f"its process died ({error})"
-        return Outcome({"algorithm": job.label, "log": Path(job.path).stem, "failed": reason})
+    log.save(folder / f"{log.name}.npz")
+    return log.select(choice.limit, choice.every, choice.odometry)
 
 
 if __name__ == "__main__":

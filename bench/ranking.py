@@ -45,13 +45,13 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(arguments: argparse.Namespace) -> int:
-    from bench.run.cases import write_results
+    from bench.results import write_figures
     from slams.formats import files
 
     cli.refusing(lambda: _check(arguments))
     found = _run_all(arguments)
     with files.complete_folder(arguments.out) as folder:
-        write_results(folder / "ranking.json", found)
+        write_figures(folder / "ranking.json", found)
         (folder / "ranking.md").write_text(as_markdown(found), encoding="utf-8")
     if not arguments.quiet:
         sys.stdout.write(f"{as_text(found)}\n{arguments.out}/: ranking.json, ranking.md\n")
@@ -70,7 +70,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def paper_order() -> list[str]:
     """Labels of our versions of the paper's programs, best first in its Table I."""
-    from bench.report.tables import published
+    from bench.report.error_tables import published
 
     rows = [row for row in published("update") if row["ours"]]
     return [row["ours"] for row in sorted(rows, key=lambda row: float(row["translation_mean"]))]

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from bench.run.cases import read_results, write_results
+from bench.results import read_figures, write_figures
 from slams import cli
 from slams.registry import names
 
@@ -63,43 +63,51 @@ def adopt(folder: Path) -> None:
     if (folder / "ranking.json").exists():
         shutil.copyfile(folder / "ranking.json", RANKING)
         return
-    found = read_results(folder / "results.json")
+    found = read_figures(folder / "results.json")
     if len(found["logs"]) > 1:
-        write_results(PUBLIC, public_figures(found))
+        write_figures(PUBLIC, public_figures(found))
         return
     if not any(row.get("relations") for row in found["rows"]):
-        shutil.copyfile(folder / "results.json", RESULTS)
+        write_figures(RESULTS, found | {"command": as_typed(found["command"])})
         for name in PICTURES:
             shutil.copyfile(folder / name, ROOT / "bench" / name)
         return
-    known = read_results(RELATIONS) if RELATIONS.exists() else {}
+    known = read_figures(RELATIONS) if RELATIONS.exists() else {}
     log = found["logs"][0]["name"]
     key = f"{log}, {'with' if found['odometry'] else 'without'} odometry"
     runs = known.setdefault(key, {})
     for row in found["rows"]:
         if not row["failed"]:
             runs[row["algorithm"]] = {"relations": row["relations"], "loss": row["loss"]}
-    write_results(RELATIONS, dict(sorted(known.items())))
+    write_figures(RELATIONS, dict(sorted(known.items())))
 
 
-def public_figures(found: dict[str, Any]) -> dict[str, Any]:
-    """Of results over several logs what `public` shows; logs without the folders they are in."""
+def as_typed(command: str) -> str:
+    """A command of bench.compare without the folders its logs are in and where it wrote."""
     from bench import compare
 
-    words = shlex.split(found["command"])[3:]  # after python -m bench.compare
+    words = shlex.split(command)[3:]  # after python -m bench.compare
     paths = compare.parser().parse_args(words).logs
     typed = [Path(word).name if word in paths else word for word in words]
     if "--out" in typed:
         k = typed.index("--out")
         del typed[k : k + 2]
+    return f"python -m {compare.PROGRAM} {shlex.join(typed)}".strip()
+
+
+def public_figures(found: dict[str, Any]) -> dict[str, Any]:
+    """Of results over several logs what `public` shows."""
     keys = ("name", "scans", "beams", "duration_s")
     logs = [{key: log[key] for key in keys} | {"cpu_ms": {}} for log in found["logs"]]
     by_name = {log["name"]: log for log in logs}
     for row in found["rows"]:
         if not row["failed"]:
             by_name[row["log"]]["cpu_ms"][row["algorithm"]] = row["cost"]["mean_ms"]
-    command = f"python -m {compare.PROGRAM} {shlex.join(typed)}"
-    return {"command": command, "cpu": found["machine"]["cpu"], "logs": logs}
+    return {
+        "command": as_typed(found["command"]),
+        "cpu": found["machine"]["cpu"],
+        "logs": logs,
+    }
 
 
 def rendered(text: str) -> str:
@@ -127,23 +135,24 @@ def results() -> str:
     """Tables and verdicts of the committed results."""
     from bench.report import tables
     from bench.report import text as report
+    from bench.report.words import neighbors
 
-    found = read_results(RESULTS)
+    found = read_figures(RESULTS)
     log = found["logs"][0]
     made = tables.tables(log, found["rows"])
     parts = [f"`{found['command']}`: {report.head(log)}, on {found['machine']['cpu']}."]
     for key in SHOWN:
         if key in made:
             parts += [f"**{tables.TITLES[key]}**", report.markdown_table(made[key])]
-    words = (f"- {verdict['sentence']}" for verdict in report.neighbors(log["verdicts"]))
+    words = (f"- {verdict['sentence']}" for verdict in neighbors(log["verdicts"]))
     return "\n\n".join([*parts, "\n".join(words)]) + "\n"
 
 
 def relations() -> str:
     """Errors of the relations on real logs, a column for each log, the published ones below."""
-    from bench.report.tables import published
+    from bench.report.error_tables import published
 
-    known = read_results(RELATIONS)
+    known = read_figures(RELATIONS)
     lines: dict[str, dict[str, str]] = {}
     for key, runs in known.items():
         for label, run in runs.items():
@@ -165,12 +174,12 @@ def ranking() -> str:
     """The order of the published programs, counted over arenas."""
     from bench.ranking import as_markdown
 
-    return as_markdown(read_results(RANKING))
+    return as_markdown(read_figures(RANKING))
 
 
 def public() -> str:
     """Size of the public logs, and what each algorithm costs on them."""
-    found = read_results(PUBLIC)
+    found = read_figures(PUBLIC)
     labels = list(dict.fromkeys(label for log in found["logs"] for label in log["cpu_ms"]))
     heads = ["log", "scans x beams", "lasts [s]", *(f"{label} [ms]" for label in labels)]
     text = [f"| {' | '.join(heads)} |", "| --- |" + " ---: |" * (len(heads) - 1)]

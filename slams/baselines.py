@@ -94,8 +94,8 @@ class Odometry:
         return self._map.grid()
 
     def report(self) -> dict[str, Any]:
-        """How many scans came with odometry."""
-        return {"odometry": self._used}
+        """How many scans came with odometry; none was looked at."""
+        return {"odometry": self._used, "laser": 0}
 
 
 @dataclass(frozen=True)

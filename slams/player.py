@@ -6,10 +6,11 @@ import gc
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slams.params import Params
 from slams.types import Floats, Pose2, Scan, Slam
@@ -21,7 +22,8 @@ class Run:
 
     `t` (n,) [s]; `poses` (n, 3) x, y [m], theta [rad] in the map frame; `seconds` (n,) CPU time of
     each update, compilation taken out; `compile_s` CPU seconds that compilation took meanwhile;
-    `report` the algorithm's own counts.
+    `report` the algorithm's own counts; `says_lost` (n,) the scans after which it called itself
+    lost.
     """
 
     t: Floats
@@ -29,6 +31,7 @@ class Run:
     seconds: Floats
     compile_s: float
     report: dict[str, Any]
+    says_lost: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -46,7 +49,7 @@ def replay(
     """
     from slams.jit import CompileClock
 
-    t, poses, seconds = [], [], []
+    t, poses, seconds, lost = [], [], [], [0]
     with CompileClock() as compiling, _settled_memory():
         for scan in scans:
             compiled, start = compiling.seconds, time.process_time()
@@ -54,6 +57,7 @@ def replay(
             seconds.append(time.process_time() - start - (compiling.seconds - compiled))
             t.append(scan.t)
             poses.append(pose)
+            lost.append(int(slam.report().get("lost", 0)))
             if watch is not None:
                 watch(scan, pose)
     return Run(
@@ -62,6 +66,7 @@ def replay(
         np.maximum(seconds, 0.0),
         compiling.seconds,
         slam.report(),
+        np.diff(lost) > 0,
     )
 
 

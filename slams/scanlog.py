@@ -9,13 +9,11 @@ ignored.
 
 from __future__ import annotations
 
-import io
 import json
-import os
 import zipfile
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slams.formats.files import write_npz
 from slams.types import Floats, Laser, Pose2, Ranges, Scan, wrap_angle
 
 if TYPE_CHECKING:
@@ -94,6 +93,10 @@ class ScanLog:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled by its fields, so that the ranges are read-only in another process, too."""
+        return ScanLog, tuple(getattr(self, item.name) for item in fields(self))
 
     def __iter__(self) -> Iterator[Scan]:
         odometry = self.odometry_at_scans()
@@ -170,7 +173,7 @@ class ScanLog:
             track = getattr(self, key)
             if track is not None:
                 arrays |= {key: track.values, f"{key}_t": track.t}
-        _write_npz(Path(path), arrays)
+        write_npz(Path(path), arrays)
 
 
 def load(path: str | Path, options: SourceOptions | None = None, **choices: Any) -> ScanLog:
@@ -305,19 +308,3 @@ def _rep117(ranges: Ranges, laser: Laser) -> Ranges:
     clean[clean < laser.range_min] = np.nan
     clean.flags.writeable = False
     return clean
-
-
-def _write_npz(path: Path, arrays: dict[str, Any]) -> None:
-    """As numpy's savez_compressed, with a fixed date so that equal logs are equal files."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-            for key, value in arrays.items():
-                buffer = io.BytesIO()
-                np.lib.format.write_array(buffer, np.asarray(value), allow_pickle=False)
-                info = zipfile.ZipInfo(f"{key}.npy", (1980, 1, 1, 0, 0, 0))
-                info.compress_type = zipfile.ZIP_DEFLATED
-                archive.writestr(info, buffer.getvalue(), compresslevel=1)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)

@@ -1,15 +1,17 @@
 """Failure, cost, tables, verdicts and ranking: what the benchmark says of a run."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
 from bench import ranking
 from bench.judge import loss, verdicts
 from bench.judge.metrics import Common, RelationErrors, SpanErrors
-from bench.report import tables
+from bench.report import error_tables
 from bench.report import text as report
 from bench.run import timing
-from bench.run.cases import Choice, Outcome, read_relations, run_case
+from bench.run.cases import Choice, read_relations, run_case
 from slams.player import replay
 from slams.registry import find
 from slams.scanlog import ScanLog, load
@@ -78,7 +80,7 @@ def test_a_run_has_the_same_figures_in_its_summary_and_in_the_benchmark(tmp_path
     log = load(tmp_path / "room.npz")
     entry = find("odometry")
     own = summarize(replay(entry.cls(entry.params()), log), log, "odometry", entry.params(), 0.0)
-    row = run_case("odometry", str(tmp_path / "room.npz"), Choice()).row
+    row = run_case("odometry", log, Choice()).row
     assert row["cpu_ms_per_scan"] == row["cost"]["mean_ms"]
     assert row["cpu_ms"] == {name: row["cost"][f"{name}_ms"] for name in ("p50", "p95", "max")}
     assert row["real_time_factor"] == row["cost"]["real_time_factor"]
@@ -131,9 +133,16 @@ def test_a_live_node_takes_the_newest_scan_when_it_is_free(log, monkeypatch, wor
     assert scans.dropped == 20 - len(kept)
 
 
+class Judged(NamedTuple):
+    """An outcome as far as verdicts look at it."""
+
+    row: dict
+    errors: dict
+
+
 def outcome(name, errors, log="a"):
     found = SpanErrors(np.arange(float(len(errors))), errors, 0.1 * errors, errors)
-    return Outcome({"algorithm": name, "log": log, "failed": None}, errors={"1 s": found})
+    return Judged({"algorithm": name, "log": log, "failed": None}, {"1 s": found})
 
 
 def test_verdicts_name_the_better_one_and_keep_quiet_about_noise():
@@ -168,11 +177,11 @@ def test_verdicts_over_logs_pair_the_means_of_each_log():
 
 
 def test_published_figures_are_read_with_their_columns():
-    rows = tables.published("update", "stdr arena (not public)")
+    rows = error_tables.published("update", "stdr arena (not public)")
     assert [row["ours"] for row in rows] == ranking.paper_order()
     assert rows[0]["translation_mean"] == 0.025
     assert rows[2]["rotation_max"] == 0.333
-    intel = tables.published("relations", "intel")
+    intel = error_tables.published("relations", "intel")
     assert [row["translation_mean"] for row in intel] == [0.220, 0.070, 0.031, 0.0229]
 
 
@@ -204,7 +213,7 @@ def test_the_order_is_counted_arena_by_arena():
 
 
 def test_latex_escapes_what_it_must():
-    frame = tables.published_table({}, [{"algorithm": "hector@original"}])
+    frame = error_tables.published_table({}, [{"algorithm": "hector@original"}])
     frame = frame.rename(index={frame.index[0]: "a_b & c%"})
     text = report.latex_table(frame, "50 % & more_")
     assert r"50 \% \& more\_" in text

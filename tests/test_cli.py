@@ -250,7 +250,9 @@ def test_compare_on_given_logs(log_file, tmp_path):
     assert table["translation_m"].mean() == pytest.approx(means["hector"], abs=1e-8)
     assert (out / "errors-hector-original.csv").is_file()
     assert (
-        (out / "table-translation.csv").read_text().startswith("algorithm,mean,deviation,min,max")
+        (out / "table-translation.csv")
+        .read_text()
+        .startswith("algorithm,used,mean,deviation,min,max")
     )
 
 

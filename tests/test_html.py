@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.compare import Done
 from bench.judge import loss, metrics, verdicts
 from bench.report import html, tables
 from bench.report.figures import COLORS
@@ -16,8 +15,9 @@ from bench.report.html.markup import Markup, element, together
 from bench.report.html.pictures import LONGEST, picture
 from bench.report.html.plans import into
 from bench.report.html.plots import Axis, envelope, path, thinned, ticks
-from bench.run.cases import Choice, Outcome, run_case
-from bench.run.reference import Reference, facts
+from bench.results import Comparison, LogResult, Outcome, Reference
+from bench.run.cases import Choice, run_case
+from bench.run.reference import facts
 from slams import OccupancyGrid, Params, Pose2
 from tests.rooms import drive
 
@@ -108,13 +108,11 @@ class Page(HTMLParser):
 LABELS = {"poor": Poor, "still": Still, "runaway": Runaway, "broken": Broken}
 
 
-def outcomes(log, folder, names, choice=None):
-    place = folder / f"{log.name}.npz"
-    log.save(place)
+def outcomes(log, names, choice=None):
     made = []
     for name in names:
         known = f"tests.test_html:{LABELS[name].__name__}" if name in LABELS else name
-        outcome = run_case(known, str(place), choice or Choice())
+        outcome = run_case(known, log, choice or Choice())
         outcome.row["algorithm"] = name
         outcome.row.setdefault("map", None)
         made.append(outcome)
@@ -131,34 +129,27 @@ def done_of(log, made, bound=True):
     entry["verdicts"] = verdicts.on_one_log(made)
     grid = made[0].grid if truth is not None else None
     start = Pose2(*truth[0].tolist()) if truth is not None else None
-    return Done(path="", reference=Reference(entry, way, grid, start), outcomes=made)
+    return LogResult(Reference(entry, way, grid, start), made)
 
 
-def results_of(done, **more):
-    return {
+def written(folder, done, over_logs=(), **more):
+    target = folder / "report.html"
+    made = {
         "command": "python -m bench.compare a.npz --quick",
         "odometry": True,
         "slower": 5.0,
         "versions": {"python": "3.11.7"},
         "machine": {"cpu": "a <fast> one", "threads": {"OMP_NUM_THREADS": "1"}},
-        "logs": [done.reference.entry],
-        "rows": [outcome.row for outcome in done.outcomes],
-        "over_logs": [],
     } | more
-
-
-def written(folder, done, **more):
-    target = folder / "report.html"
-    html.write(target, results_of(done, **more), done.reference.entry, done)
+    html.write(target, Comparison(made, [done], list(over_logs)), done)
     return target.read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
-def comparison(tmp_path_factory):
+def comparison():
     """A good, a poor, a lost and a failed run; the poor one has a hostile name."""
-    folder = tmp_path_factory.mktemp("html")
     log = drive(n=120)
-    made = outcomes(log, folder, ["odometry", "poor", "runaway", "broken"], Choice(realtime=True))
+    made = outcomes(log, ["odometry", "poor", "runaway", "broken"], Choice(realtime=True))
     made[1].row["algorithm"] = BAD_NAME
     return done_of(log, made)
 
@@ -362,16 +353,15 @@ def test_long_logs_stay_small(tmp_path):
     t = np.arange(n) / 40.0
     s = 0.05 * t
     truth = np.stack([20 * np.sin(s), 15 * np.cos(1.7 * s), s], axis=1)
-    base = outcomes(drive(n=60), tmp_path, ["still"])[0]
+    base = outcomes(drive(n=60), ["still"])[0]
     made = []
     for k in range(runs):
         common = metrics.common(t, truth + rng.normal(0.0, 0.01, (n, 3)), truth)
-        errors = {s.name: metrics.span_errors(common, s) for s in metrics.SPANS}
         p = np.full((700, 700), np.nan, np.float32)
         p[rng.integers(0, 700, 9000), rng.integers(0, 700, 9000)] = 0.9
         grid = OccupancyGrid(p, 0.05, (-20.0, -20.0))
         row = base.row | {"algorithm": f"a{k}"}
-        made.append(Outcome(row, t, truth, rng.random(n) * 1e-3, grid, common, errors))
+        made.append(Outcome(row, t, truth, rng.random(n) * 1e-3, grid, common))
     done = done_of(drive(n=60), [base])._replace(outcomes=made)
     assert len(written(tmp_path, done)) < 3e6
 
@@ -379,7 +369,7 @@ def test_long_logs_stay_small(tmp_path):
 def test_a_log_without_truth(tmp_path):
     log = drive(n=60)
     log = type(log)(log.t, log.ranges, log.laser, log.odom, None, log.yaw_rate, {"name": "blind"})
-    page = Page(written(tmp_path, done_of(log, outcomes(log, tmp_path, ["odometry", "poor"]))))
+    page = Page(written(tmp_path, done_of(log, outcomes(log, ["odometry", "poor"]))))
     assert "The log has neither truth nor relations" in page.text
     assert "this log has no truth" in page.text
     assert page.all("path", id="truth") == []
@@ -391,7 +381,7 @@ def test_a_log_without_truth(tmp_path):
 
 def test_a_log_of_one_scan(tmp_path):
     log = drive(n=1, gyro=False)
-    page = Page(written(tmp_path, done_of(log, outcomes(log, tmp_path, ["odometry", "poor"]))))
+    page = Page(written(tmp_path, done_of(log, outcomes(log, ["odometry", "poor"]))))
     assert "one scan only" in page.text
     drawn = [attrs.get(key, "") for _, attrs in page.elements for key in ("d", "viewbox", "style")]
     assert not re.search(r"nan|inf", " ".join(drawn))
@@ -400,14 +390,14 @@ def test_a_log_of_one_scan(tmp_path):
 
 def test_a_log_too_short_for_a_second_is_judged_by_updates(tmp_path):
     log = drive(n=10)
-    page = Page(written(tmp_path, done_of(log, outcomes(log, tmp_path, ["odometry", "poor"]))))
+    page = Page(written(tmp_path, done_of(log, outcomes(log, ["odometry", "poor"]))))
     assert "its mean error per update is" in page.text
     assert "Error of rotation per update:" in page.text
 
 
 def test_all_runs_failed(tmp_path):
     log = drive(n=60)
-    made = outcomes(log, tmp_path, ["broken"])
+    made = outcomes(log, ["broken"])
     page = Page(written(tmp_path, done_of(log, made)))
     assert "broken failed: ValueError" in page.text
     assert page.all("svg") == []
@@ -415,7 +405,7 @@ def test_all_runs_failed(tmp_path):
 
 def test_by_relations(tmp_path):
     log = drive(n=60)
-    made = outcomes(log, tmp_path, ["odometry", "poor"])
+    made = outcomes(log, ["odometry", "poor"])
     for k, outcome in enumerate(made):
         error = {"mean": 0.01 * (2 - k), "std": 0.0, "min": 0.0, "max": 0.0}
         names = ("translation_m", "rotation_rad", "translation_m2", "rotation_rad2")
@@ -535,7 +525,7 @@ def test_colors_stand_out_on_both_pages(comparison):
     css = (HTML / "report.css").read_text(encoding="utf-8").upper()
     assert PAPER in css
     assert NIGHT in css
-    ten = Done(path="", reference=comparison.reference, outcomes=comparison.outcomes * 3)
+    ten = LogResult(comparison.reference, comparison.outcomes * 3)
     styles = re.findall(r"\{(--.*)\}", rules(ten))
     assert len(set(styles)) == 12
 

@@ -91,7 +91,7 @@ def test_results_of_several_logs_become_the_table_of_public_logs(tmp_path, monke
 def test_every_public_log_with_figures_says_where_it_is_from():
     logs = (
         compare.parser()
-        .parse_args(shlex.split(readme.read_results(readme.PUBLIC)["command"])[3:])
+        .parse_args(shlex.split(readme.read_figures(readme.PUBLIC)["command"])[3:])
         .logs
     )
     section = README.partition("## Public logs")[2]

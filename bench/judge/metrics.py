@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.metrics import Indices, between, from_first, pair_errors
+from slams.metrics import Indices, ate, between, from_first, pair_errors
 from slams.summary import Span, span_pairs
 from slams.types import Floats, wrap_angle
+
+if TYPE_CHECKING:
+    from slams.scanlog import ScanLog
 
 TRANSLATION_CLASS = 0.025  # m, [Kuehn] Fig. 2
 ORIENTATION_CLASS = 0.05  # rad, [Kuehn] Fig. 3
@@ -61,6 +64,22 @@ def common(t: Floats, estimate: Floats, truth: Floats) -> Common:
     return Common(t[covered], from_first(estimate[covered]), from_first(truth[covered]), dropped)
 
 
+def common_with(log: ScanLog, t: Floats, estimate: Floats) -> Common | None:
+    """Poses (n, 3) at stamps (n,) beside the truth of a log; None with fewer than two in common."""
+    truth = log.truth_at(t)
+    found = None if truth is None else common(t, estimate, truth)
+    return None if found is None or len(found.t) < 2 else found
+
+
+def ate_with(log: ScanLog, t: Floats, estimate: Floats) -> float:
+    """Absolute trajectory error [m] of poses (n, 3) against the truth of a log that has one."""
+    truth = log.truth_at(t)
+    if truth is None:
+        raise ValueError(f"{log.name}: no truth in the log; an absolute error needs one")
+    covered = ~np.isnan(truth[:, 0])
+    return ate(estimate[covered], truth[covered])
+
+
 def component_errors(
     estimate: Floats, truth: Floats, first: Indices, second: Indices
 ) -> tuple[Floats, Floats]:
@@ -86,6 +105,12 @@ def span_errors(common: Common, span: Span) -> SpanErrors | None:
     paper = component_errors(common.estimate, common.truth, first, second)
     se2, _ = pair_errors(common.estimate, common.truth, first, second)
     return SpanErrors(common.t[second], *paper, se2)
+
+
+def errors_over_spans(common: Common) -> dict[str, SpanErrors]:
+    """The errors over every span of `SPANS` that the poses have, by its name."""
+    found = {span.name: span_errors(common, span) for span in SPANS}
+    return {name: errors for name, errors in found.items() if errors is not None}
 
 
 class RelationErrors(NamedTuple):

@@ -10,10 +10,10 @@ import numpy as np
 
 from bench.judge import statistics
 from bench.judge.metrics import SpanErrors
-from bench.run.cases import Outcome
+from bench.results import Line, Outcome
 from slams.types import Floats
 
-Rows = list[dict[str, Any]]
+Lines = list[Line]
 
 
 class Measure(NamedTuple):
@@ -32,7 +32,7 @@ MEASURES = (
 SPANS = {"1 s": "per second", "10 s": "per 10 s", "update": "per update"}
 
 
-def on_one_log(outcomes: list[Outcome]) -> Rows:
+def on_one_log(outcomes: list[Outcome]) -> Lines:
     """Every pair of runs that have errors, p-values adjusted together for all of them.
 
     Errors over 1 s, where the log has them; they do not depend on the rate of the updates.
@@ -40,7 +40,7 @@ def on_one_log(outcomes: list[Outcome]) -> Rows:
     span = next((name for name in SPANS if all(name in o.errors for o in _judged(outcomes))), None)
     if span is None or len(_judged(outcomes)) < 2:
         return []
-    found: Rows = []
+    found: Lines = []
     for measure in MEASURES:
         order = sorted(
             _judged(outcomes), key=lambda o: float(measure.values(o.errors[span]).mean())
@@ -49,11 +49,12 @@ def on_one_log(outcomes: list[Outcome]) -> Rows:
         for a, b in combinations(order, 2):
             paired = statistics.paired(*_same_times(a.errors[span], b.errors[span], measure))
             beside = rank[id(b)] - rank[id(a)] == 1
-            found.append(_entry(a.row, b.row, measure, SPANS[span], paired, beside))
+            names = a.row["algorithm"], b.row["algorithm"]
+            found.append(_entry(*names, measure, SPANS[span], paired, beside))
     return _adjusted(found)
 
 
-def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Rows:
+def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Lines:
     """Every pair of algorithms over all logs: one mean per log, tested over the logs."""
     means: dict[str, dict[str, dict[str, float]]] = {measure.name: {} for measure in MEASURES}
     for outcome in _judged(outcomes):
@@ -61,7 +62,7 @@ def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Rows:
             for measure in MEASURES:
                 known = means[measure.name].setdefault(outcome.row["algorithm"], {})
                 known[outcome.row["log"]] = float(measure.values(outcome.errors[span]).mean())
-    found: Rows = []
+    found: Lines = []
     for measure in MEASURES:
         order = sorted(means[measure.name].items(), key=lambda item: np.mean([*item[1].values()]))
         for k, ((a, of_a), (b, of_b)) in _numbered_pairs(order):
@@ -71,8 +72,7 @@ def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Rows:
             paired = statistics.paired_over_runs(
                 np.array([of_a[log] for log in shared]), np.array([of_b[log] for log in shared])
             )
-            names = {"algorithm": a}, {"algorithm": b}
-            found.append(_entry(*names, measure, SPANS[span], paired, beside=k == 1))
+            found.append(_entry(a, b, measure, SPANS[span], paired, beside=k == 1))
     return _adjusted(found)
 
 
@@ -95,16 +95,16 @@ def _same_times(a: SpanErrors, b: SpanErrors, measure: Measure) -> tuple[Floats,
 
 
 def _entry(
-    a: dict[str, Any],
-    b: dict[str, Any],
+    a: str,
+    b: str,
     measure: Measure,
     what: str,
     paired: statistics.Paired,
     beside: bool,
 ) -> dict[str, Any]:
     return {
-        "a": a["algorithm"],
-        "b": b["algorithm"],
+        "a": a,
+        "b": b,
         "measure": measure.name,
         "what": what,
         "unit": measure.unit,
@@ -113,7 +113,7 @@ def _entry(
     } | paired._asdict()
 
 
-def _adjusted(found: Rows) -> Rows:
+def _adjusted(found: Lines) -> Lines:
     """Add the p-values for all pairs together, and each pair in words."""
     adjusted = statistics.adjusted([entry["p_value"] for entry in found])
     for entry, p_value in zip(found, adjusted, strict=True):

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS, class_shares
-from slams.types import Floats, OccupancyGrid
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,7 +82,7 @@ def histograms(
 
 
 def maps(
-    grids: dict[str, OccupancyGrid],
+    grids: dict[str, tuple[OccupancyGrid, Pose2]],
     paths: dict[str, Floats],
     truth: Floats | None,
     color_of: dict[str, str],
@@ -90,8 +90,8 @@ def maps(
 ) -> None:
     """[Kuehn] Fig. 4: the maps side by side, each with its path; the true path dashed.
 
-    paths (n, 3) and truth (m, 3) in each map's own frame, that of the first scan. Writes `path`
-    with the endings png and pdf.
+    grids with the pose of the first scan in each one's frame; paths (n, 3) and truth (m, 3) seen
+    from that pose. Writes `path` with the endings png and pdf.
     """
     columns = min(3, len(grids))
     rows = -(-len(grids) // columns)
@@ -99,8 +99,8 @@ def maps(
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     for axes in panels[len(grids) :]:
         axes.set_visible(False)
-    for axes, (name, grid) in zip(panels, grids.items(), strict=False):
-        _draw_map(axes, grid)
+    for axes, (name, (grid, frame)) in zip(panels, grids.items(), strict=False):
+        _draw_map(axes, grid, frame.inverse())
         if truth is not None:
             axes.plot(truth[:, 0], truth[:, 1], color="0.4", linewidth=0.8, linestyle="--")
         axes.plot(paths[name][:, 0], paths[name][:, 1], color=color_of[name], linewidth=1.0)
@@ -110,7 +110,11 @@ def maps(
     _save(figure, path)
 
 
-def _draw_map(axes: Axes, grid: OccupancyGrid) -> None:
+def _draw_map(axes: Axes, grid: OccupancyGrid, moved: Pose2) -> None:
+    """A map in gray, its frame laid at a pose."""
+    from matplotlib.transforms import Affine2D
+
+    place = Affine2D().rotate(moved.theta).translate(moved.x, moved.y)
     height, width = grid.p.shape
     x, y = grid.origin
     extent = (x, x + width * grid.resolution, y, y + height * grid.resolution)
@@ -123,6 +127,7 @@ def _draw_map(axes: Axes, grid: OccupancyGrid) -> None:
         origin="lower",
         extent=extent,
         interpolation="antialiased",
+        transform=axes.transData if moved == IDENTITY else place + axes.transData,
     )
     axes.set_aspect("equal")
     axes.set_facecolor("0.8")

@@ -4,61 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from bench.judge.metrics import SpanErrors
-from bench.report import tables
-from bench.report.tables import TITLES, Line, Rows
+from bench.report import tables, words
+from bench.report.numbers import cell
+from bench.report.tables import TITLES
+from bench.results import Line, Rows
 
-TERMINAL = (
-    "translation",
-    "orientation",
-    "published",
-    "spans",
-    "overview",
-    "relations",
-    "maps",
-    "live",
-    "cost",
-)
+if TYPE_CHECKING:
+    from bench.results import Comparison
+
+TERMINAL = ("translation", "orientation", "published", "glance", "relations", "starts", "live")
 LATEX = {"&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "±": r"$\pm$", "x ": r"$\times$ "}
-DECIMALS = {
-    "after [m]": 1,
-    "[m]": 4,
-    "[rad]": 4,
-    "[m2]": 6,
-    "[rad2]": 6,
-    "Hausdorff": 0,
-    "walls [mm]": 0,
-    "[mm]": 2,
-    "[mrad]": 3,
-    "[ms]": 3,
-    "[MB]": 0,
-    "[s]": 1,
-    "[%]": 2,
-    "real time": 0,
-    "slower core": 0,
-}
-MAP_SHARES = ("IoU", "SSIM", "SSIM at walls")
-FIVE = ("mean", "deviation", "min", "max", "95 % from", "to")
-
-
-def cell(column: str, value: Any) -> str:
-    """A value as its column shows it; nothing as a dash."""
-    if value is None or value != value:
-        return "-"
-    if isinstance(value, str):
-        return value
-    if column in FIVE:
-        return f"{value:.5f}"
-    if column in MAP_SHARES:
-        return f"{value:.3f}"
-    if float(value).is_integer() and "[" not in column:
-        return f"{value:.0f}"
-    places = next((d for unit, d in DECIMALS.items() if unit in column), 2)
-    return f"{value:.{places}f}"
 
 
 def cells(frame: pd.DataFrame, corner: str = "algorithm") -> list[list[str]]:
@@ -117,18 +77,23 @@ def head(log: Line) -> str:
     return f"{log['name']}: {log['scans']} scans of {log['beams']} beams, {log['duration_s']:.0f} s"
 
 
+def terminal(comparison: Comparison) -> str:
+    """The paper's tables, one screen of all the rest, and the answer; the files have more."""
+    parts = [as_text(log.entry, log.rows) for log in comparison.logs]
+    parts += [entry["sentence"] for entry in words.neighbors(comparison.over_logs)]
+    parts.append("\n".join(words.answer(comparison)))
+    return "\n\n".join(parts)
+
+
 def as_text(log: Line, rows: Rows) -> str:
-    """The whole comparison on one log, for a terminal."""
+    """The comparison on one log, for a terminal."""
     made = tables.tables(log, rows)
     parts = [head(log), *(f"note: {note}" for note in log.get("notes", []))]
     for key in TERMINAL:
         if key in made:
             parts += [TITLES[key], text_table(made[key])]
             parts += [tables.DIFFERS] if key == "published" else []
-    if log.get("verdicts"):
-        parts.append("\n".join(verdict["sentence"] for verdict in neighbors(log["verdicts"])))
-    parts += failures(rows)
-    return "\n\n".join(parts)
+    return "\n\n".join([*parts, *words.failures(rows)])
 
 
 def as_markdown(log: Line, rows: Rows) -> str:
@@ -140,23 +105,13 @@ def as_markdown(log: Line, rows: Rows) -> str:
             parts.append(tables.DIFFERS)
     if log.get("verdicts"):
         parts.append("\n".join(f"- {verdict['sentence']}" for verdict in log["verdicts"]))
-    return "\n\n".join([*parts, *failures(rows)]) + "\n"
+    return "\n\n".join([*parts, *words.failures(rows)]) + "\n"
 
 
 def as_latex(log: Line, rows: Rows) -> str:
     """All tables of one log for a paper."""
     made = tables.tables(log, rows)
     return "\n\n".join(latex_table(frame, TITLES[key]) for key, frame in made.items()) + "\n"
-
-
-def neighbors(verdicts: Rows) -> Rows:
-    """Of all pairs, those of algorithms that follow one another in the order of their errors."""
-    return [verdict for verdict in verdicts if verdict["next"]]
-
-
-def failures(rows: Rows) -> list[str]:
-    """A sentence for each run that ended early."""
-    return [f"{row['algorithm']} failed: {row['failed']}" for row in rows if row["failed"]]
 
 
 def write_tables(folder: Path, log: Line, rows: Rows) -> None:

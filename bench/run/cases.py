@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from bench.judge import loss, metrics
 from bench.judge.statistics import mean_interval
+from bench.results import Errors, Outcome, Row
 from bench.run.timing import LiveScans, PeakMemory, cost
 from slams.formats.source import SourceOptions
 from slams.metrics import path_length
 from slams.params import Params
-from slams.player import Run, replay, warm_up
+from slams.player import replay, warm_up
 from slams.registry import Entry, find
 from slams.ros_params import Taken
 from slams.scanlog import ScanLog, load
 from slams.summary import moments, summarize
-from slams.types import Floats, OccupancyGrid, Slam
+from slams.types import Floats, Slam
 
 WARM_UP_SCANS = 4
 
@@ -59,22 +60,8 @@ class Choice:
         return params if self.seed is None else params.replace(seed=self.seed)
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What came of one case; a failed one has only its row."""
-
-    row: dict[str, Any]
-    t: Floats = field(default_factory=lambda: np.zeros(0))
-    poses: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    seconds: Floats = field(default_factory=lambda: np.zeros(0))
-    grid: OccupancyGrid | None = None
-    common: metrics.Common | None = None
-    errors: dict[str, metrics.SpanErrors] = field(default_factory=dict)
-
-
-def run_case(label: str, path: str, choice: Choice, relations: Floats | None = None) -> Outcome:
-    """Replay the log at `path` through the algorithm `label`; what it raises ends in the row."""
-    log = choice.log(path)
+def run_case(label: str, log: ScanLog, choice: Choice, relations: Floats | None = None) -> Outcome:
+    """Replay a log through the algorithm `label`; what it raises ends in the row."""
     try:
         return _outcome(label, log, choice, relations)
     except Exception as error:  # an outsider's algorithm may raise anything; the others go on
@@ -90,46 +77,52 @@ def _outcome(label: str, log: ScanLog, choice: Choice, relations: Floats | None)
         slam: Slam = entry.cls(params)
         run = replay(slam, log)
         grid = slam.map()
-    row = summarize(run, log, label, params, start_up_s, spans=()) | {"failed": None}
+    summary = summarize(run, log, label, params, start_up_s, spans=())
+    row = cast("Row", summary) | sources(run.report, len(run))
     row["cost"] = cost(run.seconds, row["duration_s"], choice.slower) | {
         "compile_s": row["compile_s"],
         "peak_memory_mb": memory.mb,
     }
-    common = _common(run, log)
-    errors = {} if common is None else _span_errors(common)
-    row["errors"] = None if common is None else _against_truth(common, errors, row["errors"])
-    found = None if relations is None else metrics.relation_errors(run.t, run.poses, relations)
-    row["relations"] = None if found is None else _relations(found)
-    row["loss"] = _losses(common, found, run)
+    row |= judged(log, run.t, run.poses, relations, run.report)
     if choice.realtime:
         row["live"] = _live(entry.cls(params), log, choice)
-    return Outcome(row, run.t, run.poses, run.seconds, grid, common, errors)
+    common = metrics.common_with(log, run.t, run.poses)
+    return Outcome(row, run.t, run.poses, run.seconds, grid, common)
 
 
-def _common(run: Run, log: ScanLog) -> metrics.Common | None:
-    truth = log.truth_at(run.t)
-    if truth is None:
-        return None
-    common = metrics.common(run.t, run.poses, truth)
-    return common if len(common.t) > 1 else None
+def sources(report: dict[str, Any], scans: int) -> Row:
+    """Which sensors the poses come from, and whose steps they were, as the run reports it."""
+    wheels, gyro = report.get("odometry", 0), report.get("gyro", 0)
+    blind = report.get("laser", scans) == 0  # a baseline that never looks at the ranges
+    used = [n for n, count in (("laser", not blind), ("wheels", wheels), ("gyro", gyro)) if count]
+    shares = {key: report[key] / scans if key in report else None for key in ("posed", "refined")}
+    return {"failed": None, "used": used, "posed": shares["posed"], "refined": shares["refined"]}
 
 
-def _span_errors(common: metrics.Common) -> dict[str, metrics.SpanErrors]:
-    found = {span.name: metrics.span_errors(common, span) for span in metrics.SPANS}
-    return {name: errors for name, errors in found.items() if errors is not None}
+def judged(
+    log: ScanLog, t: Floats, poses: Floats, relations: Floats | None, report: dict[str, Any]
+) -> Row:
+    """Poses against the log's truth and the relations, as far as there are any."""
+    common = metrics.common_with(log, t, poses)
+    found = None if relations is None else metrics.relation_errors(t, poses, relations)
+    return {
+        "errors": None if common is None else _against_truth(common, log, t, poses),
+        "relations": None if found is None else _relations(found),
+        "loss": _losses(common, found, t, report),
+    }
 
 
-def _against_truth(
-    common: metrics.Common, errors: dict[str, metrics.SpanErrors], absolute: dict[str, Any]
-) -> dict[str, Any]:
+def _against_truth(common: metrics.Common, log: ScanLog, t: Floats, poses: Floats) -> Errors:
     """[Kuehn] Tables I and II over every span, with how sure the means are; ATE and drift."""
     length = path_length(common.truth)
+    end = float(math.hypot(*(common.estimate[-1, :2] - common.truth[-1, :2])))
+    spans = metrics.errors_over_spans(common)
     return {
         "dropped": common.dropped,
-        "spans": {name: _moments(found) for name, found in errors.items()},
-        "ate_m": absolute["ate_m"],
-        "end_m": absolute["end_m"],
-        "drift": absolute["end_m"] / length if length > 0.0 else None,
+        "spans": {name: _moments(found) for name, found in spans.items()},
+        "ate_m": metrics.ate_with(log, t, poses),
+        "end_m": end,
+        "drift": end / length if length > 0.0 else None,
     }
 
 
@@ -166,12 +159,15 @@ def _relations(found: metrics.RelationErrors) -> dict[str, Any]:
 
 
 def _losses(
-    common: metrics.Common | None, found: metrics.RelationErrors | None, run: Run
+    common: metrics.Common | None,
+    found: metrics.RelationErrors | None,
+    t: Floats,
+    report: dict[str, Any],
 ) -> dict[str, Any]:
     """Whether the run was lost: by each witness there is, and by the best of them."""
-    verdicts: dict[str, Any] = {"report": loss.by_report(run.report, len(run))}
+    verdicts: dict[str, Any] = {"report": loss.by_report(report, len(t))}
     if found is not None and len(found.t):
-        verdicts["relations"] = loss.by_relations(found, float(run.t.min()))
+        verdicts["relations"] = loss.by_relations(found, float(t.min()))
     if common is not None:
         verdicts["truth"] = loss.by_truth(common)
     best = next(name for name in ("truth", "relations", "report") if name in verdicts)
@@ -182,13 +178,13 @@ def _live(slam: Slam, log: ScanLog, choice: Choice) -> dict[str, Any]:
     """The same log as a live node would see it: what was dropped, and what that did."""
     scans = LiveScans(log, choice.slower)
     run = replay(slam, scans)
-    common = _common(run, log)
-    errors = {} if common is None else _span_errors(common)
+    common = metrics.common_with(log, run.t, run.poses)
+    errors = {} if common is None else metrics.errors_over_spans(common)
     return {
         "dropped": scans.dropped,
         "share": scans.dropped / len(log),
         "errors": {name: _moments(found) for name, found in errors.items()},
-        "loss": _losses(common, None, run),
+        "loss": _losses(common, None, run.t, run.report),
     }
 
 
@@ -217,15 +213,3 @@ def read_relations(path: str | Path) -> Floats:
         raise ValueError(f"{path}: got numbers that are not finite, expected seconds and meters")
     chosen: Floats = table[:, [0, 1, 2, 3, 7]]
     return chosen
-
-
-def write_results(path: Path, results: dict[str, Any]) -> None:
-    """Write results.json, the single source of every table."""
-    from slams.summary import as_json
-
-    path.write_text(as_json(results), encoding="utf-8")
-
-
-def read_results(path: str | Path) -> dict[str, Any]:
-    """Read a results.json."""
-    return dict(json.loads(Path(path).read_text(encoding="utf-8")))

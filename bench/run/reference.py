@@ -2,38 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from bench.judge import bound, mapquality, metrics
-from bench.run.cases import Choice
+from bench.results import Reference
 from slams.scanlog import ScanLog
-from slams.types import Floats, OccupancyGrid, Pose2
+from slams.types import Pose2
 
 
-class Reference(NamedTuple):
-    """`entry` is the log's in results.json; `path` (n, 3) the truth seen from its first pose.
-
-    `grid` is the true map in the frame of the world, `start` the first true pose in it.
-    """
-
-    entry: dict[str, Any]
-    path: Floats | None
-    grid: OccupancyGrid | None
-    start: Pose2 | None
-
-
-def reference(path: str, choice: Choice) -> Reference:
-    """Everything known of the chosen part of the log at `path`."""
-    log = choice.log(path)
+def reference(log: ScanLog) -> Reference:
+    """Everything known of a log."""
     entry = facts(log)
     truth = log.truth_at(log.t)
     if truth is None:
-        return Reference(entry, None, None, None)
+        return Reference(entry)
     found = metrics.common(log.t, truth, truth)
     if not len(found.t):
-        return Reference(entry, None, None, None)
+        return Reference(entry)
     entry["bound"] = _limits(log, found)
     at_first = Pose2(*truth[0].tolist()) if np.isfinite(truth[0]).all() else None
     return Reference(entry, found.truth, mapquality.truth_map(log), at_first)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench.report import text as report
 from bench.report.html.markup import Markup, element
-from bench.report.tables import BOUND
+from bench.report.lines import BOUND
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,7 +13,7 @@ from bench.report.figures import CLASSES
 from bench.report.html.markup import Markup, element, together
 from bench.report.html.plots import Axis, across, band, bar, envelope, figure, line, plot, thinned
 from bench.report.html.runs import Run
-from bench.report.tables import BOUND
+from bench.report.lines import BOUND
 from slams.types import Floats
 
 STRETCHES, MEANS = 600, 200  # of time that an area and a line are made of

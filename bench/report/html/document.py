@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bench.judge import loss, metrics
-from bench.report import tables
+from bench.report import tables, words
 from bench.report import text as report
-from bench.report.html import charts, plans, words
+from bench.report.html import charts, plans
 from bench.report.html.cells import table
 from bench.report.html.legend import legend, rules
 from bench.report.html.markup import Markup, element, together
 from bench.report.html.record import facts, parameters
 from bench.report.html.runs import runs
+from bench.report.lines import label
 
 if TYPE_CHECKING:
-    from bench.compare import Done
     from bench.report.html.runs import Run
-    from bench.report.tables import Line, Rows
+    from bench.results import Comparison, Line, LogResult, Rows
 
 HERE = Path(__file__).parent
 HINT = (
@@ -30,21 +30,14 @@ HINT = (
 Sections = Mapping[str, Markup | None]
 
 
-def write(path: Path, results: dict[str, Any], entry: dict[str, Any], done: Done) -> None:
-    """Write the report of one log; same results, same bytes.
-
-    Args:
-        path: the file.
-        results: the content of results.json.
-        entry: the log's part of it.
-        done: the log's runs.
-    """
-    path.write_text(document(results, entry, done), encoding="utf-8", errors="replace")
+def write(path: Path, comparison: Comparison, done: LogResult) -> None:
+    """Write the report of one log of a comparison; same results, same bytes."""
+    path.write_text(document(comparison, done), encoding="utf-8", errors="replace")
 
 
-def document(results: dict[str, Any], entry: dict[str, Any], done: Done) -> str:
+def document(comparison: Comparison, done: LogResult) -> str:
     """The report's text."""
-    rows = [outcome.row for outcome in done.outcomes]
+    results, entry, rows = comparison.as_dict(), done.entry, done.rows
     shown = runs(done)
     found, drawn = _findings(results, entry, rows), _figures(entry, rows, shown, done)
     record = {
@@ -69,7 +62,7 @@ def _findings(results: Line, entry: Line, rows: Rows) -> Sections:
     }
 
 
-def _figures(entry: Line, rows: Rows, shown: list[Run], done: Done) -> Sections:
+def _figures(entry: Line, rows: Rows, shown: list[Run], done: LogResult) -> Sections:
     bound = (entry.get("bound") or {}).get("spans", {})
     span = words.over_what(rows) or "update"
     return {
@@ -83,13 +76,13 @@ def _figures(entry: Line, rows: Rows, shown: list[Run], done: Done) -> Sections:
 
 def _tables(entry: Line, rows: Rows) -> Markup:
     """The paper's tables, then the others; runs that ended early below."""
-    kinds = {tables.label(row): f"run-{k}" for k, row in enumerate(rows)}
+    kinds = {label(row): f"run-{k}" for k, row in enumerate(rows)}
     drawn = []
     for key, frame in tables.tables(entry, rows).items():
         drawn.append(table(frame, tables.TITLES[key], kinds))
         if key == "published":
             drawn.append(element("p", tables.DIFFERS))
-    failed = [element("li", line) for line in report.failures(rows)]
+    failed = [element("li", line) for line in words.failures(rows)]
     if failed:
         drawn += [element("h3", "Failed"), element("ul", *failed)]
     return together(*drawn)
@@ -97,24 +90,24 @@ def _tables(entry: Line, rows: Rows) -> Markup:
 
 def _verdicts(results: Line, entry: Line) -> Markup | None:
     """The sentence of each pair: neighbors in the order of their errors first."""
-    found: Rows = entry.get("verdicts") or []
-    over: Rows = results.get("over_logs") or []
+    found: list[Line] = entry.get("verdicts") or []
+    over: list[Line] = results.get("over_logs") or []
     if not found and not over:
         return None
     return together(
-        _sentences(report.neighbors(found)),
+        _sentences(words.neighbors(found)),
         _folded("all other pairs", [verdict for verdict in found if not verdict["next"]]),
         element("h3", "Over all logs of this comparison") if over else None,
         _sentences(over),
     )
 
 
-def _sentences(found: Rows) -> Markup | None:
+def _sentences(found: list[Line]) -> Markup | None:
     lines = [element("li", verdict["sentence"]) for verdict in found]
     return element("ul", *lines) if lines else None
 
 
-def _folded(title: str, found: Rows) -> Markup | None:
+def _folded(title: str, found: list[Line]) -> Markup | None:
     return element("details", element("summary", title), _sentences(found)) if found else None
 
 

@@ -9,8 +9,8 @@ from bench.report.figures import COLORS
 from bench.report.html.markup import Markup, element
 
 if TYPE_CHECKING:
-    from bench.compare import Done
     from bench.report.html.runs import Run
+    from bench.results import LogResult
 
 # a second cue beside the color; 8 colors and 5 patterns make 40 pairs
 DASHES = ("none", "9 3", "2 3", "9 3 2 3", "16 4")
@@ -39,7 +39,7 @@ def legend(shown: Sequence[Run]) -> Markup:
     return element("fieldset", element("legend", "show"), *boxes, class_="legend")
 
 
-def rules(done: Done) -> str:
+def rules(done: LogResult) -> str:
     """Style rules: the color and the dashes of each run, and how its check box hides it."""
     lines = []
     for k in range(len(done.outcomes)):

@@ -12,10 +12,10 @@ from bench.report.html.markup import Markup, element, together
 from bench.report.html.pictures import picture
 from bench.report.html.plots import Axis, figure, line, plot, thinned
 from bench.report.html.runs import Run
-from slams.types import Floats, OccupancyGrid, Pose2
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
-    from bench.compare import Done
+    from bench.results import LogResult
 
 ZOOMS = (1, 10, 100, 1000)  # of the errors in the trajectories
 MARGIN = 0.04  # of the shown part around what it must show
@@ -24,7 +24,7 @@ WIDEST = 2.0  # width of a plan over its height
 STILL = 0.1  # m, least size of a plan
 
 
-def trajectories(shown: Sequence[Run], done: Done) -> Markup | None:
+def trajectories(shown: Sequence[Run], done: LogResult) -> Markup | None:
     """All paths in one plan, with the true one; report.js can draw their errors larger."""
     ways = {run: _seen_from_first(run) for run in shown if len(run.outcome.t)}
     if not ways:
@@ -47,7 +47,7 @@ def trajectories(shown: Sequence[Run], done: Done) -> Markup | None:
     )
 
 
-def maps(shown: Sequence[Run], done: Done) -> Markup | None:
+def maps(shown: Sequence[Run], done: LogResult) -> Markup | None:
     """[Kuehn] Fig. 4: the maps side by side in one scale, each with its path."""
     grids = {run: run.outcome.grid for run in shown if run.outcome.grid is not None}
     if not grids:
@@ -55,7 +55,7 @@ def maps(shown: Sequence[Run], done: Done) -> Markup | None:
     start, known = done.reference.start, done.reference.grid
     path = None if start is None else done.reference.path  # else in another frame than the maps
     ways = _kept({run: run.outcome.poses for run in grids}) if path is None else [path]
-    walls = [_walls(grid) for run, grid in grids.items() if not run.lost]
+    walls = [_walls(grid, run.outcome.frame) for run, grid in grids.items() if not run.lost]
     axes = _plan(np.concatenate([_extent(ways), *walls]), narrowest=0.8)
     true = [] if path is None else [_way(path, axes, "truth", "true path")]
     panels = []
@@ -65,7 +65,9 @@ def maps(shown: Sequence[Run], done: Done) -> Markup | None:
         panels.append(_panel("true map", axes, [image, *true]))
     for run, grid in grids.items():
         way = _way(run.outcome.poses, axes, run.kind, run.name)
-        panels.append(_panel(run.name, axes, [picture(grid, run.name), *true, way], run.mark))
+        frame = run.outcome.frame
+        image = picture(grid, run.name, None if frame == IDENTITY else into(frame))
+        panels.append(_panel(run.name, axes, [image, *true, way], run.mark))
     return figure(
         "Fig. 4 of the paper: white is free, black occupied, gray never observed (inverted on a "
         f"dark page). Each map with its path{' and, broad, the true one' if true else ''}.",
@@ -109,12 +111,13 @@ def _extent(ways: Sequence[Floats]) -> Floats:
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
-def _walls(grid: OccupancyGrid) -> Floats:
+def _walls(grid: OccupancyGrid, frame: Pose2) -> Floats:
     """Corners (2, 2) of the part of a map with nearly all of its occupied cells; none: (0, 2)."""
     cells = np.argwhere(grid.p > 0.5)[:, ::-1]
     if not len(cells):
         return np.zeros((0, 2))
-    corners = np.percentile(cells, (0.5, 99.5), axis=0) * grid.resolution + np.array(grid.origin)
+    points = frame.inverse().transform(cells * grid.resolution + np.array(grid.origin))
+    corners = np.percentile(points, (0.5, 99.5), axis=0)
     around: Floats = corners + AROUND_MAP * np.array([[-1.0], [1.0]])
     return around
 

@@ -7,7 +7,8 @@ from typing import Any
 
 from bench.report.html.cells import lines_table
 from bench.report.html.markup import Markup, element, together
-from bench.report.tables import Line, Rows, label
+from bench.report.lines import label
+from bench.results import Line, Row, Rows
 
 
 def facts(results: Line, entry: Line) -> Markup:
@@ -40,7 +41,7 @@ def _choices(results: Line, entry: Line) -> dict[str, Any]:
     }
 
 
-def _run(row: Line) -> Markup:
+def _run(row: Row) -> Markup:
     values = [[name, _text(value)] for name, value in row["parameters"].items()]
     return _folded(
         f"{label(row)}: parameters and own report",

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bench.report.tables import label
+from bench.report.lines import label
 
 if TYPE_CHECKING:
-    from bench.compare import Done
-    from bench.run.cases import Outcome
+    from bench.results import LogResult, Outcome
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +30,7 @@ class Run:
         return bool((self.outcome.row.get("loss") or {}).get("lost"))
 
 
-def runs(done: Done) -> list[Run]:
+def runs(done: LogResult) -> list[Run]:
     """Those that did not fail."""
     return [
         Run(outcome, f"run-{k}", label(outcome.row))

@@ -1,0 +1,53 @@
+"""A comparison weighed: maps against the true one, verdicts on each log and over all of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from bench.judge import mapquality, verdicts
+from bench.results import Comparison, Line, LogResult, Reference
+
+if TYPE_CHECKING:
+    from bench.results import Outcome
+
+
+def weighed(logs: list[LogResult], facts: Line) -> Comparison:
+    """Everything that follows from the runs; computed before anything is written."""
+    judged = [_weighed_log(log) for log in logs]
+    every = [outcome for log in judged for outcome in log.outcomes]
+    return Comparison(facts, judged, verdicts.over_logs(every) if len(judged) > 1 else [])
+
+
+def _weighed_log(log: LogResult) -> LogResult:
+    found: Line = {
+        "verdicts": verdicts.on_one_log(log.outcomes),
+        "notes": [*log.entry["notes"], *_notes(log)],
+    }
+    outcomes = [_with_map(outcome, log.reference) for outcome in log.outcomes]
+    return LogResult(log.reference._replace(entry=log.entry | found), outcomes)
+
+
+def _with_map(outcome: Outcome, reference: Reference) -> Outcome:
+    return replace(outcome, row=outcome.row | {"map": _map_quality(outcome, reference)})
+
+
+def _map_quality(outcome: Outcome, reference: Reference) -> dict[str, Any] | None:
+    """The run's map against the true one, brought into the world by the true first pose."""
+    if outcome.grid is None or reference.grid is None or reference.start is None:
+        return None
+    T_world_map = reference.start @ outcome.frame.inverse()
+    return mapquality.compare(outcome.grid, reference.grid, T_world_map).as_dict()
+
+
+def _notes(log: LogResult) -> list[str]:
+    """What the user ought to know of relations that matched nothing."""
+    found = [row["relations"] for row in log.rows if row.get("relations")]
+    if not found:
+        return []
+    used, given = max(row["used"] for row in found if row), max(r["given"] for r in found if r)
+    if used == 0:
+        return [
+            f"none of the {given} relations matches stamps of this log: are they another log's?"
+        ]
+    return [f"{used} of {given} relations have both stamps in the log"] if used < given else []

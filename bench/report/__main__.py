@@ -1,0 +1,53 @@
+"""python -m bench.report DIR: draw everything in a folder of results again, without a run."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from slams import cli
+
+PROGRAM = "bench.report"
+
+
+def parser() -> cli.Parser:
+    """The command's arguments."""
+    p = cli.Parser(prog=f"python -m {PROGRAM}", description=(__doc__ or "").partition("\n")[0])
+    p.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="of bench.compare")
+    p.add_argument("-q", "--quiet", action="store_true", help="no tables")
+    return p
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+
+    def _command() -> int:
+        arguments = parser().parse_args(argv)
+        for folder in arguments.folders:
+            words = cli.refusing(lambda folder=folder: redraw(folder))  # type: ignore[misc]
+            if not arguments.quiet:
+                sys.stdout.write(f"{words}\n")
+        return 0
+
+    return cli.run_command(PROGRAM, _command)
+
+
+def redraw(folder: Path) -> str:
+    """Draw a folder's files from its results; returns the tables for the terminal.
+
+    Raises:
+        OSError: there are no results.
+        ValueError: they are damaged or of another version.
+    """
+    from bench import results
+    from bench.report import outputs, text
+    from slams.formats import files
+
+    comparison = results.read(folder)
+    with files.complete_folder(folder) as partial:
+        outputs.write(partial, comparison)
+    return text.terminal(comparison)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

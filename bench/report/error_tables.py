@@ -1,0 +1,156 @@
+"""Tables of errors: the paper's, over equal times and ways, against the bound, of relations."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pandas as pd
+
+from bench.report.lines import BOUND, frame_of, label, span_of
+from bench.results import Line, Row, Rows
+
+PUBLISHED = Path(__file__).with_name("published.csv")
+# which limit belongs to which of the paper's errors, and by which of ours it is reached or missed
+BOUND_KEYS = {
+    "translation_m": ("translation_m", "se2_translation_m"),
+    "orientation_rad": ("rotation_rad", "orientation_rad"),
+}
+
+
+def paper_table(log: Line, rows: Rows, key: str) -> pd.DataFrame:
+    """[Kuehn] Table I or II: mean, deviation (ddof 0), least and greatest error per update.
+
+    Beside them the 95 % interval of the mean, and below them the physical limit.
+    """
+    limit, ours = BOUND_KEYS[key]
+    bound = _bound(log, "update", limit)
+    lines: dict[str, Line] = {}
+    for row in rows:
+        update = span_of(row, "update")
+        if update is not None:
+            lines[label(row)] = {
+                "mean": update[key]["mean"],
+                "deviation": update[key]["std"],
+                "min": update[key]["min"],
+                "max": update[key]["max"],
+                "95 % from": update[key]["low"],
+                "to": update[key]["high"],
+                "x bound": update[ours]["mean"] / bound if bound else None,
+            }
+    if bound is not None and lines:
+        lines[BOUND] = {"mean": bound}
+    return frame_of(lines)
+
+
+def span_table(log: Line, rows: Rows) -> pd.DataFrame:
+    """Mean SE(2) errors over each span; per-update errors reward those that update often."""
+    lines = {label(row): _span_line(row, "se2_translation_m", rotation=True) for row in rows}
+    limits = (log.get("bound") or {}).get("spans", {})
+    if limits:
+        lines[BOUND] = {}
+        for span, limit in limits.items():
+            lines[BOUND][f"{span} [mm]"] = 1e3 * limit["translation_m"]
+            lines[BOUND][f"{span} [mrad]"] = 1e3 * limit["rotation_rad"]
+    return frame_of(lines)
+
+
+def component_table(log: Line, rows: Rows) -> pd.DataFrame:
+    """The paper's difference of components over each span."""
+    return frame_of({label(row): _span_line(row, "translation_m", rotation=False) for row in rows})
+
+
+def bound_table(log: Line, rows: Rows) -> pd.DataFrame:
+    """Errors as multiples of what two independent fixes in the known map would have."""
+    lines: dict[str, Line] = {}
+    for row in rows:
+        line: Line = {}
+        for span, found in (row["errors"] or {"spans": {}})["spans"].items():
+            for key, ours in BOUND_KEYS.values():
+                limit = _bound(log, span, key)
+                if limit:
+                    line[f"{span}, {key.partition('_')[0]}"] = found[ours]["mean"] / limit
+        lines[label(row)] = line
+    return frame_of(lines)
+
+
+def relation_table(log: Line, rows: Rows) -> pd.DataFrame:
+    """[Kuemmerle09]: absolute errors; the published ones of the log below."""
+    lines = {label(row): _relation_line(row, "m", "rad", ("all",)) for row in rows}
+    if not any(lines.values()):
+        return pd.DataFrame()
+    for known in published("relations", log["name"]):
+        lines[f"published: {known['program']}"] = {
+            "[m]": known["translation_mean"],
+            "± [m]": known["translation_std"],
+            "[rad]": known["rotation_mean"],
+            "± [rad]": known["rotation_std"],
+        }
+    return frame_of(lines)
+
+
+def parts_table(
+    rows: Rows, length: str, turn: str, parts: tuple[str, ...] = ("local", "loop")
+) -> pd.DataFrame:
+    """[Kuemmerle09]: absolute or squared errors of local relations and loops."""
+    return frame_of({label(row): _relation_line(row, length, turn, parts) for row in rows})
+
+
+def published(kind: str, log: str | None = None) -> list[Line]:
+    """Figures printed in papers or measured from the published programs, numbers as float."""
+    with PUBLISHED.open(encoding="utf-8", newline="") as file:
+        rows: list[Line] = list(csv.DictReader(file))
+    texts = ("program", "log", "kind", "ours", "source")
+    return [
+        {k: v if k in texts else (float(v) if v else None) for k, v in row.items()}
+        for row in rows
+        if row["kind"] == kind and log in (None, row["log"])
+    ]
+
+
+def published_table(_: Line, rows: Rows) -> pd.DataFrame:
+    """[Kuehn] Tables I and II as printed, and what was measured of the programs on another log.
+
+    Beside runs of our versions of those programs only.
+    """
+    known = published("update")
+    if not {row["ours"] for row in known} & {row["algorithm"] for row in rows}:
+        return pd.DataFrame()
+    lines = {
+        f"{row['program']}, {row['log']}": {
+            "translation mean [m]": row["translation_mean"],
+            "dev [m]": row["translation_std"],
+            "max [m]": row["translation_max"],
+            "orientation mean [rad]": row["rotation_mean"],
+            "dev [rad]": row["rotation_std"],
+            "max [rad]": row["rotation_max"],
+        }
+        for row in known
+    }
+    return frame_of(lines)
+
+
+def _relation_line(row: Row, length: str, turn: str, parts: tuple[str, ...]) -> Line:
+    found, line = row["relations"] or {}, {}
+    for part in parts:
+        if part in found:
+            own = "" if part == "all" else f"{part} "
+            for key, unit in ((f"translation_{length}", length), (f"rotation_{turn}", turn)):
+                line[f"{own}[{unit}]"] = found[part][key]["mean"]
+                line[f"{own}± [{unit}]"] = found[part][key]["std"]
+            line[f"{own}relations"] = found[part]["used"]
+    return line
+
+
+def _span_line(row: Row, key: str, rotation: bool) -> Line:
+    line: Line = {}
+    for span, found in (row["errors"] or {"spans": {}})["spans"].items():
+        line[f"{span} [mm]"] = 1e3 * found[key]["mean"]
+        if rotation:
+            line[f"{span} [mrad]"] = 1e3 * found["orientation_rad"]["mean"]
+    return line
+
+
+def _bound(log: Line, span: str, key: str) -> float | None:
+    limit = (log.get("bound") or {}).get("spans", {}).get(span)
+    return None if limit is None else float(limit[key])

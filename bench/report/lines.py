@@ -1,0 +1,43 @@
+"""What all tables have in common: a line per run, marked where it was lost, nothing empty."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from bench.results import Line, Row
+
+BOUND = "Cramer-Rao bound"
+
+
+def label(row: Row) -> str:
+    """The algorithm's name in a table; a lost run is marked and stays."""
+    return f"{row['algorithm']} (lost)" if (row.get("loss") or {}).get("lost") else row["algorithm"]
+
+
+def sensors(row: Row) -> str | None:
+    """What the poses of a run come from, as it reports it; None where nobody knows."""
+    used = row.get("used")
+    return None if used is None else " + ".join(used) or "nothing"
+
+
+def scaled(value: float | None, scale: float) -> float | None:
+    """A value in another unit; nothing stays nothing."""
+    return None if value is None else scale * value
+
+
+def frame_of(lines: dict[str, Line]) -> pd.DataFrame:
+    """A line per algorithm; columns and lines with nothing in them are left out."""
+    columns = list(dict.fromkeys(key for line in lines.values() for key in line))
+    frame = pd.DataFrame.from_dict(lines, orient="index", columns=columns)
+    return frame.dropna(axis=1, how="all").dropna(axis=0, how="all")
+
+
+def span_of(row: Row, name: str) -> Line | None:
+    """The moments of a run's errors over a span, by kind of error."""
+    found: Line | None = (row["errors"] or {"spans": {}})["spans"].get(name)
+    return found
+
+
+def mean_of(found: Line, key: str) -> float | None:
+    """The mean among the moments of one kind of error."""
+    return found[key]["mean"] if found else None

@@ -1,0 +1,137 @@
+"""Tables of runs: at a glance, the whole run, maps, cost, as a live node, start luck."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import pandas as pd
+
+from bench.report.lines import frame_of, label, mean_of, scaled, span_of
+from bench.results import Line, Rows
+
+# name in results.json: heading, scale
+MAP_MEASURES = {
+    "iou": ("IoU", 1.0),
+    "adnn_to_truth": ("ADNN to truth [mm]", 1e3),
+    "adnn_from_truth": ("from truth [mm]", 1e3),
+    "hausdorff_95": ("Hausdorff 95 % [mm]", 1e3),
+    "hausdorff": ("Hausdorff [mm]", 1e3),
+    "ssim": ("SSIM", 1.0),
+    "ssim_walls": ("SSIM at walls", 1.0),
+    "wall_thickness": ("walls [mm]", 1e3),
+    "true_wall_thickness": ("true walls [mm]", 1e3),
+    "coverage": ("coverage [%]", 1e2),
+}
+
+
+def glance_table(log: Line, rows: Rows) -> pd.DataFrame:
+    """The run on one screen: whose steps, error, bound, lost or not, cost."""
+    limit = (log.get("bound") or {}).get("spans", {}).get("1 s")
+    lines: dict[str, Line] = {}
+    for row in rows:
+        errors, loss, cost = row["errors"], row["loss"], row["cost"] or {}
+        second = span_of(row, "1 s") or {}
+        mean = mean_of(second, "se2_translation_m")
+        relations = (row["relations"] or {}).get("all")
+        lines[label(row)] = {
+            "posed [%]": scaled(row["posed"], 1e2),
+            "1 s [mm]": scaled(mean, 1e3),
+            "1 s [mrad]": scaled(mean_of(second, "orientation_rad"), 1e3),
+            "x bound": mean / limit["translation_m"] if mean and limit else None,
+            "relations [mm]": scaled(relations["translation_m"]["mean"], 1e3)
+            if relations
+            else None,
+            "ATE [mm]": scaled(errors["ate_m"] if errors else None, 1e3),
+            "lost": "yes" if loss["lost"] else "no",
+            "within limits [%]": scaled((loss.get("truth") or {}).get("completed"), 1e2),
+            "CPU [ms]": cost.get("mean_ms"),
+        }
+    return frame_of(lines)
+
+
+def overview_table(log: Line, rows: Rows) -> pd.DataFrame:
+    """ATE, error at the end, drift, and failure as a result."""
+    lines: dict[str, Line] = {}
+    for row in rows:
+        errors, loss = cast("Line", row["errors"] or {}), row["loss"]
+        truth = loss.get("truth") or {}
+        lines[label(row)] = {
+            "ATE [mm]": scaled(errors.get("ate_m"), 1e3),
+            "end [mm]": scaled(errors.get("end_m"), 1e3),
+            "drift [mm/m]": scaled(errors.get("drift"), 1e3),
+            "dropped": errors.get("dropped"),
+            "lost at [s]": loss.get(loss["by"], {}).get("at_s") if loss["lost"] else None,
+            "after [m]": truth.get("after_m") if loss["lost"] else None,
+            "within limits [%]": scaled(truth.get("completed"), 1e2),
+            "says lost": loss["report"]["scans"],
+        }
+    return frame_of(lines)
+
+
+def map_table(log: Line, rows: Rows) -> pd.DataFrame:
+    """Map quality; a figure that means nothing is left out, results.json has the reason."""
+    lines: dict[str, Line] = {}
+    for row in rows:
+        found = row.get("map") or {}
+        lines[label(row)] = {
+            title: scale * found[name]["value"]
+            for name, (title, scale) in MAP_MEASURES.items()
+            if name in found and found[name]["meaningful"]
+        }
+    return frame_of(lines)
+
+
+def cost_table(log: Line, rows: Rows) -> pd.DataFrame:
+    """CPU time of a scan, times real time, memory; compilation apart."""
+    names = {
+        "mean_ms": "mean [ms]",
+        "p50_ms": "p50 [ms]",
+        "p95_ms": "p95 [ms]",
+        "p99_ms": "p99 [ms]",
+        "max_ms": "max [ms]",
+        "real_time_factor": "x real time",
+        "peak_memory_mb": "memory [MB]",
+        "compile_s": "load + compile [s]",
+    }
+    lines: dict[str, Line] = {}
+    for row in rows:
+        cost = row["cost"]
+        if cost is None:
+            continue
+        line = lines[label(row)] = {new: cost[key] for key, new in names.items()}
+        if cost["slower"] != 1.0:
+            slow = f"x real time, core {cost['slower']:g}x slower"
+            line[slow] = cost["real_time_factor_slower"]
+    return frame_of(lines)
+
+
+def live_table(log: Line, rows: Rows) -> pd.DataFrame:
+    """What dropping scans does to the error."""
+    lines: dict[str, Line] = {}
+    for row in rows:
+        if live := row.get("live"):
+            offline = span_of(row, "1 s") or {}
+            online = live["errors"].get("1 s") or {}
+            lines[label(row)] = {
+                "dropped": live["dropped"],
+                "dropped [%]": 1e2 * live["share"],
+                "1 s [mm], all scans": scaled(mean_of(offline, "se2_translation_m"), 1e3),
+                "1 s [mm], live": scaled(mean_of(online, "se2_translation_m"), 1e3),
+                "lost": "yes" if live["loss"]["lost"] else "no",
+            }
+    return frame_of(lines)
+
+
+def starts_table(_: Line, rows: Rows) -> pd.DataFrame:
+    """Errors of the relations when the run begins at other scans of the log."""
+    lines: dict[str, Line] = {}
+    for row in rows:
+        if found := row.get("starts"):
+            lines[label(row)] = {
+                "starts": found["n"],
+                "mean [m]": found["mean"],
+                "median [m]": found["median"],
+                "worst [m]": found["worst"],
+                f"above {found['limit_m']:g} m": f"{found['above']} of {found['n']}",
+            }
+    return frame_of(lines)
