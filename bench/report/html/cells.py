@@ -13,9 +13,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def table(frame: pd.DataFrame, title: str, kinds: Mapping[str, str]) -> Markup:
+def table(
+    frame: pd.DataFrame, title: str, kinds: Mapping[str, str], corner: str = "algorithm"
+) -> Markup:
     """A table that scrolls in its own box; `kinds` gives the class of a run by its name."""
-    head, *body = report.cells(frame)
+    head, *body = report.cells(frame, corner)
     return lines_table(title, head, body, kinds)
 
 

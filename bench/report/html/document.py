@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from string import Template
 from typing import TYPE_CHECKING
 
 from bench.judge import loss, metrics
 from bench.report import tables, words
 from bench.report import text as report
-from bench.report.html import charts, plans
+from bench.report.html import charts, page, plans
 from bench.report.html.cells import table
-from bench.report.html.legend import legend, rules
 from bench.report.html.markup import Markup, element, together
 from bench.report.html.record import facts, parameters
 from bench.report.html.runs import runs
@@ -21,13 +18,6 @@ from bench.report.lines import label
 if TYPE_CHECKING:
     from bench.report.html.runs import Run
     from bench.results import Comparison, Line, LogResult, Rows
-
-HERE = Path(__file__).parent
-HINT = (
-    "Figures zoom by wheel, pinch or the keys + - 0 and move by dragging; double click shows all."
-)
-
-Sections = Mapping[str, Markup | None]
 
 
 def write(path: Path, comparison: Comparison, done: LogResult) -> None:
@@ -44,17 +34,12 @@ def document(comparison: Comparison, done: LogResult) -> str:
         "How it was run": together(facts(results, entry), parameters(rows)),
         "Definitions": _definitions(),
     }
-    return _template("report.template.html").substitute(
-        title=element("title", f"{entry['name']}: SLAM comparison"),
-        style=(HERE / "report.css").read_text(encoding="utf-8") + rules(done),
-        script=(HERE / "report.js").read_text(encoding="utf-8"),
-        heading=element("h1", report.head(entry)),
-        contents=_contents({**found, **drawn, **record}),
-        main=together(_sections(found), _under_legend(drawn, shown), _sections(record)),
+    return page.page(
+        f"{entry['name']}: SLAM comparison", report.head(entry), (found, drawn, record), shown
     )
 
 
-def _findings(results: Line, entry: Line, rows: Rows) -> Sections:
+def _findings(results: Line, entry: Line, rows: Rows) -> page.Sections:
     return {
         "Summary": element("p", " ".join(words.summary(entry, rows))),
         "Tables": _tables(entry, rows),
@@ -62,7 +47,7 @@ def _findings(results: Line, entry: Line, rows: Rows) -> Sections:
     }
 
 
-def _figures(entry: Line, rows: Rows, shown: list[Run], done: LogResult) -> Sections:
+def _figures(entry: Line, rows: Rows, shown: list[Run], done: LogResult) -> page.Sections:
     bound = (entry.get("bound") or {}).get("spans", {})
     span = words.over_what(rows) or "update"
     return {
@@ -123,34 +108,4 @@ def _definitions() -> Markup:
     }
     texts = {name: f"{value:g}" for name, value in constants.items()}
     texts["spans"] = ", ".join(span.name for span in metrics.SPANS[1:])
-    return Markup(_template("definitions.template.html").substitute(texts))
-
-
-def _under_legend(drawn: Sections, shown: list[Run]) -> Markup | None:
-    if not any(drawn.values()):
-        return None
-    hint = element("p", HINT, class_="hint", hidden=True)
-    return element("div", legend(shown), hint, _sections(drawn), class_="figures")
-
-
-def _sections(bodies: Sections) -> Markup:
-    return together(
-        *(
-            element("section", element("h2", name, id=_anchor(name)), body)
-            for name, body in bodies.items()
-            if body
-        )
-    )
-
-
-def _contents(bodies: Sections) -> Markup:
-    links = [element("a", name, href=f"#{_anchor(name)}") for name, body in bodies.items() if body]
-    return together(*links)
-
-
-def _anchor(name: str) -> str:
-    return name.lower().replace(" ", "-")
-
-
-def _template(name: str) -> Template:
-    return Template((HERE / name).read_text(encoding="utf-8"))
+    return Markup(page.template("definitions.template.html").substitute(texts))

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from bench.report.figures import COLORS
 from bench.report.html.markup import Markup, element
-
-if TYPE_CHECKING:
-    from bench.report.html.runs import Run
-    from bench.results import LogResult
 
 # a second cue beside the color; 8 colors and 5 patterns make 40 pairs
 DASHES = ("none", "9 3", "2 3", "9 3 2 3", "16 4")
@@ -19,7 +15,21 @@ INVERTED = {"#000000": "#FFFFFF"}  # on the dark page
 CONTRAST = 3.0  # least contrast of a line with its background (WCAG 2.1, 1.4.11)
 
 
-def legend(shown: Sequence[Run]) -> Markup:
+class Named(Protocol):
+    """Something with a name and `kind`, the class run-K of its K-th color."""
+
+    @property
+    def kind(self) -> str:
+        """The class."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """What the legend says."""
+        ...
+
+
+def legend(shown: Sequence[Named]) -> Markup:
     """A check box per run; hiding needs no script, `rules` has it."""
     boxes = [
         element(
@@ -39,15 +49,16 @@ def legend(shown: Sequence[Run]) -> Markup:
     return element("fieldset", element("legend", "show"), *boxes, class_="legend")
 
 
-def rules(done: LogResult) -> str:
+def rules(shown: Sequence[Named]) -> str:
     """Style rules: the color and the dashes of each run, and how its check box hides it."""
     lines = []
-    for k in range(len(done.outcomes)):
+    for kind in (run.kind for run in shown):
+        k = int(kind.removeprefix("run-"))
         color = COLORS[k % len(COLORS)]
         light, dark = legible(color, PAPER), legible(INVERTED.get(color, color), NIGHT)
         lines += [
-            f".run-{k}{{--light:{light};--dark:{dark};--dash:{DASHES[k % len(DASHES)]}}}",
-            f".figures:has(#show-run-{k}:not(:checked)) .mark.run-{k}{{display:none}}",
+            f".{kind}{{--light:{light};--dark:{dark};--dash:{DASHES[k % len(DASHES)]}}}",
+            f".figures:has(#show-{kind}:not(:checked)) .mark.{kind}{{display:none}}",
         ]
     return "\n".join(lines)
 

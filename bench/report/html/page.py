@@ -1,0 +1,71 @@
+"""A page: findings in words and tables, figures under one legend, how it was made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from string import Template
+
+from bench.report.html.legend import Named, legend, rules
+from bench.report.html.markup import Markup, element, together
+
+HERE = Path(__file__).parent
+HINT = (
+    "Figures zoom by wheel, pinch or the keys + - 0 and move by dragging; double click shows all."
+)
+
+Sections = Mapping[str, Markup | None]
+
+
+def page(
+    title: str, heading: str, parts: tuple[Sections, Sections, Sections], shown: Sequence[Named]
+) -> str:
+    """The text of a page.
+
+    Args:
+        title: of the window.
+        heading: the first line.
+        parts: sections before the figures, the figures, and those behind; empty ones are left out.
+        shown: what the legend shows and hides, each with its color.
+    """
+    before, drawn, behind = parts
+    main = together(_sections(before), _under_legend(drawn, shown), _sections(behind))
+    return template("report.template.html").substitute(
+        title=element("title", title),
+        style=(HERE / "report.css").read_text(encoding="utf-8") + rules(shown),
+        script=(HERE / "report.js").read_text(encoding="utf-8"),
+        heading=element("h1", heading),
+        contents=_contents({**before, **drawn, **behind}),
+        main=main,
+    )
+
+
+def template(name: str) -> Template:
+    """A file of this folder with places to fill."""
+    return Template((HERE / name).read_text(encoding="utf-8"))
+
+
+def _under_legend(drawn: Sections, shown: Sequence[Named]) -> Markup | None:
+    if not any(drawn.values()):
+        return None
+    hint = element("p", HINT, class_="hint", hidden=True)
+    return element("div", legend(shown), hint, _sections(drawn), class_="figures")
+
+
+def _sections(bodies: Sections) -> Markup:
+    return together(
+        *(
+            element("section", element("h2", name, id=_anchor(name)), body)
+            for name, body in bodies.items()
+            if body
+        )
+    )
+
+
+def _contents(bodies: Sections) -> Markup:
+    links = [element("a", name, href=f"#{_anchor(name)}") for name, body in bodies.items() if body]
+    return together(*links)
+
+
+def _anchor(name: str) -> str:
+    return name.lower().replace(" ", "-")

@@ -1,0 +1,230 @@
+"""The plan of a sweep: which algorithms run on which logs under which conditions."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bench.judge.survival import CLEAN
+from bench.results.sweep import Cost, Sweep, Trial
+from bench.run.code import package_of
+from bench.run.trial import Condition, Log, content_of, limits, task_of
+from bench.sim.degrade import CATALOG, Degradation, find_degradation, parse
+from bench.sim.sensors import find_sensor
+from bench.sim.setting import ARENAS, Setting
+from slams.registry import find
+from slams.scanlog import load
+
+if TYPE_CHECKING:
+    from bench.run.store import Store
+    from bench.run.work import Task
+    from slams.formats.source import SourceOptions
+    from slams.scanlog import ScanLog
+
+
+class Drives(NamedTuple):
+    """Simulated logs: so many seeded drives of `duration` [s] in each arena, with one sensor."""
+
+    arenas: list[str]
+    seeds: int
+    duration: float
+    sensor: str
+
+
+class Given(NamedTuple):
+    """A log of the plan; `recorded` is the log itself where it was not simulated.
+
+    `lacks` names what it has not and a degradation may need; `scans` it has about.
+    """
+
+    log: Log
+    scans: int
+    period: float
+    lacks: frozenset[str]
+    recorded: ScanLog | None = None
+
+
+class Level(NamedTuple):
+    """A degradation at one of its levels."""
+
+    degradation: Degradation
+    level: float
+
+
+class Case(NamedTuple):
+    """A trial that is planned: what it is, and the task that makes it."""
+
+    known: Trial
+    task: Task
+    scans: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything a sweep follows from; `rate` [Hz] is the most scans a second, None all."""
+
+    algorithms: list[str]
+    conditions: list[Level]
+    logs: list[Given]
+    odometry: tuple[bool, ...]
+    rate: float | None
+    sensor: str | None
+
+    def __post_init__(self) -> None:
+        for algorithm in self.algorithms:
+            self.parameters(algorithm)
+
+    def parameters(self, algorithm: str) -> dict[str, Any]:
+        """The resolved parameters of an algorithm, for the sensor.
+
+        Raises:
+            LookupError: no such algorithm.
+        """
+        params = find(algorithm).params()
+        return (params if self.sensor is None else params.for_sensor(self.sensor)).as_dict()
+
+    def cases(self, place: Path) -> list[Case]:
+        """Every trial, log by log and condition by condition; recorded logs are put in `place`."""
+        found: list[Case] = []
+        for given in self.logs:
+            recorded = _kept(given, place)
+            for condition in self.conditions:
+                for odometry in self.odometry:
+                    if _makes_sense(given, condition.degradation, odometry):
+                        found += self._cases_of(given, condition, odometry, recorded)
+        return found
+
+    def gathered(self, cases: list[Case], store: Store, record: dict[str, Any]) -> Sweep:
+        """All trials with their figures; one that nobody could do says so."""
+        trials: list[Trial] = []
+        costs: list[Cost | None] = []
+        for case in cases:
+            value = store.read(case.task.key) or {"failed": "its process died"}
+            trials.append(case.known | value)  # type: ignore[typeddict-item]
+            costs.append(store.cost(case.task.key))
+        return Sweep(self._facts(), trials, costs, record)
+
+    def _facts(self) -> dict[str, Any]:
+        used = {level.degradation.name: level.degradation for level in self.conditions}
+        units = {name: entry.unit for name, entry in used.items()}
+        meanings = {name: entry.meaning for name, entry in used.items()}
+        logs = [given.log._asdict() for given in self.logs]
+        return {
+            "units": units,
+            "meanings": meanings,
+            "logs": logs,
+            "rate": self.rate,
+            "sensor": self.sensor or "utm30lx",
+            "limits": limits(),
+        }
+
+    def _cases_of(
+        self, given: Given, level: Level, odometry: bool, recorded: str | None
+    ) -> list[Case]:
+        """One log under one condition, all algorithms."""
+        log, (degradation, amount) = given.log, level
+        chance = 0 if degradation.name == CLEAN else log.seed
+        condition = Condition(degradation.name, amount, chance, self.rate)
+        cases = []
+        for algorithm in self.algorithms:
+            known: Trial = {
+                "algorithm": algorithm,
+                "log": log.name,
+                "place": log.place,
+                "seed": log.seed,
+                "degradation": degradation.name,
+                "level": amount,
+                "odometry": odometry,
+            }
+            package = package_of(find(algorithm).cls)
+            parameters = self.parameters(algorithm)
+            task = task_of(log, condition, algorithm, parameters, odometry, package, recorded)
+            cases.append(Case(known, task, self._scans(given)))
+        return cases
+
+    def _scans(self, given: Given) -> float:
+        """About how many scans a trial on that log has."""
+        thin = 1.0 if self.rate is None else min(1.0, self.rate * given.period)
+        return given.scans * thin
+
+
+def conditions_of(chosen: list[str], full: bool) -> list[Level]:
+    """The levels that are named, or all of the degradations named; none named: all there are.
+
+    Raises:
+        LookupError: no such degradation.
+        ValueError: no such level.
+    """
+    found: list[Level] = []
+    for text in chosen or list(CATALOG):
+        if "=" in text or text in ("clean", "poor_lidar"):
+            found.append(Level(*parse(text)))
+        else:
+            entry = find_degradation(text)
+            levels = entry.full_levels if full else entry.levels
+            found += [Level(entry, float(level)) for level in levels]
+    order = {entry: k for k, entry in enumerate(CATALOG)}
+    unique = dict.fromkeys(found)
+    return sorted(unique, key=lambda level: order[level.degradation.name])
+
+
+def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Given]:
+    """The logs to sweep over: those given, else simulated ones.
+
+    Raises:
+        OSError: a log cannot be opened.
+        ValueError: it is none, or has no truth.
+        LookupError: no such arena or sensor.
+    """
+    if not paths:
+        seeds = range(drives.seeds)
+        return [_simulated(arena, seed, drives) for arena in drives.arenas for seed in seeds]
+    found = [_recorded(path, options) for path in paths]
+    names = [given.log.name for given in found]
+    if len(set(names)) < len(names):
+        raise ValueError(f"logs: got the names {', '.join(names)}, expected different ones")
+    seeds = range(drives.seeds)
+    return [g._replace(log=g.log._replace(seed=seed)) for g in found for seed in seeds]
+
+
+def _simulated(arena: str, seed: int, drives: Drives) -> Given:
+    if arena not in ARENAS:
+        raise LookupError(f"unknown arena {arena!r}; expected one of {', '.join(ARENAS)}")
+    sensor = find_sensor(drives.sensor)
+    setting = Setting(arena=arena, seed=seed, duration=drives.duration, sensor=drives.sensor)
+    log = Log(f"{arena}-{drives.sensor}-{seed}", arena, seed, asdict(setting))
+    scans = max(1, round(drives.duration * sensor.rate))
+    return Given(log, scans, 1.0 / sensor.rate, frozenset())
+
+
+def _recorded(path: str, options: SourceOptions) -> Given:
+    log = load(path, options)
+    if log.truth is None:
+        raise ValueError(
+            f"{path}: has no truth; a sweep needs one (--truth FILE, or bench.compare --relations)"
+        )
+    lacks = {"odometry": log.odom is None, "gyro": log.yaw_rate is None}
+    missing = frozenset(name for name, absent in lacks.items() if absent)
+    known = Log(log.name, log.name, 0, content=content_of(log))
+    return Given(known, len(log), log.scan_period, missing, log)
+
+
+def _kept(given: Given, place: Path) -> str | None:
+    """Where a recorded log lies as npz, under the name of its content: read once, by all."""
+    if given.recorded is None:
+        return None
+    path = (place / f"{given.log.content}.npz").resolve()
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        given.recorded.save(path)
+    return str(path)
+
+
+def _makes_sense(given: Given, degradation: Degradation, odometry: bool) -> bool:
+    """Wheels that nobody looks at break nothing."""
+    needs = set(degradation.needs)
+    hidden = set() if odometry else {"odometry", "gyro"}
+    if odometry and {"odometry", "gyro"} <= given.lacks:
+        return False
+    return not needs & (hidden | given.lacks)

@@ -1,0 +1,200 @@
+"""A trial: one algorithm over one log that something has spoiled. A sweep is made of them."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from bench.judge import metrics
+from bench.judge.alarms import LIMIT_M, LIMIT_RAD, alarms, beyond
+from bench.results.sweep import Trial
+from bench.run.cases import sources
+from bench.run.work import Result, Task
+from slams.metrics import path_length
+
+if TYPE_CHECKING:
+    from slams.player import Run
+    from slams.scanlog import ScanLog
+
+FUNCTION = "bench.run.trial:perform"
+WARM_UP_SCANS = 4
+PACKAGES = ("slams", "bench.sim", "bench.run", "bench.judge", "bench.results")
+
+
+class Log(NamedTuple):
+    """A log to sweep over: simulated from `setting`, or recorded, known by its `content`.
+
+    `place` is the kind of arena, or the log's name; `seed` that of the simulation.
+    """
+
+    name: str
+    place: str
+    seed: int
+    setting: dict[str, Any] | None = None
+    content: str | None = None
+
+    def identity(self) -> dict[str, Any]:
+        """What tells it from all other logs, wherever it lies."""
+        return {"setting": self.setting} if self.content is None else {"content": self.content}
+
+
+class Condition(NamedTuple):
+    """What is done to a log: a degradation at a level by a seed, and its rate at most [Hz]."""
+
+    degradation: str
+    level: float
+    seed: int
+    rate: float | None
+
+
+def content_of(log: ScanLog) -> str:
+    """Hash of everything in a log that a result can follow from, however it was recorded."""
+    found = hashlib.sha256(repr(log.laser).encode())
+    for values in (log.t, log.ranges):
+        found.update(np.ascontiguousarray(values).tobytes())
+    for track in (log.odom, log.truth, log.yaw_rate):
+        if track is not None:
+            found.update(track.t.tobytes() + np.ascontiguousarray(track.values).tobytes())
+        found.update(b"|")
+    return found.hexdigest()
+
+
+def task_of(
+    log: Log,
+    condition: Condition,
+    algorithm: str,
+    parameters: dict[str, Any],
+    odometry: bool,
+    package: str,
+    recorded: str | None,
+) -> Task:
+    """A trial as a task; `recorded` is where a recorded log lies here, as npz."""
+    what = {
+        "log": log.identity(),
+        "condition": condition._asdict(),
+        "algorithm": algorithm,
+        "parameters": parameters,
+        "odometry": odometry,
+    }
+    packages = (*PACKAGES, package) if package not in PACKAGES else PACKAGES
+    return Task(FUNCTION, what, packages, {"recorded": recorded})
+
+
+def perform(
+    log: dict[str, Any],
+    condition: dict[str, Any],
+    algorithm: str,
+    parameters: dict[str, Any],
+    odometry: bool,
+    recorded: str | None,
+) -> Result:
+    """Run one trial: everything its result follows from is in the arguments."""
+    from slams.player import replay, warm_up
+    from slams.registry import find
+
+    spoiled = _spoiled(_frozen(log), Condition(**condition), recorded)
+    given = spoiled.select(odometry=odometry)
+    entry = find(algorithm)
+    params = entry.params().replace(**parameters)
+    warm_up(entry.cls, params, given.select(WARM_UP_SCANS))
+    run = replay(entry.cls(params), given)
+    measured = {
+        "cpu_s": float(run.seconds.sum()),
+        "longest_ms": 1e3 * float(run.seconds.max()),
+    }
+    return Result(dict(judged(run, spoiled)), measured)
+
+
+def judged(run: Run, log: ScanLog) -> Trial:
+    """The figures of a run against the log's truth."""
+    common = metrics.common_with(log, run.t, run.poses)
+    if common is None:
+        return {"failed": f"{log.name}: fewer than two scans have a truth"}
+    row = sources(run.report, len(run))
+    off = beyond(common)
+    covered = ~np.isnan(log.truth_at(run.t)[:, 0])  # type: ignore[index]
+    said = alarms(run.says_lost[covered], common.t, off)
+    second = metrics.errors_over_spans(common).get("1 s")
+    return {
+        "failed": None,
+        "used": row["used"] or [],
+        "posed": row["posed"],
+        "refined": row["refined"],
+        "scans": len(run),
+        "duration_s": float(run.t.max() - run.t.min()),
+        "way_m": path_length(common.truth),
+        "ate_m": metrics.ate_with(log, run.t, run.poses),
+        "worst_m": float(np.hypot(*(common.estimate - common.truth)[:, :2].T).max()),
+        "second_m": None if second is None else float(second.se2_translation.mean()),
+        "second_rad": None if second is None else float(second.orientation.mean()),
+        "lost": bool(off.any()),
+        "lost_at_s": float(common.t[np.argmax(off)] - common.t.min()) if off.any() else None,
+        "right_again": said.right_again,
+        "episodes": said.episodes,
+        "said_in_time": said.in_time,
+        "said_late": said.late,
+        "missed": said.missed,
+        "right_scans": said.right,
+        "false_alarms": said.false,
+        "wheels_ate_m": _wheels_ate(log),
+    }
+
+
+def limits() -> dict[str, float]:
+    """Beyond which a pose is lost."""
+    return {"limit_m": LIMIT_M, "limit_rad": LIMIT_RAD}
+
+
+def _wheels_ate(log: ScanLog) -> float | None:
+    """Absolute error of the odometry by itself [m], over the scans that have some."""
+    wheels = log.odometry_at_scans()
+    if wheels is None:
+        return None
+    known = np.isfinite(wheels[:, 0])
+    found = metrics.common_with(log, log.t[known], wheels[known])
+    return None if found is None else metrics.ate_with(log, log.t[known], wheels[known])
+
+
+def _frozen(log: dict[str, Any]) -> tuple[tuple[str, Any], ...]:
+    """The identity of a log as a key: workers keep the last one."""
+    if log.get("setting") is not None:
+        return (("setting", tuple(sorted(log["setting"].items()))),)
+    return (("content", log["content"]),)
+
+
+@lru_cache(maxsize=1)
+def _loaded(identity: tuple[tuple[str, Any], ...], recorded: str | None) -> ScanLog:
+    """The log itself: simulated, or read from where it lies here."""
+    from bench.sim.setting import Setting
+    from bench.sim.simulation import simulate
+    from slams.scanlog import load_npz
+
+    known = dict(identity)
+    if "setting" in known:
+        return simulate(Setting(**dict(known["setting"])))
+    if recorded is None:
+        raise ValueError("a recorded log that nobody said the place of")
+    log = load_npz(Path(recorded))
+    if content_of(log) != known["content"]:
+        raise OSError(f"{recorded}: has changed since the sweep began; start again")
+    return log
+
+
+@lru_cache(maxsize=2)
+def _spoiled(
+    identity: tuple[tuple[str, Any], ...], condition: Condition, recorded: str | None
+) -> ScanLog:
+    """The log under a condition, thinned to its rate."""
+    from bench.sim.degrade import degrade
+
+    log = degrade(
+        _loaded(identity, recorded), condition.degradation, condition.level, condition.seed
+    )
+    if condition.rate is None or log.scan_period <= 0.0:
+        return log
+    every = max(1, round(1.0 / (condition.rate * log.scan_period)))
+    return log.select(every=every)

@@ -1,0 +1,210 @@
+"""python -m bench.sweep: what breaks which algorithm, over arenas, conditions and seeds."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bench.run import spread
+from bench.sim.setting import ARENAS
+from slams import cli
+from slams.registry import BASELINES, names
+
+if TYPE_CHECKING:
+    from bench.results.sweep import Sweep
+    from bench.run.plan import Case, Plan
+    from bench.run.work import Task
+
+PROGRAM = "bench.sweep"
+# what the default sweep tries, one hard but survivable level of each; bench.sim.degrade has all
+QUICK = (
+    "clean",
+    "noise=0.05",
+    "people=8",
+    "glass=40",
+    "beams=45",
+    "fov=120",
+    "range=4",
+    "short=30",
+    "rate=2",
+    "blind=2",
+    "poor_lidar=1",
+    "stall=2",
+    "jump=2",
+)
+QUICK_DURATION, FULL_DURATION = 30.0, 120.0  # s of each simulated drive
+QUICK_RATE = 10.0  # Hz
+QUICK_SEEDS, FULL_SEEDS = 2, 3
+PER_SCAN = 1.5e-3  # s CPU of one scan, about: says how long a sweep will take
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    p = cli.Parser(
+        prog=f"python -m {PROGRAM}",
+        description="Spoil logs as the field does and see which algorithm survives what. Without a "
+        "log: simulated arenas, two drives in each, five minutes on two cores.",
+        epilog="Writes report.html, sweep.json, tables as csv and markdown. Runs that are done are "
+        "kept in OUT/runs and not done again: a sweep that was ended goes on where it was.",
+    )
+    p.add_argument("logs", nargs="*", metavar="LOG", help="logs with a truth; default: simulate")
+    p.add_argument("--algorithms", metavar="NAME", nargs="+", help="default: all but baselines")
+    p.add_argument(
+        "--degradations",
+        metavar="NAME[=LEVEL]",
+        nargs="+",
+        help="names with all their levels, or single levels (noise=0.05); list shows all",
+    )
+    p.add_argument("--arenas", metavar="NAME", nargs="+", help=f"of {', '.join(ARENAS)}")
+    p.add_argument("--seeds", type=int, metavar="N", help="drives in each arena")
+    p.add_argument("--duration", type=float, metavar="S", help="of each simulated drive")
+    p.add_argument("--rate", type=float, metavar="HZ", help="scans a second at most; 0: all")
+    p.add_argument("--sensor", metavar="NAME", default="utm30lx", help="of the simulated drives")
+    p.add_argument(
+        "--odometry",
+        choices=("both", "with", "without"),
+        default="both",
+        help="whether wheels and gyro are given (default: %(default)s)",
+    )
+    p.add_argument("--full", action="store_true", help="every degradation, level and scan: hours")
+    p.add_argument("--out", metavar="DIR", default="results/sweep", help="default: %(default)s")
+    p.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
+    spread.add_options(p)
+    cli.add_log_options(p)
+    return p
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    cli.one_thread()
+    words = sys.argv[1:] if argv is None else argv
+
+    def _work() -> int:
+        arguments = parser().parse_args(words)
+        if arguments.degradations == ["list"]:
+            sys.stdout.write(listed())
+            return 0
+        return _command(arguments, words)
+
+    return cli.run_command(PROGRAM, _work)
+
+
+def listed() -> str:
+    """Every degradation with its unit, meaning and levels."""
+    from bench.sim.degrade import CATALOG
+
+    lines = []
+    for entry in CATALOG.values():
+        levels = ", ".join(f"{level:g}" for level in entry.full_levels)
+        lines.append(f"{entry.name} [{entry.unit}]: {entry.meaning}\n    {levels}\n")
+    return "".join(lines)
+
+
+def _command(arguments: argparse.Namespace, words: list[str]) -> int:
+    from bench.report import sweep_outputs
+    from bench.results import sweep as results
+    from bench.run.store import Store
+    from slams.formats import files
+
+    plan = cli.refusing(lambda: _plan(arguments))
+    place = Path(arguments.out)
+    cli.refusing(lambda: _check_folder(place))
+    store = cli.refusing(lambda: Store(place / "runs"))
+    cases = plan.cases(place / "logs")
+    with cli.refusing(lambda: spread.executor_of(arguments)) as here:
+        _announce(arguments, cases)
+        if not _all_done(cases, store, here, arguments):
+            return 0
+    found = plan.gathered(cases, store, _record(words))
+    with files.complete_folder(place) as folder:
+        results.save(folder, found)
+        sweep_outputs.write(folder, found)
+    if not arguments.quiet:
+        sys.stdout.write(f"{_said(found)}\n{place}/: report.html, sweep.json, tables\n")
+    return cli.FAILED if all(trial["failed"] for trial in found.trials) else 0
+
+
+def _plan(arguments: argparse.Namespace) -> Plan:
+    """Everything that was asked for, read and checked before the work starts."""
+    from bench.run import plan
+
+    full = arguments.full
+    chosen = arguments.degradations or ([] if full else list(QUICK))
+    _check(arguments)
+    seeds = arguments.seeds or (FULL_SEEDS if full else QUICK_SEEDS)
+    duration = arguments.duration or (FULL_DURATION if full else QUICK_DURATION)
+    rate = arguments.rate if arguments.rate is not None else (0.0 if full else QUICK_RATE)
+    simulated = plan.Drives(arguments.arenas or list(ARENAS), seeds, duration, arguments.sensor)
+    return plan.Plan(
+        algorithms=arguments.algorithms or [name for name in names() if name not in BASELINES],
+        conditions=plan.conditions_of(chosen, full),
+        logs=plan.logs_of(arguments.logs, simulated, cli.log_options(arguments)),
+        odometry={"both": (False, True), "with": (True,), "without": (False,)}[arguments.odometry],
+        rate=rate or None,
+        sensor=None if arguments.sensor == "utm30lx" else arguments.sensor,
+    )
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    limits = {"seeds": (1, 1000), "duration": (2.0, 14400.0), "rate": (0.0, 1000.0)}
+    for name, (low, high) in limits.items():
+        value = getattr(arguments, name)
+        if value is not None and not low <= value <= high:
+            raise ValueError(f"--{name}: got {value:g}, expected {low:g} to {high:g}")
+
+
+def _check_folder(place: Path) -> None:
+    if place.exists() and not place.is_dir():
+        raise NotADirectoryError(f"{place}: is a file; expected a folder for the results")
+    place.mkdir(parents=True, exist_ok=True)
+
+
+def _announce(arguments: argparse.Namespace, cases: list[Case]) -> None:
+    """How much work it is, before it starts."""
+    if not arguments.quiet:
+        minutes = sum(case.scans for case in cases) * PER_SCAN / 60.0
+        sys.stderr.write(
+            f"{PROGRAM}: {len(cases)} runs, about {max(1.0, minutes):.0f} minutes of one core; "
+            "what is done already is kept\n"
+        )
+
+
+def _all_done(
+    cases: list[Case], store: Any, here: spread.Spread, arguments: argparse.Namespace
+) -> bool:
+    """Do what is to be done here; whether nothing is left for other machines."""
+    from bench.run.work import run_all
+
+    tasks: list[Task] = here.part(case.task for case in cases)
+    work = run_all(tasks, store, here.executor)
+    for _ in cli.progress(work, len(tasks), "sweeping", arguments.quiet, unit="run"):
+        pass
+    left = len(store.missing({case.task.key for case in cases})) if here.shard else 0
+    if left and not arguments.quiet:
+        sys.stdout.write(
+            f"{len(tasks)} runs of this part are done, {left} of other parts are missing in "
+            f"{arguments.out}/runs: when they are there, the same command without --shard makes "
+            "the tables\n"
+        )
+    return not left
+
+
+def _record(words: list[str]) -> dict[str, Any]:
+    from bench.run import timing
+    from slams.summary import versions
+
+    command = f"python -m {PROGRAM} {shlex.join(words)}".strip()
+    return {"command": command, "machine": timing.machine(), "versions": versions()}
+
+
+def _said(found: Sweep) -> str:
+    from bench.report import sweep_tables
+
+    return sweep_tables.terminal(found)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
