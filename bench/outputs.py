@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from bench.cases import Choice, Outcome
     from bench.compare import Done
     from bench.reference import Reference
-    from slams.ros_params import Taken
+    from slams.ros.ros_params import Taken
 
 FORMAT = "results-2"
 

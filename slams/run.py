@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from slams.registry import Entry
     from slams.scanlog import ScanLog
     from slams.types import OccupancyGrid, Pose2, Scan, Slam
-    from slams.video import Video
-    from slams.view import View
+    from slams.watch.video import Video
+    from slams.watch.view import View
 
 PROGRAM = "slams.run"
 WARM_UP_SCANS = 4
@@ -132,7 +132,7 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params]:
 
 
 def _with_ros_files(params: Params, entry: Entry, arguments: argparse.Namespace) -> Params:
-    from slams import ros_params
+    from slams.ros import ros_params
 
     taken = ros_params.take(params, arguments.ros_params, entry.preset)
     if not arguments.quiet:
@@ -188,7 +188,7 @@ def _write_mcap(path: Path, log: ScanLog, run: Run, grid: OccupancyGrid) -> None
 
 
 def _log(arguments: argparse.Namespace) -> ScanLog:
-    from slams.scanlog import load
+    from slams.formats.source import load
 
     if arguments.log is None:
         raise ValueError(f"no log given; expected {PROGRAM} {arguments.algorithm} scans.npz")
@@ -227,11 +227,11 @@ def _watchers(
     title = f"{label} on {log.name}"
     watchers: list[Video | View] = []
     if arguments.view:
-        from slams.view import View
+        from slams.watch.view import View
 
         watchers.append(View(arguments.view, slam, title))
     if arguments.video:
-        from slams.video import Video, usual_every
+        from slams.watch.video import Video, usual_every
 
         every = arguments.video_every or usual_every(len(log))
         watchers.append(Video(arguments.video, slam, title, every))

@@ -6,9 +6,10 @@ import pytest
 from bench import loss, ranking, report, tables, timing, verdicts
 from bench.cases import Choice, Outcome, read_relations, run_case
 from bench.metrics import Common, RelationErrors, SpanErrors
+from slams import load
 from slams.player import replay
 from slams.registry import find
-from slams.scanlog import ScanLog, load
+from slams.scanlog import ScanLog
 from slams.summary import summarize
 from slams.types import Laser
 from tests.rooms import drive

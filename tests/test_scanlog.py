@@ -6,7 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from slams.scanlog import ScanLog, Track, load
+from slams import load
+from slams.scanlog import ScanLog, Track
 from slams.types import Laser, Pose2
 
 
