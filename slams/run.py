@@ -89,10 +89,9 @@ def _command(arguments: argparse.Namespace) -> int:
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
-    log = cli.refusing(lambda: _log(arguments))
+    log, folder = cli.refusing(lambda: _log_and_folder(entry, arguments))
     cli.show_notes(PROGRAM, log.notes, arguments.quiet)
     slam, run, start_up_s = _replayed(entry, params, log, arguments)
-    folder = Path(arguments.out or f"results/{log.name}-{entry.label.replace(':', '.')}")
     text = cli.refusing(
         lambda: write_results(
             folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap
@@ -185,6 +184,18 @@ def _write_mcap(path: Path, log: ScanLog, run: Run, grid: OccupancyGrid) -> None
     from slams.formats.mcap import write_mcap  # only here, for it loads the bag library
 
     write_mcap(path, log, run.poses, grid)
+
+
+def _log_and_folder(entry: Entry, arguments: argparse.Namespace) -> tuple[ScanLog, Path]:
+    """The log, and where its results go; a folder that cannot be is told before the run."""
+    from slams.formats.files import check_folder
+
+    if arguments.out:
+        check_folder(arguments.out)
+    log = _log(arguments)
+    folder = Path(arguments.out or f"results/{log.name}-{entry.label.replace(':', '.')}")
+    check_folder(folder)
+    return log, folder
 
 
 def _log(arguments: argparse.Namespace) -> ScanLog:
