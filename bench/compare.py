@@ -21,7 +21,7 @@ from slams.registry import names
 if TYPE_CHECKING:
     from bench.results import Comparison
     from bench.run.cases import Choice
-    from slams.ros_params import Taken
+    from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
     from slams.types import Floats
 
@@ -231,8 +231,8 @@ def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
 
 def _of_ros_files(given: list[str], labels: list[str], choice: Choice) -> dict[str, Taken]:
     """What the files of ROS nodes say for each algorithm that has some."""
-    from slams import ros_params
     from slams.registry import find
+    from slams.ros import ros_params
 
     files: dict[str, list[str]] = {}
     for text in given:
@@ -253,7 +253,7 @@ def _of_ros_files(given: list[str], labels: list[str], choice: Choice) -> dict[s
 
 def _say_what_became(choice: Choice, quiet: bool) -> None:
     """The fate of each parameter in ROS files, on stderr as slams.run says it."""
-    from slams import ros_params
+    from slams.ros import ros_params
 
     if not quiet:
         for label, taken in choice.ros.items():

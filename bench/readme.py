@@ -125,7 +125,7 @@ def _body(part: str, name: str | None) -> str:
         whole = {"results": results, "relations": relations, "ranking": ranking, "public": public}
         return whole[part]()
     if part.startswith("ros-"):
-        from slams.ros_params import mapping_table
+        from slams.ros.ros_params import mapping_table
 
         return mapping_table(name)
     return parameters(name)

@@ -14,11 +14,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from slams.formats.source import load
     from slams.live import Estimate, LiveSlam
     from slams.params import Params, param
     from slams.player import Run, replay
     from slams.registry import create, find, names
-    from slams.scanlog import ScanLog, load
+    from slams.scanlog import ScanLog
     from slams.types import Laser, OccupancyGrid, Pose2, Scan, Slam
 
 __version__ = "0.1.0"
@@ -34,7 +35,7 @@ _HOME = {
     "Run": "player",
     "replay": "player",
     "ScanLog": "scanlog",
-    "load": "scanlog",
+    "load": "formats.source",
     "Laser": "types",
     "OccupancyGrid": "types",
     "Pose2": "types",

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 if TYPE_CHECKING:
-    from slams.formats.source import SourceOptions
+    from slams.formats.options import SourceOptions
 
 T = TypeVar("T")
 
@@ -94,7 +94,7 @@ def log_options(arguments: argparse.Namespace) -> SourceOptions:
     """What the options of `add_log_options` say, for `slams.load`."""
     from dataclasses import fields
 
-    from slams.formats.source import SourceOptions
+    from slams.formats.options import SourceOptions
 
     return SourceOptions(**{f.name: getattr(arguments, f.name) for f in fields(SourceOptions)})
 

@@ -35,7 +35,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(arguments: argparse.Namespace) -> int:
-    from slams.scanlog import load
+    from slams.formats.source import load
 
     cli.refusing(lambda: _check_name(arguments.out))
     log = cli.refusing(lambda: load(arguments.log, cli.log_options(arguments)))

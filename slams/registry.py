@@ -11,8 +11,9 @@ import importlib
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from slams.params import Params
+
 if TYPE_CHECKING:
-    from slams.params import Params
     from slams.types import Slam
 
 GROUP = "slams.algorithms"
@@ -104,4 +105,17 @@ def _slam_class(name: str, target: str) -> type[Slam]:
             f"{target} is not a SLAM algorithm: expected a class with {', '.join(needed)}"
             + (f"; {', '.join(missing)} missing" if missing else "")
         )
+    params: object = getattr(found, "Params", None)
+    if not (isinstance(params, type) and issubclass(params, Params)):
+        raise TypeError(
+            f"{target}: its Params is {_described(params)}, expected slams.Params or a class "
+            "derived from it"
+        )
     return found
+
+
+def _described(found: object) -> str:
+    """What something is: a class by its full name, anything else by its kind."""
+    if isinstance(found, type):
+        return f"the class {found.__module__}.{found.__qualname__}"
+    return f"of type {type(found).__name__}"

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from slams.registry import Entry
     from slams.scanlog import ScanLog
     from slams.types import OccupancyGrid, Pose2, Scan, Slam
-    from slams.video import Video
-    from slams.view import View
+    from slams.watch.video import Video
+    from slams.watch.view import View
 
 PROGRAM = "slams.run"
 WARM_UP_SCANS = 4
@@ -89,10 +89,9 @@ def _command(arguments: argparse.Namespace) -> int:
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
-    log = cli.refusing(lambda: _log(arguments))
+    log, folder = cli.refusing(lambda: _log_and_folder(entry, arguments))
     cli.show_notes(PROGRAM, log.notes, arguments.quiet)
     slam, run, start_up_s = _replayed(entry, params, log, arguments)
-    folder = Path(arguments.out or f"results/{log.name}-{entry.label.replace(':', '.')}")
     text = cli.refusing(
         lambda: write_results(
             folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap
@@ -132,7 +131,7 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params]:
 
 
 def _with_ros_files(params: Params, entry: Entry, arguments: argparse.Namespace) -> Params:
-    from slams import ros_params
+    from slams.ros import ros_params
 
     taken = ros_params.take(params, arguments.ros_params, entry.preset)
     if not arguments.quiet:
@@ -187,8 +186,20 @@ def _write_mcap(path: Path, log: ScanLog, run: Run, grid: OccupancyGrid) -> None
     write_mcap(path, log, run.poses, grid)
 
 
+def _log_and_folder(entry: Entry, arguments: argparse.Namespace) -> tuple[ScanLog, Path]:
+    """The log, and where its results go; a folder that cannot be is told before the run."""
+    from slams.formats.files import check_folder
+
+    if arguments.out:
+        check_folder(arguments.out)
+    log = _log(arguments)
+    folder = Path(arguments.out or f"results/{log.name}-{entry.label.replace(':', '.')}")
+    check_folder(folder)
+    return log, folder
+
+
 def _log(arguments: argparse.Namespace) -> ScanLog:
-    from slams.scanlog import load
+    from slams.formats.source import load
 
     if arguments.log is None:
         raise ValueError(f"no log given; expected {PROGRAM} {arguments.algorithm} scans.npz")
@@ -227,11 +238,11 @@ def _watchers(
     title = f"{label} on {log.name}"
     watchers: list[Video | View] = []
     if arguments.view:
-        from slams.view import View
+        from slams.watch.view import View
 
         watchers.append(View(arguments.view, slam, title))
     if arguments.video:
-        from slams.video import Video, usual_every
+        from slams.watch.video import Video, usual_every
 
         every = arguments.video_every or usual_every(len(log))
         watchers.append(Video(arguments.video, slam, title, every))

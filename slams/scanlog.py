@@ -16,16 +16,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slams.formats.files import write_npz
 from slams.types import Floats, Laser, Pose2, Ranges, Scan, wrap_angle
-
-if TYPE_CHECKING:
-    from slams.formats.source import SourceOptions
 
 FORMAT = "scanlog-1"
 REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
@@ -176,30 +173,12 @@ class ScanLog:
         write_npz(Path(path), arrays)
 
 
-def load(path: str | Path, options: SourceOptions | None = None, **choices: Any) -> ScanLog:
-    """Read a recorded log: scanlog npz, ROS bag, CARMEN log or BreezySLAM .dat, by its content.
-
-    Args:
-        path: the file, or the folder of a ROS 2 bag.
-        options: what to take from it where that is not plain.
-        choices: single options, as `scan_topic="/scan"`.
-
-    Raises:
-        OSError: the file cannot be opened.
-        ValueError: it is not a complete, valid log; the sentence says why.
-    """
-    from slams.formats import source
-
-    chosen = replace(options or source.SourceOptions(), **choices)
-    return source.read(Path(path), chosen)
-
-
 def load_npz(path: Path) -> ScanLog:
     """Read "scanlog-1".
 
     Raises:
-        OSError: the file cannot be opened.
-        ValueError: it is not a complete, valid scan log; the sentence says why.
+        OSError: the file cannot be opened; one sentence, as all of these.
+        ValueError: it is not a complete, valid scan log.
     """
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
@@ -208,6 +187,10 @@ def load_npz(path: Path) -> ScanLog:
         raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+    except OSError as error:
+        if error.strerror is None or error.filename is None:  # a place outside of the file
+            raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
+        raise type(error)(f"{path}: {error.strerror.lower()}; expected a scan log npz") from error
     try:
         return _from_arrays(data, path.stem)
     except ValueError as error:

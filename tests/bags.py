@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 SCAN, ECHOES = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/MultiEchoLaserScan"
 ODOMETRY, IMU = "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
 POSE, POSE_COV = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
+PATH = "nav_msgs/msg/Path"
 TF, OLD_TF, STRING = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage", "std_msgs/msg/String"
 KINDS = ("bag", "bag-bz2", "bag-lz4", "db3", "mcap", "folder-db3", "folder-mcap", "folder-zstd")
 
@@ -72,6 +73,10 @@ class Make:
 
     def posed(self, t, x, y, yaw):
         return self.of(POSE, self.header(t, "world"), self.pose(x, y, yaw))
+
+    def path(self, t, rows):
+        """The poses (t, x, y, yaw) so far."""
+        return self.of(PATH, self.header(t, "map"), [self.posed(*row) for row in rows])
 
     def posed_with_covariance(self, t, x, y, yaw):
         pose = self.of("geometry_msgs/msg/PoseWithCovariance", self.pose(x, y, yaw), np.zeros(36))

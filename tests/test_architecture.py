@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,56 @@ def imports(path):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
             yield node.module
+
+
+def module_of(path, root):
+    parts = path.relative_to(root).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def run_time_nodes(node):
+    """All nodes but those that only type checkers see."""
+    yield node
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and ast.unparse(child.test).endswith("TYPE_CHECKING"):
+            for other in child.orelse:
+                yield from run_time_nodes(other)
+        else:
+            yield from run_time_nodes(child)
+
+
+def run_time_imports(path, module):
+    """Full names that a file imports anywhere, in functions too: modules, and what is of them."""
+    package = module if path.stem == "__init__" else module.rpartition(".")[0]
+    for node in run_time_nodes(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, "") for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) + 1 - node.level]
+            base = ".".join([*above, node.module or ""]).strip(".") if node.level else node.module
+            yield from ((base, alias.name) for alias in node.names)
+
+
+def import_graph(files, root):
+    """Each module with those it imports; `from a import b` is the module a.b, if it is one."""
+    modules = {module_of(path, root): path for path in files}
+    graph = {}
+    for module, path in modules.items():
+        found = {
+            f"{base}.{name}" if f"{base}.{name}" in modules else base
+            for base, name in run_time_imports(path, module)
+        }
+        graph[module] = found & set(modules)
+    return graph
+
+
+def circle(graph):
+    """The modules of one import circle, the first again at the end; none if there is none."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
 
 
 def kernels():
@@ -60,6 +111,39 @@ def test_only_jit_imports_numba():
 def test_only_the_formats_import_the_bag_library():
     users = {path for path in FILES if any(m.partition(".")[0] == "rosbags" for m in imports(path))}
     assert {path.parent for path in users} == {ROOT / "slams" / "formats"}
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    graph = import_graph(FILES, ROOT)
+    assert set(PACKAGES) <= set(graph)
+    assert "slams.formats.trajectory" in graph["slams.formats.source"]
+    assert "slams.formats.bag_salvage" in graph["slams.formats.rosbag"]  # in a function
+    assert circle(graph) == []
+
+
+@pytest.mark.parametrize(
+    ("back", "found"),
+    [
+        ("from pack.a import x", True),
+        ("from pack import a", True),
+        ("import pack.a as a", True),
+        ("from .. import a", True),
+        ("from ..a import x", True),
+        ("from . import a", False),
+        ("def f():\n    from pack.a import x", True),
+        ("if typing.TYPE_CHECKING:\n    pass\nelse:\n    import pack.a", True),
+        ("if TYPE_CHECKING:\n    from pack.a import x", False),
+        ("from pack import x", False),
+        ("from other.pack import a", False),
+    ],
+)
+def test_every_way_to_import_is_seen(back, found, tmp_path):
+    (tmp_path / "pack" / "sub").mkdir(parents=True)
+    texts = {"__init__": "", "a": "from pack.b import y", "b": "import pack.sub.c", "sub/c": back}
+    files = [tmp_path / "pack" / f"{name}.py" for name in texts]
+    for path, text in zip(files, texts.values(), strict=True):
+        path.write_text(text)
+    assert bool(circle(import_graph(files, tmp_path))) == found
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)

@@ -12,9 +12,10 @@ from bench.report import error_tables
 from bench.report import text as report
 from bench.run import timing
 from bench.run.cases import Choice, read_relations, run_case
+from slams import load
 from slams.player import replay
 from slams.registry import find
-from slams.scanlog import ScanLog, load
+from slams.scanlog import ScanLog
 from slams.summary import summarize
 from slams.types import Laser
 from tests.rooms import drive

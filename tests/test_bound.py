@@ -13,8 +13,9 @@ from bench.sim.range_errors import Errors
 from bench.sim.setting import Setting
 from bench.sim.simulation import errors_of, simulate, world_of
 from bench.sim.world import World, read_world
+from slams import load
 from slams.metrics import absolute_errors, relative_errors
-from slams.scanlog import Track, load
+from slams.scanlog import Track
 from slams.types import IDENTITY, Laser, Pose2, wrap_angle
 
 SIGMA = 0.01

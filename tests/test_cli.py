@@ -173,11 +173,20 @@ def test_bad_input_is_one_sentence_and_exit_2(kind, log_file, tmp_path, capsys, 
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_an_output_that_is_a_file_is_refused(log_file, tmp_path, capsys):
-    (tmp_path / "f").write_text("mine")
-    assert slams_run.main(["odometry", str(log_file), "--out", str(tmp_path / "f")]) == 2
-    assert "is a file" in capsys.readouterr().err
-    assert (tmp_path / "f").read_text() == "mine"
+@pytest.mark.parametrize("out", ["f", "f/deep/out", None])
+def test_an_output_that_is_a_file_is_refused_before_the_run(
+    out, log_file, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(slams_run, "_replayed", lambda *_: pytest.fail("the run began"))
+    name = "f" if out else "results"
+    (tmp_path / name).write_text("mine")
+    more = ["--out", out] if out else []
+    assert slams_run.main(["odometry", str(log_file), *more]) == 2
+    said = capsys.readouterr().err
+    assert said == f"slams.run: {name}: is a file; expected a folder for the results\n"
+    assert (tmp_path / name).read_text() == "mine"
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):

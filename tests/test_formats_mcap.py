@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from PIL import Image
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
@@ -211,14 +212,53 @@ def test_scaled_and_raw_maps(tmp_path):
     same(cells(a_map(tmp_path, [[0, 100, 30, 255]], mode="raw")), [[0, 1, 0.3, np.nan]])
 
 
+def test_unknown_cells_of_a_scaled_map_of_nav2_are_transparent(tmp_path):
+    shades = [[0, 255], [255, 255], [round(127.5), 0]]  # gray and alpha, as its saver has them
+    yaml_file = a_map(tmp_path, [[0]], mode="scale", free_thresh=0.25, occupied_thresh=0.65)
+    Image.fromarray(np.array([shades], np.uint8), "LA").save(tmp_path / "m.png")
+    same(cells(yaml_file), [[1, 0, np.nan]])
+
+
+HEADS = {
+    "slam_toolbox": "image: map.pgm\nmode: trinary\nresolution: 0.05\norigin: [-1.5, -2, 0]\n"
+    "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n",
+    "cartographer": "image: map.pgm\nresolution: 0.050000\norigin: [-1.500000, -2.000000, 0.0]\n"
+    "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
+    "map_saver": "image: {folder}/map.pgm\nresolution: 0.050000\n"
+    "origin: [-1.500000, -2.000000, 0.000000]\nnegate: 0\noccupied_thresh: 0.65\n"
+    "free_thresh: 0.196\n\n",
+}
+
+
+@pytest.mark.parametrize("program", HEADS)
+def test_maps_that_other_programs_save(program, tmp_path):
+    comment = b"# CREATOR: map_saver.cpp 0.050 m/pix\n"
+    (tmp_path / "map.pgm").write_bytes(b"P5\n" + comment + b"3 2\n255\n" + bytes([0, 254, 205] * 2))
+    (tmp_path / "map.yaml").write_text(HEADS[program].format(folder=tmp_path))
+    grid = occupancy.read_map(tmp_path / "map.yaml")
+    same(grid.p, [[1, 0, np.nan]] * 2)
+    assert (grid.resolution, grid.origin) == (0.05, (-1.5, -2.0))
+
+
+def test_the_grays_of_cartographer_are_thresholded(tmp_path):
+    same(cells(a_map(tmp_path, [[30, 128, 220]])), [[1, np.nan, 0]])
+
+
 def test_colors_are_averaged(tmp_path):
     same(cells(a_map(tmp_path, [[[0, 0, 255], [255, 255, 255]]])), [[1, 0]])
 
 
-def test_the_trap_of_the_old_threshold_is_told(tmp_path):
-    notes: list[str] = []
-    same(cells(a_map(tmp_path, [[0, 254, 205]], free_thresh=0.25), notes), [[1, 0, 0]])
-    assert "free_thresh 0.25 makes the gray of unknown cells (205) free" in notes[0]
+@pytest.mark.parametrize("negate", [0, 1])
+def test_the_trap_of_the_old_threshold_is_told_and_avoided_in_saved_maps(negate, tmp_path):
+    def pixels(*grays):
+        return [[255 - gray if negate else gray for gray in grays]]
+
+    trap, notes = {"free_thresh": 0.25, "negate": negate}, []
+    same(cells(a_map(tmp_path, pixels(0, 254, 205), **trap), notes), [[1, 0, np.nan]])
+    assert "makes the gray of unknown cells (205) free; they are taken as unknown all" in notes[0]
+    drawn = pixels(0, 254, 205, 240)  # no saver writes this one: what the yaml says is meant
+    same(cells(a_map(tmp_path, drawn, **trap), notes), [[1, 0, 0, 0]])
+    assert notes[1].endswith("(205) free; 0.196 keeps them unknown")
     notes.clear()
     cells(a_map(tmp_path, [[0, 254]], free_thresh=0.25), notes)
     cells(a_map(tmp_path, [[0, 254, 205]]), notes)

@@ -543,8 +543,8 @@ def test_a_fixed_map_does_not_grow():
 
 
 def test_the_original_follows_the_program_it_is_modeled_on(shared_data):
+    from slams import load
     from slams.formats.trajectory import read_csv
-    from slams.scanlog import load
 
     reference = shared_data("reference/robocup/hector.csv.gz")
     log = load(shared_data("data/robocup/robocup.npz")).select(100, odometry=False)

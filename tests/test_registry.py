@@ -37,7 +37,13 @@ def outsider():
         def __init__(self, params):
             self.params = params
 
-    module.Mine, module.other = Mine, 3
+    class Foreign(Mine):
+        Params = type("Settings", (), {"__module__": "outsider"})
+
+    class Filled(Mine):
+        Params = Mine.Params()
+
+    module.Mine, module.Foreign, module.Filled, module.other = Mine, Foreign, Filled, 3
     sys.modules["outsider"] = module
     yield module
     del sys.modules["outsider"]
@@ -54,6 +60,12 @@ def test_a_class_by_module_and_name(outsider):
         ("outsider:None_", LookupError, "there is no 'None_' in 'outsider'"),
         ("no_such_module:X", LookupError, "there is no module 'no_such_module'"),
         ("outsider:other", TypeError, "outsider:other is not a SLAM algorithm"),
+        ("outsider:Foreign", TypeError, "Foreign: its Params is the class outsider.Settings, expe"),
+        (
+            "outsider:Filled",
+            TypeError,
+            "Filled: its Params is of type BaselineParams, expected",
+        ),
     ],
 )
 def test_what_is_not_an_algorithm_is_refused(outsider, name, error, sentence):

@@ -6,7 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from slams.scanlog import ScanLog, Track, load
+from slams import load
+from slams.scanlog import ScanLog, Track, load_npz
 from slams.types import Laser, Pose2
 
 
@@ -143,6 +144,21 @@ def test_other_files_are_refused(tmp_path):
         load(path)
     with pytest.raises(FileNotFoundError):
         load(tmp_path / "none.npz")
+
+
+def test_what_cannot_be_opened_is_one_sentence(tmp_path, monkeypatch):
+    with pytest.raises(IsADirectoryError) as caught:
+        load_npz(tmp_path)
+    assert str(caught.value) == f"{tmp_path}: is a directory; expected a scan log npz"
+    path = written(tmp_path)
+
+    def forbidden(*_):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(type(path), "open", forbidden)
+    with pytest.raises(PermissionError) as caught:
+        load_npz(path)
+    assert str(caught.value) == f"{path}: permission denied; expected a scan log npz"
 
 
 def test_a_scan_of_one_beam_needs_no_step():

@@ -19,7 +19,7 @@ from bench.sim.sensors import SENSORS, find_sensor
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
 from bench.sim.world import World
-from slams.scanlog import load
+from slams import load
 from slams.types import Pose2, wrap_angle
 from tests import naive_world
 

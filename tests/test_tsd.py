@@ -6,9 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from slams import load
 from slams.geometry import solve3
 from slams.player import replay
-from slams.scanlog import load
 from slams.types import IDENTITY, Pose2, Scan
 from tests import naive_tsd
 from tests.rooms import ROOM, box, cast, drive, laser, mirrored, scan_at

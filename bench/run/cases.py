@@ -14,13 +14,14 @@ from bench.judge import loss, metrics
 from bench.judge.statistics import mean_interval
 from bench.results import Errors, Outcome, Row
 from bench.run.timing import LiveScans, PeakMemory, cost
-from slams.formats.source import SourceOptions
+from slams import load
+from slams.formats.options import SourceOptions
 from slams.metrics import path_length
 from slams.params import Params
 from slams.player import replay, warm_up
 from slams.registry import Entry, find
-from slams.ros_params import Taken
-from slams.scanlog import ScanLog, load
+from slams.ros.ros_params import Taken
+from slams.scanlog import ScanLog
 from slams.summary import moments, summarize
 from slams.types import Floats, Slam
 

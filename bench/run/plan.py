@@ -13,13 +13,13 @@ from bench.run.trial import Condition, Log, content_of, limits, task_of
 from bench.sim.degrade import CATALOG, Degradation, find_degradation, parse
 from bench.sim.sensors import find_sensor
 from bench.sim.setting import ARENAS, Setting
+from slams import load
 from slams.registry import find
-from slams.scanlog import load
 
 if TYPE_CHECKING:
     from bench.run.store import Store
     from bench.run.work import Task
-    from slams.formats.source import SourceOptions
+    from slams.formats.options import SourceOptions
     from slams.scanlog import ScanLog
 
 

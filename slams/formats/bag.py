@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
-from slams.formats.source import DamagedError
+from slams.formats.options import DamagedError
 
 T = TypeVar("T")
 
@@ -19,9 +19,11 @@ IMU = "sensor_msgs/msg/Imu"
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
 POSE_COV = "geometry_msgs/msg/PoseWithCovarianceStamped"
+PATH = "nav_msgs/msg/Path"
 TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 SCANS, TRUTHS, TFS = (SCAN, ECHOES), (ODOMETRY, POSE, POSE_COV), (TF, OLD_TF)
-KNOWN = frozenset({*SCANS, *TRUTHS, *TFS, IMU})
+POSES = (*TRUTHS, PATH)
+KNOWN = frozenset({*SCANS, *POSES, *TFS, IMU})
 
 REPAIR = {
     "bag": "'rosbag reindex FILE' repairs it",

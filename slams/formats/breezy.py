@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slams.formats.source import DamagedError, SourceOptions, name_of, text_of
+from slams.formats.options import DamagedError, SourceOptions
+from slams.formats.packed import name_of, text_of
 from slams.formats.sweep import Geometry, Sweep, common
 from slams.scanlog import ScanLog, Track
 from slams.types import IDENTITY, Floats, wrap_angle

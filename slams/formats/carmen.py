@@ -22,7 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slams.formats.source import DamagedError, SourceOptions, name_of, text_of
+from slams.formats.options import DamagedError, SourceOptions
+from slams.formats.packed import name_of, text_of
 from slams.formats.sweep import Geometry, Sweep, common, usable
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats, Laser, Pose2, Ranges

@@ -14,6 +14,18 @@ from typing import Any
 import numpy as np
 
 
+def check_folder(folder: str | Path) -> None:
+    """Refuse, before any work is done, what cannot become a folder of results.
+
+    Raises:
+        NotADirectoryError: it, or what it should lie in, is a file.
+    """
+    folder = Path(folder)
+    for path in (folder, *folder.parents):
+        if path.exists() and not path.is_dir():
+            raise NotADirectoryError(f"{path}: is a file; expected a folder for the results")
+
+
 @contextmanager
 def complete_folder(folder: str | Path) -> Iterator[Path]:
     """A temporary folder whose files move to `folder` when the block ends without an error.
@@ -24,8 +36,7 @@ def complete_folder(folder: str | Path) -> Iterator[Path]:
         OSError: the folder cannot be made or written.
     """
     folder = Path(folder).resolve()  # "." has no name to put a temporary one beside
-    if folder.exists() and not folder.is_dir():
-        raise NotADirectoryError(f"{folder}: is a file; expected a folder for the results")
+    check_folder(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     partial = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     shutil.rmtree(partial, ignore_errors=True)  # of a killed run: process numbers repeat

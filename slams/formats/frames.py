@@ -68,20 +68,28 @@ class Transforms:
         shared = next((name for name in up if name in over), None)
         return None if shared is None else np.linalg.inv(over[shared]) @ up[shared]
 
-    def moving(self, parent: str, frame: str) -> Track | None:
-        """The frame's planar pose in a frame above it, at the stamps of the quickest transform."""
+    def moving(self, parent: str, frame: str, strict: bool = False) -> Track | None:
+        """The frame's planar pose in a frame above it, at the stamps of the quickest transform.
+
+        The other transforms are interpolated, never extrapolated: x and y linearly, the heading
+        the short way round. One that never changes holds at all times; if `strict`, as tf has it,
+        only from its first to its last stamp unless it is static.
+        """
         chain = list(self._chain(bare(parent), bare(frame)))
         if not chain:
             return None
         tracks = [_planar_track(self.samples[edge]) for edge in chain]
         alive = [k for k, edge in enumerate(chain) if not self._rigid(edge)]
-        clock = max(alive or [0], key=lambda k: len(tracks[k].t))
+        clock = max(alive or range(len(chain)), key=lambda k: len(np.unique(tracks[k].t)))
         t = tracks[clock].t
         poses = np.zeros((len(t), 3))
         for k, track in enumerate(tracks):
             step = track.poses_at(t) if k in alive else np.tile(track.values[0], (len(t), 1))
             poses = _composed(poses, step)
         covered = np.isfinite(poses).all(axis=1)
+        for edge, track in zip(chain, tracks, strict=True):
+            if strict and edge not in self.static:
+                covered &= (t >= track.t.min()) & (t <= track.t.max())
         return Track(t[covered], poses[covered]) if covered.any() else None
 
     def _above(self, frame: str, rigid: bool) -> Edge | None:

@@ -45,8 +45,9 @@ def write_map(folder: str | Path, grid: OccupancyGrid) -> None:
 def read_map(path: str | Path, notes: list[str] | None = None) -> OccupancyGrid:
     """Read a map_server or nav2 yaml with its picture: p 1 occupied, 0 free, nan unknown.
 
-    Modes trinary, scale (p in between) and raw (percent as pixels), negated or not. What a user
-    should be told is added to `notes`.
+    Modes trinary, scale (p in between, nan where transparent) and raw (percent as pixels), negated
+    or not. A threshold that makes unknown cells free is not followed where the picture has the
+    grays of a map saver alone. What a user should be told is added to `notes`.
 
     Raises:
         OSError: the yaml or its picture cannot be read.
@@ -56,17 +57,19 @@ def read_map(path: str | Path, notes: list[str] | None = None) -> OccupancyGrid:
     head = _head(path)
     if not (path.parent / head.image).is_file():
         raise FileNotFoundError(f"{path}: there is no such picture as {head.image} beside it")
-    image = _read_image(path.parent / head.image)
-    if head.mode == "raw":
-        p = np.where(image <= 100.0, image / 100.0, np.nan)
-    else:
-        shade = image / 255.0
-        p = _probability(shade if head.negate else 1.0 - shade, head)
-    if notes is not None and _unknown_is_free(image, head):
-        notes.append(
-            f"{path}: free_thresh {head.free:g} makes the gray of unknown cells (205) free; "
-            f"{FREE_THRESH} keeps them unknown"
-        )
+    image = _read_image(path.parent / head.image, transparent=head.mode == "scale")
+    p = _cells(image, head)
+    if _unknown_is_free(image, head):
+        saved = _is_saved(image, head)
+        if saved:
+            p[image == _gray(UNKNOWN, head)] = np.nan
+        if notes is not None:
+            keeps = f"{FREE_THRESH} keeps them unknown"
+            way_out = "they are taken as unknown all the same" if saved else keeps
+            notes.append(
+                f"{path}: free_thresh {head.free:g} makes the gray of unknown cells ({UNKNOWN}) "
+                f"free; {way_out}"
+            )
     return OccupancyGrid(p[::-1].astype(np.float32), head.resolution, head.origin)
 
 
@@ -139,6 +142,14 @@ def _entries(path: Path) -> dict[str, Any]:
     return known
 
 
+def _cells(image: Floats, head: Head) -> Floats:
+    """Pixels as map_server takes them."""
+    if head.mode == "raw":
+        return np.where(image <= 100.0, image / 100.0, np.nan)
+    shade = image / 255.0
+    return _probability(shade if head.negate else 1.0 - shade, head)
+
+
 def _probability(occupancy: Floats, head: Head) -> Floats:
     """Cells by their darkness, 0 to 1: between the thresholds nan, or in mode scale a ramp."""
     between = np.full(occupancy.shape, np.nan)
@@ -149,8 +160,18 @@ def _probability(occupancy: Floats, head: Head) -> Floats:
 
 def _unknown_is_free(image: Floats, head: Head) -> bool:
     """The trap of nav2's old threshold 0.25: darkness 0.196 is no longer unknown."""
-    gray = 255 - UNKNOWN if head.negate else UNKNOWN
-    return head.mode == "trinary" and head.free > (255 - UNKNOWN) / 255.0 and gray in image
+    trap = head.mode == "trinary" and head.free > (255 - UNKNOWN) / 255.0
+    return trap and _gray(UNKNOWN, head) in image
+
+
+def _is_saved(image: Floats, head: Head) -> bool:
+    """Whether a picture has the three grays that savers of trinary maps write, and no other."""
+    return bool(np.isin(image, [_gray(gray, head) for gray in (FREE, OCCUPIED, UNKNOWN)]).all())
+
+
+def _gray(gray: int, head: Head) -> int:
+    """A gray of an upright map as this one has it."""
+    return 255 - gray if head.negate else gray
 
 
 def trinary(grid: OccupancyGrid) -> Pixels:
@@ -201,14 +222,20 @@ def _write_image(path: Path, pixels: Pixels) -> None:
         raise OSError(f"{path}: the picture could not be written")
 
 
-def _read_image(path: Path) -> Floats:
-    """Pixels (h, w) from 0 to 255, colors averaged as map_server does."""
+def _read_image(path: Path, transparent: bool = False) -> Floats:
+    """Pixels (h, w) from 0 to 255, colors averaged as map_server does.
+
+    `transparent` makes nan of those that are not opaque: unknown cells of nav2's scaled maps.
+    """
     pixels = _decoded(np.frombuffer(path.read_bytes(), np.uint8))
     if pixels is None:
         raise ValueError(f"{path}: not a picture; expected pgm, png or another image file")
     full = 257.0 if pixels.dtype == np.uint16 else 1.0
-    gray = pixels.astype(np.float64) / full
-    return gray[:, :, :3].mean(axis=2) if gray.ndim == 3 else gray
+    image = pixels.astype(np.float64) / full
+    gray: Floats = image[:, :, :3].mean(axis=2) if image.ndim == 3 else image
+    if transparent and image.ndim == 3 and image.shape[2] == 4:
+        gray[image[:, :, 3] < 255.0] = np.nan
+    return gray
 
 
 def _decoded(data: Pixels) -> NDArray[Any] | None:

@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slams.formats.bag import (
     ECHOES,
     IMU,
     ODOMETRY,
+    PATH,
     POSE,
     POSE_COV,
     SCAN,
@@ -23,7 +25,7 @@ from slams.formats.bag import (
     decoder,
 )
 from slams.formats.frames import FAR, Transforms, bare, seconds, yaw_of
-from slams.formats.source import DamagedError
+from slams.formats.options import DamagedError
 from slams.formats.sweep import Geometry, Sweep
 from slams.scanlog import Track
 from slams.types import Floats, Ranges
@@ -51,30 +53,46 @@ class Messages:
         self.bad = 0
 
     def collect(self, path: Path, bag: Bag, topics: Collection[str], salvage: bool) -> None:
-        """Take the messages of these topics, transforms among them.
+        """Take the messages of these topics, transforms among them; of paths the last one.
 
         Raises:
             DamagedError: a message cannot be read, unless salvaging: then it is counted.
         """
-        decode = decoder(bag.ros1)
+        paths: dict[str, Record] = {}
         for record in bag.records(topics):
-            try:
-                message = decode(record.data, record.msgtype)
-            except Exception as error:  # the library's parsers raise what they stumble over
-                if not salvage:
-                    raise DamagedError(
-                        f"{path}: a message of {record.topic} cannot be read; "
-                        "--salvage leaves it out"
-                    ) from error
-                self.bad += 1
-                continue
-            self._take(record, message)
+            if record.msgtype == PATH:  # each repeats the poses of those before
+                paths[record.topic] = record
+            else:
+                self._read(path, bag, record, salvage)
+        for record in paths.values():
+            self._read(path, bag, record, salvage)
+
+    def collect_first(self, path: Path, bag: Bag, topic: str, salvage: bool) -> None:
+        """Take one message of a topic: enough to know the frame it is of.
+
+        Raises:
+            DamagedError: as `collect`.
+        """
+        any(self._read(path, bag, record, salvage) for record in bag.records({topic}))
+
+    def _read(self, path: Path, bag: Bag, record: Record, salvage: bool) -> bool:
+        try:
+            message = decoder(bag.ros1)(record.data, record.msgtype)
+        except Exception as error:  # the library's parsers raise what they stumble over
+            if not salvage:
+                raise DamagedError(
+                    f"{path}: a message of {record.topic} cannot be read; --salvage leaves it out"
+                ) from error
+            self.bad += 1
+            return False
+        self._take(record, message)
+        return True
 
     def _take(self, record: Record, message: Any) -> None:
         if record.msgtype in TFS:
             self.transforms.add(message, record.topic.endswith("static"))
         elif record.msgtype in self.types.get(record.topic, ()):
-            self.rows[record.topic].append(_row(record, message))
+            self.rows[record.topic] += _rows(record, message)
 
     def frame(self, topic: str) -> str:
         """The frame that most messages of a topic name."""
@@ -90,18 +108,32 @@ class Messages:
     def track(self, topic: str) -> Track | None:
         """Poses, or turn rates about three axes, over time; what is not finite is left out."""
         rows = self.rows[topic]
-        values = np.array([row.values for row in rows], np.float64).reshape(-1, 3)
-        whole = (np.abs(values) < FAR).all(axis=1)
+        values, whole = _numbers(rows)
         return Track(_stamps(rows)[whole], values[whole]) if whole.any() else None
+
+    def broken(self, topic: str) -> int:
+        """How many messages of a topic `track` leaves out."""
+        return int((~_numbers(self.rows[topic])[1]).sum())
 
     def unstamped(self, topic: str) -> bool:
         """Whether no header of the topic has a stamp, so that the time of receiving stands in."""
         return not any(row.sent for row in self.rows[topic])
 
 
-def _row(record: Record, message: Any) -> Row:
+def _rows(record: Record, message: Any) -> list[Row]:
+    """What a message says: one row, but of a path one for each pose."""
+    received = 1e-9 * record.received
+    if record.msgtype == PATH:
+        return [Row(seconds(p.header.stamp), received, "", _pose(p.pose)) for p in message.poses]
     frame, values = READ[record.msgtype](message)
-    return Row(seconds(message.header.stamp), 1e-9 * record.received, frame, values)
+    return [Row(seconds(message.header.stamp), received, frame, values)]
+
+
+def _numbers(rows: list[Row]) -> tuple[Floats, NDArray[np.bool_]]:
+    """The values (n, 3) of rows, and which of them can be."""
+    values: Floats = np.array([row.values for row in rows], np.float64).reshape(-1, 3)
+    whole: NDArray[np.bool_] = np.all(np.abs(values) < FAR, axis=1)
+    return values, whole
 
 
 def _stamps(rows: list[Row]) -> Floats:

@@ -1,17 +1,18 @@
-"""Trajectories: csv (t,x,y,theta) and the TUM format that evo and others read."""
+"""Trajectories: TUM, as evo and others have it, and csv, written and read; and those in bags."""
 
 from __future__ import annotations
 
-import gzip
-import zlib
 from pathlib import Path
 
 import numpy as np
 
+from slams.formats import pose_tables, rosbag
+from slams.formats.kind import BAGS, binary_kind_of, is_bag_folder, kind_of
+from slams.formats.options import SourceOptions
+from slams.scanlog import Track
 from slams.types import Floats
 
-GZIP = b"\x1f\x8b"
-BOM = b"\xef\xbb\xbf"  # that spreadsheets put before a csv
+DISORDER = 0.1  # share of stamps before the one ahead of them that is still a recording
 
 
 def write_csv(path: str | Path, t: Floats, poses: Floats) -> None:
@@ -32,6 +33,90 @@ def write_tum(path: str | Path, t: Floats, poses: Floats) -> None:
     np.savetxt(path, table, fmt="%.9f", header="t x y z qx qy qz qw")
 
 
+def read_trajectory(
+    spec: str | Path, log_path: str | Path | None = None, options: SourceOptions | None = None
+) -> Track:
+    """A trajectory that any program wrote: a file, or a topic or tf frame of the log's bag.
+
+    What `spec` names is looked for in this order ("/name" is never a file of the folder one is
+    in, so it always gets the topic or frame):
+
+    1. A file: TUM or csv, plain or packed by gzip; or a bag that is itself a result, such as
+       result.mcap: its poses on /pose, else those of base_link in map by its transforms.
+    2. A topic of the bag `log_path`: Odometry, PoseStamped, PoseWithCovarianceStamped, or the
+       last message of a Path. Poses of another frame than the log's base are carried to it.
+    3. A tf frame of that bag, mostly "map": the log's base in it through all frames between, at
+       the stamps of the one among them that has most. The others are interpolated as by tf, x and
+       y linearly and the heading the short way round, and nothing is extrapolated: no pose before
+       the first or after the last stamp of any of them.
+
+    Args:
+        spec: what to read.
+        log_path: the log that the trajectory belongs to.
+        options: how the log was read; its `base_frame` and `scan_topic` say what the base is.
+
+    Returns:
+        Stamps (n,) [s] and poses (n, 3), n >= 2, all finite. Stamps ascend: they are put in order,
+        and of equal ones the first recorded counts, as in tf.
+
+    Raises:
+        OSError: there is no such file, or it cannot be opened.
+        ValueError: there is no such topic or frame, or what it has is no trajectory: fewer than
+            two stamps, poses that are not finite, stamps in no order. The sentence says which.
+    """
+    name, options = str(spec), options or SourceOptions()
+    if is_file(name):
+        return _in_order(name, read_track(Path(name), options.salvage))
+    kind = None if log_path is None else kind_of(Path(log_path))
+    if log_path is None or kind not in BAGS:
+        raise _no_such(name, log_path)
+    track = rosbag.read_track(Path(log_path), kind, name, options)
+    return _in_order(f"{log_path}: {name}", track)
+
+
+def read_track(path: Path, salvage: bool = False) -> Track:
+    """The poses of a file of any kind, as recorded: TUM, csv, or a bag that is itself a result.
+
+    Raises:
+        OSError: the file cannot be opened.
+        ValueError: it is none of them; the sentence says what was found.
+    """
+    kind = binary_kind_of(path)
+    if kind is None:
+        return Track(*read(path))
+    if kind not in BAGS:
+        raise ValueError(f"{path}: got an {kind} file, expected a trajectory: TUM, csv or a bag")
+    return rosbag.read_track(path, kind, None, SourceOptions(salvage=salvage))
+
+
+def is_file(spec: str) -> bool:
+    """Whether a trajectory's name is that of a file, or of the folder of a ROS 2 bag.
+
+    Raises:
+        OSError: a folder cannot be looked into.
+    """
+    path = Path(spec)
+    return path.is_file() or (path.is_dir() and is_bag_folder(path))
+
+
+def read(path: str | Path) -> tuple[Floats, Floats]:
+    """A TUM or csv file, by its content: t (n,) and poses (n, 3), all finite.
+
+    Raises:
+        OSError: the file cannot be opened.
+        ValueError: it is neither; the sentence says what was found.
+    """
+    t, poses = pose_tables.read(path)
+    if not len(t):
+        raise ValueError(f"{path}: got no poses, expected a trajectory")
+    broken = int((~np.isfinite(np.column_stack([t, poses]))).any(axis=1).sum())
+    if broken:
+        raise ValueError(
+            f"{path}: {broken} of {len(t)} poses are not finite or no rotation, expected numbers"
+        )
+    return t, poses
+
+
 def read_tum(path: str | Path) -> tuple[Floats, Floats]:
     """Read `t x y z qx qy qz qw` lines: t (n,) and the poses (n, 3) in the plane.
 
@@ -39,56 +124,36 @@ def read_tum(path: str | Path) -> tuple[Floats, Floats]:
         OSError: the file cannot be opened.
         ValueError: the file has other columns.
     """
-    table = _table(path, None, "t x y z qx qy qz qw", 8)
-    x, y, z, w = table[:, 4:].T
-    with np.errstate(over="ignore", invalid="ignore"):  # no rotation; `read` finds the nan
-        yaw = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    return table[:, 0], np.column_stack([table[:, 1:3], yaw])
-
-
-def read(path: str | Path) -> tuple[Floats, Floats]:
-    """A trajectory file of either kind: t (n,) and poses (n, 3), all finite.
-
-    Raises:
-        OSError: the file cannot be opened.
-        ValueError: it is neither; the sentence says what was found.
-    """
-    first = next(iter(_lines(path)), "")
-    t, poses = (read_csv if "," in first else read_tum)(path)
-    if not len(t) or not (np.isfinite(t).all() and np.isfinite(poses).all()):
-        raise ValueError(f"{path}: got no poses or such that are not finite, expected a trajectory")
-    return t, poses
+    return pose_tables.tum(path, pose_tables.lines_of(path))
 
 
 def read_csv(path: str | Path) -> tuple[Floats, Floats]:
-    """Read what `write_csv` wrote: t (n,) and poses (n, 3).
+    """Read what `write_csv` wrote, or a csv whose header names such columns otherwise.
 
     Raises:
+        OSError: the file cannot be opened.
         ValueError: the file has other columns.
     """
-    table = _table(path, ",", "t,x,y,theta", 4)
-    return table[:, 0], table[:, 1:]
+    return pose_tables.csv(path, pose_tables.lines_of(path))
 
 
-def _table(path: str | Path, delimiter: str | None, columns: str, n: int) -> Floats:
-    """The numbers of a file (k, n)."""
-    rows = [line.split(delimiter) for line in _lines(path)]
-    wrong = next((row for row in rows if len(row) != n), None)
-    if wrong is not None:
-        raise ValueError(f"{path}: got {len(wrong)} columns, expected {columns}")
-    try:
-        return np.array(rows, np.float64).reshape(-1, n)
-    except ValueError as error:
-        raise ValueError(f"{path}: not lines of {columns} ({error})") from error
+def _in_order(what: str, track: Track) -> Track:
+    """Stamps ascending, the first of equal ones; at least two of them."""
+    back = int((np.diff(track.t) < 0.0).sum())
+    if back > DISORDER * len(track.t):
+        raise ValueError(
+            f"{what}: {back} of {len(track.t)} stamps lie before the one ahead of them; expected "
+            "poses in the order of time"
+        )
+    t, first = np.unique(track.t, return_index=True)
+    if len(t) < 2:
+        raise ValueError(
+            f"{what}: got {len(track.t)} poses at one stamp ({t[0]:.6g} s), expected a trajectory"
+        )
+    return Track(t, track.values[first])
 
 
-def _lines(path: str | Path) -> list[str]:
-    """All lines but the empty ones and those that begin with # or t: comments and column names."""
-    data = Path(path).read_bytes()
-    if data.startswith(GZIP):
-        try:
-            data = gzip.decompress(data)
-        except (OSError, EOFError, zlib.error) as error:
-            raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
-    text = data.removeprefix(BOM).decode("latin-1")
-    return [line for line in text.split("\n") if line.strip()[:1] not in "#t"]
+def _no_such(name: str, log_path: str | Path | None) -> FileNotFoundError:
+    what = "a directory without a bag" if Path(name).is_dir() else "no such file"
+    log = "without a bag there are" if log_path is None else f"{log_path} is no bag, it has"
+    return FileNotFoundError(f"{name}: {what}; {log} no topics and frames")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 import numpy as np
 
 from slams.formats.occupancy import PATH_COLOR, START_COLOR, UNKNOWN, Pixels
-from slams.scene import Scene
+from slams.watch.scene import Scene
 
 if TYPE_CHECKING:
     from slams.types import Floats, OccupancyGrid, Pose2, Scan, Slam

@@ -11,9 +11,9 @@ import pytest
 from PIL import Image
 
 from slams import run as slams_run
-from slams import scene, video, view
 from slams.registry import find
 from slams.types import OccupancyGrid, Pose2
+from slams.watch import scene, video, view
 from tests.rooms import ROOM, cast, drive, laser, way
 
 
@@ -215,8 +215,8 @@ def test_a_pose_that_is_none_is_told_by_the_replay(log_file, tmp_path, capsys, m
 
 
 def test_timing_does_not_count_the_film(log_file, tmp_path):
+    from slams import load
     from slams.player import replay
-    from slams.scanlog import load
 
     spent = []
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from slams.formats.occupancy import UNKNOWN
-from slams.scene import Scene
+from slams.watch.scene import Scene
 
 if TYPE_CHECKING:
     from slams.types import Pose2, Scan, Slam

@@ -13,8 +13,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from slams.launch import read_node
 from slams.params import Params, RosNames
+from slams.ros.launch import read_node
 
 P = TypeVar("P", bound=Params)
 

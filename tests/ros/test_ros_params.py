@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from slams import launch, ros_params
 from slams.registry import BASELINES, BUILT_IN, find
+from slams.ros import launch, ros_params
 
 ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slams.launch import read_node
+from slams.ros.launch import read_node
 from tests.test_formats_fuzz import CASES, mutated, refused_in_a_sentence
 
 NODES, KNOWN = ("gmapping", "slam_gmapping"), ("delta", "particles", "xmin")

@@ -1,0 +1,88 @@
+"""What kind of recording a file is, found out by its content alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from slams.formats import breezy, carmen
+from slams.formats.packed import GZIP, unpacked
+
+KNOWN = "an npz file, a ROS bag, a CARMEN log or a BreezySLAM .dat"
+HEAD = 1 << 16
+MAGIC = {
+    b"PK": "npz",
+    b"#ROSBAG V2.0\n": "bag",
+    b"\x89MCAP0\r\n": "mcap",
+    b"SQLite format 3\0": "db3",
+}
+BAGS = ("bag", "mcap", "db3", "folder")
+OLD_BAG = b"#ROS"
+PACKED = {b"\x28\xb5\x2f\xfd": "zstd -d", b"BZh": "bunzip2", b"\xfd7zXZ\0": "unxz"}
+
+
+def kind_of(path: Path) -> str:
+    """npz, bag, mcap, db3, folder (of a ROS 2 bag), carmen or breezy.
+
+    Raises:
+        OSError: the file cannot be opened.
+        ValueError: it is none of them.
+    """
+    kind, head = _binary_kind(path)
+    return kind or _kind_of_text(path, head)
+
+
+def binary_kind_of(path: Path) -> str | None:
+    """npz, bag, mcap, db3 or folder; None for text, be it packed by gzip.
+
+    Raises:
+        OSError: the file cannot be opened.
+        ValueError: it is packed in another way, too old a bag, or a folder without one.
+    """
+    return _binary_kind(path)[0]
+
+
+def is_bag_folder(path: Path) -> bool:
+    """Whether a folder holds a ROS 2 bag.
+
+    Raises:
+        OSError: it cannot be looked into.
+    """
+    names = [item.name for item in path.iterdir()]  # glob finds nothing where it may not look
+    return any(name == "metadata.yaml" or name.endswith((".mcap", ".db3")) for name in names)
+
+
+def _binary_kind(path: Path) -> tuple[str | None, bytes]:
+    """The kind, None for text; and the start of the file, unpacked."""
+    if path.is_dir():
+        if is_bag_folder(path):
+            return "folder", b""
+        raise ValueError(f"{path}: is a directory without a ROS 2 bag (metadata.yaml, .mcap, .db3)")
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    for magic, kind in MAGIC.items():
+        if head.startswith(magic):
+            return kind, head
+    for magic, command in PACKED.items():
+        if head.startswith(magic):
+            raise _packed(path, command)
+    if head.startswith(OLD_BAG):
+        raise ValueError(f"{path}: a bag of a version before 2.0; 'rosbag fix' makes a new one")
+    if head.startswith(GZIP):
+        head = unpacked(head, HEAD)[0]
+        if head.startswith(tuple(MAGIC)):
+            raise _packed(path, "gunzip")
+    return None, head
+
+
+def _packed(path: Path, command: str) -> ValueError:
+    return ValueError(f"{path}: compressed as a whole; unpack it first: {command} {path.name}")
+
+
+def _kind_of_text(path: Path, head: bytes) -> str:
+    text = head.decode("latin-1")
+    if carmen.is_carmen(text):
+        return "carmen"
+    if breezy.is_breezy(text):
+        return "breezy"
+    given = "" if head else "empty; "
+    raise ValueError(f"{path}: {given}not {KNOWN}")

@@ -1,0 +1,29 @@
+"""What a user chooses about a recorded file, and the error that says it is not whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SourceOptions:
+    """What to take from a recorded file; None = decided by what is in it.
+
+    `scan_topic` names the laser (a topic, or a CARMEN message such as RLASER), `odom` an odometry
+    topic or TF frame, `imu` a topic, `truth` a trajectory file, a topic or a TF frame; "none" does
+    without. `base_frame` is the TF frame that poses are of. `first_beam` [deg] is the direction of
+    the first reading where the file does not tell it. `salvage` reads what is whole in a damaged
+    file instead of refusing it.
+    """
+
+    scan_topic: str | None = None
+    odom: str | None = None
+    imu: str | None = None
+    truth: str | None = None
+    base_frame: str | None = None
+    first_beam: float | None = None
+    salvage: bool = False
+
+
+class DamagedError(ValueError):
+    """The file is cut short or corrupt; what is whole in it can perhaps be salvaged."""

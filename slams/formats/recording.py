@@ -1,0 +1,250 @@
+"""One bag on its way to a log or a track: topics, then messages, then frames, then tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag
+from slams.formats.frames import BASES, bare, moved, planar
+from slams.formats.options import SourceOptions
+from slams.formats.packed import name_of
+from slams.formats.ros_messages import Messages
+from slams.formats.sweep import Sweep, common, usable
+from slams.formats.topics import Topics, listed, match, some
+from slams.scanlog import ScanLog, Track
+from slams.types import IDENTITY, Floats, Pose2
+
+KIND = {"bag": "ROS 1 bag", "mcap": "ROS 2 mcap", "db3": "ROS 2 db3", "folder": "ROS 2 bag"}
+RESULT, MAP = "/pose", "map"  # where the poses of a result stand
+
+
+class Recording:
+    """A bag as it is read; `notes` are what the user should be told."""
+
+    def __init__(self, path: Path, kind: str, bag: Bag, options: SourceOptions) -> None:
+        self.path, self.kind, self.bag, self.options = path, kind, bag, options
+        self.notes: list[str] = []
+        self.topics = Topics(path, bag.topics, options, self.notes)
+        self.wanted: str | None = options.truth
+        self.strict = False  # transforms as tf has them
+
+    def log(self) -> ScanLog:
+        """The whole way."""
+        self.roles = self.topics.roles()
+        self._collect()
+        self.base = self._base_frame()
+        mount, flipped = self._mount()
+        t, ranges, laser = common(self._sweeps(), mount, flipped, self.notes)
+        odom, odometry = self._odometry()
+        truth, true_source = self._truth()
+        rate = self._yaw_rate()
+        source = {
+            "format": KIND[self.kind],
+            "file": self.path.resolve().name,
+            "scans": self.roles.scan,
+            "odometry": odometry,
+            "yaw_rate": self.roles.imu if rate else None,
+            "truth": true_source,
+            "base_frame": self.base,
+        }
+        meta = {"name": name_of(self.path), "source": source}
+        return ScanLog(t, ranges, laser, odom, truth, rate, meta, tuple(self.notes))
+
+    def track(self, wanted: str | None) -> Track:
+        """The poses on a topic, or of the log's base in a frame as tf has them; None: a result's.
+
+        Raises:
+            ValueError: there is no such topic or frame, or it has no poses.
+        """
+        topic = match(wanted or RESULT, self.topics.of(POSES))
+        if topic and not (wanted and match(topic, self.topics.of((ODOMETRY,)))):
+            self.messages = Messages({topic: POSES})
+            self._take([topic])
+            return self._whole(self.messages.track(topic), topic)
+        if wanted is None:
+            return self._of_base_in_map()
+        self.wanted, self.strict = wanted, True
+        self.roles = self.topics.roles()._replace(imu=None, truth=topic)
+        self._collect(scans=False)
+        self.base = self._base_frame()
+        return self._whole(*self._truth())
+
+    def _of_base_in_map(self) -> Track:
+        """The base in the map, by transforms alone."""
+        self.messages = Messages({})
+        self._take(self._tf())
+        for base in BASES:
+            track = self.messages.transforms.moving(MAP, base, strict=True)
+            if track is not None:
+                return track
+        raise ValueError(
+            f"{self.path}: neither poses on {RESULT} nor transforms from {MAP} to {BASES[0]}; "
+            f"{self._there_is()}"
+        )
+
+    def _whole(self, track: Track | None, source: str | None) -> Track:
+        """The track, unless there is none or poses of its topic are broken."""
+        broken = self.messages.broken(source) if source in self.messages.rows else 0
+        if track is None or broken:
+            what = f"{broken} poses are not finite" if broken else "there are no poses"
+            raise ValueError(f"{self.path}: {source}: {what}; expected a trajectory")
+        return track
+
+    def _there_is(self) -> str:
+        """What could be a trajectory."""
+        topics, frames = self.topics.of(POSES), self.messages.transforms.frames
+        return f"topics: {listed(topics) or 'none'}; frames: {some(frames) or 'none'}"
+
+    # messages
+
+    def _collect(self, scans: bool = True) -> None:
+        """Read what the roles ask for; the moving transforms only where they are needed.
+
+        Without the scans what matters of them and of the odometry is the frame.
+        """
+        types = (SCANS, (ODOMETRY,), (IMU,), POSES)
+        roles = zip(self.roles, types, strict=True)
+        self.messages = Messages({topic: allowed for topic, allowed in roles if topic})
+        tf, topics = self._tf(), set(self.messages.types)
+        static = {name for name in tf if name.endswith("static")}
+        frames = set() if scans else topics - {self.roles.truth}
+        for topic in sorted(frames):
+            self.messages.collect_first(self.path, self.bag, topic, self.options.salvage)
+        self._take(static | (topics - frames))
+        if not self._knows_its_frames():
+            self._take(tf - static)
+        if self.messages.bad:
+            self.notes.append(f"{self.messages.bad} messages cannot be read and are left out")
+
+    def _tf(self) -> set[str]:
+        return {topic.name for topic in self.topics.of(TFS)}
+
+    def _take(self, topics: Collection[str]) -> None:
+        self.messages.collect(self.path, self.bag, topics, self.options.salvage)
+
+    def _knows_its_frames(self) -> bool:
+        """Whether odometry, truth and mount can do without the moving transforms."""
+        roles, options = self.roles, self.options
+        if roles.odom is None and options.odom != "none":
+            return False
+        if self.wanted not in (None, "none") and roles.truth is None:
+            return False
+        base = options.base_frame or (self.messages.frame(roles.odom) if roles.odom else "")
+        return bool(base) and self._fixed(base, self.messages.frame(roles.scan)) is not None
+
+    def _sweeps(self) -> list[Sweep]:
+        sweeps = self.messages.sweeps(self.roles.scan)
+        good = [sweep for sweep in sweeps if usable(sweep.geometry)]
+        if len(good) < len(sweeps):
+            left_out = len(sweeps) - len(good)
+            self.notes.append(f"{left_out} scans without beams or angles are left out")
+        if not good:
+            raise ValueError(f"{self.path}: no scan of {self.roles.scan} has beams")
+        if self.messages.unstamped(self.roles.scan):
+            self.notes.append("scans have no stamps; the times of recording stand in")
+        return good
+
+    # frames
+
+    def _fixed(self, base: str, frame: str) -> Floats | None:
+        return self.messages.transforms.fixed(base, frame)
+
+    def _base_frame(self) -> str:
+        """The frame that poses are of: asked for, else the odometry's, else base_link or so."""
+        laser = self.messages.frame(self.roles.scan)
+        wanted = self.options.base_frame
+        if wanted is not None:
+            if self._fixed(wanted, laser) is None:
+                raise ValueError(
+                    f"{self.path}: --base-frame: {wanted} is not fixed to the laser's frame "
+                    f"{laser}; frames: {some(self.messages.transforms.frames) or 'none'}"
+                )
+            return bare(wanted)
+        above = self.messages.transforms.ancestors(laser)
+        odom = self.messages.frame(self.roles.odom) if self.roles.odom else ""
+        usual = [odom] if odom and self._fixed(odom, laser) is not None else []
+        usual += [frame for base in BASES for frame in above if frame.rpartition("/")[2] == base]
+        if not usual and len(above) > 2:
+            raise ValueError(
+                f"{self.path}: the laser's frame {laser} hangs on {len(above) - 1} frames, "
+                f"--base-frame picks one: {some(above[1:])}"
+            )
+        return usual[0] if usual else above[-1]
+
+    def _mount(self) -> tuple[Pose2, bool]:
+        """The laser in the base, and whether it is upside down."""
+        laser = self.messages.frame(self.roles.scan)
+        matrix = self._fixed(self.base, laser)
+        if matrix is None or self.base == laser:
+            self.notes.append(
+                f"no transform from a base to the laser's frame '{laser}'; the laser is taken as "
+                "the base"
+            )
+            return IDENTITY, False
+        return planar(matrix, "the laser", self.notes)
+
+    # tracks
+
+    def _odometry(self) -> tuple[Track | None, str | None]:
+        wanted, topic = self.options.odom, self.roles.odom
+        if topic is not None:
+            return self._at_base(topic), topic
+        if wanted == "none":
+            return None, None
+        if wanted is not None:
+            return self._moving(wanted, "--odom"), f"tf {wanted}"
+        frames = [f for f in self.messages.transforms.above(self.base) if "odom" in f.lower()]
+        if len(frames) > 1:
+            raise ValueError(
+                f"{self.path}: {len(frames)} odometry frames, --odom picks one (or none): "
+                f"{some(frames)}"
+            )
+        if not frames:
+            return None, None
+        return self._moving(frames[0], "--odom"), f"tf {frames[0]}"
+
+    def _truth(self) -> tuple[Track | None, str | None]:
+        """From a topic or a frame, in this order; files are read elsewhere."""
+        wanted, topic = self.wanted, self.roles.truth
+        if topic is not None:
+            return self._at_base(topic), topic
+        if wanted is None or (wanted == "none" and not self.strict):
+            return None, None
+        flag = "--trajectory" if self.strict else "--truth"
+        if bare(wanted) in self.messages.transforms.frames:
+            return self._moving(wanted, flag, self.strict), f"tf {wanted}"
+        raise ValueError(
+            f"{self.path}: {flag}: {wanted} is no topic, frame or file; {self._there_is()}"
+        )
+
+    def _at_base(self, topic: str) -> Track | None:
+        """A topic's poses, carried from the frame they are of to the base."""
+        track = self.messages.track(topic)
+        matrix = self._fixed(self.messages.frame(topic), self.base)
+        if track is None or matrix is None or self.messages.frame(topic) == self.base:
+            return track
+        return moved(track, planar(matrix, "the base", self.notes)[0])
+
+    def _moving(self, frame: str, flag: str, strict: bool = False) -> Track:
+        track = self.messages.transforms.moving(frame, self.base, strict)
+        if track is None:
+            found = some(self.messages.transforms.above(self.base)) or "none"
+            raise ValueError(
+                f"{self.path}: {flag}: {frame} is no topic and no frame above {self.base}; "
+                f"such frames: {found}"
+            )
+        return track
+
+    def _yaw_rate(self) -> Track | None:
+        """The gyro's turn rate about the base's upright axis."""
+        topic = self.roles.imu
+        track = self.messages.track(topic) if topic else None
+        if topic is None or track is None:
+            return None
+        frame = self.messages.frame(topic)
+        matrix = self._fixed(self.base, frame)
+        if matrix is None:
+            self.notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
+            return Track(track.t, track.values[:, 2].copy())
+        return Track(track.t, track.values @ matrix[2, :3])

@@ -1,0 +1,124 @@
+"""Which topics of a bag are taken for what: the one asked for, else the only one of its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TRUTHS, Topic
+from slams.formats.options import SourceOptions
+
+FEW = 12  # names that a sentence lists
+
+
+class Roles(NamedTuple):
+    """Topics by what they are taken for."""
+
+    scan: str
+    odom: str | None
+    imu: str | None
+    truth: str | None
+
+
+class Topics:
+    """The topics of a bag that have messages; `notes` get what a user should be told."""
+
+    def __init__(
+        self, path: Path, topics: Iterable[Topic], options: SourceOptions, notes: list[str]
+    ) -> None:
+        self.path, self.options, self.notes = path, options, notes
+        self.found = [topic for topic in topics if topic.messages and topic.name]
+
+    def roles(self) -> Roles:
+        """What is taken for what.
+
+        Raises:
+            ValueError: there are no scans, or a choice is left open.
+        """
+        scan = self._scan_topic()
+        truth = self._truth_topic()
+        return Roles(scan, self._odom_topic(truth), self._imu_topic(), truth)
+
+    def of(self, types: Collection[str]) -> list[Topic]:
+        """Topics of these message types."""
+        return [topic for topic in self.found if topic.msgtype in types]
+
+    def _scan_topic(self) -> str:
+        found, wanted = self.of(SCANS), self.options.scan_topic
+        if wanted is not None:
+            return self._named(wanted, found, "--scan-topic", "laser scans")
+        if not found:
+            hint = "expected sensor_msgs/LaserScan or MultiEchoLaserScan"
+            raise ValueError(f"{self.path}: no laser scans; {hint}; its topics: {self._all()}")
+        if len(found) > 1:
+            raise self._choice("laser scan topics", "--scan-topic", found)
+        return found[0].name
+
+    def _truth_topic(self) -> str | None:
+        """The topic asked for, if it is one; else the only one that calls itself truth."""
+        wanted = self.options.truth
+        if wanted is not None:
+            return match(wanted, self.of(POSES))
+        named = [topic.name for topic in self.of(TRUTHS) if "truth" in topic.name.lower()]
+        if len(named) != 1:
+            return None
+        self.notes.append(f"{named[0]} is taken as the truth (--truth none does without)")
+        return named[0]
+
+    def _odom_topic(self, truth: str | None) -> str | None:
+        """The topic asked for, if it is one; else the only one."""
+        found, wanted = self.of((ODOMETRY,)), self.options.odom
+        if wanted is not None:
+            return match(wanted, found)
+        found = [topic for topic in found if topic.name != truth]
+        if len(found) > 1:
+            raise self._choice("odometry topics", "--odom", found, " (or none)")
+        return found[0].name if found else None
+
+    def _imu_topic(self) -> str | None:
+        """The topic asked for or the only one; the gyro is no need, so several are none."""
+        found, wanted = self.of((IMU,)), self.options.imu
+        if wanted == "none":
+            return None
+        if wanted is not None:
+            return self._named(wanted, found, "--imu", "IMU messages")
+        if len(found) > 1:
+            self.notes.append(
+                f"{len(found)} IMU topics, none is used; --imu picks one: {listed(found)}"
+            )
+        return found[0].name if len(found) == 1 else None
+
+    def _named(self, wanted: str, found: Sequence[Topic], flag: str, what: str) -> str:
+        name = match(wanted, found)
+        if name is None:
+            raise ValueError(
+                f"{self.path}: {flag}: no {what} on {wanted}; there are: {listed(found) or 'none'}"
+            )
+        return name
+
+    def _choice(self, what: str, flag: str, found: Sequence[Topic], more: str = "") -> ValueError:
+        return ValueError(
+            f"{self.path}: {len(found)} {what}, {flag} picks one{more}: {listed(found)}"
+        )
+
+    def _all(self) -> str:
+        names = [f"{topic.name} ({topic.msgtype}, {topic.messages})" for topic in self.found]
+        return some(names) or "none"
+
+
+def match(wanted: str, found: Sequence[Topic]) -> str | None:
+    """A topic by its name, with or without the slash in front."""
+    names = [topic.name for topic in found]
+    return next((name for name in (wanted, f"/{wanted}") if name in names), None)
+
+
+def listed(found: Sequence[Topic]) -> str:
+    """Topics with how many messages they have."""
+    return some([f"{topic.name} ({topic.messages})" for topic in found])
+
+
+def some(names: Sequence[str]) -> str:
+    """The first names of a list, and how many more there are."""
+    more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
+    return ", ".join(names[:FEW]) + more

@@ -1,0 +1,1 @@
+"""What ROS nodes are set up with: launch and parameter files, taken over to our parameters."""

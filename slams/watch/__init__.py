@@ -1,0 +1,1 @@
+"""Watching a run: films, the viewer rerun, and the scene both draw."""

@@ -1,0 +1,340 @@
+"""Trajectories that other programs wrote: files, topics and frames, read by one function."""
+
+import gzip
+import math
+
+import numpy as np
+import pytest
+
+import slams
+from slams.formats import mcap, trajectory
+from slams.formats.options import SourceOptions
+from slams.formats.trajectory import read_trajectory
+from slams.types import Pose2
+from tests import bags
+from tests.rooms import drive
+
+N = 20
+T = 1.6e9 + 0.1 * np.arange(N)
+WAY = np.stack([0.1 * np.arange(N), 0.02 * np.arange(N), 0.3 * np.arange(N)], axis=1)
+WAY[:, 2] = (WAY[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
+MOUNT = ("base_link", "laser", (0.2, -0.1, 0.3), 0.5, 0.0)
+
+
+def same(track, t=T, poses=WAY, tolerance=1e-6):
+    assert track.t == pytest.approx(np.asarray(t), abs=1e-6)
+    error = track.values - poses
+    error[:, 2] = (error[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
+    assert np.abs(error).max() < tolerance
+
+
+def refused(spec, log=None, error=ValueError, **options):
+    with pytest.raises(error) as caught:
+        read_trajectory(spec, log, SourceOptions(**options))
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+# files
+
+
+@pytest.mark.parametrize("write", [trajectory.write_tum, trajectory.write_csv])
+@pytest.mark.parametrize("packed", [False, True])
+def test_what_we_write_reads_back(write, packed, tmp_path):
+    path = tmp_path / "run"
+    write(path, T, WAY)
+    if packed:
+        path.write_bytes(gzip.compress(path.read_bytes()))
+    same(read_trajectory(path))
+    same(read_trajectory(str(path)))
+
+
+def test_tum_written_by_evo(tmp_path):
+    evo = pytest.importorskip("evo.core.trajectory")
+    file_interface = pytest.importorskip("evo.tools.file_interface")
+    half, zero = 0.5 * WAY[:, 2], np.zeros(N)
+    made = evo.PoseTrajectory3D(
+        np.column_stack([WAY[:, :2], zero]),
+        np.column_stack([np.cos(half), zero, zero, np.sin(half)]),
+        T,
+    )
+    file_interface.write_tum_trajectory_file(tmp_path / "evo.tum", made)
+    same(read_trajectory(tmp_path / "evo.tum"))
+
+
+HEADERS = {
+    "t,x,y,theta": "txyh",
+    "time,x,y,yaw": "txyh",
+    "timestamp [s], x [m], y [m], heading [rad]": "txyh",
+    "t_s,x_m,y_m,yaw_rad": "txyh",
+    "x,y,theta,t": "xyht",
+    '"yaw","x","y","Time"': "hxyt",
+    "# stamp,yaw,x,y": "thxy",
+    "# made by a robot\n# t,x,y,theta,score": "txyhn",
+    "seq,time,x,y,z,yaw,quality": "ntxynhn",
+    "timestamp,tx,ty,tz,qx,qy,qz,qw": "txy000sc",
+    "time,pose.position.x,pose.position.y,pose.position.z,pose.orientation.x,"
+    "pose.orientation.y,pose.orientation.z,pose.orientation.w": "txy000sc",
+}
+
+
+def table(letters):
+    columns = {"t": T, "x": WAY[:, 0], "y": WAY[:, 1], "h": WAY[:, 2], "n": np.arange(N)}
+    columns |= {"0": np.zeros(N), "s": np.sin(0.5 * WAY[:, 2]), "c": np.cos(0.5 * WAY[:, 2])}
+    rows = np.column_stack([columns[letter] for letter in letters])
+    return "\n".join(",".join(f"{value:.9f}" for value in row) for row in rows) + "\n"
+
+
+@pytest.mark.parametrize("header", HEADERS)
+def test_a_csv_is_read_by_the_names_of_its_columns(header, tmp_path):
+    (tmp_path / "run.csv").write_text(f"{header}\n{table(HEADERS[header])}")
+    same(read_trajectory(tmp_path / "run.csv"))
+
+
+def test_a_csv_with_words_beside_the_poses(tmp_path):
+    (tmp_path / "run.csv").write_text("t,frame,x,y,theta\n0,map,1,2,3\n1,map,4,5,-3\n")
+    same(read_trajectory(tmp_path / "run.csv"), [0.0, 1.0], [[1, 2, 3], [4, 5, -3]])
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "got no poses, expected a trajectory"),
+        ("x,y,yaw\n1,2,3\n", "got columns 'x,y,yaw', expected t,x,y,theta"),
+        ("t [ns],x,y,yaw\n1,2,3,4\n", "got columns 't [ns],x,y,yaw', expected t,x,y,theta"),
+        ("t,x,y,yaw,theta\n1,2,3,4,4\n", "got columns 't,x,y,yaw,theta', expected"),
+        ("t,x,y,yaw\n1,2,3\n", "got 3 columns, expected t,x,y,theta"),
+        ("1 2 3 0 0 0 0 1\n", "got 1 poses at one stamp (1 s), expected a trajectory"),
+        ("1 2 3 0 0 0 0 1\n" * 3, "got 3 poses at one stamp (1 s), expected a trajectory"),
+        ("1 2 3 0 0 0 0 1\n2 nan 3 0 0 0 0 1\n", "1 of 2 poses are not finite or no rotation"),
+        ("1 2 3 0 0 0 0 1\n2 2 3 0 0 0 0 0\n", "1 of 2 poses are not finite or no rotation"),
+        ("inf,2,3,0\n2,2,3,0\n", "1 of 2 poses are not finite"),
+        ("3,0,0,0\n2,0,0,0\n1,0,0,0\n", "2 of 3 stamps lie before the one ahead of them"),
+    ],
+)
+def test_a_file_that_is_no_trajectory(text, sentence, tmp_path):
+    (tmp_path / "run.txt").write_text(text)
+    assert refused(tmp_path / "run.txt").startswith(f"{tmp_path / 'run.txt'}: {sentence}")
+
+
+def test_stamps_are_put_in_order_and_of_equal_ones_the_first_counts(tmp_path):
+    t = np.array([*np.arange(20.0), 18.5, 3.0])
+    poses = np.column_stack([np.arange(22.0), np.zeros(22), np.zeros(22)])
+    trajectory.write_tum(tmp_path / "run.tum", t, poses)
+    read = read_trajectory(tmp_path / "run.tum")
+    assert read.t.tolist() == [*range(19), 18.5, 19.0]
+    assert read.values[[3, 19, 20], 0].tolist() == [3.0, 20.0, 19.0]
+
+
+def test_files_that_are_no_text(tmp_path):
+    drive(n=3).save(tmp_path / "log.npz")
+    assert "got an npz file, expected a trajectory: TUM, csv or a bag" in refused(
+        tmp_path / "log.npz"
+    )
+    (tmp_path / "run.zst").write_bytes(b"\x28\xb5\x2f\xfd123")
+    assert refused(tmp_path / "run.zst").endswith("unpack it first: zstd -d run.zst")
+    (tmp_path / "cut.gz").write_bytes(gzip.compress(b"1 2 3 0 0 0 0 1\n" * 9)[:-9])
+    assert "damaged or cut short" in refused(tmp_path / "cut.gz")
+
+
+# results that are bags
+
+
+@pytest.mark.parametrize("kept", ["poses", "transforms"])
+def test_our_own_result(kept, tmp_path):
+    log = drive(n=N)
+    grid = slams.OccupancyGrid(np.zeros((2, 2), np.float32), 0.05, (0.0, 0.0))
+    path = tmp_path / "result.mcap"
+    mcap.write_mcap(path, log, WAY, grid)
+    if kept == "transforms":  # the topic goes by another name
+        path.write_bytes(path.read_bytes().replace(b"/pose", b"/pise"))
+    same(read_trajectory(path), log.t)
+    same(slams.load(path, truth=str(path)).truth, log.t)
+
+
+def test_results_of_others(tmp_path):
+    same(read_trajectory(bags.write(tmp_path, "folder-mcap", recorded)), T[2:-1], WAY[2:-1])
+    still = [m for m in recorded(bags.Make(bags.ROS1)) if m[0] != "/tf"]
+    sentence = (
+        "neither poses on /pose nor transforms from map to base_link; topics: /slam_pose (20), "
+        "/amcl (20), /fused (20), /path (20); frames: base_link, laser, wheels"
+    )
+    assert sentence in refused(bags.write(tmp_path, "bag", lambda _: still))
+
+
+# topics and frames of the log's bag
+
+
+def recorded(make):
+    """Scans, and what SLAM programs say: poses on topics, and map -> odom -> base_link by tf.
+
+    /fused has the poses of a frame behind the base. map -> odom has stamps of its own, from the
+    third scan to the last but one.
+    """
+    wheels = ("base_link", "wheels", (-0.5, 0.0, 0.0), 0.0, 0.0)
+    messages = [("/tf_static", T[0], make.tf(T[0], MOUNT, wheels))]
+    rows = [(t, *pose) for t, pose in zip(T, WAY, strict=True)]
+    for k, row in enumerate(rows):
+        behind = Pose2(*WAY[k]) @ Pose2(-0.5, 0.0, 0.0)
+        messages += [
+            ("/scan", T[k] + 0.03, make.scan(T[k], np.ones(5))),
+            ("/slam_pose", T[k] + 0.05, make.posed(*row)),
+            ("/amcl", T[k] + 0.05, make.posed_with_covariance(*row)),
+            ("/fused", T[k] + 0.05, make.odometry(T[k], *behind, child="wheels", frame="map")),
+            ("/path", T[k] + 0.05, make.path(T[k], rows[: k + 1])),
+            ("/tf", T[k] + 0.01, transform(make, T[k], "odom", "base_link", odom(k))),
+        ]
+    corrections = np.linspace(T[2], T[-2], 7)
+    return messages + [("/tf", t, transform(make, t, "map", "odom", shift(t))) for t in corrections]
+
+
+def transform(make, t, parent, child, pose):
+    return make.tf(t, (parent, child, (pose.x, pose.y, 0.0), pose.theta, 0.0))
+
+
+def shift(t):
+    """The odom frame in the map: it drifts steadily, without turning."""
+    return Pose2(1.0 + 0.5 * (t - T[0]), -2.0, 0.7)
+
+
+def odom(k):
+    """The base in the odom frame, such that it is at WAY in the map."""
+    return shift(T[k]).inverse() @ Pose2(*WAY[k])
+
+
+@pytest.fixture(scope="module", params=["bag", "mcap"])
+def bag(request, tmp_path_factory):
+    return bags.write(tmp_path_factory.mktemp("bags"), request.param, recorded)
+
+
+TF = SourceOptions(odom="odom")  # for /fused is odometry, too
+
+
+@pytest.mark.parametrize("topic", ["/slam_pose", "slam_pose", "/amcl", "/fused", "/path"])
+def test_topics_of_every_type(topic, bag):
+    same(read_trajectory(topic, bag, TF))
+    same(slams.load(bag, truth=topic, odom="odom").truth)
+
+
+@pytest.mark.parametrize("frame", ["map", "/map"])
+def test_a_frame_is_composed_as_tf_would_and_not_extrapolated(frame, bag):
+    read = read_trajectory(frame, bag, TF)
+    same(read, T[2:-1], WAY[2:-1])
+    same(slams.load(bag, truth=frame, odom="odom").truth, T[2:-1], WAY[2:-1])
+
+
+def test_poses_are_of_the_base_that_the_log_has(bag):
+    base = SourceOptions(odom="odom", base_frame="wheels")
+    behind = [Pose2(*pose) @ Pose2(-0.5, 0.0, 0.0) for pose in WAY]
+    same(read_trajectory("/fused", bag, base), poses=behind)
+    same(read_trajectory("map", bag, base), T[2:-1], behind[2:-1])
+
+
+def test_a_program_that_stopped_gives_no_poses_after_its_end(tmp_path):
+    def messages(make):
+        every = [("/tf_static", T[0], make.tf(T[0], MOUNT))]
+        for k, t in enumerate(T):
+            every.append(("/scan", t, make.scan(t, np.ones(5))))
+            every.append(("/tf", t, transform(make, t, "odom", "base_link", Pose2(*WAY[k]))))
+            if 3 <= k < 9:  # it never corrected anything
+                every.append(("/tf", t, transform(make, t, "map", "odom", Pose2(5.0, 0.0, 0.0))))
+        return every
+
+    path = bags.write(tmp_path, "mcap", messages)
+    same(read_trajectory("map", path), T[3:9], WAY[3:9] + np.array([5.0, 0.0, 0.0]))
+
+
+def test_a_transform_sent_again_and_again_is_not_the_quickest(tmp_path):
+    def messages(make):
+        every = [("/tf_static", T[0], make.tf(T[0], MOUNT))]
+        for k, t in enumerate(T):
+            every.append(("/scan", t, make.scan(t, np.ones(5))))
+            every.append(("/tf", t, transform(make, t, "odom", "base_link", odom(k))))
+            sent = T[k - k % 10] if k < N - 1 else t  # two stamps that differ, five times each
+            every += [("/tf", t, transform(make, sent, "map", "odom", shift(sent)))] * 3
+        return every
+
+    same(read_trajectory("map", bags.write(tmp_path, "mcap", messages)))
+
+
+def test_of_a_path_the_last_message_counts_and_it_needs_stamps(tmp_path):
+    def messages(make):
+        rows = [(t, *pose) for t, pose in zip(T, WAY, strict=True)]
+        no_stamps = [(0.0, *row[1:]) for row in rows]
+        return [
+            ("/path", T[0], make.path(T[0], rows)),
+            ("/path", T[1], make.path(T[1], [(t, 9.0, *more) for t, _, *more in rows[:7]])),
+            ("/bare", T[0], make.path(T[0], no_stamps)),
+            ("/cleared", T[0], make.path(T[0], rows)),
+            ("/cleared", T[1], make.path(T[1], [])),
+        ]
+
+    path = bags.write(tmp_path, "bag", messages)
+    read = read_trajectory("/path", path)
+    assert (len(read.t), set(read.values[:, 0])) == (7, {9.0})
+    assert f"{path}: /bare: got 20 poses at one stamp" in refused("/bare", path)
+    assert f"{path}: /cleared: there are no poses" in refused("/cleared", path)
+
+
+def test_broken_poses_are_refused_not_left_out(tmp_path):
+    def messages(make):
+        xs = [*WAY[:-1, 0], math.nan]
+        return [("/p", t, make.posed(t, x, 0.0, 0.0)) for t, x in zip(T, xs, strict=True)]
+
+    path = bags.write(tmp_path, "mcap", messages)
+    assert refused("/p", path) == f"{path}: /p: 1 poses are not finite; expected a trajectory"
+
+
+def test_what_is_not_there_is_told_with_what_is(bag, tmp_path):
+    topics = "topics: /slam_pose (20), /amcl (20), /fused (20), /path (20)"
+    frames = "frames: base_link, laser, map, odom, wheels"
+    sentence = f"{bag}: --trajectory: nowhere is no topic, frame or file; {topics}; {frames}"
+    assert refused("nowhere", bag, odom="odom") == sentence
+    assert "none is no topic, frame or file" in refused("none", bag, odom="odom")
+    sentence = (
+        "--trajectory: laser is no topic and no frame above base_link; such frames: odom, map"
+    )
+    assert sentence in refused("laser", bag, odom="odom")
+
+
+def test_names_without_a_bag(tmp_path):
+    none = "nowhere: no such file; without a bag there are no topics and frames"
+    assert refused("nowhere", error=FileNotFoundError) == none
+    drive(n=3).save(tmp_path / "log.npz")
+    said = refused("/pose", tmp_path / "log.npz", error=FileNotFoundError)
+    assert said == f"/pose: no such file; {tmp_path}/log.npz is no bag, it has no topics and frames"
+    assert ": a directory without a bag;" in refused(tmp_path, error=FileNotFoundError)
+
+
+def test_a_file_goes_before_a_topic_and_a_slash_makes_it_the_topic(bag, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    trajectory.write_tum("slam_pose", T, WAY + 1.0)
+    trajectory.write_tum("map", T, WAY + 1.0)
+    same(read_trajectory("slam_pose", bag), poses=WAY + 1.0)
+    same(slams.load(bag, truth="map", odom="odom").truth, poses=WAY + 1.0)
+    same(read_trajectory("/slam_pose", bag))
+    same(read_trajectory("/map", bag, TF), T[2:-1], WAY[2:-1])
+
+
+def test_scans_are_left_unread(tmp_path, monkeypatch):
+    from slams.formats import ros_messages
+
+    path = bags.write(tmp_path, "bag", recorded)
+    whole, read = ros_messages.decoder, []
+
+    def counting(ros1):
+        return lambda data, msgtype: read.append(msgtype) or whole(ros1)(data, msgtype)
+
+    monkeypatch.setattr(ros_messages, "decoder", counting)
+    same(read_trajectory("/fused", path, SourceOptions(odom="none")))
+    assert (read.count(bags.SCAN), read.count(bags.ODOMETRY), read.count(bags.PATH)) == (1, N, 0)
+    read.clear()
+    same(read_trajectory("/path", path))
+    assert read == [bags.PATH]
+
+
+def test_a_damaged_bag_is_refused_or_salvaged(tmp_path):
+    path = bags.write(tmp_path, "mcap", recorded)
+    path.write_bytes(path.read_bytes()[:-60])
+    assert "--salvage reads what is whole" in refused("/amcl", path)
+    same(read_trajectory("/amcl", path, SourceOptions(salvage=True)))
