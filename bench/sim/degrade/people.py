@@ -30,11 +30,11 @@ def people(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     assert truth is not None, "the catalog says that people need a truth"
     known = np.isfinite(truth[:, 0])
     legs = np.full((len(log), 2 * int(level), 2), np.nan)
-    legs[known] = _legs(log.rows(known), truth[known], int(level), rng)
+    legs[known] = legs_near(log.rows(known), truth[known], int(level), rng)
     return replace(log, ranges=_occluded(log, known, legs))
 
 
-def _legs(log: ScanLog, truth: Floats, n_people: int, rng: Generator) -> Floats:
+def legs_near(log: ScanLog, truth: Floats, n_people: int, rng: Generator) -> Floats:
     """Where the legs (n, 2 * n_people, 2) [m] are at each scan; everybody has chances of their own.
 
     So the first of eight people walk as they do when there are only three.
