@@ -26,7 +26,7 @@ def _kernel_files() -> list[Path]:
     return sorted(
         path
         for package in packages
-        for path in (root / package).glob("*.py")
+        for path in (root / package).rglob("*.py")
         if path.stem.endswith("kernels") or path.stem in ("geometry", "jit")
     )
 

@@ -138,19 +138,15 @@ class ScanLog:
 
     def select(self, limit: int | None = None, every: int = 1, odometry: bool = True) -> ScanLog:
         """The first `limit` of every `every`-th scan, with or without odometry and gyro."""
-        part = slice(None, None if limit is None else limit * every, every)
-        return replace(
-            self,
-            t=self.t[part],
-            ranges=self.ranges[part],
-            odom=self._odom_of(part) if odometry else None,
-            yaw_rate=self.yaw_rate if odometry else None,
-        )
+        some = self.rows(slice(None, None if limit is None else limit * every, every))
+        return some if odometry else replace(some, odom=None, yaw_rate=None)
 
-    def _odom_of(self, part: slice) -> Track | None:
-        if self.odom is None or not np.array_equal(self.odom.t, self.t):
-            return self.odom
-        return Track(self.t[part], self.odom.values[part])
+    def rows(self, part: slice | NDArray[Any]) -> ScanLog:
+        """The scans that a slice, a mask or indices pick; odometry noted row by row comes along."""
+        odom = self.odom
+        if odom is not None and np.array_equal(odom.t, self.t):
+            odom = Track(self.t[part], odom.values[part])
+        return replace(self, t=self.t[part], ranges=self.ranges[part], odom=odom)
 
     def save(self, path: str | Path) -> None:
         """Write "scanlog-1"; same log, same bytes. A temporary name is renamed when complete."""

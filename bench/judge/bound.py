@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.sim.rays import rays_of, true_poses
 from slams.types import Floats, Laser, Ranges, wrap_angle
 
 if TYPE_CHECKING:
@@ -175,15 +176,6 @@ def bound_of(log: ScanLog, most: int = POSES) -> Bound | None:
     )
 
 
-def true_poses(log: ScanLog, t: Floats) -> Floats:
-    """Of the base (n, 3) at the stamps, or of each beam (n, b, 3) where they follow one another."""
-    assert log.truth is not None
-    if not log.laser.time_increment:
-        return log.truth.poses_at(t)
-    delays = log.laser.time_increment * np.arange(log.laser.n_beams)
-    return log.truth.poses_at((t[:, None] + delays).ravel()).reshape(len(t), len(delays), 3)
-
-
 def _block(
     world: World,
     errors: Errors,
@@ -209,17 +201,6 @@ def _block(
         fisher_information(squares, rays, distances, weights, bases, known, information, out_beams)
         covariance = _inverse(information)
     return covariance
-
-
-def rays_of(laser: Laser, poses: Floats) -> Floats:
-    """Start and direction of every beam (n, b, 3) in the world."""
-    bases = poses[:, None] if poses.ndim == 2 else poses
-    c, s = np.cos(bases[..., 2]), np.sin(bases[..., 2])
-    rays = np.empty((len(poses), laser.n_beams, 3))
-    rays[..., 0] = bases[..., 0] + c * laser.mount.x - s * laser.mount.y
-    rays[..., 1] = bases[..., 1] + s * laser.mount.x + c * laser.mount.y
-    rays[..., 2] = bases[..., 2] + laser.mount.theta + laser.angles
-    return rays
 
 
 def _weights(errors: Errors, laser: Laser, distances: Floats, ranges: Ranges | None) -> Floats:

@@ -115,7 +115,7 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     scan, at most `most`), exact ranges up to the laser's limit. Occupied are the walls' cells that
     share an edge with one of these. All else is unknown: rooms never looked into, insides of walls.
     """
-    from bench.judge.bound import true_poses
+    from bench.sim.rays import true_poses
     from bench.sim.simulation import world_of
 
     world = world_of(log)
@@ -198,7 +198,7 @@ def _looked_at(world: World, laser: Laser, poses: Floats) -> Mask:
     """Cells inside the outline of an exact scan from one of the poses (n, 3) or (n, b, 3)."""
     import cv2
 
-    from bench.judge.bound import rays_of
+    from bench.sim.rays import rays_of
 
     seen = np.zeros(world.occupied.shape, np.uint8)
     for k in range(len(poses)):

@@ -22,6 +22,7 @@ BRAKE = 0.8  # share of the deceleration counted on ahead of bends
 # look-ahead [m] and share of the speed, from brisk to careful, until the drive touches nothing
 CARE = ((0.4, 1.0), (0.3, 1.0), (0.2, 1.0), (0.1, 1.0), (0.2, 0.5), (0.1, 0.3))
 NEAR = 1.8  # m: a place this near to the way so far counts as visited
+ORIGIN: Floats = np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -231,33 +232,34 @@ def odometry(true: Drive, t: Floats, rng: Generator) -> Floats:
     the floor besides, and every metre and radian adds slip. As large as on a tracked rescue robot:
     about 1 % of the way and 5 % of the turns.
     """
-    ahead, aside, turn = _steps(true.poses_at(t))
+    ahead, aside, turn = steps(true.poses_at(t))
     way, turned, n = np.hypot(ahead, aside), np.abs(turn), len(turn)
     scale, turning, straight = rng.normal(0.0, (0.01, 0.03, 0.01))
     floor = _wander(np.diff(t), 0.03, 20.0, rng)
     slip = rng.standard_normal((3, n)) * np.sqrt([way, turned, way])
     d_ahead = (1.0 + scale) * ahead + 0.003 * slip[0] + 0.002 * slip[1]
     d_turn = (1.0 + turning + floor) * turn + straight * way + 0.01 * slip[1] + 0.004 * slip[2]
-    return _integrate(d_ahead, aside, d_turn)
+    return integrate(d_ahead, aside, d_turn)
 
 
-def _steps(poses: Floats) -> tuple[Floats, Floats, Floats]:
+def steps(poses: Floats) -> tuple[Floats, Floats, Floats]:
     """Motion from pose to pose (n + 1, 3), seen from the heading half way: ahead, aside, turn."""
     (dx, dy, turn), theta = np.diff(poses, axis=0).T, poses[:-1, 2]
+    turn = wrap_angle(turn)
     c, s = np.cos(theta + 0.5 * turn), np.sin(theta + 0.5 * turn)
     return c * dx + s * dy, c * dy - s * dx, turn
 
 
-def _integrate(ahead: Floats, aside: Floats, turn: Floats) -> Floats:
-    """Poses (n + 1, 3) from the origin on; the inverse of `_steps`."""
-    theta = np.concatenate([[0.0], np.cumsum(turn)])
+def integrate(ahead: Floats, aside: Floats, turn: Floats, start: Floats = ORIGIN) -> Floats:
+    """Poses (n + 1, 3) from the pose `start` on; the inverse of `steps`."""
+    theta = np.cumsum(np.concatenate([start[2:], turn]))
     half = theta[:-1] + 0.5 * turn
     dx, dy = (
         np.cos(half) * ahead - np.sin(half) * aside,
         np.sin(half) * ahead + np.cos(half) * aside,
     )
-    steps = np.cumsum(np.stack([dx, dy], axis=1), axis=0)
-    poses: Floats = np.column_stack([np.vstack([np.zeros(2), steps]), theta])
+    places = np.cumsum(np.vstack([start[:2], np.stack([dx, dy], axis=1)]), axis=0)
+    poses: Floats = np.column_stack([places, theta])
     poses[:, 2] = wrap_angle(poses[:, 2])
     return poses
 
@@ -283,31 +285,3 @@ def gyro(true: Drive, t: Floats, rng: Generator) -> Floats:
     walk = np.cumsum(rng.normal(0.0, 1e-4, len(t)) * np.sqrt(np.diff(t, prepend=t[0])))
     rates: Floats = (1.0 + scale) * rate + bias + walk + rng.normal(0.0, 0.004, len(t))
     return rates
-
-
-LEG = 0.06  # m, radius of a leg with trousers
-
-
-def legs(world: World, robot: Drive, people: int, rng: Generator) -> Floats:
-    """Where the legs (n, 2 * people, 2) [m] of walking people are at each sample of the drive.
-
-    People walk 0.8 to 1.2 m/s on ways of their own and step aside when the robot comes near.
-    """
-    rate, seconds = 1.0 / (robot.t[1] - robot.t[0]), float(robot.t[-1])
-    both = []
-    for one in rng.spawn(people):
-        v = float(one.uniform(0.8, 1.2))
-        walk = drive(world, Robot(v, 2.0, 0.25, 2.0, 6.0), one, seconds, rate)
-        middle = _aside(walk.poses[:, :2], robot.poses[:, :2], 0.6)
-        swing = 0.25 * np.sin(math.pi / 0.7 * walk.travelled)[:, None]
-        c, s = np.cos(walk.poses[:, 2]), np.sin(walk.poses[:, 2])
-        ahead, left = np.stack([c, s], axis=1), np.stack([-s, c], axis=1)
-        both += [middle + swing * ahead + 0.1 * left, middle - swing * ahead - 0.1 * left]
-    return np.stack(both, axis=1)
-
-
-def _aside(points: Floats, robot: Floats, least: float) -> Floats:
-    """Points (n, 2) moved straight away from the robot's (n, 2) to at least `least` [m]."""
-    away = points - robot
-    distance = np.hypot(*away.T)[:, None]
-    return np.asarray(robot + away * np.maximum(1.0, least / np.maximum(distance, 1e-6)))

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.sim.drive import LEG, Drive, Robot, drive, drive_far, gyro, legs, odometry
+from bench.sim.drive import Drive, Robot, drive, drive_far, gyro, odometry
+from bench.sim.people import LEG, legs
 from bench.sim.range_errors import Errors
 from bench.sim.sensors import Sensor, find_sensor
 from bench.sim.setting import CELL, FINE, Setting
@@ -100,8 +101,11 @@ def setting_of(log: ScanLog) -> Setting | None:
 
 
 def errors_of(log: ScanLog, world: World) -> Errors | None:
-    """What a log's sensor made of the true distances in its world; None when not simulated."""
-    setting = setting_of(log)
+    """What a log's sensor made of the true distances in its world.
+
+    None when the log was not simulated, or was degraded since: then its readings have other errors.
+    """
+    setting = None if "degraded" in log.meta else setting_of(log)
     try:
         return None if setting is None else _errors(setting, find_sensor(setting.sensor), world)
     except LookupError:

@@ -1,0 +1,73 @@
+"""A degradation by its name, and a log spoiled by it."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import replace
+
+import numpy as np
+
+from bench.sim.degrade.degradation import Degradation
+from bench.sim.degrade.entries import ENTRIES
+from slams.scanlog import ScanLog
+
+CATALOG = {entry.name: entry for entry in ENTRIES}
+
+
+def find_degradation(name: str) -> Degradation:
+    """The degradation of that name.
+
+    Raises:
+        LookupError: there is none; the nearest name is given.
+    """
+    if name in CATALOG:
+        return CATALOG[name]
+    near = difflib.get_close_matches(name.lower(), CATALOG, n=1, cutoff=0.4)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise LookupError(f"unknown degradation {name!r}{hint} (known: {', '.join(CATALOG)})")
+
+
+def parse(text: str) -> tuple[Degradation, float]:
+    """The degradation and the level of "noise=0.05"; "clean" and "poor_lidar" need no level.
+
+    Raises:
+        LookupError: no such degradation.
+        ValueError: no such level.
+    """
+    name, given, level = text.partition("=")
+    found = find_degradation(name.strip())
+    if not given and len(found.full_levels) == 1:
+        return found, float(found.full_levels[0])
+    return found, found.checked(level.strip() if given else "no level")
+
+
+def degrade(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
+    """A log as it would be under a degradation; the one given stays as it is.
+
+    Same arguments, same log, bit for bit. With the same seed a greater level is the same mishap,
+    only worse: the same beams drop out and more, the same people walk and others. Degradations go
+    on top of one another; `meta["degraded"]` lists them in order, each with its name, level and
+    seed, and the log's name tells them. "clean" gives the log itself.
+
+    Raises:
+        LookupError: no such degradation.
+        ValueError: no such level or seed, or the log has nothing that this could spoil.
+    """
+    found = find_degradation(name)
+    level = found.checked(level)
+    if seed < 0:
+        raise ValueError(f"seed: got {seed}, expected 0 or more")
+    missing = found.lacks(log)
+    if missing:
+        raise ValueError(
+            f"{name}: {log.name} has no {missing}; leave {name} out or take another log"
+        )
+    spoiled = found.apply(log, level, np.random.default_rng([seed, *name.encode()]))
+    return spoiled if found is CATALOG["clean"] else _noted(spoiled, name, level, seed)
+
+
+def _noted(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
+    """What was done stands in the log's meta, so that nobody takes it for the one it was."""
+    done = [*log.meta.get("degraded", []), {"name": name, "level": level, "seed": seed}]
+    known = {"name": f"{log.name}+{name}={level:g}-{seed}", "degraded": done}
+    return replace(log, meta=log.meta | known)

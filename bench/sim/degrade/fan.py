@@ -1,0 +1,100 @@
+"""A poorer laser: slower, fewer beams, a narrower view, a mirror that takes its time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench.sim.degrade.spells import at_rate, elapsed
+from slams.scanlog import ScanLog
+from slams.types import Laser
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+SHARP = 4.0  # scans in the time of one turn, at least, to put a turning laser's scan together from
+
+
+def rate(log: ScanLog, level: float, rng: Generator) -> ScanLog:
+    """Only the scans nearest to an even rate of `level` [Hz]; wheels and gyro keep theirs."""
+    return log.rows(at_rate(log.t, level))
+
+
+def beams(log: ScanLog, level: float, rng: Generator) -> ScanLog:
+    """Every k-th beam over the whole fan, with the k that comes nearest to `level` beams."""
+    n = log.laser.n_beams
+    if level >= n:
+        return log
+    every = min(
+        (math.floor(n / level), math.ceil(n / level)), key=lambda k: abs(_left(n, k) - level)
+    )
+    left = _left(n, every)
+    left -= left == level + 1  # a fence of that many panels has a post more
+    first = (n - 1 - (left - 1) * every) // 2
+    return _part(log, slice(first, first + (left - 1) * every + 1, every))
+
+
+def field_of_view(log: ScanLog, level: float, rng: Generator) -> ScanLog:
+    """The beams within `level` [deg] about the middle of the fan."""
+    n, step = log.laser.n_beams, abs(log.laser.angle_increment)
+    if step * (n - 1) <= math.radians(level):
+        return log
+    most = math.floor(math.radians(level) / step + 1e-9) + 1
+    left = max(1, most - (n - most) % 2)  # as many on the one side as on the other
+    first = (n - left) // 2
+    return _part(log, slice(first, first + left))
+
+
+def sweep(log: ScanLog, level: float, rng: Generator) -> ScanLog:
+    """A laser whose mirror turns `level` times a second, put together out of a faster log.
+
+    Beam j is measured `j * time_increment` after the stamp, the time the mirror needs to turn that
+    far, and its reading is that of the scan nearest in time. So nothing is computed, and no beam
+    is off by more than half a period of the faster log.
+
+    Raises:
+        ValueError: the log is not fast enough for that.
+    """
+    if log.scan_period * level * SHARP > 1.0 + 1e-6 or len(log) < 2:
+        have = f"{1.0 / log.scan_period:.3g} Hz" if log.scan_period > 0.0 else "no rate"
+        raise ValueError(
+            f"sweep: {level:g} turns a second are put together from scans at {SHARP * level:g} Hz"
+            f" or more, and this log has {have}; give a slower turn or a faster log"
+        )
+    laser, clock = log.laser, elapsed(log.t)
+    per_beam = abs(laser.angle_increment) / (2.0 * math.pi * level)
+    beam = np.arange(laser.n_beams)
+    rows = at_rate(log.t, level)
+    whole = clock[rows] + per_beam * beam[-1] <= clock[-1] + 0.5 * log.scan_period
+    rows = rows[whole | (rows == 0)]
+    wanted = clock[rows, None] + (per_beam - laser.time_increment) * beam
+    middles = 0.5 * (clock[1:] + clock[:-1])
+    nearest = np.searchsorted(middles, wanted)
+    turning = replace(laser, time_increment=per_beam)
+    return replace(log.rows(rows), ranges=log.ranges[nearest, beam], laser=turning)
+
+
+def _left(n: int, every: int) -> int:
+    """How many of n beams are left when every so many is kept."""
+    return 1 + (n - 1) // every
+
+
+def _part(log: ScanLog, part: slice) -> ScanLog:
+    """Some beams of every scan; the stamp is that of the first of them."""
+    first, _, every = part.indices(log.laser.n_beams)
+    ranges = log.ranges[:, part]
+    laser = _laser(log.laser, first, every, ranges.shape[1])
+    return replace(log, t=log.t + first * log.laser.time_increment, ranges=ranges, laser=laser)
+
+
+def _laser(laser: Laser, first: int, every: int, n_beams: int) -> Laser:
+    return replace(
+        laser,
+        angle_min=laser.angle_min + first * laser.angle_increment,
+        angle_increment=laser.angle_increment * every,
+        n_beams=n_beams,
+        time_increment=laser.time_increment * every,
+    )

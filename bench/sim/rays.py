@@ -1,0 +1,32 @@
+"""Where the beams of a log's scans start and point to, in the world of its truth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from slams.types import Floats, Laser
+
+if TYPE_CHECKING:
+    from slams.scanlog import ScanLog
+
+
+def true_poses(log: ScanLog, t: Floats) -> Floats:
+    """Of the base (n, 3) at the stamps, or of each beam (n, b, 3) where they follow one another."""
+    assert log.truth is not None
+    if not log.laser.time_increment:
+        return log.truth.poses_at(t)
+    delays = log.laser.time_increment * np.arange(log.laser.n_beams)
+    return log.truth.poses_at((t[:, None] + delays).ravel()).reshape(len(t), len(delays), 3)
+
+
+def rays_of(laser: Laser, poses: Floats) -> Floats:
+    """Start and direction of every beam (n, b, 3) in the world."""
+    bases = poses[:, None] if poses.ndim == 2 else poses
+    c, s = np.cos(bases[..., 2]), np.sin(bases[..., 2])
+    rays = np.empty((len(poses), laser.n_beams, 3))
+    rays[..., 0] = bases[..., 0] + c * laser.mount.x - s * laser.mount.y
+    rays[..., 1] = bases[..., 1] + s * laser.mount.x + c * laser.mount.y
+    rays[..., 2] = bases[..., 2] + laser.mount.theta + laser.angles
+    return rays
