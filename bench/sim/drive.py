@@ -231,33 +231,33 @@ def odometry(true: Drive, t: Floats, rng: Generator) -> Floats:
     the floor besides, and every metre and radian adds slip. As large as on a tracked rescue robot:
     about 1 % of the way and 5 % of the turns.
     """
-    ahead, aside, turn = _steps(true.poses_at(t))
+    ahead, aside, turn = steps(true.poses_at(t))
     way, turned, n = np.hypot(ahead, aside), np.abs(turn), len(turn)
     scale, turning, straight = rng.normal(0.0, (0.01, 0.03, 0.01))
     floor = _wander(np.diff(t), 0.03, 20.0, rng)
     slip = rng.standard_normal((3, n)) * np.sqrt([way, turned, way])
     d_ahead = (1.0 + scale) * ahead + 0.003 * slip[0] + 0.002 * slip[1]
     d_turn = (1.0 + turning + floor) * turn + straight * way + 0.01 * slip[1] + 0.004 * slip[2]
-    return _integrate(d_ahead, aside, d_turn)
+    return integrate(d_ahead, aside, d_turn)
 
 
-def _steps(poses: Floats) -> tuple[Floats, Floats, Floats]:
+def steps(poses: Floats) -> tuple[Floats, Floats, Floats]:
     """Motion from pose to pose (n + 1, 3), seen from the heading half way: ahead, aside, turn."""
     (dx, dy, turn), theta = np.diff(poses, axis=0).T, poses[:-1, 2]
     c, s = np.cos(theta + 0.5 * turn), np.sin(theta + 0.5 * turn)
     return c * dx + s * dy, c * dy - s * dx, turn
 
 
-def _integrate(ahead: Floats, aside: Floats, turn: Floats) -> Floats:
-    """Poses (n + 1, 3) from the origin on; the inverse of `_steps`."""
+def integrate(ahead: Floats, aside: Floats, turn: Floats) -> Floats:
+    """Poses (n + 1, 3) from the origin on; the inverse of `steps`."""
     theta = np.concatenate([[0.0], np.cumsum(turn)])
     half = theta[:-1] + 0.5 * turn
     dx, dy = (
         np.cos(half) * ahead - np.sin(half) * aside,
         np.sin(half) * ahead + np.cos(half) * aside,
     )
-    steps = np.cumsum(np.stack([dx, dy], axis=1), axis=0)
-    poses: Floats = np.column_stack([np.vstack([np.zeros(2), steps]), theta])
+    path = np.cumsum(np.stack([dx, dy], axis=1), axis=0)
+    poses: Floats = np.column_stack([np.vstack([np.zeros(2), path]), theta])
     poses[:, 2] = wrap_angle(poses[:, 2])
     return poses
 
