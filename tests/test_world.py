@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bench.sim.arena import _blocks, rescue_arena
-from bench.sim.drive import Routes, nodes_of
+from bench.sim.routes import Routes, nodes_of
 from bench.sim.world import World, read_world
 from tests import naive_world
 

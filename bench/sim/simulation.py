@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.sim.drive import LEG, Drive, Robot, drive, drive_far, gyro, legs, odometry
+from bench.sim.drive import Drive, Robot, drive, drive_far
+from bench.sim.people import LEG, legs
 from bench.sim.range_errors import Errors
 from bench.sim.sensors import Sensor, find_sensor
 from bench.sim.setting import CELL, FINE, Setting
+from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats, Ranges, wrap_angle
