@@ -113,7 +113,7 @@ def errors_of(log: ScanLog, world: World) -> Errors | None:
 def _world(setting: Setting, rng: Generator) -> World:
     if setting.arena != "rescue":
         return read_world(setting.arena, setting.resolution)
-    from bench.sim.arena import rescue_arena
+    from bench.sim.maze import rescue_arena
 
     return rescue_arena(rng, setting.resolution or CELL, setting.size)
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.sim.canvas import Canvas, Outline, check_resolution, pieces, rectangle, round_outline
 from bench.sim.world import Mask, World
 
 if TYPE_CHECKING:
@@ -21,11 +22,9 @@ if TYPE_CHECKING:
 
 PANEL = 0.08  # m, thickness of a wall panel on its battens
 LANES = (1.3, 1.7)  # m, from panel to panel; NIST: 1.2 m lanes, RoboCup maps up to 1.6 m
-MARGIN = 0.2  # m, around the arena
 WAY = 0.46  # m, kept free on both sides of a way to every place with so much room
 OPEN = 0.42  # share of the panels taken away beyond those that a maze must lack
 DOORS = 0.06  # share of the openings that are doorways
-GAP = 0.1  # m, between an element and a panel: narrower ones are closed
 DOOR = 1.0  # m, opening of a doorway
 
 
@@ -66,14 +65,13 @@ def rescue_arena(rng: Generator, resolution: float = 0.02, size: float = 20.0) -
     Raises:
         ValueError: cells too coarse for the panels, or no room for a maze.
     """
-    if not 0.005 <= resolution <= 0.1:
-        raise ValueError(f"resolution: got {resolution} m, expected 0.005 to 0.1 for the arena")
+    check_resolution(resolution)
     pitch = round(float(rng.uniform(*LANES)) / resolution)
     n = int(size / (pitch * resolution))
     if not 4 <= n <= 100:
         raise ValueError(f"size: got {size} m, expected 7 to 130 for the arena")
     plan = _plan(n, rng)
-    canvas = Canvas(plan, pitch, resolution)
+    canvas = MazeCanvas(plan, pitch, resolution)
     for place in rng.permutation(np.argwhere(plan.lane)).tolist():
         if rng.random() < 0.45:
             canvas.furnish(place, rng)
@@ -122,7 +120,7 @@ def _blocks(lane: Mask, rng: Generator) -> Mask:
     places = rng.permutation(np.argwhere(lane))
     for iy, ix in places[: len(places) // 20].tolist():
         block[iy, ix] = True
-        if _pieces(lane & ~block) > 1:
+        if pieces(lane & ~block) > 1:
             block[iy, ix] = False
     return block
 
@@ -136,42 +134,19 @@ def _rooms(n: int, rng: Generator) -> NDArray[np.int64]:
     return room
 
 
-def _pieces(mask: Mask, diagonal: bool = False) -> int:
-    import cv2
-
-    count, _ = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8 if diagonal else 4)
-    return count - 1
-
-
-class Canvas:
-    """Draws a plan and its furniture as cells; metres are measured from the first lane's corner."""
+class MazeCanvas(Canvas):
+    """Draws a plan and its furniture; metres are measured from the first lane's corner."""
 
     def __init__(self, plan: Plan, pitch: int, resolution: float) -> None:
-        self.resolution = resolution
+        ny, nx = plan.lane.shape
+        super().__init__((ny * pitch, nx * pitch), resolution)
         self.pitch = pitch
         self.plan = plan
-        self.margin = math.ceil(MARGIN / resolution)
-        ny, nx = plan.lane.shape
-        shape = (ny * pitch + 2 * self.margin, nx * pitch + 2 * self.margin)
-        self.occupied = np.zeros(shape, np.bool_)
-        self.inside = np.zeros(shape, np.bool_)
         for iy, ix in np.argwhere(plan.lane | plan.block).tolist():
             square = self._square(iy, ix)
             self.inside[square] = True
             self.occupied[square] = plan.block[iy, ix]
         self._panels()
-
-    def world(self) -> World:
-        """What is drawn, gaps too narrow to mean anything closed; outside nothing is known."""
-        import cv2
-
-        k = 2 * max(1, round(0.5 * GAP / self.resolution)) + 1  # odd: the anchor is its middle
-        square, drawn = np.ones((k, k), np.uint8), self.occupied.astype(np.uint8)
-        closed = cv2.morphologyEx(drawn, cv2.MORPH_CLOSE, square) > 0
-        occupied = self.occupied | (closed & self.inside)
-        corner = -self.margin * self.resolution
-        unknown = ~(self.inside | occupied)
-        return World(occupied, unknown, self.resolution, (corner, corner))
 
     def furnish(self, lane: tuple[int, int], rng: Generator) -> None:
         """Put one element into a lane, unless it would close the way; a few tries."""
@@ -180,12 +155,8 @@ class Canvas:
         corner = np.array([lane[1] * edge, lane[0] * edge])
         nooks = self._nooks(*lane)
         for _ in range(4):
-            before = self.occupied.copy()
-            for outline in element(edge, nooks, rng):
-                self._fill(corner + outline)
-            if self._passable():
+            if self.put([corner + outline for outline in element(edge, nooks, rng)], WAY):
                 return
-            self.occupied = before
 
     def _nooks(self, iy: int, ix: int) -> list[int]:
         """Corners of a lane, counter-clockwise from the low one, where two panels meet."""
@@ -209,44 +180,6 @@ class Canvas:
                 row[:, : side + half if panels[iy, ix] == 2 else None] = True
                 row[:, -side - half :] = True
 
-    def _fill(self, outline: NDArray[np.float64]) -> None:
-        """Occupy the cells with their center in a convex, counter-clockwise outline (n, 2)."""
-        cells = outline / self.resolution + self.margin
-        low = np.maximum(np.floor(cells.min(axis=0)).astype(int), 0)
-        high = np.ceil(cells.max(axis=0)).astype(int)
-        window = self.occupied[low[1] : high[1], low[0] : high[0]]
-        iy, ix = np.indices(window.shape)
-        x, y = ix + low[0] + 0.5, iy + low[1] + 0.5
-        within = np.ones(window.shape, np.bool_)
-        for (ax, ay), (bx, by) in zip(cells, np.roll(cells, -1, axis=0), strict=True):
-            within &= (bx - ax) * (y - ay) >= (by - ay) * (x - ax)
-        window |= within & self.inside[low[1] : high[1], low[0] : high[0]]
-
-    def _passable(self) -> bool:
-        """Can a robot still come into every open lane?"""
-        import cv2
-
-        free = (self.inside & ~self.occupied).astype(np.uint8)
-        away = cv2.distanceTransform(free, cv2.DIST_L2, 5) * self.resolution  # within 2 %
-        return _pieces(away >= WAY) == 1
-
-
-Outline = NDArray[np.float64]
-
-
-def _rectangle(center: tuple[float, float], length: float, width: float, angle: float) -> Outline:
-    c, s = math.cos(angle), math.sin(angle)
-    corners = 0.5 * np.array(
-        [[-length, -width], [length, -width], [length, width], [-length, width]]
-    )
-    turned: Outline = corners @ np.array([[c, s], [-s, c]]) + np.array(center)
-    return turned
-
-
-def _round(center: tuple[float, float], radius: float) -> Outline:
-    angles = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
-    return np.array(center) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-
 
 def _place(edge: float, away: float, rng: Generator) -> tuple[float, float]:
     """A point of the lane at least `away` from its borders."""
@@ -257,13 +190,13 @@ def _place(edge: float, away: float, rng: Generator) -> tuple[float, float]:
 def _barrel(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
     """A barrel or pipe upright."""
     radius = float(rng.uniform(0.1, 0.29))
-    return [_round(_place(edge, radius, rng), radius)]
+    return [round_outline(_place(edge, radius, rng), radius)]
 
 
 def _posts(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
     """Up to three thin square posts."""
     return [
-        _rectangle(_place(edge, 0.1, rng), 0.1, 0.1, 0.0) for _ in range(int(rng.integers(1, 4)))
+        rectangle(_place(edge, 0.1, rng), 0.1, 0.1, 0.0) for _ in range(int(rng.integers(1, 4)))
     ]
 
 
@@ -271,13 +204,13 @@ def _box(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
     """A crate, pallet or step field, mostly square to the panels."""
     length, width = rng.uniform(0.25, 0.8, 2).tolist()
     angle = float(rng.uniform(0.0, math.pi)) if rng.random() < 0.3 else 0.0
-    return [_rectangle(_place(edge, 0.5 * min(length, width), rng), length, width, angle)]
+    return [rectangle(_place(edge, 0.5 * min(length, width), rng), length, width, angle)]
 
 
 def _slanted(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
     """A panel that stands free at any angle."""
     length, angle = float(rng.uniform(0.5, 1.0)), float(rng.uniform(0.0, math.pi))
-    return [_rectangle(_place(edge, 0.2, rng), length, PANEL, angle)]
+    return [rectangle(_place(edge, 0.2, rng), length, PANEL, angle)]
 
 
 def _corner(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
