@@ -18,16 +18,6 @@ Area = tuple[slice, slice]  # a window of cells
 EVERYWHERE: Area = (slice(None), slice(None))
 
 
-def check_resolution(resolution: float) -> None:
-    """Refuse cells too coarse for thin walls.
-
-    Raises:
-        ValueError: the resolution is out of bounds.
-    """
-    if not 0.005 <= resolution <= 0.1:
-        raise ValueError(f"resolution: got {resolution} m, expected 0.005 to 0.1 for the arena")
-
-
 def pieces(mask: Mask) -> int:
     """How many parts of a mask hang together over the edges of its cells."""
     import cv2
@@ -40,9 +30,14 @@ class Canvas:
     """Cells to draw on, `shape` (ny, nx) and a margin; metres are measured from the inner corner.
 
     `inside` is what belongs to the arena: nothing is drawn beyond, there nothing is known.
+
+    Raises:
+        ValueError: cells too coarse for thin walls.
     """
 
     def __init__(self, shape: tuple[int, int], resolution: float) -> None:
+        if not 0.005 <= resolution <= 0.1:
+            raise ValueError(f"resolution: got {resolution} m, expected 0.005 to 0.1 for the arena")
         self.resolution = resolution
         self.margin = math.ceil(MARGIN / resolution)
         ny, nx = shape
@@ -78,6 +73,11 @@ class Canvas:
     def carve(self, left: float, bottom: float, right: float, top: float) -> None:
         """Make a rectangle [m] free."""
         self.occupied[self.area(left, bottom, right, top)] = False
+
+    def hide(self, left: float, bottom: float, right: float, top: float) -> None:
+        """Take a rectangle [m] out of the arena: nobody can see or come there."""
+        area = self.area(left, bottom, right, top)
+        self.inside[area] = self.occupied[area] = False
 
     def is_free(self, left: float, bottom: float, right: float, top: float) -> bool:
         """Does nothing stand in a rectangle [m]?"""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.sim.canvas import Canvas, Outline, check_resolution, pieces, rectangle, round_outline
+from bench.sim.canvas import Canvas, Outline, pieces, rectangle, round_outline
 from bench.sim.world import Mask, World
 
 if TYPE_CHECKING:
@@ -65,7 +65,6 @@ def rescue_arena(rng: Generator, resolution: float = 0.02, size: float = 20.0) -
     Raises:
         ValueError: cells too coarse for the panels, or no room for a maze.
     """
-    check_resolution(resolution)
     pitch = round(float(rng.uniform(*LANES)) / resolution)
     n = int(size / (pitch * resolution))
     if not 4 <= n <= 100:

@@ -16,7 +16,7 @@ from bench.sim.drive import Drive, Robot, drive, drive_far
 from bench.sim.people import LEG, legs
 from bench.sim.range_errors import Errors
 from bench.sim.sensors import Sensor, find_sensor
-from bench.sim.setting import CELL, FINE, Setting
+from bench.sim.setting import ARENAS, FINE, Setting
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
 from slams.scanlog import ScanLog, Track
@@ -111,11 +111,11 @@ def errors_of(log: ScanLog, world: World) -> Errors | None:
 
 
 def _world(setting: Setting, rng: Generator) -> World:
-    if setting.arena != "rescue":
+    if setting.arena not in ARENAS:
         return read_world(setting.arena, setting.resolution)
-    from bench.sim.maze import rescue_arena
+    from bench.sim.arena import build_arena
 
-    return rescue_arena(rng, setting.resolution or CELL, setting.size)
+    return build_arena(setting.arena, rng, setting.resolution, setting.size)
 
 
 def _drive(setting: Setting, sensor: Sensor, world: World, rng: Generator) -> Drive:
@@ -149,8 +149,10 @@ def _truth(true: Drive, stamps: Floats) -> Floats:
 def _meta(setting: Setting, world: World) -> dict[str, Any]:
     """All that is needed to make the log and its world again."""
     known = dataclasses.asdict(setting)
-    if setting.arena != "rescue":
+    if setting.arena not in ARENAS:
         known["arena"] = str(Path(setting.arena).resolve())
+    elif setting.size is None:
+        known["size"] = ARENAS[setting.arena].size
     name = f"{Path(setting.arena).stem}-{setting.sensor}-{setting.seed}"
     return {"name": name, "simulated": known | {"world": world.fingerprint}}
 
