@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from bench.sim.maze import _blocks, rescue_arena
-from bench.sim.routes import Routes, nodes_of
+from bench.sim.places import nodes_of
+from bench.sim.routes import Routes
 from bench.sim.world import World, read_world
 from tests import naive_world
 

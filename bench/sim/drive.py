@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.sim.routes import SPACING, Routes
+from bench.sim.routes import SPACING, Progress, Routes
 from bench.sim.wheels import integrate as integrate
 from bench.sim.wheels import steps as steps
 from bench.sim.world import World
@@ -47,7 +47,8 @@ class Drive:
 class Robot:
     """How something moves.
 
-    At most `v` [m/s], `w` [rad/s], `dv` [m/s^2] and `dw` [rad/s^2], `clearance` [m] from all walls.
+    At most `v` [m/s], `w` [rad/s], `dv` [m/s^2] and `dw` [rad/s^2], `clearance` [m] from all walls;
+    for `laps` it would rather go on than turn back.
     """
 
     v: float = 0.5
@@ -55,17 +56,28 @@ class Robot:
     clearance: float = 0.3
     dv: float = 0.5
     dw: float = 1.5
+    laps: bool = False
 
 
-def drive(world: World, robot: Robot, rng: Generator, seconds: float, rate: float) -> Drive:
+def drive(
+    world: World,
+    robot: Robot,
+    rng: Generator,
+    seconds: float,
+    rate: float,
+    progress: Progress | None = None,
+) -> Drive:
     """A drive from rest of `seconds` [s], with `rate` samples a second.
+
+    `progress(done, total)` is told of the metres planned.
 
     Raises:
         ValueError: the world has no room for it.
     """
     from bench.sim.drive_kernels import Limits, follow
 
-    way = Routes(world, robot.clearance + MARGIN).way(1.2 * robot.v * seconds + 2.0, rng)
+    routes = Routes(world, robot.clearance + MARGIN, robot.laps)
+    way = routes.way(1.2 * robot.v * seconds + 2.0, rng, progress)
     pace = _pace(way, _room(world, way), robot)
     states = np.empty((math.ceil(seconds * rate - 1e-6) + 1, 5))
     for look_ahead, share in CARE:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bench.sim.places import EveryNode, Places, largest_part, nodes_of, route_of
+from bench.sim.regions import Regions
 from bench.sim.world import Mask, World
 from slams.types import Floats
 
@@ -15,109 +17,87 @@ if TYPE_CHECKING:
     from numpy.random import Generator
     from scipy.sparse import csr_array
 
-STEP = 0.06  # m, least distance of two nodes of the route graph
 SPACING = 0.02  # m, between two points of a way
 NEAR = 1.8  # m: a place this near to the way so far counts as visited
+MANY = 200_000  # nodes: a world with more is planned region by region
+BACK = 2.5  # m behind the robot is what it would rather not turn back to
+AGAIN = 50.0  # times as dear it is to leave from there
 
-
-@dataclass(frozen=True)
-class Nodes:
-    """A coarse grid of places: `open` (my, mx), `clearance` [m] and position (my, mx, 2) [m]."""
-
-    open: Mask
-    clearance: Floats
-    position: Floats
-
-
-def nodes_of(world: World, clearance: float) -> Nodes:
-    """Every k-th cell's center, open where all walls are at least `clearance` [m] away."""
-    k = max(1, math.floor(STEP / world.resolution + 1e-9))
-    room = world.clearance[k // 2 :: k, k // 2 :: k].astype(np.float64)
-    iy, ix = np.indices(room.shape) * k + k // 2 + 0.5
-    position = np.stack([ix, iy], axis=2) * world.resolution + np.array(world.origin)
-    return Nodes(room >= clearance, room, position)
+Progress = Callable[[int, int], None]
 
 
 class Routes:
-    """Shortest ways that like the middle of the lanes, in the largest open part of a world."""
+    """Shortest ways that like the middle of the lanes, in the largest open part of a world.
 
-    def __init__(self, world: World, clearance: float) -> None:
-        self.world = world
-        self.nodes = nodes_of(world, clearance)
-        self.part = _largest_part(self.nodes.open)
+    With `laps` a way goes on ahead where it can: around a ring instead of to and fro.
+
+    Raises:
+        ValueError: the world has no room for it.
+    """
+
+    def __init__(self, world: World, clearance: float, laps: bool = False) -> None:
+        nodes = nodes_of(world, clearance)
+        self.part = largest_part(nodes.open)
         if self.part.sum() < 50:
             raise ValueError(
                 f"no room to drive with {clearance:.2f} m to every wall; expected a map with free"
                 " space (check resolution and thresholds) or a smaller clearance"
             )
-        self.index = np.full(self.part.shape, -1)
-        self.index[self.part] = np.arange(int(self.part.sum()))
-        self.points = self.nodes.position[self.part]
-        self.graph = self._graph()
+        self.laps = laps
+        self.large = int(self.part.sum()) > MANY
+        self.places: Places = (Regions if self.large else EveryNode)(nodes, self.part)
 
-    def way(self, length: float, rng: Generator) -> Floats:
-        """A way (m, 2) of at least `length` [m] that visits place after place, evenly spaced."""
-        here = int(np.argmax(self.nodes.clearance[self.part]))
-        nodes, seen = [here], np.zeros(len(self.points), np.bool_)
+    def way(self, length: float, rng: Generator, progress: Progress | None = None) -> Floats:
+        """A way (m, 2) of at least `length` [m] that visits place after place, evenly spaced.
+
+        `progress(done, total)` is told of the metres.
+        """
+        points = self.places.points
+        here = int(np.argmax(self.places.clearance))
+        lines, seen = [points[[here]]], np.zeros(len(points), np.bool_)
         total = 0.0
         while total < length:
-            route = self._route(here, seen, rng)
-            for node in route[:: max(1, math.floor(0.3 * NEAR / STEP))]:
-                seen |= np.hypot(*(self.points - self.points[node]).T) < NEAR
+            route = self._route(here, seen, self._graph(lines), rng)
+            for place in route[:: max(1, math.floor(0.3 * NEAR / self.places.step))]:
+                seen |= self._near(points[place])
             if seen.mean() > 0.9:
                 seen[:] = False
-            total += float(np.hypot(*np.diff(self.points[route], axis=0).T).sum())
-            nodes += route[1:]
-            here = nodes[-1]
-        return _smooth(self.points[nodes])
+            line = self.places.line(route)
+            total += float(np.hypot(*np.diff(line, axis=0).T).sum())
+            lines.append(line[1:])
+            here = route[-1]
+            if progress is not None:
+                progress(min(int(total), int(length)), int(length))
+        return _smooth(np.concatenate(lines))
 
-    def _route(self, start: int, seen: Mask, rng: Generator) -> list[int]:
+    def _route(self, start: int, seen: Mask, graph: csr_array, rng: Generator) -> list[int]:
         """The shortest way to the nearest of a few places not seen yet; now and then to any."""
         from scipy.sparse.csgraph import dijkstra
 
-        costs, befores = dijkstra(self.graph, indices=[start], return_predecessors=True)
-        cost, before = costs[0], befores[0]
+        costs, befores = dijkstra(graph, indices=[start], return_predecessors=True)
         fresh = np.flatnonzero(~seen)
-        goals = rng.choice(fresh, 6) if rng.random() < 0.85 else rng.integers(0, len(seen), 1)
-        route = [int(goals[np.argmin(cost[goals])])]
-        while route[-1] != start:
-            route.append(int(before[route[-1]]))
-        return route[::-1]
+        if rng.random() < 1.0 - self.places.anywhere:
+            goals = rng.choice(fresh, self.places.choice)
+        else:
+            goals = rng.integers(0, len(seen), 1)
+        return route_of(befores[0], start, int(goals[np.argmin(costs[0][goals])]))
 
-    def _graph(self) -> csr_array:
-        """Steps to the eight neighbors, dearer where walls are near."""
-        from scipy.sparse import csr_array
+    def _near(self, point: Floats) -> Mask:
+        near: Mask = np.hypot(*(self.places.points - point).T) < NEAR
+        return near
 
-        room = self.nodes.clearance[self.part]
-        price = 1.0 + 6.0 * np.exp(-(room - room.min()) / 0.15)
-        rows, columns, costs = [], [], []
-        for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            a, b = _pairs(self.index, dy, dx)
-            rows += [a, b]
-            columns += [b, a]
-            costs += [0.5 * math.hypot(dy, dx) * (price[a] + price[b])] * 2
-        n = len(room)
-        entries = (np.concatenate(rows), np.concatenate(columns))
-        return csr_array((np.concatenate(costs), entries), shape=(n, n))
+    def _graph(self, lines: list[Floats]) -> csr_array:
+        """The graph of the places; for laps with dear steps away from where the way came from."""
+        if not self.laps or len(lines) < 2:
+            return self.places.graph
+        from scipy.sparse import diags_array
 
-
-def _pairs(index: np.ndarray, dy: int, dx: int) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the nodes, and of those (dy, dx) further, where both exist."""
-    my, mx = index.shape
-    a = index[: my - dy, max(0, -dx) : mx - max(0, dx)].ravel()
-    b = index[dy:, max(0, dx) : mx + min(0, dx)].ravel()
-    both = (a >= 0) & (b >= 0)
-    return a[both], b[both]
-
-
-def _largest_part(mask: Mask) -> Mask:
-    import cv2
-
-    _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    if len(stats) < 2:
-        return np.zeros_like(mask)
-    largest: Mask = label == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    return largest
+        way = np.concatenate(lines[-20:])
+        away = np.hypot(*(way - way[-1]).T)
+        far = np.flatnonzero(away > BACK)
+        behind = self._near(way[far[-1]]) if len(far) else np.zeros(len(self.places.points), bool)
+        dearer: csr_array = (diags_array(np.where(behind, AGAIN, 1.0)) @ self.places.graph).tocsr()
+        return dearer
 
 
 def _smooth(corners: Floats, width: float = 0.12) -> Floats:

@@ -120,7 +120,9 @@ def _world(setting: Setting, rng: Generator) -> World:
 
 def _drive(setting: Setting, sensor: Sensor, world: World, rng: Generator) -> Drive:
     """The true motion; its samples fall on every scan's stamp."""
-    robot = Robot(setting.v, setting.w, setting.clearance)
+    known = ARENAS.get(setting.arena)
+    laps = known is not None and known.laps
+    robot = Robot(setting.v, setting.w, setting.clearance, laps=laps)
     rate = sensor.rate * math.ceil(FINE / sensor.rate)
     if setting.length is not None:
         return drive_far(world, robot, rng, setting.length, rate)
