@@ -10,9 +10,9 @@ import pytest
 from bench.sim.degrade import degrade
 from bench.sim.degrade.people import LEAST, legs_near
 from bench.sim.degrade.people_kernels import NEAR, stroll
-from bench.sim.drive import integrate, steps
 from bench.sim.people import LEG
 from bench.sim.rays import rays_of
+from bench.sim.wheels import integrate, steps
 from slams.scanlog import ScanLog, Track
 from slams.types import Pose2, wrap_angle
 from tests.rooms import box, cast, drive, laser

@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 from bench import simulate as command
-from bench.sim.drive import Drive, Robot, drive, gyro, odometry
+from bench.sim.drive import Drive, Robot, drive
 from bench.sim.people import legs
 from bench.sim.range_errors import Errors
 from bench.sim.sensors import SENSORS, find_sensor
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
+from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World
 from slams import load
 from slams.types import Pose2, wrap_angle

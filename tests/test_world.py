@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from bench.sim.arena import _blocks, rescue_arena
-from bench.sim.drive import Routes, nodes_of
+from bench.sim.maze import _blocks, rescue_arena
+from bench.sim.places import nodes_of
+from bench.sim.routes import Routes
 from bench.sim.world import World, read_world
 from tests import naive_world
 

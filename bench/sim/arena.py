@@ -1,296 +1,43 @@
-"""A seeded arena like RoboCup Rescue's: a maze of wall panels with the elements teams meet there.
-
-After the standard test methods of the NIST arenas: square lanes between plywood panels, rooms,
-dead ends, doorways, blocks, boxes and pallets, slanted panels, barrels and posts. All is drawn as
-occupied cells; every lane stays reachable for a robot that keeps `WAY` metres from all of it.
-"""
+"""The arenas made from a seed, by their names."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from bench.sim.world import Mask, World
+from bench.sim.hall import hall
+from bench.sim.maze import rescue_arena
+from bench.sim.office import office
+from bench.sim.ring import ring
+from bench.sim.setting import ARENAS, CELL
+from bench.sim.world import World
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-PANEL = 0.08  # m, thickness of a wall panel on its battens
-LANES = (1.3, 1.7)  # m, from panel to panel; NIST: 1.2 m lanes, RoboCup maps up to 1.6 m
-MARGIN = 0.2  # m, around the arena
-WAY = 0.46  # m, kept free on both sides of a way to every place with so much room
-OPEN = 0.42  # share of the panels taken away beyond those that a maze must lack
-DOORS = 0.06  # share of the openings that are doorways
-GAP = 0.1  # m, between an element and a panel: narrower ones are closed
-DOOR = 1.0  # m, opening of a doorway
+Builder = Callable[["Generator", float, float], World]  # rng, resolution [m], size [m]
+BUILDERS: dict[str, Builder] = {
+    "rescue": rescue_arena,
+    "office": office,
+    "hall": hall,
+    "ring": ring,
+}
 
 
-@dataclass
-class Plan:
-    """Lanes (ny, nx) of the arena and the panels between them.
+def build_arena(
+    name: str, rng: Generator, resolution: float | None = None, size: float | None = None
+) -> World:
+    """The arena of that name with its longer side of about `size` [m] and cells of `resolution`.
 
-    `lane` are open squares, `block` solid ones. `west` (ny, nx + 1) has the panel left of square
-    ix, `south` (ny + 1, nx) the one below square iy: 0 none, 1 a panel, 2 one with a doorway.
-    """
-
-    lane: Mask
-    block: Mask
-    west: NDArray[np.int8] = field(init=False)
-    south: NDArray[np.int8] = field(init=False)
-
-    def __post_init__(self) -> None:
-        padded = np.pad(self.lane, 1)
-        self.west = (padded[1:-1, :-1] | padded[1:-1, 1:]).astype(np.int8)
-        self.south = (padded[:-1, 1:-1] | padded[1:, 1:-1]).astype(np.int8)
-
-    def edges(
-        self,
-    ) -> list[tuple[NDArray[np.int8], tuple[int, int], tuple[int, int], tuple[int, int]]]:
-        """Every panel between two lanes: its array, its place there, and the lanes."""
-        found = []
-        for iy, ix in np.argwhere(self.lane).tolist():
-            if ix and self.lane[iy, ix - 1]:
-                found.append((self.west, (iy, ix), (iy, ix - 1), (iy, ix)))
-            if iy and self.lane[iy - 1, ix]:
-                found.append((self.south, (iy, ix), (iy - 1, ix), (iy, ix)))
-        return found
-
-
-def rescue_arena(rng: Generator, resolution: float = 0.02, size: float = 20.0) -> World:
-    """An arena of about `size` x `size` metres; same generator state, same arena.
+    Same generator state, same arena. Without them cells of `CELL` and the usual size.
 
     Raises:
-        ValueError: cells too coarse for the panels, or no room for a maze.
+        ValueError: cells too coarse for its walls, or a size it cannot have.
     """
-    if not 0.005 <= resolution <= 0.1:
-        raise ValueError(f"resolution: got {resolution} m, expected 0.005 to 0.1 for the arena")
-    pitch = round(float(rng.uniform(*LANES)) / resolution)
-    n = int(size / (pitch * resolution))
-    if not 4 <= n <= 100:
-        raise ValueError(f"size: got {size} m, expected 7 to 130 for the arena")
-    plan = _plan(n, rng)
-    canvas = Canvas(plan, pitch, resolution)
-    for place in rng.permutation(np.argwhere(plan.lane)).tolist():
-        if rng.random() < 0.45:
-            canvas.furnish(place, rng)
-    return canvas.world()
-
-
-def _plan(n: int, rng: Generator) -> Plan:
-    """The maze: a tree of lanes, so that all hang together, then more panels taken away."""
-    lane = _outline(n, rng)
-    block = _blocks(lane, rng)
-    plan = Plan(lane & ~block, block)
-    edges = plan.edges()
-    group = {(iy, ix): (iy, ix) for iy, ix in np.argwhere(plan.lane).tolist()}
-    room = _rooms(n, rng)
-    for k in rng.permutation(len(edges)).tolist():
-        panels, at, a, b = edges[k]
-        first, second = _root(group, a), _root(group, b)
-        group[first] = second
-        if first != second:
-            panels[at] = 2 if rng.random() < DOORS else 0
-        elif rng.random() < OPEN:
-            panels[at] = 0
-        if room[a] and room[a] == room[b]:
-            panels[at] = 0
-    return plan
-
-
-def _root(group: dict[tuple[int, int], tuple[int, int]], a: tuple[int, int]) -> tuple[int, int]:
-    while group[a] != a:
-        a = group[a]
-    return a
-
-
-def _outline(n: int, rng: Generator) -> Mask:
-    """A square of n x n with its corners cut in steps, from a little to a diamond."""
-    iy, ix = np.mgrid[:n, :n]
-    cut = rng.uniform(0.05, 0.5, 4) * n
-    ends = (ix + iy, ix + n - 1 - iy, n - 1 - ix + iy, 2 * n - 2 - ix - iy)
-    inside: Mask = np.all([end >= c for end, c in zip(ends, cut, strict=True)], axis=0)
-    return inside
-
-
-def _blocks(lane: Mask, rng: Generator) -> Mask:
-    """One square in twenty filled, where the rest stays in one piece."""
-    block = np.zeros_like(lane)
-    places = rng.permutation(np.argwhere(lane))
-    for iy, ix in places[: len(places) // 20].tolist():
-        block[iy, ix] = True
-        if _pieces(lane & ~block) > 1:
-            block[iy, ix] = False
-    return block
-
-
-def _rooms(n: int, rng: Generator) -> NDArray[np.int64]:
-    """Rectangles of 2 to 3 lanes without panels inside, numbered from 1."""
-    room = np.zeros((n, n), np.int64)
-    for k in range(n // 4):
-        (iy, ix), (ny, nx) = rng.integers(0, n - 1, 2).tolist(), rng.integers(2, 4, 2).tolist()
-        room[iy : iy + ny, ix : ix + nx] = k + 1
-    return room
-
-
-def _pieces(mask: Mask, diagonal: bool = False) -> int:
-    import cv2
-
-    count, _ = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8 if diagonal else 4)
-    return count - 1
-
-
-class Canvas:
-    """Draws a plan and its furniture as cells; metres are measured from the first lane's corner."""
-
-    def __init__(self, plan: Plan, pitch: int, resolution: float) -> None:
-        self.resolution = resolution
-        self.pitch = pitch
-        self.plan = plan
-        self.margin = math.ceil(MARGIN / resolution)
-        ny, nx = plan.lane.shape
-        shape = (ny * pitch + 2 * self.margin, nx * pitch + 2 * self.margin)
-        self.occupied = np.zeros(shape, np.bool_)
-        self.inside = np.zeros(shape, np.bool_)
-        for iy, ix in np.argwhere(plan.lane | plan.block).tolist():
-            square = self._square(iy, ix)
-            self.inside[square] = True
-            self.occupied[square] = plan.block[iy, ix]
-        self._panels()
-
-    def world(self) -> World:
-        """What is drawn, gaps too narrow to mean anything closed; outside nothing is known."""
-        import cv2
-
-        k = 2 * max(1, round(0.5 * GAP / self.resolution)) + 1  # odd: the anchor is its middle
-        square, drawn = np.ones((k, k), np.uint8), self.occupied.astype(np.uint8)
-        closed = cv2.morphologyEx(drawn, cv2.MORPH_CLOSE, square) > 0
-        occupied = self.occupied | (closed & self.inside)
-        corner = -self.margin * self.resolution
-        unknown = ~(self.inside | occupied)
-        return World(occupied, unknown, self.resolution, (corner, corner))
-
-    def furnish(self, lane: tuple[int, int], rng: Generator) -> None:
-        """Put one element into a lane, unless it would close the way; a few tries."""
-        element = ELEMENTS[int(rng.integers(len(ELEMENTS)))]
-        edge = self.pitch * self.resolution
-        corner = np.array([lane[1] * edge, lane[0] * edge])
-        nooks = self._nooks(*lane)
-        for _ in range(4):
-            before = self.occupied.copy()
-            for outline in element(edge, nooks, rng):
-                self._fill(corner + outline)
-            if self._passable():
-                return
-            self.occupied = before
-
-    def _nooks(self, iy: int, ix: int) -> list[int]:
-        """Corners of a lane, counter-clockwise from the low one, where two panels meet."""
-        west, south = self.plan.west, self.plan.south
-        around = (west[iy, ix], south[iy, ix], west[iy, ix + 1], south[iy + 1, ix])
-        return [k for k in range(4) if around[k] == 1 and around[(k + 1) % 4] == 1]
-
-    def _square(self, iy: int, ix: int) -> tuple[slice, slice]:
-        y, x = self.margin + iy * self.pitch, self.margin + ix * self.pitch
-        return slice(y, y + self.pitch), slice(x, x + self.pitch)
-
-    def _panels(self) -> None:
-        """Panels lie on the lines between squares and reach half their thickness past each end."""
-        half = max(1, round(0.5 * PANEL / self.resolution))
-        side = round(0.5 * (self.pitch - DOOR / self.resolution))
-        for panels, turned in ((self.plan.south, False), (self.plan.west.T, True)):
-            canvas = self.occupied.T if turned else self.occupied
-            for iy, ix in np.argwhere(panels).tolist():
-                y, x = self.margin + iy * self.pitch, self.margin + ix * self.pitch
-                row = canvas[y - half : y + half, x - half : x + self.pitch + half]
-                row[:, : side + half if panels[iy, ix] == 2 else None] = True
-                row[:, -side - half :] = True
-
-    def _fill(self, outline: NDArray[np.float64]) -> None:
-        """Occupy the cells with their center in a convex, counter-clockwise outline (n, 2)."""
-        cells = outline / self.resolution + self.margin
-        low = np.maximum(np.floor(cells.min(axis=0)).astype(int), 0)
-        high = np.ceil(cells.max(axis=0)).astype(int)
-        window = self.occupied[low[1] : high[1], low[0] : high[0]]
-        iy, ix = np.indices(window.shape)
-        x, y = ix + low[0] + 0.5, iy + low[1] + 0.5
-        within = np.ones(window.shape, np.bool_)
-        for (ax, ay), (bx, by) in zip(cells, np.roll(cells, -1, axis=0), strict=True):
-            within &= (bx - ax) * (y - ay) >= (by - ay) * (x - ax)
-        window |= within & self.inside[low[1] : high[1], low[0] : high[0]]
-
-    def _passable(self) -> bool:
-        """Can a robot still come into every open lane?"""
-        import cv2
-
-        free = (self.inside & ~self.occupied).astype(np.uint8)
-        away = cv2.distanceTransform(free, cv2.DIST_L2, 5) * self.resolution  # within 2 %
-        return _pieces(away >= WAY) == 1
-
-
-Outline = NDArray[np.float64]
-
-
-def _rectangle(center: tuple[float, float], length: float, width: float, angle: float) -> Outline:
-    c, s = math.cos(angle), math.sin(angle)
-    corners = 0.5 * np.array(
-        [[-length, -width], [length, -width], [length, width], [-length, width]]
-    )
-    turned: Outline = corners @ np.array([[c, s], [-s, c]]) + np.array(center)
-    return turned
-
-
-def _round(center: tuple[float, float], radius: float) -> Outline:
-    angles = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
-    return np.array(center) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-
-
-def _place(edge: float, away: float, rng: Generator) -> tuple[float, float]:
-    """A point of the lane at least `away` from its borders."""
-    x, y = rng.uniform(away, edge - away, 2).tolist()
-    return x, y
-
-
-def _barrel(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
-    """A barrel or pipe upright."""
-    radius = float(rng.uniform(0.1, 0.29))
-    return [_round(_place(edge, radius, rng), radius)]
-
-
-def _posts(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
-    """Up to three thin square posts."""
-    return [
-        _rectangle(_place(edge, 0.1, rng), 0.1, 0.1, 0.0) for _ in range(int(rng.integers(1, 4)))
-    ]
-
-
-def _box(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
-    """A crate, pallet or step field, mostly square to the panels."""
-    length, width = rng.uniform(0.25, 0.8, 2).tolist()
-    angle = float(rng.uniform(0.0, math.pi)) if rng.random() < 0.3 else 0.0
-    return [_rectangle(_place(edge, 0.5 * min(length, width), rng), length, width, angle)]
-
-
-def _slanted(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
-    """A panel that stands free at any angle."""
-    length, angle = float(rng.uniform(0.5, 1.0)), float(rng.uniform(0.0, math.pi))
-    return [_rectangle(_place(edge, 0.2, rng), length, PANEL, angle)]
-
-
-def _corner(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
-    """A panel across a corner between two panels; where there is none, one that stands free."""
-    if not nooks:
-        return _slanted(edge, nooks, rng)
-    cut = float(rng.uniform(0.3, 0.6)) * edge
-    triangle = np.array([[0.0, 0.0], [cut, 0.0], [0.0, cut]])
-    middle = np.array([0.5 * edge, 0.5 * edge])
-    outline = triangle - middle
-    for _ in range(nooks[int(rng.integers(len(nooks)))]):
-        outline = np.stack([-outline[:, 1], outline[:, 0]], axis=1)  # a quarter turn
-    return [outline + middle]
-
-
-ELEMENTS = (_barrel, _posts, _box, _box, _slanted, _corner)
+    known = ARENAS[name]
+    size = known.size if size is None else size
+    if not known.least <= size <= known.most:
+        raise ValueError(
+            f"size: got {size:g} m, expected {known.least:g} to {known.most:g} for the {name} arena"
+        )
+    return BUILDERS[name](rng, resolution or CELL, size)

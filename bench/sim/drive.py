@@ -1,4 +1,4 @@
-"""Smooth drives through a world that touch nothing, and what wheels and gyro make of them."""
+"""Smooth drives through a world that touch nothing."""
 
 from __future__ import annotations
 
@@ -8,39 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.sim.world import Mask, World
-from slams.types import Floats, wrap_angle
+from bench.sim.routes import SPACING, Progress, Routes
+from bench.sim.wheels import integrate as integrate
+from bench.sim.wheels import steps as steps
+from bench.sim.world import World
+from slams.types import Floats
 
 if TYPE_CHECKING:
     from numpy.random import Generator
-    from scipy.sparse import csr_array
 
-STEP = 0.06  # m, least distance of two nodes of the route graph
-SPACING = 0.02  # m, between two points of a way
 MARGIN = 0.1  # m, by which the planned way keeps off more than the drive must
 BRAKE = 0.8  # share of the deceleration counted on ahead of bends
 # look-ahead [m] and share of the speed, from brisk to careful, until the drive touches nothing
 CARE = ((0.4, 1.0), (0.3, 1.0), (0.2, 1.0), (0.1, 1.0), (0.2, 0.5), (0.1, 0.3))
-NEAR = 1.8  # m: a place this near to the way so far counts as visited
-ORIGIN: Floats = np.zeros(3)
-
-
-@dataclass(frozen=True)
-class Nodes:
-    """A coarse grid of places: `open` (my, mx), `clearance` [m] and position (my, mx, 2) [m]."""
-
-    open: Mask
-    clearance: Floats
-    position: Floats
-
-
-def nodes_of(world: World, clearance: float) -> Nodes:
-    """Every k-th cell's center, open where all walls are at least `clearance` [m] away."""
-    k = max(1, math.floor(STEP / world.resolution + 1e-9))
-    room = world.clearance[k // 2 :: k, k // 2 :: k].astype(np.float64)
-    iy, ix = np.indices(room.shape) * k + k // 2 + 0.5
-    position = np.stack([ix, iy], axis=2) * world.resolution + np.array(world.origin)
-    return Nodes(room >= clearance, room, position)
 
 
 @dataclass(frozen=True)
@@ -63,105 +43,12 @@ class Drive:
         return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-class Routes:
-    """Shortest ways that like the middle of the lanes, in the largest open part of a world."""
-
-    def __init__(self, world: World, clearance: float) -> None:
-        self.world = world
-        self.nodes = nodes_of(world, clearance)
-        self.part = _largest_part(self.nodes.open)
-        if self.part.sum() < 50:
-            raise ValueError(
-                f"no room to drive with {clearance:.2f} m to every wall; expected a map with free"
-                " space (check resolution and thresholds) or a smaller clearance"
-            )
-        self.index = np.full(self.part.shape, -1)
-        self.index[self.part] = np.arange(int(self.part.sum()))
-        self.points = self.nodes.position[self.part]
-        self.graph = self._graph()
-
-    def way(self, length: float, rng: Generator) -> Floats:
-        """A way (m, 2) of at least `length` [m] that visits place after place, evenly spaced."""
-        here = int(np.argmax(self.nodes.clearance[self.part]))
-        nodes, seen = [here], np.zeros(len(self.points), np.bool_)
-        total = 0.0
-        while total < length:
-            route = self._route(here, seen, rng)
-            for node in route[:: max(1, math.floor(0.3 * NEAR / STEP))]:
-                seen |= np.hypot(*(self.points - self.points[node]).T) < NEAR
-            if seen.mean() > 0.9:
-                seen[:] = False
-            total += float(np.hypot(*np.diff(self.points[route], axis=0).T).sum())
-            nodes += route[1:]
-            here = nodes[-1]
-        return _smooth(self.points[nodes])
-
-    def _route(self, start: int, seen: Mask, rng: Generator) -> list[int]:
-        """The shortest way to the nearest of a few places not seen yet; now and then to any."""
-        from scipy.sparse.csgraph import dijkstra
-
-        costs, befores = dijkstra(self.graph, indices=[start], return_predecessors=True)
-        cost, before = costs[0], befores[0]
-        fresh = np.flatnonzero(~seen)
-        goals = rng.choice(fresh, 6) if rng.random() < 0.85 else rng.integers(0, len(seen), 1)
-        route = [int(goals[np.argmin(cost[goals])])]
-        while route[-1] != start:
-            route.append(int(before[route[-1]]))
-        return route[::-1]
-
-    def _graph(self) -> csr_array:
-        """Steps to the eight neighbors, dearer where walls are near."""
-        from scipy.sparse import csr_array
-
-        room = self.nodes.clearance[self.part]
-        price = 1.0 + 6.0 * np.exp(-(room - room.min()) / 0.15)
-        rows, columns, costs = [], [], []
-        for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            a, b = _pairs(self.index, dy, dx)
-            rows += [a, b]
-            columns += [b, a]
-            costs += [0.5 * math.hypot(dy, dx) * (price[a] + price[b])] * 2
-        n = len(room)
-        entries = (np.concatenate(rows), np.concatenate(columns))
-        return csr_array((np.concatenate(costs), entries), shape=(n, n))
-
-
-def _pairs(index: np.ndarray, dy: int, dx: int) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the nodes, and of those (dy, dx) further, where both exist."""
-    my, mx = index.shape
-    a = index[: my - dy, max(0, -dx) : mx - max(0, dx)].ravel()
-    b = index[dy:, max(0, dx) : mx + min(0, dx)].ravel()
-    both = (a >= 0) & (b >= 0)
-    return a[both], b[both]
-
-
-def _largest_part(mask: Mask) -> Mask:
-    import cv2
-
-    _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    if len(stats) < 2:
-        return np.zeros_like(mask)
-    largest: Mask = label == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    return largest
-
-
-def _smooth(corners: Floats, width: float = 0.12) -> Floats:
-    """The polyline (k, 2) resampled evenly and rounded by a Gaussian of `width` [m]."""
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    even = np.arange(0.0, s[-1], SPACING)
-    points = np.stack([np.interp(even, s, c) for c in corners.T], axis=1)
-    n = math.ceil(3.0 * width / SPACING)
-    bell = np.exp(-0.5 * (np.arange(-n, n + 1) * SPACING / width) ** 2)
-    padded = np.pad(points, ((n, n), (0, 0)), mode="edge")
-    columns = [np.convolve(column, bell / bell.sum(), mode="valid") for column in padded.T]
-    return np.stack(columns, axis=1)
-
-
 @dataclass(frozen=True)
 class Robot:
     """How something moves.
 
-    At most `v` [m/s], `w` [rad/s], `dv` [m/s^2] and `dw` [rad/s^2], `clearance` [m] from all walls.
+    At most `v` [m/s], `w` [rad/s], `dv` [m/s^2] and `dw` [rad/s^2], `clearance` [m] from all walls;
+    for `laps` it would rather go on than turn back.
     """
 
     v: float = 0.5
@@ -169,17 +56,28 @@ class Robot:
     clearance: float = 0.3
     dv: float = 0.5
     dw: float = 1.5
+    laps: bool = False
 
 
-def drive(world: World, robot: Robot, rng: Generator, seconds: float, rate: float) -> Drive:
+def drive(
+    world: World,
+    robot: Robot,
+    rng: Generator,
+    seconds: float,
+    rate: float,
+    progress: Progress | None = None,
+) -> Drive:
     """A drive from rest of `seconds` [s], with `rate` samples a second.
+
+    `progress(done, total)` is told of the metres planned.
 
     Raises:
         ValueError: the world has no room for it.
     """
     from bench.sim.drive_kernels import Limits, follow
 
-    way = Routes(world, robot.clearance + MARGIN).way(1.2 * robot.v * seconds + 2.0, rng)
+    routes = Routes(world, robot.clearance + MARGIN, robot.laps)
+    way = routes.way(1.2 * robot.v * seconds + 2.0, rng, progress)
     pace = _pace(way, _room(world, way), robot)
     states = np.empty((math.ceil(seconds * rate - 1e-6) + 1, 5))
     for look_ahead, share in CARE:
@@ -223,65 +121,3 @@ def _room(world: World, points: Floats) -> Floats:
     half_diagonals = math.sqrt(2.0) * world.resolution  # of the point's own cell and of the wall's
     room = world.clearance[world.cells_of(points)].astype(np.float64)
     return np.asarray(room - half_diagonals)
-
-
-def odometry(true: Drive, t: Floats, rng: Generator) -> Floats:
-    """Poses (m, 3) at stamps t (m,) [s] as the wheels of a skid-steer robot count them.
-
-    Scale, turning and straightness are a little wrong for the whole drive, turning changes with
-    the floor besides, and every metre and radian adds slip. As large as on a tracked rescue robot:
-    about 1 % of the way and 5 % of the turns.
-    """
-    ahead, aside, turn = steps(true.poses_at(t))
-    way, turned, n = np.hypot(ahead, aside), np.abs(turn), len(turn)
-    scale, turning, straight = rng.normal(0.0, (0.01, 0.03, 0.01))
-    floor = _wander(np.diff(t), 0.03, 20.0, rng)
-    slip = rng.standard_normal((3, n)) * np.sqrt([way, turned, way])
-    d_ahead = (1.0 + scale) * ahead + 0.003 * slip[0] + 0.002 * slip[1]
-    d_turn = (1.0 + turning + floor) * turn + straight * way + 0.01 * slip[1] + 0.004 * slip[2]
-    return integrate(d_ahead, aside, d_turn)
-
-
-def steps(poses: Floats) -> tuple[Floats, Floats, Floats]:
-    """Motion from pose to pose (n + 1, 3), seen from the heading half way: ahead, aside, turn."""
-    (dx, dy, turn), theta = np.diff(poses, axis=0).T, poses[:-1, 2]
-    turn = wrap_angle(turn)
-    c, s = np.cos(theta + 0.5 * turn), np.sin(theta + 0.5 * turn)
-    return c * dx + s * dy, c * dy - s * dx, turn
-
-
-def integrate(ahead: Floats, aside: Floats, turn: Floats, start: Floats = ORIGIN) -> Floats:
-    """Poses (n + 1, 3) from the pose `start` on; the inverse of `steps`."""
-    theta = np.cumsum(np.concatenate([start[2:], turn]))
-    half = theta[:-1] + 0.5 * turn
-    dx, dy = (
-        np.cos(half) * ahead - np.sin(half) * aside,
-        np.sin(half) * ahead + np.cos(half) * aside,
-    )
-    places = np.cumsum(np.vstack([start[:2], np.stack([dx, dy], axis=1)]), axis=0)
-    poses: Floats = np.column_stack([places, theta])
-    poses[:, 2] = wrap_angle(poses[:, 2])
-    return poses
-
-
-def _wander(dt: Floats, deviation: float, memory: float, rng: Generator) -> Floats:
-    """A value (n,) that drifts around 0 with a standard deviation and a memory [s]."""
-    keep = math.exp(-float(dt.mean()) / memory)
-    wander = rng.normal(0.0, deviation * math.sqrt(1.0 - keep * keep), len(dt))
-    wander[:1] = rng.normal(0.0, deviation)
-    for i in range(1, len(wander)):
-        wander[i] += keep * wander[i - 1]
-    return wander
-
-
-def gyro(true: Drive, t: Floats, rng: Generator) -> Floats:
-    """Yaw rates (m,) [rad/s] at stamps t (m,) as a calibrated MEMS gyro gives them.
-
-    White noise 0.004 rad/s (vibration included), a rest of bias 0.002 rad/s that walks
-    1e-4 rad/s per root second, scale right within 0.3 %.
-    """
-    rate = np.interp(t, true.t, true.rates[:, 1])
-    bias, scale = rng.normal(0.0, (0.002, 0.003))
-    walk = np.cumsum(rng.normal(0.0, 1e-4, len(t)) * np.sqrt(np.diff(t, prepend=t[0])))
-    rates: Floats = (1.0 + scale) * rate + bias + walk + rng.normal(0.0, 0.004, len(t))
-    return rates

@@ -10,7 +10,31 @@ from typing import Any
 from bench.sim.sensors import SENSORS
 
 FINE = 400.0  # Hz, least rate of the true motion that all else is taken from
-CELL = 0.02  # m, of the rescue arena
+CELL = 0.02  # m, of the arenas made from a seed
+
+
+@dataclass(frozen=True)
+class Arena:
+    """What is known of an arena before it is made.
+
+    Its usual, least and greatest `size` [m]; in one with `laps` the robot goes on and on around.
+    """
+
+    meaning: str
+    size: float
+    least: float
+    most: float
+    laps: bool = False
+
+
+ARENAS = {
+    "rescue": Arena("a maze", 20.0, 7.0, 100.0),
+    "office": Arena("a floor of rooms", 40.0, 20.0, 320.0),
+    "hall": Arena("with racks and clutter", 30.0, 15.0, 100.0),
+    "ring": Arena("a bare corridor", 30.0, 12.0, 300.0, laps=True),
+}
+KINDS = ", ".join(f"{name} ({known.meaning})" for name, known in ARENAS.items())
+SIZES = ", ".join(f"{name} {known.size:g}" for name, known in ARENAS.items())
 
 
 def _option(
@@ -30,12 +54,14 @@ class Setting:
     """
 
     arena: str = _option(
-        "rescue", str, "rescue (a maze made from the seed), MAP.yaml, or a picture (dark = wall)"
+        "rescue", str, f"made from the seed: {KINDS}; or MAP.yaml, or a picture (dark = wall)"
     )
     resolution: float | None = _option(
-        None, float, f"cell of the rescue arena ({CELL}) or pixel of the picture [m]", 1e-3, 1.0
+        None, float, f"cell of the arena ({CELL}) or pixel of the picture [m]", 1e-3, 1.0
     )
-    size: float = _option(20.0, float, "side of the rescue arena [m]", 7.0, 100.0)
+    size: float | None = _option(
+        None, float, f"longer side of the arena [m], a map has its own (default {SIZES})", 7, 320
+    )
     seed: int = _option(0, int, "seed of every draw", 0, 2**63 - 1)
     sensor: str = _option("utm30lx", str, f"one of {', '.join(SENSORS)}")
     duration: float = _option(300.0, float, "length of the log [s]", 0.1, 14400.0)

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.sim.drive import Drive, Robot, drive, drive_far, gyro, odometry
+from bench.sim.drive import Drive, Robot, drive, drive_far
 from bench.sim.people import LEG, legs
 from bench.sim.range_errors import Errors
 from bench.sim.sensors import Sensor, find_sensor
-from bench.sim.setting import CELL, FINE, Setting
+from bench.sim.setting import ARENAS, FINE, Setting
+from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats, Ranges, wrap_angle
@@ -113,16 +114,18 @@ def errors_of(log: ScanLog, world: World) -> Errors | None:
 
 
 def _world(setting: Setting, rng: Generator) -> World:
-    if setting.arena != "rescue":
+    if setting.arena not in ARENAS:
         return read_world(setting.arena, setting.resolution)
-    from bench.sim.arena import rescue_arena
+    from bench.sim.arena import build_arena
 
-    return rescue_arena(rng, setting.resolution or CELL, setting.size)
+    return build_arena(setting.arena, rng, setting.resolution, setting.size)
 
 
 def _drive(setting: Setting, sensor: Sensor, world: World, rng: Generator) -> Drive:
     """The true motion; its samples fall on every scan's stamp."""
-    robot = Robot(setting.v, setting.w, setting.clearance)
+    known = ARENAS.get(setting.arena)
+    laps = known is not None and known.laps
+    robot = Robot(setting.v, setting.w, setting.clearance, laps=laps)
     rate = sensor.rate * math.ceil(FINE / sensor.rate)
     if setting.length is not None:
         return drive_far(world, robot, rng, setting.length, rate)
@@ -151,8 +154,10 @@ def _truth(true: Drive, stamps: Floats) -> Floats:
 def _meta(setting: Setting, world: World) -> dict[str, Any]:
     """All that is needed to make the log and its world again."""
     known = dataclasses.asdict(setting)
-    if setting.arena != "rescue":
+    if setting.arena not in ARENAS:
         known["arena"] = str(Path(setting.arena).resolve())
+    elif setting.size is None:
+        known["size"] = ARENAS[setting.arena].size
     name = f"{Path(setting.arena).stem}-{setting.sensor}-{setting.seed}"
     return {"name": name, "simulated": known | {"world": world.fingerprint}}
 

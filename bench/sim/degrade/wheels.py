@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.sim.degrade.spells import elapsed, moment, spell
-from bench.sim.drive import integrate, steps
+from bench.sim.wheels import integrate, steps
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats
 
