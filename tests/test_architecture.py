@@ -62,6 +62,11 @@ def test_only_the_formats_import_the_bag_library():
     assert {path.parent for path in users} == {ROOT / "slams" / "formats"}
 
 
+def test_only_the_cluster_imports_dask():
+    users = {p for p in FILES for m in imports(p) if m.partition(".")[0] in ("dask", "distributed")}
+    assert users == {ROOT / "bench" / "run" / "cluster.py"}
+
+
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_slam_is_a_page_without_kernels_or_loops_over_beams(name):
     text = (ROOT / name / "slam.py").read_text(encoding="utf-8")
