@@ -13,7 +13,7 @@ def _begin(n, log, who):
         file.write(f"{who} {os.getpid()} {n}\n")
 
 
-def run(n, seconds=0.0, log=os.devnull, who="-"):
+def run(n, seconds=0.0, log=os.devnull, who=0):
     _begin(n, log, who)
     time.sleep(seconds)
     return Result({"n": n, "third": n / 3.0, "square": n * n}, {"pid": os.getpid()})
@@ -32,13 +32,13 @@ def lacks_memory(n):
 
 
 def exits(n, log=os.devnull):
-    _begin(n, log, "-")
+    _begin(n, log, 0)
     os._exit(3)
 
 
 def dies_once(n, log, scar):
     """Killed the first time; whether it was is on the disk."""
-    _begin(n, log, "-")
+    _begin(n, log, 0)
     if not Path(scar).exists():
         Path(scar).touch()
         os.kill(os.getpid(), signal.SIGKILL)

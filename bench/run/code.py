@@ -13,6 +13,7 @@ from bench.run.store import canonical, digest
 
 # numbers come from these; others only read and draw
 LIBRARIES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless", "kiss-icp")
+SOURCES = (".py", ".so", ".pyd")  # an outsider's algorithm may be compiled
 
 
 @cache
@@ -51,7 +52,8 @@ def _files(name: str) -> dict[str, Path]:
     except (ModuleNotFoundError, ValueError):
         spec = None
     folders = [Path(folder) for folder in (spec and spec.submodule_search_locations) or ()]
-    files = {f.relative_to(d).as_posix(): f for d in folders for f in d.rglob("*.py")}
+    found = [(folder, file) for folder in folders for file in folder.rglob("*")]
+    files = {f.relative_to(d).as_posix(): f for d, f in found if f.suffix in SOURCES}
     if not folders and spec is not None and spec.origin is not None:
         files = {Path(spec.origin).name: Path(spec.origin)}
     if not all(file.is_file() for file in files.values()) or not files:
