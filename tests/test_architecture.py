@@ -146,6 +146,11 @@ def test_every_way_to_import_is_seen(back, found, tmp_path):
     assert bool(circle(import_graph(files, tmp_path))) == found
 
 
+def test_only_the_cluster_imports_dask():
+    users = {p for p in FILES for m in imports(p) if m.partition(".")[0] in ("dask", "distributed")}
+    assert users == {ROOT / "bench" / "run" / "cluster.py"}
+
+
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_slam_is_a_page_without_kernels_or_loops_over_beams(name):
     text = (ROOT / name / "slam.py").read_text(encoding="utf-8")

@@ -1,33 +1,170 @@
-"""Work in processes of its own: each task starts fresh, its memory and its compiler are its own."""
+"""Work in processes of their own: one that dies takes no other task along, none outlives this one.
+
+Not concurrent.futures: there one dead process breaks the whole pool, and the processes of a parent
+that was killed wait for ever.
+"""
 
 from __future__ import annotations
 
+import atexit
 import multiprocessing
-from collections.abc import Callable, Hashable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+import os
+import pickle
+import signal
+import threading
+import traceback
+import weakref
+from collections.abc import Callable, Generator, Hashable, Iterable
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import parent_process
 from typing import Any, TypeVar
 
 K = TypeVar("K", bound=Hashable)
 
+SPAWN = multiprocessing.get_context("spawn")  # threads of libraries do not survive a fork
+PATIENCE = 2.0  # s for an idle process to end by itself before it is killed
+
 
 def finished(
-    tasks: dict[K, tuple[Callable[..., Any], tuple[Any, ...]]], workers: int
-) -> Iterator[tuple[K, Future[Any]]]:
-    """Tasks, each a function of a module and its arguments, as they end."""
-    size = max(1, min(workers, len(tasks)))
-    with ThreadPoolExecutor(size) as waiting:
-        futures = {waiting.submit(_alone, *task): key for key, task in tasks.items()}
-        try:
-            for future in as_completed(futures):
-                yield futures[future], future
-        finally:
-            waiting.shutdown(wait=True, cancel_futures=True)
+    tasks: dict[K, tuple[Callable[..., Any], tuple[Any, ...]]], workers: int, fresh: bool = True
+) -> Generator[tuple[K, Future[Any]], None, None]:
+    """Tasks, each a function of a module and its arguments, as they end.
 
-
-def _alone(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """A task in a pool of one process: of a pool of several, one that dies takes the others along.
-
-    Spawned, not forked: threads of libraries do not survive a fork.
+    `fresh` gives each task a process of its own: its memory and its compiler are its own. Else a
+    process stays for many tasks. A future raises what the task raised, or `BrokenProcessPool` if
+    its process died.
     """
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(function, *arguments).result()
+    todo = list(reversed(tasks.items()))
+    idle: list[_Worker] = []
+    busy: dict[_Worker, K] = {}
+    ended: list[tuple[K, Future[Any]]] = []
+    try:
+        while todo or busy:
+            while todo and len(busy) < max(1, workers):
+                worker = idle.pop() if idle else _Worker()
+                key, call = todo.pop()
+                busy[worker] = key
+                worker.begin(call)
+            yield from ended  # the caller looks at these while the others work
+            ended = []
+            for worker in _answering(busy):
+                ended.append((busy.pop(worker), worker.answer()))
+                if fresh or worker.died:
+                    worker.end(PATIENCE)
+                else:
+                    idle.append(worker)
+        yield from ended
+    finally:
+        _end_all(busy, idle)
+
+
+def _answering(workers: Iterable[_Worker]) -> list[_Worker]:
+    """Waits until some have an answer, or died."""
+    by_connection = {worker.connection: worker for worker in workers}
+    ready = wait(list(by_connection))
+    return [worker for connection, worker in by_connection.items() if connection in ready]
+
+
+def _end_all(busy: Iterable[_Worker], idle: Iterable[_Worker]) -> None:
+    for worker in busy:
+        worker.end(0.0)
+    for worker in idle:
+        worker.end(PATIENCE)
+
+
+class _Worker:
+    """A process that does one call after the other; it ends with this one, however that ends."""
+
+    died = False
+
+    def __init__(self) -> None:
+        self.connection, theirs = SPAWN.Pipe()
+        self.process = SPAWN.Process(target=_serve, args=(theirs,))
+        self.process.start()
+        theirs.close()  # so that its end is seen here
+        _WORKERS.add(self)
+
+    def begin(self, call: tuple[Callable[..., Any], tuple[Any, ...]]) -> None:
+        """Hand over a call; if nobody is there to take it, `answer` says so."""
+        data = pickle.dumps(call)
+        with suppress(OSError):
+            self.connection.send_bytes(data)
+
+    def answer(self) -> Future[Any]:
+        """What the call returned or raised."""
+        future: Future[Any] = Future()
+        try:
+            value, error = pickle.loads(self.connection.recv_bytes())
+        except (EOFError, OSError):
+            self.died = True
+            self.process.join()
+            value, error = None, BrokenProcessPool(_last_word(self.process.exitcode))
+        if error is None:
+            future.set_result(value)
+        else:
+            future.set_exception(error)
+        return future
+
+    def end(self, patience: float) -> None:
+        """End the process; kill it if it takes longer than `patience` [s]."""
+        self.connection.close()
+        self.process.join(patience)
+        if self.process.exitcode is None:
+            self.process.kill()
+            self.process.join()
+
+
+_WORKERS: weakref.WeakSet[_Worker] = weakref.WeakSet()
+
+
+@atexit.register  # after that of multiprocessing, so it runs before: that one would wait for ever
+def _end_what_is_left() -> None:
+    """After an exception nobody caught: its traceback keeps the work alive, and its workers."""
+    _end_all(list(_WORKERS), ())
+
+
+def _last_word(code: int | None) -> str:
+    if code is not None and code < 0:
+        return f"killed by {signal.Signals(-code).name}"
+    return f"exit code {code}"
+
+
+def _serve(connection: Connection) -> None:
+    """The process: answers calls until nobody asks any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent decides
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    with suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        while True:
+            connection.send_bytes(_reply(connection.recv_bytes()))
+
+
+def _end_with_parent() -> None:
+    """A parent that is killed can tell nobody; what its tasks came to would reach nobody."""
+    parent = parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+
+def _reply(data: bytes) -> bytes:
+    """A call, done: what it returned or raised, in a form that surely arrives."""
+    try:
+        function, arguments = pickle.loads(data)
+        return pickle.dumps((function(*arguments), None))
+    except BaseException as error:
+        error.add_note(f"in the process of the task:\n{traceback.format_exc()}")
+        return _raised(error)
+
+
+def _raised(error: BaseException) -> bytes:
+    """An exception for elsewhere; as text if it cannot travel, or would end whoever raises it."""
+    with suppress(Exception):
+        reply = pickle.dumps((None, error))
+        if isinstance(error, Exception) and pickle.loads(reply):
+            return reply
+    instead = RuntimeError(f"{type(error).__name__}: {error}")
+    instead.__notes__ = error.__notes__
+    return pickle.dumps((None, instead))

@@ -1,0 +1,151 @@
+"""Results in a folder, each under a name that follows from everything it depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+STALE = 86400.0  # s, age of a temporary file of another machine at which nobody writes it any more
+
+
+def canonical(value: Any) -> str:
+    """The one JSON text of a value: keys sorted, no space, floats to the last bit.
+
+    Raises:
+        ValueError: a number that is not finite.
+        TypeError: something that JSON does not have.
+    """
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def plain(value: Any) -> Any:
+    """The value as a store gives it back: keys sorted, arrays as lists, not finite as None."""
+    text = json.dumps(value, sort_keys=True, default=_of_numpy)
+    return json.loads(text, parse_constant=lambda _: None)
+
+
+def _of_numpy(value: Any) -> Any:
+    """Arrays and numbers of numpy, without importing it."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"a result has a {type(value).__name__} in it, expected what JSON has")
+
+
+def digest(text: str) -> str:
+    """SHA-256 of a text, in hexadecimal."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+class Store:
+    """A folder of results: DIR/ab/abcdef.json, with what each cost beside it, abcdef.cost.json.
+
+    The results' files are the same bytes whoever wrote them; what they cost never is. Folders are
+    merged by copying one over the other. A file that is damaged, cut off or under another's name
+    counts as absent. Any number of processes and machines may use one folder.
+
+    Raises:
+        OSError: the folder cannot be made or written to.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        self._partial = self.folder / "partial"  # of the same file system, so that rename is atomic
+        self._partial.mkdir(parents=True, exist_ok=True)
+        self._sweep()
+
+    def path(self, key: str) -> Path:
+        """Where the result of that name lies."""
+        return self.folder / key[:2] / f"{key}.json"
+
+    def read(self, key: str) -> Any | None:
+        """The result of that name; None where there is none, or not a whole one."""
+        return _value(self.path(key), key)
+
+    def cost(self, key: str) -> Any | None:
+        """What was measured as the result was made; None where nothing was."""
+        return _value(self.path(key).with_suffix(".cost.json"), key)
+
+    def write(self, key: str, value: Any, measured: Any = None) -> None:
+        """Keep a result, whole or not at all.
+
+        Raises:
+            RuntimeError: the disk is full, or the folder no longer to be written to.
+        """
+        path = self.path(key)
+        try:
+            path.parent.mkdir(exist_ok=True)
+            if measured is not None:  # first: a result that is there has its cost
+                self._put(path.with_suffix(".cost.json"), key, measured)
+            self._put(path, key, value)
+        except OSError as error:
+            raise RuntimeError(
+                f"{self.folder}: {error.strerror or error}; the results so far are kept: "
+                "make room and start again"
+            ) from error
+
+    def missing(self, keys: Iterable[str]) -> list[str]:
+        """Those of the names that have no result yet."""
+        return [key for key in keys if self.read(key) is None]
+
+    def _put(self, path: Path, key: str, value: Any) -> None:
+        text = canonical(_signed(key, plain(value))) + "\n"
+        partial = self._partial / f"{platform.node()},{os.getpid()},{path.name}"
+        try:
+            _write_and_rename(text, partial, path)
+        except FileNotFoundError:  # swept by a machine that has our name and not our processes
+            _write_and_rename(text, partial, path)
+
+    def _sweep(self) -> None:
+        """Delete what killed processes left half-written."""
+        for path in self._partial.iterdir():
+            with suppress(FileNotFoundError):  # others sweep too
+                if _is_stale(path):
+                    path.unlink()
+
+
+def _write_and_rename(text: str, partial: Path, path: Path) -> None:
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _signed(key: str, value: Any) -> dict[str, Any]:
+    return {"key": key, "sha256": digest(key + canonical(value)), "value": value}
+
+
+def _value(path: Path, key: str) -> Any | None:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        return found["value"] if found == _signed(key, found["value"]) else None
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        return None
+
+
+def _is_stale(path: Path) -> bool:
+    """Whether whoever began this file is gone."""
+    machine, pid, _ = (*path.name.split(",", 2), "", "")[:3]
+    if machine == platform.node() and pid.isdecimal():
+        return not _is_alive(int(pid))
+    return time.time() - path.stat().st_mtime > STALE
+
+
+def _is_alive(pid: int) -> bool:
+    """Whether another process of that number runs; what has our own is of one before us."""
+    if os.name != "posix":
+        return pid != os.getpid()  # there is no harmless way to ask
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return pid != os.getpid()

@@ -1,0 +1,150 @@
+"""Runs as pure functions: a task has a name that follows from all its result depends on.
+
+    tasks = [Task("bench.run.some:run", {"log": sha256, "algorithm": "tsd", "seed": 3}, ("slams",))]
+    for task, value in run_all(tasks, Store("results/sweep"), LocalWorkers(2)):
+        ...
+
+What has a result in the store is not run again, so that a sweep that was killed goes on where it
+was, and a machine, a shard or a cluster that did a part has done it for all.
+"""
+
+from __future__ import annotations
+
+import importlib
+import platform
+import re
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import closing, suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
+
+from bench.run.code import code_version
+from bench.run.store import Store, canonical, digest, plain
+
+# these tell of the machine, not of the algorithm: said, but not kept as its result
+OF_THE_MACHINE = (MemoryError, OSError, ImportError)
+
+
+class Result(NamedTuple):
+    """What a task's function returns.
+
+    `value` follows from the task alone; `measured` (CPU time, memory) also from the machine and
+    the moment. What is not `kept` is run again next time.
+    """
+
+    value: dict[str, Any]
+    measured: dict[str, Any] | None = None
+    kept: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One run.
+
+    `function` is "module:function", called with `what` and `where` as keywords, and returns a
+    `Result`. `what` has everything the result follows from, as JSON: contents of logs by their
+    hash, parameters, seeds. `packages` are those whose code it follows from. `where` tells how to
+    get at it on this machine, paths of logs for instance, and is no part of the name.
+
+    Raises:
+        ValueError, TypeError: from `key`, where `what` has something that JSON does not.
+    """
+
+    function: str
+    what: Mapping[str, Any]
+    packages: tuple[str, ...] = ()
+    where: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def key(self) -> str:
+        """The name of the result: a hash of the function, of what it is given and of the code."""
+        return self.key_for(code_version(self.packages))
+
+    def key_for(self, code: str) -> str:
+        """The name with that version of the code."""
+        known = {"function": self.function, "what": self.what, "code": code}
+        return digest(canonical(known))
+
+
+class Executor(Protocol):
+    """Whatever runs tasks: processes of this machine, or of others."""
+
+    def finished(self, tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
+        """Each task's name and result, as they end."""
+        ...
+
+    def close(self) -> None:
+        """Leave nothing running."""
+        ...
+
+
+def run_all(
+    tasks: Iterable[Task], store: Store, executor: Executor
+) -> Iterator[tuple[Task, dict[str, Any]]]:
+    """Every task with its value, first those the store has, then the others as they end.
+
+    A task that stands in the list twice is run once. A run that failed has a value with "failed",
+    a sentence.
+
+    Raises:
+        RuntimeError: a result cannot be written; those before it are kept.
+    """
+    todo: dict[str, list[Task]] = {}
+    for task in tasks:
+        value = None if task.key in todo else store.read(task.key)
+        if value is None:
+            todo.setdefault(task.key, []).append(task)
+        else:
+            yield task, value
+    if not todo:
+        return
+    first = {key: same[0] for key, same in todo.items()}
+    with closing(executor.finished(first)) as results:
+        for key, result in results:
+            if result.kept:
+                store.write(key, result.value, result.measured)
+            for task in todo[key]:
+                yield task, result.value
+
+
+def perform(task: Task, key: str) -> Result:
+    """Do a task; what the algorithm raises is its result.
+
+    Raises:
+        RuntimeError: the code here is not the code that the task has its name `key` from.
+        TypeError: the function returned what JSON does not have.
+    """
+    _check_code(task, key)
+    function = _function(task.function)
+    try:
+        result = function(**task.what, **task.where)
+    except OF_THE_MACHINE as error:
+        return Result({"failed": _sentence(error)}, kept=False)
+    except (Exception, SystemExit) as error:  # an outsider's algorithm may raise anything
+        return Result({"failed": _sentence(error)})
+    return Result(plain(result.value), plain(result.measured), result.kept)
+
+
+def _check_code(task: Task, key: str) -> None:
+    """A process that started late, or on another machine, may have other code."""
+    with suppress(LookupError):
+        if task.key_for(code_version(task.packages)) == key:
+            return
+    raise RuntimeError(
+        f"{platform.node()} has not the code that the work was started with "
+        f"({', '.join(task.packages)}, numpy, numba ...): install the same versions everywhere, "
+        "change nothing meanwhile, and start again"
+    )
+
+
+def _function(name: str) -> Callable[..., Result]:
+    module, _, attribute = name.partition(":")
+    found: Callable[..., Result] = getattr(importlib.import_module(module), attribute)
+    return found
+
+
+def _sentence(error: BaseException) -> str:
+    """The exception in one line, the same in every process: without addresses in memory."""
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return re.sub(r"0x[0-9a-f]+", "0x..", text)
