@@ -138,19 +138,25 @@ class ScanLog:
 
     def select(self, limit: int | None = None, every: int = 1, odometry: bool = True) -> ScanLog:
         """The first `limit` of every `every`-th scan, with or without odometry and gyro."""
-        part = slice(None, None if limit is None else limit * every, every)
-        return replace(
-            self,
-            t=self.t[part],
-            ranges=self.ranges[part],
-            odom=self._odom_of(part) if odometry else None,
-            yaw_rate=self.yaw_rate if odometry else None,
-        )
+        chosen = self._part(slice(None, None if limit is None else limit * every, every))
+        return chosen if odometry else replace(chosen, odom=None, yaw_rate=None)
 
-    def _odom_of(self, part: slice) -> Track | None:
-        if self.odom is None or not np.array_equal(self.odom.t, self.t):
-            return self.odom
-        return Track(self.t[part], self.odom.values[part])
+    def from_scan(self, first: int) -> ScanLog:
+        """The log from scan number `first` on, as if the recording had begun there.
+
+        Raises:
+            ValueError: it has no such scan.
+        """
+        if not 0 <= first < len(self):
+            raise ValueError(f"first: got scan {first}, expected 0 to {len(self) - 1}")
+        return self._part(slice(first, None))
+
+    def _part(self, part: slice) -> ScanLog:
+        """Some of the scans; tracks with stamps of their own stay whole."""
+        odom = self.odom
+        if odom is not None and np.array_equal(odom.t, self.t):
+            odom = Track(self.t[part], odom.values[part])
+        return replace(self, t=self.t[part], ranges=self.ranges[part], odom=odom)
 
     def save(self, path: str | Path) -> None:
         """Write "scanlog-1"; same log, same bytes. A temporary name is renamed when complete."""
