@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from bench import simulate as command
-from bench.sim.drive import Drive, Robot, drive, gyro, legs, odometry
+from bench.sim.drive import Drive, Robot, drive, legs
+from bench.sim.motion_errors import gyro, odometry
 from bench.sim.range_errors import Errors
 from bench.sim.sensors import SENSORS, find_sensor
 from bench.sim.setting import Setting

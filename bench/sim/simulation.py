@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.sim.drive import LEG, Drive, Robot, drive, drive_far, gyro, legs, odometry
+from bench.sim.drive import LEG, Drive, Robot, drive, drive_far, legs
+from bench.sim.motion_errors import gyro, odometry
 from bench.sim.range_errors import Errors
 from bench.sim.sensors import Sensor, find_sensor
 from bench.sim.setting import CELL, FINE, Setting
