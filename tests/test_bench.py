@@ -141,9 +141,21 @@ class Judged(NamedTuple):
     errors: dict
 
 
-def outcome(name, errors, log="a"):
+def outcome(name, errors, log="a", **row):
     found = SpanErrors(np.arange(float(len(errors))), errors, 0.1 * errors, errors)
-    return Judged({"algorithm": name, "log": log, "failed": None}, {"1 s": found})
+    return Judged({"algorithm": name, "log": log, "failed": None} | row, {"1 s": found})
+
+
+def over_logs(count, names=("good", "bad"), **rows):
+    """Each algorithm 1 mm worse than the one before, on every log."""
+    rng = np.random.default_rng(1)
+    outcomes = []
+    for k in range(count):
+        for more, name in enumerate(names):
+            errors = 1e-3 * (1.0 + k + more) + 1e-4 * rng.random(50)
+            outcomes.append(outcome(name, errors, f"log {k}", **rows.get(name, {})))
+    found = verdicts.over_logs(outcomes)
+    return [v for v in found if v["measure"] == "translation"]
 
 
 def test_verdicts_name_the_better_one_and_keep_quiet_about_noise():
@@ -155,26 +167,66 @@ def test_verdicts_name_the_better_one_and_keep_quiet_about_noise():
     words = {(v["a"], v["b"]): v for v in found if v["measure"] == "translation"}
     assert len(found) == 6
     pair = next(v for names, v in words.items() if set(names) == {"good", "bad"})
-    assert "good is better than bad by 2" in pair["sentence"]
+    assert "good is better than bad on this log by 2" in pair["sentence"]
     assert "mm per second" in pair["sentence"]
     assert pair["p_value"] >= pair["p_alone"]
     noise = next(v for names, v in words.items() if set(names) == {"good", "other"})
-    assert "can't be told apart" in noise["sentence"]
+    assert "can't be told apart on this log: " in noise["sentence"]
     assert [v["next"] for v in words.values()].count(True) == 2
 
 
 def test_verdicts_over_logs_pair_the_means_of_each_log():
-    rng = np.random.default_rng(1)
-    outcomes = []
-    for k in range(8):
-        hard = 1e-3 * (1.0 + k)
-        for name, more in (("good", 0.0), ("bad", 1e-3)):
-            errors = hard + more + 1e-4 * rng.random(50)
-            outcomes.append(outcome(name, errors, f"log {k}"))
-    found = verdicts.over_logs(outcomes)
-    pair = next(v for v in found if v["measure"] == "translation")
+    (pair,) = over_logs(8)
     assert pair["n"] == 8
-    assert pair["sentence"].startswith("translation: good is better than bad by 1.0")
+    assert pair["sentence"].startswith("translation: good is better than bad over 8 logs by 1.0")
+    assert "cannot show" not in pair["sentence"]
+
+
+def test_too_few_logs_cannot_show_anything():
+    (pair,) = over_logs(5)
+    assert "good and bad can't be told apart over 5 logs: " in pair["sentence"]
+    words = "; 5 logs cannot show it: the least p among 2 comparisons is 0.12"
+    assert pair["sentence"].endswith(words)
+    assert pair["p_value"] == 2 * 2 / 2**5
+    assert all("better" in pair["sentence"] for pair in over_logs(7)), "2 * 2 / 2^7 = 0.03"
+    several = over_logs(8, ("one", "two", "three", "four"))
+    assert len(several) == 6
+    for pair in several:
+        assert "8 logs cannot show it: the least p among 12 comparisons" in pair["sentence"]
+
+
+def test_a_pair_on_fewer_logs_is_judged_by_its_own():
+    """Many comparisons on 13 logs come first; that one on 7 can still be shown."""
+    rng = np.random.default_rng(2)
+    outcomes = [
+        outcome(name, 1e-3 * (1.0 + more) + 1e-4 * rng.random(50), f"log {k}")
+        for k in range(13)
+        for more, name in enumerate(("one", "two", "three"))
+        if name != "three" or k < 7
+    ]
+    found = [v for v in verdicts.over_logs(outcomes) if v["measure"] == "translation"]
+    words = {v["n"]: v["sentence"] for v in found}
+    assert "cannot show" not in words[13]
+    assert "7 logs cannot show it: the least p among 4 comparisons is 0.062" in words[7]
+
+
+def test_verdicts_name_sensors_that_differ():
+    rng = np.random.default_rng(3)
+    errors = 1e-3 * np.abs(rng.normal(1.0, 0.3, 2000))
+    outcomes = [
+        outcome("wheeled", errors, used=["laser", "wheels", "gyro"]),
+        outcome("bare", errors + 2e-3, used=["laser"]),
+        outcome("other", errors + 4e-3, used=["laser"]),
+        outcome("unknown", errors + 6e-3),
+    ]
+    found = verdicts.on_one_log(outcomes)
+    words = {(v["a"], v["b"]): v["sentence"] for v in found if v["measure"] == "translation"}
+    named = " (wheeled used laser, wheels and gyro, bare laser alone)"
+    assert words["wheeled", "bare"].endswith(named)
+    assert "used" not in words["bare", "other"]
+    assert not any("used" in words[name, "unknown"] for name in ("wheeled", "bare", "other"))
+    (pair,) = over_logs(6, good={"used": ["wheels"]}, bad={"used": ["laser", "wheels"]})
+    assert "(good used wheels alone, bad laser and wheels)" in pair["sentence"]
 
 
 def test_published_figures_are_read_with_their_columns():

@@ -374,7 +374,7 @@ def test_an_unsure_heading_turns_a_long_motion():
     """10 m along x: the error of the first heading moves the end by 10 m times it, sideways."""
     heading = np.stack([np.diag([0.0, 0.0, 1e-6]), np.zeros((3, 3))])
     poses = np.array([[1.0, 2.0, 0.4], [11.0, 2.0, 0.0]])
-    found = Bound(poses, heading, np.ones(2, np.int64), True).relative(1)
+    found = Bound(poses, heading, np.ones(2, np.int64), True, np.linalg.pinv(heading)).relative(1)
     assert found.translation[0] == pytest.approx(10.0 * 1e-3 * math.sqrt(2.0 / math.pi))
     assert found.rotation[0] == pytest.approx(1e-3 * math.sqrt(2.0 / math.pi))
 

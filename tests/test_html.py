@@ -315,7 +315,7 @@ def test_the_bound_is_in_words_tables_and_figures(page):
 def test_summary_names_the_best_and_how_sure(page):
     assert "odometry is the most accurate: its mean error per second is" in page.text
     assert "It is followed by <script>" in page.text
-    assert f"odometry is better than {BAD_NAME} by" in page.text
+    assert f"odometry is better than {BAD_NAME} on this log by" in page.text
     assert re.search(r"is the fastest with \d+\.\d+ ms per scan on one core", page.text)
 
 

@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
+from bench.judge.bootstrap import studentized
 from bench.judge.statistics import (
     Paired,
-    _bootstrap,
     adjusted,
+    least_p_value,
     mean_interval,
     paired,
     paired_over_runs,
     sentence,
+    wilson,
 )
 
 
@@ -54,11 +56,11 @@ def test_blocks_are_longer_than_what_hangs_together():
     """A hundred blocks at most, ten at least; for AR(1) the best length is known."""
     (white,), (slow,) = (autoregressive(phi, 1, 3000, 17) for phi in (0.0, 0.9))
     best = (1.5 * (2.0 * 0.9 / (1.0 - 0.9**2)) ** 2 * 3000) ** (1.0 / 3.0)
-    assert _bootstrap(white, 0).blocks == 100
-    assert 3000 / best / 2.0 < _bootstrap(slow, 0).blocks < 3000 / best * 1.5
-    assert _bootstrap(np.cumsum(white), 0).blocks == 10
+    assert studentized(white, 0).blocks == 100
+    assert 3000 / best / 2.0 < studentized(slow, 0).blocks < 3000 / best * 1.5
+    assert studentized(np.cumsum(white), 0).blocks == 10
     spans = np.cumsum(autoregressive(0.0, 1, 3300, 18)[0])
-    assert _bootstrap(spans[100:] - spans[:-100], 0).blocks <= 3200 / 100
+    assert studentized(spans[100:] - spans[:-100], 0).blocks <= 3200 / 100
 
 
 def test_intervals_of_differences_of_neighbors():
@@ -71,7 +73,7 @@ def test_intervals_of_differences_of_neighbors():
 
 def test_deviation_of_a_short_series_is_not_too_small():
     values = autoregressive(0.9, 400, 300, 20)
-    variance = np.mean([_bootstrap(row, 0).deviation ** 2 for row in values])
+    variance = np.mean([studentized(row, 0).deviation ** 2 for row in values])
     assert variance == pytest.approx(np.mean(values.mean(axis=1) ** 2), rel=0.12)
 
 
@@ -195,6 +197,35 @@ def test_runs_few_and_many():
     assert paired_over_runs(a + 9.0, b).p_value == 1.0 / 10_000
 
 
+@pytest.mark.parametrize("n", [2, 5, 6, 13, 14, 30])
+def test_no_runs_have_a_p_value_below_the_least_one(n):
+    found = paired_over_runs(np.linspace(1.0, 2.0, n), np.zeros(n)).p_value
+    assert found == least_p_value(n) if n != 14 else found >= least_p_value(n)
+    assert (least_p_value(n) < 0.05) == (n >= 6)
+
+
+def test_shares_by_hand_and_at_the_ends():
+    """Wilson's formula, z = 1.96: center (p + z^2 / 2n) / (1 + z^2 / n)."""
+    z, n = 1.959964, 20
+    half = z * math.sqrt(0.3 * 0.7 / n + (0.5 * z / n) ** 2) / (1.0 + z * z / n)
+    center = (0.3 + 0.5 * z * z / n) / (1.0 + z * z / n)
+    assert wilson(6, n) == pytest.approx((center - half, center + half), abs=1e-6)
+    assert wilson(0, 10) == pytest.approx((0.0, z * z / (10 + z * z)))
+    assert wilson(10, 10).high == pytest.approx(1.0) and wilson(10, 10).low > 0.7
+    narrow, wide = wilson(6, n, 0.8), wilson(6, n, 0.99)
+    assert wide.low < narrow.low < 0.3 < narrow.high < wide.high
+    assert wilson(0, 0) == (0.0, 1.0)
+    with pytest.raises(ValueError, match="got 3 of 2"):
+        wilson(3, 2)
+
+
+def test_shares_cover_the_true_one():
+    rng = np.random.default_rng(21)
+    counts = np.bincount(rng.binomial(12, 0.1, 20000), minlength=13)
+    inside = [k for k in range(13) if wilson(k, 12).low <= 0.1 <= wilson(k, 12).high]
+    assert counts[inside].sum() / 20000 > 0.93
+
+
 def test_holm_by_hand():
     assert adjusted([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
     assert adjusted([0.4, math.nan, 0.5])[::2] == pytest.approx([0.8, 0.8])
@@ -234,6 +265,18 @@ def test_sentence_of_no_proven_difference():
     assert sentence("hector", "crsm", few) == (
         "hector and crsm can't be compared: only 3 common values"
     )
+
+
+def test_sentence_says_where_it_holds():
+    for result, words in (
+        (
+            Paired(-0.0012, -0.0014, -0.0010, 0.0001, -0.8, 300),
+            "is better than crsm on this log by",
+        ),
+        (Paired(0.0001, -0.0002, 0.0004, 0.41, 0.1, 300), "told apart on this log: difference"),
+        (paired(np.zeros(3), np.zeros(3)), "can't be compared on this log: only 3"),
+    ):
+        assert words in sentence("hector", "crsm", result, where="on this log")
 
 
 def test_ten_pairs_of_a_long_log_take_less_than_a_second():

@@ -58,12 +58,14 @@ class Bound:
 
     In the world's axes; rows of nan where a scan leaves the pose open (a long corridor). `beams`
     (n,) is how many counted. Not `strict`: the errors are rounding rather than noise.
+    `information` (n, 3, 3) is the inverse, which tells what an open scan still says.
     """
 
     poses: Floats
     covariance: Floats
     beams: NDArray[np.int64]
     strict: bool
+    information: Floats
 
     @cached_property
     def translation(self) -> Floats:
@@ -105,7 +107,7 @@ class Bound:
         a, b = self.covariance[first], self.covariance[second]
         both = lever @ a @ lever.transpose(0, 2, 1) + b[:, :2, :2]
         turn = np.sqrt(2.0 / math.pi * (a[:, 2, 2] + b[:, 2, 2]))
-        return Expected(_mean_length(both), turn)
+        return Expected(mean_length(both), turn)
 
     def sample(self, seed: int = 0) -> Floats:
         """Poses (n, 3) of a localizer that reaches the bound at every scan by itself, by chance.
@@ -141,13 +143,14 @@ def bound(
     if not (errors.noise or errors.noise_share or errors.step):
         raise ValueError("errors: got none at all; expected noise or a step, else no bound exists")
     first = poses if poses.ndim == 2 else np.ascontiguousarray(poses[:, 0])
-    covariance, beams = np.empty((len(poses), 3, 3)), np.zeros(len(poses), np.int64)
+    information, beams = np.empty((len(poses), 3, 3)), np.zeros(len(poses), np.int64)
     for start in range(0, len(poses), BLOCK):
         part = slice(start, start + BLOCK)
         seen = None if ranges is None else ranges[part]
-        covariance[part] = _block(world, errors, laser, poses[part], seen, beams[part])
+        information[part] = _block(world, errors, laser, poses[part], seen, beams[part])
     least = errors.noise + errors.noise_share * laser.range_min
-    return Bound(first, covariance, beams, errors.step <= 2.0 * least)
+    strict = errors.step <= 2.0 * least
+    return Bound(first, _inverse(information), beams, strict, information)
 
 
 def bound_of(log: ScanLog, most: int = POSES) -> Bound | None:
@@ -173,6 +176,7 @@ def bound_of(log: ScanLog, most: int = POSES) -> Bound | None:
         found.covariance[stands_for],
         found.beams[stands_for],
         found.strict,
+        found.information[stands_for],
     )
 
 
@@ -184,7 +188,7 @@ def _block(
     ranges: Ranges | None,
     out_beams: NDArray[np.int64],
 ) -> Floats:
-    """Covariances (n, 3, 3) of some poses; how many beams counted goes to out_beams (n,)."""
+    """Information (n, 3, 3) about some poses; how many beams counted goes to out_beams (n,)."""
     from bench.judge.bound_kernels import Squares, fisher_information
 
     rays = rays_of(laser, poses)
@@ -200,7 +204,7 @@ def _block(
         known = np.nan_to_num(covariance)
         fisher_information(squares, rays, distances, weights, bases, known, information, out_beams)
         covariance = _inverse(information)
-    return covariance
+    return information
 
 
 def _weights(errors: Errors, laser: Laser, distances: Floats, ranges: Ranges | None) -> Floats:
@@ -230,7 +234,7 @@ def _inverse(information: Floats) -> Floats:
     return covariance
 
 
-def _mean_length(covariance: Floats) -> Floats:
+def mean_length(covariance: Floats) -> Floats:
     """Mean length (k,) of Gaussian vectors with covariances (k, 2, 2), by an elliptic integral."""
     from scipy.special import ellipe
 

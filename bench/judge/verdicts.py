@@ -1,10 +1,14 @@
-"""Which algorithm is better, by how much, and how sure that is: pairs on one log and over logs."""
+"""Which algorithm is better, by how much, and how sure that is: pairs on one log and over logs.
+
+What one log shows holds on that log: another drive, or the same map turned by 45 degrees, may
+show the opposite. Only several independent drives say more, and too few of them say nothing.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import combinations
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from itertools import chain, combinations
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -14,6 +18,10 @@ from bench.results import Line, Outcome
 from slams.types import Floats
 
 Lines = list[Line]
+Sensors = tuple[str, ...] | None  # what a run used, None = not known
+T = TypeVar("T")
+
+SIGNIFICANT = 0.05
 
 
 class Measure(NamedTuple):
@@ -23,6 +31,15 @@ class Measure(NamedTuple):
     values: Callable[[SpanErrors], Floats]
     unit: str
     scale: float
+
+
+class Pair(NamedTuple):
+    """Two algorithms and what each of them used."""
+
+    a: str
+    b: str
+    used_a: Sensors
+    used_b: Sensors
 
 
 MEASURES = (
@@ -35,48 +52,82 @@ SPANS = {"1 s": "per second", "10 s": "per 10 s", "update": "per update"}
 def on_one_log(outcomes: list[Outcome]) -> Lines:
     """Every pair of runs that have errors, p-values adjusted together for all of them.
 
-    Errors over 1 s, where the log has them; they do not depend on the rate of the updates.
+    Errors over 1 s, where the log has them; they do not depend on the rate of the updates. The
+    sentences hold on this log and say so; where the two used different sensors (`used` of a row,
+    absent = not known) they name them.
     """
-    span = next((name for name in SPANS if all(name in o.errors for o in _judged(outcomes))), None)
-    if span is None or len(_judged(outcomes)) < 2:
+    runs = _judged(outcomes)
+    span = next((name for name in SPANS if all(name in run.errors for run in runs)), None)
+    if span is None or len(runs) < 2:
         return []
     found: Lines = []
     for measure in MEASURES:
-        order = sorted(
-            _judged(outcomes), key=lambda o: float(measure.values(o.errors[span]).mean())
-        )
-        rank = {id(outcome): k for k, outcome in enumerate(order)}
-        for a, b in combinations(order, 2):
+        order = sorted(runs, key=lambda run: float(measure.values(run.errors[span]).mean()))
+        for places, (a, b) in _numbered_pairs(order):
             paired = statistics.paired(*_same_times(a.errors[span], b.errors[span], measure))
-            beside = rank[id(b)] - rank[id(a)] == 1
-            names = a.row["algorithm"], b.row["algorithm"]
-            found.append(_entry(*names, measure, SPANS[span], paired, beside))
-    return _adjusted(found)
+            pair = Pair(a.row["algorithm"], b.row["algorithm"], *map(_used, (a, b)))
+            found.append(_entry(pair, measure, SPANS[span], paired, beside=places == 1))
+    return [entry | {"sentence": _words(entry, "on this log")} for entry in _adjusted(found)]
 
 
 def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Lines:
-    """Every pair of algorithms over all logs: one mean per log, tested over the logs."""
-    means: dict[str, dict[str, dict[str, float]]] = {measure.name: {} for measure in MEASURES}
-    for outcome in _judged(outcomes):
-        if span in outcome.errors:
-            for measure in MEASURES:
-                known = means[measure.name].setdefault(outcome.row["algorithm"], {})
-                known[outcome.row["log"]] = float(measure.values(outcome.errors[span]).mean())
+    """Every pair of algorithms over all logs: one mean per log, tested over the logs.
+
+    The only verdict that may claim more than one log shows, if the logs are independent drives.
+    Where there are too few for any p-value below 0.05, the sentence says so instead.
+    """
     found: Lines = []
     for measure in MEASURES:
-        order = sorted(means[measure.name].items(), key=lambda item: np.mean([*item[1].values()]))
-        for k, ((a, of_a), (b, of_b)) in _numbered_pairs(order):
-            shared = [log for log in of_a if log in of_b]
-            if len(shared) < 2:
-                continue
-            paired = statistics.paired_over_runs(
-                np.array([of_a[log] for log in shared]), np.array([of_b[log] for log in shared])
-            )
-            found.append(_entry(a, b, measure, SPANS[span], paired, beside=k == 1))
-    return _adjusted(found)
+        order = _ordered_means(outcomes, span, measure)
+        found += _pairs(order, measure, SPANS[span], lambda a, on: _used_over(outcomes, a, on))
+    return _in_words(found)
 
 
-def _numbered_pairs(order: list[Any]) -> list[tuple[int, tuple[Any, Any]]]:
+def over_means(means: dict[str, dict[str, float]], measure: str = "translation") -> Lines:
+    """The same from means that are known: algorithm to log to mean error over 1 s [m] or [rad]."""
+    of = next(known for known in MEASURES if known.name == measure)
+    order = sorted(means.items(), key=lambda item: float(np.mean([*item[1].values()])))
+    return _in_words(_pairs(order, of, SPANS["1 s"], lambda _, __: None))
+
+
+def _pairs(
+    order: list[tuple[str, dict[str, float]]],
+    measure: Measure,
+    what: str,
+    used: Callable[[str, list[str]], Sensors],
+) -> Lines:
+    """Every pair of algorithms on the logs that both have."""
+    found: Lines = []
+    for places, ((a, of_a), (b, of_b)) in _numbered_pairs(order):
+        shared = [log for log in of_a if log in of_b]
+        if len(shared) < 2:
+            continue
+        paired = statistics.paired_over_runs(
+            np.array([of_a[log] for log in shared]), np.array([of_b[log] for log in shared])
+        )
+        pair = Pair(a, b, used(a, shared), used(b, shared))
+        found.append(_entry(pair, measure, what, paired, beside=places == 1))
+    return found
+
+
+def _in_words(found: Lines) -> Lines:
+    logs = [entry["n"] for entry in found]
+    return [entry | {"sentence": _words_over(entry, logs)} for entry in _adjusted(found)]
+
+
+def _ordered_means(
+    outcomes: list[Outcome], span: str, measure: Measure
+) -> list[tuple[str, dict[str, float]]]:
+    """Each algorithm's mean error on each log, the best algorithm first."""
+    means: dict[str, dict[str, float]] = {}
+    for outcome in _judged(outcomes):
+        if span in outcome.errors:
+            of_logs = means.setdefault(outcome.row["algorithm"], {})
+            of_logs[outcome.row["log"]] = float(measure.values(outcome.errors[span]).mean())
+    return sorted(means.items(), key=lambda item: float(np.mean([*item[1].values()])))
+
+
+def _numbered_pairs(order: Sequence[T]) -> list[tuple[int, tuple[T, T]]]:
     """All pairs in order, each with how many places lie between."""
     numbered = list(enumerate(order))
     return [(j - i, (a, b)) for (i, a), (j, b) in combinations(numbered, 2)]
@@ -84,6 +135,22 @@ def _numbered_pairs(order: list[Any]) -> list[tuple[int, tuple[Any, Any]]]:
 
 def _judged(outcomes: list[Outcome]) -> list[Outcome]:
     return [outcome for outcome in outcomes if outcome.errors]
+
+
+def _used(outcome: Outcome) -> Sensors:
+    used = outcome.row.get("used")
+    return None if used is None else tuple(used)
+
+
+def _used_over(outcomes: list[Outcome], algorithm: str, logs: list[str]) -> Sensors:
+    """What an algorithm used on any of the logs; None where one does not tell."""
+    of_logs = [
+        _used(outcome)
+        for outcome in _judged(outcomes)
+        if outcome.row["algorithm"] == algorithm and outcome.row["log"] in logs
+    ]
+    known = [used for used in of_logs if used is not None]
+    return tuple(dict.fromkeys(chain(*known))) if len(known) == len(of_logs) else None
 
 
 def _same_times(a: SpanErrors, b: SpanErrors, measure: Measure) -> tuple[Floats, Floats]:
@@ -95,32 +162,62 @@ def _same_times(a: SpanErrors, b: SpanErrors, measure: Measure) -> tuple[Floats,
 
 
 def _entry(
-    a: str,
-    b: str,
-    measure: Measure,
-    what: str,
-    paired: statistics.Paired,
-    beside: bool,
+    pair: Pair, measure: Measure, what: str, paired: statistics.Paired, beside: bool
 ) -> dict[str, Any]:
     return {
-        "a": a,
-        "b": b,
+        "a": pair.a,
+        "b": pair.b,
         "measure": measure.name,
         "what": what,
         "unit": measure.unit,
-        "scale": measure.scale,
         "next": beside,
+        "sensors": _difference(pair),
     } | paired._asdict()
 
 
+def _difference(pair: Pair) -> str:
+    """The sensors in words where the two used different ones, else ""."""
+    if pair.used_a is None or pair.used_b is None or set(pair.used_a) == set(pair.used_b):
+        return ""
+    return f"{pair.a} used {_listed(pair.used_a)}, {pair.b} {_listed(pair.used_b)}"
+
+
+def _listed(used: tuple[str, ...]) -> str:
+    """As "laser alone" or "laser, wheels and gyro"."""
+    if len(used) < 2:
+        return f"{used[0]} alone" if used else "nothing"
+    return f"{', '.join(used[:-1])} and {used[-1]}"
+
+
 def _adjusted(found: Lines) -> Lines:
-    """Add the p-values for all pairs together, and each pair in words."""
+    """Add the p-values for all pairs together."""
     adjusted = statistics.adjusted([entry["p_value"] for entry in found])
-    for entry, p_value in zip(found, adjusted, strict=True):
-        entry["p_alone"], entry["p_value"] = entry["p_value"], p_value
-        paired = statistics.Paired(**{k: entry[k] for k in statistics.Paired._fields})
-        words = statistics.sentence(
-            entry["a"], entry["b"], paired, entry["unit"], entry.pop("scale"), entry["what"]
-        )
-        entry["sentence"] = f"{entry['measure']}: {words}"
-    return found
+    return [
+        entry | {"p_alone": entry["p_value"], "p_value": p_value}
+        for entry, p_value in zip(found, adjusted, strict=True)
+    ]
+
+
+def _words(entry: dict[str, Any], where: str) -> str:
+    """A pair in words, limited to where it holds."""
+    paired = statistics.Paired(**{name: entry[name] for name in statistics.Paired._fields})
+    scale = next(measure.scale for measure in MEASURES if measure.name == entry["measure"])
+    words = statistics.sentence(
+        entry["a"], entry["b"], paired, entry["unit"], scale, entry["what"], where=where
+    )
+    sensors = entry["sensors"] and f" ({entry['sensors']})"
+    return f"{entry['measure']}: {words}{sensors}"
+
+
+def _words_over(entry: dict[str, Any], logs: list[int]) -> str:
+    """A pair in words; of too few logs, that they cannot show anything.
+
+    `logs` is how many each pair has: those with no more logs than this one have no better p-values
+    at best, so that Holm's factor is at least their number.
+    """
+    n, words = entry["n"], _words(entry, f"over {entry['n']} logs")
+    tests = sum(other <= n for other in logs)
+    least = min(1.0, tests * statistics.least_p_value(n))
+    if least < SIGNIFICANT:
+        return words
+    return f"{words}; {n} logs cannot show it: the least p among {tests} comparisons is {least:.2g}"

@@ -98,7 +98,7 @@ def trial_table(sweep: Sweep) -> pd.DataFrame:
     frame = pd.DataFrame(list(sweep.trials))
     frame["used"] = [" + ".join(trial.get("used") or []) for trial in sweep.trials]
     for name in ("cpu_s", "longest_ms"):
-        frame[name] = [cost[name] if cost else None for cost in sweep.costs]  # type: ignore[literal-required]
+        frame[name] = [cost[name] if cost else None for cost in sweep.costs]
     return frame
 
 

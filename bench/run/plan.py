@@ -100,8 +100,8 @@ class Plan:
         trials: list[Trial] = []
         costs: list[Cost | None] = []
         for case in cases:
-            value = store.read(case.task.key) or {"failed": "its process died"}
-            trials.append(case.known | value)  # type: ignore[typeddict-item]
+            value: Trial = store.read(case.task.key) or {"failed": "its process died"}
+            trials.append(case.known | value)
             costs.append(store.cost(case.task.key))
         return Sweep(self._facts(), trials, costs, record)
 

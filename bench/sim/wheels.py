@@ -1,9 +1,9 @@
-"""What wheels and gyro make of a true drive."""
+"""What wheels and gyro make of a true motion; a filter's bound knows the same figures."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,43 @@ if TYPE_CHECKING:
 
     from bench.sim.drive import Drive
 
+
+class WheelErrors(NamedTuple):
+    """Standard deviations of what a skid-steer robot's wheels get wrong.
+
+    For the whole drive: `scale` of the way, `turning` of the turn, `straight` [rad/m]; `floor`
+    adds to `turning` and changes with a memory of `floor_memory` [s]. Slip grows with the root of
+    the way [m] or turn [rad]: of the way ahead [m], of the turn [rad]. The two slips by turn are
+    one and the same, so many parts of each.
+    """
+
+    scale: float
+    turning: float
+    straight: float
+    floor: float
+    floor_memory: float
+    ahead_by_way: float
+    ahead_by_turn: float
+    turn_by_turn: float
+    turn_by_way: float
+
+
+class GyroErrors(NamedTuple):
+    """Standard deviations of what a gyro gets wrong.
+
+    White `noise` [rad/s] of a sample (vibration included), a rest of `bias` [rad/s] that does a
+    `walk` [rad/s per root second], and `scale` of the rate.
+    """
+
+    noise: float
+    bias: float
+    walk: float
+    scale: float
+
+
 ORIGIN: Floats = np.zeros(3)
+WHEELS = WheelErrors(0.01, 0.03, 0.01, 0.03, 20.0, 0.003, 0.002, 0.01, 0.004)
+GYRO = GyroErrors(0.004, 0.002, 1e-4, 0.003)
 
 
 def odometry(true: Drive, t: Floats, rng: Generator) -> Floats:
@@ -26,11 +62,13 @@ def odometry(true: Drive, t: Floats, rng: Generator) -> Floats:
     """
     ahead, aside, turn = steps(true.poses_at(t))
     way, turned, n = np.hypot(ahead, aside), np.abs(turn), len(turn)
-    scale, turning, straight = rng.normal(0.0, (0.01, 0.03, 0.01))
-    floor = _wander(np.diff(t), 0.03, 20.0, rng)
+    wheels = WHEELS
+    scale, turning, straight = rng.normal(0.0, (wheels.scale, wheels.turning, wheels.straight))
+    floor = _wander(np.diff(t), wheels.floor, wheels.floor_memory, rng)
     slip = rng.standard_normal((3, n)) * np.sqrt([way, turned, way])
-    d_ahead = (1.0 + scale) * ahead + 0.003 * slip[0] + 0.002 * slip[1]
-    d_turn = (1.0 + turning + floor) * turn + straight * way + 0.01 * slip[1] + 0.004 * slip[2]
+    d_ahead = (1.0 + scale) * ahead + wheels.ahead_by_way * slip[0] + wheels.ahead_by_turn * slip[1]
+    d_turn = (1.0 + turning + floor) * turn + straight * way
+    d_turn = d_turn + wheels.turn_by_turn * slip[1] + wheels.turn_by_way * slip[2]
     return integrate(d_ahead, aside, d_turn)
 
 
@@ -67,13 +105,9 @@ def _wander(dt: Floats, deviation: float, memory: float, rng: Generator) -> Floa
 
 
 def gyro(true: Drive, t: Floats, rng: Generator) -> Floats:
-    """Yaw rates (m,) [rad/s] at stamps t (m,) as a calibrated MEMS gyro gives them.
-
-    White noise 0.004 rad/s (vibration included), a rest of bias 0.002 rad/s that walks
-    1e-4 rad/s per root second, scale right within 0.3 %.
-    """
+    """Yaw rates (m,) [rad/s] at stamps t (m,) as a calibrated MEMS gyro gives them."""
     rate = np.interp(t, true.t, true.rates[:, 1])
-    bias, scale = rng.normal(0.0, (0.002, 0.003))
-    walk = np.cumsum(rng.normal(0.0, 1e-4, len(t)) * np.sqrt(np.diff(t, prepend=t[0])))
-    rates: Floats = (1.0 + scale) * rate + bias + walk + rng.normal(0.0, 0.004, len(t))
+    bias, scale = rng.normal(0.0, (GYRO.bias, GYRO.scale))
+    walk = np.cumsum(rng.normal(0.0, GYRO.walk, len(t)) * np.sqrt(np.diff(t, prepend=t[0])))
+    rates: Floats = (1.0 + scale) * rate + bias + walk + rng.normal(0.0, GYRO.noise, len(t))
     return rates
