@@ -372,6 +372,18 @@ def test_gap_and_blind_spell_last_as_long_as_they_should():
     assert len(degrade(log, "gap", 1000, 0)) == 1 and len(degrade(log, "gap", 0, 0)) == len(log)
 
 
+def test_stamps_that_jump_back_take_no_time():
+    log = plain()
+    back = np.where(np.arange(len(log)) < 60, log.t, log.t - 50.0)
+    jumps = dataclasses.replace(log, t=back, odom=Track(back, log.odom.values))
+    assert len(degrade(jumps, "rate", 5, 0)) == 30
+    missing = degrade(jumps, "gap", 2, 5)
+    assert abs(len(missing) - 80) <= 1 and missing.t[0] == 0.0
+    np.testing.assert_array_equal(missing.odom.t, missing.t)
+    dark = np.isinf(degrade(jumps, "blind", 2, 5).ranges).all(axis=1)
+    assert abs(dark.sum() - 40) <= 1 and np.diff(np.flatnonzero(dark)).max() == 1
+
+
 def test_speed_is_the_same_way_in_less_time_under_the_same_laser():
     log = plain()
     late = dataclasses.replace(

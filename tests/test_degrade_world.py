@@ -23,8 +23,8 @@ HALL = np.array(box(-8.0, -6.0, 8.0, 6.0))
 
 @cache
 def plain():
-    """Ten seconds in the room, without noise."""
-    return drive(200, 20.0, 0.0, lidar=laser(181, mount=MOUNT))
+    """Twelve seconds in the room, without noise."""
+    return drive(240, 20.0, 0.0, lidar=laser(181, mount=MOUNT))
 
 
 def ends(log, ranges):
@@ -57,7 +57,7 @@ def test_people_stand_where_their_legs_are_seen_from_the_true_pose():
     rng = np.random.default_rng([2, *b"people"])
     legs = legs_near(log, log.truth.values, 4, rng)
     seen = degrade(log, "people", 4, 2).ranges
-    for i in (0, 77, 199):
+    for i in (0, 77, 230):
         sensor = Pose2(*log.truth.values[i]) @ log.laser.mount
         expected = log.ranges[i].astype(float)
         angles = sensor.theta + log.laser.angles
@@ -196,6 +196,7 @@ def test_steps_and_integrate_are_inverse_also_where_headings_wrap():
     rng = np.random.default_rng(0)
     poses = np.cumsum(rng.normal(0.0, 0.3, (200, 3)), axis=0)
     poses[:, 2] = wrap_angle(poses[:, 2] + 3.0)
+    assert np.abs(np.diff(poses[:, 2])).max() > 6.0 and np.abs(steps(poses)[2]).max() < math.pi
     again = integrate(*steps(poses), poses[0])
     np.testing.assert_allclose(again[:, :2], poses[:, :2], atol=1e-10)
     np.testing.assert_allclose(wrap_angle(again[:, 2] - poses[:, 2]), 0.0, atol=1e-10)
@@ -236,7 +237,7 @@ def test_slip_makes_single_sides_turn_too_far_by_spells():
         assert (slips | (np.abs(factor - 1.0) < 1e-6)).all()
         assert 0.05 < slips.mean() < 0.7
         changes = np.flatnonzero(np.diff(slips.astype(int)))
-        assert len(changes) <= 10 and np.diff(changes).min(initial=20) >= 19
+        assert len(changes) <= 12 and np.diff(changes).min(initial=20) >= 19
 
 
 def test_stalled_wheels_count_nothing_for_a_while():
@@ -255,7 +256,7 @@ def test_odometry_leaps_once():
     leaps = [new - old for old, new in zip(before, after, strict=True)]
     (at,) = np.flatnonzero(np.hypot(leaps[0], leaps[1]) > 1e-9)
     assert math.hypot(leaps[0][at], leaps[1][at]) == pytest.approx(2.0)
-    assert 0.0 < abs(leaps[2][at]) <= 0.4 and 0.3 * 199 - 1 <= at <= 0.7 * 199
+    assert 0.0 < abs(leaps[2][at]) <= 0.4 and 0.3 * 239 - 1 <= at <= 0.7 * 239
     np.testing.assert_allclose(np.delete(leaps[2], at), 0.0, atol=1e-10)
 
 

@@ -68,5 +68,5 @@ def _occluded(log: ScanLog, known: Mask, legs: Floats) -> Ranges:
         seen = log.ranges[block].astype(np.float64).ravel()
         tick = np.repeat(block.astype(np.int32), log.laser.n_beams)
         occlude(rays, tick, legs, LEG, seen)
-        ranges[block] = seen.reshape(len(block), -1)
+        ranges[block] = seen.reshape(len(block), log.laser.n_beams)
     return ranges

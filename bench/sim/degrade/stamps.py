@@ -36,20 +36,24 @@ def speed(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     All stamps lie closer, turn rates are greater, and as the laser measures no more often than it
     did, scans are left out.
     """
-    start, period = log.t[0], log.scan_period
-
-    def sooner(t: Floats) -> Floats:
-        return np.asarray(start + (t - start) / level)
-
+    start, period = float(log.t[0]), log.scan_period
     hurried = replace(
         log,
-        t=sooner(log.t),
+        t=_sooner(log.t, start, level),
         laser=replace(log.laser, time_increment=log.laser.time_increment / level),
-        odom=log.odom and Track(sooner(log.odom.t), log.odom.values),
-        truth=log.truth and Track(sooner(log.truth.t), log.truth.values),
-        yaw_rate=log.yaw_rate and Track(sooner(log.yaw_rate.t), log.yaw_rate.values * level),
+        odom=_hurried(log.odom, start, level),
+        truth=_hurried(log.truth, start, level),
+        yaw_rate=_hurried(log.yaw_rate, start, level, level),
     )
     return hurried.rows(at_rate(hurried.t, 1.0 / period)) if period > 0.0 else hurried
+
+
+def _hurried(track: Track | None, start: float, level: float, rate: float = 1.0) -> Track | None:
+    return track and Track(_sooner(track.t, start, level), rate * track.values)
+
+
+def _sooner(t: Floats, start: float, level: float) -> Floats:
+    return np.asarray(start + (t - start) / level)
 
 
 def jitter(log: ScanLog, level: float, rng: Generator) -> ScanLog:
