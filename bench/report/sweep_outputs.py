@@ -11,15 +11,13 @@ from bench.report.text import markdown_table
 if TYPE_CHECKING:
     from bench.results.sweep import Sweep
 
-MEASURED = ("cost", "survival")  # tables with times: never the same twice
-
 
 def write(folder: Path, sweep: Sweep) -> None:
     """Write all files but the results themselves."""
     from bench.report.html import sweep_page
 
-    for key, frame in sweep_tables.tables(sweep).items():
-        frame.to_csv(folder / f"table-{key}.csv", index_label=corner(key))
+    for name, made in sweep_tables.tables(sweep).items():
+        made.frame.to_csv(folder / f"table-{name}.csv", index_label=made.corner)
     sweep_tables.trial_table(sweep).to_csv(folder / "trials.csv", index=False)
     (folder / "tables.md").write_text(as_markdown(sweep), encoding="utf-8")
     (folder / "report.html").write_text(sweep_page.document(sweep), encoding="utf-8")
@@ -28,15 +26,8 @@ def write(folder: Path, sweep: Sweep) -> None:
 def as_markdown(sweep: Sweep) -> str:
     """All tables and the answer, for a README."""
     parts = [f"{sweep_tables.head(sweep)}."]
-    for key, frame in sweep_tables.tables(sweep).items():
-        parts += [f"**{sweep_tables.TITLES[key]}**", markdown_table(frame, corner(key))]
+    for made in sweep_tables.tables(sweep).values():
+        parts += [f"**{made.title}**", markdown_table(made.frame, made.corner)]
     parts.append("\n".join(f"- {line}" for line in sweep_tables.verdict_lines(sweep)))
     parts.append("\n".join(f"- {line}" for line in sweep_tables.answer(sweep)))
     return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def corner(key: str) -> str:
-    """What stands over the names of a table's lines."""
-    return {"errors": "condition", "cost": "condition", "reach": "degradation"}.get(
-        key, "algorithm"
-    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -11,28 +12,44 @@ from bench.judge.survival import CLEAN, Group, Share
 from bench.report.text import text_table
 from bench.results.sweep import Sweep, Trial
 
+MODES = {False: "laser alone", True: "with odometry"}
 TITLES = {
     "survival": "Runs that kept their way, of all under all conditions",
-    "errors": "Absolute error [mm], median of the runs that kept their way, and how many were lost",
+    "errors": "Absolute error [mm]: median of the runs that kept their way, and how many were lost",
     "reach": "Hardest level that every run survived",
     "alarms": "Whether a lost run said so, and was right again at its end",
     "cost": "CPU per second of log [ms/s]",
 }
-MODES = {False: "laser alone", True: "with odometry"}
+CORNERS = {"errors": "condition", "reach": "degradation", "cost": "condition"}
 Key = tuple[str, bool]
 
 
-def tables(sweep: Sweep) -> dict[str, pd.DataFrame]:
-    """All tables of a sweep that have anything to say, by their key in `TITLES`."""
-    makers: dict[str, Callable[[Sweep], pd.DataFrame]] = {
-        "survival": survival_table,
-        "errors": error_table,
-        "reach": reach_table,
-        "alarms": alarm_table,
-        "cost": cost_table,
+class Table(NamedTuple):
+    """A table with its title and what stands over the names of its lines."""
+
+    title: str
+    corner: str
+    frame: pd.DataFrame
+
+
+def tables(sweep: Sweep) -> dict[str, Table]:
+    """All tables of a sweep that have anything to say, by a name for a file."""
+    made = {"survival": survival_table(sweep)}
+    for key, maker in (("errors", error_table), ("reach", reach_table), ("cost", cost_table)):
+        for odometry in sorted({trial["odometry"] for trial in sweep.trials}):
+            made[f"{key}, {MODES[odometry]}"] = maker(sweep, odometry)
+    made["alarms"] = alarm_table(sweep)
+    return {
+        name.replace(", ", "-").replace(" ", "-"): _titled(name, frame)
+        for name, frame in made.items()
+        if len(frame) and len(frame.columns)
     }
-    made = {key: maker(sweep) for key, maker in makers.items()}
-    return {key: frame for key, frame in made.items() if len(frame) and len(frame.columns)}
+
+
+def _titled(name: str, frame: pd.DataFrame) -> Table:
+    key, _, mode = name.partition(", ")
+    title = f"{mode.capitalize()}. {TITLES[key]}" if mode else TITLES[key]
+    return Table(title, CORNERS.get(key, "algorithm"), frame)
 
 
 def survival_table(sweep: Sweep) -> pd.DataFrame:
@@ -43,9 +60,8 @@ def survival_table(sweep: Sweep) -> pd.DataFrame:
         lines[name_of(key)] = {
             "used": _used(sweep, key),
             "survived": str(group.survived),
-            "[%]": 100.0 * group.survived.k / group.survived.n,
-            "95 % from": 100.0 * group.survived.low,
-            "to": 100.0 * group.survived.high,
+            "at least [%]": 100.0 * group.survived.low,
+            "at most [%]": 100.0 * group.survived.high,
             "worse than the wheels": _count(group.worse_than_wheels),
             "right again": _count(group.right_again),
             "posed [%]": None if group.posed is None else 100.0 * group.posed,
@@ -56,14 +72,14 @@ def survival_table(sweep: Sweep) -> pd.DataFrame:
     return _frame(lines)
 
 
-def error_table(sweep: Sweep) -> pd.DataFrame:
-    """A line per condition, a column per algorithm and sensors."""
-    return _by_condition(sweep, _error_cell)
+def error_table(sweep: Sweep, odometry: bool) -> pd.DataFrame:
+    """A line per condition, a column per algorithm."""
+    return _by_condition(sweep, odometry, _error_cell)
 
 
-def cost_table(sweep: Sweep) -> pd.DataFrame:
+def cost_table(sweep: Sweep, odometry: bool) -> pd.DataFrame:
     """CPU per second of log under each condition."""
-    return _by_condition(sweep, lambda g: None if g.cpu is None else f"{1e3 * g.cpu:.1f}")
+    return _by_condition(sweep, odometry, lambda g: _digits(g.cpu))
 
 
 def alarm_table(sweep: Sweep) -> pd.DataFrame:
@@ -78,17 +94,16 @@ def alarm_table(sweep: Sweep) -> pd.DataFrame:
     return _frame(lines)
 
 
-def reach_table(sweep: Sweep) -> pd.DataFrame:
+def reach_table(sweep: Sweep, odometry: bool) -> pd.DataFrame:
     """A line per degradation with its unit; a dash where already the mildest level was too much."""
+    own = [trial for trial in sweep.trials if trial["odometry"] == odometry]
     lines: dict[str, dict[str, object]] = {}
-    for name in dict.fromkeys(trial["degradation"] for trial in sweep.trials):
-        if name == CLEAN:
-            continue
-        levels = sorted({t["level"] for t in sweep.trials if t["degradation"] == name})
+    for name in dict.fromkeys(t["degradation"] for t in own if t["degradation"] != CLEAN):
+        levels = dict.fromkeys(t["level"] for t in own if t["degradation"] == name)
         line: dict[str, object] = {"tried": ", ".join(f"{level:g}" for level in levels)}
-        for key in _runners(sweep):
-            found = survival.reach(sweep, *key, name)
-            line[name_of(key)] = None if found is None else f"{found:g}"
+        for algorithm in _algorithms(sweep):
+            found = survival.reach(sweep, algorithm, odometry, name)
+            line[algorithm] = None if found is None else f"{found:g}"
         lines[f"{name} [{sweep.facts['units'].get(name, '')}]"] = line
     return _frame(lines)
 
@@ -103,12 +118,11 @@ def trial_table(sweep: Sweep) -> pd.DataFrame:
 
 
 def terminal(sweep: Sweep) -> str:
-    """One screen: who survives, the errors, the answer."""
-    made = tables(sweep)
+    """One screen: who survives, the errors, the answer; the files have the rest."""
     parts = [head(sweep)]
-    for key, corner in (("survival", "algorithm"), ("errors", "condition")):
-        if key in made:
-            parts += [TITLES[key], text_table(made[key], corner)]
+    for name, made in tables(sweep).items():
+        if name.startswith(("survival", "errors")):
+            parts += [made.title, text_table(made.frame, made.corner)]
     return "\n\n".join([*parts, "\n".join(answer(sweep))])
 
 
@@ -168,15 +182,20 @@ def _listed(words: list[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-def _by_condition(sweep: Sweep, cell: Callable[[Group], str | None]) -> pd.DataFrame:
+def _by_condition(
+    sweep: Sweep, odometry: bool, cell: Callable[[Group], str | None]
+) -> pd.DataFrame:
     found = survival.grouped(sweep, lambda trial: (condition_of(trial), _runner(trial)))
     lines: dict[str, dict[str, object]] = {}
-    for (condition, key), group in found.items():
-        lines.setdefault(condition, {})[name_of(key)] = cell(group)
-    columns = [name_of(key) for key in _runners(sweep)]
-    return _frame(
-        {condition: {c: line.get(c) for c in columns} for condition, line in lines.items()}
-    )
+    for (condition, (algorithm, given)), group in found.items():
+        if given == odometry:
+            lines.setdefault(condition, {})[algorithm] = cell(group)
+    columns = _algorithms(sweep)
+    return _frame({name: {c: line.get(c) for c in columns} for name, line in lines.items()})
+
+
+def _digits(seconds: float | None) -> str | None:
+    return None if seconds is None else f"{1e3 * seconds:.1f}"
 
 
 def _error_cell(group: Group) -> str:
@@ -203,10 +222,8 @@ def _runner(trial: Trial) -> Key:
     return trial["algorithm"], trial["odometry"]
 
 
-def _runners(sweep: Sweep) -> list[Key]:
-    """Sensors by sensors, in the order of the algorithms."""
-    keys = dict.fromkeys(map(_runner, sweep.trials))
-    return sorted(keys, key=lambda key: key[1])
+def _algorithms(sweep: Sweep) -> list[str]:
+    return list(dict.fromkeys(trial["algorithm"] for trial in sweep.trials))
 
 
 def _used(sweep: Sweep, key: Key) -> str:

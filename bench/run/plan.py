@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from bench.judge.survival import CLEAN
 from bench.results.sweep import Cost, Sweep, Trial
@@ -100,8 +100,8 @@ class Plan:
         trials: list[Trial] = []
         costs: list[Cost | None] = []
         for case in cases:
-            value: Trial = store.read(case.task.key) or {"failed": "its process died"}
-            trials.append(case.known | value)
+            value = store.read(case.task.key) or {"failed": "its process died"}
+            trials.append(case.known | cast("Trial", value))
             costs.append(store.cost(case.task.key))
         return Sweep(self._facts(), trials, costs, record)
 

@@ -14,7 +14,7 @@ from bench.report.html import page
 from bench.report.html.cells import table
 from bench.report.html.markup import Markup, element, together
 from bench.report.html.plots import Axis, figure, line, path, plot
-from bench.results.sweep import Sweep, Trial
+from bench.results.sweep import Cost, Sweep, Trial
 
 SPREAD = 0.12  # of a level between the first and the last algorithm's marks
 LEAST = 0.1  # mm or ms/s: less is drawn as this
@@ -32,7 +32,7 @@ class Value(NamedTuple):
 
     title: str
     words: str
-    of: Callable[[int], float | None]
+    of: Callable[[Trial, Cost | None], float | None]
 
 
 def document(sweep: Sweep) -> str:
@@ -56,29 +56,26 @@ def document(sweep: Sweep) -> str:
 
 
 def _tables(sweep: Sweep) -> Markup:
-    from bench.report.sweep_outputs import corner
-
-    made = sweep_tables.tables(sweep).items()
-    return together(
-        *(table(frame, sweep_tables.TITLES[key], {}, corner(key)) for key, frame in made)
-    )
+    made = sweep_tables.tables(sweep).values()
+    return together(*(table(one.frame, one.title, {}, one.corner) for one in made))
 
 
 def _errors(sweep: Sweep, shown: Sequence[Curve]) -> Markup | None:
-    def error(k: int) -> float | None:
-        return 1e3 * sweep.trials[k]["ate_m"]
-
     words = "Median absolute error over the drives; dots are single runs, squares those lost."
-    return _figures(sweep, shown, Value("absolute error [mm]", words, error))
+    return _figures(sweep, shown, Value("absolute error [mm]", words, _error_of))
 
 
 def _costs(sweep: Sweep, shown: Sequence[Curve]) -> Markup | None:
-    def cost(k: int) -> float | None:
-        spent = sweep.costs[k]
-        return None if spent is None else 1e3 * spent["cpu_s"] / sweep.trials[k]["duration_s"]
-
     words = "CPU per second of log, median over the drives; squares are runs that were lost."
-    return _figures(sweep, shown, Value("CPU per second of log [ms/s]", words, cost))
+    return _figures(sweep, shown, Value("CPU per second of log [ms/s]", words, _cost_of))
+
+
+def _error_of(trial: Trial, _: Cost | None) -> float | None:
+    return 1e3 * trial["ate_m"]
+
+
+def _cost_of(trial: Trial, cost: Cost | None) -> float | None:
+    return None if cost is None else 1e3 * cost["cpu_s"] / trial["duration_s"]
 
 
 def _figures(sweep: Sweep, shown: Sequence[Curve], value: Value) -> Markup | None:
@@ -100,18 +97,15 @@ def _plot(
     sweep: Sweep, shown: Sequence[Curve], value: Value, name: str, odometry: bool
 ) -> Markup | None:
     """Values over the levels of one degradation, the clean logs first."""
-    chosen = [
-        k
-        for k, trial in enumerate(sweep.trials)
-        if trial["odometry"] == odometry
-        and trial["degradation"] in (CLEAN, name)
-        and not trial["failed"]
-        and value.of(k) is not None
-    ]
-    if not chosen:
+    values = {
+        k: math.log10(max(found, LEAST))
+        for k, (trial, cost) in enumerate(zip(sweep.trials, sweep.costs, strict=True))
+        if trial["odometry"] == odometry and trial["degradation"] in (CLEAN, name)
+        if not trial["failed"] and (found := value.of(trial, cost)) is not None
+    }
+    if not values:
         return None
-    levels = list(dict.fromkeys(_level(sweep.trials[k]) for k in chosen))
-    values = {k: math.log10(max(value.of(k) or 0.0, LEAST)) for k in chosen}
+    levels = list(dict.fromkeys(_level(sweep.trials[k]) for k in values))
     marks = tuple((float(i), "clean" if v is None else f"{v:g}") for i, v in enumerate(levels))
     unit = sweep.facts["units"].get(name, "")
     x = Axis(
@@ -121,7 +115,7 @@ def _plot(
     drawn: list[Markup] = []
     for i, curve in enumerate(shown):
         aside = SPREAD * (i / max(len(shown) - 1, 1) - 0.5)
-        own = [k for k in chosen if sweep.trials[k]["algorithm"] == curve.name]
+        own = [k for k in values if sweep.trials[k]["algorithm"] == curve.name]
         drawn += _curve(sweep, own, values, levels, aside, (x, y), curve)
     return plot(f"{value.title}, {x.label}", x, y, drawn, zoom="")
 
