@@ -78,7 +78,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--odom", metavar="NAME", help="odometry topic or tf frame; or none")
     group.add_argument("--imu", metavar="TOPIC", help="gyro topic; or none")
     group.add_argument(
-        "--truth", metavar="NAME", help="true poses: topic, tf frame, TUM or csv file; or none"
+        "--truth", metavar="NAME", help="true poses: TUM or csv file, topic, tf frame; or none"
     )
     group.add_argument("--base-frame", metavar="FRAME", help="tf frame that poses are of")
     group.add_argument(

@@ -190,8 +190,6 @@ def _log_and_folder(entry: Entry, arguments: argparse.Namespace) -> tuple[ScanLo
     """The log, and where its results go; a folder that cannot be is told before the run."""
     from slams.formats.files import check_folder
 
-    if arguments.out:
-        check_folder(arguments.out)
     log = _log(arguments)
     folder = Path(arguments.out or f"results/{log.name}-{entry.label.replace(':', '.')}")
     check_folder(folder)

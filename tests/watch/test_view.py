@@ -11,9 +11,11 @@ import pytest
 from PIL import Image
 
 from slams import run as slams_run
+from slams.formats import occupancy
 from slams.registry import find
 from slams.types import OccupancyGrid, Pose2
 from slams.watch import scene, video, view
+from slams.watch.painter import HEAD, HEIGHT, SCAN_COLOR, WIDTH, Painter
 from tests.rooms import ROOM, cast, drive, laser, way
 
 
@@ -52,8 +54,8 @@ def test_a_folder_of_frames(log, tmp_path):
     names = sorted(p.name for p in (tmp_path / "frames").iterdir())
     assert names == ["00000.png", "00001.png", "00002.png", "00003.png"]
     image = cv2.imread(str(tmp_path / "frames" / "00003.png"))
-    assert image.shape == (video.HEIGHT, video.WIDTH, 3)
-    for color in (video.PATH_COLOR, video.START_COLOR, video.SCAN_COLOR):
+    assert image.shape == (HEIGHT, WIDTH, 3)
+    for color in (occupancy.PATH_COLOR, occupancy.START_COLOR, SCAN_COLOR):
         assert len(near(image, color)) > 20
     film(tmp_path / "first", log.select(1))
     first = (tmp_path / "first" / "00000.png").read_bytes()
@@ -92,20 +94,20 @@ def test_what_is_drawn_is_where_it_was_seen():
     seen = scene.Scene()
     scan = next(iter(drive(n=1, noise=0.0)))
     seen.add(scan, Pose2(0.0, 0.0, 0.0))
-    painter = video.Painter(seen)
+    painter = Painter(seen)
     p = np.full((40, 40), np.nan, np.float32)
     p[20, 10] = 1.0  # x 0.2 .. 0.4, y 2.0 .. 2.2 m
     painter.grid = OccupancyGrid(p, 0.2, (-1.8, -2.0))
     image = painter.frame("text")
     scale, corner = painter._window()
     where = near(image, (0, 0, 0), 8)
-    dark = where[(where[:, 1] > video.HEAD) & (where[:, 1] < video.HEIGHT - 60)]
+    dark = where[(where[:, 1] > HEAD) & (where[:, 1] < HEIGHT - 60)]
     x, y = dark.mean(axis=0)
     assert (x + 0.5) / scale + corner[0] == pytest.approx(0.3, abs=0.6 / scale)
-    assert (video.HEIGHT - y - 0.5) / scale + corner[1] == pytest.approx(2.1, abs=0.6 / scale)
+    assert (HEIGHT - y - 0.5) / scale + corner[1] == pytest.approx(2.1, abs=0.6 / scale)
     assert len(dark) == pytest.approx((0.2 * scale) ** 2, rel=0.15)
-    hits = near(image, video.SCAN_COLOR) + 0.5
-    world = np.stack([hits[:, 0], video.HEIGHT - hits[:, 1]], axis=1) / scale + corner
+    hits = near(image, SCAN_COLOR) + 0.5
+    world = np.stack([hits[:, 0], HEIGHT - hits[:, 1]], axis=1) / scale + corner
     on_wall = np.abs(seen.points[None] - world[:, None]).max(axis=2).min(axis=1)
     assert on_wall.max() < 3.0 / scale
 
@@ -113,15 +115,15 @@ def test_what_is_drawn_is_where_it_was_seen():
 def test_a_map_finer_than_the_pixels_is_drawn_in_place():
     seen = scene.Scene()
     seen.add(next(iter(drive(n=1))), Pose2(0.0, 0.0, 0.0))
-    painter = video.Painter(seen)
+    painter = Painter(seen)
     p = np.zeros((1000, 1000), np.float32)
     p[600:700, 200:300] = 1.0
     painter.grid = OccupancyGrid(p, 0.005, (-2.5, -2.5))
     scale, corner = painter._window()
     dark = near(painter.frame(""), (0, 0, 0), 8)
-    x, y = dark[(dark[:, 1] > video.HEAD) & (dark[:, 1] < video.HEIGHT - 60)].mean(axis=0)
+    x, y = dark[(dark[:, 1] > HEAD) & (dark[:, 1] < HEIGHT - 60)].mean(axis=0)
     assert (x + 0.5) / scale + corner[0] == pytest.approx(-1.25, abs=1.0 / scale)
-    assert (video.HEIGHT - y - 0.5) / scale + corner[1] == pytest.approx(0.75, abs=1.0 / scale)
+    assert (HEIGHT - y - 0.5) / scale + corner[1] == pytest.approx(0.75, abs=1.0 / scale)
 
 
 def test_the_motion_of_a_sweep_is_taken_out():
