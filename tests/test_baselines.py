@@ -5,6 +5,7 @@ from slams import metrics
 from slams.baselines import HitMap, Kiss, KissParams, Odometry, hits
 from slams.player import replay
 from slams.registry import create
+from slams.scanlog import ScanLog
 from slams.types import IDENTITY, Pose2
 from tests.rooms import drive, laser, scan_at
 
@@ -37,6 +38,28 @@ def test_odometry_that_begins_late_goes_on_from_where_the_robot_is():
 def test_kiss_tracks_the_room(room_log):
     run = replay(Kiss(KissParams()), room_log)
     assert metrics.ate(run.poses, room_log.truth_at(run.t)) < 0.05
+
+
+@pytest.mark.parametrize(("n_beams", "preset"), [(541, "dense"), (271, "sparse")])
+def test_the_gap_between_the_beams_chooses_the_voxel_of_kiss(n_beams, preset):
+    """0.5 and 1 degree; a scan without a return comes first."""
+    log = drive(n=12, lidar=laser(n_beams))
+    blind = ScanLog(log.t - 1.0, np.full_like(log.ranges, np.inf), log.laser)
+    poses = {}
+    for name in ("default", "dense", "sparse"):
+        slam = Kiss(KissParams.preset(name))
+        assert slam.update(next(iter(blind))) == IDENTITY
+        poses[name] = replay(slam, log).poses
+    other = {"dense": "sparse", "sparse": "dense"}[preset]
+    assert np.array_equal(poses["default"], poses[preset])
+    assert not np.array_equal(poses["default"], poses[other])
+
+
+def test_the_voxel_of_kiss_may_be_set():
+    log = drive(n=12, lidar=laser(541))
+    fine, coarse = (replay(Kiss(KissParams(voxel=v)), log).poses for v in (0.1, 0.3))
+    assert np.array_equal(coarse, replay(Kiss(KissParams.preset("sparse")), log).poses)
+    assert not np.array_equal(fine, coarse)
 
 
 def test_no_environment_variable_changes_kiss(monkeypatch):

@@ -68,8 +68,8 @@ class Plain:
             read.append([*steps(wheels), np.diff(yaw)])
         return np.array(read)
 
-    def motion(self, k, read):
-        """Take wheels and gyro between scans k and k + 1 in, and move on."""
+    def reading(self, k):
+        """What ahead, turn and turn by the gyro between scans k and k + 1 are of, their noise."""
         seconds = self.log.t[k + 1] - self.log.t[k]
         ahead, _, turn = (float(v[0]) for v in steps(self.poses[k : k + 2]))
         way, turned = abs(ahead), abs(turn)
@@ -82,29 +82,48 @@ class Plain:
         R[1, 1] += 0.004**2 * way + 0.01**2 * turned
         R[0, 1] = R[1, 0] = 0.002 * 0.01 * turned
         R[2, 2] += 0.004**2 * 0.01 * seconds
-        self.x[:, 9:] = 0.0
-        self.P[9:], self.P[:, 9:] = 0.0, 0.0
-        self.P[[9, 10], [9, 10]] = VAGUE**2
-        self.update(H, R, read[:, [0, 2, 3]] - self.x @ H.T)
-        self.move(read[:, 1], seconds, self.poses[k], self.poses[k + 1])
+        return H, R
 
-    def move(self, aside, seconds, before, after):
-        a, w = self.x[:, 9], self.x[:, 10]
-        half = self.x[:, 2] + 0.5 * w
-        self.x[:, 0] += np.cos(half) * a - np.sin(half) * aside
-        self.x[:, 1] += np.sin(half) * a + np.cos(half) * aside
-        self.x[:, 2] += w
+    def transition(self, k):
+        """How an error goes on from scan k to k + 1, and what comes to it."""
+        seconds = self.log.t[k + 1] - self.log.t[k]
+        before, after = self.poses[k : k + 2]
         keep = math.exp(-seconds / 20.0)
-        self.x[:, 6] *= keep
         F, heading = np.eye(11), 0.5 * (before[2] + after[2])
         dx, dy, _ = after - before
         F[:3, 2] = -dy, dx, 1.0
         F[:3, 9] = math.cos(heading), math.sin(heading), 0.0
         F[:3, 10] = -0.5 * dy, 0.5 * dx, 1.0
         F[6, 6] = keep
-        self.P = F @ self.P @ F.T
-        self.P[6, 6] += 0.03**2 * (1.0 - keep**2)
-        self.P[7, 7] += 1e-8 * seconds
+        Q = np.zeros((11, 11))
+        Q[6, 6], Q[7, 7] = 0.03**2 * (1.0 - keep**2), 1e-8 * seconds
+        return F, Q
+
+    def motion(self, k, read):
+        """Take wheels and gyro between scans k and k + 1 in, and move on."""
+        H, R = self.reading(k)
+        self.x[:, 9:] = 0.0
+        self.P = anew(self.P)
+        self.update(H, R, read[:, [0, 2, 3]] - self.x @ H.T)
+        F, Q = self.transition(k)
+        self.P = F @ self.P @ F.T + Q
+        self.move(read[:, 1], F[6, 6])
+
+    def move(self, aside, keep):
+        a, w = self.x[:, 9], self.x[:, 10]
+        half = self.x[:, 2] + 0.5 * w
+        self.x[:, 0] += np.cos(half) * a - np.sin(half) * aside
+        self.x[:, 1] += np.sin(half) * a + np.cos(half) * aside
+        self.x[:, 2] += w
+        self.x[:, 6] *= keep
+
+
+def anew(P):
+    """A motion that nothing is known of yet."""
+    P = P.copy()
+    P[9:11], P[:, 9:11] = 0.0, 0.0
+    P[[9, 10], [9, 10]] = VAGUE**2
+    return P
 
 
 @cache
@@ -140,6 +159,48 @@ def test_a_filter_on_real_readings_reaches_the_bound(sensor):
     for name, (translation, rotation) in chance.items():
         assert translation == pytest.approx(found[name]["translation_m"], rel=0.06), name
         assert rotation == pytest.approx(found[name]["rotation_rad"], rel=0.06), name
+
+
+@pytest.mark.parametrize("with_gyro", [True, False])
+def test_pairs_of_poses_against_a_filter_that_keeps_a_copy_of_the_first(with_gyro):
+    """Few fixes, so that all that drifts counts: the copy is three more states."""
+    log, limit, _ = case()
+    information = np.zeros_like(limit.information)
+    information[::90] = limit.information[::90]
+    few = dataclasses.replace(limit, information=information)
+    given = log if with_gyro else dataclasses.replace(log, yaw_rate=None)
+    found = filtered(given, few, np.arange(len(log)))
+    plain, first, last = Plain(log, found.poses), 100, 440
+    rows = slice(None) if with_gyro else slice(2)
+    P = np.zeros((14, 14))
+    P[:11, :11] = plain.P
+    for k in range(last + 1):
+        if k % 90 == 0:
+            P = seen(P, np.eye(3), limit.covariance[k])
+        if k == first:
+            P[:, 11:] = P[:, :3]
+            P[11:] = P[:3]
+        if k == last:
+            break
+        H, R = plain.reading(k)
+        P[:11, :11], P[9:11, 11:], P[11:, 9:11] = anew(P[:11, :11]), 0.0, 0.0
+        P = seen(P, H[rows], R[rows, rows])
+        F, Q = np.eye(14), np.zeros((14, 14))
+        F[:11, :11], Q[:11, :11] = plain.transition(k)
+        P = F @ P @ F.T + Q
+    across = filter_bound._between(found.steps, np.array([first]), np.array([last]))[0]
+    scale = np.sqrt(np.outer(np.diag(P)[:3], np.diag(P)[:3]))
+    assert found.covariance[last, :3, :3] / scale == pytest.approx(P[:3, :3] / scale, abs=3e-3)
+    across = (across @ found.covariance[first])[:3, :3]
+    assert across / scale == pytest.approx(P[:3, 11:] / scale, abs=3e-3)
+
+
+def seen(P, H, R):
+    """The covariance after a measurement of the first columns of H."""
+    H = np.pad(H, ((0, 0), (0, len(P) - H.shape[1])))
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+    kept = np.eye(len(P)) - K @ H
+    return kept @ P @ kept.T + K @ R @ K.T
 
 
 def two_fixes(limit, truth, span):

@@ -98,11 +98,11 @@ def test_select(tmp_path):
 
 
 def test_a_log_may_begin_late(tmp_path):
-    log = load(written(tmp_path, t=np.array([0.0, 0.3, 0.2]), truth=np.eye(3)))
+    log = load(written(tmp_path, t=np.array([0.0, 0.2, 0.2]), truth=np.eye(3)))
     late = log.from_scan(1)
-    assert [s.t for s in late] == [0.3, 0.2]
+    assert [s.t for s in late] == [0.2, 0.2]
     assert np.array_equal(late.ranges, log.ranges[1:], equal_nan=True)
-    assert [s.odometry.x for s in late] == [1.0, 2.0], "row by row, as the stamps jump back"
+    assert [s.odometry.x for s in late] == [1.0, 2.0], "row by row, though the stamps are equal"
     assert np.array_equal(late.truth_at(log.t), log.truth_at(log.t)), "the truth stays whole"
     assert len(log.from_scan(0)) == 3 and late.laser is log.laser
 
