@@ -19,9 +19,8 @@ from slams.params import LASERS
 from slams.registry import names
 
 if TYPE_CHECKING:
-    from bench.results import Comparison
+    from bench.results import Comparison, Outcome
     from bench.run.cases import Choice
-    from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
     from slams.types import Floats
 
@@ -53,6 +52,28 @@ def parser() -> argparse.ArgumentParser:
         "--full", action="store_true", help="the originals as well, the published tables beside"
     )
     p.add_argument("--relations", metavar="FILE", help="Freiburg relations of the one log")
+    p.add_argument(
+        "--starts",
+        type=int,
+        default=1,
+        metavar="N",
+        help="with --relations: also begin at N scans of the log, to tell luck from skill",
+    )
+    p.add_argument(
+        "--trajectory",
+        metavar="NAME=WHAT",
+        action="append",
+        default=[],
+        help="another program's run as a row: a TUM or csv file, result.mcap, or a topic or tf "
+        "frame of the log's bag; may be given again",
+    )
+    p.add_argument(
+        "--map",
+        metavar="NAME=FILE",
+        action="append",
+        default=[],
+        help="the map that goes with it: a map_server yaml",
+    )
     p.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
     p.add_argument(
         "--ros-params",
@@ -99,15 +120,22 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(arguments: argparse.Namespace) -> int:
+    from bench.judge.comparison import weighed
     from bench.report import text
+    from bench.run import ros_files
+    from bench.run.comparing import Wanted, run_all
     from slams.formats import files
 
     labels = cli.refusing(lambda: _labels(arguments))
     choice, relations, logs = cli.refusing(lambda: _checked(arguments, labels))
-    _say_what_became(choice, arguments.quiet)
+    others = cli.refusing(lambda: _others(arguments, labels, logs, choice, relations))
+    ros_files.say(choice.ros, arguments.quiet)
     with files.complete_folder(arguments.out) as folder:
         logs = logs or [cli.refusing(lambda: simulated(folder, choice, arguments))]
-        comparison = _compared(labels, logs, choice, relations, arguments)
+        wanted = Wanted(relations, arguments.starts)
+        found = run_all(labels, logs, choice, wanted, arguments.jobs, arguments.quiet)
+        found = [log._replace(outcomes=[*log.outcomes, *others]) for log in found]
+        comparison = weighed(found, _facts(choice, arguments))
         _write(folder, comparison, logs, arguments.mcap)
     if not arguments.quiet:
         more = f"{arguments.out}/: report.html, results.json, tables and figures"
@@ -115,40 +143,38 @@ def _command(arguments: argparse.Namespace) -> int:
     return cli.FAILED if all(row["failed"] for row in comparison.rows) else 0
 
 
-def _compared(
+def _others(
+    arguments: argparse.Namespace,
     labels: list[str],
     logs: list[ScanLog],
     choice: Choice,
     relations: Floats | None,
-    arguments: argparse.Namespace,
-) -> Comparison:
-    """All runs, and everything that follows from them."""
-    from bench.judge.comparison import weighed
-    from bench.run.comparing import run_all
+) -> list[Outcome]:
+    """The rows of other programs; their trajectories are of the one log."""
+    from bench.run.foreign import foreign_case, read_foreign
 
-    found = run_all(labels, logs, choice, relations, arguments.jobs, arguments.quiet)
-    return weighed(found, _facts(choice, arguments))
+    given = arguments.trajectory, arguments.map
+    if any(given) and len(logs) != 1:
+        raise ValueError(f"--trajectory: got {len(logs)} logs, expected the one it is of")
+    if not any(given):
+        return []
+    found = read_foreign(*given, labels, arguments.logs[0], choice.options)
+    return [foreign_case(foreign, logs[0], relations) for foreign in found]
 
 
 def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
     """How the comparison was made: command, machine, versions."""
-    from bench.run import timing
+    from bench.run import ros_files, timing
     from slams.summary import versions
 
     return {
         "command": f"python -m {PROGRAM} {shlex.join(arguments.words)}".strip(),
         "odometry": choice.odometry,
         "slower": choice.slower,
-        "ros_params": {label: _ros_files(taken) for label, taken in choice.ros.items()},
+        "ros_params": {label: ros_files.record(taken) for label, taken in choice.ros.items()},
         "versions": versions(),
         "machine": timing.machine() | {"processes": arguments.jobs},
     }
-
-
-def _ros_files(taken: Taken) -> dict[str, Any]:
-    """What ROS files said and what became of it: enough to write them again."""
-    fates = [fate._asdict() | {"value": str(fate.value)} for fate in taken.fates]
-    return {"files": taken.files, "parameters": fates, "notes": taken.notes}
 
 
 def _write(folder: Path, comparison: Comparison, logs: list[ScanLog], mcap: bool) -> None:
@@ -197,7 +223,9 @@ def _checked(
 
 
 def _check_options(arguments: argparse.Namespace) -> None:
-    for name in ("limit", "every", "jobs"):
+    if arguments.starts > 1 and arguments.relations is None:
+        raise ValueError("--starts: expected --relations FILE as well, errors are of those")
+    for name in ("limit", "every", "jobs", "starts"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise ValueError(f"--{name}: got {value}, expected 1 or more")
@@ -210,6 +238,7 @@ def _check_options(arguments: argparse.Namespace) -> None:
 
 def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
     """What the options say of logs and parameters; every algorithm can be run with it."""
+    from bench.run import ros_files
     from bench.run.cases import Choice
     from slams.registry import find
 
@@ -223,41 +252,10 @@ def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
         cli.log_options(arguments),
         arguments.sensor,
     )
-    choice = replace(choice, ros=_of_ros_files(arguments.ros_params, labels, choice))
+    choice = replace(choice, ros=ros_files.taken(arguments.ros_params, labels, choice))
     for label in labels:
         choice.params(find(label))
     return choice
-
-
-def _of_ros_files(given: list[str], labels: list[str], choice: Choice) -> dict[str, Taken]:
-    """What the files of ROS nodes say for each algorithm that has some."""
-    from slams.registry import find
-    from slams.ros import ros_params
-
-    files: dict[str, list[str]] = {}
-    for text in given:
-        label, _, path = text.partition("=")
-        if not path:
-            raise ValueError(f"--ros-params: got {text!r}, expected ALGORITHM=FILE")
-        if label not in labels:
-            raise ValueError(
-                f"--ros-params: got {label!r}, expected one that is compared: {', '.join(labels)}"
-            )
-        files.setdefault(label, []).append(path)
-    entries = {label: find(label) for label in files}
-    return {
-        label: ros_params.take(choice.params(entry), files[label], entry.preset)
-        for label, entry in entries.items()
-    }
-
-
-def _say_what_became(choice: Choice, quiet: bool) -> None:
-    """The fate of each parameter in ROS files, on stderr as slams.run says it."""
-    from slams.ros import ros_params
-
-    if not quiet:
-        for label, taken in choice.ros.items():
-            sys.stderr.write(ros_params.report(taken, label))
 
 
 def simulated(folder: Path, choice: Choice, arguments: argparse.Namespace) -> ScanLog:

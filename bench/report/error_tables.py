@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bench.report.lines import BOUND, frame_of, label, span_of
+from bench.report.lines import BOUND, FILTER, frame_of, label, span_of
 from bench.results import Line, Row, Rows
 
 PUBLISHED = Path(__file__).with_name("published.csv")
@@ -46,12 +46,12 @@ def paper_table(log: Line, rows: Rows, key: str) -> pd.DataFrame:
 def span_table(log: Line, rows: Rows) -> pd.DataFrame:
     """Mean SE(2) errors over each span; per-update errors reward those that update often."""
     lines = {label(row): _span_line(row, "se2_translation_m", rotation=True) for row in rows}
-    limits = (log.get("bound") or {}).get("spans", {})
-    if limits:
-        lines[BOUND] = {}
-        for span, limit in limits.items():
-            lines[BOUND][f"{span} [mm]"] = 1e3 * limit["translation_m"]
-            lines[BOUND][f"{span} [mrad]"] = 1e3 * limit["rotation_rad"]
+    bound = log.get("bound") or {}
+    for name, limits in ((BOUND, bound.get("spans")), (FILTER, bound.get("filter"))):
+        for span, limit in (limits or {}).items():
+            line = lines.setdefault(name, {})
+            line[f"{span} [mm]"] = 1e3 * limit["translation_m"]
+            line[f"{span} [mrad]"] = 1e3 * limit["rotation_rad"]
     return frame_of(lines)
 
 

@@ -7,6 +7,7 @@ import pandas as pd
 from bench.results import Line, Row
 
 BOUND = "Cramer-Rao bound"
+FILTER = "filter at the bound, with wheels and gyro"
 
 
 def label(row: Row) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from bench.judge import loss, metrics
 from bench.judge.statistics import mean_interval
 from bench.results import Errors, Outcome, Row
-from bench.run.timing import LiveScans, PeakMemory, cost
+from bench.run.timing import LiveScans, PeakMemory, cost, overheads
 from slams import load
 from slams.formats.options import SourceOptions
 from slams.metrics import path_length
@@ -83,12 +83,29 @@ def _outcome(label: str, log: ScanLog, choice: Choice, relations: Floats | None)
     row["cost"] = cost(run.seconds, row["duration_s"], choice.slower) | {
         "compile_s": row["compile_s"],
         "peak_memory_mb": memory.mb,
+        **overheads(label, log, params),
     }
     row |= judged(log, run.t, run.poses, relations, run.report)
     if choice.realtime:
         row["live"] = _live(entry.cls(params), log, choice)
     common = metrics.common_with(log, run.t, run.poses)
     return Outcome(row, run.t, run.poses, run.seconds, grid, common)
+
+
+def start_case(
+    label: str, log: ScanLog, choice: Choice, relations: Floats, first: int
+) -> float | None:
+    """Mean error of the relations [m] of a run that begins at another scan; None if lost."""
+    return relation_error(run_case(label, log.from_scan(first), choice, relations))
+
+
+def relation_error(outcome: Outcome) -> float | None:
+    """Mean error of the relations [m]; None of a run that failed or was lost."""
+    row = outcome.row
+    known = None if row["failed"] else (row["relations"] or {}).get("all")
+    if known is None or row["loss"]["lost"]:
+        return None
+    return float(known["translation_m"]["mean"])
 
 
 def sources(report: dict[str, Any], scans: int) -> Row:

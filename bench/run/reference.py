@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from bench.judge import bound, mapquality, metrics
+from bench.judge.filter_bound import filter_spans
 from bench.results import Reference
+from bench.run.floor import floor_rows
 from slams.scanlog import ScanLog
 from slams.types import Pose2
 
@@ -23,7 +25,10 @@ def reference(log: ScanLog) -> Reference:
         return Reference(entry)
     entry["bound"] = _limits(log, found)
     at_first = Pose2(*truth[0].tolist()) if np.isfinite(truth[0]).all() else None
-    return Reference(entry, found.truth, mapquality.truth_map(log), at_first)
+    true_map = mapquality.truth_map(log)
+    floor = {} if true_map is None else floor_rows(log, true_map)
+    entry["map_floor"] = {name: quality.as_dict() for name, quality in floor.items()}
+    return Reference(entry, found.truth, true_map, at_first)
 
 
 def facts(log: ScanLog) -> dict[str, Any]:
@@ -54,7 +59,7 @@ def facts(log: ScanLog) -> dict[str, Any]:
 
 
 def _limits(log: ScanLog, truth: metrics.Common) -> dict[str, Any] | None:
-    """Mean errors of two independent fixes at the Cramer-Rao bound, over each span."""
+    """Mean errors over each span: of two independent fixes at the Cramer-Rao bound, of a filter."""
     limit = bound.bound_of(log)
     if limit is None:
         return None
@@ -69,4 +74,10 @@ def _limits(log: ScanLog, truth: metrics.Common) -> dict[str, Any] | None:
                 "translation_m": float(expected.translation[known].mean()),
                 "rotation_rad": float(expected.rotation[known].mean()),
             }
-    return {"strict": limit.strict, "open": limit.open, "ate_m": limit.ate, "spans": spans}
+    return {
+        "strict": limit.strict,
+        "open": limit.open,
+        "ate_m": limit.ate,
+        "spans": spans,
+        "filter": filter_spans(log, limit, truth),
+    }

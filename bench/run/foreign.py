@@ -1,0 +1,151 @@
+"""Any program as a row: its trajectory, and its map, beside the runs of the algorithms here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from bench.judge import metrics
+from bench.results import Outcome, Row
+from bench.run.cases import judged
+from slams.formats.occupancy import read_map
+from slams.formats.trajectory import read_trajectory
+from slams.metrics import between
+from slams.types import Floats, OccupancyGrid, Pose2
+
+if TYPE_CHECKING:
+    from slams.formats.options import SourceOptions
+    from slams.scanlog import ScanLog, Track
+
+
+class Foreign(NamedTuple):
+    """What another program made of a log: poses in the frame of its map, and the map."""
+
+    name: str
+    track: Track
+    grid: OccupancyGrid | None
+
+
+def read_foreign(
+    trajectories: Sequence[str],
+    maps: Sequence[str],
+    taken: Sequence[str],
+    log_path: str | Path | None,
+    options: SourceOptions | None,
+) -> list[Foreign]:
+    """Read what `--trajectory NAME=WHAT` and `--map NAME=FILE` name.
+
+    Args:
+        trajectories: a file (TUM, csv, result.mcap), or a topic or tf frame of the log's bag.
+        maps: map_server yaml files.
+        taken: names that rows have already.
+        log_path: the log.
+        options: how it is read.
+
+    Raises:
+        ValueError: a text without a name, a name twice, a map without a trajectory; the file is
+            no trajectory or no map.
+        OSError: a file cannot be opened.
+    """
+    tracks, grids = _named("--trajectory", trajectories), _named("--map", maps)
+    for name in tracks:
+        if name in taken:
+            raise ValueError(f"--trajectory: got the name {name!r} of a row that is there already")
+    for name in grids:
+        if name not in tracks:
+            raise ValueError(f"--map: got {name!r}, expected a name given to --trajectory as well")
+    return [
+        Foreign(
+            name,
+            read_trajectory(what, log_path, options),
+            read_map(Path(grids[name])) if name in grids else None,
+        )
+        for name, what in tracks.items()
+    ]
+
+
+def foreign_case(foreign: Foreign, log: ScanLog, relations: Floats | None = None) -> Outcome:
+    """The outcome of a run that another program did; nobody measured its time.
+
+    Poses keep their own stamps; those outside the log are left out. They meet the truth, and the
+    relations, where these have stamps, by interpolation; nothing is extrapolated.
+
+    Raises:
+        ValueError: fewer than two of its poses are of the log's time.
+    """
+    t, poses = _within(foreign, log)
+    frame = _frame(t, poses, log)
+    seen = _seen_from(frame, poses)
+    row: Row = {
+        "algorithm": foreign.name,
+        "log": log.name,
+        "failed": None,
+        "used": None,
+        "posed": None,
+        "refined": None,
+        "scans": len(t),
+        "duration_s": float(t[-1] - t[0]),
+        "cost": None,
+        "report": {},
+        "parameters": {},
+    }
+    row |= judged(log, t, seen, None, {})
+    if relations is not None:
+        row |= _by_relations(foreign, log, relations, row)
+    common = metrics.common_with(log, t, seen)
+    return Outcome(row, t, seen, grid=foreign.grid, common=common, frame=frame)
+
+
+def _named(option: str, texts: Sequence[str]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for text in texts:
+        name, _, what = text.partition("=")
+        if not name or not what:
+            raise ValueError(f"{option}: got {text!r}, expected NAME=FILE")
+        if name in found:
+            raise ValueError(f"{option}: got the name {name!r} twice, expected different ones")
+        found[name] = what
+    return found
+
+
+def _within(foreign: Foreign, log: ScanLog) -> tuple[Floats, Floats]:
+    """The poses of the log's time, a scan's length around it included."""
+    t, first, last = foreign.track.t, float(log.t.min()), float(log.t.max())
+    around = abs(log.scan_period)
+    inside = (t >= first - around) & (t <= last + around)
+    if inside.sum() < 2:
+        raise ValueError(
+            f"--trajectory {foreign.name}: {int(inside.sum())} of its {len(t)} poses are of the "
+            f"log's time ({first:.3f} to {last:.3f} s; they are from {t.min():.3f} to "
+            f"{t.max():.3f} s): is it another log's?"
+        )
+    return t[inside], foreign.track.values[inside]
+
+
+def _frame(t: Floats, poses: Floats, log: ScanLog) -> Pose2:
+    """The pose at the log's first scan in the map's frame, by the way that the truth tells.
+
+    Without truth, that of the first pose there is.
+    """
+    first = Pose2(*poses[0].tolist())
+    truth = log.truth_at(np.array([log.t[0], t[0]]))
+    if truth is None or not np.isfinite(truth).all():
+        return first
+    start, here = (Pose2(*pose.tolist()) for pose in truth)
+    return first @ here.inverse() @ start
+
+
+def _seen_from(frame: Pose2, poses: Floats) -> Floats:
+    return between(np.repeat(np.array(frame)[None], len(poses), axis=0), poses)
+
+
+def _by_relations(foreign: Foreign, log: ScanLog, relations: Floats, row: Row) -> Row:
+    """Relations are between scans: the poses at their stamps, where the trajectory covers them."""
+    at_scans = foreign.track.poses_at(log.t)
+    known = np.isfinite(at_scans[:, 0])
+    found = judged(log, log.t[known], at_scans[known], relations, {})
+    loss = row["loss"] if row["errors"] else found["loss"]
+    return {"relations": found["relations"], "loss": loss}
