@@ -72,7 +72,8 @@ class World:
         if not self.occupied.any():
             return np.full(self.occupied.shape, 255, np.uint8)
         cells = cv2.distanceTransform((~self.occupied).astype(np.uint8), cv2.DIST_C, 3)
-        return np.ascontiguousarray(np.minimum(np.round(cells), 255.0), np.uint8)
+        np.minimum(np.round(cells, out=cells), 255.0, out=cells)
+        return np.ascontiguousarray(cells, np.uint8)
 
     @cached_property
     def fingerprint(self) -> str:
