@@ -30,8 +30,8 @@ def arena(name, seed, size=None, resolution=None):
 
 @cache
 def drive_of(name, seed):
-    seconds = {"office": 150.0, "hall": 60.0, "ring": 260.0}[name]
-    robot = Robot(laps=ARENAS[name].laps)
+    seconds, v = {"office": (150.0, 1.0), "hall": (60.0, 0.5), "ring": (260.0, 0.5)}[name]
+    robot = Robot(v, laps=ARENAS[name].laps)
     return drive(arena(name, seed), robot, np.random.default_rng(seed), seconds, 40.0)
 
 
