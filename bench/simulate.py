@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bench.sim.setting import Setting
 from slams import cli
@@ -26,13 +26,13 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(options: argparse.Namespace) -> int:
-    from bench.sim.simulation import picture, simulate, world_of
+    from bench.sim.simulation import picture, world_of
 
     start = time.process_time()
     cli.refusing(lambda: _check_names(options.out, options.picture))
     names = {field.name for field in dataclasses.fields(Setting)}
     given = {key: value for key, value in vars(options).items() if key in names}
-    log = cli.refusing(lambda: simulate(Setting(**given), _shown(options.quiet)))
+    log = cli.refusing(lambda: _simulated(Setting(**given), options.quiet))
     cli.refusing(lambda: log.save(options.out))
     world = world_of(log) if options.picture else None
     if world is not None and log.truth is not None:
@@ -76,20 +76,28 @@ def _check_names(out: Path, drawing: Path | None) -> None:
         raise ValueError(f"{drawing}: expected a name that ends in .png, .pdf, .svg or .jpg")
 
 
-def _shown(quiet: bool) -> Callable[[int, int], None] | None:
-    """A bar on a terminal, else nothing."""
+def _simulated(setting: Setting, quiet: bool) -> ScanLog:
+    """The log, with bars on a terminal."""
+    from bench.sim.simulation import simulate
+
     if quiet or not sys.stderr.isatty():
-        return None
+        return simulate(setting)
+    return simulate(setting, _bar("simulating", "scan"), _bar("planning", "m"))
+
+
+def _bar(task: str, unit: str) -> Callable[[int, int], None]:
+    """What moves a bar on, which shows from the first call to the end."""
     from tqdm import tqdm
 
-    bar = tqdm(unit="scan", desc="simulating", leave=False)
+    bars: list[Any] = []
 
     def progress(done: int, total: int) -> None:
         """Move the bar on."""
-        bar.total = total
-        bar.update(done - bar.n)
+        if not bars:
+            bars.append(tqdm(total=total, unit=unit, desc=task, leave=False))
+        bars[0].update(done - bars[0].n)
         if done == total:
-            bar.close()
+            bars.pop().close()
 
     return progress
 

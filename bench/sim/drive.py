@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 MARGIN = 0.1  # m, by which the planned way keeps off more than the drive must
+AT_ONCE = 500_000  # points looked up at a time
 BRAKE = 0.8  # share of the deceleration counted on ahead of bends
 # look-ahead [m] and share of the speed, from brisk to careful, until the drive touches nothing
 CARE = ((0.4, 1.0), (0.3, 1.0), (0.2, 1.0), (0.1, 1.0), (0.2, 0.5), (0.1, 0.3))
@@ -83,19 +84,26 @@ def drive(
     for look_ahead, share in CARE:
         limits = Limits(robot.w, robot.dv, robot.dw, look_ahead)
         follow(way, share * pace, limits, 1.0 / rate, states)
-        if _room(world, states[:, :2]).min() >= robot.clearance:
+        if _least_room(world, states[:, :2]) >= robot.clearance:
             return Drive(np.arange(len(states)) / rate, states[:, :3], states[:, 3:])
     raise ValueError(
         f"no drive keeps {robot.clearance:.2f} m to every wall; give a smaller clearance"
     )
 
 
-def drive_far(world: World, robot: Robot, rng: Generator, metres: float, rate: float) -> Drive:
+def drive_far(
+    world: World,
+    robot: Robot,
+    rng: Generator,
+    metres: float,
+    rate: float,
+    progress: Progress | None = None,
+) -> Drive:
     """A drive from rest that ends after `metres` [m] of way."""
     seconds, state = 2.0 * metres / robot.v + 60.0, rng.bit_generator.state
     while True:
         rng.bit_generator.state = state
-        far = drive(world, robot, rng, seconds, rate)
+        far = drive(world, robot, rng, seconds, rate, progress)
         if far.travelled[-1] >= metres:
             n = int(np.searchsorted(far.travelled, metres)) + 1
             return Drive(far.t[:n], far.poses[:n], far.rates[:n])
@@ -114,6 +122,12 @@ def _pace(way: Floats, room: Floats, robot: Robot) -> Floats:
     for i in range(len(speed) - 2, -1, -1):  # brake in time
         speed[i] = min(speed[i], math.sqrt(speed[i + 1] ** 2 + 2.0 * SPACING * BRAKE * robot.dv))
     return speed
+
+
+def _least_room(world: World, points: Floats) -> float:
+    """The least room of points (n, 2) [m], of many in several goes."""
+    parts = np.array_split(points, math.ceil(len(points) / AT_ONCE))
+    return min(float(_room(world, part).min()) for part in parts)
 
 
 def _room(world: World, points: Floats) -> Floats:

@@ -12,14 +12,15 @@ if TYPE_CHECKING:
 
 WALL = 0.2  # m
 WIDTHS = (1.8, 2.2)  # m, of the corridor
-LENGTHS = (0.8, 14.0 / 15.0)  # of the block, as a share of the size: 24 to 28 m of 30
-DEPTHS = (7.0 / 15.0, 0.6)  # 14 to 18 m of 30
+LENGTHS = (24.0 / 26.0, 28.0 / 26.0)  # of the block, as a share of the size less two corridors
+DEPTHS = (14.0 / 26.0, 18.0 / 26.0)
 
 
 def ring(rng: Generator, resolution: float, size: float) -> World:
     """A ring corridor of about `size` x 2/3 `size` metres; same generator state, same ring."""
     width = float(rng.uniform(*WIDTHS))
-    length, depth = size * float(rng.uniform(*LENGTHS)), size * float(rng.uniform(*DEPTHS))
+    side = size - sum(WIDTHS)
+    length, depth = side * float(rng.uniform(*LENGTHS)), side * float(rng.uniform(*DEPTHS))
     right, top = length + 2.0 * width, depth + 2.0 * width
     canvas = Canvas.solid(right + 2.0 * WALL, top + 2.0 * WALL, resolution)
     canvas.carve(WALL, WALL, WALL + right, WALL + top)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bench.sim.drive import Drive, Robot, drive, drive_far
 from bench.sim.people import LEG, legs
 from bench.sim.range_errors import Errors
+from bench.sim.routes import Progress
 from bench.sim.sensors import Sensor, find_sensor
 from bench.sim.setting import ARENAS, FINE, Setting
 from bench.sim.wheels import gyro, odometry
@@ -29,8 +30,6 @@ TRUTH = 200.0  # Hz, least rate of the logged truth
 ODOMETRY = 50.0  # Hz
 GYRO = 100.0  # Hz
 BLOCK = 200  # scans measured at once
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -50,10 +49,15 @@ class Chance:
         return cls(*np.random.default_rng(seed).spawn(6))
 
 
-def simulate(setting: Setting | None = None, progress: Progress | None = None) -> ScanLog:
+def simulate(
+    setting: Setting | None = None,
+    progress: Progress | None = None,
+    planning: Progress | None = None,
+) -> ScanLog:
     """The scan log of a setting; without one, of the default: rescue maze, UTM-30LX, 300 s.
 
-    Poses of the truth are in the world's frame. `progress(done, total)` is told of the scans.
+    Poses of the truth are in the world's frame. `progress(done, total)` is told of the scans,
+    `planning` before of the metres of the way.
 
     Raises:
         LookupError: no such sensor.
@@ -63,7 +67,7 @@ def simulate(setting: Setting | None = None, progress: Progress | None = None) -
     setting = setting or Setting()
     sensor, chance = find_sensor(setting.sensor), Chance.of(setting.seed)
     world = _world(setting, chance.arena)
-    true = _drive(setting, sensor, world, chance.drive)
+    true = _drive(setting, sensor, world, chance.drive, planning)
     t = np.arange(max(1, math.floor(true.t[-1] * sensor.rate + 1e-6))) / sensor.rate
     return ScanLog(
         t=t,
@@ -121,15 +125,22 @@ def _world(setting: Setting, rng: Generator) -> World:
     return build_arena(setting.arena, rng, setting.resolution, setting.size)
 
 
-def _drive(setting: Setting, sensor: Sensor, world: World, rng: Generator) -> Drive:
+def _drive(
+    setting: Setting,
+    sensor: Sensor,
+    world: World,
+    rng: Generator,
+    planning: Progress | None = None,
+) -> Drive:
     """The true motion; its samples fall on every scan's stamp."""
     known = ARENAS.get(setting.arena)
     laps = known is not None and known.laps
     robot = Robot(setting.v, setting.w, setting.clearance, laps=laps)
     rate = sensor.rate * math.ceil(FINE / sensor.rate)
     if setting.length is not None:
-        return drive_far(world, robot, rng, setting.length, rate)
-    return drive(world, robot, rng, max(setting.duration, 1.0 / sensor.rate), rate)
+        return drive_far(world, robot, rng, setting.length, rate, planning)
+    seconds = max(setting.duration, 1.0 / sensor.rate)
+    return drive(world, robot, rng, seconds, rate, planning)
 
 
 def _truth_rate(setting: Setting, sensor: Sensor) -> float:

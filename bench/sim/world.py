@@ -62,14 +62,18 @@ class World:
         return metres
 
     @cached_property
-    def gap(self) -> NDArray[np.int32]:
-        """Chebyshev distance (ny, nx) [cell] to the nearest occupied cell, 0 inside one."""
+    def gap(self) -> NDArray[np.uint8]:
+        """Chebyshev distance (ny, nx) [cell] to the nearest occupied cell, 0 inside, at most 255.
+
+        In one byte a large map stays in the cache, and 255 cells are far enough for one leap.
+        """
         import cv2
 
         if not self.occupied.any():
-            return np.full(self.occupied.shape, max(self.occupied.shape), np.int32)
+            return np.full(self.occupied.shape, 255, np.uint8)
         cells = cv2.distanceTransform((~self.occupied).astype(np.uint8), cv2.DIST_C, 3)
-        return np.ascontiguousarray(np.round(cells), np.int32)
+        np.minimum(np.round(cells, out=cells), 255.0, out=cells)
+        return np.ascontiguousarray(cells, np.uint8)
 
     @cached_property
     def fingerprint(self) -> str:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from slams.jit import njit
 from slams.types import Floats
 
-Cells = NDArray[np.int32]
+Cells = NDArray[np.uint8]
+Ticks = NDArray[np.int32]
 
 
 @njit
@@ -26,7 +27,7 @@ def _cast(gap: Cells, x: float, y: float, dx: float, dy: float) -> float:
     ix, iy = math.floor(x), math.floor(y)
     t = 0.0
     while 0 <= ix < nx and 0 <= iy < ny:
-        reach = gap[iy, ix]
+        reach = int(np.int64(gap[iy, ix]))  # signed, as it is taken away, too
         if reach == 0:
             return t
         tx = ty = math.inf
@@ -53,8 +54,8 @@ def _cast(gap: Cells, x: float, y: float, dx: float, dy: float) -> float:
 def cast_rays(gap: Cells, resolution: float, origin: Floats, rays: Floats, out: Floats) -> None:
     """Distance out (m,) [m] along each ray (m, 3) x, y, direction to the first occupied square.
 
-    ours: exact up to rounding. `gap` (ny, nx) int32: Chebyshev distance in cells to the nearest
-    occupied cell, 0 inside one.
+    ours: exact up to rounding. `gap` (ny, nx): Chebyshev distance in cells to the nearest
+    occupied cell, 0 inside one; less is right, too, but slower.
     """
     scale = 1.0 / resolution
     for i in range(len(rays)):
@@ -64,7 +65,7 @@ def cast_rays(gap: Cells, resolution: float, origin: Floats, rays: Floats, out: 
 
 
 @njit
-def occlude(rays: Floats, tick: Cells, discs: Floats, radius: float, out: Floats) -> None:
+def occlude(rays: Floats, tick: Ticks, discs: Floats, radius: float, out: Floats) -> None:
     """Shorten out (m,) [m] where a ray (m, 3) meets a disc before.
 
     ours: line and circle. Disc k stands at discs[tick[i], k] while ray i is measured; a disc around

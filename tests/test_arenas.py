@@ -1,0 +1,252 @@
+"""Office, hall and ring: what stands there, robots come everywhere; planning large worlds."""
+
+import dataclasses
+import math
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from bench import simulate as command
+from bench.sim import routes
+from bench.sim.arena import BUILDERS, build_arena
+from bench.sim.drive import Robot, drive
+from bench.sim.places import EveryNode, largest_part, nodes_of, route_of
+from bench.sim.regions import Regions
+from bench.sim.routes import Routes
+from bench.sim.setting import ARENAS, Setting
+from bench.sim.simulation import simulate, world_of
+
+NEW = ("office", "hall", "ring")
+CASES = [(name, seed) for name in NEW for seed in range(3)]
+
+
+@cache
+def arena(name, seed, size=None, resolution=None):
+    return build_arena(name, np.random.default_rng(seed), resolution, size)
+
+
+@cache
+def drive_of(name, seed):
+    seconds, v = {"office": (150.0, 1.0), "hall": (60.0, 0.5), "ring": (260.0, 0.5)}[name]
+    robot = Robot(v, laps=ARENAS[name].laps)
+    return drive(arena(name, seed), robot, np.random.default_rng(seed), seconds, 40.0)
+
+
+def around(world, points, beams=360):
+    """Distances (n, beams) [m] to what stands around points (n, 2)."""
+    angles = np.linspace(0.0, 2.0 * math.pi, beams, endpoint=False)
+    rays = np.column_stack([np.repeat(points, beams, axis=0), np.tile(angles, len(points))])
+    return world.cast(rays).reshape(-1, beams)
+
+
+def test_every_arena_is_known_and_built():
+    assert set(BUILDERS) == set(ARENAS) == {"rescue", *NEW}
+
+
+@pytest.mark.parametrize(("name", "seed"), CASES)
+def test_a_robot_comes_within_reach_of_every_place(name, seed):
+    """One piece for the robot, and no free place is far from where it can stand."""
+    world = arena(name, seed)
+    nodes = nodes_of(world, 0.4)
+    part = largest_part(nodes.open)
+    assert part.sum() > 0.995 * nodes.open.sum()
+    k = nodes.cells
+    free = world.free[k // 2 :: k, k // 2 :: k]
+    away = cv2.distanceTransform((~part).astype(np.uint8), cv2.DIST_L2, 5) * nodes.pitch
+    assert (away[free] > 1.2).mean() < 0.006
+    assert around(world, nodes.points(*np.nonzero(part))[::997], 36).max() < np.inf
+
+
+@pytest.mark.parametrize(("name", "seed"), CASES)
+def test_a_drive_keeps_its_clearance(name, seed):
+    true = drive_of(name, seed)
+    assert around(arena(name, seed), true.poses[::10, :2]).min() >= 0.3
+    assert true.travelled[-1] > 0.35 * true.t[-1]
+
+
+@pytest.mark.parametrize("name", NEW)
+def test_same_seed_same_log_and_another_seed_another(name, tmp_path):
+    written = []
+    for k, seed in enumerate((1, 1, 2)):
+        setting = Setting(
+            arena=name, seed=seed, duration=0.5, sensor="lds01", resolution=0.05, size=24.0
+        )
+        log = simulate(setting)
+        log.save(tmp_path / f"{k}.npz")
+        written.append((tmp_path / f"{k}.npz").read_bytes())
+        assert world_of(log).fingerprint == log.meta["simulated"]["world"]
+    assert written[0] == written[1] != written[2]
+    assert len({arena(name, seed).fingerprint for seed in range(3)}) == 3
+
+
+def test_a_log_tells_the_size_it_was_made_with():
+    log = simulate(Setting(arena="ring", duration=0.5, sensor="lds01"))
+    assert log.meta["simulated"]["size"] == ARENAS["ring"].size
+    assert world_of(log).fingerprint == log.meta["simulated"]["world"]
+
+
+@pytest.mark.parametrize(("name", "ratio"), [("office", 0.625), ("hall", 0.67), ("ring", 0.68)])
+@pytest.mark.parametrize("scale", [1.0, 0.6])
+def test_size_is_the_longer_side(name, ratio, scale):
+    size = scale * ARENAS[name].size
+    left, right, bottom, top = arena(name, 0, size, 0.05).extent
+    assert right - left == pytest.approx(size, rel=0.1, abs=0.5)
+    assert (top - bottom) / (right - left) == pytest.approx(ratio, abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["rescue", *NEW])
+def test_a_size_an_arena_cannot_have_is_refused(name, tmp_path, capsys):
+    for size in (ARENAS[name].least - 0.1, ARENAS[name].most + 0.1):
+        with pytest.raises(ValueError, match=rf"^size: got {size:g}\b.*expected .* {name} arena$"):
+            arena(name, 0, size)
+    if name == "ring":
+        line = [str(tmp_path / "out.npz"), "--arena", name, "--size", "10"]
+        assert command.main(line) == 2
+        assert "expected 12 to 300 for the ring arena" in capsys.readouterr().err
+        assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", NEW)
+def test_cells_too_coarse_are_refused(name):
+    with pytest.raises(ValueError, match=r"resolution: got 0\.2 m"):
+        arena(name, 0, None, 0.2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_ring_is_a_bare_corridor(seed):
+    """As wide on all four sides, walls straight from corner to corner, nothing else."""
+    world = arena("ring", seed)
+    left, right, bottom, top = world.extent
+    inner = 0.2 + 0.2 + 1.0  # m: margin, wall, half a corridor
+    west, east, south, north = left + inner, right - inner, bottom + inner, top - inner
+    u = np.linspace(0.1, 0.9, 50)
+    sides = [
+        np.column_stack([west + u * (east - west), np.full(50, y)]) for y in (south, north)
+    ] + [np.column_stack([np.full(50, x), south + u * (north - south)]) for x in (west, east)]
+    widths = []
+    for k, side in enumerate(sides):
+        here = around(world, side, 4)
+        widths.append((here[:, 1] + here[:, 3]) if k < 2 else (here[:, 0] + here[:, 2]))
+    widths = np.array(widths)
+    assert widths.min() >= 1.78 and widths.max() <= 2.22
+    assert np.ptp(widths) <= world.resolution + 1e-9
+    pieces = cv2.connectedComponents(world.occupied.astype(np.uint8))[0] - 1
+    assert pieces == 2  # the outer walls and the block
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_drive_in_the_ring_goes_around_and_on(seed):
+    left, right, bottom, top = arena("ring", seed).extent
+    middle = np.array([0.5 * (left + right), 0.5 * (bottom + top)])
+    away = drive_of("ring", seed).poses[:, :2] - middle
+    angle = np.unwrap(np.arctan2(away[:, 1], away[:, 0]))
+    assert abs(angle[-1] - angle[0]) > 2.2 * math.pi
+    on = np.diff(angle) * np.sign(angle[-1] - angle[0])
+    assert on[on < 0].sum() > -0.2  # never back by more than the steps into a goal
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_drive_in_the_office_visits_rooms(seed):
+    """Doors part the places with more than half a door's room to every wall."""
+    world = arena("office", seed)
+    wide = (world.clearance > 0.56).astype(np.uint8)
+    _, label, stats, _ = cv2.connectedComponentsWithStats(wide, connectivity=4)
+    large = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] * world.resolution**2 > 0.5)
+    assert len(large) - 1 > 25
+    visited = set(label[world.cells_of(drive_of("office", seed).poses[:, :2])])
+    assert len(visited & set(large[1:])) >= 4
+
+
+def test_the_hall_has_long_sight_lines_and_slants():
+    for seed in range(3):
+        world = arena("hall", seed)
+        seen = around(world, drive_of("hall", seed).poses[::400, :2])
+        assert (seen > 12.0).mean() > 0.03
+        pieces = cv2.connectedComponents(world.occupied.astype(np.uint8))[0] - 1
+        assert pieces > 60  # uprights and loads of racks, pillars, boxes
+
+
+def grid(size=12.0, seed=1):
+    """A maze's nodes and their largest part, its border closed as the regions do."""
+    nodes = nodes_of(arena("rescue", seed, size), 0.4)
+    return nodes, largest_part(nodes.open)
+
+
+def test_regions_hang_together_as_their_nodes_do():
+    nodes, part = grid()
+    regions = Regions(nodes, part)
+    assert connected_components(regions.graph)[0] == 1
+    np.testing.assert_array_equal(np.sort(regions.member), np.flatnonzero(part))
+    assert len(regions.points) < part.sum() / 50
+    apart = np.hypot(*(regions.points[:, None] - regions.points[None]).T)
+    assert apart[regions.graph.nonzero()].max() < 3.0
+
+
+def test_two_sides_of_a_wall_are_two_regions():
+    nodes, _ = grid()
+    part = np.zeros((40, 40), bool)
+    part[1:-1, 1:-1] = True
+    part[:, 20:22] = False
+    regions = Regions(dataclasses.replace(nodes, open=part, clearance=np.ones((40, 40))), part)
+    assert connected_components(regions.graph)[0] == 2
+
+
+def test_ways_over_regions_are_nearly_the_shortest():
+    nodes, part = grid()
+    regions, exact = Regions(nodes, part), EveryNode(nodes, part)
+    number = np.cumsum(part.ravel()) - 1
+    rng = np.random.default_rng(0)
+    lengths = []
+    for start, goal in rng.integers(0, len(regions.points), (12, 2)).tolist():
+        _, before = dijkstra(regions.graph, indices=start, return_predecessors=True)
+        line = regions.line(route_of(before, start, goal))
+        np.testing.assert_array_equal(line[[0, -1]], regions.points[[start, goal]])
+        steps = np.hypot(*np.diff(line, axis=0).T)
+        assert (steps <= 1.5 * nodes.pitch).all()
+        assert nodes.world.clearance[nodes.world.cells_of(line)].min() >= 0.4
+        ends = number[regions.middle[[start, goal]]].tolist()
+        _, before = dijkstra(exact.graph, indices=ends[0], return_predecessors=True)
+        best = np.hypot(*np.diff(exact.line(route_of(before, *ends)), axis=0).T)
+        lengths.append((steps.sum(), best.sum()))
+    found, best = np.array(lengths).sum(axis=0)
+    assert found < 1.1 * best
+
+
+def test_a_large_world_is_planned_by_looking_around_only(monkeypatch):
+    """The search of a leg takes the nodes near it, whatever the size of the world."""
+    world = arena("office", 0, 60.0, 0.05)
+    searched, steps = [], Regions._steps
+    monkeypatch.setattr(
+        Regions, "_steps", lambda self, nodes: (searched.append(len(nodes)), steps(self, nodes))[1]
+    )
+    large, told = Routes(world, 0.4), []
+    assert large.large and large.part.sum() > 400_000
+    way = large.way(150.0, np.random.default_rng(0), lambda *metres: told.append(metres))
+    assert len(large.places.points) < 8000 and len(searched) > 5
+    legs = np.diff([0, *[done for done, _ in told]])
+    assert np.median(searched) < 0.05 * large.part.sum()
+    assert told[-1] == (150, 150) and (legs >= 0).all()
+    assert world.clearance[world.cells_of(way)].min() > 0.3
+    np.testing.assert_array_equal(way, Routes(world, 0.4).way(150.0, np.random.default_rng(0)))
+
+
+def test_a_drive_planned_over_regions_is_a_drive(monkeypatch):
+    monkeypatch.setattr(routes, "MANY", 100)
+    world = arena("rescue", 1, 10.0)
+    true = drive(world, Robot(), np.random.default_rng(0), 150.0, 40.0)
+    assert around(world, true.poses[::20, :2]).min() >= 0.3
+    far = np.ones(world.occupied.shape, np.uint8)
+    far[world.cells_of(true.poses[:, :2])] = 0
+    away = cv2.distanceTransform(far, cv2.DIST_L2, 5) * world.resolution
+    assert (away[world.free] < 2.0).mean() > 0.8
+
+
+def test_planning_and_simulating_are_told_of(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    line = [str(tmp_path / "out.npz"), "--arena", "ring", "--duration", "2", "--sensor", "lds01"]
+    assert command.main(line) == 0
+    said = capsys.readouterr().err
+    assert "planning" in said and "simulating" in said and said.index("pl") < said.index("sim")
