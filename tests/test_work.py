@@ -21,6 +21,7 @@ from bench.run.local import LocalWorkers
 from bench.run.shards import Shard, shard_of
 from bench.run.store import Store
 from bench.run.work import Task, perform, run_all
+from tests.toy_runs import Here
 
 ROOT = Path(__file__).resolve().parents[1]
 TOY = ("tests.toy_runs",)
