@@ -176,7 +176,7 @@ def test_a_task_that_always_ends_its_process_is_tried_twice_and_not_kept(tmp_pat
 def test_the_pool_gives_each_task_a_process_of_its_own_and_tells_who_died():
     calls = {"a": (os.getpid, ()), "b": (os.getpid, ()), "c": (os._exit, (3,)), "d": (os.kill, ())}
     calls["e"] = os.kill, (2**22 + 1, 0)
-    found = dict(pool.finished(calls, 2))
+    found = dict(pool.finished(calls, 1))
     assert found["a"].result() != found["b"].result()
     with pytest.raises(pool.BrokenProcessPool, match="exit code 3"):
         found["c"].result()
@@ -185,6 +185,17 @@ def test_the_pool_gives_each_task_a_process_of_its_own_and_tells_who_died():
     assert "in the process of the task" in raised.value.__notes__[0]
     with pytest.raises(ProcessLookupError):
         found["e"].result()
+
+
+def interrupted():
+    os.kill(os.getpid(), signal.SIGINT)
+    return "went on"
+
+
+def test_ctrl_c_is_for_the_parent_to_decide():
+    """A terminal sends it to all; a task that ended with it would pass for one that failed."""
+    ((_, future),) = pool.finished({"a": (interrupted, ())}, 1)
+    assert future.result() == "went on"
 
 
 class StaysError(Exception):
@@ -224,7 +235,8 @@ tasks = [
 store = Store(folder)
 print("ready", flush=True)
 executor = LocalWorkers(int(jobs)) if int(jobs) else Here()
-for _ in run_all(tasks, store, executor):
+work = run_all(tasks, store, executor)  # with a name: lives as long as the interpreter
+for _ in work:
     """
 
 
