@@ -9,7 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass
 
 from bench.run import pool
-from bench.run.work import Result, Task, perform
+from bench.run.work import Attempts, Result, Task, perform, tried_twice
 
 
 @dataclass(frozen=True)
@@ -23,29 +23,20 @@ class LocalWorkers:
 
     def finished(self, tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
         """Each task's name and result, as they end."""
-        again: dict[str, Task] = {}
-        with closing(self._tried(tasks, fresh=False)) as ended:
-            for key, future in ended:
-                if isinstance(future.exception(), BrokenProcessPool):
-                    again[key] = tasks[key]
-                else:
-                    yield key, future.result()
-        with closing(self._tried(again, fresh=True)) as ended:
-            for key, future in ended:
-                yield key, _result(future)
+        return tried_twice(tasks, self._tried, lambda dead: self._tried(dead, fresh=True))
 
     def close(self) -> None:
         """Nothing: the processes end with the work."""
 
-    def _tried(
-        self, tasks: Mapping[str, Task], fresh: bool
-    ) -> Generator[tuple[str, Future[Result]], None, None]:
+    def _tried(self, tasks: Mapping[str, Task], fresh: bool = False) -> Attempts:
         calls = {key: (perform, (task, key)) for key, task in tasks.items()}
-        return pool.finished(calls, self.jobs, fresh)
+        with closing(pool.finished(calls, self.jobs, fresh)) as ended:
+            for key, future in ended:
+                yield key, _result(future)
 
 
-def _result(future: Future[Result]) -> Result:
+def _result(future: Future[Result]) -> Result | str:
     try:
         return future.result()
     except BrokenProcessPool as error:
-        return Result({"failed": f"its process died ({error})"}, kept=False)
+        return str(error)

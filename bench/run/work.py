@@ -67,6 +67,10 @@ class Task:
         return digest(canonical(known))
 
 
+# each task's name, and its result or how its process died
+Attempts = Generator[tuple[str, Result | str], None, None]
+
+
 class Executor(Protocol):
     """Whatever runs tasks: processes of this machine, or of others."""
 
@@ -106,6 +110,26 @@ def run_all(
                 store.write(key, result.value, result.measured)
             for task in todo[key]:
                 yield task, result.value
+
+
+def tried_twice(
+    tasks: Mapping[str, Task],
+    first: Callable[[Mapping[str, Task]], Attempts],
+    again: Callable[[Mapping[str, Task]], Attempts],
+) -> Generator[tuple[str, Result], None, None]:
+    """Results of a first attempt at all tasks, then of another at those whose process died."""
+    dead: dict[str, Task] = {}
+    with closing(first(tasks)) as ended:
+        for key, result in ended:
+            if isinstance(result, str):
+                dead[key] = tasks[key]
+            else:
+                yield key, result
+    with closing(again(dead)) as ended:
+        for key, result in ended:
+            if isinstance(result, str):
+                result = Result({"failed": f"its process died ({result})"}, kept=False)
+            yield key, result
 
 
 def perform(task: Task, key: str) -> Result:
