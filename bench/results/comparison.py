@@ -175,7 +175,7 @@ def read(folder: str | Path) -> Comparison:
         ValueError: the folder holds no complete results of this version; the sentence says why.
     """
     folder = Path(folder)
-    found = read_figures(folder / FIGURES)
+    found = read_figures(folder / FIGURES, FORMAT)
     arrays = _read_arrays(folder / ARRAYS)
     rows = iter(found["rows"])
     logs = []
@@ -195,22 +195,22 @@ def write_figures(path: Path, figures: Mapping[str, Any]) -> None:
     path.write_text(as_json(dict(figures)), encoding="utf-8")
 
 
-def read_figures(path: str | Path) -> Line:
-    """Read what `write_figures` wrote.
+def read_figures(path: str | Path, expected: str | None = None) -> Line:
+    """Read what `write_figures` wrote, of the format that is expected.
 
     Raises:
-        ValueError: it is no JSON object, or of another version.
+        ValueError: it is no JSON object, or of another format.
     """
     try:
         found = json.loads(Path(path).read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: damaged ({error}); run the comparison again") from error
+        raise ValueError(f"{path}: damaged ({error}); run it again") from error
     if not isinstance(found, dict):
         raise ValueError(f"{path}: got {type(found).__name__}, expected an object of results")
-    if "logs" in found and found.get("format") not in (None, FORMAT):
+    if expected is not None and found.get("format") != expected:
         raise ValueError(
-            f"{path}: got format {found.get('format')!r}, expected {FORMAT!r}: written by another "
-            "version; run the comparison again"
+            f"{path}: got format {found.get('format')!r}, expected {expected!r}: written by "
+            "another version; run it again"
         )
     return found
 
@@ -222,7 +222,7 @@ def _read_arrays(path: Path) -> dict[str, Any]:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             return {key: archive[key] for key in archive.files}
     except (zipfile.BadZipFile, ValueError, EOFError) as error:
-        raise ValueError(f"{path}: damaged ({error}); run the comparison again") from error
+        raise ValueError(f"{path}: damaged ({error}); run it again") from error
 
 
 def _keyed(place: str, arrays: dict[str, Any]) -> dict[str, Any]:
