@@ -13,7 +13,7 @@ from bench import simulate as command
 from bench.sim import routes
 from bench.sim.arena import BUILDERS, build_arena
 from bench.sim.drive import Robot, drive
-from bench.sim.places import EveryNode, largest_part, nodes_of, route_of
+from bench.sim.places import EveryNode, largest_part, nodes_of, price, route_of
 from bench.sim.regions import Regions
 from bench.sim.routes import Routes
 from bench.sim.setting import ARENAS, Setting
@@ -194,12 +194,18 @@ def test_two_sides_of_a_wall_are_two_regions():
     assert connected_components(regions.graph)[0] == 2
 
 
-def test_ways_over_regions_are_nearly_the_shortest():
+def cost(world, line):
+    """What a polyline (n, 2) costs when room is worth a detour."""
+    prices = price(world.clearance[world.cells_of(line)].astype(float), 0.4)
+    return (np.hypot(*np.diff(line, axis=0).T) * 0.5 * (prices[1:] + prices[:-1])).sum()
+
+
+def test_ways_over_regions_are_nearly_the_best():
     nodes, part = grid()
     regions, exact = Regions(nodes, part), EveryNode(nodes, part)
     number = np.cumsum(part.ravel()) - 1
     rng = np.random.default_rng(0)
-    lengths = []
+    costs = []
     for start, goal in rng.integers(0, len(regions.points), (12, 2)).tolist():
         _, before = dijkstra(regions.graph, indices=start, return_predecessors=True)
         line = regions.line(route_of(before, start, goal))
@@ -209,10 +215,10 @@ def test_ways_over_regions_are_nearly_the_shortest():
         assert nodes.world.clearance[nodes.world.cells_of(line)].min() >= 0.4
         ends = number[regions.middle[[start, goal]]].tolist()
         _, before = dijkstra(exact.graph, indices=ends[0], return_predecessors=True)
-        best = np.hypot(*np.diff(exact.line(route_of(before, *ends)), axis=0).T)
-        lengths.append((steps.sum(), best.sum()))
-    found, best = np.array(lengths).sum(axis=0)
-    assert found < 1.1 * best
+        best = exact.line(route_of(before, *ends))
+        costs.append((cost(nodes.world, line), cost(nodes.world, best)))
+    found, best = np.array(costs).sum(axis=0)
+    assert best <= found * 1.0001 and found < 1.02 * best
 
 
 def test_a_large_world_is_planned_by_looking_around_only(monkeypatch):
