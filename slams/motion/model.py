@@ -31,7 +31,7 @@ from slams.motion.wheels import Gyro, Wheels
 from slams.types import IDENTITY, Floats, Pose2, Scan, wrap_angle
 
 MATCH = 0.001  # m and rad, deviation of a match that tells none
-LONG_AGO = 3.0  # velocity times, after which nothing is left of a velocity
+TICK = 1e-7  # s; stamps of an even rate differ by rounding
 AT_REST = Expected(NOTHING, CERTAIN, 0.0, 0.0)
 
 
@@ -81,7 +81,11 @@ class Motion:
     def __init__(self, params: MotionParams | None = None) -> None:
         p = self._params = params or MotionParams()
         accelerations = (p.acceleration, p.acceleration_aside, p.turn_acceleration)
-        self._axes = [Velocity(a, p.cruise, p.learn_time) for a in accelerations]
+        self._unknown = (0.5 * p.top_speed, 0.5 * p.top_speed, 0.5 * p.top_turn_rate)
+        self._axes = [
+            Velocity(a, unknown, p.learn_time)
+            for a, unknown in zip(accelerations, self._unknown, strict=True)
+        ]
         self._wheels, self._gyro = Wheels(p), Gyro(p)
         self._limits, self._clock = Limits(p), Clock()
         self._over = interval(0.0, p.acceleration_time)
@@ -90,6 +94,7 @@ class Motion:
         self._expected = AT_REST
         self._velocity = IDENTITY
         self._last_match = UNKNOWN
+        self._was_elsewhere = False
 
     @property
     def counts(self) -> dict[str, int]:
@@ -126,10 +131,12 @@ class Motion:
         step = chord_of(self._pose.between(pose))
         match = variances(covariance, self._pose.theta + 0.5 * step.turn, MATCH)
         if self._before is not None:
-            if self._can_be(step):
+            is_motion = self._can_be(step)
+            if is_motion or self._was_elsewhere:
                 self._learn(step, match)
-            else:  # found again elsewhere: that was no motion
-                self._correct(step, UNKNOWN)
+            else:
+                self._settle(match)
+            self._was_elsewhere = not is_motion
         self._before, self._last_match = scan, match
 
     def missed(self, scan: Scan) -> None:
@@ -151,16 +158,19 @@ class Motion:
     def _going_on(self, stamped: float) -> Expected:
         """The step if the motion so far goes on; one from before a long break means nothing."""
         p, dt = self._params, self._clock.elapsed(stamped)
-        if dt != self._over.dt:
+        if abs(dt - self._over.dt) > TICK:
             self._over = interval(dt, p.acceleration_time)
-        if dt > LONG_AGO * p.velocity_time:
+        if dt > p.velocity_time:
             for axis in self._axes:
                 axis.forget()
         if dt <= 0.0:  # no time is known: neither is a velocity
-            most = p.cruise * p.cruise
-            return Expected(NOTHING, Chord(most, most, most), 0.0, 0.0)
+            return Expected(NOTHING, Chord(*(u * u for u in self._unknown)), 0.0, 0.0)
         ahead, aside, turn = [axis.step(self._over) for axis in self._axes]
-        means, spreads = Chord(ahead[0], aside[0], turn[0]), Chord(ahead[1], aside[1], turn[1])
+        bent = turn[1] * ahead[0] * ahead[0] / 36.0  # a turn that accelerates bends the chord
+        means, spreads = (
+            Chord(ahead[0], aside[0], turn[0]),
+            Chord(ahead[1], aside[1] + bent, turn[1]),
+        )
         return Expected(means, spreads, dt, max(dt, self._clock.usual))
 
     def _can_be(self, step: Chord) -> bool:
@@ -181,20 +191,24 @@ class Motion:
         self._gyro.compare(step, both, self._expected.dt)
         self._correct(step, Chord(match.ahead, match.aside + swing, match.turn))
 
+    def _settle(self, match: Chord) -> None:
+        """Found again elsewhere: that was no motion. Twice in a row it was the expectation."""
+        self._correct(self._expected.step, UNKNOWN)
+        for axis, variance in zip(self._axes, match, strict=True):
+            axis.settle(variance if variance < math.inf else 0.0)
+
     def _correct(self, step: Chord, match: Chord) -> None:
         """Learn the velocity from the match; where that is blind, from wheels and gyro."""
         dt, said, variance = self._expected.dt, self._wheels.step or NOTHING, self._wheels.variance
         if self._gyro.variance < variance.turn:
             said = Chord(said.ahead, said.aside, self._gyro.turn or 0.0)
             variance = Chord(variance.ahead, variance.aside, self._gyro.variance)
-        blind = (
-            self._params.cruise * dt
-        ) ** 2  # such a match tells no more than is known of robots
         for i, axis in enumerate(self._axes):
             axis.pass_over(self._over)
             if match[i] < math.inf:
                 axis.correct(step[i], match[i], dt)
-            if match[i] > blind and variance[i] < math.inf:
+            blind = match[i] > (self._unknown[i] * dt) ** 2  # no more than is known of all robots
+            if blind and variance[i] < math.inf:
                 axis.correct_velocity(said[i] / dt, variance[i] / (dt * dt), dt)
             axis.report(step[i])
 

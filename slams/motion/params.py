@@ -71,7 +71,7 @@ class MotionParams(Params):
         low=1e-4,
     )
     acceleration_aside: float = param(
-        0.001,
+        0.0005,
         "m/s^2",
         "deviation aside, to begin with",
         source="ours: wheels do not go sideways; a hand does: learned from the matches",
@@ -90,16 +90,9 @@ class MotionParams(Params):
     velocity_time: float = param(
         2.0,
         "s",
-        "after which a velocity that nothing confirmed means little",
+        "after which a velocity that nothing confirmed is as good as forgotten",
         source="ours: robots stop and turn every few seconds",
         low=0.01,
-    )
-    cruise: float = param(
-        0.5,
-        "m/s",
-        "deviation of a velocity not known; in rad/s for turns",
-        source="ours: a rescue robot's speed",
-        low=1e-3,
     )
     learn_time: float = param(
         10.0, "s", "over which accelerations are learned", source="ours: a few bends", low=0.1

@@ -13,7 +13,7 @@ class Expected(NamedTuple):
     """A step as far as it is known: its means and variances.
 
     `dt` [s] is the interval, `reach` [s] the time in which to judge what is possible (longer
-    where stamps are too close together), `turn_measured` whether more than habit tells the turn.
+    where stamps are too close together). `turn_measured`: a gyro tells the turn.
     """
 
     step: Chord
@@ -71,11 +71,13 @@ class Doubt:
 
     def learn(self, error: float, variance: float, dt: float) -> bool:
         """Compare with what a match found; whether the two contradict each other."""
-        wrong = error * error > self._contradiction * variance
-        speed = min(error * error / (dt * dt), self._most) if wrong else 0.0
+        if error * error <= self._contradiction * variance:
+            self.fade(dt)
+            return False
+        speed = min(error * error / (dt * dt), self._most)
         self.variance += (1.0 - math.exp(-dt / self._time)) * (speed - self.variance)
-        return wrong
+        return True
 
     def fade(self, dt: float) -> None:
-        """There was nothing to compare with."""
-        self.variance *= math.exp(-dt / self._time)
+        """The source agreed, or there was nothing to compare with."""
+        self.variance *= math.exp(-2.0 * dt / self._time)

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 from slams.motion.chord import FLOOR
 
-SHORT = 0.05  # share of an acceleration's time below which the series is more exact
+SHORT = 0.01  # share of an acceleration's time below which the series is more exact
+PLAIN = 9.0  # a squared, normalized surprise from which it is not the match that erred
 SURPRISE = 50.0  # most that one squared, normalized surprise counts when accelerations are learned
 LEAST, MOST = 1e-4, 1e6  # bounds of the learned variance, times the one to begin with
 
@@ -96,10 +97,11 @@ class Velocity:
     def correct(self, found: float, variance: float, dt: float) -> None:
         """The robot was found `found` from the pose last reported, with a variance."""
         s, y = self.xx + variance, found - self.x
-        surprise = min(y * y / s, SURPRISE) - 1.0
+        surprise = min(y * y / s, SURPRISE)
+        own = 1.0 if surprise > PLAIN else self.xx / s  # not the match's share of the surprise
         self._update(y, s, self.xx, self.xv, self.xa)
-        own = (1.0 - variance / s) * min(1.0, dt / self._learn_time)
-        noise = self.noise * math.exp(own * surprise)
+        growth = own * (surprise - 1.0) * min(1.0 / SURPRISE, dt / self._learn_time)
+        noise = self.noise * math.exp(growth)
         self.noise = min(max(noise, LEAST * self._first), MOST * self._first)
 
     def correct_velocity(self, velocity: float, variance: float, dt: float) -> None:
@@ -118,6 +120,10 @@ class Velocity:
     def report(self, step: float) -> None:
         """The pose is now reported `step` further."""
         self.x -= step
+
+    def settle(self, variance: float) -> None:
+        """The pose was found elsewhere, with a variance: that was no motion."""
+        self.x, self.xx, self.xv, self.xa = 0.0, variance, 0.0, 0.0
 
     def fade(self, keep: float) -> None:
         """Nothing confirmed the velocity: it means less."""

@@ -58,16 +58,21 @@ class Wheels:
             doubt.fade(dt)
 
     def _fused(self, step: Chord, known: Expected) -> Expected:
-        limit, dt2 = self._p.doubt**2, known.dt * known.dt
-        one, two, three = self._doubts
-        own, was, spread = self._own, known.step, known.variance
-        said = own.turn + three.variance * dt2
-        t = _weighed(step.turn, said, was.turn, spread.turn, limit, known.turn_measured)
-        swing = 0.25 * t.gap2  # a wrong turn swings the chord by half
-        said = own.ahead + one.variance * dt2 + step.aside * step.aside * swing
-        a = _weighed(step.ahead, said, was.ahead, spread.ahead, limit, False)
-        said = own.aside + two.variance * dt2 + step.ahead * step.ahead * swing
-        b = _weighed(step.aside, said, was.aside, spread.aside, limit, False)
+        """Weigh the three numbers of a step, the turn first: a wrong one swings the chord.
+
+        A velocity bears witness against the wheels as long as an acceleration lasts, not longer.
+        """
+        p, dt, own, was, spread = self._p, known.dt, self._own, known.step, known.variance
+        limit = p.doubt**2 if 0.0 < dt <= p.acceleration_time else math.inf
+        doubt = [d.variance * dt * dt for d in self._doubts]
+        caught = [d > o for d, o in zip(doubt, own, strict=True)]  # of late, by the match
+        sure = known.turn_measured or caught[2]
+        t = _weighed(step.turn, own.turn + doubt[2], was.turn, spread.turn, limit, sure)
+        swing = 0.25 * t.gap2
+        said = own.ahead + doubt[0] + step.aside * step.aside * swing
+        a = _weighed(step.ahead, said, was.ahead, spread.ahead, limit, caught[0])
+        said = own.aside + doubt[1] + step.ahead * step.ahead * swing
+        b = _weighed(step.aside, said, was.aside, spread.aside, limit, caught[1])
         self.variance = Chord(a.said, b.said, t.said)
         self.contradicts = a.gap2 + b.gap2 + t.gap2 > 0.0
         mean, variance = Chord(a.mean, b.mean, t.mean), Chord(a.var, b.var, t.var)
