@@ -6,7 +6,7 @@ import math
 
 from slams.motion.chord import Chord
 
-LONGEST = 5.0  # usual intervals; a longer one is a break, however ragged the stamps
+LONGEST = 10.0  # usual intervals; a longer one is a break, however ragged the stamps
 BETTER = 0.8  # times the error by stamps, below which the usual interval predicts better
 MEMORY = 5.0  # s, of the usual interval and of both errors
 

@@ -166,10 +166,12 @@ class Motion:
         if dt <= 0.0:  # no time is known: neither is a velocity
             return Expected(NOTHING, Chord(*(u * u for u in self._unknown)), 0.0, 0.0)
         ahead, aside, turn = [axis.step(self._over) for axis in self._axes]
-        bent = turn[1] * ahead[0] * ahead[0] / 36.0  # a turn that accelerates bends the chord
+        # a step whose speed or turn changes on the way is no arc: that bends it by a sixth
+        bent = ahead[0] ** 2 * turn[1] + turn[0] ** 2 * ahead[1] + ahead[1] * turn[1]
+        aside = (aside[0], aside[1] + bent / 36.0)
         means, spreads = (
             Chord(ahead[0], aside[0], turn[0]),
-            Chord(ahead[1], aside[1] + bent, turn[1]),
+            Chord(ahead[1], aside[1], turn[1]),
         )
         return Expected(means, spreads, dt, max(dt, self._clock.usual))
 

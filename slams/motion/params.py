@@ -71,7 +71,7 @@ class MotionParams(Params):
         low=1e-4,
     )
     acceleration_aside: float = param(
-        0.0005,
+        0.01,
         "m/s^2",
         "deviation aside, to begin with",
         source="ours: wheels do not go sideways; a hand does: learned from the matches",

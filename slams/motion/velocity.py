@@ -8,9 +8,9 @@ from typing import NamedTuple
 from slams.motion.chord import FLOOR
 
 SHORT = 0.01  # share of an acceleration's time below which the series is more exact
-PLAIN = 9.0  # a squared, normalized surprise from which it is not the match that erred
+PLAIN = 9.0  # a squared, normalized surprise that is no chance when it comes twice
 SURPRISE = 50.0  # most that one squared, normalized surprise counts when accelerations are learned
-LEAST, MOST = 1e-4, 1e6  # bounds of the learned variance, times the one to begin with
+LEAST, MOST = 0.1, 1e5  # bounds of the learned variance, times the one to begin with
 
 
 class Interval(NamedTuple):
@@ -66,6 +66,7 @@ class Velocity:
         self._first = self.noise
         self._unknown = unknown * unknown
         self._learn_time = learn_time
+        self._missed_by = 0.0
         self.forget()
 
     def forget(self) -> None:
@@ -97,18 +98,23 @@ class Velocity:
     def correct(self, found: float, variance: float, dt: float) -> None:
         """The robot was found `found` from the pose last reported, with a variance."""
         s, y = self.xx + variance, found - self.x
-        surprise = min(y * y / s, SURPRISE)
-        own = 1.0 if surprise > PLAIN else self.xx / s  # not the match's share of the surprise
+        self._learn(y, y * y / s, self.xx / s, dt)
         self._update(y, s, self.xx, self.xv, self.xa)
-        growth = own * (surprise - 1.0) * min(1.0 / SURPRISE, dt / self._learn_time)
-        noise = self.noise * math.exp(growth)
-        self.noise = min(max(noise, LEAST * self._first), MOST * self._first)
 
     def correct_velocity(self, velocity: float, variance: float, dt: float) -> None:
         """The mean velocity of the last `dt` [s], with a variance, by wheels or gyro."""
         lag = 0.25 * dt * dt * self.noise  # an acceleration's share since half way
         s = self.vv + variance + lag
         self._update(velocity - self.v, s, self.xv, self.vv, self.va)
+
+    def _learn(self, y: float, surprise: float, own: float, dt: float) -> None:
+        """Learn the accelerations from a surprise y; `own`: what share of it is not the match's."""
+        lags = surprise > PLAIN and y * self._missed_by > 0.0  # the second time to this side
+        self._missed_by = y if surprise > PLAIN else 0.0
+        growth = own * min(dt / self._learn_time, 1.0 / SURPRISE)
+        growth = (1.0 / SURPRISE if lags else growth) * (min(surprise, SURPRISE) - 1.0)
+        noise = self.noise * math.exp(growth)
+        self.noise = min(max(noise, LEAST * self._first), MOST * self._first)
 
     def _update(self, y: float, s: float, px: float, pv: float, pa: float) -> None:
         """Kalman update with a surprise `y` of variance `s`; p. its covariance with the state."""
