@@ -29,7 +29,7 @@ class Chord(NamedTuple):
         return Pose2(c * ahead - s * aside, s * ahead + c * aside, wrap_angle(turn))
 
 
-FLOOR = (2e-6) ** 2  # m^2, rad^2: rounding of what is logged; no variance is less
+FLOOR = 2.5e-13  # m^2, rad^2: half a micrometer, rounding of what is logged; no variance is less
 NOTHING = Chord(0.0, 0.0, 0.0)
 CERTAIN = Chord(FLOOR, FLOOR, FLOOR)
 UNKNOWN = Chord(math.inf, math.inf, math.inf)

@@ -8,7 +8,8 @@ from slams.motion.chord import Chord
 
 LONGEST = 10.0  # usual intervals; a longer one is a break, however ragged the stamps
 BETTER = 0.8  # times the error by stamps, below which the usual interval predicts better
-MEMORY = 5.0  # s, of the usual interval and of both errors
+MEMORY = 5.0  # s, of both errors
+USUAL = 30.0  # s, of the usual interval
 
 
 class Clock:
@@ -21,6 +22,7 @@ class Clock:
 
     def __init__(self) -> None:
         self.usual = 0.0
+        self._scans = 0
         self._last: Chord | None = None
         self._last_stamped = self._stamped = 0.0
         self._error_by_stamps = self._error_by_count = 0.0
@@ -34,8 +36,9 @@ class Clock:
         """Time to reckon with, for an interval by the stamps; never negative."""
         if not math.isfinite(stamped):
             stamped = 0.0
-        self.usual += self._share() * (stamped - self.usual) if self.usual > 0.0 else stamped
-        usual = self.usual = max(self.usual, 0.0)
+        self._scans += 1
+        share = max(1.0 / self._scans, 1.0 - math.exp(-self.usual / USUAL))
+        usual = self.usual = max(self.usual + share * (stamped - self.usual), 0.0)
         self._stamped = stamped if stamped > 0.0 else usual
         if self.ragged and self._stamped < LONGEST * usual:
             return usual

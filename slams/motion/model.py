@@ -166,9 +166,10 @@ class Motion:
         if dt <= 0.0:  # no time is known: neither is a velocity
             return Expected(NOTHING, Chord(*(u * u for u in self._unknown)), 0.0, 0.0)
         ahead, aside, turn = [axis.step(self._over) for axis in self._axes]
-        # a step whose speed or turn changes on the way is no arc: that bends it by a sixth
+        # no arc where speed or turn change on the way: white accelerations bend it by 1 / 40 of
+        # their variance, which is half of what the step has; the rest is the rate's
         bent = ahead[0] ** 2 * turn[1] + turn[0] ** 2 * ahead[1] + ahead[1] * turn[1]
-        aside = (aside[0], aside[1] + bent / 36.0)
+        aside = (aside[0], aside[1] + bent / 80.0)
         means, spreads = (
             Chord(ahead[0], aside[0], turn[0]),
             Chord(ahead[1], aside[1], turn[1]),
@@ -202,6 +203,8 @@ class Motion:
     def _correct(self, step: Chord, match: Chord) -> None:
         """Learn the velocity from the match; where that is blind, from wheels and gyro."""
         dt, said, variance = self._expected.dt, self._wheels.step or NOTHING, self._wheels.variance
+        if dt <= 0.0:
+            return
         if self._gyro.variance < variance.turn:
             said = Chord(said.ahead, said.aside, self._gyro.turn or 0.0)
             variance = Chord(variance.ahead, variance.aside, self._gyro.variance)

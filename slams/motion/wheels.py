@@ -60,10 +60,10 @@ class Wheels:
     def _fused(self, step: Chord, known: Expected) -> Expected:
         """Weigh the three numbers of a step, the turn first: a wrong one swings the chord.
 
-        A velocity bears witness against the wheels as long as an acceleration lasts, not longer.
+        A velocity bears witness against the wheels over a short interval, not over a long one.
         """
         p, dt, own, was, spread = self._p, known.dt, self._own, known.step, known.variance
-        limit = p.doubt**2 if 0.0 < dt <= p.acceleration_time else math.inf
+        limit = p.doubt**2 if 0.0 < dt <= p.witness_time else math.inf
         doubt = [d.variance * dt * dt for d in self._doubts]
         caught = [d > o for d, o in zip(doubt, own, strict=True)]  # of late, by the match
         sure = known.turn_measured or caught[2]
