@@ -403,6 +403,55 @@ def test_wheels_at_rest_leave_room_for_a_stall():
     assert min(predicted.variance) > 1e-10
 
 
+@pytest.mark.parametrize("leap", [Pose2(0.2, 0.0, 0.0), Pose2(0.0, 0.0, 0.5)])
+def test_a_leap_a_robot_could_make_widens_the_prediction_and_stays_out_of_the_velocity(leap):
+    t, poses = arc(10.0, 5)
+    odom = poses[:30] + [poses[29] @ leap @ poses[29].inverse() @ p for p in poses[30:]]
+    scans = [stamped(*both) for both in zip(t, odom, strict=True)]
+    predictions, motion = followed(scans, poses)
+    assert motion.counts["odometry"] == 49
+    predicted, true = predictions[30], chord_of(poses[29].between(poses[30]))
+    error = np.array(chord_of(predicted.step)) - np.array(true)
+    assert (np.abs(error) < 1.5 * np.sqrt(predicted.variance)).all()
+    assert predicted.velocity == pytest.approx((0.5, 0.0, 0.3), abs=0.05)
+    assert misses(predictions, poses)[31:].max() < 0.01
+
+
+def test_after_a_break_the_velocity_is_forgotten():
+    t, poses = arc(6.0, 10)
+    _, motion = followed([stamped(stamp) for stamp in t], poses)
+    predicted = motion.predict(poses[-1], stamped(t[-1] + 3.0))
+    assert predicted.step == IDENTITY
+    assert predicted.variance.ahead > 3.0**2
+
+
+def test_both_ends_of_a_found_step_have_an_error():
+    rng = np.random.default_rng(8)
+    t, poses = arc(50.0, 40)
+    found = [p @ Pose2(*rng.normal(0.0, 0.01, 3)) for p in poses]
+    motion, pose = Motion(), poses[0]
+    for stamp, true, near in zip(t, poses, found, strict=True):
+        motion.predict(pose, stamped(stamp, true))
+        pose = near
+        motion.moved(pose, np.eye(3) * 1e-4, stamped(stamp, true))
+    assert motion.counts["odometry_faults"] <= 3
+
+
+@pytest.mark.parametrize("rate", [40, 5])
+def test_a_gyro_that_leaps_or_sticks_is_not_followed(rate):
+    t, poses = arc(10.0, rate)
+    first, last = 5 * rate, 8 * rate
+    leapt = [0.3 * s + (2.0 if k >= first else 0.0) for k, s in enumerate(t)]
+    stuck = [0.3 * (s if k < first else t[first]) for k, s in enumerate(t[:last])]
+    turn = 0.3 / rate
+    for yaw in (leapt, stuck):
+        scans = [stamped(s, None, y) for s, y in zip(t, yaw, strict=False)]
+        predictions, motion = followed(scans, poses[: len(scans)])
+        late = predictions[first + (0 if yaw is leapt else rate) :]
+        assert max(abs(p.step.theta - turn) for p in late) < 0.3 * turn
+        assert motion.counts["gyro"] == len(scans) - 1 - (yaw is leapt)
+
+
 def test_variances_of_wheels_grow_with_way_and_turn():
     p = MotionParams()
     way = wheel_variance(p, Chord(1.0, 0.0, 0.0), 1.0)

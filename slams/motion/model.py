@@ -134,8 +134,8 @@ class Motion:
             is_motion = self._can_be(step)
             if is_motion or self._was_elsewhere:
                 self._learn(step, match)
-            else:
-                self._settle(match)
+            else:  # found again elsewhere; twice in a row it is the expectation that errs
+                self._correct(self._expected.step, UNKNOWN)
             self._was_elsewhere = not is_motion
         self._before, self._last_match = scan, match
 
@@ -193,12 +193,6 @@ class Motion:
         self._wheels.compare(step, both, self._expected.dt)
         self._gyro.compare(step, both, self._expected.dt)
         self._correct(step, Chord(match.ahead, match.aside + swing, match.turn))
-
-    def _settle(self, match: Chord) -> None:
-        """Found again elsewhere: that was no motion. Twice in a row it was the expectation."""
-        self._correct(self._expected.step, UNKNOWN)
-        for axis, variance in zip(self._axes, match, strict=True):
-            axis.settle(variance if variance < math.inf else 0.0)
 
     def _correct(self, step: Chord, match: Chord) -> None:
         """Learn the velocity from the match; where that is blind, from wheels and gyro."""

@@ -127,10 +127,6 @@ class Velocity:
         """The pose is now reported `step` further."""
         self.x -= step
 
-    def settle(self, variance: float) -> None:
-        """The pose was found elsewhere, with a variance: that was no motion."""
-        self.x, self.xx, self.xv, self.xa = 0.0, variance, 0.0, 0.0
-
     def fade(self, keep: float) -> None:
         """Nothing confirmed the velocity: it means less."""
         self.v *= keep
