@@ -58,7 +58,7 @@ class Wheels:
             doubt.fade(dt)
 
     def _fused(self, step: Chord, known: Expected) -> Expected:
-        """Weigh the three numbers of a step, the turn first: a wrong one swings the chord.
+        """Weigh the three numbers of a step.
 
         A velocity bears witness against the wheels over a short interval, not over a long one.
         """
@@ -68,10 +68,9 @@ class Wheels:
         caught = [d > o for d, o in zip(doubt, own, strict=True)]  # of late, by the match
         sure = known.turn_measured or caught[2]
         t = _weighed(step.turn, own.turn + doubt[2], was.turn, spread.turn, limit, sure)
-        swing = 0.25 * t.gap2
-        said = own.ahead + doubt[0] + step.aside * step.aside * swing
+        said = own.ahead + doubt[0]
         a = _weighed(step.ahead, said, was.ahead, spread.ahead, limit, caught[0])
-        said = own.aside + doubt[1] + step.ahead * step.ahead * swing
+        said = own.aside + doubt[1]
         b = _weighed(step.aside, said, was.aside, spread.aside, limit, caught[1])
         self.variance = Chord(a.said, b.said, t.said)
         self.contradicts = a.gap2 + b.gap2 + t.gap2 > 0.0
