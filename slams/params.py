@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-UNITS = ("m", "rad", "s", "cell", "1", "m/s", "rad/s", "Hz")
+UNITS = ("m", "rad", "s", "cell", "1", "m/s", "rad/s", "m/s^2", "rad/s^2", "Hz")
 LASERS = ("utm30lx", "rplidar-a1", "lds01", "lds02")
 
 

@@ -1,0 +1,221 @@
+"""What is known of the robot's pose before its scan is looked at: one model for all algorithms.
+
+Three sources speak of the step since the scan before, each with a variance:
+
+1. the motion so far goes on, with accelerations that last a while (`velocity`);
+2. the gyro gives the turn, the wheels the whole step (`wheels`; noise as in [Thrun05] 5.4);
+3. a leap that no robot can make is not heard at all (`trust.Limits`), and a source that the
+   matches contradicted of late is believed less (`trust.Doubt`), until they agree again.
+
+They are fused by their information (the plain Kalman update) in the three numbers of a `Chord`,
+whose errors are independent. Everything is in seconds and meters: the rate of the scans does not
+matter. Scales of the wheels are not learned, they stay in the covariance: a matcher that follows
+its prediction would confirm them to itself.
+
+[Thrun05] S. Thrun, W. Burgard, D. Fox. Probabilistic Robotics. MIT Press 2005.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from slams.motion.chord import CERTAIN, NOTHING, UNKNOWN, Chord, chord_of, covariance, variances
+from slams.motion.clock import Clock
+from slams.motion.params import MotionParams
+from slams.motion.trust import Expected, Limits
+from slams.motion.velocity import Velocity, interval
+from slams.motion.wheels import Gyro, Wheels
+from slams.types import IDENTITY, Floats, Pose2, Scan, wrap_angle
+
+MATCH = 0.001  # m and rad, deviation of a match that tells none
+TICK = 1e-7  # s; stamps of an even rate differ by rounding
+AT_REST = Expected(NOTHING, CERTAIN, 0.0, 0.0)
+
+
+class Prediction(NamedTuple):
+    """The step since the scan before, as known without the scan.
+
+    `pose` is the pose before composed with `step`. `variance` are the step's variances ahead,
+    aside and of the turn, seen from the heading half way, where they are independent; `dt` [s]
+    the interval; `velocity` the base's motion per second in its own frame, to deskew with;
+    `continued` the step if the motion so far just goes on, a second start for a matcher;
+    `used` which of "wheels", "gyro", "velocity" took part.
+    """
+
+    pose: Pose2
+    step: Pose2
+    variance: Chord
+    dt: float
+    velocity: Pose2
+    continued: Pose2
+    used: tuple[str, ...]
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance (3, 3) of the step [m^2, m rad, rad^2] in the frame of the pose before."""
+        return covariance(self.step, self.variance)
+
+    def pose_covariance(self, before: Floats) -> Floats:
+        """Covariance (3, 3) of `pose` in the map frame, if the pose before had `before` there.
+
+        This is a matcher's prior: an error of the heading before swings the step.
+        """
+        start = self.pose @ self.step.inverse()
+        lever, turned = np.eye(3), np.eye(3)
+        lever[0, 2], lever[1, 2] = start.y - self.pose.y, self.pose.x - start.x
+        c, s = math.cos(start.theta), math.sin(start.theta)
+        turned[:2, :2] = ((c, -s), (s, c))
+        step: Floats = turned @ self.covariance @ turned.T
+        return np.asarray(lever @ before @ lever.T + step)
+
+
+class Motion:
+    """Predicts each scan's pose; is told what the match found, or that there was none.
+
+    Per scan: `predict`, then `moved` or `missed`.
+    """
+
+    def __init__(self, params: MotionParams | None = None) -> None:
+        p = self._params = params or MotionParams()
+        accelerations = (p.acceleration, p.acceleration_aside, p.turn_acceleration)
+        self._unknown = (0.5 * p.top_speed, 0.5 * p.top_speed, 0.5 * p.top_turn_rate)
+        self._axes = [
+            Velocity(a, unknown, p.learn_time)
+            for a, unknown in zip(accelerations, self._unknown, strict=True)
+        ]
+        self._wheels, self._gyro = Wheels(p), Gyro(p)
+        self._limits, self._clock = Limits(p), Clock()
+        self._over = interval(0.0, p.acceleration_time)
+        self._before: Scan | None = None
+        self._pose = IDENTITY
+        self._expected = AT_REST
+        self._velocity = IDENTITY
+        self._last_match = UNKNOWN
+        self._was_elsewhere = False
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Scans that used wheels and gyro; those whose wheels leapt or contradicted the match."""
+        wheels = self._wheels
+        return {"odometry": wheels.used, "gyro": self._gyro.used, "odometry_faults": wheels.faults}
+
+    def predict(self, pose: Pose2, scan: Scan) -> Prediction:
+        """The pose at `scan`, from `pose` at the scan before."""
+        self._pose, before = pose, self._before
+        if before is None:
+            return Prediction(pose, IDENTITY, CERTAIN, 0.0, IDENTITY, IDENTITY, ())
+        going_on = self._going_on(scan.t - before.t)
+        known = self._gyro.add(before, scan, going_on)
+        expected = self._expected = self._wheels.add(before, scan, known)
+        believed = known if self._wheels.contradicts else expected
+        self._velocity = _per_second(believed.step, expected.dt)
+        step = expected.step.step()
+        return Prediction(
+            pose @ step,
+            step,
+            expected.variance,
+            expected.dt,
+            self._velocity,
+            known.step.step(),
+            self._used(),
+        )
+
+    def moved(self, pose: Pose2, covariance: Floats | None, scan: Scan) -> None:
+        """The match found `pose`, with a covariance (3, 3) in the map frame (inf: not known).
+
+        A match that tells no covariance counts as good to a millimeter and a milliradian.
+        """
+        step = chord_of(self._pose.between(pose))
+        match = variances(covariance, self._pose.theta + 0.5 * step.turn, MATCH)
+        if self._before is not None:
+            is_motion = self._can_be(step)
+            if is_motion or self._was_elsewhere:
+                self._learn(step, match)
+            else:  # found again elsewhere; twice in a row it is the expectation that errs
+                self._correct(self._expected.step, UNKNOWN)
+            self._was_elsewhere = not is_motion
+        self._before, self._last_match = scan, match
+
+    def missed(self, scan: Scan) -> None:
+        """Nothing was found: the pose is the prediction, wheels and gyro alone tell the motion."""
+        dt, time = self._expected.dt, self._params.velocity_time
+        if self._before is not None:
+            self._wheels.fade(dt)
+            self._gyro.fade(dt)
+            self._correct(self._expected.step, UNKNOWN)
+            for axis in self._axes:
+                axis.fade(math.exp(-dt / time))
+        self._before = scan
+
+    def velocity_to(self, pose: Pose2) -> Pose2:
+        """Velocity of the base had it moved to `pose` since the scan before, where it can have."""
+        step = chord_of(self._pose.between(pose))
+        return _per_second(step, self._expected.dt) if self._can_be(step) else self._velocity
+
+    def _going_on(self, stamped: float) -> Expected:
+        """The step if the motion so far goes on; one from before a long break means nothing."""
+        p, dt = self._params, self._clock.elapsed(stamped)
+        if abs(dt - self._over.dt) > TICK:
+            self._over = interval(dt, p.acceleration_time)
+        if dt > p.velocity_time:
+            for axis in self._axes:
+                axis.forget()
+        if dt <= 0.0:  # no time is known: neither is a velocity
+            return Expected(NOTHING, Chord(*(u * u for u in self._unknown)), 0.0, 0.0)
+        ahead, aside, turn = [axis.step(self._over) for axis in self._axes]
+        # no arc where speed or turn change on the way: white accelerations bend it by 1 / 40 of
+        # their variance, which is half of what the step has; the rest is the rate's
+        bent = ahead[0] ** 2 * turn[1] + turn[0] ** 2 * ahead[1] + ahead[1] * turn[1]
+        aside = (aside[0], aside[1] + bent / 80.0)
+        means, spreads = (
+            Chord(ahead[0], aside[0], turn[0]),
+            Chord(ahead[1], aside[1], turn[1]),
+        )
+        return Expected(means, spreads, dt, max(dt, self._clock.usual))
+
+    def _can_be(self, step: Chord) -> bool:
+        """Whether a robot expected where it was can be where it was found."""
+        e = self._expected
+        off = (step.ahead - e.step.ahead, step.aside - e.step.aside)
+        return self._limits.allow(*off, wrap_angle(step.turn - e.step.turn), e.reach)
+
+    def _learn(self, step: Chord, match: Chord) -> None:
+        """Both ends of a found step have the error of their match; a heading's swings the step."""
+        self._clock.found(step)
+        last = self._last_match
+        swing = last.turn * step.ahead * step.ahead if step.ahead else 0.0
+        both = Chord(
+            match.ahead + last.ahead, match.aside + last.aside + swing, match.turn + last.turn
+        )
+        self._wheels.compare(step, both, self._expected.dt)
+        self._gyro.compare(step, both, self._expected.dt)
+        self._correct(step, Chord(match.ahead, match.aside + swing, match.turn))
+
+    def _correct(self, step: Chord, match: Chord) -> None:
+        """Learn the velocity from the match; where that is blind, from wheels and gyro."""
+        dt, said, variance = self._expected.dt, self._wheels.step or NOTHING, self._wheels.variance
+        if dt <= 0.0:
+            return
+        if self._gyro.variance < variance.turn:
+            said = Chord(said.ahead, said.aside, self._gyro.turn or 0.0)
+            variance = Chord(variance.ahead, variance.aside, self._gyro.variance)
+        for i, axis in enumerate(self._axes):
+            axis.pass_over(self._over)
+            if match[i] < math.inf:
+                axis.correct(step[i], match[i], dt)
+            blind = match[i] > (self._unknown[i] * dt) ** 2  # no more than is known of all robots
+            if blind and variance[i] < math.inf:
+                axis.correct_velocity(said[i] / dt, variance[i] / (dt * dt), dt)
+            axis.report(step[i])
+
+    def _used(self) -> tuple[str, ...]:
+        said = (("wheels", self._wheels.step), ("gyro", self._gyro.turn))
+        return (*(name for name, word in said if word is not None), "velocity")
+
+
+def _per_second(step: Chord, dt: float) -> Pose2:
+    """Velocity of a base that makes a step in `dt` [s], ahead being along its chord."""
+    return Pose2(step.ahead / dt, step.aside / dt, step.turn / dt) if dt > 0.0 else IDENTITY
