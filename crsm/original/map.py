@@ -32,15 +32,15 @@ class ByteMap:
     def draw(self, view: RayPicker, x: int, y: int, theta: float) -> None:
         """Grow where the scan needs it, then draw every beam, seen from cell (x, y)."""
         p = self.params
-        directions = Pose2(0.0, 0.0, theta).transform(view.laser.directions)
+        directions = view.directions(theta)
         kernels.reach(view.d, directions, self._at(x, y), self.cells.shape, p.cell, self._grow)
         if self._grow.any():
             self._enlarge()
         at = self._at(x, y)
         low, high = INTENSITY
         intensity = high if self._drawn < BOLD_SCANS else min(max(view.density, low), high)
-        gain = intensity * p.density
-        kernels.intensity_tables((gain, gain * p.obstacle_density), self._tables)
+        hit = p.density * p.obstacle_density
+        kernels.intensity_tables(intensity, p.density, hit, self._tables)
         increment = view.laser.angle_increment
         kernels.draw(view.d, view.ends, directions, increment, at, p.cell, self._tables, self.cells)
         self._drawn += 1

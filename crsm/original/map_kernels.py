@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from slams.jit import njit
 
 UNKNOWN = 127
@@ -30,17 +32,19 @@ def reach(d: Any, directions: Any, pose: Any, shape: Any, cell: float, out_grow:
 
 
 @njit
-def intensity_tables(gain: Any, out_tables: Any) -> None:
+def intensity_tables(intensity: float, free: float, hit: float, out_tables: Any) -> None:
     """[Tsardoulias13] code: new value of a byte after free, hit, and free then hit; (3, 256).
 
-    gain (free, hit) grey levels. The step shrinks towards black and white; the value is cut to int.
+    intensity 0 to 1; free, hit gray levels at 1. The step shrinks towards black and white; the
+    value is cut to int, and the step is of single precision: 127 - 24 is 102 then, not 103.
     """
     for v in range(256):
-        q = 1.0 - math.sqrt(abs(v - UNKNOWN) / 128.0)
-        free = int(v + q * gain[0])
-        out_tables[0, v] = min(255, free)
-        out_tables[1, v] = max(0, int(v - q * gain[1]))
-        out_tables[2, v] = max(0, int(free - q * gain[1]))
+        shrunk = 1.0 - math.sqrt(abs(v - UNKNOWN) / 128.0)
+        step = np.float32(shrunk * np.float32(intensity))
+        freed = int(v + step * free)
+        out_tables[0, v] = min(255, freed)
+        out_tables[1, v] = max(0, int(v - step * hit))
+        out_tables[2, v] = max(0, int(freed - step * hit))
 
 
 @njit

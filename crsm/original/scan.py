@@ -6,7 +6,7 @@ import numpy as np
 
 from crsm.original import scan_kernels as kernels
 from crsm.original.params import OriginalParams
-from slams.types import Laser, Ranges
+from slams.types import Floats, Laser, Ranges
 
 LEAST_RANGE = 0.1  # m
 EDGE = 0.05  # m below range_max: no ray is taken as a jump
@@ -32,6 +32,12 @@ class RayPicker:
         self.d = np.zeros(n)
         self.ends = np.zeros((n, 2), np.int64)
         self.rays = np.zeros((n, 2), np.float32)
+        single = np.float32  # the program's angles are of single precision
+        beams = np.arange(n).astype(single)
+        self._angles = (single(laser.angle_min) + beams * single(laser.angle_increment)).astype(
+            np.float64
+        )
+        self._directions = self.directions(0.0)
         self._params = params
         self._picked = np.zeros(n, np.bool_)
 
@@ -39,7 +45,7 @@ class RayPicker:
         """Take a scan: clean it and pick its critical rays."""
         p, range_max = self._params, self.laser.range_max
         limits = (LEAST_RANGE, range_max, p.cell)
-        kernels.clean(ranges, self.laser.directions, limits, self.d, self.ends)
+        kernels.clean(ranges, self._directions, limits, self.d, self.ends)
         density, longest = kernels.range_changes(self.d, p.jump, range_max - EDGE, self._picked)
         if longest > 0.0:
             far = range_max - FAR
@@ -47,6 +53,11 @@ class RayPicker:
         kernels.fill_gaps(GAP, self._picked)
         self.n_rays = kernels.selected(self.d, range_max, self._picked, self.ends, self.rays)
         self.density = float(density)
+
+    def directions(self, heading: float) -> Floats:
+        """Unit vectors (n, 2) of the beams of a laser with this heading [rad]."""
+        angles = heading + self._angles
+        return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
     def _steer(self, count: int) -> None:
         """Integral controller with a dead band around the desired number of rays."""
