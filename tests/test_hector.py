@@ -130,6 +130,13 @@ def test_the_exact_gradient_is_the_derivative_and_the_originals_is_not():
         slope = (slope_x, slope_y)
         assert match_kernels.interpolate(p, x, y)[1:] == pytest.approx(slope, abs=1e-3)
         assert original_match.interpolate(p, x, y)[1:] != pytest.approx(slope, abs=1e-2)
+        ix, iy, fx, fy = int(x), int(y), x % 1.0, y % 1.0
+        (p00, p10), (p01, p11) = p[iy : iy + 2, ix : ix + 2].astype(float)
+        swapped = (
+            (1.0 - fx) * (p10 - p00) + fx * (p11 - p01),
+            (1.0 - fy) * (p01 - p00) + fy * (p11 - p10),
+        )
+        assert original_match.interpolate(p, x, y)[1:] == pytest.approx(swapped, abs=1e-5)
 
 
 def test_normal_equations_are_the_gradient_of_the_cost():
