@@ -208,17 +208,20 @@ def _relation_cell(run: dict[str, Any]) -> str:
 
 
 def parameters(name: str) -> str:
-    """The parameter table of an algorithm, defaults beside the original's values."""
+    """The parameters of an algorithm beside its original's, and those only the original has."""
     from slams.registry import find
 
-    cls = find(name).cls.Params
-    original = dict(zip(cls.specs(), cls.preset("original").table(), strict=True))
+    default, original = (find(label).params().table() for label in (name, f"{name}@original"))
+    values = {key: value for key, value, *_ in original}
     lines = [
         "| parameter | default | original | unit | meaning | source |",
         "|---|---|---|---|---|---|",
     ]
-    for key, value, unit, meaning, source in cls().table():
-        lines.append(f"| `{key}` | {value} | {original[key][1]} | {unit} | {meaning} | {source} |")
+    for key, value, *rest in default:
+        lines.append(f"| `{key}` | {value} | {values.pop(key, '-')} | {' | '.join(rest)} |")
+    lines += ["", f"Only `{name}@original` has:", ""]
+    lines += ["| parameter | value | unit | meaning | source |", "|---|---|---|---|---|"]
+    lines += [f"| `{key}` | {' | '.join(rest)} |" for key, *rest in original if key in values]
     return "\n".join(lines) + "\n"
 
 

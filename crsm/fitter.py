@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crsm.map import WallGrid
 from crsm.match_kernels import Rules, normal_equations
 from crsm.params import CrsmParams
-from crsm.reader import ScanReader
-from crsm.walls import WallGrid
+from crsm.scan import ScanReader
 from slams.types import Pose2
 
 ROUNDS, ENOUGH, ENOUGH_TURN = 20, 1e-4, 3e-5  # 1, m, rad

@@ -1,4 +1,4 @@
-"""Parameters of CRSM and its presets."""
+"""Parameters of CRSM."""
 
 from __future__ import annotations
 
@@ -14,15 +14,13 @@ CODE = "original code"
 
 @dataclass(frozen=True)
 class CrsmParams(Params):
-    """Both presets in one table: a program reads only its own part."""
+    """Parameters of the default, `Crsm`; the published program has its own."""
 
-    program: str = param(
-        "walls",
-        "1",
-        "which program runs: ours, or the published one step by step",
-        source="ours: both behind one class",
-        choices=("walls", "published"),
-    )
+    ROS: ClassVar[RosNames | None] = ROS_NAMES
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
+        "original": "crsm.original:Original"
+    }
+
     cell: float = param(
         0.1,
         "m",
@@ -30,16 +28,13 @@ class CrsmParams(Params):
         source="ours: walls have sub-cell position; original code 0.02",
         low=0.005,
         high=1.0,
-        ros=("slam_occupancy_grid_dimentionality",),
     )
     density: float = param(
         0.25,
         "1",
-        "map update of free cells: first step as a share of the way to white; original: grey "
-        "levels per metre of mean range difference",
-        source="ours: same shape of gain; original code 40",
+        "map update of free cells: first step as a share of the way to white",
+        source="ours: the original's shape of gain",
         low=0.0,
-        ros=("map_update_density",),
     )
     obstacle_density: float = param(
         3.0,
@@ -50,7 +45,6 @@ class CrsmParams(Params):
         ros=("map_update_obstacle_density",),
     )
 
-    # program "walls"
     max_range: float = param(
         30.0, "m", "longer ranges are not used", source="ours: bounds the map", low=0.5
     )
@@ -226,65 +220,3 @@ class CrsmParams(Params):
         source="ours: a new room looks like being lost",
         low=0,
     )
-
-    # program "published"
-    side: int = param(
-        500,
-        "cell",
-        "edge of the first map",
-        source=CODE,
-        low=101,
-        high=20000,
-        ros=("slam_container_size",),
-    )
-    disparity: int = param(
-        40,
-        "cell",
-        "width of the search",
-        source=CODE,
-        low=8,
-        high=1000,
-        ros=("hill_climbing_disparity",),
-    )
-    iterations: int = param(
-        40000,
-        "1",
-        "tries per scan",
-        source=CODE,
-        low=0,
-        high=10_000_000,
-        ros=("max_hill_climbing_iterations",),
-    )
-    picked_rays: int = param(
-        40,
-        "1",
-        "set point of the ray picker",
-        source=CODE,
-        low=1,
-        ros=("desired_number_of_picked_rays",),
-    )
-    jump: float = param(
-        0.3,
-        "m",
-        "a larger range difference is a discontinuity",
-        source=CODE,
-        low=0.0,
-        ros=("scan_density_lower_boundary",),
-    )
-    hold: int = param(40, "1", "scans during which the pose stays at the start", source=CODE, low=0)
-    robot_width: float = param(
-        0.6, "m", "free patch at the start", source=CODE, low=0.0, high=2.0, ros=("robot_width",)
-    )
-    robot_length: float = param(
-        0.75, "m", "free patch at the start", source=CODE, low=0.0, high=2.0, ros=("robot_length",)
-    )
-
-    ROS: ClassVar[RosNames | None] = ROS_NAMES
-    # At 5 Hz the original's 40 scans at rest are 8 s: a robot that moves by then is lost by a
-    # meter. The default has no such wait, and finds walls by the beams' spacing on any laser.
-    SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        laser: {"hold": 4} for laser in ("rplidar-a1", "lds01", "lds02")
-    }
-    PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "original": {"program": "published", "cell": 0.02, "density": 40.0}
-    }

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from crsm.map import WallGrid
 from crsm.match_kernels import restart_hill_climb
 from crsm.params import CrsmParams
-from crsm.reader import ScanReader
-from crsm.walls import WallGrid
+from crsm.scan import ScanReader
 from slams.types import IDENTITY, Floats, Laser, Pose2, Ranges, Scan
 
 if TYPE_CHECKING:

@@ -1,13 +1,23 @@
 """What the parameters of crsm_slam mean here; the mapped names stand at the fields."""
 
+import dataclasses
+
 from slams.params import RosNames
 
 WALLS = "the default's map has walls in its cells, not gray levels alone"
 SEARCH = "the default fits first and searches only where that fails"
 
-ROS = RosNames(
+ORIGINAL = RosNames(
     package="crsm_slam",
     nodes=("crsm_slam", "crsm_slam_node"),
+    ignored=dict.fromkeys(
+        ("occupancy_grid_map_freq", "robot_pose_tf_freq", "trajectory_freq"),
+        "read but not used by crsm_slam either",
+    ),
+    defaults={"map_update_density": 30.0, "robot_width": 0.5, "robot_length": 0.6},
+)
+ROS = dataclasses.replace(
+    ORIGINAL,
     original_only={
         "slam_occupancy_grid_dimentionality": WALLS,
         "map_update_density": WALLS,
@@ -19,9 +29,5 @@ ROS = RosNames(
         "robot_width": "the default frees nothing unseen",
         "robot_length": "the default frees nothing unseen",
     },
-    ignored=dict.fromkeys(
-        ("occupancy_grid_map_freq", "robot_pose_tf_freq", "trajectory_freq"),
-        "read but not used by crsm_slam either",
-    ),
-    defaults={"map_update_density": 30.0, "robot_width": 0.5, "robot_length": 0.6},
+    defaults={},
 )

@@ -10,8 +10,8 @@
 4. draw the scan into the global map.
 
 The default adds a prediction (1b) and a least squares fit of all beams to walls with sub-cell
-position (3), and makes the search (2) only when that fit is poor. `crsm@original` is the published
-program as it was, see `published.py`.
+position (3), and makes the search (2) only when that fit is poor. The published program as it was,
+`crsm@original`, stands in `original`.
 """
 
 from __future__ import annotations
@@ -22,12 +22,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from crsm.fitter import Fitter, Upper
+from crsm.map import WallGrid
 from crsm.match_kernels import fitness, restart_hill_climb
 from crsm.motion import Motion, Pace
 from crsm.params import CrsmParams
-from crsm.published import Published
-from crsm.reader import ScanReader
-from crsm.walls import WallGrid
+from crsm.scan import ScanReader
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
@@ -37,7 +36,7 @@ AGREED, AGREED_TURN = 0.5, 0.01  # cells, rad between predictions that need no c
 
 
 class Crsm:
-    """The default program; with the preset `original`, the face of the published one."""
+    """Critical rays, and all beams fitted to walls; see the module for the steps."""
 
     Params: ClassVar[type[Params]] = CrsmParams
 
@@ -45,7 +44,6 @@ class Crsm:
         self.params = params
         self.pose = IDENTITY
         self.quality = 0.0
-        self._published = Published(params) if params.program == "published" else None
         self._map = WallGrid(params)
         self._fitter = Fitter(params)
         self._motion = Motion()
@@ -61,8 +59,6 @@ class Crsm:
 
     def update(self, scan: Scan) -> Pose2:
         """Take the next scan; return the base's pose in the map, T_map_base."""
-        if self._published:
-            return self._published.update(scan)
         view = self._read(scan)  # 1
         predictions = self._motion.predictions(self.pose, scan)  # 1b
         pose = predictions[0] if self._motion.is_measured else self.pose
@@ -79,12 +75,10 @@ class Crsm:
 
     def map(self) -> OccupancyGrid:
         """The grey levels of the map as probabilities."""
-        return self._published.grid() if self._published else self._map.occupancy()
+        return self._map.occupancy()
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
-        if self._published:
-            return dict(self._published.counts)
         return self._counts | self._motion.counts
 
     @property

@@ -1,4 +1,4 @@
-"""Parameters of GMapping: the default and the original's values."""
+"""Parameters of GMapping."""
 
 from __future__ import annotations
 
@@ -14,36 +14,18 @@ ORIGINAL = "original code"
 
 @dataclass(frozen=True)
 class GMappingParams(Params):
-    """Rao-Blackwellized particle filter; ROS names are kept as aliases."""
+    """Parameters of the default, `GMapping`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     # Ranges deviate by 1 to 3 cm: a wider sigma lowers the error over 1 s by 2 % (RPLIDAR) to 17 %
-    # (LDS-01). Sweeps of 0.2 s: deskewing halves the original's error; the default does it anyway.
+    # (LDS-01).
     SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        laser: {"sigma": 0.05, "deskew": True, "beam_offset": 0.0}
-        for laser in ("rplidar-a1", "lds01", "lds02")
+        laser: {"sigma": 0.05} for laser in ("rplidar-a1", "lds01", "lds02")
     }
-    PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "original": {
-            "matcher": "climb",
-            "linear_update": 1.0,
-            "angular_update": 0.5,
-            "turn_per_way": 0.2,
-            "way_per_turn": 0.1,
-            "turn_per_turn": 0.2,
-            "switch_margin": 0.0,
-            "deskew": False,
-            "beam_offset": -0.5,
-        }
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
+        "original": "gmapping.original:Original"
     }
 
-    matcher: str = param(
-        "surface",
-        "1",
-        "how a scan meets a map: surface (distance field, improved proposal) or climb",
-        source="ours: README, Departures 1 and 2",
-        choices=("surface", "climb"),
-    )
     odometry: str = param(
         "auto",
         "1",
@@ -213,12 +195,6 @@ class GMappingParams(Params):
     deskew: bool = param(
         True, "1", "take the motion during a scan out of it", source="ours: Departure 8"
     )
-    beam_offset: float = param(
-        0.0,
-        "1",
-        "beam widths by which the beams are turned",
-        source="ours: the true angles; the original's are half a beam off",
-    )
     max_range: float = param(
         80.0,
         "m",
@@ -229,40 +205,6 @@ class GMappingParams(Params):
     )
     max_tiles: int = param(
         40_000, "1", "tiles of 4 kB at most, over all particles", source="ours: memory", low=100
-    )
-    score_sigma: float = param(
-        0.05, "1", "climb: score divisor [m^2]", source=ORIGINAL, low=1e-6, ros=("sigma",)
-    )
-    likelihood_sigma: float = param(
-        0.075, "1", "climb: likelihood divisor [m^2]", source=ORIGINAL, low=1e-6, ros=("lsigma",)
-    )
-    linear_step: float = param(
-        0.05, "m", "climb: first step", source=ORIGINAL, low=1e-4, ros=("lstep",)
-    )
-    angular_step: float = param(
-        0.05, "rad", "climb: first step", source=ORIGINAL, low=1e-4, ros=("astep",)
-    )
-    iterations: int = param(
-        5, "1", "climb: halvings of the step", source=ORIGINAL, low=1, ros=("iterations",)
-    )
-    gain: float = param(
-        3.0,
-        "1",
-        "climb: tempers weights by 1 / (gain N)",
-        source=ORIGINAL,
-        low=0.01,
-        ros=("ogain",),
-    )
-    minimum_score: float = param(
-        0.0,
-        "1",
-        "climb: score a match must exceed",
-        source=ORIGINAL,
-        low=0.0,
-        ros=("minimumScore",),
-    )
-    missed: float = param(
-        0.5, "1", "climb: charge of a beam without a hit near [m^2]", source=ORIGINAL, low=0.0
     )
     occupied: float = param(
         0.25,

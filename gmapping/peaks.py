@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.register_kernels import Prior, register
-from gmapping.surface_kernels import SurfaceModel
+from gmapping.map_kernels import SurfaceModel
+from gmapping.match_kernels import Prior, register
 from gmapping.tile_kernels import Tiles
 from slams.types import Floats
 

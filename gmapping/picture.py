@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gmapping.map import TileMap
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
 from gmapping.slam import GMapping
 from gmapping.tile_kernels import SIDE
-from gmapping.tiles import TileMap
 from slams.types import IDENTITY, Floats, Laser, Pose2, Ranges, Scan
 
 if TYPE_CHECKING:

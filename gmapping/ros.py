@@ -1,16 +1,15 @@
 """What the parameters of slam_gmapping mean here; the mapped names stand at the fields."""
 
+import dataclasses
+
 from slams.params import RosNames
 
 CLIMB = "the default matches to a distance field, not by hill climbing"
 INERT = "no effect in slam_gmapping either"
 
-ROS = RosNames(
+ORIGINAL = RosNames(
     package="gmapping",
     nodes=("slam_gmapping", "slam_gmapping_node", "slam_gmapping_replay"),
-    original_only=dict.fromkeys(
-        ("sigma", "lsigma", "lstep", "astep", "iterations", "ogain", "minimumScore"), CLIMB
-    ),
     ignored=dict.fromkeys(("xmin", "ymin", "xmax", "ymax"), "the map grows as needed")
     | dict.fromkeys(("llsamplerange", "llsamplestep", "lasamplerange", "lasamplestep"), INERT)
     | {
@@ -21,4 +20,10 @@ ROS = RosNames(
         "inverted_laser": "the log has the laser's mount",
     },
     refused={"throttle_scans": ("1", "say --every instead")},
+)
+ROS = dataclasses.replace(
+    ORIGINAL,
+    original_only=dict.fromkeys(
+        ("sigma", "lsigma", "lstep", "astep", "iterations", "ogain", "minimumScore"), CLIMB
+    ),
 )

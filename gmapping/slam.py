@@ -12,32 +12,30 @@ Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007.
    copied.
 6. The scan is written into every particle's map.
 7. The particle of greatest weight over its life is the one that is reported.
+
+The published program, `gmapping@original`, stands in `original`.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 
-from gmapping.climb import ClimbMatcher
-from gmapping.motion import Motion, Step
+from gmapping.map import TileMap
+from gmapping.motion import Motion
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
 from gmapping.render import Renderer
+from gmapping.scan import EndPoints
 from gmapping.surface import SurfaceMatcher
-from gmapping.tiles import TileMap
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
-MATCHERS: dict[str, type[SurfaceMatcher | ClimbMatcher]] = {
-    "surface": SurfaceMatcher,
-    "climb": ClimbMatcher,
-}
-
 
 class GMapping:
-    """The particle filter; parameters say how a scan is matched and what predicts motion.
+    """The particle filter; parameters say what predicts motion.
 
     `pose` is the last pose, `covariance` (3, 3) [m, rad] its uncertainty, `quality` the share of
     the last scan that lies where the map has surfaces; `particles` and `tiles` the filter's state.
@@ -50,24 +48,28 @@ class GMapping:
         self.pose = IDENTITY
         self._rng = np.random.default_rng(params.seed)
         self._motion = Motion(params)
-        self._renderer = Renderer(params)
+        self._renderer = Renderer(params.resolution, params.occupied)
+        self._rays = EndPoints(params)
         self._counts = {"scans": 0, "inserted": 0, "rejected": 0, "resampled": 0, "switched": 0}
         self._counts |= {"collapsed": 0}
-        self._populate(params.n_particles)
+        self.particles = Particles(params.n_particles)
+        layers = SurfaceMatcher.layers
+        self.tiles = TileMap(params.n_particles, layers, params.resolution, params.max_tiles)
+        self._matcher = SurfaceMatcher(params, self._motion, self.particles, self.tiles)
 
     def update(self, scan: Scan) -> Pose2:
         """Track a scan; at key scans run the filter. Returns the best particle's pose."""
         before = self.pose
         step = self._motion.step(scan)  # 1
         if self._counts["scans"] == 0:
-            points = self._begin(scan, step)
+            points = self._matcher.points(scan, step)
         else:
             self.pose, points, step = self._matcher.track(before, step, scan, self._rng)  # 2
         if len(points) == 0:
             self._counts["rejected"] += 1
         elif self._matcher.due(self.pose, step):
             self._filter(points)
-            self._renderer.keep(scan, step)
+            self._renderer.keep(partial(self._rays.ray, scan, step))
         self._counts["scans"] += 1
         self._motion.learn(before.between(self.pose))
         return self.pose
@@ -128,15 +130,3 @@ class GMapping:
         self.particles.follow(ancestors)
         self.tiles.inherit(ancestors)
         self._counts["collapsed"] += 1
-
-    def _begin(self, scan: Scan, step: Step) -> Floats:
-        """Points of the first scan. The original without odometry has no noise: one particle."""
-        if self.params.matcher == "climb" and not step.measured:
-            self._populate(1)
-        return self._matcher.points(scan, step)
-
-    def _populate(self, n_particles: int) -> None:
-        p, matcher = self.params, MATCHERS[self.params.matcher]
-        self.particles = Particles(n_particles)
-        self.tiles = TileMap(n_particles, matcher.layers, p.resolution, p.max_tiles)
-        self._matcher = matcher(p, self._motion, self.particles, self.tiles)

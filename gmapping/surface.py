@@ -1,4 +1,4 @@
-"""The default matcher: distance-field maps, a tracked pose, Gaussian proposals."""
+"""The matcher: distance-field maps, a tracked pose, Gaussian proposals."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from gmapping.beams import EndPoints, Track
+from gmapping.map import TileMap
+from gmapping.map_kernels import LAYERS, SurfaceModel, insert
+from gmapping.match_kernels import Prior
 from gmapping.motion import Motion, Step
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
 from gmapping.peaks import Belief, Peaks, climb, search
-from gmapping.register_kernels import Prior
+from gmapping.scan import EndPoints, Track
 from gmapping.scan_kernels import Walls, surfaces
-from gmapping.surface_kernels import LAYERS, SurfaceModel, insert
-from gmapping.tiles import TileMap
 from slams.types import IDENTITY, Floats, Pose2, Scan, wrap_angle
 
 GRAZING = 0.1  # cosine; walls seen more edge-on say nothing

@@ -1,4 +1,4 @@
-"""Parameters of Hector SLAM and their presets."""
+"""Parameters of Hector SLAM."""
 
 from __future__ import annotations
 
@@ -15,34 +15,11 @@ CODE = "original code"
 
 @dataclass(frozen=True)
 class HectorParams(Params):
-    """The default is hector at its best; `original` behaves like hector_mapping 0.5.2."""
+    """Parameters of the default, `Hector`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
-    # Turning lasers at 5 Hz: without a prediction and with skewed scans the original is lost by
-    # meters on every simulated log, with these two its ATE is 2 to 4 cm. The default has them.
-    SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        laser: {"start": "auto", "deskew": True} for laser in ("rplidar-a1", "lds01", "lds02")
-    }
-    PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "original": {
-            "levels": 2,
-            "map_size": 2048,
-            "insert_distance": 0.4,
-            "insert_angle": 0.06,
-            "settle": 1,
-            "min_range": 0.4,
-            "body_radius": 0.70710678,
-            "steps_coarse": 4,
-            "steps_fine": 6,
-            "converged": 0.0,
-            "damping": 0.0,
-            "max_shift": 1e9,
-            "exact_gradient": False,
-            "unknown": 0.5,
-            "start": "last",
-            "surface": False,
-            "deskew": False,
-        }
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
+        "original": "hector.original:Original"
     }
 
     resolution: float = param(
@@ -62,15 +39,6 @@ class HectorParams(Params):
         low=1,
         high=6,
         ros=("map_multi_res_levels",),
-    )
-    map_size: int = param(
-        0,
-        "cell",
-        "edge of the finest grid, fixed; 0 = grows as needed",
-        source="ours: the original ends at its edge",
-        low=0,
-        high=16384,
-        ros=("map_size",),
     )
     free: float = param(
         0.4,
@@ -125,20 +93,13 @@ class HectorParams(Params):
     max_range: float = param(
         30.0, "m", "farther ends are not used", source=CODE, low=0.5, ros=("laser_max_dist",)
     )
-    body_radius: float = param(
-        0.0,
-        "m",
-        "ends behind the laser nearer than this are the robot's own body",
-        source="ours: off; sqrt(0.5) is hard-coded in the original",
-        low=0.0,
-    )
     start: str = param(
         "auto",
         "1",
-        "where matching starts: last pose, constant velocity (with the gyro's turn), or odometry "
-        "where there is some (auto)",
+        "where matching starts: constant velocity (with the gyro's turn), or odometry where there "
+        "is some (auto)",
         source="ours: the original starts at the last pose",
-        choices=("last", "velocity", "auto"),
+        choices=("velocity", "auto"),
         ros=("use_tf_pose_start_estimate",),
     )
     steps_coarse: int = param(
@@ -175,26 +136,6 @@ class HectorParams(Params):
         0.3, "m", "longest step", source="ours: the original has no limit", low=0.001
     )
     max_turn: float = param(0.2, "rad", "largest turn of one step", source=CODE, low=0.001)
-    exact_gradient: bool = param(
-        True,
-        "1",
-        "gradient of the interpolated map; false: with the original's swapped weights",
-        source="[Kohlbrecher11] eq. 5-6",
-    )
-    unknown: float = param(
-        0.0,
-        "1",
-        "probability the matcher reads where nothing was observed",
-        source="ours: 0.5 in the original pulls the scan outward",
-        low=0.0,
-        high=0.5,
-    )
-    surface: bool = param(
-        True,
-        "1",
-        "match to lines inside the cells of the finest level",
-        source="ours: sub-cell accuracy",
-    )
     normal_window: float = param(
         0.05,
         "m",

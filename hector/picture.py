@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hector.map import LogOddsPyramid
 from hector.params import HectorParams
-from hector.pyramid import EndPoints, LogOddsPyramid
+from hector.scan import EndPoints
 from slams.types import IDENTITY, Floats, Laser, Pose2, Scan
 
 if TYPE_CHECKING:

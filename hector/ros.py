@@ -1,12 +1,13 @@
 """What the parameters of hector_mapping mean here; the mapped names stand at the fields."""
 
+import dataclasses
+
 from slams.params import RosNames
 
-ROS = RosNames(
+ORIGINAL = RosNames(
     package="hector_mapping",
     nodes=("hector_mapping", "hector_slam", "hector_mapping_node"),
     words={"use_tf_pose_start_estimate": {"true": "auto", "1": "auto", "false": None, "0": None}},
-    original_only={"map_size": "the map grows as needed"},
     ignored={
         "map_start_x": "the map grows as needed, or is centered on the start",
         "map_start_y": "the map grows as needed, or is centered on the start",
@@ -25,4 +26,7 @@ ROS = RosNames(
         "map_multi_res_levels": 3,
         "map_update_angle_thresh": 0.9,
     },
+)
+ROS = dataclasses.replace(
+    ORIGINAL, original_only={"map_size": "the map grows as needed"}, defaults={}
 )

@@ -5,10 +5,12 @@ System with Full 3D Motion Estimation. IEEE SSRR 2011. Per scan:
 
 1. End points of the beams in the base frame (sec. IV-A).
 2. A start for the pose.
-3. Scan matching (sec. IV-B): Gauss-Newton, coarse to fine (sec. IV-C); ours: where the last map is
+3. Scan matching (sec. IV-B): Gauss-Newton, coarse to fine (sec. IV-C); ours: where the start is
    good, straight on the lines inside the finest cells.
 4. ours: if the map does not explain the scan, other starts and a search; refuse what stays bad.
 5. If the robot has moved, insert the scan into every level (sec. IV-A).
+
+The published program, `hector@original`, stands in `original`.
 """
 
 from __future__ import annotations
@@ -18,9 +20,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from hector.kernels import Solver
+from hector.map import LogOddsPyramid
+from hector.match_kernels import Solver
 from hector.params import HectorParams
-from hector.pyramid import EndPoints, LogOddsPyramid
+from hector.scan import EndPoints
 from hector.surface_kernels import Fit
 from slams.motion import Motion
 from slams.params import Params
@@ -90,18 +93,16 @@ class Hector:
     def covariance(self) -> Floats:
         """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2].
 
-        The inverse of H times the beams' mean square; the original publishes H itself.
+        The inverse of H times the beams' mean square.
         """
         noise = max(self._match.square, 1e-6)
         return np.asarray(noise * np.linalg.pinv(self._H, hermitian=True), np.float64)
 
     def _matched(self, points: EndPoints, start: Pose2) -> Match:
-        """Step 3: on the lines where the preset has them, else coarse to fine."""
+        """Step 3, on the lines."""
         if self._map.insertions == 0 or points.n == 0:
             return self._match._replace(pose=start)
-        if self.params.surface:
-            return Match(*self._map.fit(points, start, self._lines, self._H))
-        return Match(self._coarse_to_fine(points, start), 1.0, 0.0)
+        return Match(*self._map.fit(points, start, self._lines, self._H))
 
     def _coarse_to_fine(self, points: EndPoints, pose: Pose2) -> Pose2:
         for level, solver in self._solvers:
@@ -110,7 +111,7 @@ class Hector:
 
     def _doubtful(self, points: EndPoints, match: Match) -> bool:
         """Whether the start may be out of the lines' reach, or the map explains less than usual."""
-        if not self.params.surface or self._map.insertions == 0 or points.n == 0:
+        if self._map.insertions == 0 or points.n == 0:
             return False
         could_gain = self.params.acceleration * self._motion.dt**2
         wide = could_gain > 0.5 * self.params.resolution
@@ -159,13 +160,7 @@ class Hector:
 
 def _solvers(params: HectorParams) -> list[tuple[int, Solver]]:
     """The levels, coarse to fine, each with its Gauss-Newton."""
-    rest = (
-        params.max_shift,
-        params.max_turn,
-        params.converged,
-        params.damping,
-        params.exact_gradient,
-    )
+    rest = (params.max_shift, params.max_turn, params.converged, params.damping)
     coarse, fine = Solver(params.steps_coarse, *rest), Solver(params.steps_fine, *rest)
     return [(level, coarse if level else fine) for level in reversed(range(params.levels))]
 

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hector.kernels import Level, Points
+from hector.map_kernels import Level
+from hector.scan_kernels import Points
 from slams.geometry import solve3
 from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
@@ -61,73 +62,6 @@ class Splat(NamedTuple):
     reach: int
     side: int
     cap: float
-
-
-@njit(inner=True)
-def scan_moments(points: Points, n: int, mount: Pose2, step: float, out: Floats) -> None:
-    """Running sums of x, y, xx, xy, yy along the scan, and where its surface begins anew.
-
-    ours: a window's line comes from differences of these. `step` [rad] between beams; out
-    (6, n + 1), row 5 the first index of the run of beams without a jump.
-    """
-    for k in range(6):
-        out[k, 0] = 0.0
-    first, last_x, last_y = 0, 0.0, 0.0
-    for i in range(n):
-        x, y = points[0, i], points[1, i]
-        rx, ry, dx, dy = x - mount.x, y - mount.y, x - last_x, y - last_y
-        gap = 0.1 + 4.0 * step * math.sqrt(rx * rx + ry * ry)
-        if dx * dx + dy * dy > gap * gap:
-            first = i
-        last_x, last_y = x, y
-        terms = (x, y, x * x, x * y, y * y)
-        for k in range(5):
-            out[k, i + 1] = out[k, i] + terms[k]
-        out[5, i] = first
-    out[5, n] = n
-
-
-@njit
-def scan_normals(
-    points: Points, n: int, mount: Pose2, step: float, window: float, moments: Floats, out: Points
-) -> None:
-    """Normal of the scan at each end point, toward the sensor, and the gap to its neighbors.
-
-    ours: total least squares over the beams within about `window` [m], two at least, up to the
-    next jump; bent places (a corner in the window) get no normal. points (2, >= n), out (3, >= n):
-    normal (0, 0 where none), mean gap [m].
-    """
-    scan_moments(points, n, mount, step, moments)
-    last = n - 1
-    for i in range(n - 1, -1, -1):
-        if i + 1 < n and moments[5, i] != moments[5, i + 1]:
-            last = i
-        rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
-        half = 2 + int(window / (step * math.sqrt(rx * rx + ry * ry) + 1e-6))
-        first = int(moments[5, i])
-        a = first if first > i - half else i - half
-        b = last if last < i + half else i + half
-        out[0, i] = out[1, i] = out[2, i] = 0.0
-        m = b - a + 1
-        if m < 3:
-            continue
-        sx, sy = moments[0, b + 1] - moments[0, a], moments[1, b + 1] - moments[1, a]
-        cxx = moments[2, b + 1] - moments[2, a] - sx * sx / m
-        cxy = moments[3, b + 1] - moments[3, a] - sx * sy / m
-        cyy = moments[4, b + 1] - moments[4, a] - sy * sy / m
-        split = math.sqrt(0.25 * (cxx - cyy) * (cxx - cyy) + cxy * cxy)
-        mean = 0.5 * (cxx + cyy)
-        if mean - split > 0.1 * (mean + split):
-            continue
-        nx, ny = (cxy, mean - split - cxx) if cyy < cxx else (mean - split - cyy, cxy)
-        length = math.sqrt(nx * nx + ny * ny)
-        if not length > 0.0:
-            continue
-        if nx * rx + ny * ry > 0.0:
-            length = -length
-        out[0, i], out[1, i] = nx / length, ny / length
-        dx, dy = points[0, b] - points[0, a], points[1, b] - points[1, a]
-        out[2, i] = math.sqrt(dx * dx + dy * dy) / (m - 1)
 
 
 class Hits(NamedTuple):

@@ -18,10 +18,11 @@ from slams.registry import BUILT_IN
 
 # fastmath without the nan and inf flags: scans are full of both
 FAST = frozenset({"contract", "reassoc", "nsz", "arcp", "afn"})
+ROOT = Path(__file__).resolve().parent.parent
 
 
-def _kernel_files() -> list[Path]:
-    root = Path(__file__).resolve().parent.parent
+def kernel_files(root: Path = ROOT) -> list[Path]:
+    """The sources that compiled kernels are made of, in all packages and their subfolders."""
     packages = {"slams", "bench", *(target.partition(".")[0] for target in BUILT_IN.values())}
     return sorted(
         path
@@ -31,12 +32,17 @@ def _kernel_files() -> list[Path]:
     )
 
 
+def fingerprint(root: Path = ROOT) -> str:
+    """A name that changes with the sources of the kernels."""
+    digest = hashlib.sha256()
+    for path in kernel_files(root):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
 def _cache_folder() -> Path:
     """A writable folder named after the kernels' sources; never the home folder."""
-    digest = hashlib.sha256()
-    for path in _kernel_files():
-        digest.update(path.read_bytes())
-    name = f"kernels-{digest.hexdigest()[:16]}"
+    name = f"kernels-{fingerprint()}"
     beside = Path(__file__).resolve().parent / "__pycache__" / name
     try:
         beside.mkdir(parents=True, exist_ok=True)

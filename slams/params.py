@@ -69,7 +69,7 @@ class RosNames:
         units: ROS names in another unit than the field: "deg", "sin" of an angle, "cell".
         cell: the field with the edge of a cell, for the unit "cell".
         words: ROS values -> values of the field; None leaves the field as it is.
-        original_only: names the preset `original` takes; why the others do not.
+        original_only: names only the preset `original` takes; why this class does not.
         ignored: names that change nothing here, and why.
         refused: names that must keep a value, that value, and what to do instead.
         defaults: values the node has for names that nobody sets, where `original` has others.
@@ -90,11 +90,12 @@ class RosNames:
 class Params:
     """Base of every algorithm's parameters: checks values, knows presets, prints its table.
 
-    A preset is a mapping of field names to the values that differ from the defaults; a sensor's
-    values go on top of any preset.
+    A preset is a mapping of field names to the values that differ from the defaults, or, where it
+    is another program with parameters of its own, that program's class as text, "module:Class". A
+    sensor's values go on top of any preset.
     """
 
-    PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {}
     SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
     ROS: ClassVar[RosNames | None] = None
 
@@ -120,16 +121,23 @@ class Params:
 
     @classmethod
     def preset(cls, name: str = "default") -> Self:
-        """The parameters of a preset.
+        """The parameters of a preset that is one of this class.
 
         Raises:
-            LookupError: there is no preset of that name.
+            LookupError: there is no preset of that name, or it is a class of its own, which
+                `slams.find("name@preset")` has.
         """
         if name != "default" and name not in cls.PRESETS:
             raise LookupError(
                 f"unknown preset {name!r}; expected one of {', '.join(cls.presets())}"
             )
-        return cls().replace(**cls.PRESETS.get(name, {}))
+        changes = cls.PRESETS.get(name, {})
+        if isinstance(changes, str):
+            raise LookupError(
+                f"preset {name!r} is a class of its own, {changes}; "
+                f"slams.find('NAME@{name}') has its parameters"
+            )
+        return cls().replace(**changes)
 
     def for_sensor(self, name: str) -> Self:
         """A copy with what has to change for a laser of `LASERS`.

@@ -1,7 +1,8 @@
 """Names of algorithms -> their classes. Algorithms are known here only as text.
 
 A name is a built-in ("hector"), an entry point of the group `slams.algorithms`, or the path
-"module:Class"; "name@preset" picks a preset.
+"module:Class"; "name@preset" picks a preset: other values of the class's parameters, or a class of
+its own, as its `Params.PRESETS` says.
 """
 
 from __future__ import annotations
@@ -31,7 +32,10 @@ BASELINES = ("odometry", "kiss")
 
 
 class Entry(NamedTuple):
-    """One way to run one algorithm: label as the user wrote it, class, preset's name."""
+    """One way to run one algorithm: label as the user wrote it, class, preset's name.
+
+    A class that is a preset has that one as its default.
+    """
 
     label: str
     cls: type[Slam]
@@ -39,7 +43,8 @@ class Entry(NamedTuple):
 
     def params(self) -> Params:
         """The preset's parameters."""
-        return self.cls.Params.preset(self.preset)
+        params = self.cls.Params
+        return params.preset(self.preset) if self.preset in params.presets() else params()
 
 
 def names() -> list[str]:
@@ -56,13 +61,12 @@ def find(label: str) -> Entry:
         TypeError: what was found is not a Slam.
     """
     name, _, preset = label.partition("@")
-    entry = Entry(label, _slam_class(name, _target(name)), preset or "default")
-    known = entry.cls.Params.presets()
-    if entry.preset not in known:
-        raise LookupError(
-            f"{name} has no preset {entry.preset!r}; expected one of {', '.join(known)}"
-        )
-    return entry
+    cls, preset = _slam_class(name, _target(name)), preset or "default"
+    known = cls.Params.presets()
+    if preset not in known:
+        raise LookupError(f"{name} has no preset {preset!r}; expected one of {', '.join(known)}")
+    own = cls.Params.PRESETS.get(preset)
+    return Entry(label, _slam_class(label, own) if isinstance(own, str) else cls, preset)
 
 
 def create(label: str, **changes: Any) -> Slam:

@@ -91,11 +91,11 @@ def draw(grid, d, angles, pose, cell, m, rho, kappa):
             if min(x, y) < 50 or x >= nx - 50 or y >= ny - 50:
                 break
             v = grid[y, x]
-            q = 1 - math.sqrt(abs(v - 127) / 128)
+            step = float(np.float32((1 - math.sqrt(abs(v - 127) / 128)) * np.float32(m)))
             if n < length:
-                v = int(v + q * m * rho)
+                v = int(v + step * rho)
             if length - 2 < n < length + 1:
-                v = int(v - q * m * kappa * rho)
+                v = int(v - step * kappa * rho)
             grid[y, x] = v
         first = False
     return grid

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slams.jit import fingerprint, kernel_files
 from slams.registry import BUILT_IN, find, names
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -95,6 +96,47 @@ def test_an_algorithm_imports_only_itself_and_the_interface(name):
             assert top not in OURS - {name} or module in allowed, f"{path.name} imports {module}"
 
 
+# of its package an original takes what decides nothing: names, pictures, gmapping's storage
+NEUTRAL = {
+    "hector": {"ros"},
+    "tsd": {"ros", "image"},
+    "crsm": {"ros"},
+    "gmapping": {"ros", "map", "tile_kernels", "particles", "render"},
+}
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_nothing_of_the_default_stands_in_the_path_of_the_original(name):
+    original = ROOT / name / "original"
+    assert find(f"{name}@original").cls.__module__ == f"{name}.original.slam"
+    for path in (ROOT / name).rglob("*.py"):
+        ours = {m for m in imports(path) if m.partition(".")[0] == name}
+        others = {m for m in ours if not m.startswith(f"{name}.original")}
+        if original in path.parents:
+            assert others <= {f"{name}.{part}" for part in NEUTRAL[name]}, path
+        else:
+            assert ours == others, f"{path.name} imports the original"
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_what_is_alike_has_one_file_name(name):
+    files = {"slam.py", "map.py", "map_kernels.py", "match_kernels.py", "params.py"}
+    for folder, more in ((ROOT / name, {"ros.py", "README.md"}), (ROOT / name / "original", set())):
+        assert files | more <= {path.name for path in folder.iterdir()}
+
+
+def test_the_kernels_of_every_folder_name_the_cache(tmp_path):
+    with_kernels = {param.values[0] for param in kernels()}
+    assert with_kernels <= set(kernel_files())
+    for path in ("slams/geometry.py", "hector/map_kernels.py", "hector/original/map_kernels.py"):
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text("a = 1\n")
+        before = fingerprint(tmp_path)
+        assert fingerprint(tmp_path) == before
+        (tmp_path / path).write_text("a = 2\n")
+        assert fingerprint(tmp_path) != before, path
+
+
 def test_slams_and_bench_know_no_algorithm():
     for package in ("slams", "bench"):
         for path in (ROOT / package).rglob("*.py"):
@@ -151,7 +193,7 @@ def test_only_the_cluster_imports_dask():
     assert users == {ROOT / "bench" / "run" / "cluster.py"}
 
 
-@pytest.mark.parametrize("name", ALGORITHMS)
+@pytest.mark.parametrize("name", [*ALGORITHMS, *(f"{name}/original" for name in ALGORITHMS)])
 def test_slam_is_a_page_without_kernels_or_loops_over_beams(name):
     text = (ROOT / name / "slam.py").read_text(encoding="utf-8")
     assert "njit" not in text
@@ -196,7 +238,7 @@ def test_public_functions_are_documented_and_hinted():
 
 
 def test_every_parameter_tells_unit_meaning_and_source():
-    for name in names():
+    for name in [*names(), *(f"{name}@original" for name in ALGORITHMS)]:
         for key, spec in find(name).cls.Params.specs().items():
             assert spec.unit, (name, key)
             assert len(spec.meaning) > 5, (name, key)

@@ -89,7 +89,7 @@ def test_options_change_the_run(log_file, tmp_path, capsys):
     assert slams_run.main(["hector", str(log_file), "--out", str(out), *options]) == 0
     summary = json.loads((out / "summary.json").read_text())
     p = summary["parameters"]
-    assert (p["resolution"], p["levels"], p["seed"], p["unknown"]) == (0.1, 1, 7, 0.5)
+    assert (p["resolution"], p["levels"], p["seed"], p["start"]) == (0.1, 1, 7, "last")
     assert (summary["scans"], summary["report"]["odometry"]) == (10, 0)
     assert summary["algorithm"] == "hector@original"
     assert "hector@original on room: 10 scans" in capsys.readouterr().out
@@ -106,8 +106,10 @@ def test_shown_parameters_are_yaml_that_reads_back(tmp_path, capsys):
     text = capsys.readouterr().out
     assert yaml.safe_load(text)["levels"] == 2
     assert "[m] cell of the finest level" in text
+    text = text.replace("levels: 2 ", "levels: 5 ")
     (tmp_path / "all.yaml").write_text(text)
-    assert slams_run.main(["hector", "--show-params", "--params", str(tmp_path / "all.yaml")]) == 0
+    shown = ["hector@original", "--show-params", "--params", str(tmp_path / "all.yaml")]
+    assert slams_run.main(shown) == 0
     assert capsys.readouterr().out == text
 
 

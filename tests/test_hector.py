@@ -4,9 +4,17 @@ import math
 import numpy as np
 import pytest
 
-from hector import Hector, HectorParams, kernels, surface_kernels
-from hector.kernels import Level, Limits, Solver, Twist, Update, Window
-from hector.pyramid import EndPoints, LogOddsPyramid
+from hector import Hector, HectorParams, map_kernels, match_kernels, scan_kernels, surface_kernels
+from hector.map import LogOddsPyramid
+from hector.map_kernels import Level, Update
+from hector.match_kernels import Solver, Window
+from hector.original import Original, OriginalParams
+from hector.original import map_kernels as original_map
+from hector.original import match_kernels as original_match
+from hector.original import scan_kernels as original_scan
+from hector.original.map import Pyramid
+from hector.scan import EndPoints
+from hector.scan_kernels import Limits, Twist
 from hector.surface_kernels import Fit, Splat, Surface
 from slams import metrics
 from slams.player import replay
@@ -15,8 +23,8 @@ from tests import naive
 from tests.rooms import CORRIDOR, ROOM, cast, drive, laser, mirrored, scan_at
 
 FREE, OCCUPIED = math.log(0.4 / 0.6), math.log(0.9 / 0.1)
-UPDATE = Update(FREE, OCCUPIED, 50.0, 0.0)
-GN = Solver(20, 0.3, 0.2, 1e-6, 0.0, True)
+UPDATE = Update(FREE, OCCUPIED, 50.0)
+both_maps = pytest.mark.parametrize("kernels", [map_kernels, original_map])
 
 
 def level(height, width, resolution=0.1, x0=0.0, y0=0.0, unknown=0.0):
@@ -44,11 +52,15 @@ def test_end_points_filters_mounts_and_measures():
     ranges = np.array([1.0, np.nan, np.inf, 0.3, 2.0], np.float32)
     ranges.flags.writeable = False
     out = np.zeros((3, 5))
-    n, far = kernels.end_points(ranges, lidar.directions, lidar.mount, Limits(0.4, 30.0, 0.0), out)
+    n, far = scan_kernels.end_points(ranges, lidar.directions, lidar.mount, Limits(0.4, 30.0), out)
     assert n == 2
     assert out[:, 0] == pytest.approx([1.2, 0.1, 0.0])  # beam at -90 deg, turned by the mount
     assert out[:, 1] == pytest.approx([-1.8, 0.1, 4.0])
     assert far == pytest.approx(math.hypot(1.8, 0.1))
+    theirs = np.zeros((3, 5))
+    limits = original_scan.Limits(0.4, 30.0, 0.0)
+    n = original_scan.end_points(ranges, lidar.directions, lidar.mount, limits, theirs)
+    assert (n, theirs.tolist()) == (2, out.tolist())
 
 
 def test_the_body_filter_hides_near_ends_behind():
@@ -56,9 +68,8 @@ def test_the_body_filter_hides_near_ends_behind():
     ranges = np.array([0.6, 0.6, 0.8], np.float32)
     ranges.flags.writeable = False
     out = np.zeros((3, 3))
-    limits = Limits(0.1, 30.0, 0.7071)
-    n, _ = kernels.end_points(ranges, lidar.directions, lidar.mount, limits, out)
-    assert n == 2
+    limits = original_scan.Limits(0.1, 30.0, 0.7071)
+    assert original_scan.end_points(ranges, lidar.directions, lidar.mount, limits, out) == 2
 
 
 def test_a_moving_sweep_is_brought_to_the_first_beams_time():
@@ -71,11 +82,14 @@ def test_a_moving_sweep_is_brought_to_the_first_beams_time():
         ranges[i] = cast(ROOM, pose, one)[0]
     ranges.flags.writeable = False
     out = np.zeros((3, 541))
-    limits = Limits(0.1, 30.0, 0.0)
-    n, _ = kernels.end_points(ranges, lidar.directions, lidar.mount, limits, out)
+    limits = Limits(0.1, 30.0)
+    n, _ = scan_kernels.end_points(ranges, lidar.directions, lidar.mount, limits, out)
     assert n == 541
     assert distance_to_walls(out[:2]).max() > 0.1
-    kernels.deskew(out, n, Twist(*velocity, delay))
+    theirs = out.copy()
+    scan_kernels.deskew(out, n, Twist(*velocity, delay))
+    original_scan.deskew(theirs, n, Twist(*velocity, delay))
+    assert (theirs == out).all()
     assert distance_to_walls(out[:2]).max() < 2e-3
 
 
@@ -101,9 +115,11 @@ def distance_to_walls(points):
 def test_interpolation_at_a_cell_is_the_cell_and_between_is_bilinear():
     p = smooth_level().p
     for x, y in ((3.0, 5.0), (3.25, 5.5), (10.9, 0.1)):
-        assert kernels.interpolate(p, x, y, True)[0] == pytest.approx(naive.map_value(p, x, y))
+        for kernels in (match_kernels, original_match):
+            assert kernels.interpolate(p, x, y)[0] == pytest.approx(naive.map_value(p, x, y))
     for outside in ((-0.1, 3.0), (3.0, -0.1), (38.1, 3.0), (3.0, 38.1), (math.nan, 3.0)):
-        assert kernels.interpolate(p, *outside, True) == (0.0, 0.0, 0.0)
+        for kernels in (match_kernels, original_match):
+            assert kernels.interpolate(p, *outside) == (0.0, 0.0, 0.0)
 
 
 def test_the_exact_gradient_is_the_derivative_and_the_originals_is_not():
@@ -111,10 +127,16 @@ def test_the_exact_gradient_is_the_derivative_and_the_originals_is_not():
     for x, y in ((3.2, 5.7), (10.9, 0.1), (20.3, 30.8)):
         slope_x = (naive.map_value(p, x + h, y) - naive.map_value(p, x - h, y)) / (2 * h)
         slope_y = (naive.map_value(p, x, y + h) - naive.map_value(p, x, y - h)) / (2 * h)
-        assert kernels.interpolate(p, x, y, True)[1:] == pytest.approx((slope_x, slope_y), abs=1e-3)
-        assert kernels.interpolate(p, x, y, False)[1:] != pytest.approx(
-            (slope_x, slope_y), abs=1e-2
+        slope = (slope_x, slope_y)
+        assert match_kernels.interpolate(p, x, y)[1:] == pytest.approx(slope, abs=1e-3)
+        assert original_match.interpolate(p, x, y)[1:] != pytest.approx(slope, abs=1e-2)
+        ix, iy, fx, fy = int(x), int(y), x % 1.0, y % 1.0
+        (p00, p10), (p01, p11) = p[iy : iy + 2, ix : ix + 2].astype(float)
+        swapped = (
+            (1.0 - fx) * (p10 - p00) + fx * (p11 - p01),
+            (1.0 - fy) * (p01 - p00) + fy * (p11 - p10),
         )
+        assert original_match.interpolate(p, x, y)[1:] == pytest.approx(swapped, abs=1e-5)
 
 
 def test_normal_equations_are_the_gradient_of_the_cost():
@@ -132,7 +154,7 @@ def test_normal_equations_are_the_gradient_of_the_cost():
         )
 
     pose, h = np.array([0.03, -0.02, 0.1]), 1e-6
-    score = kernels.normal_equations(grid, points, 50, Pose2(*pose), True, H, b)
+    score = match_kernels.normal_equations(grid, points, 50, Pose2(*pose), H, b)
     J = np.stack(
         [
             (residuals(Pose2(*(pose + h * e))) - residuals(Pose2(*(pose - h * e)))) / (2 * h)
@@ -146,22 +168,26 @@ def test_normal_equations_are_the_gradient_of_the_cost():
     assert score == pytest.approx(1.0 - r.mean())
 
 
-def test_the_originals_step_is_limited_in_angle_only():
+def test_a_step_is_limited_the_originals_in_angle_only():
     grid, H = smooth_level(), np.zeros((3, 3))
     points = np.array([[1.0, 1.01, -1.0], [0.0, 0.02, 0.03]])
-    one = Solver(1, 1e9, 0.2, 0.0, 0.0, False)
-    pose, _ = kernels.gauss_newton(grid, points, 3, IDENTITY, one, H)
-    assert abs(pose.theta) <= 0.2 + 1e-12
-    short = one._replace(shift=0.01)
-    pose, _ = kernels.gauss_newton(grid, points, 3, IDENTITY, short, H)
-    assert math.hypot(pose.x, pose.y) <= 0.01 + 1e-12
+    free, turned = (
+        original_match.gauss_newton(grid, points, 3, IDENTITY, 1, limit) for limit in (0.2, 0.02)
+    )
+    assert abs(free.theta) > 0.03
+    assert turned == (free.x, free.y, math.copysign(0.02, free.theta))
+    assert math.hypot(free.x, free.y) > 0.01
+    short = Solver(1, 0.01, 0.2, 0.0, 0.0)
+    pose, _ = match_kernels.gauss_newton(grid, points, 3, IDENTITY, short, H)
+    assert math.hypot(pose.x, pose.y) == pytest.approx(0.01)
 
 
 # map update
 
 
+@both_maps
 @pytest.mark.parametrize("turn", np.linspace(-math.pi, math.pi, 17))
-def test_insertion_equals_its_twin_in_every_octant(turn):
+def test_insertion_equals_its_twin_in_every_octant(turn, kernels):
     grid, rng = level(60, 70, 0.1, -3.5, -3.0), np.random.default_rng(3)
     points = rng.uniform(-2.5, 2.5, (2, 30))
     pose, mount = Pose2(0.13, -0.21, turn), Pose2(0.3, 0.2, 0.0)
@@ -173,7 +199,8 @@ def test_insertion_equals_its_twin_in_every_octant(turn):
     assert (grid.p[~seen] == 0.0).all()
 
 
-def test_insertion_on_a_hand_made_grid():
+@both_maps
+def test_insertion_on_a_hand_made_grid(kernels):
     grid = level(5, 5, 1.0)
     kernels.insert(grid, column(4.0, 2.0), 1, IDENTITY, IDENTITY, 1, UPDATE)
     expected = np.zeros((5, 5))
@@ -182,7 +209,8 @@ def test_insertion_on_a_hand_made_grid():
     assert grid.log_odds == pytest.approx(expected)
 
 
-def test_a_cell_crossed_and_hit_in_one_scan_is_exactly_occupied():
+@both_maps
+def test_a_cell_crossed_and_hit_in_one_scan_is_exactly_occupied(kernels):
     for points in ([[2.0, 4.0], [0.0, 0.0]], [[4.0, 2.0], [0.0, 0.0]]):
         grid = level(5, 6, 1.0)
         kernels.insert(grid, np.array(points), 2, IDENTITY, IDENTITY, 1, UPDATE)
@@ -190,7 +218,8 @@ def test_a_cell_crossed_and_hit_in_one_scan_is_exactly_occupied():
         assert grid.log_odds[0, 1] == pytest.approx(FREE)
 
 
-def test_log_odds_stop_at_the_ceiling_and_scans_add_up():
+@both_maps
+def test_log_odds_stop_at_the_ceiling_and_scans_add_up(kernels):
     grid = level(5, 6, 1.0)
     for number in range(1, 40):
         kernels.insert(grid, column(4.0, 0.0), 1, IDENTITY, IDENTITY, number, UPDATE)
@@ -198,7 +227,8 @@ def test_log_odds_stop_at_the_ceiling_and_scans_add_up():
     assert grid.log_odds[0, 1] == pytest.approx(39 * FREE, rel=1e-5)
 
 
-def test_beams_that_leave_the_grid_are_skipped_whole():
+@both_maps
+def test_beams_that_leave_the_grid_are_skipped_whole(kernels):
     grid = level(5, 5, 1.0)
     kernels.insert(grid, column(9.0, 0.0), 1, IDENTITY, IDENTITY, 1, UPDATE)
     kernels.insert(grid, column(1.0, 0.0), 1, Pose2(-9.0, 0.0, 0.0), IDENTITY, 2, UPDATE)
@@ -211,7 +241,7 @@ def test_search_equals_its_twin():
     points = rng.uniform(-1.2, 1.2, (2, 25))
     window, center = Window(2, 2, 0.1), Pose2(0.05, -0.1, 0.3)
     out = np.zeros((5, 4))
-    assert kernels.search(grid, points, 25, 1, center, window, out) == 5
+    assert match_kernels.search(grid, points, 25, 1, center, window, out) == 5
     expected = naive.scores_of_window(grid.p, grid.x0, grid.y0, 0.1, points, center, window)
     for row, (score, x, y, theta) in zip(out, expected, strict=True):
         assert row == pytest.approx([x, y, theta, score])
@@ -235,7 +265,7 @@ def empty_surface(size=200, resolution=0.05, rows=4096):
 
 def normals_of(scan):
     points = EndPoints(HectorParams()).take(scan, IDENTITY)
-    surface_kernels.scan_normals(
+    scan_kernels.scan_normals(
         points.points, points.n, points.mount, points.step, 0.05, points.moments, points.normals
     )
     return points.points[:2, : points.n], points.normals[:, : points.n]
@@ -255,7 +285,7 @@ def test_scan_normals_equal_a_total_least_squares_fit():
     x = np.linspace(-0.06, 0.06, 13)
     points = np.stack([x, 2.0 + 0.3 * x + rng.normal(0.0, 0.001, 13)])
     out, moments = np.zeros((3, 13)), np.zeros((6, 14))
-    surface_kernels.scan_normals(points, 13, IDENTITY, 0.005, 0.05, moments, out)
+    scan_kernels.scan_normals(points, 13, IDENTITY, 0.005, 0.05, moments, out)
     half = 2 + int(0.05 / (0.005 * math.hypot(*points[:, 6]) + 1e-6))
     window = points[:, 6 - half : 7 + half]
     _, vectors = np.linalg.eigh(np.cov(window))
@@ -266,7 +296,7 @@ def test_scan_normals_equal_a_total_least_squares_fit():
 def test_a_lone_beam_has_no_normal():
     points = np.array([[1.0, 5.0, 1.0], [0.0, 0.5, 1.0]])
     out, moments = np.zeros((3, 3)), np.zeros((6, 4))
-    surface_kernels.scan_normals(points, 3, IDENTITY, 0.01, 0.05, moments, out)
+    scan_kernels.scan_normals(points, 3, IDENTITY, 0.01, 0.05, moments, out)
     assert not out[:2].any()
 
 
@@ -276,7 +306,7 @@ def test_a_corner_has_no_normal():
         [np.r_[along, np.zeros(30)] + 1.0, np.r_[np.zeros(31), -along[::-1][1:]] + 2.0]
     )
     out, moments = np.zeros((3, 61)), np.zeros((6, 62))
-    surface_kernels.scan_normals(points, 61, IDENTITY, 0.004, 0.05, moments, out)
+    scan_kernels.scan_normals(points, 61, IDENTITY, 0.004, 0.05, moments, out)
     found = np.hypot(out[0], out[1]) > 0.0
     assert not found[29:32].any()
     assert found[:20].all()
@@ -435,8 +465,8 @@ def test_tracks_the_room_close_to_the_bound(room_log):
 def test_the_original_is_coarser_but_tracks_too(room_log):
     truth = room_log.truth_at(room_log.t)
     run, ours = (
-        replay(Hector(HectorParams.preset(preset)), room_log.select(odometry=False))
-        for preset in ("original", "default")
+        replay(slam, room_log.select(odometry=False))
+        for slam in (Original(OriginalParams()), Hector(HectorParams()))
     )
     assert metrics.ate(run.poses, truth) < 0.05
     assert metrics.ate(run.poses, truth) > 2.0 * metrics.ate(ours.poses, truth)
@@ -533,10 +563,23 @@ def test_the_map_grows_and_keeps_what_it_has():
     assert share > 0.8
 
 
-def test_a_fixed_map_does_not_grow():
-    pyramid = LogOddsPyramid(HectorParams(map_size=128))
-    pyramid._cover(Pose2(30.0, 0.0, 0.0), 5.0)
-    assert pyramid.levels[0].p.shape == (128, 128)
+def test_the_originals_map_does_not_grow_and_halves_from_level_to_level():
+    params = OriginalParams(map_size=100, levels=3)
+    slam = Original(params)
+    slam.update(scan_at((0, 0, 0)))
+    assert slam.map().p.shape <= (100, 100)
+    assert [grid.p.shape[0] for grid in Pyramid(params).levels] == [100, 50, 25]
+    assert [grid.resolution for grid in slam._map.levels] == [0.05, 0.1, 0.2]
+
+
+def test_the_original_forgets_the_motion_of_a_sweep_unless_told():
+    lidar = laser(361, time_increment=0.2 / 361)
+    log = drive(n=40, rate=5.0, lidar=lidar, odometry=False, gyro=False, noise=0.003)
+    errors = {}
+    for deskew in (True, False):
+        run = replay(Original(OriginalParams(deskew=deskew, start="velocity")), log)
+        errors[deskew] = metrics.ate(run.poses, log.truth_at(run.t))
+    assert errors[True] < 0.7 * errors[False], errors
 
 
 # against the C++ program's own trajectory
@@ -548,6 +591,6 @@ def test_the_original_follows_the_program_it_is_modeled_on(shared_data):
 
     reference = shared_data("reference/robocup/hector.csv.gz")
     log = load(shared_data("data/robocup/robocup.npz")).select(100, odometry=False)
-    run = replay(Hector(HectorParams.preset("original")), log)
+    run = replay(Original(OriginalParams()), log)
     _, poses = read_csv(reference)
     assert np.hypot(*(run.poses - poses[:100])[:, :2].T).max() < 3e-3

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
-
 from bench.arena import rescue_arena
 from bench.drive import Robot, drive, gyro, odometry
 from bench.setting import CELL
+from scipy.linalg import expm
+
 from slams.motion.chord import Chord, chord_of, covariance, variances
 from slams.motion.model import Motion
 from slams.motion.params import MotionParams

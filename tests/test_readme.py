@@ -1,5 +1,6 @@
 """The READMEs say what the code does."""
 
+import ast
 import json
 import re
 import shlex
@@ -104,6 +105,69 @@ def test_the_targets_of_make_exist():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in re.findall(r"^    make (\w+)", README, re.M):
         assert re.search(rf"^{target}:", makefile, re.M)
+
+
+PACKAGES = [path.parent for path in readme.readmes()[1:]]
+CODE = re.compile(r"[A-Za-z_][\w.]*(\(\))?(=\S*)?")
+
+
+def defined(path):
+    """Names a module defines: at its top, and of each class what stands in it or is set on self."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    names = {}
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef):
+            inner = list(ast.walk(node))
+            names[node.name] = {n.name for n in inner if isinstance(n, ast.FunctionDef)}
+            names[node.name] |= {n.attr for n in inner if isinstance(n, ast.Attribute)}
+            names[node.name] |= {n.id for n in inner if isinstance(n, ast.Name)}
+        elif isinstance(node, ast.FunctionDef):
+            names[node.name] = set()
+        else:
+            names |= {n.id: set() for n in ast.walk(node) if isinstance(n, ast.Name)}
+    return names
+
+
+def words_of(package):
+    """Every bare word a README of the package may use, and every dotted one."""
+    bare = {package.name, "tsd", "slams", "kiss-icp"}
+    dotted = set()
+    for path in [*package.rglob("*.py"), *(ROOT / "slams").rglob("*.py")]:
+        module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        bare |= {path.name, path.stem, path.parent.name, path.relative_to(ROOT).as_posix()}
+        bare.add(
+            path.relative_to(package.parent if package not in path.parents else package).as_posix()
+        )
+        dotted.add(module)
+        for name, members in defined(path).items():
+            bare |= {name, *members}
+            dotted |= {f"{module}.{name}", f"{path.stem}.{name}"}
+            dotted |= {f"{name}.{member}" for member in members}
+        if package in path.parents:  # words of a report, of a choice, of the node
+            text = path.read_text(encoding="utf-8")
+            bare |= set(re.findall(r'"([A-Za-z_][\w]*)"', text))
+    for path in (ROOT / "tests").glob("*.py"):
+        bare |= set(defined(path))
+    return bare, dotted
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+def test_names_of_code_in_a_package_readme_exist(package):
+    text = (package / "README.md").read_text(encoding="utf-8")
+    text = readme.PART.sub("", text)
+    bare, dotted = words_of(package)
+    labels = (package.name, f"{package.name}@original")
+    parameters = {name for label in labels for name in find(label).params().specs()}
+    missing = []
+    for word in re.findall(r"`([^`\n]+)`", text):
+        if not CODE.fullmatch(word):
+            continue
+        name, equals, _ = word.partition("=")
+        name = name.removesuffix("()")
+        known = parameters if equals else dotted | bare if "." in name else bare | parameters
+        if name not in known:
+            missing.append(word)
+    assert missing == []
 
 
 def test_linked_files_exist():

@@ -21,6 +21,35 @@ def test_presets_of_a_name():
         find("hector@orig")
 
 
+@pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
+def test_an_original_is_a_class_with_parameters_of_its_own(name):
+    default, original = find(name), find(f"{name}@original")
+    assert original.label == f"{name}@original"
+    assert original.preset == "original"
+    assert original.cls is not default.cls
+    assert original.params() == original.cls.Params()
+    assert not issubclass(original.cls.Params, default.cls.Params)
+    assert isinstance(create(f"{name}@original", seed=3), original.cls)
+    with pytest.raises(LookupError, match=rf"class of its own, {name}.original:Original; slams.fi"):
+        default.cls.Params.preset("original")
+
+
+def test_presets_of_an_outsider_are_values_or_a_class(outsider):
+    class Params(find("odometry").cls.Params):
+        PRESETS = {"lucky": {"seed": 7}, "other": "outsider:Other", "gone": "outsider:Gone"}
+
+    class Other(outsider.Mine):
+        Params = find("odometry").cls.Params
+
+    outsider.Mine.Params, outsider.Other = Params, Other
+    assert find("outsider:Mine@lucky").params().seed == 7
+    assert find("outsider:Mine@lucky").cls is outsider.Mine
+    assert find("outsider:Mine@other").cls is Other
+    assert find("outsider:Mine@other").params() == Other.Params()
+    with pytest.raises(LookupError, match="'outsider:Mine@gone': there is no 'Gone' in 'outsider'"):
+        find("outsider:Mine@gone")
+
+
 def test_unknown_names_name_their_neighbor():
     with pytest.raises(LookupError, match="unknown algorithm 'hecto'; did you mean 'hector'"):
         find("hecto")

@@ -38,7 +38,7 @@ def test_later_in_the_list_wins(capsys, tmp_path, ros):
     sensor = ["hector@original", "--sensor", "lds02"]
     assert shown(capsys, "hector@original")["start"] == "last"
     values = shown(capsys, *sensor)
-    assert (values["start"], values["deskew"], values["unknown"]) == ("auto", "true", "0.5")
+    assert (values["start"], values["deskew"], values["max_turn"]) == ("auto", "true", "0.2")
     values = shown(capsys, *sensor, "--ros-params", ros)
     assert (values["resolution"], values["levels"], values["start"]) == ("0.1", "2", "auto")
     values = shown(capsys, *sensor, "--params", tmp_path / "p.yaml", "--ros-params", ros)

@@ -16,8 +16,8 @@ def test_the_lasers_are_those_of_the_simulator():
 @pytest.mark.parametrize("sensor", LASERS)
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_every_preset_takes_every_sensor(name, sensor):
-    cls = find(name).cls.Params
-    assert set(cls.SENSORS) <= set(LASERS)
-    for preset in cls.presets():
-        changed = cls.preset(preset).for_sensor(sensor)
-        assert changed.as_dict() == cls.preset(preset).as_dict() | cls.SENSORS.get(sensor, {})
+    for preset in find(name).cls.Params.presets():
+        params = find(f"{name}@{preset}").params()
+        assert set(params.SENSORS) <= set(LASERS)
+        changed = params.for_sensor(sensor)
+        assert changed.as_dict() == params.as_dict() | params.SENSORS.get(sensor, {})

@@ -1,5 +1,6 @@
 """tsd: kernels against naive twins and analytic fields, recovery, both presets."""
 
+import dataclasses
 import math
 from itertools import pairwise
 
@@ -14,7 +15,10 @@ from tests import naive_tsd
 from tests.rooms import ROOM, box, cast, drive, laser, mirrored, scan_at
 from tsd import Tsd, TsdParams
 from tsd.direct import Match
-from tsd.field_kernels import (
+from tsd.fix import Start
+from tsd.image import colored
+from tsd.map import TileField, surface_cells
+from tsd.map_kernels import (
     PASSED,
     PushRule,
     carve,
@@ -23,22 +27,22 @@ from tsd.field_kernels import (
     push_rows,
     read_field,
 )
-from tsd.fix import Start
-from tsd.grid import TileField, TsdGrid, colored, surface_cells, zero_crossings
-from tsd.grid_kernels import Sensor, cast_rays, mask_scan
-from tsd.icp_kernels import Buckets, Links, closed_form, fill_buckets, nearest, pair_up
 from tsd.match_kernels import FLAT, MatchRule, agreement_along, align
-from tsd.picture import draw
-from tsd.ransac_kernels import (
+from tsd.original import Original, OriginalParams
+from tsd.original.map import TsdGrid, zero_crossings
+from tsd.original.map_kernels import cast_rays
+from tsd.original.match_kernels import Buckets, Links, closed_form, fill_buckets, nearest, pair_up
+from tsd.original.ransac_kernels import (
     BeamModel,
     closest_beams,
     make_hypothesis,
-    oriented_normals,
     score_beams,
     score_pdf,
 )
-from tsd.rescue_kernels import AGAINST, PairRule, score_pose, try_pairs
-from tsd.surface_kernels import (
+from tsd.original.scan_kernels import Sensor, mask_scan, oriented_normals
+from tsd.picture import draw
+from tsd.ransac_kernels import AGAINST, PairRule, score_pose, try_pairs
+from tsd.scan_kernels import (
     Beams,
     SurfaceRule,
     Twist,
@@ -59,7 +63,7 @@ def default(**changes):
 
 
 def original(**changes):
-    return Tsd(TsdParams.preset("original").replace(map_size=9, **changes))
+    return Original(OriginalParams(map_size=9, **changes))
 
 
 def error(a, b):
@@ -464,10 +468,21 @@ def test_original_refuses_long_steps():
     assert slam.report()["rejected"] == 1
 
 
+def test_original_knows_no_time_in_a_scan():
+    """A sweep is registered once, as if all its beams were measured at the stamp."""
+    slow = dataclasses.replace(laser(361), time_increment=0.0005)
+    path = [Pose2(0.03 * i, 0.0, 0.02 * i) for i in range(8)]
+    poses = []
+    for lidar in (laser(361), slow):
+        slam = original()
+        poses.append([slam.update(scan_at(p, lidar, t=0.2 * i)) for i, p in enumerate(path)])
+    assert poses[0] == poses[1]
+    assert error(path[-1], poses[0][-1])[0] < 0.03
+
+
 @pytest.mark.parametrize("grows", [True, False])
 def test_published_grid_grows_only_when_it_may(grows):
-    original_params = TsdParams.preset("original")
-    slam = Tsd(original_params.replace(map_size=6, grows=grows, registration="icp"))
+    slam = Original(OriginalParams(map_size=6, grows=grows, registration="icp"))
     slam.update(scan_at((0.0, 0.0, 0.0)))
     assert (slam.map().p.shape[0] > 64) == grows
 
@@ -852,19 +867,16 @@ def test_pictures_show_both_sides_of_the_field():
 
 
 def test_rays_jump_over_free_space_without_missing_anything():
-    slam = Tsd(TsdParams.preset("original").replace(registration="icp", map_size=6))
+    slam = Original(OriginalParams(registration="icp", map_size=6))
     slam.update(scan_at((0.0, 0.0, 0.0)))
     slam.update(scan_at((0.3, 0.1, 0.2), t=0.1))
-    registration = slam._registration
-    kernel = registration._grid.kernel
+    kernel, sensor = slam._grid.kernel, slam._view.sensor
     assert 0.01 < kernel.near.mean() < 0.5
     for pose in ((0.3, 0.1, 0.2), (-1.0, 0.5, 2.0), (4.6, 1.1, 1.0), (5.2, 0.0, 0.3)):
         found = []
         for near in (kernel.near, np.ones_like(kernel.near)):
             points, mask = np.zeros((361, 2)), np.zeros(361, np.bool_)
-            cast_rays(
-                kernel._replace(near=near), np.array(pose), registration._sensor, points, mask
-            )
+            cast_rays(kernel._replace(near=near), np.array(pose), sensor, points, mask)
             found.append((points, mask))
         assert np.array_equal(found[0][1], found[1][1])
         assert found[0][0] == pytest.approx(found[1][0], abs=1e-9)
@@ -892,7 +904,7 @@ def test_cells_below_zero_are_near_for_every_interpolation_that_reads_them(pushe
 
 
 def test_the_pool_of_tiles_grows(monkeypatch):
-    monkeypatch.setattr("tsd.grid.POOL", 64)
+    monkeypatch.setattr("tsd.map.POOL", 64)
     slam = default()
     for scan in drive(n=40, gyro=False):
         slam.update(scan)

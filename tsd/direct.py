@@ -1,4 +1,4 @@
-"""Registration of the default: surface elements of the scan against the directional field."""
+"""Registration: surface elements of the scan against the directional field."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from slams.types import Floats, Laser, OccupancyGrid, Pose2, Scan
-from tsd.field_kernels import place_lines
 from tsd.fix import Fix, Start
-from tsd.grid import Picture, TileField
+from tsd.image import Picture
+from tsd.map import TileField
+from tsd.map_kernels import place_lines
 from tsd.match_kernels import MatchRule, agreement_along, align
 from tsd.params import TsdParams
-from tsd.rescue_kernels import PairRule, try_pairs
-from tsd.surface_kernels import (
+from tsd.ransac_kernels import PairRule, try_pairs
+from tsd.scan_kernels import (
     Beams,
     SurfaceRule,
     Twist,

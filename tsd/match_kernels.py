@@ -8,8 +8,8 @@ from typing import NamedTuple
 from slams.geometry import solve3
 from slams.jit import njit
 from slams.types import Floats
-from tsd.field_kernels import Field, facing, read_field, was_seen
-from tsd.surface_kernels import Beams
+from tsd.map_kernels import Field, facing, read_field, was_seen
+from tsd.scan_kernels import Beams
 
 FLAT = 0.3  # least slope of the field for a direction of its own
 SPARSE = 10.0  # cells between hits along a wall, beyond which the map has gaps there

@@ -1,4 +1,4 @@
-"""Parameters of TSD SLAM and its two presets."""
+"""Parameters of TSD SLAM."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ORIGINAL = "original code"
 
 @dataclass(frozen=True)
 class TsdParams(Params):
-    """Parameters of `Tsd`; those of one registration are unused by the other."""
+    """Parameters of the default, `Tsd`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     # Ranges of the LDS deviate by 2 cm at 1 m: with the UTM-30LX's 1 cm every other scan looks
@@ -22,30 +22,8 @@ class TsdParams(Params):
     SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         laser: {"range_noise": 0.04, "robust": 0.06} for laser in ("lds01", "lds02")
     }
-    PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "original": {
-            "registration": "tsd",
-            "cell": 0.025,
-            "truncation": 0.075,
-            "max_weight": 32.0,
-            "prediction": False,
-        }
-    }
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {"original": "tsd.original:Original"}
 
-    registration: str = param(
-        "direct",
-        "1",
-        "direct: scan to field; icp: original mode 0; exp, pdf, tsd: RANSAC before it",
-        source="ours: direct alignment (A1); the others: original code, modes 0 to 3",
-        choices=("direct", "icp", "exp", "pdf", "tsd"),
-        ros=("registration_mode",),
-    )
-    prediction: bool = param(
-        True,
-        "1",
-        "start from odometry, gyro or the last motion, not from the last pose",
-        source="ours: A3; the original has none",
-    )
     cell: float = param(
         0.05,
         "m",
@@ -173,149 +151,6 @@ class TsdParams(Params):
         low=0.0,
         high=1.0,
     )
-
-    map_size: int = param(
-        10,
-        "1",
-        "cells per edge of the original grid, power of two",
-        source=ORIGINAL,
-        low=5,
-        high=15,
-        ros=("map_size",),
-    )
-    grows: bool = param(
-        True,
-        "1",
-        "whether the original grid may grow at its edge",
-        source="ours: the original ends there (D6)",
-    )
-    weight_unit: float = param(
-        0.01, "1", "weight of a measured cell", source="original code (D1)", low=1e-6
-    )
-    shortest: float = param(
-        0.0,
-        "m",
-        "shorter ranges are dropped",
-        source="original code: 0.26 for the authors' robot",
-        low=0.0,
-        ros=("las_min_range", "laser_min_range"),
-    )
-    longest: float = param(
-        30.0, "m", "longer ranges are free space", source=ORIGINAL, low=0.1, ros=("max_range",)
-    )
-    low_reflectivity: float = param(
-        2.0,
-        "m",
-        "radius that a beam without return frees",
-        source=ORIGINAL,
-        low=0.0,
-        ros=("low_reflectivity_range",),
-    )
-    jump_angle: float = param(
-        0.05235987755982989,
-        "rad",
-        "chord angle that drops the far side of a range jump",
-        source=ORIGINAL,
-        low=0.0,
-        high=1.5,
-    )
-    footprint: float = param(
-        1.0,
-        "m",
-        "edge of the square freed around the start",
-        source=ORIGINAL,
-        low=0.0,
-        ros=("footprint_width",),
-    )
-    footprint_offset: float = param(
-        0.28, "m", "its center ahead of the laser", source=ORIGINAL, ros=("footprint_x_offset",)
-    )
-    icp_iterations: int = param(
-        30, "1", "ICP rounds", source=ORIGINAL, low=1, ros=("icp_iterations",)
-    )
-    widest_gate: float = param(
-        0.4,
-        "m",
-        "greatest pair distance at first",
-        source=ORIGINAL,
-        low=1e-3,
-        ros=("dist_filter_max",),
-    )
-    narrowest_gate: float = param(
-        0.02, "m", "least gate", source=ORIGINAL, low=1e-4, ros=("dist_filter_min",)
-    )
-    max_translation: float = param(
-        1.0, "m", "longer steps are refused", source=ORIGINAL, low=0.0, ros=("reg_trs_max",)
-    )
-    max_rotation: float = param(
-        0.5235987755982988,
-        "rad",
-        "larger turns are refused",
-        source=ORIGINAL,
-        low=0.0,
-        high=1.57,
-        ros=("reg_sin_rot_max",),
-    )
-    trials: int = param(100, "1", "model points tried", source=ORIGINAL, low=1, ros=("trials",))
-    control_set: int = param(
-        360, "1", "most scene points that score", source=ORIGINAL, low=1, ros=("sizeControlSet",)
-    )
-    scene_points: int = param(180, "1", "scene points kept on average", source=ORIGINAL, low=3)
-    phi_max: float = param(
-        0.7853981633974483,
-        "rad",
-        "largest turn of a hypothesis",
-        source=ORIGINAL,
-        low=0.0,
-        high=1.58,
-        ros=("ransac_phi_max",),
-    )
-    hit_distance: float = param(
-        0.15, "m", "distance of a hit, mode exp", source=ORIGINAL, low=1e-3, ros=("epsThresh",)
-    )
-    z_random: float = param(
-        0.05,
-        "1",
-        "weight of chance, modes pdf and tsd",
-        source=ORIGINAL,
-        low=1e-6,
-        high=1.0,
-        ros=("zrand",),
-    )
-    z_hit: float = param(
-        0.2, "1", "weight of a hit, mode pdf", source=ORIGINAL, low=0.0, ros=("zhit",)
-    )
-    z_short: float = param(
-        0.2, "1", "weight of a short range, mode pdf", source=ORIGINAL, low=0.0, ros=("zshort",)
-    )
-    z_max: float = param(
-        0.2, "1", "weight of no return, mode pdf", source=ORIGINAL, low=0.0, ros=("zmax",)
-    )
-    sigma_hit: float = param(
-        0.1, "m", "deviation of a hit, mode pdf", source=ORIGINAL, low=1e-3, ros=("sighit",)
-    )
-    decay_short: float = param(
-        0.08,
-        "1",
-        "decay of short ranges per metre, mode pdf",
-        source=ORIGINAL,
-        low=1e-4,
-        ros=("lamshort",),
-    )
-    max_angle: float = param(
-        0.026179938779914945,
-        "rad",
-        "beam distance of a pair, mode pdf",
-        source=ORIGINAL,
-        low=0.0,
-        ros=("maxAngleDiff",),
-    )
-    paired_share: float = param(
-        0.6,
-        "1",
-        "least share of paired points, mode pdf",
-        source=ORIGINAL,
-        low=0.0,
-        high=1.0,
-        ros=("percentagePointsInC",),
+    trials: int = param(
+        100, "1", "surface elements that propose poses in the wide search", source=ORIGINAL, low=1
     )

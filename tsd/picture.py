@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from slams.types import Floats, Laser, Pose2, Ranges, Scan
-from tsd.grid import colored
+from tsd.image import colored
 from tsd.params import TsdParams
 from tsd.slam import Tsd
 

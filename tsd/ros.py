@@ -1,11 +1,13 @@
 """What the parameters of ohm_tsd_slam mean here; the mapped names stand at the fields."""
 
+import dataclasses
+
 from slams.params import RosNames
 
 DIRECT = "the default has no ICP and no RANSAC"
 UNUSED = "read but not used by ohm_tsd_slam either"
 
-ROS = RosNames(
+ORIGINAL = RosNames(
     package="ohm_tsd_slam",
     nodes=("slam_node", "tsd_slam", "tsd_slam_node", "ohm_tsd_slam_node", "slam"),
     units={
@@ -15,25 +17,6 @@ ROS = RosNames(
         "maxAngleDiff": "deg",
     },
     words={"registration_mode": {"0": "icp", "1": "exp", "2": "pdf", "3": "tsd"}},
-    original_only={
-        "registration_mode": "the default registers directly to the field",
-        "map_size": "the map grows as needed",
-        "laser_min_range": "the laser's own limit holds",
-        "las_min_range": "the laser's own limit holds",
-        "max_range": "the laser's own limit holds",
-        "low_reflectivity_range": "the default frees nothing without a return",
-        "footprint_width": "the default frees nothing unseen",
-        "footprint_x_offset": "the default frees nothing unseen",
-    }
-    | dict.fromkeys(
-        (
-            *("icp_iterations", "dist_filter_max", "dist_filter_min", "reg_trs_max"),
-            *("reg_sin_rot_max", "trials", "sizeControlSet", "ransac_phi_max", "epsThresh"),
-            *("zrand", "zhit", "zshort", "zmax", "sighit", "lamshort", "maxAngleDiff"),
-            "percentagePointsInC",
-        ),
-        DIRECT,
-    ),
     ignored={
         "x_offset": "moves the picture of the map alone",
         "y_offset": "moves the picture of the map alone",
@@ -71,4 +54,29 @@ ROS = RosNames(
         "percentagePointsInC": 0.9,
         "maxAngleDiff": 3.0,
     },
+)
+ROS = dataclasses.replace(
+    ORIGINAL,
+    units={"truncation_radius": "cell"},
+    words={},
+    original_only={
+        "registration_mode": "the default registers directly to the field",
+        "map_size": "the map grows as needed",
+        "laser_min_range": "the laser's own limit holds",
+        "las_min_range": "the laser's own limit holds",
+        "max_range": "the laser's own limit holds",
+        "low_reflectivity_range": "the default frees nothing without a return",
+        "footprint_width": "the default frees nothing unseen",
+        "footprint_x_offset": "the default frees nothing unseen",
+    }
+    | dict.fromkeys(
+        (
+            *("icp_iterations", "dist_filter_max", "dist_filter_min", "reg_trs_max"),
+            *("reg_sin_rot_max", "trials", "sizeControlSet", "ransac_phi_max", "epsThresh"),
+            *("zrand", "zhit", "zshort", "zmax", "sighit", "lamshort", "maxAngleDiff"),
+            "percentagePointsInC",
+        ),
+        DIRECT,
+    ),
+    defaults={},
 )

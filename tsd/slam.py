@@ -7,13 +7,14 @@ Mapping, VMV 2014.
 J. Martin, A. Nuechter: Multi-Robot Localization and Mapping Based on Signed Distance Functions,
 ICARSC 2015.
 
-1. Predict: odometry, gyro or the last motion (original: the last pose).
-2. See: points (default: surface elements with their normals) of the scan.
-3. Register the scan with the grid (default: Gauss-Newton on the field; original: ray cast of a
-   model scan, RANSAC pre-registration, ICP).
+1. Predict: odometry, gyro or the last motion.
+2. See: surface elements of the scan, with their normals.
+3. Register the scan with the field: Gauss-Newton on its distances.
 4. Refuse an implausible registration: the prediction stands and nothing is pushed.
 5. Accept it.
-6. Push the scan into the grid when the robot has moved.
+6. Push the scan into the field when the robot has moved.
+
+The published program, `tsd@original`, stands in `original`.
 """
 
 from __future__ import annotations
@@ -28,9 +29,8 @@ from slams.motion import Motion
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 from tsd.direct import Direct
 from tsd.fix import Fix, Start
-from tsd.grid import Picture, colored
+from tsd.image import Picture, colored
 from tsd.params import TsdParams
-from tsd.published import Published
 
 COUNTS = ("pushed", "searched", "rejected", "recovered", "empty", "restarted")
 DOUBTFUL = 0.1  # odometry so far from the last motion [m], [rad] has stalled or jumped
@@ -40,21 +40,18 @@ BLUR, BLUR_TURN = 0.002, 0.001  # in one sweep [m], [rad]: a better velocity is 
 
 
 class Tsd:
-    """SLAM on a grid of truncated signed distances.
+    """SLAM on a field of truncated signed distances.
 
     Args:
-        params: parameters; `TsdParams.preset("original")` for the published behavior.
+        params: parameters.
     """
 
     Params: ClassVar[type[TsdParams]] = TsdParams
 
     def __init__(self, params: TsdParams) -> None:
         self.params = params
-        rng = np.random.default_rng(params.seed)
-        self._registration = (
-            Direct(params, rng) if params.registration == "direct" else Published(params, rng)
-        )
-        self._motion = Motion("auto" if params.prediction else "last")
+        self._registration = Direct(params, np.random.default_rng(params.seed))
+        self._motion = Motion("auto")
         self._pose = self._pushed_at = IDENTITY
         self._velocity = IDENTITY
         self._fix = Fix.none(IDENTITY)
@@ -119,8 +116,6 @@ class Tsd:
         """The pose expected now and how sure that is."""
         p, motion = self.params, self._motion
         pose = motion.predict(self._pose, scan)
-        if not p.prediction:
-            return Start(pose, p.prior_translation, p.prior_rotation, ())
         unmeasured = self._pose @ motion.step
         if not motion.measured:
             return Start(pose, p.prior_translation, p.prior_rotation, (self._pose, unmeasured))
@@ -160,7 +155,7 @@ class Tsd:
         self._counts["rejected"] += 1
         self._lost += 1
         self._keep(scan, predicted)
-        if self._lost % self.params.lost_scans == 0 and self.params.prediction:
+        if self._lost % self.params.lost_scans == 0:
             self._counts["restarted"] += 1
             self._push()
 

@@ -83,27 +83,35 @@ def report(taken: Taken, label: str) -> str:
 _ORDER = ("mapped", "assumed", "ignored")
 
 
-def mapping_table(label: str) -> str:
-    """The mapping of an algorithm as a markdown table, one line per ROS parameter."""
+def mapping_table(name: str) -> str:
+    """What an algorithm and its original make of each ROS parameter, as a markdown table."""
     from slams.registry import find
 
-    cls = find(label).cls.Params
-    ros, specs = _names(cls()), cls.specs()
-    lines = [f"| parameter of {ros.package} | here | |", "|---|---|---|"]
-    for name, field in _fields(cls()).items():
-        there = f" ({UNIT_WORDS[ros.units[name]]})" if name in ros.units else ""
-        unit = specs[field].unit
-        here = f"`{field}`" + (f" ({unit})" if there and unit != "1" else "")
-        reason = ros.original_only.get(name)
-        only = f"only with the preset `original`: {reason}" if reason else ""
-        words = ", ".join(f"{a} is {b}" for a, b in ros.words.get(name, {}).items() if b)
-        lines.append(f"| `{name}`{there} | {here} | {'; '.join(filter(None, (words, only)))} |")
-    for name, (value, reason) in ros.refused.items():
-        lines.append(f"| `{name}` | refused, unless {value} | {reason} |")
-    for name, reason in ros.ignored.items():
-        lines.append(f"| `{name}` | ignored | {reason} |")
-    lines.append(f"| topics, frames, rates | ignored | {PLUMBING_REASON.partition(': ')[0]} |")
+    ours, original = find(name).params(), find(f"{name}@original").params()
+    ros, theirs = _names(ours), _names(original)
+    lines = [f"| parameter of {ros.package} | {name} | {name}@original | |", "|---|---|---|---|"]
+    for there in _fields(original):
+        unit = f" ({UNIT_WORDS[theirs.units[there]]})" if there in theirs.units else ""
+        words = (f"{a} is {b}" for a, b in theirs.words.get(there, {}).items() if b)
+        reason = ros.original_only.get(there) or ", ".join(words)
+        cells = f"{_field_cell(ours, there)} | {_field_cell(original, there)} | {reason}"
+        lines.append(f"| `{there}`{unit} | {cells} |")
+    for there, (value, reason) in ros.refused.items():
+        lines.append(f"| `{there}` | refused, unless {value} | refused | {reason} |")
+    for there, reason in ros.ignored.items():
+        lines.append(f"| `{there}` | ignored | ignored | {reason} |")
+    plumbing = PLUMBING_REASON.partition(": ")[0]
+    lines.append(f"| topics, frames, rates | ignored | ignored | {plumbing} |")
     return "\n".join(lines) + "\n"
+
+
+def _field_cell(params: Params, name: str) -> str:
+    """The field a ROS parameter goes to, with its unit where that is not the node's."""
+    field = _fields(params).get(name)
+    if field is None:
+        return "ignored"
+    unit = params.specs()[field].unit
+    return f"`{field}`" + (f" ({unit})" if name in _names(params).units and unit != "1" else "")
 
 
 def _names(params: Params) -> RosNames:
@@ -125,7 +133,7 @@ def _read(
 ) -> tuple[dict[str, Any], list[str]]:
     values: dict[str, Any] = {}
     notes: list[str] = []
-    known = [*fields, *names.ignored, *names.refused]
+    known = [*fields, *names.original_only, *names.ignored, *names.refused]
     for path in paths:
         found = read_node(path, (names.package, *names.nodes), known)
         values |= found.values
@@ -195,17 +203,19 @@ class _Mapping:
 
     def _reason_to_ignore(self, name: str, value: Any) -> str:
         names = self._names
+        if name in names.original_only and not self._original:
+            return names.original_only[name]
         if name in self._fields:
-            only = names.original_only.get(name) if not self._original else None
             word = names.words.get(name, {}).get(_word(value), "")
-            return only or ("" if word is not None else "as without it")
+            return "" if word is not None else "as without it"
         if name in names.ignored:
             return names.ignored[name]
         if name in names.refused:
             return "as here"
         if PLUMBING.search(name):
             return PLUMBING_REASON
-        near = difflib.get_close_matches(name, [*self._fields, *names.ignored], n=1, cutoff=0.7)
+        known = [*self._fields, *names.original_only, *names.ignored]
+        near = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
         hint = f"; did you mean {near[0]}?" if near else ""
         return f"not a known parameter of {names.package}{hint}"
 

@@ -63,7 +63,8 @@ def test_a_launch_file_moves_the_default_by_meaning(tmp_path):
     taken = take("hector", wrote(tmp_path, HECTOR_LAUNCH))
     p, default = taken.params, find("hector").params()
     assert (p.resolution, p.levels, p.insert_distance, p.insert_angle) == (0.05, 2, 0.4, 0.06)
-    assert (p.map_size, p.start) == (default.map_size, default.start)
+    assert p.start == default.start
+    assert "map_size" not in p.specs()
     assert fates(taken)["map_size"] == "ignored"
     assert fates(taken)["base_frame"] == "ignored"
     text = ros_params.report(taken, "hector")
@@ -98,9 +99,10 @@ def test_units_are_converted(tmp_path):
     assert p.truncation == pytest.approx(0.12)
     assert p.phi_max == pytest.approx(math.pi / 4)
     assert p.max_rotation == pytest.approx(math.pi / 6)
-    default = take("tsd", path).params
-    assert default.truncation == pytest.approx(0.12)
-    assert default.registration == "direct"
+    taken = take("tsd", path)
+    assert taken.params.truncation == pytest.approx(0.12)
+    ignored = ("ransac_phi_max", "reg_sin_rot_max", "registration_mode")
+    assert {fates(taken)[name] for name in ignored} == {"ignored"}
 
 
 TREES = {
@@ -259,26 +261,29 @@ def test_overruled_and_unknown_names_are_told(tmp_path):
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_every_name_of_the_mapping_is_used_once_and_told_in_the_table(name):
-    cls = find(name).cls.Params
-    ros, fields = cls.ROS, [alias for spec in cls.specs().values() for alias in spec.ros]
-    every = [*fields, *ros.ignored, *ros.refused]
-    assert len(every) == len(set(every))
-    mapped = set(fields)
-    assert set(ros.units) | set(ros.words) | set(ros.original_only) | set(ros.defaults) <= mapped
-    assert "cell" not in ros.units.values() or ros.cell in cls.specs()
     table = ros_params.mapping_table(name)
-    for alias in every:
-        assert f"\n{table}".count(f"\n| `{alias}`") == 1
-    assert all(line.count("|") == 4 for line in table.splitlines())
+    names = {}
+    for label in (name, f"{name}@original"):
+        cls = find(label).cls.Params
+        ros, fields = cls.ROS, [alias for spec in cls.specs().values() for alias in spec.ros]
+        names[label] = [*fields, *ros.original_only, *ros.ignored, *ros.refused]
+        assert len(names[label]) == len(set(names[label]))
+        assert set(ros.units) | set(ros.words) | set(ros.defaults) <= set(fields)
+        assert "cell" not in ros.units.values() or ros.cell in cls.specs()
+        for alias in names[label]:
+            assert f"\n{table}".count(f"\n| `{alias}`") == 1
+    assert set(names[name]) == set(names[f"{name}@original"])
+    assert find(name).cls.Params.ROS.package == ros.package
+    assert all(line.count("|") == 5 for line in table.splitlines())
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_every_mapped_name_is_taken_by_the_original(tmp_path, name):
-    cls = find(name).cls.Params
+    cls = find(f"{name}@original").cls.Params
     ros = cls.ROS
     for alias in [alias for spec in cls.specs().values() for alias in spec.ros]:
         field = next(field for field, spec in cls.specs().items() if alias in spec.ros)
-        value = ros.defaults.get(alias, getattr(cls.preset("original"), field))
+        value = ros.defaults.get(alias, getattr(cls(), field))
         word = next((a for a, b in ros.words.get(alias, {}).items() if b == value), None)
         number = 0.3 if ros.units.get(alias) == "sin" else 1.5 if alias in ros.units else value
         text = str(word if word is not None else number).lower()

@@ -1,4 +1,4 @@
-"""End points of a scan, for whichever matcher."""
+"""End points of a scan."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from gmapping.motion import Step
 from gmapping.params import GMappingParams
+from gmapping.render import Ray
 from gmapping.scan_kernels import Beams, end_points
 from slams.types import Floats, Laser, Pose2, Scan
 
@@ -32,22 +33,21 @@ class EndPoints:
         self._grain = grain
         self.sweeps = False
         self._laser: Laser | None = None
-        self._directions = np.zeros((0, 2))
         self._buffer = np.zeros((0, 3))
 
     def __call__(self, scan: Scan, step: Step) -> tuple[Floats, Beams]:
         """Points (n, 3) x, y [m], beams, valid until the next call; the geometry behind them."""
         if scan.laser is not self._laser:
-            self._aim(scan.laser)
+            self._laser = scan.laser
+            self._buffer = np.zeros((scan.laser.n_beams, 3))
         beams = self._geometry(scan.laser, step)
-        n = end_points(scan.ranges, self._directions, beams, self._buffer)
+        n = end_points(scan.ranges, scan.laser.directions, beams, self._buffer)
         return self._buffer[:n], beams
 
-    def _aim(self, laser: Laser) -> None:
-        angles = laser.angles + self._params.beam_offset * abs(laser.angle_increment)
-        self._laser = laser
-        self._directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        self._buffer = np.zeros((laser.n_beams, 3))
+    def ray(self, scan: Scan, step: Step) -> Ray:
+        """For the picture of the map: the points and where the laser was."""
+        points, beams = self(scan, step)
+        return Ray(points, np.array([[beams.x, beams.y]]))
 
     def _geometry(self, laser: Laser, step: Step) -> Beams:
         self.sweeps = self._params.deskew and laser.time_increment > 0.0 and step.seconds > 0.0

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from slams.jit import njit
 from slams.types import Floats
-from tsd.grid_kernels import Mask
-
-Ints = NDArray[np.int64]
+from tsd.original.scan_kernels import Ints
 
 
 class Buckets(NamedTuple):
@@ -47,19 +45,6 @@ class Gate(NamedTuple):
     iterations: int
     widest: float
     narrowest: float
-
-
-@njit
-def compact(points: Floats, mask: Mask, out_points: Floats, out_index: Ints) -> int:
-    """The valid points, one after the other, and where they stood. Returns how many. ours."""
-    count = 0
-    for i in range(mask.shape[0]):
-        if mask[i]:
-            out_points[count, 0] = points[i, 0]
-            out_points[count, 1] = points[i, 1]
-            out_index[count] = i
-            count += 1
-    return count
 
 
 @njit

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.surface_kernels import SurfaceModel, facing
+from gmapping.map_kernels import SurfaceModel, facing
 from gmapping.tile_kernels import Tiles, cell_of, inside_tile, slot_of
 from slams.geometry import solve3
 from slams.jit import njit

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slams.jit import njit
 from slams.types import Floats
-from tsd.surface_kernels import Beams
+from tsd.scan_kernels import Beams
 
 SIDE = 8  # cells per tile edge
 SHARED = 0.55  # a surface is written to every layer whose axis is within 57 degrees of its normal

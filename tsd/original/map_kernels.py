@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.jit import njit
-from slams.types import Floats, Ranges
+from slams.types import Floats
+from tsd.original.scan_kernels import Mask, Sensor
 
 SIDE = 32  # cells per partition edge, LAYOUT_32x32 of the original code
+
 BLOCK = 8  # cells per edge of the blocks that rays jump over
-Mask = NDArray[np.bool_]
 
 
 class Grid(NamedTuple):
@@ -33,47 +34,6 @@ class Grid(NamedTuple):
     corner: Floats
     cell: float
     truncation: float
-
-
-class Sensor(NamedTuple):
-    """The scanner as the original sees it: angles [rad], limits [m], greatest weight of a cell."""
-
-    angle_min: float
-    angle_increment: float
-    range_min: float
-    range_max: float
-    low_reflectivity: float
-    max_weight: float
-    weight_unit: float
-
-
-@njit
-def mask_scan(
-    ranges: Ranges, sensor: Sensor, shortest: float, jump: float, out_ranges: Floats, out_mask: Mask
-) -> None:
-    """Ranges and validity as the original prepares them. Original code: sensor mask.
-
-    Too short is masked; too long is free space (inf) and stays valid; nan is masked and becomes
-    inf; the far side of a range jump (chord seen under less than `jump` rad) is masked.
-    """
-    n = ranges.shape[0]
-    for i in range(n):
-        r = float(ranges[i])
-        out_mask[i] = not (r != r or r < shortest or r <= 0.0)
-        if r != r or r > sensor.range_max:
-            r = math.inf
-        elif r < shortest:
-            r = 0.0
-        out_ranges[i] = r
-    c, s = math.cos(sensor.angle_increment), abs(math.sin(sensor.angle_increment))
-    for i in range(1, n - 1):
-        a = out_ranges[i]
-        if a == math.inf:
-            continue
-        for k in (i - 1, i + 1):
-            b = out_ranges[k]
-            if a > b and b / math.sqrt(a * a + b * b - 2.0 * a * b * c) * s < math.sin(jump):
-                out_mask[i] = False
 
 
 @njit(inner=True)

@@ -7,11 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hector import kernels, surface_kernels
-from hector.kernels import Level, Limits, Solver, Twist, Update, Window
+from hector import map_kernels, match_kernels, surface_kernels
+from hector.map_kernels import Level, Update
+from hector.match_kernels import Solver, Window
 from hector.params import HectorParams
+from hector.scan import EndPoints
 from hector.surface_kernels import Fit, Splat, Surface
-from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan
+from slams.types import Floats, OccupancyGrid, Pose2
 
 Pool = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]
 
@@ -20,69 +22,23 @@ MARGIN = 5.0
 POOL = 1 << 14
 
 
-class EndPoints:
-    """End points of the scan at hand, in the base frame at the time of its first beam.
-
-    `points` (3, >= n): x, y [m], number of the beam; `far` [m] the farthest from the base; the
-    buffers serve every scan.
-    """
-
-    def __init__(self, params: HectorParams) -> None:
-        self.params = params
-        self.n = 0
-        self.far = 0.0
-        self.mount = IDENTITY
-        self.step = 0.0
-        self.sweeps = False
-        self._laser: Laser | None = None
-        self._size(1)
-
-    def take(self, scan: Scan, velocity: Pose2) -> EndPoints:
-        """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
-        laser = scan.laser
-        if laser is not self._laser:
-            self._adopt(laser, len(scan.ranges))
-        self.n, self.far = kernels.end_points(
-            scan.ranges, self._directions, laser.mount, self._limits, self.points
-        )
-        if self.sweeps:
-            twist = Twist(velocity.x, velocity.y, velocity.theta, laser.time_increment)
-            kernels.deskew(self.points, self.n, twist)
-        return self
-
-    def _adopt(self, laser: Laser, n_beams: int) -> None:
-        self._laser, self.mount, self.step = laser, laser.mount, abs(laser.angle_increment)
-        self._directions = laser.directions
-        self.sweeps = self.params.deskew and laser.time_increment > 0.0
-        near = max(self.params.min_range, laser.range_min)
-        self._limits = Limits(near, self.params.max_range, self.params.body_radius)
-        if n_beams > self.points.shape[1]:
-            self._size(n_beams)
-
-    def _size(self, n_beams: int) -> None:
-        self.points = np.zeros((3, n_beams))
-        self.normals = np.zeros((3, n_beams))
-        self.moments = np.zeros((6, n_beams + 1))
-
-
 class LogOddsPyramid:
     """Occupancy grids of one scene at several resolutions, each made from the scans themselves.
 
     Level 0 is the finest; cell centers of a level lie on every second one of the level below.
-    With `params.map_size` 0 all levels grow together.
+    All levels grow together.
     """
 
     def __init__(self, params: HectorParams) -> None:
         self.params = params
         self.insertions = 0
-        cells = params.map_size or round(FIRST_EXTENT / params.resolution)
+        cells = round(FIRST_EXTENT / params.resolution)
         self._block: int = 1 << (params.levels - 1)
         cells = -(-cells // self._block) * self._block
         self._update = Update(
             math.log(params.free / (1.0 - params.free)),
             math.log(params.occupied / (1.0 - params.occupied)),
             params.ceiling,
-            params.unknown,
         )
         corner = -0.5 * cells * params.resolution
         self.levels = [
@@ -99,20 +55,15 @@ class LogOddsPyramid:
         self.insertions += 1
         number = self.insertions
         for level in self.levels:
-            kernels.insert(level, scan.points, scan.n, pose, scan.mount, number, self._update)
-        if self.params.surface:
-            self._provide(scan.n)
-            window = self.params.normal_window
-            surface_kernels.scan_normals(
-                scan.points, scan.n, scan.mount, scan.step, window, scan.moments, scan.normals
-            )
-            surface_kernels.add_scan(
-                self.surface, scan.points, scan.normals, scan.n, pose, self._splat
-            )
+            map_kernels.insert(level, scan.points, scan.n, pose, scan.mount, number, self._update)
+        self._provide(scan.n)
+        normals = scan.find_normals()
+        surface_kernels.add_scan(self.surface, scan.points, normals, scan.n, pose, self._splat)
 
     def match(self, level: int, scan: EndPoints, start: Pose2, solver: Solver, H: Floats) -> Pose2:
         """Gauss-Newton on the occupancy of one level; H is left in `H`."""
-        pose, _ = kernels.gauss_newton(self.levels[level], scan.points, scan.n, start, solver, H)
+        grid = self.levels[level]
+        pose, _ = match_kernels.gauss_newton(grid, scan.points, scan.n, start, solver, H)
         return pose
 
     def fit(self, scan: EndPoints, start: Pose2, how: Fit, H: Floats) -> tuple[Pose2, float, float]:
@@ -139,7 +90,7 @@ class LogOddsPyramid:
         window = Window(round(p.search_distance / cell), round(p.search_angle / step), step)
         out = np.zeros((2 * window.turns + 1, 4))
         stride = max(1, scan.n // 180)
-        kernels.search(self.levels[level], scan.points, scan.n, stride, center, window, out)
+        match_kernels.search(self.levels[level], scan.points, scan.n, stride, center, window, out)
         best = out[np.argsort(-out[:, 3], kind="stable")[: p.search_tries]]
         return [Pose2(*row[:3]) for row in best.tolist()]
 
@@ -160,7 +111,7 @@ class LogOddsPyramid:
         shape = (height >> level, width >> level)
         return Level(
             np.zeros(shape, np.float32),
-            np.full(shape, self.params.unknown, np.float32),
+            np.zeros(shape, np.float32),
             np.zeros(shape, np.int32),
             x0,
             y0,
@@ -173,14 +124,14 @@ class LogOddsPyramid:
         return Surface(index, *pool, finest.x0, finest.y0, finest.resolution)
 
     def _cover(self, pose: Pose2, far: float) -> None:
-        """Make every level reach `far` [m] around the pose, if the map may grow."""
+        """Make every level reach `far` [m] around the pose."""
         finest = self.levels[0]
         height, width = finest.p.shape
         reach = far + 2.0 * self._block * finest.resolution
         low_x, low_y = pose.x - reach - finest.x0, pose.y - reach - finest.y0
         high_x = pose.x + reach - finest.x0 - (width - 1) * finest.resolution
         high_y = pose.y + reach - finest.y0 - (height - 1) * finest.resolution
-        if self.params.map_size or (min(low_x, low_y) >= 0.0 and max(high_x, high_y) <= 0.0):
+        if min(low_x, low_y) >= 0.0 and max(high_x, high_y) <= 0.0:
             return
         left, below = self._blocks(-low_x), self._blocks(-low_y)
         right, above = self._blocks(high_x), self._blocks(high_y)

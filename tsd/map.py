@@ -1,4 +1,4 @@
-"""The two data structures: the directional field of tiles, and the published grid."""
+"""TileField: the directional field, in tiles that grow with the map."""
 
 from __future__ import annotations
 
@@ -6,20 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.types import Floats, OccupancyGrid
-from tsd import grid_kernels
-from tsd.field_kernels import PASSED, SIDE, Field, PushRule, carve, list_rows, push_rows
-from tsd.grid_kernels import Grid, Mask, Sensor
+from tsd.image import Image, Picture
+from tsd.map_kernels import PASSED, SIDE, Field, PushRule, carve, list_rows, push_rows
 
 FREE, OCCUPIED = 0.02, 0.98
 CERTAIN = 0.5  # least weight of a cell that shows as a surface
-UNKNOWN = 205.0  # shade of a picture's unknown cells
 STEEP, TWO_CELLS = 0.67, 1.3  # slope of the field across one surface, along its layer's axis
 ROWS = 1 << 14  # of cells one scan can touch
 POOL = 1 << 13  # tiles, doubled when half of them are taken
-BLOCKS = grid_kernels.SIDE // grid_kernels.BLOCK
-Image = NDArray[np.float32]
 Box = tuple[float, float, float, float]
-Picture = tuple[Image, Image, float, tuple[float, float]]
+Mask = NDArray[np.bool_]
 
 
 class TileField:
@@ -116,90 +112,6 @@ class TileField:
         )
 
 
-class TsdGrid:
-    """The grid of the original code: one value per cell, partitions of 32 x 32 cells.
-
-    Args:
-        cell: edge of a cell [m].
-        truncation: greatest distance kept [m].
-        side: cells per edge at the start, a multiple of 32.
-        grows: whether it may grow when the robot comes near its edge.
-    """
-
-    def __init__(self, cell: float, truncation: float, side: int, grows: bool) -> None:
-        n = max(side // grid_kernels.SIDE, 1)
-        cells = n * grid_kernels.SIDE
-        self._grows = grows
-        self.kernel = Grid(
-            tsd=np.full((cells, cells), np.nan, np.float32),
-            weight=np.zeros((cells, cells), np.float32),
-            allocated=np.zeros((n, n), np.bool_),
-            emptiness=np.zeros((n, n)),
-            near=np.zeros((n * BLOCKS, n * BLOCKS), np.bool_),
-            corner=np.full(2, -0.5 * cells * cell),
-            cell=cell,
-            truncation=max(truncation, 2.0 * cell),
-        )
-
-    def push(self, laser: Floats, ranges: Floats, mask: Mask, sensor: Sensor) -> None:
-        """Enter a scan taken at the laser's pose (3,)."""
-        if self._grows:
-            self._cover(laser, ranges[mask & np.isfinite(ranges)])
-        grid_kernels.push(self.kernel, laser, ranges, mask, sensor)
-
-    def occupancy(self) -> OccupancyGrid:
-        """Occupied where the field crosses zero, free where positive or empty, nan elsewhere."""
-        g = self.kernel
-        empty = (g.emptiness > 0.0) & ~g.allocated
-        free = np.kron(empty, np.ones((grid_kernels.SIDE, grid_kernels.SIDE), np.bool_))
-        p = np.where(free | (g.tsd > 0.0), np.float32(FREE), np.float32(np.nan))
-        p[zero_crossings(g.tsd)] = OCCUPIED
-        return OccupancyGrid(p, g.cell, (float(g.corner[0]), float(g.corner[1])))
-
-    def picture(self) -> Picture:
-        """Of every cell the distance [m] and the weight."""
-        g = self.kernel
-        corner = (float(g.corner[0]), float(g.corner[1]))
-        return g.tsd * np.float32(g.truncation), g.weight.copy(), g.cell, corner
-
-    def _cover(self, laser: Floats, ranges: Floats) -> None:
-        g = self.kernel
-        reach = float(ranges.max(initial=0.0)) + 1.0
-        size = g.cell * grid_kernels.SIDE
-        shape = np.array(g.allocated.shape[::-1])
-        low = np.floor((laser[:2] - reach - g.corner) / size).astype(int)
-        high = np.ceil((laser[:2] + reach - g.corner) / size).astype(int)
-        if (low >= 0).all() and (high <= shape).all():
-            return
-        before = np.where(low < 0, shape // 4 - low, 0)
-        after = np.where(high > shape, high - shape + shape // 4, 0)
-        frame = [(int(before[axis]), int(after[axis])) for axis in (1, 0)]
-        cells = [(a * grid_kernels.SIDE, b * grid_kernels.SIDE) for a, b in frame]
-        self.kernel = g._replace(
-            tsd=np.pad(g.tsd, cells, constant_values=np.nan),
-            weight=np.pad(g.weight, cells),
-            allocated=np.pad(g.allocated, frame),
-            emptiness=np.pad(g.emptiness, frame),
-            near=np.pad(g.near, [(a * BLOCKS, b * BLOCKS) for a, b in frame]),
-            corner=g.corner - before * size,
-        )
-
-
-def zero_crossings(tsd: Image) -> Mask:
-    """Cells that hold the zero between two neighbors of opposite signs, to a fraction of a cell."""
-    occupied = np.zeros(tsd.shape, np.bool_)
-    for first, second in (
-        (np.s_[:, :-1], np.s_[:, 1:]),
-        (np.s_[:-1, :], np.s_[1:, :]),
-    ):
-        a, b = tsd[first], tsd[second]
-        crossing = (a > 0.0) & (b <= 0.0) | (a <= 0.0) & (b > 0.0)
-        closer = np.abs(a) <= np.abs(b)
-        occupied[first] |= crossing & closer
-        occupied[second] |= crossing & ~closer
-    return occupied
-
-
 def surface_cells(tsd: Image, layer: int, cell: float) -> Mask:
     """Cells of one layer that hold a surface: the zero between neighbors along the layer's axis.
 
@@ -216,21 +128,3 @@ def surface_cells(tsd: Image, layer: int, cell: float) -> Mask:
     occupied[:, :-1] |= low
     occupied[:, 1:] |= high
     return occupied if layer % 2 == 0 else occupied.T
-
-
-def colored(tsd: Image, truncation: float) -> NDArray[np.uint8]:
-    """The field as a picture (ny, nx, 3), blue, green, red, north up.
-
-    Blue before a surface, red behind, the paler the farther; gray where nothing is known.
-    """
-    pale = 255.0 * np.clip(np.abs(tsd) / truncation, 0.0, 1.0)
-    full = np.full_like(pale, 255.0)
-    blue, red = np.where(tsd > 0.0, full, pale), np.where(tsd > 0.0, pale, full)
-    image = np.stack([blue, pale, red], axis=2)
-    known = np.isfinite(tsd)
-    image[~known] = UNKNOWN
-    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-    if rows.size == 0:
-        rows = columns = np.zeros(1, np.int64)
-    part = image[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    return np.ascontiguousarray(part[::-1].astype(np.uint8))

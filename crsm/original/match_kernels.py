@@ -1,0 +1,125 @@
+"""Random restart hill climbing over a lattice of poses, in scalar loops."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from crsm.original.map_kernels import BORDER, UNKNOWN
+from slams.jit import njit
+
+FULL_SCORE = 14  # weight 10 of the end cell and 1 of each of its four neighbors
+
+GREY_LEVELS = 255.0
+
+NO_SCORE = -1  # table entry of a cell that adds nothing
+
+NOT_YET = np.float32(-1.0)  # fitness of a lattice pose that was not evaluated
+
+
+@njit
+def score_table(grid: Any, box: Any, out_table: Any) -> None:
+    """[Tsardoulias13] fitness, the part of one ray: 10 x darkness of a cell + its four neighbors.
+
+    grid (ny, nx) uint8; box (x0, y0, x1, y1) cells; out_table (ny, nx) int16, filled in the box.
+    """
+    ny, nx = grid.shape
+    for y in range(box[1], box[3]):
+        for x in range(box[0], box[2]):
+            out_table[y, x] = NO_SCORE
+        if y <= BORDER or y >= ny - BORDER - 1:
+            continue
+        for x in range(max(box[0], BORDER + 1), min(box[2], nx - BORDER - 1)):
+            v = np.int16(grid[y, x])
+            around = np.int16(grid[y, x - 1]) + np.int16(grid[y, x + 1])
+            around += np.int16(grid[y - 1, x]) + np.int16(grid[y + 1, x])
+            score = FULL_SCORE * 255 - 10 * v - around
+            out_table[y, x] = NO_SCORE if v == UNKNOWN else score
+
+
+@njit
+def turned(rays: Any, k: int, angle: Any, out_turned: Any) -> None:
+    """[Tsardoulias13] fitness: end cells (k, 2) turned by angle [rad], in float32 throughout."""
+    c = np.float32(math.cos(float(angle)))
+    s = np.float32(math.sin(float(angle)))
+    for j in range(k):
+        out_turned[j, 0] = rays[j, 0] * c - rays[j, 1] * s
+        out_turned[j, 1] = rays[j, 0] * s + rays[j, 1] * c
+
+
+@njit
+def fitness(table: Any, rays: Any, k: int, shift: Any, best: Any) -> Any:
+    """[Tsardoulias13] fitness of turned rays (k, 2) at shift (x, y, origin x, origin y) cells.
+
+    Exact if above `best`; else possibly 0, as soon as `best` is out of reach.
+    """
+    ny, nx = table.shape
+    x, y, ox, oy = shift
+    total = np.float32(0.0)
+    goal = best * FULL_SCORE * k * (1.0 - 1e-4) - 1e-3  # less, by more than rounding can do
+    for j in range(k):
+        ix = int((rays[j, 0] + x) + ox)
+        iy = int((rays[j, 1] + y) + oy)
+        if 0 <= ix < nx and 0 <= iy < ny and table[iy, ix] != NO_SCORE:
+            total = np.float32(total + table[iy, ix] / GREY_LEVELS)
+        if j % 8 == 7 and total + FULL_SCORE * (k - j - 1) < goal:
+            return np.float32(0.0)
+    return np.float32(total / (FULL_SCORE * float(k)))
+
+
+@njit
+def hill_climb(
+    table: Any,
+    rays: Any,
+    k: int,
+    start: Any,
+    draws: Any,
+    disparity: int,
+    memory: Any,
+    out_step: Any,
+) -> float:
+    """[Tsardoulias13] random restart hill climbing over a lattice of steps; returns its fitness.
+
+    start (x, y, theta, origin x, origin y) cells, rad; draws (n, 3) integers in [0, disparity);
+    memory: fitness per lattice pose, turned rays per heading, scratch rays;
+    out_step (3,) cells, cells, rad. Poses met before in this scan are remembered.
+    """
+    seen, fan, scratch = memory
+    half, quarter, eighth = disparity // 2, disparity // 4, disparity // 8
+    fan_angle = np.float32(-1e9)
+    for a in range(disparity):
+        angle = np.float32(start[2] + np.float32((a - half) / 45.0))
+        turned(rays, k, angle, fan[a])
+    seen[:] = NOT_YET
+    best = np.float32(0.0)
+    out_step[:] = 0.0
+    dx, dy, dth = 0, 0, np.float32(0.0)
+    a = half
+    for n in range(draws.shape[0]):
+        x, y = np.float32(start[0] + dx), np.float32(start[1] + dy)
+        shift = (x, y, np.float32(start[3]), np.float32(start[4]))
+        if a >= 0:
+            score = seen[a, dy + quarter, dx + quarter]
+            if score == NOT_YET:
+                score = fitness(table, fan[a], k, shift, best)
+                seen[a, dy + quarter, dx + quarter] = score
+        else:
+            fan_angle = np.float32(start[2] + dth)
+            turned(rays, k, fan_angle, scratch)
+            score = fitness(table, scratch, k, shift, best)
+        u, v, w = int(draws[n, 0]), int(draws[n, 1]), int(draws[n, 2])
+        if score > best:
+            best = score
+            out_step[0], out_step[1], out_step[2] = dx, dy, dth
+            dx += u // 4 - eighth
+            dy += v // 4 - eighth
+            dth = np.float32(dth + (w - half) / 90.0)
+            a = -1
+        else:
+            dx = u // 2 - quarter
+            dy = v // 2 - quarter
+            dth = np.float32((w - half) / 45.0)
+            a = w
+    return float(best)

@@ -1,0 +1,37 @@
+"""HitMap: one map of end points for every particle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gmapping.map import TileMap
+from gmapping.original.map_kernels import insert_hits
+from gmapping.original.match_kernels import ClimbModel, climb_all
+from gmapping.original.params import OriginalParams
+from slams.types import Floats
+
+
+class HitMap(TileMap):
+    """Tiles whose cells keep mean and number of the hits, and where hits are near."""
+
+    def __init__(self, params: OriginalParams, n_particles: int) -> None:
+        super().__init__(n_particles, 1, params.resolution, params.max_tiles)
+        self._minimum_score = params.minimum_score
+        self._model = ClimbModel(
+            params.score_sigma,
+            params.likelihood_sigma,
+            params.linear_step,
+            params.angular_step,
+            params.iterations,
+            params.missed,
+        )
+
+    def match(self, points: Floats, poses: Floats) -> tuple[Floats, int]:
+        """Move every pose to the peak of its score; log likelihoods there, how many failed."""
+        log_w = np.zeros(len(poses))
+        failed = climb_all(self.tiles, points, self._model, self._minimum_score, poses, log_w)
+        return log_w, failed
+
+    def insert(self, points: Floats, poses: Floats) -> bool:
+        """Write the points into the particles' maps, at these poses; False if there was no room."""
+        return insert_hits(self.tiles, poses, points) == 0

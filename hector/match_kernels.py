@@ -1,0 +1,150 @@
+"""Kernels of map matching on the occupancy pyramid: Gauss-Newton, and a search."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hector.map_kernels import Level
+from hector.scan_kernels import Points
+from slams.geometry import solve3
+from slams.jit import FAST, njit
+from slams.types import Floats, Pose2
+
+
+class Solver(NamedTuple):
+    """How Gauss-Newton steps are taken.
+
+    At most `steps` steps; a step is limited to `shift` [m] and `turn` [rad]; done when it is below
+    `tolerance` [m] and [rad] times 1 m; the share `damping` of H's diagonal is added to it.
+    """
+
+    steps: int
+    shift: float
+    turn: float
+    tolerance: float
+    damping: float
+
+
+class Window(NamedTuple):
+    """A search window: cells to each side, turns to each side and their step [rad]."""
+
+    shifts: int
+    turns: int
+    turn_step: float
+
+
+@njit(inner=True)
+def interpolate(p: NDArray[np.float32], x: float, y: float) -> tuple[float, float, float]:
+    """Map value and gradient at (x, y) [cells]: [Kohlbrecher11] eq. 4-6; outside of the map 0."""
+    height, width = p.shape
+    if not (x >= 0.0 and x <= width - 2 and y >= 0.0 and y <= height - 2):
+        return 0.0, 0.0, 0.0
+    ix, iy = math.floor(x), math.floor(y)
+    fx, fy = x - ix, y - iy
+    p00, p10, p01, p11 = p[iy, ix], p[iy, ix + 1], p[iy + 1, ix], p[iy + 1, ix + 1]
+    low, high = p00 + fx * (p10 - p00), p01 + fx * (p11 - p01)
+    gx = (1.0 - fy) * (p10 - p00) + fy * (p11 - p01)
+    gy = (1.0 - fx) * (p01 - p00) + fx * (p11 - p10)
+    return low + fy * (high - low), gx, gy
+
+
+@njit(fastmath=FAST, inner=True)  # 1.2 times as fast: sums may be regrouped
+def normal_equations(
+    level: Level, points: Points, n: int, pose: Pose2, H: Floats, b: Floats
+) -> float:
+    """Sums of one linearization and the score, the mean map value: [Kohlbrecher11] eq. 7-13.
+
+    points (2, >= n) m in the base frame; H (3, 3) and b (3,) in meters and radians.
+    """
+    scale = 1.0 / level.resolution
+    c, s = math.cos(pose.theta) * scale, math.sin(pose.theta) * scale
+    ex, ey = (pose.x - level.x0) * scale, (pose.y - level.y0) * scale
+    hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = 0.0
+    for i in range(n):
+        x, y = points[0, i], points[1, i]
+        qx, qy = c * x - s * y, s * x + c * y
+        value, gx, gy = interpolate(level.p, ex + qx, ey + qy)
+        gt = gy * qx - gx * qy
+        r = 1.0 - value
+        hxx += gx * gx
+        hxy += gx * gy
+        hyy += gy * gy
+        hxt += gx * gt
+        hyt += gy * gt
+        htt += gt * gt
+        bx += r * gx
+        by += r * gy
+        bt += r * gt
+        total += value
+    H[0, 0], H[1, 1], H[2, 2] = hxx * scale * scale, hyy * scale * scale, htt
+    H[0, 1] = H[1, 0] = hxy * scale * scale
+    H[0, 2] = H[2, 0] = hxt * scale
+    H[1, 2] = H[2, 1] = hyt * scale
+    b[0], b[1], b[2] = bx * scale, by * scale, bt
+    return total / max(n, 1)
+
+
+@njit
+def gauss_newton(
+    level: Level, points: Points, n: int, start: Pose2, solver: Solver, H: Floats
+) -> tuple[Pose2, float]:
+    """Match end points to one level: steps of [Kohlbrecher11] eq. 12 from `start`.
+
+    Returns the pose and the mean map value at the last linearization, whose H is left in `H`.
+    """
+    x, y, theta = start
+    b, step = np.zeros(3), np.zeros(3)
+    score = 0.0
+    for _ in range(solver.steps):
+        pose = Pose2(x, y, theta)
+        score = normal_equations(level, points, n, pose, H, b)
+        for k in range(3):
+            H[k, k] *= 1.0 + solver.damping
+        if not solve3(H, b, step):
+            break
+        length = math.hypot(step[0], step[1])
+        if length > solver.shift:
+            step[0] *= solver.shift / length
+            step[1] *= solver.shift / length
+        x, y = x + step[0], y + step[1]
+        theta += max(-solver.turn, min(solver.turn, step[2]))
+        if length < solver.tolerance and abs(step[2]) < solver.tolerance:
+            break
+    return Pose2(x, y, theta), score
+
+
+@njit
+def search(
+    level: Level, points: Points, n: int, stride: int, center: Pose2, window: Window, out: Floats
+) -> int:
+    """Best shift for each turn of a window around `center`, by the mean map value of the cells.
+
+    ours: exhaustive, for when the gradient has lost the way. out (k, 4): x, y, theta, score for
+    each turn; returns how many rows.
+    """
+    height, width = level.p.shape
+    scale = 1.0 / level.resolution
+    turns, shifts = window.turns, window.shifts
+    for row in range(2 * turns + 1):
+        theta = center.theta + (row - turns) * window.turn_step
+        c, s = math.cos(theta) * scale, math.sin(theta) * scale
+        ex, ey = (center.x - level.x0) * scale + 0.5, (center.y - level.y0) * scale + 0.5
+        out[row, 3] = -1.0
+        for jy in range(-shifts, shifts + 1):
+            for jx in range(-shifts, shifts + 1):
+                total = 0.0
+                for i in range(0, n, stride):
+                    x, y = points[0, i], points[1, i]
+                    fx, fy = ex + jx + c * x - s * y, ey + jy + s * x + c * y
+                    if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
+                        total += level.p[np.uint64(fy), np.uint64(fx)]
+                if total > out[row, 3]:
+                    out[row, 0] = center.x + jx * level.resolution
+                    out[row, 1] = center.y + jy * level.resolution
+                    out[row, 2], out[row, 3] = theta, total
+        out[row, 3] *= stride / max(n, 1)
+    return 2 * turns + 1

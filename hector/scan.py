@@ -1,0 +1,63 @@
+"""EndPoints: the end points of the scan at hand, and the normals there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hector import scan_kernels as kernels
+from hector.params import HectorParams
+from hector.scan_kernels import Limits, Points, Twist
+from slams.types import IDENTITY, Laser, Pose2, Scan
+
+
+class EndPoints:
+    """End points of the scan at hand, in the base frame at the time of its first beam.
+
+    `points` (3, >= n): x, y [m], number of the beam; `far` [m] the farthest from the base; the
+    buffers serve every scan.
+    """
+
+    def __init__(self, params: HectorParams) -> None:
+        self.params = params
+        self.n = 0
+        self.far = 0.0
+        self.mount = IDENTITY
+        self.step = 0.0
+        self.sweeps = False
+        self._laser: Laser | None = None
+        self._size(1)
+
+    def take(self, scan: Scan, velocity: Pose2) -> EndPoints:
+        """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
+        laser = scan.laser
+        if laser is not self._laser:
+            self._adopt(laser, len(scan.ranges))
+        self.n, self.far = kernels.end_points(
+            scan.ranges, self._directions, laser.mount, self._limits, self.points
+        )
+        if self.sweeps:
+            twist = Twist(velocity.x, velocity.y, velocity.theta, laser.time_increment)
+            kernels.deskew(self.points, self.n, twist)
+        return self
+
+    def find_normals(self) -> Points:
+        """Of every end point the normal and the gap to its neighbors (3, >= n), in `normals`."""
+        window = self.params.normal_window
+        kernels.scan_normals(
+            self.points, self.n, self.mount, self.step, window, self.moments, self.normals
+        )
+        return self.normals
+
+    def _adopt(self, laser: Laser, n_beams: int) -> None:
+        self._laser, self.mount, self.step = laser, laser.mount, abs(laser.angle_increment)
+        self._directions = laser.directions
+        self.sweeps = self.params.deskew and laser.time_increment > 0.0
+        near = max(self.params.min_range, laser.range_min)
+        self._limits = Limits(near, self.params.max_range)
+        if n_beams > self.points.shape[1]:
+            self._size(n_beams)
+
+    def _size(self, n_beams: int) -> None:
+        self.points = np.zeros((3, n_beams))
+        self.normals = np.zeros((3, n_beams))
+        self.moments = np.zeros((6, n_beams + 1))

@@ -1,0 +1,140 @@
+"""Kernels of the scan: end points, freed from the motion of a sweep, and their normals."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slams.jit import njit
+from slams.types import Floats, Pose2, Ranges
+
+Points = NDArray[np.float64]
+
+
+class Limits(NamedTuple):
+    """Which end points are used: least and greatest distance [m]."""
+
+    near: float
+    far: float
+
+
+class Twist(NamedTuple):
+    """Motion of the base during a sweep: velocity vx, vy [m/s], turn [rad/s], s per beam."""
+
+    vx: float
+    vy: float
+    turn: float
+    time_increment: float
+
+
+@njit
+def end_points(
+    ranges: Ranges, directions: Floats, mount: Pose2, limits: Limits, out: Points
+) -> tuple[int, float]:
+    """End points in the base frame and the beams they are of; how many, and the farthest [m].
+
+    [Kohlbrecher11] sec. IV-A. ranges (b,) m, directions
+    (b, 2) in the laser frame, out (3, b): x, y [m], number of the beam.
+    """
+    c, s = math.cos(mount.theta), math.sin(mount.theta)
+    n, far = 0, 0.0
+    for i in range(ranges.shape[0]):
+        r = ranges[i]
+        if not (limits.near < r < limits.far):
+            continue
+        x, y = r * directions[i, 0], r * directions[i, 1]
+        x, y = mount.x + c * x - s * y, mount.y + s * x + c * y
+        out[0, n] = x
+        out[1, n] = y
+        out[2, n] = i
+        square = x * x + y * y
+        far = square if square > far else far
+        n += 1
+    return n, math.sqrt(far)
+
+
+@njit
+def deskew(points: Points, n: int, twist: Twist) -> None:
+    """Bring end points to the base frame at the first beam's time, in place.
+
+    ours: the original ignores that the robot moves during a sweep. points (3, >= n) of
+    `end_points`; the base moves on an arc, its chord turned by half the turn.
+    """
+    for i in range(n):
+        t = points[2, i] * twist.time_increment
+        turn = twist.turn * t
+        c, s = math.cos(turn), math.sin(turn)
+        ch, sh = math.cos(0.5 * turn), math.sin(0.5 * turn)
+        x, y, vx, vy = points[0, i], points[1, i], twist.vx * t, twist.vy * t
+        points[0, i] = c * x - s * y + ch * vx - sh * vy
+        points[1, i] = s * x + c * y + sh * vx + ch * vy
+
+
+@njit(inner=True)
+def scan_moments(points: Points, n: int, mount: Pose2, step: float, out: Floats) -> None:
+    """Running sums of x, y, xx, xy, yy along the scan, and where its surface begins anew.
+
+    ours: a window's line comes from differences of these. `step` [rad] between beams; out
+    (6, n + 1), row 5 the first index of the run of beams without a jump.
+    """
+    for k in range(6):
+        out[k, 0] = 0.0
+    first, last_x, last_y = 0, 0.0, 0.0
+    for i in range(n):
+        x, y = points[0, i], points[1, i]
+        rx, ry, dx, dy = x - mount.x, y - mount.y, x - last_x, y - last_y
+        gap = 0.1 + 4.0 * step * math.sqrt(rx * rx + ry * ry)
+        if dx * dx + dy * dy > gap * gap:
+            first = i
+        last_x, last_y = x, y
+        terms = (x, y, x * x, x * y, y * y)
+        for k in range(5):
+            out[k, i + 1] = out[k, i] + terms[k]
+        out[5, i] = first
+    out[5, n] = n
+
+
+@njit
+def scan_normals(
+    points: Points, n: int, mount: Pose2, step: float, window: float, moments: Floats, out: Points
+) -> None:
+    """Normal of the scan at each end point, toward the sensor, and the gap to its neighbors.
+
+    ours: total least squares over the beams within about `window` [m], two at least, up to the
+    next jump; bent places (a corner in the window) get no normal. points (2, >= n), out (3, >= n):
+    normal (0, 0 where none), mean gap [m].
+    """
+    scan_moments(points, n, mount, step, moments)
+    last = n - 1
+    for i in range(n - 1, -1, -1):
+        if i + 1 < n and moments[5, i] != moments[5, i + 1]:
+            last = i
+        rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
+        half = 2 + int(window / (step * math.sqrt(rx * rx + ry * ry) + 1e-6))
+        first = int(moments[5, i])
+        a = first if first > i - half else i - half
+        b = last if last < i + half else i + half
+        out[0, i] = out[1, i] = out[2, i] = 0.0
+        m = b - a + 1
+        if m < 3:
+            continue
+        sx, sy = moments[0, b + 1] - moments[0, a], moments[1, b + 1] - moments[1, a]
+        cxx = moments[2, b + 1] - moments[2, a] - sx * sx / m
+        cxy = moments[3, b + 1] - moments[3, a] - sx * sy / m
+        cyy = moments[4, b + 1] - moments[4, a] - sy * sy / m
+        split = math.sqrt(0.25 * (cxx - cyy) * (cxx - cyy) + cxy * cxy)
+        mean = 0.5 * (cxx + cyy)
+        if mean - split > 0.1 * (mean + split):
+            continue
+        nx, ny = (cxy, mean - split - cxx) if cyy < cxx else (mean - split - cyy, cxy)
+        length = math.sqrt(nx * nx + ny * ny)
+        if not length > 0.0:
+            continue
+        if nx * rx + ny * ry > 0.0:
+            length = -length
+        out[0, i], out[1, i] = nx / length, ny / length
+        dx, dy = points[0, b] - points[0, a], points[1, b] - points[1, a]
+        out[2, i] = math.sqrt(dx * dx + dy * dy) / (m - 1)

@@ -1,0 +1,102 @@
+"""TsdGrid: the published grid, one value per cell, in partitions of 32 x 32 cells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slams.types import Floats, OccupancyGrid
+from tsd.image import Image, Picture
+from tsd.original import map_kernels as kernels
+from tsd.original.map_kernels import BLOCK, SIDE, Grid
+from tsd.original.scan_kernels import Mask, Sensor
+
+FREE, OCCUPIED = 0.02, 0.98
+BLOCKS = SIDE // BLOCK
+
+
+class TsdGrid:
+    """The grid of the original code: one value per cell, partitions of 32 x 32 cells.
+
+    Args:
+        cell: edge of a cell [m].
+        truncation: greatest distance kept [m].
+        side: cells per edge at the start, a multiple of 32.
+        grows: whether it may grow when the robot comes near its edge.
+    """
+
+    def __init__(self, cell: float, truncation: float, side: int, grows: bool) -> None:
+        n = max(side // SIDE, 1)
+        cells = n * SIDE
+        self._grows = grows
+        self.kernel = Grid(
+            tsd=np.full((cells, cells), np.nan, np.float32),
+            weight=np.zeros((cells, cells), np.float32),
+            allocated=np.zeros((n, n), np.bool_),
+            emptiness=np.zeros((n, n)),
+            near=np.zeros((n * BLOCKS, n * BLOCKS), np.bool_),
+            corner=np.full(2, -0.5 * cells * cell),
+            cell=cell,
+            truncation=max(truncation, 2.0 * cell),
+        )
+
+    def push(self, laser: Floats, ranges: Floats, mask: Mask, sensor: Sensor) -> None:
+        """Enter a scan taken at the laser's pose (3,)."""
+        if self._grows:
+            self._cover(laser, ranges[mask & np.isfinite(ranges)])
+        kernels.push(self.kernel, laser, ranges, mask, sensor)
+
+    def clear(self, x: float, y: float, half: float) -> None:
+        """Mark a square around (x, y) as free, `half` its half edge [m]."""
+        kernels.clear_box(self.kernel, x - half, y - half, x + half, y + half)
+
+    def occupancy(self) -> OccupancyGrid:
+        """Occupied where the field crosses zero, free where positive or empty, nan elsewhere."""
+        g = self.kernel
+        empty = (g.emptiness > 0.0) & ~g.allocated
+        free = np.kron(empty, np.ones((SIDE, SIDE), np.bool_))
+        p = np.where(free | (g.tsd > 0.0), np.float32(FREE), np.float32(np.nan))
+        p[zero_crossings(g.tsd)] = OCCUPIED
+        return OccupancyGrid(p, g.cell, (float(g.corner[0]), float(g.corner[1])))
+
+    def picture(self) -> Picture:
+        """Of every cell the distance [m] and the weight."""
+        g = self.kernel
+        corner = (float(g.corner[0]), float(g.corner[1]))
+        return g.tsd * np.float32(g.truncation), g.weight.copy(), g.cell, corner
+
+    def _cover(self, laser: Floats, ranges: Floats) -> None:
+        g = self.kernel
+        reach = float(ranges.max(initial=0.0)) + 1.0
+        size = g.cell * SIDE
+        shape = np.array(g.allocated.shape[::-1])
+        low = np.floor((laser[:2] - reach - g.corner) / size).astype(int)
+        high = np.ceil((laser[:2] + reach - g.corner) / size).astype(int)
+        if (low >= 0).all() and (high <= shape).all():
+            return
+        before = np.where(low < 0, shape // 4 - low, 0)
+        after = np.where(high > shape, high - shape + shape // 4, 0)
+        frame = [(int(before[axis]), int(after[axis])) for axis in (1, 0)]
+        cells = [(a * SIDE, b * SIDE) for a, b in frame]
+        self.kernel = g._replace(
+            tsd=np.pad(g.tsd, cells, constant_values=np.nan),
+            weight=np.pad(g.weight, cells),
+            allocated=np.pad(g.allocated, frame),
+            emptiness=np.pad(g.emptiness, frame),
+            near=np.pad(g.near, [(a * BLOCKS, b * BLOCKS) for a, b in frame]),
+            corner=g.corner - before * size,
+        )
+
+
+def zero_crossings(tsd: Image) -> Mask:
+    """Cells that hold the zero between two neighbors of opposite signs, to a fraction of a cell."""
+    occupied = np.zeros(tsd.shape, np.bool_)
+    for first, second in (
+        (np.s_[:, :-1], np.s_[:, 1:]),
+        (np.s_[:-1, :], np.s_[1:, :]),
+    ):
+        a, b = tsd[first], tsd[second]
+        crossing = (a > 0.0) & (b <= 0.0) | (a <= 0.0) & (b > 0.0)
+        closer = np.abs(a) <= np.abs(b)
+        occupied[first] |= crossing & closer
+        occupied[second] |= crossing & ~closer
+    return occupied

@@ -1,0 +1,191 @@
+"""Parameters of the published program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from slams.params import Params, RosNames, param
+from tsd.ros import ORIGINAL as ROS_NAMES
+
+ORIGINAL = "original code"
+
+
+@dataclass(frozen=True)
+class OriginalParams(Params):
+    """ohm_tsd_slam's own parameters; values of the launch file of [Koch15]."""
+
+    ROS: ClassVar[RosNames | None] = ROS_NAMES
+
+    registration: str = param(
+        "tsd",
+        "1",
+        "icp: ICP alone; exp, pdf, tsd: RANSAC before it, by three scores",
+        source="original code, modes 0 to 3",
+        choices=("icp", "exp", "pdf", "tsd"),
+        ros=("registration_mode",),
+    )
+    cell: float = param(
+        0.025, "m", "edge of a cell", source=ORIGINAL, low=0.002, high=1.0, ros=("cellsize",)
+    )
+    truncation: float = param(
+        0.075,
+        "m",
+        "greatest distance kept in a cell",
+        source="original code: 3 cells",
+        low=0.004,
+        high=5.0,
+        ros=("truncation_radius",),
+    )
+    max_weight: float = param(32.0, "1", "cap of a cell's weight", source=ORIGINAL, low=1.0)
+    push_translation: float = param(
+        0.05, "m", "push again after this distance", source=ORIGINAL, low=0.0
+    )
+    push_rotation: float = param(
+        0.03, "rad", "push again after this turn", source=ORIGINAL, low=0.0
+    )
+    map_size: int = param(
+        10,
+        "1",
+        "cells per edge of the grid at the start, power of two",
+        source=ORIGINAL,
+        low=5,
+        high=15,
+        ros=("map_size",),
+    )
+    grows: bool = param(
+        True,
+        "1",
+        "whether the grid may grow at its edge",
+        source="ours: the program ends there",
+    )
+    weight_unit: float = param(
+        0.01, "1", "weight of a measured cell", source="original code", low=1e-6
+    )
+    shortest: float = param(
+        0.0,
+        "m",
+        "shorter ranges are dropped",
+        source="original code: 0.26 for the authors' robot",
+        low=0.0,
+        ros=("las_min_range", "laser_min_range"),
+    )
+    longest: float = param(
+        30.0, "m", "longer ranges are free space", source=ORIGINAL, low=0.1, ros=("max_range",)
+    )
+    low_reflectivity: float = param(
+        2.0,
+        "m",
+        "radius that a beam without return frees",
+        source=ORIGINAL,
+        low=0.0,
+        ros=("low_reflectivity_range",),
+    )
+    jump_angle: float = param(
+        0.05235987755982989,
+        "rad",
+        "chord angle that drops the far side of a range jump",
+        source=ORIGINAL,
+        low=0.0,
+        high=1.5,
+    )
+    footprint: float = param(
+        1.0,
+        "m",
+        "edge of the square freed around the start",
+        source=ORIGINAL,
+        low=0.0,
+        ros=("footprint_width",),
+    )
+    footprint_offset: float = param(
+        0.28, "m", "its center ahead of the laser", source=ORIGINAL, ros=("footprint_x_offset",)
+    )
+    icp_iterations: int = param(
+        30, "1", "ICP rounds", source=ORIGINAL, low=1, ros=("icp_iterations",)
+    )
+    widest_gate: float = param(
+        0.4,
+        "m",
+        "greatest pair distance at first",
+        source=ORIGINAL,
+        low=1e-3,
+        ros=("dist_filter_max",),
+    )
+    narrowest_gate: float = param(
+        0.02, "m", "least gate", source=ORIGINAL, low=1e-4, ros=("dist_filter_min",)
+    )
+    max_translation: float = param(
+        1.0, "m", "longer steps are refused", source=ORIGINAL, low=0.0, ros=("reg_trs_max",)
+    )
+    max_rotation: float = param(
+        0.5235987755982988,
+        "rad",
+        "larger turns are refused",
+        source=ORIGINAL,
+        low=0.0,
+        high=1.57,
+        ros=("reg_sin_rot_max",),
+    )
+    trials: int = param(100, "1", "model points tried", source=ORIGINAL, low=1, ros=("trials",))
+    control_set: int = param(
+        360, "1", "most scene points that score", source=ORIGINAL, low=1, ros=("sizeControlSet",)
+    )
+    scene_points: int = param(180, "1", "scene points kept on average", source=ORIGINAL, low=3)
+    phi_max: float = param(
+        0.7853981633974483,
+        "rad",
+        "largest turn of a hypothesis",
+        source=ORIGINAL,
+        low=0.0,
+        high=1.58,
+        ros=("ransac_phi_max",),
+    )
+    hit_distance: float = param(
+        0.15, "m", "distance of a hit, mode exp", source=ORIGINAL, low=1e-3, ros=("epsThresh",)
+    )
+    z_random: float = param(
+        0.05,
+        "1",
+        "weight of chance, modes pdf and tsd",
+        source=ORIGINAL,
+        low=1e-6,
+        high=1.0,
+        ros=("zrand",),
+    )
+    z_hit: float = param(
+        0.2, "1", "weight of a hit, mode pdf", source=ORIGINAL, low=0.0, ros=("zhit",)
+    )
+    z_short: float = param(
+        0.2, "1", "weight of a short range, mode pdf", source=ORIGINAL, low=0.0, ros=("zshort",)
+    )
+    z_max: float = param(
+        0.2, "1", "weight of no return, mode pdf", source=ORIGINAL, low=0.0, ros=("zmax",)
+    )
+    sigma_hit: float = param(
+        0.1, "m", "deviation of a hit, mode pdf", source=ORIGINAL, low=1e-3, ros=("sighit",)
+    )
+    decay_short: float = param(
+        0.08,
+        "1",
+        "decay of short ranges per metre, mode pdf",
+        source=ORIGINAL,
+        low=1e-4,
+        ros=("lamshort",),
+    )
+    max_angle: float = param(
+        0.026179938779914945,
+        "rad",
+        "beam distance of a pair, mode pdf",
+        source=ORIGINAL,
+        low=0.0,
+        ros=("maxAngleDiff",),
+    )
+    paired_share: float = param(
+        0.6,
+        "1",
+        "least share of paired points, mode pdf",
+        source=ORIGINAL,
+        low=0.0,
+        high=1.0,
+        ros=("percentagePointsInC",),
+    )

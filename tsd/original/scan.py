@@ -1,0 +1,52 @@
+"""View: the scan at hand, as the program prepares it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slams.types import Laser, Scan
+from tsd.original.params import OriginalParams
+from tsd.original.scan_kernels import Sensor, compact, mask_scan
+
+NO_STEP = 1e-6  # between the beams of a laser that has one [rad]
+LEAST_RANGE = 0.001  # m
+
+
+class View:
+    """Buffers for the scans of one laser; clockwise ones are turned around.
+
+    `ranges` (n,) [m] and `mask` (n,) as the program has them, `valid` (n,) where there is a point;
+    `scene` (n, 2) [m] the points in the laser's frame, 0 where there is none, `found` (n_found, 2)
+    the valid ones.
+    """
+
+    def __init__(self, params: OriginalParams, laser: Laser) -> None:
+        n, angles = laser.n_beams, np.sort(laser.angles)
+        self.laser = laser
+        self.sensor = Sensor(
+            float(angles[0]),
+            abs(laser.angle_increment) or NO_STEP,
+            LEAST_RANGE,
+            params.longest,
+            params.low_reflectivity,
+            params.max_weight,
+            params.weight_unit,
+        )
+        self.ranges, self.mask = np.zeros(n), np.zeros(n, np.bool_)
+        self.valid = np.zeros(n, np.bool_)
+        self.scene, self.found = np.zeros((n, 2)), np.zeros((n, 2))
+        self.n_found = 0
+        self._params = params
+        self._directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        self._beams = np.zeros(n, np.int64)
+
+    def look(self, scan: Scan) -> int:
+        """Mask the scan and place its points; returns how many there are."""
+        p = self._params
+        mask_scan(scan.ranges, self.sensor, p.shortest, p.jump_angle, self.ranges, self.mask)
+        if self.laser.angle_increment < 0.0:  # turned around like its angles
+            self.ranges[:], self.mask[:] = self.ranges[::-1].copy(), self.mask[::-1].copy()
+        self.valid = self.mask & np.isfinite(self.ranges)
+        self.scene[:] = np.where(self.valid, self.ranges, 0.0)[:, None] * self._directions
+        self.n_found = compact(self.scene, self.valid, self.found, self._beams)
+        return self.n_found
