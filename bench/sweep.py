@@ -35,7 +35,7 @@ QUICK = (
     "stall=2",
     "jump=2",
 )
-QUICK_DURATION, FULL_DURATION = 30.0, 120.0  # s of each simulated drive
+QUICK_DURATION, FULL_DURATION = 20.0, 120.0  # s of each simulated drive
 QUICK_RATE = 10.0  # Hz
 QUICK_SEEDS, FULL_SEEDS = 2, 3
 PER_SCAN = 1.5e-3  # s CPU of one scan, about: says how long a sweep will take
@@ -56,7 +56,8 @@ def parser() -> argparse.ArgumentParser:
         "--degradations",
         metavar="NAME[=LEVEL]",
         nargs="+",
-        help="names with all their levels, or single levels (noise=0.05); list shows all",
+        help="names with their levels, or single levels (noise=0.05); all: every one; list: what "
+        "there is",
     )
     p.add_argument("--arenas", metavar="NAME", nargs="+", help=f"of {', '.join(ARENAS)}")
     p.add_argument("--seeds", type=int, metavar="N", help="drives in each arena")
@@ -132,7 +133,7 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     from bench.run import plan
 
     full = arguments.full
-    chosen = arguments.degradations or ([] if full else list(QUICK))
+    chosen = arguments.degradations or (["all"] if full else list(QUICK))
     _check(arguments)
     seeds = arguments.seeds or (FULL_SEEDS if full else QUICK_SEEDS)
     duration = arguments.duration or (FULL_DURATION if full else QUICK_DURATION)

@@ -1,5 +1,6 @@
 import json
 import os
+import platform
 from dataclasses import replace
 
 import cv2
@@ -110,8 +111,8 @@ def test_a_folder_by_a_name_that_is_none(tmp_path, monkeypatch):
 
 
 def test_what_a_killed_run_left_is_no_obstacle(tmp_path):
-    (tmp_path / f".out.{os.getpid()}.part").mkdir()
-    (tmp_path / f".out.{os.getpid()}.part" / "old.txt").write_text("half")
+    (tmp_path / f".out.{platform.node()}.{os.getpid()}.part").mkdir()
+    (tmp_path / f".out.{platform.node()}.{os.getpid()}.part" / "old.txt").write_text("half")
     with files.complete_folder(tmp_path / "out") as folder:
         (folder / "a.txt").write_text("1")
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["a.txt"]

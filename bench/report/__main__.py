@@ -13,7 +13,7 @@ PROGRAM = "bench.report"
 def parser() -> cli.Parser:
     """The command's arguments."""
     p = cli.Parser(prog=f"python -m {PROGRAM}", description=(__doc__ or "").partition("\n")[0])
-    p.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="of bench.compare")
+    p.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="of compare or sweep")
     p.add_argument("-q", "--quiet", action="store_true", help="no tables")
     return p
 
@@ -39,6 +39,12 @@ def redraw(folder: Path) -> str:
         OSError: there are no results.
         ValueError: they are damaged or of another version.
     """
+    from bench.results.sweep import TRIALS
+
+    return _redrawn_sweep(folder) if (folder / TRIALS).exists() else _redrawn_comparison(folder)
+
+
+def _redrawn_comparison(folder: Path) -> str:
     from bench import results
     from bench.report import outputs, text
     from slams.formats import files
@@ -47,6 +53,17 @@ def redraw(folder: Path) -> str:
     with files.complete_folder(folder) as partial:
         outputs.write(partial, comparison)
     return text.terminal(comparison)
+
+
+def _redrawn_sweep(folder: Path) -> str:
+    from bench.report import sweep_outputs, sweep_tables
+    from bench.results import sweep
+    from slams.formats import files
+
+    found = sweep.read(folder)
+    with files.complete_folder(folder) as partial:
+        sweep_outputs.write(partial, found)
+    return sweep_tables.terminal(found)
 
 
 if __name__ == "__main__":

@@ -150,14 +150,14 @@ class Plan:
 
 
 def conditions_of(chosen: list[str], full: bool) -> list[Level]:
-    """The levels that are named, or all of the degradations named; none named: all there are.
+    """The levels that are named, or all of the degradations named; all: everything there is.
 
     Raises:
         LookupError: no such degradation.
         ValueError: no such level.
     """
     found: list[Level] = []
-    for text in chosen or list(CATALOG):
+    for text in list(CATALOG) if chosen == ["all"] else chosen:
         if "=" in text or text in ("clean", "poor_lidar"):
             found.append(Level(*parse(text)))
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import platform
 import shutil
 import zipfile
 from collections.abc import Iterator
@@ -38,7 +39,7 @@ def complete_folder(folder: str | Path) -> Iterator[Path]:
     folder = Path(folder).resolve()  # "." has no name to put a temporary one beside
     check_folder(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    partial = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    partial = folder.with_name(f".{folder.name}.{platform.node()}.{os.getpid()}.part")
     shutil.rmtree(partial, ignore_errors=True)  # of a killed run: process numbers repeat
     partial.mkdir()
     try:
