@@ -4,13 +4,16 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 
-.PHONY: help compare test check install clean
+.PHONY: help compare sweep test check install clean
 
 help:  ## this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 compare: $(STAMP)  ## simulate the rescue maze, run every algorithm, print the tables
 	$(BIN)/python -m bench.compare
+
+sweep: $(STAMP)  ## what breaks which algorithm in the field, four minutes
+	$(BIN)/python -m bench.sweep
 
 test: $(STAMP)  ## linters, types and tests
 	$(BIN)/ruff check .

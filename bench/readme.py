@@ -1,20 +1,20 @@
-"""python -m bench.readme: the generated parts of the READMEs, from results and parameters.
+"""python -m bench.readme: the generated parts of READMEs and docs, from results and parameters.
 
-A part stands between `<!-- results -->`, `<!-- relations -->`, `<!-- ranking -->`,
-`<!-- public -->`, `<!-- parameters: NAME -->` or `<!-- ros-parameters: NAME -->` and
-`<!-- end -->`.
+A part stands between `<!-- NAME -->` and `<!-- end -->`; NAME is one of `PARTS`, or
+`parameters: ALGORITHM` or `ros-parameters: ALGORITHM`.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import shutil
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from bench.results import read_figures, write_figures
+from bench.results import FORMAT, read_figures, sweep, write_figures
 from slams import cli
 from slams.registry import names
 
@@ -24,10 +24,12 @@ RESULTS = ROOT / "bench" / "readme_results.json"
 RELATIONS = ROOT / "bench" / "readme_relations.json"
 RANKING = ROOT / "bench" / "readme_ranking.json"
 PUBLIC = ROOT / "bench" / "readme_public.json"
+SWEEP = ROOT / "bench" / "readme_sweep.json"
 PICTURES = ("fig2_translation.png", "fig4_maps.png")
-SHOWN = ("translation", "orientation", "spans", "bound", "overview", "maps", "cost")
+GLANCE = ("translation", "orientation", "glance")
+SHOWN = ("spans", "bound", "overview", "maps", "cost")
 PART = re.compile(
-    r"(<!-- (results|relations|ranking|public|(?:ros-)?parameters: (\w+)) -->\n)"
+    r"(<!-- (glance|results|sweep|relations|ranking|public|(?:ros-)?parameters: (\w+)) -->\n)"
     r".*?(<!-- end -->)",
     re.DOTALL,
 )
@@ -49,21 +51,25 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def readmes() -> list[Path]:
-    """Every README with generated parts."""
+    """Every README and page of docs with generated parts."""
     packages = sorted(path.parent for path in ROOT.glob("*/slam.py"))
-    return [ROOT / "README.md", *(package / "README.md" for package in packages)]
+    docs = (path for path in sorted(ROOT.glob("docs/*.md")) if PART.search(path.read_text("utf-8")))
+    return [ROOT / "README.md", *(package / "README.md" for package in packages), *docs]
 
 
 def adopt(folder: Path) -> None:
     """Make a folder's results the README's.
 
-    One of bench.ranking; one of bench.compare over several logs, the public ones; one with
-    relations for its algorithms on a real log; else the main one.
+    One of bench.ranking; one of bench.sweep; one of bench.compare over several logs, the public
+    ones; one with relations for its algorithms on a real log; else the main one.
     """
     if (folder / "ranking.json").exists():
         shutil.copyfile(folder / "ranking.json", RANKING)
         return
-    found = read_figures(folder / "results.json")
+    if (folder / sweep.TRIALS).exists():
+        adopt_sweep(sweep.read(folder))
+        return
+    found = read_figures(folder / "results.json", FORMAT)
     if len(found["logs"]) > 1:
         write_figures(PUBLIC, public_figures(found))
         return
@@ -78,7 +84,8 @@ def adopt(folder: Path) -> None:
     runs = known.setdefault(key, {})
     for row in found["rows"]:
         if not row["failed"]:
-            runs[row["algorithm"]] = {"relations": row["relations"], "loss": row["loss"]}
+            keys = ("relations", "loss", "starts")
+            runs[row["algorithm"]] = {name: row.get(name) for name in keys}
     write_figures(RELATIONS, dict(sorted(known.items())))
 
 
@@ -93,6 +100,39 @@ def as_typed(command: str) -> str:
         k = typed.index("--out")
         del typed[k : k + 2]
     return f"python -m {compare.PROGRAM} {shlex.join(typed)}".strip()
+
+
+def adopt_sweep(found: sweep.Sweep) -> None:
+    """Keep a sweep with as many digits as its tables show, so that the file stays small."""
+    record = found.record | {"command": found.record["command"].partition(" --out")[0]}
+    columns = list(dict.fromkeys(key for trial in found.trials for key in trial))
+    known = {
+        "facts": found.facts | {"logs": [log["name"] for log in found.facts["logs"]]},
+        "record": record,
+        "columns": columns,
+        "trials": [[rounded(dict(trial).get(key)) for key in columns] for trial in found.trials],
+        "costs": [cost and [rounded(value) for value in cost.values()] for cost in found.costs],
+    }
+    SWEEP.write_text(json.dumps(known, separators=(",", ":")) + "\n", encoding="utf-8")
+
+
+def rounded(value: Any) -> Any:
+    """A float with five digits."""
+    return float(f"{value:.5g}") if isinstance(value, float) else value
+
+
+def committed_sweep() -> sweep.Sweep:
+    """What `adopt_sweep` kept."""
+    known = json.loads(SWEEP.read_text(encoding="utf-8"))
+    columns, names = known["columns"], sweep.Cost.__annotations__
+    trials = [dict(zip(columns, values, strict=True)) for values in known["trials"]]
+    costs = [cost and dict(zip(names, cost, strict=True)) for cost in known["costs"]]
+    return sweep.Sweep(
+        known["facts"],
+        cast("list[sweep.Trial]", trials),
+        cast("list[sweep.Cost | None]", costs),
+        known["record"],
+    )
 
 
 def public_figures(found: dict[str, Any]) -> dict[str, Any]:
@@ -122,8 +162,7 @@ def rendered(text: str) -> str:
 def _body(part: str, name: str | None) -> str:
     """What stands in a part; `name` is the algorithm's whose parameters it lists."""
     if name is None:
-        whole = {"results": results, "relations": relations, "ranking": ranking, "public": public}
-        return whole[part]()
+        return PARTS[part]()
     if part.startswith("ros-"):
         from slams.ros.ros_params import mapping_table
 
@@ -131,21 +170,47 @@ def _body(part: str, name: str | None) -> str:
     return parameters(name)
 
 
+def glance() -> str:
+    """The paper's tables and the one-screen overview of the committed results."""
+    return _tables(GLANCE)
+
+
 def results() -> str:
-    """Tables and verdicts of the committed results."""
+    """The other tables of the committed results, and the verdicts."""
+    from bench.report.words import neighbors
+
+    log = read_figures(RESULTS)["logs"][0]
+    words = (f"- {verdict['sentence']}" for verdict in neighbors(log["verdicts"]))
+    return "\n\n".join([_tables(SHOWN), "\n".join(words)]) + "\n"
+
+
+def _tables(keys: tuple[str, ...]) -> str:
     from bench.report import tables
     from bench.report import text as report
-    from bench.report.words import neighbors
 
     found = read_figures(RESULTS)
     log = found["logs"][0]
     made = tables.tables(log, found["rows"])
     parts = [f"`{found['command']}`: {report.head(log)}, on {found['machine']['cpu']}."]
-    for key in SHOWN:
+    for key in keys:
         if key in made:
             parts += [f"**{tables.TITLES[key]}**", report.markdown_table(made[key])]
-    words = (f"- {verdict['sentence']}" for verdict in neighbors(log["verdicts"]))
-    return "\n\n".join([*parts, "\n".join(words)]) + "\n"
+    return "\n\n".join(parts) + "\n"
+
+
+def sweep_part() -> str:
+    """Who survives, with which errors, and what the drives can tell apart."""
+    from bench.report import sweep_tables
+    from bench.report.text import markdown_table
+
+    found = committed_sweep()
+    cpu = found.record["machine"]["cpu"]
+    parts = [f"`{found.record['command']}`, on {cpu}: {sweep_tables.head(found)}."]
+    for name, made in sweep_tables.tables(found).items():
+        if name.startswith(("survival", "errors", "alarms")):
+            parts += [f"**{made.title}**", markdown_table(made.frame, made.corner)]
+    lines = [*sweep_tables.answer(found), *sweep_tables.verdict_lines(found)]
+    return "\n\n".join([*parts, "\n".join(f"- {line}" for line in lines)]) + "\n"
 
 
 def relations() -> str:
@@ -204,7 +269,9 @@ def _relation_cell(run: dict[str, Any]) -> str:
         return "-"
     error = run["relations"]["all"]["translation_m"]
     lost = " (lost)" if run["loss"]["lost"] else ""
-    return f"{error['mean']:.4f} ± {error['std']:.4f}{lost}"
+    starts = run.get("starts")
+    luck = f"; {starts['above']} of {starts['n']} starts above" if starts else ""
+    return f"{error['mean']:.4f} ± {error['std']:.4f}{lost}{luck}"
 
 
 def parameters(name: str) -> str:
@@ -223,6 +290,16 @@ def parameters(name: str) -> str:
     lines += ["| parameter | value | unit | meaning | source |", "|---|---|---|---|---|"]
     lines += [f"| `{key}` | {' | '.join(rest)} |" for key, *rest in original if key in values]
     return "\n".join(lines) + "\n"
+
+
+PARTS = {
+    "glance": glance,
+    "results": results,
+    "sweep": sweep_part,
+    "relations": relations,
+    "ranking": ranking,
+    "public": public,
+}
 
 
 if __name__ == "__main__":

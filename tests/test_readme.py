@@ -10,11 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench import compare, ranking, readme, simulate
+from bench import compare, ranking, readme, simulate, sweep
+from bench.report import __main__ as report
+from bench.results import FORMAT
+from bench.results import sweep as results
 from slams import check, convert, metrics, run
 from slams.player import replay
 from slams.registry import find
 from tests.rooms import drive
+from tests.test_sweep import lost, sweep_of, trial
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -33,6 +37,8 @@ def test_the_commands_of_the_readme_are_ones_the_programs_take():
         "bench.compare": compare.parser(),
         "bench.simulate": simulate.parser(),
         "bench.ranking": ranking.parser(),
+        "bench.report": report.parser(),
+        "bench.sweep": sweep.parser(),
         "slams.convert": convert.parser(),
         "slams.check": check.parser(),
     }
@@ -47,7 +53,8 @@ def test_the_commands_of_the_readme_are_ones_the_programs_take():
 
 def test_the_measured_tables_of_the_readme_are_generated():
     assert [part for _, part, *_ in readme.PART.findall(README)] == [
-        "results",
+        "glance",
+        "sweep",
         "ranking",
         "relations",
         "public",
@@ -65,6 +72,7 @@ def several_logs(folder):
     ]
     rows[3] |= {"failed": "ValueError: no", "cost": None}
     found = {
+        "format": FORMAT,
         "command": "python -m bench.compare ../logs/a.bag 'x y/b.npz' --out /somewhere/o --every 2",
         "machine": {"cpu": "a core"},
         "logs": [
@@ -89,6 +97,24 @@ def test_results_of_several_logs_become_the_table_of_public_logs(tmp_path, monke
     assert readme.rendered(text) == text
 
 
+def test_a_sweep_is_kept_with_what_its_tables_show(tmp_path, monkeypatch):
+    trials = [trial(algorithm=name, log=log) for name in "ab" for log in ("l0", "l1")]
+    trials += [lost(algorithm="b", level=0.1), trial() | {"failed": "x"}]
+    found = sweep_of(trials)
+    found.facts["logs"] = [{"name": "l0", "setting": {"long": 1}}]
+    results.save(tmp_path, found._replace(record=found.record | {"command": "c --full --out d"}))
+    for kind in ("SWEEP", "RESULTS"):
+        monkeypatch.setattr(readme, kind, tmp_path / f"{kind.lower()}.kept")
+    readme.adopt(tmp_path)
+    kept = readme.committed_sweep()
+    assert kept.trials == trials
+    assert kept.costs[2] == pytest.approx(found.costs[2])
+    text = readme.rendered("<!-- sweep -->\n<!-- end -->")
+    assert "`c --full`, on a <b>: 6 runs over 1 logs" in text
+    assert "| noise=0.1 | - | 1 of 1 lost |" in text
+    assert "long" not in readme.SWEEP.read_text()
+
+
 def test_every_public_log_with_figures_says_where_it_is_from():
     logs = (
         compare.parser()
@@ -107,7 +133,7 @@ def test_the_targets_of_make_exist():
         assert re.search(rf"^{target}:", makefile, re.M)
 
 
-PACKAGES = [path.parent for path in readme.readmes()[1:]]
+PACKAGES = [path.parent for path in readme.readmes()[1:] if path.name == "README.md"]
 CODE = re.compile(r"[A-Za-z_][\w.]*(\(\))?(=\S*)?")
 
 

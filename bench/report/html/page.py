@@ -48,8 +48,10 @@ def template(name: str) -> Template:
 def _under_legend(drawn: Sections, shown: Sequence[Named]) -> Markup | None:
     if not any(drawn.values()):
         return None
-    hint = element("p", HINT, class_="hint", hidden=True)
-    return element("div", legend(shown), hint, _sections(drawn), class_="figures")
+    figures = _sections(drawn)
+    zooms = "data-zoom" in figures
+    hint = element("p", HINT, class_="hint", hidden=True) if zooms else None
+    return element("div", legend(shown), hint, figures, class_="figures")
 
 
 def _sections(bodies: Sections) -> Markup:
