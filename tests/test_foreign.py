@@ -15,6 +15,7 @@ from slams.formats.occupancy import write_map
 from slams.formats.trajectory import write_tum
 from slams.metrics import between
 from slams.scanlog import Track
+from tests import bags
 from tests.rooms import drive
 
 OTHER = Pose2(3.0, -2.0, 0.7)  # where the map frame of another program lies
@@ -184,6 +185,40 @@ def test_start_luck_is_told(log, tmp_path, capsys):
     assert (good["starts"]["n"], good["starts"]["lost"]) == (3, 0)
     assert good["starts"]["worst"] >= good["relations"]["all"]["translation_m"]["mean"] - 1e-12
     assert bad["starts"]["lost"] == bad["starts"]["above"] == 3
+
+
+def test_a_bag_recorded_beside_another_slam_gives_the_whole_table(log, tmp_path, capsys):
+    """Scans, wheels and the other's map -> odom by tf in one bag, its map beside, one command."""
+    truth = log.truth_at(log.t)
+    found = [Pose2(*p) for p in moved(OTHER, truth + 0.004 * np.sin(np.arange(80))[:, None])]
+    wheels = [Pose2(*p) for p in log.odometry_at_scans().tolist()]
+
+    def messages(make):
+        still = ("base_link", "laser", (0.0, 0.0, 0.0), 0.0, 0.0)
+        every = [("/tf_static", log.t[0], make.tf(log.t[0], still))]
+        angles = (log.laser.angle_min, log.laser.angle_increment)
+        for t, ranges, pose, wheel in zip(log.t, log.ranges, found, wheels, strict=True):
+            shift = pose @ wheel.inverse()
+            for parent, child, p in (("map", "odom", shift), ("odom", "base_link", wheel)):
+                place = (parent, child, (p.x, p.y, 0.0), p.theta, 0.0)
+                every.append(("/tf", t, make.tf(t, place)))
+            every.append(("/scan", t, make.scan(t, ranges, angles=angles)))
+        return every
+
+    path = bags.write(tmp_path, "mcap", messages)
+    precise_tum(tmp_path / "truth.tum", log.t, truth)
+    write_map(tmp_path, run_case("hector", log, Choice()).grid)
+    words = [str(path), "--truth", str(tmp_path / "truth.tum"), "--jobs", "1"]
+    words += ["--trajectory", "slam_toolbox=map", "--map", f"slam_toolbox={tmp_path / 'map.yaml'}"]
+    words += ["--algorithms", "hector", "--out", str(tmp_path / "out")]
+    assert compare.main(words) == 0
+    said = capsys.readouterr().out
+    assert said.count("slam_toolbox") >= 3
+    ours, theirs = results.read(tmp_path / "out").logs[0].outcomes
+    assert ours.row["used"] == ["laser", "wheels"]
+    assert theirs.row["errors"]["dropped"] <= 1
+    assert 0.001 < theirs.row["errors"]["ate_m"] < 0.01
+    assert theirs.grid is not None
 
 
 @pytest.mark.parametrize(

@@ -168,6 +168,7 @@ def page(text):
 def test_headings_and_sections_are_there_in_order(page):
     names = re.findall(r'<h2 id="[\w-]+">([^<]+)</h2>', page.raw)
     assert names == [
+        "Which one",
         "Summary",
         "Tables",
         "How sure",
@@ -179,6 +180,8 @@ def test_headings_and_sections_are_there_in_order(page):
         "How it was run",
         "Definitions",
     ]
+    assert "Most accurate: odometry" not in page.text, "a baseline is no algorithm to take"
+    assert "Survives most: " in page.text
     anchors = {attrs["href"][1:] for attrs in page.all("a")}
     assert anchors == {name.lower().replace(" ", "-") for name in names}
     ids = [attrs["id"] for _, attrs in page.elements if "id" in attrs]

@@ -29,7 +29,8 @@ def document(comparison: Comparison, done: LogResult) -> str:
     """The report's text."""
     results, entry, rows = comparison.as_dict(), done.entry, done.rows
     shown = runs(done)
-    found, drawn = _findings(results, entry, rows), _figures(entry, rows, shown, done)
+    found = {"Which one": _answer(comparison)} | _findings(results, entry, rows)
+    drawn = _figures(entry, rows, shown, done)
     record = {
         "How it was run": together(facts(results, entry), parameters(rows)),
         "Definitions": _definitions(),
@@ -39,7 +40,12 @@ def document(comparison: Comparison, done: LogResult) -> str:
     )
 
 
-def _findings(results: Line, entry: Line, rows: Rows) -> page.Sections:
+def _answer(comparison: Comparison) -> Markup:
+    """Three sentences over all logs of the comparison."""
+    return element("ul", *(element("li", text) for text in words.answer(comparison)))
+
+
+def _findings(results: Line, entry: Line, rows: Rows) -> dict[str, Markup | None]:
     return {
         "Summary": element("p", " ".join(words.summary(entry, rows))),
         "Tables": _tables(entry, rows),
