@@ -6,14 +6,14 @@ A part stands between `<!-- NAME -->` and `<!-- end -->`; NAME is one of `PARTS`
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 import shutil
 import sys
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
+from bench.report import readme_sweep
 from bench.results import FORMAT, read_figures, sweep, write_figures
 from slams import cli
 from slams.registry import names
@@ -67,7 +67,7 @@ def adopt(folder: Path) -> None:
         shutil.copyfile(folder / "ranking.json", RANKING)
         return
     if (folder / sweep.TRIALS).exists():
-        adopt_sweep(sweep.read(folder))
+        readme_sweep.adopt(SWEEP, sweep.read(folder))
         return
     found = read_figures(folder / "results.json", FORMAT)
     if len(found["logs"]) > 1:
@@ -100,39 +100,6 @@ def as_typed(command: str) -> str:
         k = typed.index("--out")
         del typed[k : k + 2]
     return f"python -m {compare.PROGRAM} {shlex.join(typed)}".strip()
-
-
-def adopt_sweep(found: sweep.Sweep) -> None:
-    """Keep a sweep with as many digits as its tables show, so that the file stays small."""
-    record = found.record | {"command": found.record["command"].partition(" --out")[0]}
-    columns = list(dict.fromkeys(key for trial in found.trials for key in trial))
-    known = {
-        "facts": found.facts | {"logs": [log["name"] for log in found.facts["logs"]]},
-        "record": record,
-        "columns": columns,
-        "trials": [[rounded(dict(trial).get(key)) for key in columns] for trial in found.trials],
-        "costs": [cost and [rounded(value) for value in cost.values()] for cost in found.costs],
-    }
-    SWEEP.write_text(json.dumps(known, separators=(",", ":")) + "\n", encoding="utf-8")
-
-
-def rounded(value: Any) -> Any:
-    """A float with five digits."""
-    return float(f"{value:.5g}") if isinstance(value, float) else value
-
-
-def committed_sweep() -> sweep.Sweep:
-    """What `adopt_sweep` kept."""
-    known = json.loads(SWEEP.read_text(encoding="utf-8"))
-    columns, names = known["columns"], sweep.Cost.__annotations__
-    trials = [dict(zip(columns, values, strict=True)) for values in known["trials"]]
-    costs = [cost and dict(zip(names, cost, strict=True)) for cost in known["costs"]]
-    return sweep.Sweep(
-        known["facts"],
-        cast("list[sweep.Trial]", trials),
-        cast("list[sweep.Cost | None]", costs),
-        known["record"],
-    )
 
 
 def public_figures(found: dict[str, Any]) -> dict[str, Any]:
@@ -196,21 +163,6 @@ def _tables(keys: tuple[str, ...]) -> str:
         if key in made:
             parts += [f"**{tables.TITLES[key]}**", report.markdown_table(made[key])]
     return "\n\n".join(parts) + "\n"
-
-
-def sweep_part() -> str:
-    """Who survives, with which errors, and what the drives can tell apart."""
-    from bench.report import sweep_tables
-    from bench.report.text import markdown_table
-
-    found = committed_sweep()
-    cpu = found.record["machine"]["cpu"]
-    parts = [f"`{found.record['command']}`, on {cpu}: {sweep_tables.head(found)}."]
-    for name, made in sweep_tables.tables(found).items():
-        if name.startswith(("survival", "errors", "alarms")):
-            parts += [f"**{made.title}**", markdown_table(made.frame, made.corner)]
-    lines = [*sweep_tables.answer(found), *sweep_tables.verdict_lines(found)]
-    return "\n\n".join([*parts, "\n".join(f"- {line}" for line in lines)]) + "\n"
 
 
 def relations() -> str:
@@ -295,7 +247,7 @@ def parameters(name: str) -> str:
 PARTS = {
     "glance": glance,
     "results": results,
-    "sweep": sweep_part,
+    "sweep": lambda: readme_sweep.part(SWEEP),
     "relations": relations,
     "ranking": ranking,
     "public": public,

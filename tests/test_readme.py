@@ -12,6 +12,7 @@ import pytest
 
 from bench import compare, ranking, readme, simulate, sweep
 from bench.report import __main__ as report
+from bench.report import readme_sweep
 from bench.results import FORMAT
 from bench.results import sweep as results
 from slams import check, convert, metrics, run
@@ -106,7 +107,7 @@ def test_a_sweep_is_kept_with_what_its_tables_show(tmp_path, monkeypatch):
     for kind in ("SWEEP", "RESULTS"):
         monkeypatch.setattr(readme, kind, tmp_path / f"{kind.lower()}.kept")
     readme.adopt(tmp_path)
-    kept = readme.committed_sweep()
+    kept = readme_sweep.committed(readme.SWEEP)
     assert kept.trials == trials
     assert kept.costs[2] == pytest.approx(found.costs[2])
     text = readme.rendered("<!-- sweep -->\n<!-- end -->")

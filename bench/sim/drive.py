@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.sim.routes import SPACING, Progress, Routes
-from bench.sim.wheels import integrate as integrate
-from bench.sim.wheels import steps as steps
 from bench.sim.world import World
 from slams.types import Floats
 
