@@ -2,12 +2,15 @@
 
 import filecmp
 import json
+import re
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
 
 from bench import compare, results
 from bench.report import __main__ as again
+from bench.report.run_tables import logs_table
 from tests.rooms import drive
 
 
@@ -35,6 +38,24 @@ def test_everything_is_drawn_again_without_a_run(folder, tmp_path, capsys):
     assert len(made) > 40
     assert made == sorted(p.relative_to(copy) for p in copy.rglob("*") if p.is_file())
     assert [p for p in made if not filecmp.cmp(folder / p, copy / p, shallow=False)] == []
+
+
+def test_several_logs_get_one_table_and_one_page(folder, tmp_path):
+    found = results.read(folder)
+    frame = logs_table(found)
+    assert next(iter(frame.index)) == "odometry"
+    broken = frame.loc["tests.test_html:Broken"]
+    assert (broken["logs"], broken["lost or failed"]) == (2, 1)
+    assert np.isnan(broken["worst [mm]"])
+    assert broken["worst log"] == "room"
+    assert frame.loc["odometry", "mean rank"] <= frame.loc["tests.test_html:Still", "mean rank"]
+    ranks = frame["mean rank"]
+    assert ranks.sum() == pytest.approx(6.0), "1 + 2 + 3, those alike share"
+    page = (folder / "report.html").read_text()
+    assert page.count("/report.html") == 2
+    for link in re.findall(r'href="([^"#]+)"', page):
+        assert (folder / unquote(link)).is_file()
+    assert (folder / "table-logs.csv").read_text().startswith("algorithm,logs,")
 
 
 def test_what_is_read_is_what_was_saved(folder, tmp_path):

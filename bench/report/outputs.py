@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bench.report import figures, text
+from bench.report import figures, run_tables, text
 from slams.formats import trajectory
 
 if TYPE_CHECKING:
@@ -27,6 +27,11 @@ def write(folder: Path, comparison: Comparison) -> None:
         _draw_errors(place, log)
         _draw_maps(place, log)
         html.write(place / "report.html", comparison, log)
+    if len(comparison.logs) > 1:
+        logs = run_tables.logs_table(comparison)
+        logs.to_csv(folder / "table-logs.csv", index_label="algorithm")
+        links = [place_of(folder, comparison, k).name for k in range(len(comparison.logs))]
+        html.write_joint(folder / "report.html", comparison, links)
 
 
 def place_of(folder: Path, comparison: Comparison, k: int) -> Path:

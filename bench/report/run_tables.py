@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import cast
+import math
+from typing import TYPE_CHECKING, cast
 
 import pandas as pd
 
 from bench.report.lines import frame_of, label, mean_of, scaled, span_of
-from bench.results import Line, Rows
+from bench.results import Line, Row, Rows
+
+if TYPE_CHECKING:
+    from bench.results import Comparison
 
 # name in results.json: heading, scale
 MAP_MEASURES = {
@@ -145,3 +149,50 @@ def starts_table(_: Line, rows: Rows) -> pd.DataFrame:
                 f"above {found['limit_m']:g} m": f"{found['above']} of {found['n']}",
             }
     return frame_of(lines)
+
+
+def logs_table(comparison: Comparison) -> pd.DataFrame:
+    """A line per algorithm over all logs: lost runs, rank, mean and worst log.
+
+    The error that counts is that over a second, or of the relations in a log without truth. A run
+    that failed or was lost ranks behind all others, and has no part in the mean.
+    """
+    names = list(dict.fromkeys(row["algorithm"] for row in comparison.rows))
+    errors = [{row["algorithm"]: _kept_error(row) for row in log.rows} for log in comparison.logs]
+    lines: dict[str, Line] = {}
+    for name in names:
+        own = [found.get(name) for found in errors]
+        kept = [error for error in own if error is not None]
+        worst = max(range(len(own)), key=lambda k, own=own: _behind(own[k]))  # type: ignore[misc]
+        lines[name] = {
+            "logs": len(own),
+            "lost or failed": len(own) - len(kept),
+            "mean rank": sum(_rank(name, found) for found in errors) / len(errors),
+            "mean [mm]": scaled(sum(kept) / len(kept), 1e3) if kept else None,
+            "worst [mm]": scaled(own[worst], 1e3),
+            "worst log": comparison.logs[worst].entry["name"],
+        }
+    return frame_of(lines)
+
+
+def _kept_error(row: Row) -> float | None:
+    """The error that counts [m]; None of a run that failed or was lost."""
+    if row["failed"] or row["loss"]["lost"]:
+        return None
+    second = span_of(row, "1 s")
+    if second is not None:
+        return mean_of(second, "se2_translation_m")
+    known = (row["relations"] or {}).get("all")
+    return None if known is None else float(known["translation_m"]["mean"])
+
+
+def _behind(error: float | None) -> float:
+    return math.inf if error is None else error
+
+
+def _rank(name: str, errors: dict[str, float | None]) -> float:
+    """1 for the best; those alike share the mean of their ranks."""
+    own = _behind(errors.get(name))
+    others = [_behind(error) for error in errors.values()]
+    better = sum(error < own for error in others)
+    return 1.0 + better + 0.5 * (sum(error == own for error in others) - 1)

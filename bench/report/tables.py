@@ -31,6 +31,7 @@ TITLES = {
     "live": "As a live node: one scan at a time, the newest waits, the rest is dropped",
     "published": "Published, per update, on other logs",
 }
+OVER_LOGS = "Over all logs: error over 1 s (without truth: of the relations) of the runs not lost"
 DIFFERS = (
     "The paper's log is not public: another drive, map and simulator (stdr_simulator's ranges come "
     "in steps of its map's cell), each program at its own rate. Only the order can be compared."

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from bench.judge.metrics import SpanErrors
-from bench.report import tables, words
+from bench.report import run_tables, tables, words
 from bench.report.numbers import cell
 from bench.report.tables import TITLES
 from bench.results import Line, Rows
@@ -80,7 +80,9 @@ def head(log: Line) -> str:
 def terminal(comparison: Comparison) -> str:
     """The paper's tables, one screen of all the rest, and the answer; the files have more."""
     parts = [as_text(log.entry, log.rows) for log in comparison.logs]
-    parts += [entry["sentence"] for entry in words.neighbors(comparison.over_logs)]
+    if len(comparison.logs) > 1:
+        parts += [tables.OVER_LOGS, text_table(run_tables.logs_table(comparison))]
+        parts += [entry["sentence"] for entry in words.neighbors(comparison.over_logs)]
     parts.append("\n".join(words.answer(comparison)))
     return "\n\n".join(parts)
 
