@@ -8,7 +8,7 @@ import pytest
 from bench import ranking
 from bench.judge import loss, verdicts
 from bench.judge.metrics import Common, RelationErrors, SpanErrors
-from bench.report import error_tables
+from bench.report import error_tables, words
 from bench.report import text as report
 from bench.run import timing
 from bench.run.cases import Choice, read_relations, run_case
@@ -263,6 +263,21 @@ def test_the_order_is_counted_arena_by_arena():
     assert table["lost runs"] == 1
     assert table["three [mm]"] == pytest.approx(1e3 * 14.0 / 3.0)
     assert "0 of 3" in ranking.as_markdown(found), "equal errors hold no order"
+
+
+def test_a_lost_baseline_is_not_the_fastest_algorithm():
+    def row(name, ms, lost):
+        cost = {"mean_ms": ms, "real_time_factor": 10.0}
+        loss = {"lost": lost, "by": "report", "report": {"lost": lost, "scans": 0}}
+        known = {"algorithm": name, "failed": None, "cost": cost, "loss": loss}
+        return known | {"errors": None, "relations": None}
+
+    rows = [row("odometry", 0.01, True), row("hector", 0.2, False), row("tsd", 0.3, True)]
+    text = " ".join(words.summary({"name": "l"}, rows))
+    assert "hector is the fastest with 0.200 ms" in text
+    assert "odometry was lost" in text
+    rows = [row("odometry", 0.01, True)]
+    assert "odometry (lost) is the fastest" in " ".join(words.summary({"name": "l"}, rows))
 
 
 def test_latex_escapes_what_it_must():

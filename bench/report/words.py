@@ -184,14 +184,13 @@ def _lost(row: Row) -> str:
 
 def _cost(rows: Rows) -> list[str]:
     """The fastest algorithm, the baselines aside, and who is too slow for the log."""
-    spent = {label(row): row["cost"] for row in rows if row["cost"]}
-    own = [name for name in spent if name.partition("@")[0] not in BASELINES] or list(spent)
+    timed = [(row, row["cost"]) for row in rows if row["cost"]]
+    own = [one for one in timed if one[0]["algorithm"].partition("@")[0] not in BASELINES] or timed
     if not own:
         return []
-    fastest = min(own, key=lambda name: float(spent[name]["mean_ms"]))
-    cost = spent[fastest]
-    words = f"{fastest} is the fastest with {cell('[ms]', cost['mean_ms'])} ms per scan"
-    slow = [name for name, cost in spent.items() if 0.0 < cost["real_time_factor"] < 1.0]
+    fastest, cost = min(own, key=lambda one: float(one[1]["mean_ms"]))
+    words = f"{label(fastest)} is the fastest with {cell('[ms]', cost['mean_ms'])} ms per scan"
+    slow = [label(row) for row, cost in timed if 0.0 < cost["real_time_factor"] < 1.0]
     too = (
         f"slower than the scans came: {_listed(slow)}"
         if slow
