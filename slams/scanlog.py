@@ -10,8 +10,6 @@ ignored.
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -21,11 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.formats.files import write_npz
+from slams.formats.npz import read_npz, write_npz
 from slams.types import Floats, Laser, Pose2, Ranges, Scan, wrap_angle
 
 FORMAT = "scanlog-1"
 REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
+TRACKS = ("odom", "truth", "yaw_rate")
+KEYS = (
+    *("format", *REQUIRED, "time_increment", "mount", "meta"),
+    *(key for track in TRACKS for key in (track, f"{track}_t")),
+)
 
 
 @dataclass(frozen=True)
@@ -172,7 +175,7 @@ class ScanLog:
             "mount": np.array(self.laser.mount),
             "meta": json.dumps(self.meta, sort_keys=True),
         }
-        for key in ("odom", "truth", "yaw_rate"):
+        for key in TRACKS:
             track = getattr(self, key)
             if track is not None:
                 arrays |= {key: track.values, f"{key}_t": track.t}
@@ -186,17 +189,7 @@ def load_npz(path: Path) -> ScanLog:
         OSError: the file cannot be opened; one sentence, as all of these.
         ValueError: it is not a complete, valid scan log.
     """
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            data = {key: archive[key] for key in archive.files}
-    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, NotImplementedError) as error:
-        raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
-    except OSError as error:
-        if error.strerror is None or error.filename is None:  # a place outside of the file
-            raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
-        raise type(error)(f"{path}: {error.strerror.lower()}; expected a scan log npz") from error
+    data = read_npz(path, KEYS)
     try:
         return _from_arrays(data, path.stem)
     except ValueError as error:
