@@ -24,9 +24,10 @@ from slams.formats.bag import (
     Record,
     decoder,
 )
-from slams.formats.frames import FAR, Transforms, bare, seconds, yaw_of
+from slams.formats.frames import Transforms, bare, seconds, yaw_of
 from slams.formats.options import DamagedError
 from slams.formats.sweep import Geometry, Sweep
+from slams.plausible import FAR
 from slams.scanlog import Track
 from slams.types import Floats, Ranges
 
