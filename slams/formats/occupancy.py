@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from slams.formats import yaml_file
 from slams.types import Floats, OccupancyGrid
 
 OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196  # 205 = unknown must not load as free
@@ -130,11 +131,7 @@ def _head(path: Path) -> Head:
 
 
 def _entries(path: Path) -> dict[str, Any]:
-    try:
-        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # no text, no date, too deep
-        reason = " ".join(str(error).split())
-        raise ValueError(f"{path}: not readable as yaml: {reason}") from error
+    entries = yaml_file.parse(yaml_file.read_text(path), path)
     known = entries if isinstance(entries, dict) else {}
     missing = [key for key in ("image", "resolution", "origin") if key not in known]
     if missing:
