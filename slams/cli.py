@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import io
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterable
@@ -54,6 +56,7 @@ def sentence(error: BaseException) -> str:
 
 def run_command(program: str, command: Callable[[], int]) -> int:
     """Exit code of a command: errors the user can act on become one line on stderr."""
+    _settle_output()
     try:
         return command()
     except RefusedError as refused:
@@ -65,6 +68,13 @@ def run_command(program: str, command: Callable[[], int]) -> int:
         return FAILED
     except KeyboardInterrupt:
         return _say(program, "interrupted", INTERRUPTED)
+
+
+def _settle_output() -> None:
+    """Names of files that are not UTF-8 are printed as they are; matplotlib does without a home."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import stat
 import tempfile
 import time
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from slams.registry import BUILT_IN
 # fastmath without the nan and inf flags: scans are full of both
 FAST = frozenset({"contract", "reassoc", "nsz", "arcp", "afn"})
 ROOT = Path(__file__).resolve().parent.parent
+PRIVATE = 0o700
 
 
 def kernel_files(root: Path = ROOT) -> list[Path]:
@@ -40,8 +42,8 @@ def fingerprint(root: Path = ROOT) -> str:
     return digest.hexdigest()[:16]
 
 
-def _cache_folder() -> Path:
-    """A writable folder named after the kernels' sources; never the home folder."""
+def _cache_folder() -> Path | None:
+    """A writable folder named after the kernels' sources, never the home folder; None: no cache."""
     name = f"kernels-{fingerprint()}"
     beside = Path(__file__).resolve().parent / "__pycache__" / name
     try:
@@ -49,12 +51,30 @@ def _cache_folder() -> Path:
         with tempfile.TemporaryFile(dir=beside):
             return beside
     except OSError:
-        user = os.getuid() if hasattr(os, "getuid") else 0
-        return Path(tempfile.gettempdir()) / f"slams-{user}-{name}"
+        return _own_in_temp(name)
 
 
-if "NUMBA_CACHE_DIR" not in os.environ:
-    os.environ["NUMBA_CACHE_DIR"] = str(_cache_folder())
+def _own_in_temp(name: str) -> Path | None:
+    """A folder in the temp directory that only this user can write; numba unpickles what is there.
+
+    None where somebody else made one of that name, or where none can be made.
+    """
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    try:
+        folder = Path(tempfile.gettempdir()) / f"slams-{user}-{name}"
+        folder.mkdir(mode=PRIVATE, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return None
+    private = stat.S_IMODE(found.st_mode) == PRIVATE and found.st_uid == user
+    # where there are no such modes, the temp directory itself is the user's
+    own = stat.S_ISDIR(found.st_mode) and (private or not hasattr(os, "getuid"))
+    return folder if own else None
+
+
+if "NUMBA_CACHE_DIR" not in os.environ and (folder := _cache_folder()) is not None:
+    os.environ["NUMBA_CACHE_DIR"] = str(folder)
+KEPT = "NUMBA_CACHE_DIR" in os.environ
 
 import numba  # noqa: E402  (the cache folder must be set first)
 from numba.core import event  # noqa: E402
@@ -75,7 +95,7 @@ def njit(
     none of its own, which takes a third of its compile time off.
     """
     options: dict[str, Any] = {
-        "cache": not inner,
+        "cache": KEPT and not inner,
         "nogil": True,
         "error_model": "numpy",
         "fastmath": set(fastmath) if fastmath else False,

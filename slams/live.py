@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slams.formats.sweep import Geometry, usable
+from slams.plausible import FAR, LATEST, LONGEST_SWEEP, check_laser, check_stamps, expect
 from slams.registry import find
-from slams.scanlog import ScanLog
+from slams.scanlog import ScanLog, single
 from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan, Slam
 
 LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
@@ -131,10 +131,11 @@ class LiveSlam:
         Raises:
             ValueError: the fields are not those of a scan.
         """
-        values = np.asarray(ranges, np.float32)
+        values = single(ranges)
         if values.ndim != 1 or not len(values):
             raise ValueError(f"ranges: got shape {values.shape}, expected (n,) with n >= 1")
         geometry = (angle_min, angle_increment, range_min, range_max, time_increment)
+        check_stamps("stamp", np.array([float(stamp)]))
         with self._lock:
             laser = self._laser_of(len(values), geometry)
             one = ScanLog(np.array([float(stamp)]), values[None], laser)
@@ -166,8 +167,17 @@ class LiveSlam:
         )
 
     def push_scan(self, scan: Scan) -> Estimate:
-        """Take one `Scan`, its ranges cleaned as a `ScanLog` does it."""
+        """Take one `Scan`, its ranges cleaned as a `ScanLog` does it.
+
+        Raises:
+            ValueError: stamp, ranges or laser are not those of a scan.
+        """
+        check_stamps("stamp", np.array([scan.t]))
+        check_laser(scan.laser)
+        shape, expected = np.shape(scan.ranges), (scan.laser.n_beams,)
+        expect(shape == expected, "ranges", f"shape {shape}", f"{expected}")
         with self._lock:
+            scan = self._believed(scan)
             if self._last is not None and not self._is_next(scan.t, self._last):
                 return self._last
             self._late = 0
@@ -236,15 +246,10 @@ class LiveSlam:
     def _laser_of(self, n_beams: int, geometry: tuple[float, ...]) -> Laser:
         """The laser; one object as long as the geometry stays."""
         angle_min, angle_increment, range_min, range_max, between = map(float, geometry)
-        between = between if 0.0 < between < math.inf else 0.0
+        between = between if 0.0 < between * n_beams <= LONGEST_SWEEP else 0.0
         fan = Laser(angle_min, angle_increment, n_beams, range_min, range_max, self._mount, between)
         if fan != self._laser:
-            turns = usable(Geometry(n_beams, angle_min, angle_increment, range_min, range_max))
-            if not (turns and 0.0 <= range_min < range_max < math.inf):
-                raise ValueError(
-                    f"not the geometry of a laser: {fan}; expected an angle, a step between the "
-                    "beams, and 0 <= range_min < range_max"
-                )
+            check_laser(fan)
             self._counts["lasers"] += 1
             self._laser = fan
         return self._laser
@@ -254,11 +259,18 @@ class LiveSlam:
             return None
         if len(odometry) != 3:
             raise ValueError(f"odometry: got {len(odometry)} numbers, expected x, y, theta")
-        pose = Pose2(*map(float, odometry))
-        if all(map(math.isfinite, pose)):
-            return pose
-        self._counts["bad_odometry"] += 1
-        return None
+        return Pose2(*map(float, odometry))
+
+    def _believed(self, scan: Scan) -> Scan:
+        """The scan without odometry or heading that cannot be."""
+        odometry, yaw = scan.odometry, scan.yaw
+        if odometry is not None and not _can_be(*odometry):
+            self._counts["bad_odometry"] += 1
+            odometry = None
+        if yaw is not None and not _can_be(yaw):
+            yaw = None
+        same = odometry is scan.odometry and yaw is scan.yaw
+        return scan if same else replace(scan, odometry=odometry, yaw=yaw)
 
     def _warm_up(self) -> None:
         """Let throw-away instances see a room: at rest, on the move, as a sweep, and lost."""
@@ -284,7 +296,7 @@ class _Yaw:
         """Take one reading [rad/s]."""
         step = t - self._t
         late = -LONGEST_GAP <= step < 0.0  # further back the clock was set back
-        if late or not (math.isfinite(t) and math.isfinite(rate)):
+        if late or not (abs(t) < LATEST and _can_be(rate)):
             return
         if 0.0 < step <= LONGEST_GAP:
             self._yaw += 0.5 * step * (self._rate + rate)
@@ -303,6 +315,10 @@ def seconds(stamp: Any) -> float:
     if hasattr(stamp, "nsecs"):
         return float(stamp.secs + 1e-9 * stamp.nsecs)
     return float(stamp)
+
+
+def _can_be(*values: float) -> bool:
+    return all(abs(value) < FAR for value in values)
 
 
 def _covariance(slam: Slam) -> Floats:

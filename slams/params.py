@@ -170,15 +170,11 @@ class Params:
 
         Raises:
             OSError: the file cannot be read.
-            ValueError: it is not YAML, or not a mapping.
+            ValueError: it is not YAML, not a mapping, or nested too deeply.
         """
-        import yaml
+        from slams.formats import yaml_file
 
-        try:
-            values = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            reason = " ".join(str(error).split())
-            raise ValueError(f"{path}: not a YAML file ({reason})") from error
+        values = yaml_file.parse(yaml_file.read_text(Path(path)), Path(path))
         if values is None:
             return self
         if not isinstance(values, dict) or not all(isinstance(k, str) for k in values):

@@ -10,8 +10,6 @@ ignored.
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -19,13 +17,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from slams.formats.files import write_npz
+from slams.formats.npz import read_npz, write_npz
+from slams.plausible import check_laser, check_stamps, check_track, expect
 from slams.types import Floats, Laser, Pose2, Ranges, Scan, wrap_angle
 
 FORMAT = "scanlog-1"
 REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
+TRACKS = ("odom", "truth", "yaw_rate")
+KEYS = (
+    *("format", *REQUIRED, "time_increment", "mount", "meta"),
+    *(key for track in TRACKS for key in (track, f"{track}_t")),
+)
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,11 @@ class ScanLog:
 
     def __post_init__(self) -> None:
         _check_scans(self.t, self.ranges, self.laser.n_beams)
+        check_laser(self.laser)
+        for key in TRACKS:
+            track = getattr(self, key)
+            if track is not None:
+                check_track(key, track.t, track.values)
         object.__setattr__(self, "ranges", _rep117(self.ranges, self.laser))
 
     def __len__(self) -> int:
@@ -172,7 +181,7 @@ class ScanLog:
             "mount": np.array(self.laser.mount),
             "meta": json.dumps(self.meta, sort_keys=True),
         }
-        for key in ("odom", "truth", "yaw_rate"):
+        for key in TRACKS:
             track = getattr(self, key)
             if track is not None:
                 arrays |= {key: track.values, f"{key}_t": track.t}
@@ -186,17 +195,7 @@ def load_npz(path: Path) -> ScanLog:
         OSError: the file cannot be opened; one sentence, as all of these.
         ValueError: it is not a complete, valid scan log.
     """
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            data = {key: archive[key] for key in archive.files}
-    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, NotImplementedError) as error:
-        raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
-    except OSError as error:
-        if error.strerror is None or error.filename is None:  # a place outside of the file
-            raise ValueError(f"{path}: damaged or cut short ({error}); copy it again") from error
-        raise type(error)(f"{path}: {error.strerror.lower()}; expected a scan log npz") from error
+    data = read_npz(path, KEYS)
     try:
         return _from_arrays(data, path.stem)
     except ValueError as error:
@@ -205,11 +204,11 @@ def load_npz(path: Path) -> ScanLog:
 
 def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
     missing = [key for key in REQUIRED if key not in data]
-    _expect(not missing, "keys", f"no {', '.join(missing)}", f"{', '.join(REQUIRED)}")
+    expect(not missing, "keys", f"no {', '.join(missing)}", f"{', '.join(REQUIRED)}")
     version = str(data.get("format", FORMAT))
-    _expect(version == FORMAT, "format", version, FORMAT)
+    expect(version == FORMAT, "format", version, FORMAT)
     t = _numbers(data, "t", 1)
-    ranges = _checked(data, "ranges", 2).astype(np.float32, copy=False)
+    ranges = single(_checked(data, "ranges", 2))
     _check_scans(t, ranges, ranges.shape[1])
     meta = _meta(data)
     return ScanLog(
@@ -224,32 +223,17 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
 
 
 def _check_scans(t: Floats, ranges: Ranges, n_beams: int) -> None:
-    _expect(t.ndim == 1 and len(t) > 0, "t", t.shape, "(n,) with n >= 1")
-    _expect(ranges.shape == (len(t), n_beams), "ranges", ranges.shape, f"{(len(t), n_beams)}")
-    _expect(bool(np.isfinite(t).all()), "t", "stamps that are not finite", "seconds")
+    expect(t.ndim == 1 and len(t) > 0, "t", t.shape, "(n,) with n >= 1")
+    expect(ranges.shape == (len(t), n_beams), "ranges", ranges.shape, f"{(len(t), n_beams)}")
+    check_stamps("t", t)
 
 
 def _laser(data: dict[str, Any], n_beams: int) -> Laser:
     mount = _numbers(data, "mount", 1) if "mount" in data else np.zeros(3)
-    _expect(mount.shape == (3,), "mount", mount.shape, "(3,)")
+    expect(mount.shape == (3,), "mount", mount.shape, "(3,)")
     scalars = {key: float(_numbers(data, key, 0)) for key in REQUIRED[2:]}
-    laser = Laser(
-        n_beams=n_beams,
-        mount=Pose2(*mount.tolist()),
-        time_increment=float(_numbers(data, "time_increment", 0))
-        if "time_increment" in data
-        else 0.0,
-        **scalars,
-    )
-    numbers = (*scalars.values(), laser.time_increment, *laser.mount)
-    _expect(all(np.isfinite(numbers)), "the laser's geometry", numbers, "finite numbers")
-    _expect(n_beams >= 1, "ranges", f"{n_beams} beams", "at least one")
-    turns = laser.angle_increment != 0.0 or n_beams == 1
-    _expect(turns, "angle_increment", laser.angle_increment, "a step between the beams, not 0")
-    limits = (laser.range_min, laser.range_max)
-    _expect(0.0 <= limits[0] < limits[1], "range_min, range_max", limits, "0 <= min < max")
-    _expect(laser.time_increment >= 0.0, "time_increment", laser.time_increment, ">= 0 s")
-    return laser
+    between = float(_numbers(data, "time_increment", 0)) if "time_increment" in data else 0.0
+    return Laser(n_beams=n_beams, mount=Pose2(*mount.tolist()), time_increment=between, **scalars)
 
 
 def _meta(data: dict[str, Any]) -> dict[str, Any]:
@@ -257,7 +241,7 @@ def _meta(data: dict[str, Any]) -> dict[str, Any]:
         meta = json.loads(str(data.get("meta", "{}")))
     except json.JSONDecodeError:
         meta = None
-    _expect(isinstance(meta, dict), "meta", "other text", "a JSON object")
+    expect(isinstance(meta, dict), "meta", "other text", "a JSON object")
     return dict(meta)
 
 
@@ -267,9 +251,7 @@ def _track(data: dict[str, Any], key: str, t: Floats, ndim: int) -> Track | None
     values = _numbers(data, key, ndim)
     stamps = _numbers(data, f"{key}_t", 1) if f"{key}_t" in data else t
     shape = (len(stamps), 3)[:ndim]
-    _expect(values.shape == shape and len(stamps) > 0, key, values.shape, f"{shape}")
-    finite = np.isfinite(values).all() and np.isfinite(stamps).all()
-    _expect(bool(finite), key, "values that are not finite", "numbers")
+    expect(values.shape == shape and len(stamps) > 0, key, values.shape, f"{shape}")
     return Track(stamps, values)
 
 
@@ -280,19 +262,20 @@ def _numbers(data: dict[str, Any], key: str, ndim: int) -> Floats:
 def _checked(data: dict[str, Any], key: str, ndim: int) -> NDArray[Any]:
     array = np.asarray(data[key])
     kind = array.dtype.kind in "fiu"
-    _expect(kind, key, f"{array.dtype} values", "numbers")
-    _expect(array.ndim == ndim, key, f"{array.ndim} dimensions", f"{ndim}")
+    expect(kind, key, f"{array.dtype} values", "numbers")
+    expect(array.ndim == ndim, key, f"{array.ndim} dimensions", f"{ndim}")
     return array
 
 
-def _expect(condition: bool, what: str, given: object, expected: str) -> None:
-    if not condition:
-        raise ValueError(f"{what}: got {given}, expected {expected}")
+def single(ranges: ArrayLike) -> Ranges:
+    """Ranges as float32; what is too great for it is beyond every laser."""
+    with np.errstate(over="ignore"):
+        return np.asarray(ranges).astype(np.float32, copy=False)
 
 
 def _rep117(ranges: Ranges, laser: Laser) -> Ranges:
     """Read-only ranges: beyond range_max is inf, below range_min (or -inf) is nan."""
-    clean = np.array(ranges, np.float32, order="C")
+    clean = np.array(single(ranges), order="C")
     clean[clean >= laser.range_max] = np.inf
     clean[clean < laser.range_min] = np.nan
     clean.flags.writeable = False

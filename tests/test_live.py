@@ -234,10 +234,13 @@ def test_reset_starts_a_new_map(log):
     [
         ({"ranges": []}, r"ranges: got shape \(0,\)"),
         ({"ranges": [[1.0]]}, r"ranges: got shape \(1, 1\)"),
-        ({"range_max": 0.0}, "not the geometry of a laser"),
-        ({"angle_min": math.nan}, "not the geometry of a laser"),
-        ({"ranges": [1.0, 2.0], "angle_increment": 0.0}, "expected an angle, a step between"),
-        ({"range_max": math.inf}, "not the geometry of a laser"),
+        ({"range_max": 0.0}, r"range_min, range_max: got \(0.1, 0.0\)"),
+        ({"angle_min": math.nan}, "the laser's geometry: got .*nan.*, expected finite numbers"),
+        (
+            {"ranges": [1.0, 2.0], "angle_increment": 0.0},
+            "angle_increment: got 0.0, expected a step between",
+        ),
+        ({"range_max": math.inf}, "the laser's geometry: got .*inf.*, expected finite numbers"),
         ({"odometry": (1.0, 2.0)}, "odometry: got 2 numbers, expected x, y, theta"),
         ({"stamp": math.inf}, "stamps that are not finite"),
     ],

@@ -174,7 +174,7 @@ def test_picture(tmp_path):
         ("resolution: 0.1\norigin: [0, 0, 1.5]\n", "yaw 0"),
         ("resolution: -1\norigin: [0, 0, 0]\n", "expected metres per cell"),
         ("resolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: low\n", "not a number"),
-        ("origin: [0, 0\n", "not readable as yaml"),
+        ("origin: [0, 0\n", "not a YAML file"),
     ],
 )
 def test_a_bad_map_is_refused_in_one_line(tmp_path, head, message):

@@ -156,7 +156,7 @@ class Comparison(NamedTuple):
 
 def save(folder: Path, comparison: Comparison) -> None:
     """Write results.json and arrays.npz."""
-    from slams.formats.files import write_npz
+    from slams.formats.npz import write_npz
 
     write_figures(folder / FIGURES, comparison.as_dict())
     arrays: dict[str, Any] = {"format": FORMAT}

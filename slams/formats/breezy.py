@@ -16,10 +16,10 @@ import numpy as np
 from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.packed import name_of, text_of
 from slams.formats.sweep import Geometry, Sweep, common
+from slams.plausible import FAR, LATEST
 from slams.scanlog import ScanLog, Track
 from slams.types import IDENTITY, Floats, wrap_angle
 
-MOST = 1e15  # greater numbers are broken
 HEAD, N_BEAMS, AHEAD = 25, 682, 340
 STEP = 2.0 * math.pi / 1024.0
 RANGE_MIN, RANGE_MAX = 0.06, 5.6  # what the sensor's protocol counts as a reading
@@ -84,7 +84,7 @@ def _row(words: list[str], geometry: Geometry) -> Row:
         raise ValueError(f"got {len(words)} numbers, expected {HEAD} and {N_BEAMS} ranges")
     t = float(words[0]) * 1e-6
     counts = float(words[2]), float(words[3])
-    if not all(abs(number) < MOST for number in (t, *counts)):
+    if not (abs(t) < LATEST and all(abs(count) < FAR / PER_COUNT for count in counts)):
         raise ValueError(f"got {' '.join(words[:4])}, expected microseconds and wheel counts")
     millimetres = np.array(words[HEAD:], np.float64)
     millimetres[millimetres == 0.0] = np.inf

@@ -25,6 +25,7 @@ import numpy as np
 from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.packed import name_of, text_of
 from slams.formats.sweep import Geometry, Sweep, common, usable
+from slams.plausible import FAR, LATEST
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats, Laser, Pose2, Ranges
 
@@ -197,12 +198,14 @@ def _pose_row(words: list[str]) -> list[float]:
 
 
 def _stamp(words: list[str]) -> float:
-    return _numbers(words[-TAIL : -TAIL + 1])[0]
+    stamp = float(words[-TAIL])
+    _expect(abs(stamp) < LATEST)
+    return stamp
 
 
 def _numbers(words: list[str]) -> list[float]:
     numbers = [float(word) for word in words]
-    _expect(all(map(math.isfinite, numbers)))
+    _expect(all(abs(number) < FAR for number in numbers))
     return numbers
 
 

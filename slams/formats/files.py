@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import os
 import platform
 import shutil
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 
 def check_folder(folder: str | Path) -> None:
@@ -59,19 +54,3 @@ def _move(source: Path, target: Path) -> None:
             destination.mkdir(exist_ok=True)
         else:
             path.replace(destination)
-
-
-def write_npz(path: Path, arrays: dict[str, Any]) -> None:
-    """As numpy's savez_compressed, with a fixed date so that equal logs are equal files."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-            for key, value in arrays.items():
-                buffer = io.BytesIO()
-                np.lib.format.write_array(buffer, np.asarray(value), allow_pickle=False)
-                info = zipfile.ZipInfo(f"{key}.npy", (1980, 1, 1, 0, 0, 0))
-                info.compress_type = zipfile.ZIP_DEFLATED
-                archive.writestr(info, buffer.getvalue(), compresslevel=1)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from slams.plausible import FAR
 from slams.scanlog import Track
 from slams.types import Floats, Pose2, wrap_angle
 
 RIGID = 1e-4  # [m, and of a quaternion] that a transform moves by rounding
 BASES = ("base_link", "base_footprint")  # REP 105
-FAR = 1e7  # [m] no robot drives so far: a broken number
 TILT = math.radians(10.0)  # [rad] out of the plane that is too much
 
 Edge = tuple[str, str]  # parent, child

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,6 +11,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from slams.formats import yaml_file
 from slams.types import Floats, OccupancyGrid
 
 OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196  # 205 = unknown must not load as free
@@ -28,7 +31,7 @@ def write_map(folder: str | Path, grid: OccupancyGrid) -> None:
         OSError: a file cannot be written, or the map has no cells.
     """
     folder = Path(folder)
-    _write_image(folder / "map.pgm", trinary(grid))
+    write_image(folder / "map.pgm", trinary(grid))
     entries = {
         "image": "map.pgm",
         "mode": "trinary",
@@ -130,11 +133,7 @@ def _head(path: Path) -> Head:
 
 
 def _entries(path: Path) -> dict[str, Any]:
-    try:
-        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # no text, no date, too deep
-        reason = " ".join(str(error).split())
-        raise ValueError(f"{path}: not readable as yaml: {reason}") from error
+    entries = yaml_file.parse(yaml_file.read_text(path), path)
     known = entries if isinstance(entries, dict) else {}
     missing = [key for key in ("image", "resolution", "origin") if key not in known]
     if missing:
@@ -206,20 +205,28 @@ def picture(grid: OccupancyGrid, poses: Floats | None = None, least: int = 900) 
 
 def write_picture(path: str | Path, grid: OccupancyGrid, poses: Floats | None = None) -> None:
     """Write `picture` as png."""
-    _write_image(Path(path), picture(grid, poses))
+    write_image(Path(path), picture(grid, poses))
 
 
 def write_images(folder: Path, images: dict[str, Pixels]) -> None:
     """Write images (h, w) or (h, w, 3) BGR under their file names."""
     for name, pixels in images.items():
-        _write_image(folder / name, pixels)
+        write_image(folder / name, pixels)
 
 
-def _write_image(path: Path, pixels: Pixels) -> None:
+def write_image(path: Path, pixels: Pixels) -> None:
+    """Write an image (h, w) or (h, w, 3) BGR in the format that its name ends in.
+
+    Raises:
+        OSError: it cannot be written, or has no pixels.
+    """
     import cv2
 
-    if not (pixels.size and cv2.imwrite(str(path), pixels)):
+    # not imwrite, which crashes on names that are not UTF-8
+    whole, data = cv2.imencode(path.suffix, pixels) if pixels.size else (False, pixels)
+    if not whole:
         raise OSError(f"{path}: the picture could not be written")
+    path.write_bytes(data.tobytes())
 
 
 def _read_image(path: Path, transparent: bool = False) -> Floats:
@@ -239,14 +246,24 @@ def _read_image(path: Path, transparent: bool = False) -> Floats:
 
 
 def _decoded(data: Pixels) -> NDArray[Any] | None:
-    """The picture in the bytes of a file, if it is one; OpenCV's own complaints are held back."""
+    """The picture in the bytes of a file, if it is one."""
+    import cv2
+
+    with silent_opencv():
+        try:
+            return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+        except cv2.error:  # larger than any picture
+            return None
+
+
+@contextmanager
+def silent_opencv() -> Iterator[None]:
+    """OpenCV's own complaints are held back: what fails is told in a sentence of ours."""
     import cv2
 
     logging = cv2.utils.logging
     before = logging.setLogLevel(logging.LOG_LEVEL_SILENT)
     try:
-        return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    except cv2.error:  # larger than any picture
-        return None
+        yield
     finally:
         logging.setLogLevel(before)

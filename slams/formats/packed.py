@@ -8,6 +8,8 @@ from pathlib import Path
 from slams.formats.options import DamagedError
 
 GZIP = b"\x1f\x8b"
+ROOM = 256 << 20  # bytes that any file may unpack to
+GROWTH = 50  # times its size beyond that; recordings grow 3 to 20 times
 
 
 def text_of(path: Path, salvage: bool, notes: list[str]) -> str:
@@ -20,7 +22,7 @@ def text_of(path: Path, salvage: bool, notes: list[str]) -> str:
     data = path.read_bytes()
     if not data.startswith(GZIP):
         return data.decode("latin-1")
-    text, reason = unpacked(data)
+    text, reason = all_unpacked(path, data)
     if reason and not salvage:
         raise DamagedError(f"{path}: {reason}; copy it again, or --salvage what is whole")
     if reason:
@@ -31,6 +33,34 @@ def text_of(path: Path, salvage: bool, notes: list[str]) -> str:
 def name_of(path: Path) -> str:
     """What a log is called: the file's name without its endings."""
     return path.resolve().name.removesuffix(".gz").rpartition(".")[0] or path.resolve().name
+
+
+def check_growth(path: str | Path, size: int, unpacked_size: int) -> None:
+    """Refuse, before memory is taken for it, what packs better than any recording.
+
+    Raises:
+        ValueError: so much cannot come of a file of this size [bytes].
+    """
+    if unpacked_size > _room(size):
+        raise ValueError(
+            f"{path}: unpacks to {1e-9 * unpacked_size:.1f} GB or more from {1e-6 * size:.1f} MB, "
+            "as no recording does; if this is one, give it unpacked"
+        )
+
+
+def _room(size: int) -> int:
+    return max(ROOM, GROWTH * size)
+
+
+def all_unpacked(path: str | Path, data: bytes) -> tuple[bytes, str]:
+    """As `unpacked`, all of it.
+
+    Raises:
+        ValueError: it is more than a recording packs.
+    """
+    text, reason = unpacked(data, _room(len(data)) + 1)
+    check_growth(path, len(data), len(text))
+    return text, reason
 
 
 def unpacked(data: bytes, most: int = 0) -> tuple[bytes, str]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slams.formats.packed import GZIP, unpacked
+from slams.formats.packed import GZIP, all_unpacked
 from slams.types import Floats
 
 BOM = b"\xef\xbb\xbf"  # that spreadsheets put before a csv
@@ -53,7 +53,7 @@ def lines_of(path: str | Path) -> list[str]:
     """The lines of a text that are not empty, without the space around them."""
     data = Path(path).read_bytes()
     if data.startswith(GZIP):
-        data, reason = unpacked(data)
+        data, reason = all_unpacked(path, data)
         if reason:
             raise ValueError(f"{path}: damaged or cut short ({reason}); copy it again")
     lines = data.removeprefix(BOM).decode("latin-1").split("\n")

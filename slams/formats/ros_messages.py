@@ -24,11 +24,14 @@ from slams.formats.bag import (
     Record,
     decoder,
 )
-from slams.formats.frames import FAR, Transforms, bare, seconds, yaw_of
+from slams.formats.frames import Transforms, bare, seconds, yaw_of
 from slams.formats.options import DamagedError
 from slams.formats.sweep import Geometry, Sweep
+from slams.plausible import FAR
 from slams.scanlog import Track
 from slams.types import Floats, Ranges
+
+ZSTD = b"\x28\xb5\x2f\xfd"
 
 
 class Row(NamedTuple):
@@ -76,6 +79,11 @@ class Messages:
         any(self._read(path, bag, record, salvage) for record in bag.records({topic}))
 
     def _read(self, path: Path, bag: Bag, record: Record, salvage: bool) -> bool:
+        if record.data.startswith(ZSTD) and not bag.ros1:  # no message begins like this
+            raise ValueError(
+                f"{path}: its messages are compressed, which only the metadata.yaml beside it "
+                "tells; give the folder of the bag"
+            )
         try:
             message = decoder(bag.ros1)(record.data, record.msgtype)
         except Exception as error:  # the library's parsers raise what they stumble over

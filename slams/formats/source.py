@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ from typing import Any
 from slams.formats import breezy, carmen, rosbag, trajectory
 from slams.formats.kind import BAGS, kind_of
 from slams.formats.options import SourceOptions
+from slams.plausible import expect
 from slams.scanlog import ScanLog, load_npz
 
 FAMILY = {"npz": "an npz file", "carmen": "a CARMEN log", "breezy": "a BreezySLAM .dat"}
@@ -17,6 +20,7 @@ NOT_IN = {  # options that say nothing about a kind; what is not named is a bag
     "carmen": ("imu", "base_frame"),
     "breezy": ("scan_topic", "odom", "imu", "base_frame"),
 }
+SLOW, LONGEST_PERIOD = 10.0, 1000.0  # [s] from scan to scan: doubtful, and never
 COVERED = 0.9  # share of the scans that a track should reach over
 
 
@@ -38,8 +42,21 @@ def load(path: str | Path, options: SourceOptions | None = None, **choices: Any)
     if first is not None and not abs(first) <= 360.0:
         raise ValueError(f"--first-beam: got {first:g}, expected degrees from -360 to 360")
     kind = kind_of(path)
-    log = _with_truth(path, kind, options)
-    return _noted(log, [*log.notes, *_left_aside(kind, options), *_uncovered(log)])
+    with _named(path):
+        log = _with_truth(path, kind, options)
+        pace = _pace(log)
+    return _noted(log, [*log.notes, *_left_aside(kind, options), *_uncovered(log), *pace])
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """What is wrong with a log's numbers is said with its name."""
+    try:
+        yield
+    except ValueError as error:
+        if type(error) is not ValueError or str(path) in str(error):
+            raise
+        raise ValueError(f"{path}: {error}") from error
 
 
 def _with_truth(path: Path, kind: str, options: SourceOptions) -> ScanLog:
@@ -85,6 +102,15 @@ def _left_aside(kind: str, options: SourceOptions) -> list[str]:
     given = [name for name in names if getattr(options, name) not in (None, "none")]
     flags = ", ".join(f"--{name.replace('_', '-')}" for name in given)
     return [f"{flags}: nothing to choose in {FAMILY.get(kind, 'a bag')}"] if given else []
+
+
+def _pace(log: ScanLog) -> list[str]:
+    """Tell of stamps that go forward in another unit than seconds, as counts from 0 can."""
+    period = log.scan_period
+    expect(period < LONGEST_PERIOD, "t", f"a scan every {period:g} s", "seconds")
+    if period < SLOW:
+        return []
+    return [f"a scan every {period:g} s; milliseconds? the stamps of a log are seconds"]
 
 
 def _uncovered(log: ScanLog) -> list[str]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slams.plausible import LONGEST_RANGE
 from slams.types import Floats, Laser, Pose2, Ranges
 
 SAME = 0.01  # directions that differ by less than this part of a step are the same
@@ -118,11 +119,11 @@ def _laser(
 def _limits(geometry: Geometry, rows: Ranges, notes: list[str]) -> tuple[float, float]:
     """The driver's range limits, or what the readings say where it gives none."""
     low, high = geometry.range_min, geometry.range_max
-    if not (math.isfinite(low) and low >= 0.0):
+    if not 0.0 <= low < LONGEST_RANGE:
         low = 0.0
-    if not (math.isfinite(high) and high > low):
-        seen = rows[np.isfinite(rows) & (rows > low)]
-        high = float(seen.max()) * 1.001 if seen.size else low + 1.0
+    if not low < high <= LONGEST_RANGE:
+        seen = rows[(rows > low) & (rows < LONGEST_RANGE)]
+        high = min(float(seen.max()) * 1.001, LONGEST_RANGE) if seen.size else low + 1.0
         notes.append(f"range_max is {geometry.range_max:g}; {high:.2f} m are taken instead")
     return low, high
 

@@ -14,14 +14,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
+from slams.formats import yaml_file
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-LARGEST = 1 << 18  # bytes
-MOST_VALUES = 10_000  # a YAML file with aliases can hold more than its length tells
+MOST_VALUES = 10_000
+MOST_FILLED = 1 << 20  # characters that substitutions put into a launch file
 DEEPEST = 50
+LONGEST_NUMBER = 100  # characters
 SUBSTITUTION = re.compile(r"\$\((\w+)\s+([^()]*)\)")
 PARAMETERS = "ros__parameters"
 
@@ -63,42 +64,15 @@ def _text(path: Path) -> str:
         raise ValueError(
             f"{path}: a Python launch file is a program; give the YAML file with its parameters"
         )
-    with path.open("rb") as file:
-        raw = file.read(LARGEST + 1)
-    if len(raw) > LARGEST:
-        raise ValueError(f"{path}: larger than a launch or parameter file ever is")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: not text; expected a launch file or YAML parameters") from None
+    return yaml_file.read_text(path)
 
 
 def _of_yaml(text: str, path: Path, nodes: set[str], known: set[str]) -> NodeParameters:
-    content = _parsed_yaml(text, path)
+    content = yaml_file.parse(text, path)
     if not isinstance(content, dict):
         raise ValueError(f"{path}: expected parameters 'name: value', or a launch file")
     leaves = list(_leaves(content, path))
     return NodeParameters(_by_name(_of_node(leaves, path, nodes, known), path))
-
-
-def _parsed_yaml(text: str, path: Path) -> Any:
-    if _nesting(text) > DEEPEST:  # YAML takes its time over these
-        raise ValueError(f"{path}: nested too deeply for a parameter file")
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path}: not a YAML file ({' '.join(str(error).split())})") from error
-    except ValueError as error:  # a date that is none
-        raise ValueError(f"{path}: not a YAML file ({error})") from error
-
-
-def _nesting(text: str) -> int:
-    """How deep brackets stand in each other; those in comments are units and intervals."""
-    depth = deepest = 0
-    for bracket in re.findall(r"[\[{\]}]", re.sub(r"#.*", "", text)):
-        depth = max(0, depth + (1 if bracket in "[{" else -1))
-        deepest = max(deepest, depth)
-    return deepest
 
 
 def _leaves(content: dict[Any, Any], path: Path) -> Iterator[Leaf]:
@@ -204,6 +178,7 @@ class _Launch:
         self.outside: list[Leaf] = []
         self._path = path
         self._nodes = nodes
+        self._filled_in = 0
 
     def walk(self, parent: Element, args: dict[str, str], groups: tuple[str, ...]) -> None:
         """Take the parameters of a `<launch>` or `<group>`; `groups` are namespaces around it."""
@@ -255,11 +230,13 @@ class _Launch:
             return []
         if element.tag == "param" and "name" in element.attrib:
             value = self._filled(element.get("value", ""), args)
-            return [(_parts(self._filled(element.attrib["name"], args)), _scalar(value))]
+            return [
+                (_parts(self._filled(element.attrib["name"], args)), _scalar(value, self._path))
+            ]
         if element.tag != "rosparam":
             return []
         text = self._filled(element.text or "", args)
-        content = _parsed_yaml(text, self._path)
+        content = yaml_file.parse(text, self._path)
         names = _parts(f"{element.get('ns', '')}/{element.get('param', '')}")
         if isinstance(content, dict):
             return [((*names, *leaf), value) for leaf, value in _leaves(content, self._path)]
@@ -281,21 +258,32 @@ class _Launch:
         """`text` with `$(arg x)`, `$(env X)` and `$(optenv X y)` filled in where known."""
 
         def _value(match: re.Match[str]) -> str:
-            kind, content = match[1], match[2].strip()
-            if kind in ("arg", "var"):
-                return args.get(content, match[0])
-            name, _, otherwise = content.partition(" ")
-            if kind == "env":
-                return os.environ.get(name, match[0])
-            return os.environ.get(name, otherwise) if kind == "optenv" else match[0]
+            value = _meaning(match, args)
+            self._filled_in += len(value)
+            if self._filled_in > MOST_FILLED:
+                raise ValueError(f"{self._path}: its $(arg ...) make it longer than 1 MB")
+            return value
 
         return SUBSTITUTION.sub(_value, text)
 
 
-def _scalar(text: str) -> Any:
+def _meaning(match: re.Match[str], args: dict[str, str]) -> str:
+    """What a substitution stands for, itself where that is not known."""
+    kind, content = match[1], match[2].strip()
+    if kind in ("arg", "var"):
+        return args.get(content, match[0])
+    name, _, otherwise = content.partition(" ")
+    if kind == "env":
+        return os.environ.get(name, match[0])
+    return os.environ.get(name, otherwise) if kind == "optenv" else match[0]
+
+
+def _scalar(text: str, path: Path) -> Any:
     """A value as roslaunch would type it: number, truth or text."""
+    if len(text) > LONGEST_NUMBER:
+        return text
     try:
-        value = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError):
+        value = yaml_file.parse(text, path)
+    except ValueError:
         return text
     return value if isinstance(value, int | float | bool) else text

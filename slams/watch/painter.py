@@ -87,6 +87,7 @@ def _draw_head(image: Pixels, text: str, scale: float) -> None:
 
     font = cv2.FONT_HERSHEY_SIMPLEX
     image[:HEAD] = 245
+    text = text.encode("ascii", "replace").decode("ascii")  # all that the font has
     cv2.putText(image, text, (12, 26), font, 0.55, TEXT_COLOR, 1, cv2.LINE_AA)
     meters = max(1, round(0.15 * WIDTH / scale))
     right = 12 + round(meters * scale)

@@ -9,13 +9,14 @@ import math
 import os
 import re
 import shutil
+import struct
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
-from slams.formats.occupancy import Pixels
+from slams.formats.occupancy import Pixels, silent_opencv, write_image
 from slams.watch.painter import HEIGHT, WIDTH, Painter
 from slams.watch.scene import Scene
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 RATE = 20  # frames per second
 LENGTH = 300  # frames, unless --video-every says otherwise
 REDRAW = 5  # frames from one drawing of the map to the next
+QUIET = "-8"  # ffmpeg's least talkative level
 FRAME = re.compile(r"\d{5,}\.png")  # what a folder of frames holds, and nothing else
 
 
@@ -65,7 +67,8 @@ class Video:
         self._slam = slam
         self._title = title
         self._every = every
-        self._writer = _writer(check_target(path))
+        self._path = check_target(path)
+        self._writer = _writer(self._path)
         self._scene = Scene()
         self._painter = Painter(self._scene)
         self._frames = 0
@@ -82,8 +85,10 @@ class Video:
                 self._frames = 0  # the last frame has the last map
                 self._draw()
             self._writer.close(complete=kind is None)
-        except BaseException:
+        except BaseException as problem:
             self._writer.close(complete=False)
+            if isinstance(problem, OSError):
+                raise self._unwritten(problem) from problem
             raise
 
     def watch(self, scan: Scan, pose: Pose2) -> None:
@@ -103,7 +108,14 @@ class Video:
         quality = getattr(self._slam, "quality", None)
         if quality is not None:
             text += f"   match {quality:.2f}"
-        self._writer.write(self._painter.frame(text))
+        try:
+            self._writer.write(self._painter.frame(text))
+        except OSError as error:
+            raise self._unwritten(error) from error
+
+    def _unwritten(self, error: OSError) -> RuntimeError:
+        reason = (error.strerror or str(error)).lower()
+        return RuntimeError(f"--video: {self._path}: {reason}; nothing of the film is kept")
 
 
 class Writer(Protocol):
@@ -147,19 +159,45 @@ class _Mp4(_Target):
         import cv2
 
         super().__init__(path)
+        try:
+            name = str(self.partial).encode("utf-8").decode("utf-8")
+        except UnicodeEncodeError:  # OpenCV crashes on these
+            raise OSError(
+                f"--video: {path}: the name is not UTF-8; .gif or a folder can do"
+            ) from None
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", QUIET)
         code = cv2.VideoWriter.fourcc(*"mp4v")
-        self._film = cv2.VideoWriter(str(self.partial), code, RATE, (WIDTH, HEIGHT))
+        self._film = cv2.VideoWriter(name, code, RATE, (WIDTH, HEIGHT))
         if not self._film.isOpened():
             raise OSError(f"--video: {path}: OpenCV cannot write mp4 here; .gif or a folder can do")
 
     def write(self, image: Pixels) -> None:
         """Take one frame."""
-        self._film.write(image)
+        with silent_opencv():
+            self._film.write(image)
 
     def close(self, complete: bool) -> None:
-        """End the film; rename or remove."""
-        self._film.release()
+        """End the film; rename or remove. OpenCV does not tell whether its writing went well."""
+        with silent_opencv():
+            self._film.release()
+        if complete and self.partial.exists() and not is_whole(self.partial):
+            raise OSError("it could not be written whole; is the disk full?")
         super().close(complete)
+
+
+def is_whole(film: Path) -> bool:
+    """Whether the boxes of an mp4 file fill it, with the table of its frames among them."""
+    size, place, kinds = film.stat().st_size, 0, set()
+    with film.open("rb") as file:
+        while place < size:
+            file.seek(place)
+            length, kind, longer = struct.unpack(">I4sQ", file.read(16).ljust(16, b"\0"))
+            length = longer if length == 1 else length
+            if length < 8:
+                return False
+            kinds.add(kind)
+            place += length
+    return place == size and {b"mdat", b"moov"} <= kinds
 
 
 class _Gif(_Target):
@@ -221,10 +259,7 @@ class _Folder(_Target):
 
     def write(self, image: Pixels) -> None:
         """Take one frame."""
-        import cv2
-
-        if not cv2.imwrite(str(self.partial / f"{self._count:05d}.png"), image):
-            raise RuntimeError(f"--video: {self.path}: the picture could not be written")
+        write_image(self.partial / f"{self._count:05d}.png", image)
         self._count += 1
 
     def close(self, complete: bool) -> None:

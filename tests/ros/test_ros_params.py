@@ -218,10 +218,10 @@ ALIASES = "a0: &a0 [1, 1]\n" + "\n".join(
     ("text", "sentence"),
     [
         (BOMB, "no <!DOCTYPE"),
-        (ALIASES, "more values than a parameter file ever has"),
+        (ALIASES, "its aliases make more values than a person writes"),
         ("[" * 5000, "nested too deeply"),
         ("<launch>" + "<group>" * 5000 + "</group>" * 5000 + "</launch>", "nested too deeply"),
-        ("x" * (2 << 20), "larger than a launch or parameter file"),
+        ("x" * (2 << 20), "larger than 256 kB"),
     ],
     ids=["entities", "aliases", "deep YAML", "deep XML", "large"],
 )

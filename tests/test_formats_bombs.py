@@ -1,0 +1,119 @@
+"""Small files that claim to be, or become, very large: refused before memory is taken for them."""
+
+import gzip
+import io
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+
+import slams
+from slams.formats import packed, pose_tables
+from tests.rooms import drive
+
+ROOM, HUGE = 16 << 20, 96 << 20  # bytes
+MUCH = 4 * ROOM  # that a refusal may take
+
+
+@pytest.fixture(autouse=True)
+def _small_room(monkeypatch):
+    monkeypatch.setattr(packed, "ROOM", ROOM)
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "log.npz"
+    drive(n=20).save(path)
+    return path
+
+
+def refused(read, path):
+    """The sentence of a refusal that took little memory."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=path.name) as caught:
+            read(path)
+        assert tracemalloc.get_traced_memory()[1] < MUCH
+    finally:
+        tracemalloc.stop()
+    assert len(str(caught.value).splitlines()) == 1
+    return str(caught.value)
+
+
+def replace_member(path, name, content, mode=zipfile.ZIP_DEFLATED):
+    """The same npz, but for one array's bytes."""
+    with zipfile.ZipFile(path) as archive:
+        kept = {key: archive.read(key) for key in archive.namelist() if key != name}
+    with zipfile.ZipFile(path, "w", mode, compresslevel=1) as archive:
+        for key, value in kept.items():
+            archive.writestr(key, value)
+        with archive.open(name, "w") as member:
+            for part in content:
+                member.write(part)
+
+
+def header(shape, descr="<f4"):
+    """The beginning of an npy file."""
+    file = io.BytesIO()
+    given = {"shape": shape, "fortran_order": False, "descr": descr}
+    np.lib.format.write_array_header_1_0(file, given)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("shape", [(20, 1_250_000_000), (10**12, 0), (10**30,), (-1, 5)])
+def test_an_array_that_claims_another_size_than_it_has(shape, log):
+    replace_member(log, "ranges.npy", [header(shape), bytes(4000)])
+    refused(slams.load, log)
+
+
+def test_a_text_that_claims_a_hundred_gigabytes(log):
+    replace_member(log, "meta.npy", [header((), "<U25000000000"), bytes(100)])
+    refused(slams.load, log)
+
+
+@pytest.mark.parametrize("name", ["ranges", "odom"])
+def test_an_array_that_unpacks_to_a_thousand_times_its_size(name, log):
+    shape = {"ranges": (16, HUGE // 64), "odom": (HUGE // 24, 3)}[name]
+    zeros = [bytes(1 << 20)] * (HUGE >> 20)
+    replace_member(
+        log, f"{name}.npy", [header(shape, "<f4" if name == "ranges" else "<f8"), *zeros]
+    )
+    assert "unpacks to 0.1 GB" in refused(slams.load, log)
+
+
+def test_what_no_log_has_is_not_unpacked(log):
+    whole = slams.load(log)
+    replace_member(log, "more.npy", [header((HUGE // 4,)), *[bytes(1 << 20)] * (HUGE >> 20)])
+    tracemalloc.start()
+    assert len(slams.load(log)) == len(whole)
+    assert tracemalloc.get_traced_memory()[1] < MUCH
+    tracemalloc.stop()
+
+
+def test_a_calm_log_that_packs_well_is_read(tmp_path):
+    log = drive(n=20)
+    calm = np.full((2000, 361), np.inf, np.float32)
+    slams.ScanLog(np.arange(2000) / 40.0, calm, log.laser).save(tmp_path / "calm.npz")
+    assert len(slams.load(tmp_path / "calm.npz")) == 2000
+
+
+@pytest.mark.parametrize("flag", ["locked", "method"])
+def test_a_packing_that_cannot_be_undone_is_said(flag, log):
+    data = bytearray(log.read_bytes())
+    entry = data.rindex(b"PK\x01\x02", 0, data.index(b"ranges.npy", data.index(b"PK\x01\x02")))
+    local = data.index(b"ranges.npy") - 30
+    for place in (local + 6, entry + 8):
+        data[place if flag == "locked" else place + 2] = 1 if flag == "locked" else 14  # lzma
+    log.write_bytes(data)
+    refused(slams.load, log)
+
+
+def test_packed_text_that_becomes_a_hundred_times_as_long(tmp_path):
+    line = b"ODOM 0 0 0.1 0 0 0 100.0 h 0\n"
+    path = tmp_path / "drive.log.gz"
+    with gzip.open(path, "wb") as file:
+        for _ in range(HUGE >> 20):
+            file.write(line * ((1 << 20) // len(line)))
+    assert "unpacks to 0.0 GB" in refused(slams.load, path)
+    assert "unpacks to 0.0 GB" in refused(pose_tables.read, path)

@@ -1,0 +1,144 @@
+"""Folders, disks and homes as they can be: results whole, or one sentence and nothing left."""
+
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+
+import slams
+from slams.formats.occupancy import write_image
+from slams.scanlog import ScanLog
+from slams.watch.video import is_whole
+from tests import bags
+from tests.rooms import drive
+
+ROOT = Path(__file__).resolve().parents[1]
+TORN = os.fsdecode(b"a\xff")  # a name that is not UTF-8
+FULL = 2048  # bytes that a file may have on the disk that is full
+
+
+def run(folder, *arguments, full=False):
+    """slams.run in a process of its own: OpenCV crashes on such names."""
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (FULL, resource.RLIM_INFINITY))
+
+    return subprocess.run(
+        [sys.executable, "-m", "slams.run", "odometry", *map(os.fsencode, map(str, arguments))],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        preexec_fn=limit if full else None,
+    )
+
+
+@pytest.fixture
+def log(tmp_path):
+    """A log whose name is that of its file."""
+    whole = drive(n=10)
+    path = tmp_path / "log.npz"
+    ScanLog(whole.t, whole.ranges, whole.laser, whole.odom).save(path)
+    return path
+
+
+def parts(folder):
+    return [path for path in folder.iterdir() if path.name.startswith(".")]
+
+
+@pytest.mark.parametrize("film", [".gif", ""])
+def test_names_that_are_not_utf8(film, log, tmp_path):
+    torn = log.rename(tmp_path / f"{TORN}.npz")
+    video = tmp_path / f"film{TORN}{film}"
+    done = run(tmp_path, torn, "--mcap", "--video", video)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert os.fsencode(TORN) in done.stdout
+    out = tmp_path / "results" / f"{TORN}-odometry"
+    assert {"map.png", "map.pgm", "result.mcap", "summary.json"} <= {
+        path.name for path in out.iterdir()
+    }
+    assert video.exists()
+    assert parts(tmp_path) == parts(out.parent) == []
+
+
+def test_an_mp4_with_such_a_name_is_refused_before_the_run(log, tmp_path):
+    done = run(tmp_path, log, "--video", tmp_path / f"{TORN}.mp4")
+    assert done.returncode == 2
+    assert b"the name is not UTF-8; .gif or a folder can do\n" in done.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.npz"]
+
+
+@pytest.mark.parametrize("film", ["f.mp4", "f.gif", "frames"])
+def test_a_film_on_a_full_disk(film, log, tmp_path):
+    done = run(tmp_path, log, "-q", "--video", tmp_path / film, full=True)
+    sentence = done.stderr.decode()
+    assert done.returncode == 1, sentence
+    assert sentence.count("\n") == 1
+    assert f"--video: {tmp_path / film}: " in sentence
+    assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
+
+
+def test_results_on_a_full_disk(log, tmp_path):
+    done = run(tmp_path, log, "-q", "--mcap", full=True)
+    assert done.returncode == 2
+    assert done.stderr.count(b"\n") == 1
+    assert list((tmp_path / "results").iterdir()) == []
+
+
+def test_a_film_that_is_not_whole_is_known(log, tmp_path):
+    film = tmp_path / "f.mp4"
+    assert run(tmp_path, log, "-q", "--video", film).returncode == 0
+    assert is_whole(film)
+    data = film.read_bytes()
+    for cut in (0, 8, 40, 200, -8, -1):
+        film.write_bytes(data[:cut])
+        assert not is_whole(film), cut
+
+
+def test_pictures_are_those_of_opencv(tmp_path):
+    import cv2
+
+    pixels = np.arange(60, dtype=np.uint8).reshape(6, 10)
+    for name in ("a.png", "a.pgm"):
+        write_image(tmp_path / name, pixels)
+        cv2.imwrite(str(tmp_path / f"b{name}"), pixels)
+        assert (tmp_path / name).read_bytes() == (tmp_path / f"b{name}").read_bytes()
+    with pytest.raises(OSError, match=r"empty\.png: the picture could not be written"):
+        write_image(tmp_path / "empty.png", pixels[:0])
+
+
+def test_matplotlib_says_nothing_where_there_is_no_home(tmp_path):
+    (tmp_path / "file").touch()
+    home = {"HOME": str(tmp_path / "file" / "none")}
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("XDG", "MPL"))}
+    code = (
+        "from slams import cli\n"
+        "def plot():\n"
+        "    import matplotlib.figure\n"
+        "    return 0\n"
+        "cli.run_command('x', plot)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=kept | home, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("salvage", [False, True])
+def test_a_bare_file_of_compressed_messages_asks_for_its_folder(salvage, tmp_path):
+    writer = Writer2(tmp_path / "drive", version=9, storage_plugin=StoragePlugin.SQLITE3)
+    writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    make = bags.Make(bags.ROS2)
+    messages = [("/scan", t, make.scan(t, np.ones(50))) for t in 0.1 * np.arange(5)]
+    with writer:
+        bags._put(writer, bags.ROS2, bags.ROS2.serialize_cdr, messages)
+    assert len(slams.load(tmp_path / "drive")) == 5
+    (bare,) = (tmp_path / "drive").glob("*.db3")
+    with pytest.raises(ValueError, match=r"messages are compressed.*give the folder") as caught:
+        slams.load(bare, salvage=salvage)
+    assert str(bare) in str(caught.value)
