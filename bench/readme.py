@@ -26,10 +26,10 @@ RANKING = ROOT / "bench" / "readme_ranking.json"
 PUBLIC = ROOT / "bench" / "readme_public.json"
 SWEEP = ROOT / "bench" / "readme_sweep.json"
 PICTURES = ("fig2_translation.png", "fig4_maps.png")
-GLANCE = ("translation", "orientation", "glance")
-SHOWN = ("spans", "bound", "overview", "maps", "cost")
+GLANCE = ("glance",)
+SHOWN = ("translation", "orientation", "spans", "bound", "overview", "maps", "cost")
 PART = re.compile(
-    r"(<!-- (glance|results|sweep|relations|ranking|public|(?:ros-)?parameters: (\w+)) -->\n)"
+    r"(<!-- (glance|results|sweep|field|relations|ranking|public|(?:ros-)?parameters: (\w+)) -->\n)"
     r".*?(<!-- end -->)",
     re.DOTALL,
 )
@@ -138,12 +138,12 @@ def _body(part: str, name: str | None) -> str:
 
 
 def glance() -> str:
-    """The paper's tables and the one-screen overview of the committed results."""
+    """The one-screen overview of the committed results."""
     return _tables(GLANCE)
 
 
 def results() -> str:
-    """The other tables of the committed results, and the verdicts."""
+    """The paper's tables and the others of the committed results, and the verdicts."""
     from bench.report.words import neighbors
 
     log = read_figures(RESULTS)["logs"][0]
@@ -248,6 +248,7 @@ PARTS = {
     "glance": glance,
     "results": results,
     "sweep": lambda: readme_sweep.part(SWEEP),
+    "field": lambda: readme_sweep.field_part(SWEEP),
     "relations": relations,
     "ranking": ranking,
     "public": public,

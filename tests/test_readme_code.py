@@ -13,7 +13,10 @@ from slams import check
 from slams.registry import Entry, find
 from tests.rooms import drive
 
-README = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).resolve().parents[1]
+README = "\n".join(
+    path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/*.md"))
+)
 
 
 def block(word):
@@ -165,7 +168,7 @@ def test_the_node_of_the_readme_publishes_the_correction_and_the_map(ros):
 
 
 def test_the_example_algorithm_keeps_the_contract(tmp_path, monkeypatch):
-    text = (Path(check.__file__).parents[1] / "README.md").read_text()
+    text = README
     code = next(b for b in re.findall(r"```python\n(.*?)```", text, re.S) if "class Icp" in b)
     (tmp_path / "mine.py").write_text(code)
     monkeypatch.syspath_prepend(tmp_path)

@@ -42,16 +42,35 @@ def committed(path: Path) -> Sweep:
     )
 
 
+README = ("survival",)
+FIELD = ("errors", "reach", "alarms", "cost")
+
+
 def part(path: Path) -> str:
-    """Who survives, with which errors, and what the drives can tell apart."""
+    """Who survives, and the answer."""
     from bench.report import sweep_tables
-    from bench.report.text import markdown_table
 
     found = committed(path)
     cpu = found.record["machine"]["cpu"]
-    parts = [f"`{found.record['command']}`, on {cpu}: {sweep_tables.head(found)}."]
-    for name, made in sweep_tables.tables(found).items():
-        if name.startswith(("survival", "errors", "alarms")):
-            parts += [f"**{made.title}**", markdown_table(made.frame, made.corner)]
-    lines = [*sweep_tables.answer(found), *sweep_tables.verdict_lines(found)]
-    return "\n\n".join([*parts, "\n".join(f"- {line}" for line in lines)]) + "\n"
+    head = f"`{found.record['command']}`, on {cpu}: {sweep_tables.head(found)}."
+    return "\n\n".join([head, *_tables(found, README), _listed(sweep_tables.answer(found))]) + "\n"
+
+
+def field_part(path: Path) -> str:
+    """The other tables, and what the drives can tell apart."""
+    from bench.report import sweep_tables
+
+    found = committed(path)
+    return "\n\n".join([*_tables(found, FIELD), _listed(sweep_tables.verdict_lines(found))]) + "\n"
+
+
+def _tables(found: Sweep, kinds: tuple[str, ...]) -> list[str]:
+    from bench.report import sweep_tables
+    from bench.report.text import markdown_table
+
+    made = [one for name, one in sweep_tables.tables(found).items() if name.startswith(kinds)]
+    return [f"**{one.title}**\n\n{markdown_table(one.frame, one.corner)}" for one in made]
+
+
+def _listed(lines: list[str]) -> str:
+    return "\n".join(f"- {line}" for line in lines)
