@@ -17,7 +17,8 @@ from bench.results import sweep as results
 from bench.results.sweep import Sweep
 from bench.run import plan
 from bench.run.trial import judged
-from slams.player import Run
+from slams import Params, Pose2
+from slams.player import Run, replay
 from tests.rooms import drive
 
 
@@ -150,12 +151,13 @@ def test_a_trial_is_judged_against_the_truth():
     poses = truth.copy()
     poses[40:, 0] += 0.6
     says = np.zeros(60, bool)
-    says[44] = True
+    says[5] = True  # of nothing; the loss itself is never said
     run = Run(log.t, poses, np.full(60, 1e-3), 0.0, {"odometry": 3, "posed": 30}, says)
     found = judged(run, log)
     assert found["lost"]
     assert found["lost_at_s"] == pytest.approx(log.t[40] - log.t[0])
-    assert (found["episodes"], found["said_in_time"], found["false_alarms"]) == (1, 1, 0)
+    said = ("episodes", "said_in_time", "missed", "false_alarms")
+    assert [found[name] for name in said] == [1, 0, 1, 1]
     assert found["right_again"] is False
     assert found["used"] == ["laser", "wheels"]
     assert found["posed"] == 0.5
@@ -176,6 +178,33 @@ def test_wheels_that_nobody_looks_at_are_left_out(tmp_path):
     assert ("stall", True) in cases
     assert ("stall", False) not in cases
     assert len(cases) == 5
+    twice = [one._replace(log=one.log._replace(seed=seed)) for one in given for seed in (0, 1)]
+    made = plan.Plan(["odometry"], levels, twice, (False,), None, None).cases(tmp_path / "logs")
+    assert len({c.task.key for c in made if c.known["degradation"] == "clean"}) == 1
+    assert len({c.task.key for c in made if c.known["degradation"] == "noise"}) == 2
+
+
+def test_a_run_tells_at_which_scans_it_called_itself_lost():
+    class Doubting:
+        Params = Params
+        scans = lost = 0
+
+        def __init__(self, params):
+            pass
+
+        def update(self, scan):
+            self.scans += 1
+            self.lost += self.scans in (4, 5, 9)
+            return Pose2(0.0, 0.0, 0.0)
+
+        def map(self):
+            raise NotImplementedError
+
+        def report(self):
+            return {"lost": self.lost}
+
+    run = replay(Doubting(Params()), drive(n=12))
+    assert np.flatnonzero(run.says_lost).tolist() == [3, 4, 8]
 
 
 @pytest.fixture
