@@ -221,9 +221,18 @@ def _relation_cell(run: dict[str, Any]) -> str:
         return "-"
     error = run["relations"]["all"]["translation_m"]
     lost = " (lost)" if run["loss"]["lost"] else ""
-    starts = run.get("starts")
-    luck = f"; {starts['above']} of {starts['n']} starts above" if starts else ""
-    return f"{error['mean']:.4f} ± {error['std']:.4f}{lost}{luck}"
+    return f"{error['mean']:.4f} ± {error['std']:.4f}{lost}{_luck(run.get('starts'))}"
+
+
+def _luck(starts: dict[str, Any] | None) -> str:
+    """Over several start scans: mean, worst, how many above the limit; a lost run has no error."""
+    if not starts:
+        return ""
+    mean, worst = (
+        "-" if starts[key] is None else f"{starts[key]:.4f}" for key in ("mean", "worst")
+    )
+    above = f"{starts['above']} above {starts['limit_m']:g}"
+    return f"; {starts['n']} starts: mean {mean}, worst {worst}, {above}"
 
 
 def parameters(name: str) -> str:

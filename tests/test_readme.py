@@ -120,6 +120,21 @@ def test_a_sweep_is_kept_with_what_its_tables_show(tmp_path, monkeypatch):
     assert "long" not in readme.SWEEP.read_text()
 
 
+def test_start_luck_stands_in_the_table_of_real_logs(tmp_path, monkeypatch):
+    starts = {"n": 5, "mean": 0.0155, "worst": None, "above": 1, "limit_m": 0.03}
+    error = {"translation_m": {"mean": 0.01, "std": 0.002}}
+    run = {"relations": {"all": error, "used": 9}, "loss": {"lost": False}, "starts": starts}
+    kept = tmp_path / "relations.json"
+    kept.write_text(
+        json.dumps({"x, with odometry": {"hector": run, "tsd": run | {"starts": None}}})
+    )
+    monkeypatch.setattr(readme, "RELATIONS", kept)
+    text = readme.rendered("<!-- relations -->\n<!-- end -->")
+    told = "0.0100 ± 0.0020; 5 starts: mean 0.0155, worst -, 1 above 0.03"
+    assert f"| hector | {told} |" in text
+    assert "| tsd | 0.0100 ± 0.0020 |" in text
+
+
 def test_every_public_log_with_figures_says_where_it_is_from():
     logs = (
         compare.parser()
