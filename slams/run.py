@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from slams.params import Params
     from slams.player import Run
     from slams.registry import Entry
+    from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
     from slams.types import OccupancyGrid, Pose2, Scan, Slam
     from slams.watch.video import Video
@@ -85,7 +86,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(arguments: argparse.Namespace) -> int:
-    entry, params = cli.refusing(lambda: chosen(arguments))
+    entry, params, ros = cli.refusing(lambda: chosen(arguments))
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
@@ -94,7 +95,7 @@ def _command(arguments: argparse.Namespace) -> int:
     slam, run, start_up_s = _replayed(entry, params, log, arguments)
     text = cli.refusing(
         lambda: write_results(
-            folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap
+            folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap, ros=ros
         )
     )
     if not arguments.quiet:
@@ -106,8 +107,8 @@ def _command(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params]:
-    """The algorithm and its parameters.
+def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
+    """The algorithm, its parameters, and what came of ROS files.
 
     Defaults < preset < sensor < ROS files < YAML file < --set < --seed.
     """
@@ -120,23 +121,23 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params]:
     params = entry.params()
     if arguments.sensor:
         params = params.for_sensor(arguments.sensor)
-    if arguments.ros_params:
-        params = _with_ros_files(params, entry, arguments)
+    ros = _of_ros_files(params, entry, arguments) if arguments.ros_params else None
+    params = ros.params if ros else params
     if arguments.params:
         params = params.with_yaml(arguments.params)
     params = params.replace(**dict(_assignment(text) for text in arguments.changes))
     if arguments.seed is not None:
         params = params.replace(seed=arguments.seed)
-    return entry, params
+    return entry, params, ros
 
 
-def _with_ros_files(params: Params, entry: Entry, arguments: argparse.Namespace) -> Params:
+def _of_ros_files(params: Params, entry: Entry, arguments: argparse.Namespace) -> Taken:
     from slams.ros import ros_params
 
     taken = ros_params.take(params, arguments.ros_params, entry.preset)
     if not arguments.quiet:
         sys.stderr.write(ros_params.report(taken, entry.label))
-    return taken.params
+    return taken
 
 
 def parameter_table(params: Params) -> str:
@@ -159,6 +160,7 @@ def write_results(
     run: Run,
     start_up_s: float,
     mcap: bool = False,
+    ros: Taken | None = None,
 ) -> str:
     """Write all files of a run to `folder`, whole or not at all; returns the summary as text."""
     from slams.formats import files, occupancy, trajectory
@@ -166,6 +168,10 @@ def write_results(
     from slams.types import Illustrated
 
     summary = summarize(run, log, entry.label, params, start_up_s)
+    if ros is not None:
+        from slams.ros import ros_params
+
+        summary["ros_params"] = ros_params.record(ros)
     grid = slam.map()
     with files.complete_folder(folder) as partial:
         trajectory.write_csv(partial / "trajectory.csv", run.t, run.poses)
