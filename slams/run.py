@@ -35,7 +35,11 @@ def parser() -> argparse.ArgumentParser:
         epilog=f"Writes {', '.join(RESULTS)}.",
     )
     p.add_argument("algorithm", help=f"one of {', '.join(names())}; name@preset; or module:Class")
-    p.add_argument("log", nargs="?", help="scan log: npz, ROS bag, CARMEN log, BreezySLAM .dat")
+    p.add_argument(
+        "log",
+        nargs="*",
+        help="scan log: npz, ROS bag (of a split one all files), CARMEN log, BreezySLAM .dat",
+    )
     p.add_argument("--out", metavar="DIR", help="default: results/<log>-<algorithm>")
     p.add_argument("--preset", metavar="NAME", help="as name@preset, e.g. original")
     p.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
@@ -82,7 +86,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     cli.one_thread()
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
+    return cli.run_command(PROGRAM, lambda: _command(parser().parse_intermixed_args(argv)))
 
 
 def _command(arguments: argparse.Namespace) -> int:
@@ -205,7 +209,7 @@ def _log_and_folder(entry: Entry, arguments: argparse.Namespace) -> tuple[ScanLo
 def _log(arguments: argparse.Namespace) -> ScanLog:
     from slams.formats.source import load
 
-    if arguments.log is None:
+    if not arguments.log:
         raise ValueError(f"no log given; expected {PROGRAM} {arguments.algorithm} scans.npz")
     for name in ("limit", "every", "video_every"):
         value = getattr(arguments, name)
