@@ -21,7 +21,11 @@ def parser() -> argparse.ArgumentParser:
         prog=f"python -m {PROGRAM}",
         description="Turn a recorded log into an npz that loads at once and can be passed on.",
     )
-    p.add_argument("log", help="npz, ROS bag, CARMEN log, BreezySLAM .dat")
+    p.add_argument(
+        "log",
+        nargs="+",
+        help="npz, ROS bag (of a split one all files), CARMEN log, BreezySLAM .dat",
+    )
     p.add_argument("out", type=Path, metavar="OUT.npz", help="the scan log to write")
     p.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     cli.add_log_options(p)
@@ -31,7 +35,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     cli.one_thread()
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
+    return cli.run_command(PROGRAM, lambda: _command(parser().parse_intermixed_args(argv)))
 
 
 def _command(arguments: argparse.Namespace) -> int:

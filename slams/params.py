@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 UNITS = ("m", "rad", "s", "cell", "1", "m/s", "rad/s", "m/s^2", "rad/s^2", "Hz")
+MOST, GREATEST = 1e6, 1e9  # of a count, of any other number, where nothing else is declared
+SEEDS = 2.0**64
 LASERS = ("utm30lx", "rplidar-a1", "lds01", "lds02")
 
 
@@ -47,7 +49,7 @@ def param(
         meaning: one line for `--show-params` and the README.
         source: paper table or section, "original code", or "ours: reason".
         low: least value allowed.
-        high: greatest value allowed.
+        high: greatest value allowed; without it `MOST` for counts, `GREATEST` for other numbers.
         choices: the words allowed, for a text parameter.
         ros: names of the same parameter in the original ROS package.
     """
@@ -100,7 +102,12 @@ class Params:
     ROS: ClassVar[RosNames | None] = None
 
     seed: int = param(
-        0, "1", "seed of every random draw", source="ours: same input, same output", low=0
+        0,
+        "1",
+        "seed of every random draw",
+        source="ours: same input, same output",
+        low=0,
+        high=SEEDS,
     )
 
     def __post_init__(self) -> None:
@@ -214,15 +221,21 @@ def _checked(field: dataclasses.Field[Any], kind: type, value: Any) -> Any:
         raise ValueError(
             f"parameter {field.name!r}: got {value!r}, expected one of {', '.join(spec.choices)}"
         )
-    too_low = spec.low is not None and value < spec.low
-    too_high = spec.high is not None and value > spec.high
-    if too_low or too_high:
-        low = "-inf" if spec.low is None else f"{spec.low:g}"
-        high = "inf" if spec.high is None else f"{spec.high:g}"
-        raise ValueError(
-            f"parameter {field.name!r}: got {value!r}, expected {low} to {high} [{spec.unit}]"
-        )
+    if not isinstance(value, str):
+        low, high = _bounds(spec, kind)
+        if not low <= value <= high:
+            limits = f"{low:g} to {high:g} [{spec.unit}]"
+            raise ValueError(f"parameter {field.name!r}: got {value!r}, expected {limits}")
     return value
+
+
+def _bounds(spec: Spec, kind: type) -> tuple[float, float]:
+    """Least and greatest value; where none is declared, what any run could still hold."""
+    most = MOST if kind is int else GREATEST
+    return (
+        -most if spec.low is None else spec.low,
+        most if spec.high is None else spec.high,
+    )
 
 
 def _converted(kind: type, value: Any) -> Any:

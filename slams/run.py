@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from slams.params import Params
     from slams.player import Run
     from slams.registry import Entry
+    from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
     from slams.types import OccupancyGrid, Pose2, Scan, Slam
     from slams.watch.video import Video
@@ -34,7 +35,11 @@ def parser() -> argparse.ArgumentParser:
         epilog=f"Writes {', '.join(RESULTS)}.",
     )
     p.add_argument("algorithm", help=f"one of {', '.join(names())}; name@preset; or module:Class")
-    p.add_argument("log", nargs="?", help="scan log: npz, ROS bag, CARMEN log, BreezySLAM .dat")
+    p.add_argument(
+        "log",
+        nargs="*",
+        help="scan log: npz, ROS bag (of a split one all files), CARMEN log, BreezySLAM .dat",
+    )
     p.add_argument("--out", metavar="DIR", help="default: results/<log>-<algorithm>")
     p.add_argument("--preset", metavar="NAME", help="as name@preset, e.g. original")
     p.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
@@ -81,11 +86,11 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     cli.one_thread()
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
+    return cli.run_command(PROGRAM, lambda: _command(parser().parse_intermixed_args(argv)))
 
 
 def _command(arguments: argparse.Namespace) -> int:
-    entry, params = cli.refusing(lambda: chosen(arguments))
+    entry, params, ros = cli.refusing(lambda: chosen(arguments))
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
@@ -94,7 +99,7 @@ def _command(arguments: argparse.Namespace) -> int:
     slam, run, start_up_s = _replayed(entry, params, log, arguments)
     text = cli.refusing(
         lambda: write_results(
-            folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap
+            folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap, ros=ros
         )
     )
     if not arguments.quiet:
@@ -106,8 +111,8 @@ def _command(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params]:
-    """The algorithm and its parameters.
+def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
+    """The algorithm, its parameters, and what came of ROS files.
 
     Defaults < preset < sensor < ROS files < YAML file < --set < --seed.
     """
@@ -120,23 +125,23 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params]:
     params = entry.params()
     if arguments.sensor:
         params = params.for_sensor(arguments.sensor)
-    if arguments.ros_params:
-        params = _with_ros_files(params, entry, arguments)
+    ros = _of_ros_files(params, entry, arguments) if arguments.ros_params else None
+    params = ros.params if ros else params
     if arguments.params:
         params = params.with_yaml(arguments.params)
     params = params.replace(**dict(_assignment(text) for text in arguments.changes))
     if arguments.seed is not None:
         params = params.replace(seed=arguments.seed)
-    return entry, params
+    return entry, params, ros
 
 
-def _with_ros_files(params: Params, entry: Entry, arguments: argparse.Namespace) -> Params:
+def _of_ros_files(params: Params, entry: Entry, arguments: argparse.Namespace) -> Taken:
     from slams.ros import ros_params
 
     taken = ros_params.take(params, arguments.ros_params, entry.preset)
     if not arguments.quiet:
         sys.stderr.write(ros_params.report(taken, entry.label))
-    return taken.params
+    return taken
 
 
 def parameter_table(params: Params) -> str:
@@ -159,6 +164,7 @@ def write_results(
     run: Run,
     start_up_s: float,
     mcap: bool = False,
+    ros: Taken | None = None,
 ) -> str:
     """Write all files of a run to `folder`, whole or not at all; returns the summary as text."""
     from slams.formats import files, occupancy, trajectory
@@ -166,6 +172,10 @@ def write_results(
     from slams.types import Illustrated
 
     summary = summarize(run, log, entry.label, params, start_up_s)
+    if ros is not None:
+        from slams.ros import ros_params
+
+        summary["ros_params"] = ros_params.record(ros)
     grid = slam.map()
     with files.complete_folder(folder) as partial:
         trajectory.write_csv(partial / "trajectory.csv", run.t, run.poses)
@@ -199,7 +209,7 @@ def _log_and_folder(entry: Entry, arguments: argparse.Namespace) -> tuple[ScanLo
 def _log(arguments: argparse.Namespace) -> ScanLog:
     from slams.formats.source import load
 
-    if arguments.log is None:
+    if not arguments.log:
         raise ValueError(f"no log given; expected {PROGRAM} {arguments.algorithm} scans.npz")
     for name in ("limit", "every", "video_every"):
         value = getattr(arguments, name)

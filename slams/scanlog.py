@@ -268,9 +268,15 @@ def _checked(data: dict[str, Any], key: str, ndim: int) -> NDArray[Any]:
 
 
 def single(ranges: ArrayLike) -> Ranges:
-    """Ranges as float32; what is too great for it is beyond every laser."""
+    """Ranges as float32; what is too great for it is beyond every laser.
+
+    Raises:
+        ValueError: they are no numbers.
+    """
+    array = np.asarray(ranges)
+    expect(array.dtype.kind in "fiu", "ranges", f"{array.dtype} values", "numbers")
     with np.errstate(over="ignore"):
-        return np.asarray(ranges).astype(np.float32, copy=False)
+        return array.astype(np.float32, copy=False)
 
 
 def _rep117(ranges: Ranges, laser: Laser) -> Ranges:

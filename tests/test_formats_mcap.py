@@ -293,9 +293,9 @@ def test_other_maps_are_refused(changes, sentence, tmp_path):
     ("text", "sentence"),
     [
         ("- 1\n- 2\n", "expected the yaml of a map"),
-        ("made: 2024-99-99\n", "m.yaml: not readable as yaml: month"),
-        ("x: " + "[" * 3000 + "]" * 3000, "m.yaml: not readable as yaml"),
-        (b"\xff\xfe", "m.yaml: not readable as yaml"),
+        ("made: 2024-99-99\n", "m.yaml: not a YAML file .month must be in"),
+        ("x: " + "[" * 3000 + "]" * 3000, "m.yaml: nested too deeply"),
+        (b"\xff\xfe", "m.yaml: not text"),
     ],
 )
 def test_a_yaml_that_is_no_map(text, sentence, tmp_path):

@@ -12,6 +12,7 @@ class Example(Params):
     cell: float = param(0.05, "m", "cell", source="paper, Table 1", low=0.01, high=1.0)
     steps: int = param(5, "1", "steps", source="original code", low=1)
     exact: bool = param(True, "1", "exact", source="ours: right")
+    way: float = param(1.0, "m", "way", source="ours: no bound of its own", low=0.0)
     mode: str = param("a", "1", "mode", source="ours: two ways", choices=("a", "b"))
 
 
@@ -37,7 +38,11 @@ def test_int_becomes_float_and_text_is_read():
         ({"cell": "wide"}, "parameter 'cell': got 'wide', expected float"),
         ({"cell": True}, "parameter 'cell': got True"),
         ({"steps": 2.5}, "parameter 'steps': got 2.5, expected int"),
-        ({"steps": 0}, r"parameter 'steps': got 0, expected 1 to inf"),
+        ({"steps": 0}, r"parameter 'steps': got 0, expected 1 to 1e[+]06"),
+        ({"steps": 100_000_000}, r"'steps': got 100000000, expected 1 to 1e[+]06 \[1\]"),
+        ({"way": float("inf")}, r"'way': got inf, expected 0 to 1e[+]09 \[m\]"),
+        ({"way": "1e300"}, r"'way': got 1e[+]300, expected 0 to 1e[+]09 \[m\]"),
+        ({"seed": 2**65}, r"'seed': got 3\d*, expected 0 to 1.84467e[+]19"),
         ({"exact": 1}, "parameter 'exact': got 1, expected bool"),
         ({"mode": "c"}, "parameter 'mode': got 'c', expected one of a, b"),
         ({"mode": 3}, "parameter 'mode': got 3, expected str"),
@@ -69,7 +74,7 @@ def test_yaml(tmp_path):
 
 def test_table_and_unit():
     names = [row[0] for row in Example().table()]
-    assert names == ["seed", "cell", "steps", "exact", "mode"]
+    assert names == ["seed", "cell", "steps", "exact", "way", "mode"]
     with pytest.raises(ValueError, match="unit 'mm'"):
         param(1.0, "mm", "x", source="y")
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from slams.registry import find
 from slams.ros import ros_params
+from slams.ros.ros_params import record as record
 
 if TYPE_CHECKING:
     from bench.run.cases import Choice
@@ -38,9 +39,3 @@ def say(ros: Mapping[str, Taken], quiet: bool) -> None:
     if not quiet:
         for label, found in ros.items():
             sys.stderr.write(ros_params.report(found, label))
-
-
-def record(found: Taken) -> dict[str, Any]:
-    """What ROS files said and what became of it: enough to write them again."""
-    fates = [fate._asdict() | {"value": str(fate.value)} for fate in found.fates]
-    return {"files": found.files, "parameters": fates, "notes": found.notes}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import heapq
 import tempfile
-from collections.abc import Callable, Collection, Iterator
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -145,6 +147,23 @@ class LibraryBag:
             for name in (self._name, self.path):
                 text = text.replace(str(name), self.path.name)
             raise damaged(self.path, self.kind, text) from error
+
+
+class SeveralBags:
+    """The files of one recording, all of ROS 1 or all of ROS 2, as one bag."""
+
+    def __init__(self, bags: Sequence[Bag]) -> None:
+        self.ros1 = bags[0].ros1
+        self._bags = bags
+        counts: Counter[tuple[str, str]] = Counter()
+        for name, msgtype, messages in (topic for bag in bags for topic in bag.topics):
+            counts[name, msgtype] += messages
+        self.topics = [Topic(*key, n) for key, n in counts.items()]
+
+    def records(self, topics: Collection[str]) -> Iterator[Record]:
+        """Messages of these topics."""
+        each = (bag.records(topics) for bag in self._bags)
+        return heapq.merge(*each, key=lambda record: record.received)
 
 
 def damaged(path: Path, kind: str, reason: str) -> DamagedError:

@@ -2,10 +2,10 @@
 
 /map        nav_msgs/OccupancyGrid            the final map, once, at the first stamp
 /path       nav_msgs/Path                     the whole way, once, at the first stamp
-/tf         map -> base_link                  per scan
+/tf         map -> base_link                  per scan; base_link and laser as the log names them
 /tf_static  base_link -> laser                once
 /pose       geometry_msgs/PoseStamped         per scan
-/scan       sensor_msgs/LaserScan             per scan, in the frame laser
+/scan       sensor_msgs/LaserScan             per scan, in the laser's frame
 """
 
 from __future__ import annotations
@@ -57,15 +57,16 @@ def _write_bag(bag: Path, log: ScanLog, poses: Floats, grid: OccupancyGrid) -> N
     store = get_typestore(Stores.ROS2_HUMBLE)
     make = _Messages(store.types)
     stamps = _stamps(log.t)
+    base, laser = frames_of(log.meta)
     with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         write = _writing(writer, store)
         write("/map", stamps[0], make.grid(stamps[0], grid))
         write("/path", stamps[0], make.path(stamps, poses))
-        write("/tf_static", stamps[0], make.transform(stamps[0], BASE, LASER, log.laser.mount))
+        write("/tf_static", stamps[0], make.transform(stamps[0], base, laser, log.laser.mount))
         for stamp, pose, ranges in zip(stamps, poses.tolist(), log.ranges, strict=True):
-            write("/tf", stamp, make.transform(stamp, MAP, BASE, Pose2(*pose)))
+            write("/tf", stamp, make.transform(stamp, MAP, base, Pose2(*pose)))
             write("/pose", stamp, make.pose(stamp, Pose2(*pose)))
-            write("/scan", stamp, make.scan(stamp, log.laser, ranges, log.scan_period))
+            write("/scan", stamp, make.scan(stamp, laser, log.laser, ranges, log.scan_period))
 
 
 def _writing(writer: Any, store: Any) -> Callable[[str, int, Any], None]:
@@ -108,6 +109,21 @@ def _qos(once: bool) -> Any:
         liveliness_lease_duration=forever,
         avoid_ros_namespace_conventions=False,
     )
+
+
+def frames_of(meta: dict[str, Any]) -> tuple[str, str]:
+    """Base and laser as the log calls them; by their usual names where it does not tell."""
+    source = meta.get("source")
+    named = source if isinstance(source, dict) else {}
+    laser = _frame(named.get("laser_frame"), LASER)
+    base = _frame(named.get("base_frame"), BASE)
+    if base == laser:  # the laser was taken as the base
+        base, laser = BASE, LASER if laser == BASE else laser
+    return base, laser
+
+
+def _frame(name: Any, usual: str) -> str:
+    return name if isinstance(name, str) and name and name != MAP else usual
 
 
 def _stamps(t: Floats) -> list[int]:
@@ -155,11 +171,11 @@ class _Messages:
         )
         return self._of("tf2_msgs/msg/TFMessage", [item])
 
-    def scan(self, stamp: int, laser: Laser, ranges: Ranges, period: float) -> Any:
+    def scan(self, stamp: int, frame: str, laser: Laser, ranges: Ranges, period: float) -> Any:
         """A scan as the algorithm got it."""
         return self._of(
             "sensor_msgs/msg/LaserScan",
-            self._header(stamp, LASER),
+            self._header(stamp, frame),
             laser.angle_min,
             laser.angle_min + laser.angle_increment * (laser.n_beams - 1),
             laser.angle_increment,

@@ -47,6 +47,7 @@ class Recording:
             "yaw_rate": self.roles.imu if rate else None,
             "truth": true_source,
             "base_frame": self.base,
+            "laser_frame": self.messages.frame(self.roles.scan),
         }
         meta = {"name": name_of(self.path), "source": source}
         return ScanLog(t, ranges, laser, odom, truth, rate, meta, tuple(self.notes))
@@ -177,12 +178,26 @@ class Recording:
         laser = self.messages.frame(self.roles.scan)
         matrix = self._fixed(self.base, laser)
         if matrix is None or self.base == laser:
+            self._check_laser_frame(laser)
             self.notes.append(
                 f"no transform from a base to the laser's frame '{laser}'; the laser is taken as "
                 "the base"
             )
             return IDENTITY, False
         return planar(matrix, "the laser", self.notes)
+
+    def _check_laser_frame(self, laser: str) -> None:
+        """Refuse transforms that leave the laser out: it may hang upside down for all we know.
+
+        So it is with the second file of a split ROS 1 bag; static transforms are in the first.
+        """
+        frames = self.messages.transforms.frames
+        if frames and laser not in frames and self.options.base_frame is None:
+            raise ValueError(
+                f"{self.path}: no way from the frames of its transforms ({some(frames)}) to the "
+                f"laser's, {laser}: where it is mounted stands in /tf_static, of a split bag in "
+                f"the first file; give all files, or --base-frame {laser} takes it as the base"
+            )
 
     # tracks
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TypeVar
 
-from slams.formats.bag import open_bag
+from slams.formats.bag import Bag, SeveralBags, open_bag
 from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.recording import Recording
 from slams.scanlog import ScanLog, Track
@@ -25,6 +26,30 @@ def read(path: Path, kind: str, options: SourceOptions) -> ScanLog:
             to do.
     """
     return _of_bag(path, kind, options, Recording.log)
+
+
+def read_several(paths: Sequence[Path], kinds: Sequence[str], options: SourceOptions) -> ScanLog:
+    """As `read`, of a recording in several files; it is called as the first of them.
+
+    Raises:
+        OSError: a file cannot be opened.
+        ValueError: as `read`; or some are of ROS 1 and some of ROS 2.
+    """
+    with ExitStack() as opened:
+        bags = [
+            _opened(path, kind, options, opened) for path, kind in zip(paths, kinds, strict=True)
+        ]
+        if len({bag.ros1 for bag in bags}) > 1:
+            raise ValueError(f"{paths[0]}: some of the files are of ROS 1 and of ROS 2 the others")
+        return Recording(paths[0], kinds[0], SeveralBags(bags), options).log()
+
+
+def _opened(path: Path, kind: str, options: SourceOptions, opened: ExitStack) -> Bag:
+    if not options.salvage:
+        return opened.enter_context(open_bag(path, kind))
+    from slams.formats.bag_salvage import SalvagedBag  # loads every decompressor
+
+    return SalvagedBag(path, kind)
 
 
 def read_track(path: Path, kind: str, wanted: str | None, options: SourceOptions) -> Track:

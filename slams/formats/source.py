@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -24,11 +24,15 @@ SLOW, LONGEST_PERIOD = 10.0, 1000.0  # [s] from scan to scan: doubtful, and neve
 COVERED = 0.9  # share of the scans that a track should reach over
 
 
-def load(path: str | Path, options: SourceOptions | None = None, **choices: Any) -> ScanLog:
+def load(
+    path: str | Path | Sequence[str | Path],
+    options: SourceOptions | None = None,
+    **choices: Any,
+) -> ScanLog:
     """Read a recorded log: scanlog npz, ROS bag, CARMEN log or BreezySLAM .dat, by its content.
 
     Args:
-        path: the file, or the folder of a ROS 2 bag.
+        path: the file, or the folder of a ROS 2 bag; or the files of one recording in bags.
         options: what to take from it where that is not plain.
         choices: single options, as `scan_topic="/scan"`.
 
@@ -37,13 +41,16 @@ def load(path: str | Path, options: SourceOptions | None = None, **choices: Any)
         ValueError: it holds no complete, valid log, or the options do not fit; the sentence says
             why.
     """
-    path, options = Path(path), replace(options or SourceOptions(), **choices)
+    paths = [Path(path)] if isinstance(path, str | Path) else [Path(item) for item in path]
+    expect(len(paths) > 0, "files", "no log given", "one, or the files of a split bag")
+    options = replace(options or SourceOptions(), **choices)
     first = options.first_beam
     if first is not None and not abs(first) <= 360.0:
         raise ValueError(f"--first-beam: got {first:g}, expected degrees from -360 to 360")
-    kind = kind_of(path)
-    with _named(path):
-        log = _with_truth(path, kind, options)
+    kinds = [kind_of(path) for path in paths]
+    kind = kinds[0]
+    with _named(paths[0]):
+        log = _with_truth(paths, kinds, options)
         pace = _pace(log)
     return _noted(log, [*log.notes, *_left_aside(kind, options), *_uncovered(log), *pace])
 
@@ -59,12 +66,12 @@ def _named(path: Path) -> Iterator[None]:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _with_truth(path: Path, kind: str, options: SourceOptions) -> ScanLog:
+def _with_truth(paths: list[Path], kinds: list[str], options: SourceOptions) -> ScanLog:
     """The log with the truth of a trajectory file if one is given; bags have other truths, too."""
     wanted = options.truth
-    if wanted is None or (kind in BAGS and not trajectory.is_file(wanted)):
-        return _read(path, kind, options)
-    log = replace(_read(path, kind, replace(options, truth="none")), truth=None)
+    if wanted is None or (kinds[0] in BAGS and not trajectory.is_file(wanted)):
+        return _read(paths, kinds, options)
+    log = replace(_read(paths, kinds, replace(options, truth="none")), truth=None)
     if wanted == "none":
         return log
     truth, source = trajectory.read_track(Path(wanted), options.salvage), log.meta.get("source", {})
@@ -73,7 +80,13 @@ def _with_truth(path: Path, kind: str, options: SourceOptions) -> ScanLog:
     return replace(log, truth=truth, meta=log.meta | {"source": source})
 
 
-def _read(path: Path, kind: str, options: SourceOptions) -> ScanLog:
+def _read(paths: list[Path], kinds: list[str], options: SourceOptions) -> ScanLog:
+    if len(paths) > 1:
+        for path, kind in zip(paths, kinds, strict=True):
+            if kind not in BAGS:
+                raise ValueError(f"{path}: is no bag; of several files only bags make one log")
+        return rosbag.read_several(paths, kinds, options)
+    path, kind = paths[0], kinds[0]
     if kind in BAGS:
         return rosbag.read(path, kind, options)
     if kind == "npz":

@@ -1,49 +1,52 @@
 """Parameters of one ROS node, read from a launch or parameter file without ROS.
 
 Three kinds of files: ROS 1 parameter YAML (flat, or below the node's name), ROS 2 parameter YAML
-(`node: ros__parameters:`), and launch XML with `<param>`, `<rosparam>` and `<arg>`. What another
-file or program would have to say (`<include>`, `$(find ...)`, `$(eval ...)`) is noted, not run.
+(`node: ros__parameters:`), and launch XML with `<param>`, `<rosparam>` and `<arg>`. Parameter files
+that it loads are looked for beside it. What other files and programs would have to say
+(`<include>`, `$(eval ...)`) is noted, not run.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slams.formats import yaml_file
+from slams.ros.names import DEEPEST, Leaf, by_name, leaves_of, parts
+from slams.ros.packages import beside
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-MOST_VALUES = 10_000
 MOST_FILLED = 1 << 20  # characters that substitutions put into a launch file
-DEEPEST = 50
 LONGEST_NUMBER = 100  # characters
 SUBSTITUTION = re.compile(r"\$\((\w+)\s+([^()]*)\)")
 PARAMETERS = "ros__parameters"
 
-Leaf = tuple[tuple[str, ...], Any]
-
 
 @dataclass
 class NodeParameters:
-    """Values by name, and what the file left to others."""
+    """Values by name, what the file left to others, and which of those are given, too."""
 
     values: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    given: set[str] = field(default_factory=set)
 
 
-def read_node(path: str | Path, nodes: Iterable[str], known: Iterable[str]) -> NodeParameters:
+def read_node(
+    path: str | Path, nodes: Iterable[str], known: Iterable[str], given: Iterable[str] = ()
+) -> NodeParameters:
     """The parameters a file gives to a node.
 
     Args:
         path: YAML or launch XML; the content tells which.
         nodes: what the node may be called: package, executable or name.
         known: its parameters, for a file that calls the node otherwise.
+        given: names of files that are read as well, and need not be found.
 
     Raises:
         OSError: the file cannot be read.
@@ -53,7 +56,7 @@ def read_node(path: str | Path, nodes: Iterable[str], known: Iterable[str]) -> N
     text = _text(path)
     try:
         if text.lstrip().startswith("<"):
-            return _of_launch(text, path, set(nodes))
+            return _of_launch(text, path, set(nodes), set(given))
         return _of_yaml(text, path, set(nodes), set(known))
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply for a parameter file") from None
@@ -71,30 +74,8 @@ def _of_yaml(text: str, path: Path, nodes: set[str], known: set[str]) -> NodePar
     content = yaml_file.parse(text, path)
     if not isinstance(content, dict):
         raise ValueError(f"{path}: expected parameters 'name: value', or a launch file")
-    leaves = list(_leaves(content, path))
-    return NodeParameters(_by_name(_of_node(leaves, path, nodes, known), path))
-
-
-def _leaves(content: dict[Any, Any], path: Path) -> Iterator[Leaf]:
-    """Every value with its path of names; "a/b" and "a.b" are paths, too."""
-    count = 0
-    stack: list[tuple[tuple[str, ...], Any]] = [((), content)]
-    while stack:
-        names, value = stack.pop()
-        count += 1
-        if count > MOST_VALUES or len(names) > DEEPEST:
-            raise ValueError(f"{path}: more values than a parameter file ever has")
-        if isinstance(value, dict):
-            stack.extend(
-                ((*names, *_parts(str(key))), below) for key, below in reversed(value.items())
-            )
-        elif names:
-            yield names, value
-
-
-def _parts(name: str) -> tuple[str, ...]:
-    """Names from the outside in; "~x" and "~/x" are the node's own x."""
-    return tuple(part.lstrip("~") for part in re.split(r"[/.]", name) if part.strip("~"))
+    leaves = list(leaves_of(content, path))
+    return NodeParameters(by_name(_of_node(leaves, path, nodes, known), path))
 
 
 def _of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -> list[Leaf]:
@@ -121,21 +102,8 @@ def _group(names: tuple[str, ...]) -> tuple[str, ...]:
     return names[:1] if len(names) > 1 else ()
 
 
-def _by_name(leaves: list[Leaf], path: Path) -> dict[str, Any]:
-    values: dict[str, Any] = {}
-    came_from: dict[str, tuple[str, ...]] = {}
-    for names, value in leaves:
-        name = names[-1]
-        before = came_from.get(name, ("**",))
-        if before[0] != "**" and values[name] != value:
-            both = f"{'/'.join(before)}: {values[name]} and {'/'.join(names)}: {value}"
-            raise ValueError(f"{path}: two values of one parameter ({both}); keep one")
-        values[name], came_from[name] = value, names
-    return values
-
-
-def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
-    launch = _Launch(path, nodes)
+def _of_launch(text: str, path: Path, nodes: set[str], given: set[str]) -> NodeParameters:
+    launch = _Launch(path, nodes, given)
     launch.walk(_parsed_xml(text, path), {}, ())
     if len(launch.found) > 1:
         raise ValueError(
@@ -147,8 +115,8 @@ def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
         raise ValueError(f"{path}: no node of {', '.join(sorted(nodes))}{others}{notes}")
     names = nodes | {launch.found[0][0]}
     outside = [leaf for leaf in launch.outside if names & set(leaf[0][:-1])]
-    inside = _by_name(launch.found[0][1], path)
-    return NodeParameters(_by_name(outside, path) | inside, launch.notes)
+    inside = by_name(launch.found[0][1], path)
+    return NodeParameters(by_name(outside, path) | inside, launch.notes, launch.given)
 
 
 def _parsed_xml(text: str, path: Path) -> Element:
@@ -171,13 +139,15 @@ def _parsed_xml(text: str, path: Path) -> Element:
 class _Launch:
     """One walk through a launch file, top to bottom as roslaunch does it."""
 
-    def __init__(self, path: Path, nodes: set[str]) -> None:
+    def __init__(self, path: Path, nodes: set[str], given: set[str]) -> None:
         self.notes: list[str] = []
         self.found: list[tuple[str, list[Leaf]]] = []
         self.others: set[str] = set()
         self.outside: list[Leaf] = []
+        self.given: set[str] = set()
         self._path = path
         self._nodes = nodes
+        self._others_given = given
         self._filled_in = 0
 
     def walk(self, parent: Element, args: dict[str, str], groups: tuple[str, ...]) -> None:
@@ -197,7 +167,7 @@ class _Launch:
             elif element.tag == "node":
                 self._node(element, args)
             else:
-                around = _parts("/".join(groups))
+                around = parts("/".join(groups))
                 given = self._given(element, args)
                 self.outside.extend(((*around, *names), value) for names, value in given)
 
@@ -216,31 +186,56 @@ class _Launch:
             leaf
             for child in element
             if self._enabled(child, args)
-            for leaf in self._given(child, args)
+            for leaf in self._given(child, args, inside=True)
         ]
         self.found.append((self._filled(element.get("name", ""), args), leaves))
 
-    def _given(self, element: Element, args: dict[str, str]) -> list[Leaf]:
-        """Leaves of one `<param>` or `<rosparam>`."""
-        source = element.get("file") or element.get("from") or element.get("command")
-        if element.tag in ("param", "rosparam") and source not in (None, "load"):
-            self.notes.append(
-                f"{self._filled(str(source), args)} is another file; give it, too, if it matters"
-            )
+    def _given(self, element: Element, args: dict[str, str], inside: bool = False) -> list[Leaf]:
+        """Leaves of one `<param>` or `<rosparam>`, `inside` the node or around it."""
+        file = element.get("file") or element.get("from")
+        command = element.get("command", "load")
+        if element.tag not in ("param", "rosparam"):
             return []
+        if command != "load":
+            self.notes.append(f"command {self._filled(command, args)!r} is not run")
+            return []
+        if file:
+            return self._loaded(element, self._filled(file, args), inside)
         if element.tag == "param" and "name" in element.attrib:
             value = self._filled(element.get("value", ""), args)
-            return [
-                (_parts(self._filled(element.attrib["name"], args)), _scalar(value, self._path))
-            ]
+            return [(parts(self._filled(element.attrib["name"], args)), _scalar(value, self._path))]
         if element.tag != "rosparam":
             return []
         text = self._filled(element.text or "", args)
-        content = yaml_file.parse(text, self._path)
-        names = _parts(f"{element.get('ns', '')}/{element.get('param', '')}")
+        return self._below(element, yaml_file.parse(text, self._path), self._path)
+
+    def _below(self, element: Element, content: Any, path: Path) -> list[Leaf]:
+        """Leaves of what stands in an element, or in the file that it loads."""
+        names = parts(f"{element.get('ns', '')}/{element.get('param', '')}")
         if isinstance(content, dict):
-            return [((*names, *leaf), value) for leaf, value in _leaves(content, self._path)]
+            return [((*names, *leaf), value) for leaf, value in leaves_of(content, path)]
         return [(names, content)] if names else []
+
+    def _loaded(self, element: Element, name: str, inside: bool) -> list[Leaf]:
+        """Leaves of a parameter file. What the node itself loads must be there."""
+        if Path(name).name in self._others_given:
+            self.given.add(Path(name).name)
+            return []
+        path = beside(self._path, name)
+        if path is None and inside:
+            raise ValueError(
+                f"{self._path}: it loads {name}, which is not in the same package; give it, too, "
+                "or put it beside the launch file"
+            )
+        if path is None:
+            self.notes.append(f"{name} is another file; give it, too, if it matters")
+            return []
+        self.notes.append(f"{name} is read from {path}")
+        content = yaml_file.parse(yaml_file.read_text(path), path)
+        leaves = self._below(element, content, path)
+        of_nodes = any(PARAMETERS in leaf for leaf, _ in leaves)  # ROS 2: by the node's name
+        own = {*self._nodes, "**"}
+        return [leaf for leaf in leaves if own & set(leaf[0])] if of_nodes and inside else leaves
 
     def _enabled(self, element: Element, args: dict[str, str]) -> bool:
         for key, wanted in (("if", True), ("unless", False)):

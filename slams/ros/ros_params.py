@@ -9,12 +9,12 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from slams.params import Params, RosNames
-from slams.ros.launch import read_node
+from slams.ros.launch import NodeParameters, read_node
 
 P = TypeVar("P", bound=Params)
 
@@ -59,14 +59,25 @@ def take(params: Params, paths: Iterable[str | Path], preset: str = "default") -
     """
     names = _names(params)
     files = [str(path) for path in paths]
-    values, notes = _read(files, names, _fields(params))
+    found = _read(files, names, _fields(params))
+    values = {name: value for node in found for name, value in node.values.items()}
     _refuse(values, names)
     mapping = _Mapping(params, names, preset == "original")
     for name, value in values.items():
         mapping.take(name, value)
+    for path, node in zip(files, found, strict=True):
+        if not node.given:  # its values stand in another file
+            mapping.check_use(path, node.values)
     if preset == "original":
         mapping.assume(names.defaults)
+    notes = [note for node in found for note in node.notes]
     return Taken(mapping.result(), mapping.fates, notes, files)
+
+
+def record(taken: Taken) -> dict[str, Any]:
+    """What the files said and what became of it, ready for JSON: enough to write them again."""
+    fates = [fate._asdict() | {"value": str(fate.value)} for fate in taken.fates]
+    return {"files": taken.files, "parameters": fates, "notes": taken.notes}
 
 
 def report(taken: Taken, label: str) -> str:
@@ -129,16 +140,11 @@ def _fields(params: Params) -> dict[str, str]:
 
 
 def _read(
-    paths: Iterable[str | Path], names: RosNames, fields: dict[str, str]
-) -> tuple[dict[str, Any], list[str]]:
-    values: dict[str, Any] = {}
-    notes: list[str] = []
+    paths: Sequence[str | Path], names: RosNames, fields: dict[str, str]
+) -> list[NodeParameters]:
     known = [*fields, *names.original_only, *names.ignored, *names.refused]
-    for path in paths:
-        found = read_node(path, (names.package, *names.nodes), known)
-        values |= found.values
-        notes += found.notes
-    return values, notes
+    nodes, given = (names.package, *names.nodes), [Path(path).name for path in paths]
+    return [read_node(path, nodes, known, given) for path in paths]
 
 
 def _refuse(values: dict[str, Any], names: RosNames) -> None:
@@ -168,6 +174,7 @@ class _Mapping:
         self._original = original
         self._fields = _fields(params)
         self._given: dict[str, tuple[str, Any]] = {}  # field -> ROS name, value
+        self._heard: set[str] = set()
 
     def take(self, name: str, value: Any, fate: str = "mapped") -> None:
         """Let one name of the file find its field, or say why not."""
@@ -175,11 +182,20 @@ class _Mapping:
         if reason:
             self.fates.append(Fate(name, value, "ignored", reason))
             return
+        self._heard.add(name)
         field = self._fields[name]
         if field in self._given:
             name, value = self._overruled(field, name, value)
         self._given[field] = (name, value)
         self.fates.append(Fate(name, value, fate, field))
+
+    def check_use(self, path: str, names: Iterable[str]) -> None:
+        """Refuse a file that changes nothing: it is not the one that was meant."""
+        if not self._heard & set(names):
+            there = ", ".join(sorted(names)) or "no parameter"
+            raise ValueError(
+                f"{path}: nothing in it is taken over for {self._names.package} ({there})"
+            )
 
     def assume(self, defaults: Any) -> None:
         """The node's own defaults, where the files give no name of the field."""

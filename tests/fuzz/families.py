@@ -1,0 +1,199 @@
+"""Families of cases; each is a function of an rng and a folder, and raises `BrokenError`.
+
+What must hold: a finite pose or one sentence, nothing half-written, no warning. Each function
+returns whether its input was taken.
+"""
+
+import math
+
+import numpy as np
+
+import slams
+from slams import LiveSlam, convert
+from slams.registry import create
+from slams.room import drive, laser, scan_at, way
+from tests import bags
+from tests.fuzz.numbers import SAME_SHAPE, mutated, number
+
+SCANS = 6
+LOG = drive(n=SCANS, rate=10.0, lidar=laser(n_beams=41))
+GOOD = 3  # pushes in a row after which the robot is found again
+
+
+class BrokenError(AssertionError):
+    """A property that does not hold."""
+
+
+def sentence(work, errors=(ValueError, OSError)):
+    """What the work gives, or None where it is refused in one line."""
+    try:
+        return work()
+    except errors as error:
+        if len(str(error).splitlines()) != 1 or len(str(error)) > 2000:
+            raise BrokenError(f"not one sentence: {str(error)[:300]!r}") from error
+        return None
+
+
+def poses_of(log, algorithm):
+    """Every pose, all finite."""
+    slam = create(algorithm)
+    for scan in log:
+        pose = slam.update(scan)
+        if not all(map(math.isfinite, pose)):
+            raise BrokenError(f"{algorithm} returned {pose}")
+
+
+def nothing_but(folder, names):
+    left = {path.name for path in folder.iterdir()} - set(names)
+    if left:
+        raise BrokenError(f"left behind: {sorted(left)}")
+
+
+def arrays():
+    path_free = {
+        "format": "scanlog-1",
+        "t": LOG.t,
+        "ranges": LOG.ranges,
+        "mount": np.array(LOG.laser.mount),
+        "time_increment": LOG.laser.time_increment,
+        "odom": LOG.odom.values,
+        "odom_t": LOG.odom.t,
+        "truth": LOG.truth.values,
+        "yaw_rate": LOG.yaw_rate.values,
+        "meta": '{"name": "room"}',
+    }
+    keys = ("angle_min", "angle_increment", "range_min", "range_max")
+    return {k: np.asarray(v) for k, v in path_free.items()} | {
+        key: np.asarray(getattr(LOG.laser, key)) for key in keys
+    }
+
+
+def npz(rng, folder, algorithm):
+    """An npz whose arrays have gone wrong."""
+    data = arrays()
+    for key in rng.choice(sorted(data), int(rng.integers(1, 4)), replace=False):
+        if rng.random() < 0.1:
+            del data[key]
+        elif data[key].dtype.kind in "fiu":
+            data[key] = mutated(data[key], rng)
+    path = folder / "log.npz"
+    np.savez(path, **data)
+    log = sentence(lambda: slams.load(path))
+    if log is not None:
+        poses_of(log, algorithm)
+        if rng.random() < 0.05:
+            convert.main([str(path), str(folder / "out.npz"), "-q"])
+            slams.load(folder / "out.npz")
+    nothing_but(folder, ["log.npz", "out.npz"])
+    return log is not None
+
+
+def live(rng, folder, algorithm):
+    """Pushes in a row, some of them wrong; good ones afterwards find the robot again."""
+    robot, poses, taken = LiveSlam(algorithm, warm_up=False), way(24, 0.1), False
+    t = float(rng.choice([0.0, 1.7e9]))
+    for k in range(int(rng.integers(2, 10))):
+        fields = _fields(t + 0.1 * k, poses[k])
+        if rng.random() < 0.6:
+            _spoil(fields, rng)
+        estimate = sentence(lambda: robot.push(**fields), (ValueError, TypeError))  # noqa: B023
+        if estimate is not None:
+            taken = True
+            _check(estimate)
+        if rng.random() < 0.2:
+            robot.push_yaw_rate(number(rng), number(rng))
+    for k in range(10, 10 + 11 + GOOD):  # a clock set back is believed after ten
+        estimate = robot.push(**_fields(t + 0.1 * k, poses[k]))
+        _check(estimate)
+    if not estimate.used:
+        raise BrokenError("good scans are not used after bad ones")
+    robot.report()
+    return taken
+
+
+def _fields(t, pose):
+    scan = scan_at(pose, LOG.laser, t=t)
+    lidar = scan.laser
+    return {
+        "stamp": t,
+        "ranges": scan.ranges,
+        "angle_min": lidar.angle_min,
+        "angle_increment": lidar.angle_increment,
+        "range_min": lidar.range_min,
+        "range_max": lidar.range_max,
+        "time_increment": 0.0,
+        "odometry": tuple(pose.tolist()),
+        "yaw_rate": 0.0,
+    }
+
+
+def _spoil(fields, rng):
+    for key in rng.choice(sorted(fields), int(rng.integers(1, 3)), replace=False):
+        if key == "ranges":
+            fields[key] = mutated(fields[key], rng)
+        elif key == "odometry":
+            values = list(fields[key])
+            values[int(rng.integers(0, 3))] = number(rng)
+            fields[key] = values[: int(rng.integers(2, 4))]
+        else:
+            fields[key] = number(rng)
+
+
+def _check(estimate):
+    if not all(map(math.isfinite, estimate.pose)):
+        raise BrokenError(f"pose {estimate.pose}")
+    if estimate.map_to_odom is not None and not all(map(math.isfinite, estimate.map_to_odom)):
+        raise BrokenError(f"map to odom {estimate.map_to_odom}")
+
+
+def bag(rng, folder, algorithm):
+    """A bag whose messages are whole and whose numbers are not."""
+    kind = str(rng.choice(["bag", "mcap"]))
+    path = bags.write(folder, kind, lambda make: _messages(make, rng), "drive")
+    salvage = bool(rng.random() < 0.3)
+    log = sentence(lambda: slams.load(path, salvage=salvage))
+    if log is not None:
+        poses_of(log, algorithm)
+    left = [path.name, "drive"] if kind == "mcap" else [path.name]
+    nothing_but(folder, left)
+    return log is not None
+
+
+def _messages(make, rng):
+    wrong = rng.random(6) < 0.3
+    roll = float(rng.choice([0.0, math.pi]))
+    mount = ("base_link", "laser", tuple(_maybe(rng, wrong[0], (0.1, 0.0, 0.2))), 0.1, roll)
+    found = [("/tf_static", 1.0, make.tf(1.0, mount))] if rng.random() < 0.8 else []
+    for k, (row, pose) in enumerate(zip(LOG.ranges, LOG.odom.values, strict=True)):
+        t = 10.0 + 0.1 * k
+        stamp = float(rng.integers(0, 2**31)) if wrong[1] and rng.random() < 0.3 else t
+        ranges = np.array(mutated(row, rng, SAME_SHAPE) if wrong[2] else row, np.float32)
+        angles = tuple(_maybe(rng, wrong[3], (-1.5, 0.1)))
+        limits = tuple(_maybe(rng, wrong[4], (0.1, 30.0)))
+        xyt = _maybe(rng, wrong[5], pose.tolist())
+        with np.errstate(all="ignore"):
+            scan = make.scan(stamp, ranges, angles=angles, limits=limits)
+            found.append(("/scan", t, scan))
+        found.append(("/odom", t, make.odometry(stamp, xyt[0], xyt[1], _turn(xyt[2]))))
+    return found
+
+
+def _turn(angle):
+    return angle if math.isfinite(angle) else 0.0  # a quaternion is made of it
+
+
+def _maybe(rng, wrong, values):
+    values = list(values)
+    if wrong:
+        values[int(rng.integers(0, len(values)))] = _single(number(rng))
+    return values
+
+
+def _single(value):
+    """A number that a message of float32 holds, ten times over."""
+    with np.errstate(all="ignore"):
+        held = float(np.float32(value))
+    return held if not math.isfinite(held) else min(max(held, -1e36), 1e36)
+
+
+FAMILIES = {"npz": npz, "live": live, "bag": bag}

@@ -1,0 +1,20 @@
+"""Wrong numbers in logs, pushes and bags: a finite pose or a sentence, bounded memory, no rest."""
+
+import pytest
+
+from tests.fuzz.campaign import one, run
+
+CASES = {"npz": 900, "live": 700, "bag": 400}
+KEPT = [("npz", 153), ("live", 81), ("live", 86)]  # these once broke a property
+
+
+@pytest.mark.parametrize("family", CASES)
+def test_wrong_numbers_are_survived_or_refused(family):
+    taken, broken = run(family, CASES[family])
+    assert broken == []
+    assert 0 < taken < CASES[family]
+
+
+@pytest.mark.parametrize(("family", "case"), KEPT)
+def test_what_once_broke(family, case):
+    one(family, case)
