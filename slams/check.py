@@ -11,6 +11,7 @@ import math
 import sys
 import traceback
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -174,14 +175,25 @@ def odd_scans() -> dict[str, Scan]:
         "same stamp": _scan(0.5, good.ranges),
         "far jump of odometry": _scan(7.0, good.ranges, lidar, Pose2(1e3, -1e3, 3.0)),
         "many more beams": scan_at((0.0, 0.0, 0.0), laser(1441), t=8.0),
+        "odometry of nan": _scan(9.0, good.ranges, lidar, Pose2(math.nan, math.nan, math.nan)),
+        "odometry of inf": _scan(9.1, good.ranges, lidar, Pose2(math.inf, 0.0, 0.0)),
+        "infinite heading": _scan(9.2, good.ranges, lidar, Pose2(0.0, 0.0, math.inf)),
+        "yaw of nan": replace(good, t=9.3, yaw=math.nan),
+        "infinite yaw": replace(good, t=9.4, yaw=math.inf),
     }
 
 
 def _stays_finite(entry: Entry) -> None:
     from slams.room import scan_at
+    from slams.types import Pose2
 
     odd = odd_scans()
-    good = [scan_at((0.01 * k, 0.0, 0.0), t=0.05 * k) for k in range(3)]
+    good = [
+        replace(
+            scan_at((0.01 * k, 0.0, 0.0), t=0.05 * k), odometry=Pose2(0.01 * k, 0.0, 0.0), yaw=0.0
+        )
+        for k in range(3)
+    ]
     for kind, scans in {
         **{k: [scan] for k, scan in odd.items()},
         "all": list(odd.values()),

@@ -259,7 +259,11 @@ class LiveSlam:
             return None
         if len(odometry) != 3:
             raise ValueError(f"odometry: got {len(odometry)} numbers, expected x, y, theta")
-        return Pose2(*map(float, odometry))
+        pose = Pose2(*map(float, odometry))
+        if all(map(math.isfinite, pose)):
+            return pose
+        self._counts["bad_odometry"] += 1  # a scan keeps no numbers that are none
+        return None
 
     def _believed(self, scan: Scan) -> Scan:
         """The scan without odometry or heading that cannot be."""

@@ -111,8 +111,9 @@ class Scan:
 
     `t` [s] is the stamp of the first beam. `ranges` (n_beams,) float32 [m] is read-only: inf =
     nothing up to range_max, nan = no valid reading. `odometry` is the base's pose in an arbitrary
-    odom frame; `yaw` [rad] the heading integrated from the gyro, origin arbitrary. The truth is
-    never part of a scan.
+    odom frame; `yaw` [rad] the heading integrated from the gyro, origin arbitrary; either is None
+    where it was not measured, and becomes None where it is not finite. The truth is never part of
+    a scan.
     """
 
     t: float
@@ -120,6 +121,12 @@ class Scan:
     laser: Laser
     odometry: Pose2 | None = None
     yaw: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.odometry is not None and not all(map(math.isfinite, self.odometry)):
+            object.__setattr__(self, "odometry", None)
+        if self.yaw is not None and not math.isfinite(self.yaw):
+            object.__setattr__(self, "yaw", None)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slams.types import IDENTITY, Laser, Pose2, wrap_angle
+from slams.types import IDENTITY, Laser, Pose2, Scan, wrap_angle
+from tests.rooms import laser
 
 number = st.floats(-50.0, 50.0)
 poses = st.builds(Pose2, number, number, st.floats(-math.pi, math.pi))
@@ -68,3 +69,15 @@ def test_laser_angles():
     laser = Laser(-1.0, 0.5, 5, 0.1, 30.0)
     assert laser.angles == pytest.approx([-1.0, -0.5, 0.0, 0.5, 1.0])
     assert laser.directions[3] == pytest.approx([math.cos(0.5), math.sin(0.5)])
+
+
+def test_odometry_and_heading_that_are_no_numbers_were_not_measured():
+    lidar, ranges = laser(5), np.ones(5, np.float32)
+    for bad in (np.nan, np.inf, -np.inf):
+        for k in range(3):
+            pose = Pose2(*(bad if i == k else 1.0 for i in range(3)))
+            scan = Scan(0.0, ranges, lidar, pose, bad)
+            assert scan.odometry is None
+            assert scan.yaw is None
+    scan = Scan(0.0, ranges, lidar, Pose2(1.0, 2.0, 3.0), 0.5)
+    assert (scan.odometry, scan.yaw) == (Pose2(1.0, 2.0, 3.0), 0.5)
