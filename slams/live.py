@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slams.plausible import FAR, LATEST, LONGEST_SWEEP, check_laser, check_stamps, expect
+from slams.heading import Heading
+from slams.plausible import LONGEST_SWEEP, can_be, check_laser, check_stamps, expect
 from slams.registry import find
+from slams.ros.stamps import seconds
 from slams.scanlog import ScanLog, single
 from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan, Slam
 
 LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
-LONGEST_GAP = 0.5  # s without a yaw rate that may still be bridged
 FAILURES = ("lost", "rejected", "empty")
 
 
@@ -93,7 +94,7 @@ class LiveSlam:
         """Forget map and pose; the next scan's pose is the origin of a new map."""
         with self._lock:
             self._slam: Slam = self._entry.cls(self.params)
-            self._yaw = _Yaw()
+            self._yaw = Heading()
             self._laser: Laser | None = None
             self._last: Estimate | None = None
             self._fitted_at = -math.inf
@@ -268,10 +269,10 @@ class LiveSlam:
     def _believed(self, scan: Scan) -> Scan:
         """The scan without odometry or heading that cannot be."""
         odometry, yaw = scan.odometry, scan.yaw
-        if odometry is not None and not _can_be(*odometry):
+        if odometry is not None and not can_be(*odometry):
             self._counts["bad_odometry"] += 1
             odometry = None
-        if yaw is not None and not _can_be(yaw):
+        if yaw is not None and not can_be(yaw):
             yaw = None
         same = odometry is scan.odometry and yaw is scan.yaw
         return scan if same else replace(scan, odometry=odometry, yaw=yaw)
@@ -287,42 +288,6 @@ class LiveSlam:
             for scan in (*log, scan_at((2.0, 1.5, 2.0), lidar, t=2.0)):
                 slam.update(scan)
             slam.map()
-
-
-class _Yaw:
-    """The heading integrated from the gyro's readings."""
-
-    def __init__(self) -> None:
-        self._t = math.nan
-        self._rate = self._yaw = 0.0
-
-    def push(self, t: float, rate: float) -> None:
-        """Take one reading [rad/s]."""
-        step = t - self._t
-        late = -LONGEST_GAP <= step < 0.0  # further back the clock was set back
-        if late or not (abs(t) < LATEST and _can_be(rate)):
-            return
-        if 0.0 < step <= LONGEST_GAP:
-            self._yaw += 0.5 * step * (self._rate + rate)
-        self._t, self._rate = t, rate
-
-    def at(self, t: float) -> float | None:
-        """The heading at a stamp close to the last reading; None where there is none."""
-        step = t - self._t
-        return self._yaw + step * self._rate if abs(step) <= LONGEST_GAP else None
-
-
-def seconds(stamp: Any) -> float:
-    """A ROS stamp, of ROS 2 (sec, nanosec) or ROS 1 (secs, nsecs), or a number [s]."""
-    if hasattr(stamp, "nanosec"):
-        return float(stamp.sec + 1e-9 * stamp.nanosec)
-    if hasattr(stamp, "nsecs"):
-        return float(stamp.secs + 1e-9 * stamp.nsecs)
-    return float(stamp)
-
-
-def _can_be(*values: float) -> bool:
-    return all(abs(value) < FAR for value in values)
 
 
 def _covariance(slam: Slam) -> Floats:

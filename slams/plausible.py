@@ -77,3 +77,8 @@ def check_laser(laser: Laser) -> None:
     expect(0.0 <= lasts <= LONGEST_SWEEP, "time_increment", laser.time_increment, sweep)
     near = math.hypot(laser.mount.x, laser.mount.y) <= REACH and abs(laser.mount.theta) < FAR
     expect(near, "mount", tuple(laser.mount), f"at most {REACH:g} m from the base")
+
+
+def can_be(*values: float) -> bool:
+    """Whether a robot on this earth has such a pose, heading or rate; nan and inf are none."""
+    return all(abs(value) < FAR for value in values)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -138,3 +139,34 @@ def _drifting(poses: Floats, rng: np.random.Generator) -> Floats:
         moved = Pose2(step.x * 1.02 + slip[0], step.y + slip[1], step.theta + slip[2])
         odom.append(odom[-1] @ moved)
     return np.array(odom)
+
+
+def odd_scans() -> dict[str, Scan]:
+    """Scans that a real laser sends one day."""
+    lidar = laser()
+    good = scan_at((0.0, 0.0, 0.0), lidar)
+
+    def _scan(t: float, values: object, fan: Laser = lidar, odom: Pose2 | None = None) -> Scan:
+        ranges = np.array(values, np.float32)
+        ranges.flags.writeable = False
+        return Scan(t, ranges, fan, odom)
+
+    n = lidar.n_beams
+    return {
+        "nothing but inf": _scan(1.0, np.full(n, np.inf)),
+        "nothing but nan": _scan(2.0, np.full(n, np.nan)),
+        "one beam": _scan(3.0, [2.0], Laser(0.0, 0.0, 1, 0.1, 30.0)),
+        "two beams": _scan(3.1, [2.0, np.nan], Laser(0.0, 0.1, 2, 0.1, 30.0)),
+        "zeros": _scan(4.0, np.zeros(n)),
+        "another beam count": scan_at((0.0, 0.0, 0.0), laser(91), t=5.0),
+        "clockwise": scan_at((0.0, 0.0, 0.0), Laser(2.0, -0.02, 200, 0.1, 30.0), t=6.0),
+        "stamp jumps back": _scan(0.5, good.ranges),
+        "same stamp": _scan(0.5, good.ranges),
+        "far jump of odometry": _scan(7.0, good.ranges, lidar, Pose2(1e3, -1e3, 3.0)),
+        "many more beams": scan_at((0.0, 0.0, 0.0), laser(1441), t=8.0),
+        "odometry of nan": _scan(9.0, good.ranges, lidar, Pose2(math.nan, math.nan, math.nan)),
+        "odometry of inf": _scan(9.1, good.ranges, lidar, Pose2(math.inf, 0.0, 0.0)),
+        "infinite heading": _scan(9.2, good.ranges, lidar, Pose2(0.0, 0.0, math.inf)),
+        "yaw of nan": replace(good, t=9.3, yaw=math.nan),
+        "infinite yaw": replace(good, t=9.4, yaw=math.inf),
+    }
