@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from slams.params import Params
 from slams.types import Floats, Pose2, Scan, Slam
 
+WARM_UP_SCANS = 4  # until every kernel of a usual scan is loaded
+
 
 @dataclass(frozen=True)
 class Run:

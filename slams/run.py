@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from slams.watch.view import View
 
 PROGRAM = "slams.run"
-WARM_UP_SCANS = 4
 RESULTS = ["map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", "summary.json"]
 
 
@@ -222,7 +221,7 @@ def _log(arguments: argparse.Namespace) -> ScanLog:
 def _replayed(
     entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
 ) -> tuple[Slam, Run, float]:
-    from slams.player import replay, warm_up
+    from slams.player import WARM_UP_SCANS, replay, warm_up
 
     slam = entry.cls(params)
     with ExitStack() as watching:

@@ -18,14 +18,12 @@ from slams import load
 from slams.formats.options import SourceOptions
 from slams.metrics import path_length
 from slams.params import Params
-from slams.player import replay, warm_up
+from slams.player import WARM_UP_SCANS, replay, warm_up
 from slams.registry import Entry, find
 from slams.ros.ros_params import Taken
 from slams.scanlog import ScanLog
 from slams.summary import moments, summarize
 from slams.types import Floats, Slam
-
-WARM_UP_SCANS = 4
 
 
 @dataclass(frozen=True)

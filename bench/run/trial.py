@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
 
 FUNCTION = "bench.run.trial:perform"
-WARM_UP_SCANS = 4
 PACKAGES = ("slams", "bench.sim", "bench.run", "bench.judge", "bench.results")
 
 
@@ -93,7 +92,7 @@ def perform(
     recorded: str | None,
 ) -> Result:
     """Run one trial: everything its result follows from is in the arguments."""
-    from slams.player import replay, warm_up
+    from slams.player import WARM_UP_SCANS, replay, warm_up
     from slams.registry import find
 
     spoiled = _spoiled(_frozen(log), Condition(**condition), recorded)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from slams.plausible import FAR
+from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Pose2, wrap_angle
 
@@ -178,8 +179,3 @@ def _matrix(row: tuple[float, ...]) -> Floats:
         ]
     )
     return pose
-
-
-def seconds(stamp: Any) -> float:
-    """A ROS time [s]."""
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)

@@ -24,10 +24,11 @@ from slams.formats.bag import (
     Record,
     decoder,
 )
-from slams.formats.frames import Transforms, bare, seconds, yaw_of
+from slams.formats.frames import Transforms, bare, yaw_of
 from slams.formats.options import DamagedError
 from slams.formats.sweep import Geometry, Sweep
 from slams.plausible import FAR
+from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Ranges
 
