@@ -11,6 +11,7 @@ import math
 import sys
 import traceback
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -174,14 +175,25 @@ def odd_scans() -> dict[str, Scan]:
         "same stamp": _scan(0.5, good.ranges),
         "far jump of odometry": _scan(7.0, good.ranges, lidar, Pose2(1e3, -1e3, 3.0)),
         "many more beams": scan_at((0.0, 0.0, 0.0), laser(1441), t=8.0),
+        "odometry of nan": _scan(9.0, good.ranges, lidar, Pose2(math.nan, math.nan, math.nan)),
+        "odometry of inf": _scan(9.1, good.ranges, lidar, Pose2(math.inf, 0.0, 0.0)),
+        "infinite heading": _scan(9.2, good.ranges, lidar, Pose2(0.0, 0.0, math.inf)),
+        "yaw of nan": replace(good, t=9.3, yaw=math.nan),
+        "infinite yaw": replace(good, t=9.4, yaw=math.inf),
     }
 
 
 def _stays_finite(entry: Entry) -> None:
     from slams.room import scan_at
+    from slams.types import Pose2
 
     odd = odd_scans()
-    good = [scan_at((0.01 * k, 0.0, 0.0), t=0.05 * k) for k in range(3)]
+    good = [
+        replace(
+            scan_at((0.01 * k, 0.0, 0.0), t=0.05 * k), odometry=Pose2(0.01 * k, 0.0, 0.0), yaw=0.0
+        )
+        for k in range(3)
+    ]
     for kind, scans in {
         **{k: [scan] for k, scan in odd.items()},
         "all": list(odd.values()),
@@ -202,7 +214,24 @@ def _expect_finite(entry: Entry, scans: list[Scan], kind: str) -> None:
                 raise
             raise BrokenContractError(f"{_raised(error)} [scans: {kind}]") from error
         _expect(all(map(math.isfinite, pose)), f"the pose is {pose} [scans: {kind}]")
+        _expect_confidence(slam, kind)
     _expect(isinstance(slam.map(), OccupancyGrid), f"map() is no OccupancyGrid [scans: {kind}]")
+
+
+def _expect_confidence(slam: Slam, kind: str) -> None:
+    """What an algorithm says of its last pose, where it says anything."""
+    import typing
+
+    from slams.types import Confident, State
+
+    if not isinstance(slam, Confident):
+        return
+    state, quality, covariance = slam.state, slam.quality, slam.covariance
+    known = typing.get_args(State)
+    _expect(state in known, f"state is {state!r}, expected one of {', '.join(known)}")
+    _expect(0.0 <= quality <= 1.0, f"quality is {quality}, expected 0 to 1 [scans: {kind}]")
+    deviations = [float(covariance[i, i]) for i in range(3)]
+    _expect(min(deviations) > 0.0, f"covariance has {deviations}, expected > 0 [scans: {kind}]")
 
 
 def _writes_nothing(entry: Entry) -> None:

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from bench.arena import rescue_arena
-from bench.drive import Robot, drive, gyro, odometry
-from bench.setting import CELL
 from scipy.linalg import expm
 
+from bench.sim.drive import Robot, drive
+from bench.sim.maze import rescue_arena
+from bench.sim.setting import CELL
+from bench.sim.wheels import gyro, odometry
 from slams.motion.chord import Chord, chord_of, covariance, variances
 from slams.motion.model import Motion
 from slams.motion.params import MotionParams
