@@ -60,15 +60,20 @@ class LogOddsPyramid:
         normals = scan.find_normals()
         surface_kernels.add_scan(self.surface, scan.points, normals, scan.n, pose, self._splat)
 
-    def match(self, level: int, scan: EndPoints, start: Pose2, solver: Solver, H: Floats) -> Pose2:
+    def match(
+        self, level: int, scan: EndPoints, start: Pose2, prior: Floats, solver: Solver, H: Floats
+    ) -> Pose2:
         """Gauss-Newton on the occupancy of one level; H is left in `H`."""
         grid = self.levels[level]
-        pose, _ = match_kernels.gauss_newton(grid, scan.points, scan.n, start, solver, H)
+        pose, _ = match_kernels.gauss_newton(grid, scan.points, scan.n, start, prior, solver, H)
         return pose
 
-    def fit(self, scan: EndPoints, start: Pose2, how: Fit, H: Floats) -> tuple[Pose2, float, float]:
+    def fit(
+        self, scan: EndPoints, start: Pose2, prior: Floats, how: Fit, H: Floats
+    ) -> tuple[Pose2, float, float]:
         """Gauss-Newton on the lines; pose, share of beams explained, their mean square [m^2]."""
-        return surface_kernels.fit(self.surface, scan.points, scan.n, scan.mount, start, how, H)
+        points, n = scan.points, scan.n
+        return surface_kernels.fit(self.surface, points, n, scan.mount, start, prior, how, H)
 
     def evidence(self, scan: EndPoints, pose: Pose2) -> float:
         """Share of beams the map explains less the share it contradicts, at `pose`."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hector.map_kernels import Level
 from hector.scan_kernels import Points
-from slams.geometry import solve3
+from slams.geometry import add_prior, solve3
 from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 
@@ -55,15 +55,16 @@ def interpolate(p: NDArray[np.float32], x: float, y: float) -> tuple[float, floa
 @njit(fastmath=FAST, inner=True)  # 1.2 times as fast: sums may be regrouped
 def normal_equations(
     level: Level, points: Points, n: int, pose: Pose2, H: Floats, b: Floats
-) -> float:
+) -> tuple[float, float]:
     """Sums of one linearization and the score, the mean map value: [Kohlbrecher11] eq. 7-13.
 
-    points (2, >= n) m in the base frame; H (3, 3) and b (3,) in meters and radians.
+    points (2, >= n) m in the base frame; H (3, 3) and b (3,) in meters and radians. Returns the
+    score and the residuals' mean square.
     """
     scale = 1.0 / level.resolution
     c, s = math.cos(pose.theta) * scale, math.sin(pose.theta) * scale
     ex, ey = (pose.x - level.x0) * scale, (pose.y - level.y0) * scale
-    hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = 0.0
+    hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = 0.0
     for i in range(n):
         x, y = points[0, i], points[1, i]
         qx, qy = c * x - s * y, s * x + c * y
@@ -80,31 +81,38 @@ def normal_equations(
         by += r * gy
         bt += r * gt
         total += value
+        squares += r * r
     H[0, 0], H[1, 1], H[2, 2] = hxx * scale * scale, hyy * scale * scale, htt
     H[0, 1] = H[1, 0] = hxy * scale * scale
     H[0, 2] = H[2, 0] = hxt * scale
     H[1, 2] = H[2, 1] = hyt * scale
     b[0], b[1], b[2] = bx * scale, by * scale, bt
-    return total / max(n, 1)
+    return total / max(n, 1), squares / max(n, 1)
 
 
 @njit
 def gauss_newton(
-    level: Level, points: Points, n: int, start: Pose2, solver: Solver, H: Floats
+    level: Level, points: Points, n: int, start: Pose2, prior: Floats, solver: Solver, H: Floats
 ) -> tuple[Pose2, float]:
     """Match end points to one level: steps of [Kohlbrecher11] eq. 12 from `start`.
 
-    Returns the pose and the mean map value at the last linearization, whose H is left in `H`.
+    ours: the start's own information, `prior` (3, 3) [1/m^2, 1/(m rad), 1/rad^2], is weighed
+    against the residuals' mean square. Returns the pose and the mean map value at the last
+    linearization, whose H is left in `H`.
     """
     x, y, theta = start
-    b, step = np.zeros(3), np.zeros(3)
+    b, step, weighed, total = np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
     score = 0.0
     for _ in range(solver.steps):
         pose = Pose2(x, y, theta)
-        score = normal_equations(level, points, n, pose, H, b)
+        score, square = normal_equations(level, points, n, pose, H, b)
+        for i in range(3):
+            for k in range(3):
+                weighed[i, k] = square * prior[i, k]
+        add_prior(H, weighed, Pose2(start.x - x, start.y - y, start.theta - theta), total, b)
         for k in range(3):
-            H[k, k] *= 1.0 + solver.damping
-        if not solve3(H, b, step):
+            total[k, k] += solver.damping * H[k, k]
+        if not solve3(total, b, step):
             break
         length = math.hypot(step[0], step[1])
         if length > solver.shift:

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from hector.ros import ROS as ROS_NAMES
-from slams.params import Params, RosNames, param
+from slams.motion.params import MotionParams
+from slams.params import RosNames, param
 
 LAUNCH = "original code, mapping_default.launch"
 CODE = "original code"
 
 
 @dataclass(frozen=True)
-class HectorParams(Params):
+class HectorParams(MotionParams):
     """Parameters of the default, `Hector`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
@@ -93,15 +94,6 @@ class HectorParams(Params):
     max_range: float = param(
         30.0, "m", "farther ends are not used", source=CODE, low=0.5, ros=("laser_max_dist",)
     )
-    start: str = param(
-        "auto",
-        "1",
-        "where matching starts: constant velocity (with the gyro's turn), or odometry where there "
-        "is some (auto)",
-        source="ours: the original starts at the last pose",
-        choices=("velocity", "auto"),
-        ros=("use_tf_pose_start_estimate",),
-    )
     steps_coarse: int = param(
         12,
         "1",
@@ -173,12 +165,6 @@ class HectorParams(Params):
         source="ours: a cell",
         low=0.001,
     )
-    prior_xy: float = param(
-        0.1, "m", "trust in the start of matching where no wall decides", source="ours", low=1e-4
-    )
-    prior_theta: float = param(
-        0.1, "rad", "trust in the start of matching where no wall decides", source="ours", low=1e-4
-    )
     range_noise: float = param(
         0.02,
         "m",
@@ -186,14 +172,7 @@ class HectorParams(Params):
         source="ours: between a UTM-30LX's 0.01 and its specified 0.03",
         low=1e-4,
     )
-    acceleration: float = param(
-        1.0,
-        "m/s",
-        "change of velocity per second that matching must expect",
-        source="ours: over a long interval it leaves the reach of the lines",
-        low=0.0,
-    )
-    doubt: float = param(
+    convincing: float = param(
         0.85,
         "1",
         "share of the usual explained beams below which other starts are tried",
@@ -208,13 +187,6 @@ class HectorParams(Params):
         source="ours",
         low=-1.0,
         high=1.0,
-    )
-    patience: int = param(
-        10,
-        "1",
-        "refused scans in a row after which one enters the map all the same",
-        source="ours: a robot in new surroundings must go on",
-        low=1,
     )
     search_distance: float = param(
         0.8, "m", "half width of the search when matching fails", source="ours", low=0.0, high=5.0

@@ -28,5 +28,11 @@ ORIGINAL = RosNames(
     },
 )
 ROS = dataclasses.replace(
-    ORIGINAL, original_only={"map_size": "the map grows as needed"}, defaults={}
+    ORIGINAL,
+    words={},
+    original_only={
+        "map_size": "the map grows as needed",
+        "use_tf_pose_start_estimate": "wheels, gyro and velocity are fused, each where it is",
+    },
+    defaults={},
 )

@@ -25,9 +25,12 @@ from hector.match_kernels import Solver
 from hector.params import HectorParams
 from hector.scan import EndPoints
 from hector.surface_kernels import Fit
-from slams.motion import Motion
+from slams.motion.model import Prediction
+from slams.motion.track import Track
 from slams.params import Params
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
+
+QUIETEST = 0.001  # m, noise of a beam where the map fits without any
 
 
 class Match(NamedTuple):
@@ -47,114 +50,132 @@ class Hector:
         self.params = params
         self._map = LogOddsPyramid(params)
         self._scan = EndPoints(params)
-        self._motion = Motion(params.start)
+        self._track = Track(params)
         self._solvers = _solvers(params)
-        self._lines = _line_fit(params)
+        self._lines = Fit(params.steps_fine, params.converged, params.softness)
         self._H = np.zeros((3, 3))
-        self._match = Match(IDENTITY, 1.0, 0.0)
-        self._key = self._match
-        self._refused = 0
-        names = ("empty", "inserted", "retried", "searched", "lost")
+        self._match = self._key = Match(IDENTITY, 1.0, 0.0)
+        self._usual = 1.0
+        self._noise = params.range_noise**2
+        names = ("empty", "inserted", "retried", "searched", "refused")
         self._counts = dict.fromkeys(names, 0)
 
     def update(self, scan: Scan) -> Pose2:
         """Match the scan to the map, let it enter the map if due; return T_map_base."""
-        start = self._motion.predict(self._match.pose, scan)  # 1.
-        points = self._scan.take(scan, self._motion.velocity)  # 2.
-        self._counts["empty"] += points.n == 0
-        match = self._matched(points, start)  # 3.
+        start = self._track.predict(scan)  # 1.
+        points = self._scan.take(scan, start.velocity)  # 2.
+        match = self._matched(points, start.pose)  # 3.
         if points.sweeps:
-            points = self._scan.take(scan, self._motion.velocity_to(match.pose))
-            match = self._matched(points, match.pose)
+            points = self._scan.take(scan, self._track.motion.velocity_to(match.pose))
+            match = self._matched(points, start.pose)
         if self._doubtful(points, match):  # 4.
-            match = self._recovered(points, start, match)
+            match, accepted = self._recovered(points, start, match)
         else:
-            self._refused = 0
-        self._match = match
-        self._motion.moved(match.pose, scan)
-        if self._due(points, match):  # 5.
-            self._insert(points, match)
-        return match.pose
+            accepted = points.n > 0
+        self._settle(scan, points, match, accepted)
+        if self._due(points):  # 5.
+            self._insert(points)
+        return self._track.pose
 
     def map(self) -> OccupancyGrid:
         """The finest level as probabilities."""
         return self._map.grid()
 
     def report(self) -> dict[str, Any]:
-        """Counts of scans: empty, inserted, retried, searched, lost; with odometry, with gyro."""
-        return self._counts | {"odometry": self._motion.odometry, "gyro": self._motion.gyro}
+        """Counts of scans: empty, inserted, retried, searched, refused; lost; with odometry ..."""
+        return self._counts | {"lost": self._track.lost} | self._track.motion.counts
+
+    @property
+    def state(self) -> State:
+        """How the last pose came about."""
+        return self._track.state
 
     @property
     def quality(self) -> float:
-        """Share of the last scan's beams that the map explains, 0..1 (1 where not computed)."""
+        """Share of the last scan's beams that the map explains, 0..1 (1 of the first scan)."""
         return self._match.share
 
     @property
     def covariance(self) -> Floats:
-        """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2].
-
-        The inverse of H times the beams' mean square.
-        """
-        noise = max(self._match.square, 1e-6)
-        return np.asarray(noise * np.linalg.pinv(self._H, hermitian=True), np.float64)
+        """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
+        return self._track.covariance
 
     def _matched(self, points: EndPoints, start: Pose2) -> Match:
         """Step 3, on the lines."""
         if self._map.insertions == 0 or points.n == 0:
             return self._match._replace(pose=start)
-        return Match(*self._map.fit(points, start, self._lines, self._H))
+        prior = self._noise * self._track.prior(start)
+        return Match(*self._map.fit(points, start, prior, self._lines, self._H))
 
     def _coarse_to_fine(self, points: EndPoints, pose: Pose2) -> Pose2:
+        prior = self._track.prior(pose)
         for level, solver in self._solvers:
-            pose = self._map.match(level, points, pose, solver, self._H)
+            pose = self._map.match(level, points, pose, prior, solver, self._H)
         return pose
 
     def _doubtful(self, points: EndPoints, match: Match) -> bool:
         """Whether the start may be out of the lines' reach, or the map explains less than usual."""
         if self._map.insertions == 0 or points.n == 0:
             return False
-        could_gain = self.params.acceleration * self._motion.dt**2
-        wide = could_gain > 0.5 * self.params.resolution
-        return wide or match.share < self.params.doubt * self._match.share
+        wide = 2.0 * self._track.uncertain > 0.5 * self.params.resolution
+        less = match.share < self.params.convincing * self._usual
+        return wide or less or not self._track.reachable(match.pose)
 
-    def _recovered(self, points: EndPoints, start: Pose2, match: Match) -> Match:
-        """Step 4: the best of other starts; if that is bad, of a search; if still, the start."""
+    def _recovered(self, points: EndPoints, start: Prediction, match: Match) -> tuple[Match, bool]:
+        """Step 4: the best of other starts; if that is bad, of a search; whether it is good."""
         self._counts["retried"] += 1
-        starts = [start, self._match.pose]
+        before = self._track.pose
+        starts = [start.pose, before @ start.continued, before]
         tried = [match, *(self._matched(points, self._coarse_to_fine(points, s)) for s in starts)]
         best, evidence = self._best(points, tried)
         if evidence < self.params.lost:
             self._counts["searched"] += 1
-            found = self._map.search(points, start)
+            found = self._map.search(points, start.pose)
             tried = [best, *(self._matched(points, self._coarse_to_fine(points, s)) for s in found)]
             best, evidence = self._best(points, tried)
-        if evidence < self.params.lost:
-            self._counts["lost"] += 1
-            self._refused += 1
-            return Match(start, self._match.share, match.square)
-        self._refused = 0
-        return self._matched(points, best.pose)
+        accepted = evidence >= self.params.lost and self._track.reachable(best.pose)
+        return self._matched(points, best.pose), accepted
 
     def _best(self, points: EndPoints, tried: list[Match]) -> tuple[Match, float]:
-        evidence = [self._map.evidence(points, match.pose) for match in tried]
-        best = int(np.argmax(evidence))
-        return tried[best], evidence[best]
+        """The match with the most evidence, less the price of contradicting the prediction."""
+        track = self._track
+        possible = [match for match in tried if track.reachable(match.pose)] or tried[:1]
+        evidence = [self._map.evidence(points, match.pose) for match in possible]
+        charges = [track.charge(match.pose) for match in possible]
+        best = int(np.argmax(np.subtract(evidence, charges)))
+        return possible[best], evidence[best]
 
-    def _due(self, points: EndPoints, match: Match) -> bool:
+    def _settle(self, scan: Scan, points: EndPoints, match: Match, accepted: bool) -> None:
+        """Tell the track what was found."""
+        self._match = match
+        if accepted:
+            self._noise = max(match.square, QUIETEST**2)
+            self._track.matched(match.pose, self._H / self._noise, scan)
+            self._usual = match.share
+        else:
+            self._counts["refused"] += points.n > 0
+            self._track.missed(scan)
+
+    def _due(self, points: EndPoints) -> bool:
         """Step 5: far enough from the last insertion, or much that the map did not explain."""
-        if points.n == 0 or 0 < self._refused < self.params.patience:
-            return False
+        track, key = self._track, self._key
+        if track.state != "matched":
+            return self._new_surroundings(points)
         if self._map.insertions < self.params.settle:
             return True
-        step = self._key.pose.between(match.pose)
+        step = key.pose.between(track.pose)
         moved = math.hypot(step.x, step.y) > self.params.insert_distance
         turned = abs(step.theta) > self.params.insert_angle
-        return moved or turned or match.share < self.params.doubt * self._key.share
+        return moved or turned or self._match.share < self.params.convincing * key.share
 
-    def _insert(self, points: EndPoints, match: Match) -> None:
-        self._map.insert(points, match.pose)
-        self._key = match
-        self._refused = 0
+    def _new_surroundings(self, points: EndPoints) -> bool:
+        """Whether wheels alone have held the pose for long, and the map does not contradict it."""
+        held = self._track.held and points.n > 0
+        return held and self._map.evidence(points, self._track.pose) > 0.0
+
+    def _insert(self, points: EndPoints) -> None:
+        self._map.insert(points, self._track.pose)
+        self._key = self._match._replace(pose=self._track.pose)
         self._counts["inserted"] += 1
 
 
@@ -163,15 +184,3 @@ def _solvers(params: HectorParams) -> list[tuple[int, Solver]]:
     rest = (params.max_shift, params.max_turn, params.converged, params.damping)
     coarse, fine = Solver(params.steps_coarse, *rest), Solver(params.steps_fine, *rest)
     return [(level, coarse if level else fine) for level in reversed(range(params.levels))]
-
-
-def _line_fit(params: HectorParams) -> Fit:
-    """Gauss-Newton on the lines; the prior is weighed against one beam's noise."""
-    noise = params.range_noise**2
-    return Fit(
-        params.steps_fine,
-        params.converged,
-        params.softness,
-        noise / params.prior_xy**2,
-        noise / params.prior_theta**2,
-    )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hector.map_kernels import Level
 from hector.scan_kernels import Points
-from slams.geometry import solve3
+from slams.geometry import add_prior, solve3
 from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 
@@ -45,15 +45,12 @@ class Fit(NamedTuple):
     """How a scan is fitted to the lines.
 
     At most `steps` steps, done below `tolerance` [m] and [rad] times 1 m; `softness` [m] is the
-    residual whose weight is halved; `prior_xy` [1/m^2], `prior_theta` [1/rad^2] the pull to the
-    start relative to one beam's 1/m^2.
+    residual whose weight is halved.
     """
 
     steps: int
     tolerance: float
     softness: float
-    prior_xy: float
-    prior_theta: float
 
 
 class Splat(NamedTuple):
@@ -233,16 +230,23 @@ def line_equations(
 
 @njit
 def fit(
-    surface: Surface, points: Points, n: int, mount: Pose2, start: Pose2, how: Fit, H: Floats
+    surface: Surface,
+    points: Points,
+    n: int,
+    mount: Pose2,
+    start: Pose2,
+    prior: Floats,
+    how: Fit,
+    H: Floats,
 ) -> tuple[Pose2, float, float]:
-    """Gauss-Newton on the distances to the lines from `start`; the last H is left in `H`.
+    """Gauss-Newton on the distances to the lines from `start`; the lines' last H is left in `H`.
 
-    ours: [Kohlbrecher11] eq. 12, with a weak pull to the start that decides where no wall does.
-    Returns the pose, the share of points that lie on a line (by robust weight), and the mean square
-    distance of those [m^2].
+    ours: [Kohlbrecher11] eq. 12, with the start's own information, `prior` (3, 3) relative to one
+    beam's 1/m^2, which decides where no wall does. Returns the pose, the share of points that lie
+    on a line (by robust weight), and the mean square distance of those [m^2].
     """
     x, y, theta = start
-    b, step = np.zeros(3), np.zeros(3)
+    b, step, total_H = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     soft = 1.0 / (how.softness * how.softness)
     share = square = 0.0
     for _ in range(how.steps):
@@ -250,13 +254,8 @@ def fit(
             surface, points, n, mount, Pose2(x, y, theta), soft, H, b
         )
         share, square = near / max(n, 1), squares / max(total, 1e-9)
-        H[0, 0] += how.prior_xy
-        H[1, 1] += how.prior_xy
-        H[2, 2] += how.prior_theta
-        b[0] += how.prior_xy * (start.x - x)
-        b[1] += how.prior_xy * (start.y - y)
-        b[2] += how.prior_theta * (start.theta - theta)
-        if not solve3(H, b, step):
+        add_prior(H, prior, Pose2(start.x - x, start.y - y, start.theta - theta), total_H, b)
+        if not solve3(total_H, b, step):
             break
         x, y, theta = x + step[0], y + step[1], theta + step[2]
         if math.hypot(step[0], step[1]) < how.tolerance and abs(step[2]) < how.tolerance:

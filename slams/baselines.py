@@ -81,7 +81,7 @@ class Odometry:
 
     def update(self, scan: Scan) -> Pose2:
         """Compose the pose at the first odometry with the way since."""
-        if scan.odometry is not None:
+        if scan.odometry is not None and math.isfinite(sum(scan.odometry)):
             if self._start is None:
                 self._start = scan.odometry @ self._pose.inverse()
             self._pose = self._start.between(scan.odometry)

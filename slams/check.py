@@ -178,7 +178,24 @@ def _expect_finite(entry: Entry, scans: list[Scan], kind: str) -> None:
                 raise
             raise BrokenContractError(f"{_raised(error)} [scans: {kind}]") from error
         _expect(all(map(math.isfinite, pose)), f"the pose is {pose} [scans: {kind}]")
+        _expect_confidence(slam, kind)
     _expect(isinstance(slam.map(), OccupancyGrid), f"map() is no OccupancyGrid [scans: {kind}]")
+
+
+def _expect_confidence(slam: Slam, kind: str) -> None:
+    """What an algorithm says of its last pose, where it says anything."""
+    import typing
+
+    from slams.types import Confident, State
+
+    if not isinstance(slam, Confident):
+        return
+    state, quality, covariance = slam.state, slam.quality, slam.covariance
+    known = typing.get_args(State)
+    _expect(state in known, f"state is {state!r}, expected one of {', '.join(known)}")
+    _expect(0.0 <= quality <= 1.0, f"quality is {quality}, expected 0 to 1 [scans: {kind}]")
+    deviations = [float(covariance[i, i]) for i in range(3)]
+    _expect(min(deviations) > 0.0, f"covariance has {deviations}, expected > 0 [scans: {kind}]")
 
 
 def _writes_nothing(entry: Entry) -> None:

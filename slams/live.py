@@ -20,7 +20,7 @@ from slams.plausible import LONGEST_SWEEP, can_be, check_laser, check_stamps, ex
 from slams.registry import find
 from slams.ros.stamps import seconds
 from slams.scanlog import ScanLog, single
-from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan, Slam
+from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan, Slam, State
 
 LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
 FAILURES = ("lost", "rejected", "empty")
@@ -37,8 +37,9 @@ class Estimate:
         covariance: of the pose, (3, 3) [m, rad]; inf on the diagonal where the algorithm has none.
         quality: share of the scan that agrees with the map, 0..1; nan where there is none.
         used: False for a scan from the past or sent twice: the estimate before is repeated.
-        lost: the scan did not fit the map, the pose is a prediction.
-        seconds_lost: for how long that has been so.
+        state: "matched", "predicted" or "lost", as `slams.types.Confident` says; of an algorithm
+            that has none, "predicted" where one of its counts lost, rejected and empty rises.
+        seconds_lost: for how long the map has not explained a scan.
     """
 
     t: float
@@ -47,8 +48,13 @@ class Estimate:
     covariance: Floats
     quality: float
     used: bool
-    lost: bool
+    state: State
     seconds_lost: float
+
+    @property
+    def lost(self) -> bool:
+        """Whether nothing tells where the robot is: neither map nor wheels."""
+        return self.state == "lost"
 
 
 class LiveSlam:
@@ -222,8 +228,8 @@ class LiveSlam:
         return False
 
     def _estimate(self, scan: Scan, pose: Pose2) -> Estimate:
-        lost = self._has_failed()
-        if not lost or math.isinf(self._fitted_at):
+        state = self._state()
+        if state == "matched" or math.isinf(self._fitted_at):
             self._fitted_at = scan.t
         return Estimate(
             t=scan.t,
@@ -232,17 +238,20 @@ class LiveSlam:
             covariance=_covariance(self._slam),
             quality=float(getattr(self._slam, "quality", math.nan)),
             used=True,
-            lost=lost,
+            state=state,
             seconds_lost=scan.t - self._fitted_at,
         )
 
-    def _has_failed(self) -> bool:
-        """Whether the algorithm counts one failure more than before."""
+    def _state(self) -> State:
+        """The algorithm's own word, or whether it counts one failure more than before."""
+        said: State | None = getattr(self._slam, "state", None)
+        if said is not None:
+            return said
         report = self._slam.report()
         failures = sum(int(report.get(name, 0)) for name in FAILURES)
         failed = failures > self._failures
         self._failures = failures
-        return failed
+        return "predicted" if failed else "matched"
 
     def _laser_of(self, n_beams: int, geometry: tuple[float, ...]) -> Laser:
         """The laser; one object as long as the geometry stays."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Never, Protocol, overload, runtime_checkable
+from typing import Any, ClassVar, Literal, NamedTuple, Never, Protocol, overload, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from slams.params import Params
 
 Floats = NDArray[np.float64]
 Ranges = NDArray[np.float32]
+State = Literal["matched", "predicted", "lost"]
 
 
 @overload
@@ -158,6 +159,9 @@ class Slam(Protocol):
     6. Two instances in one process do not disturb each other.
     7. The odom frame is arbitrary: one constant motion before every odometry pose changes nothing.
     8. A scan with another beam count or geometry than the one before is handled.
+
+    An algorithm may say more of the last scan, as `Confident` does; `LiveSlam` has a fallback for
+    each that is missing.
     """
 
     Params: ClassVar[type[Params]]
@@ -174,6 +178,34 @@ class Slam(Protocol):
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far (inserted, rejected, lost, ...)."""
+        ...
+
+
+@runtime_checkable
+class Confident(Protocol):
+    """An algorithm that says after each update how its pose came about and how good it is.
+
+    Attributes:
+        state: "matched", the map explains the scan; "predicted", it does not, and the pose is the
+            prediction; "lost", nothing was matched for a second and no wheels hold the pose to 0.5
+            m and 0.3 rad. Nothing enters the map while lost; `report()["lost"]` counts such scans.
+        quality: share of the scan that the map explains, 0..1.
+        covariance: of the pose against the map, (3, 3) [m, rad]; inf where unknown, never 0.
+    """
+
+    @property
+    def state(self) -> State:
+        """How the last pose came about."""
+        ...
+
+    @property
+    def quality(self) -> float:
+        """Share of the last scan that the map explains."""
+        ...
+
+    @property
+    def covariance(self) -> Floats:
+        """Of the last pose against the map."""
         ...
 
 

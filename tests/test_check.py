@@ -23,7 +23,7 @@ class Good:
         self.pose, self.last, self.used = Pose2(0.0, 0.0, 0.0), None, 0
 
     def update(self, scan):
-        now = scan.odometry
+        now = scan.odometry if scan.odometry and np.isfinite(scan.odometry).all() else self.last
         if self.last is not None and now is not None:
             self.pose, self.used = self.pose @ self.last.between(now), self.used + 1
         self.last = now

@@ -154,7 +154,7 @@ def test_normal_equations_are_the_gradient_of_the_cost():
         )
 
     pose, h = np.array([0.03, -0.02, 0.1]), 1e-6
-    score = match_kernels.normal_equations(grid, points, 50, Pose2(*pose), H, b)
+    score, square = match_kernels.normal_equations(grid, points, 50, Pose2(*pose), H, b)
     J = np.stack(
         [
             (residuals(Pose2(*(pose + h * e))) - residuals(Pose2(*(pose - h * e)))) / (2 * h)
@@ -166,6 +166,7 @@ def test_normal_equations_are_the_gradient_of_the_cost():
     assert pytest.approx(H, rel=1e-4) == J.T @ J
     assert -J.T @ r == pytest.approx(b, rel=1e-4, abs=1e-4)
     assert score == pytest.approx(1.0 - r.mean())
+    assert square == pytest.approx(np.mean(r * r))
 
 
 def test_a_step_is_limited_the_originals_in_angle_only():
@@ -178,7 +179,8 @@ def test_a_step_is_limited_the_originals_in_angle_only():
     assert turned == (free.x, free.y, math.copysign(0.02, free.theta))
     assert math.hypot(free.x, free.y) > 0.01
     short = Solver(1, 0.01, 0.2, 0.0, 0.0)
-    pose, _ = match_kernels.gauss_newton(grid, points, 3, IDENTITY, short, H)
+    nothing = np.zeros((3, 3))
+    pose, _ = match_kernels.gauss_newton(grid, points, 3, IDENTITY, nothing, short, H)
     assert math.hypot(pose.x, pose.y) == pytest.approx(0.01)
 
 
@@ -422,7 +424,7 @@ def test_fit_recovers_a_known_motion(motion, way):
     pyramid, _ = mapped_room(base)
     points = EndPoints(HectorParams()).take(scan_at(target, laser(1081)), IDENTITY)
     H = np.zeros((3, 3))
-    pose, share, square = pyramid.fit(points, base, Fit(20, 1e-6, 0.05, 0.0, 0.0), H)
+    pose, share, square = pyramid.fit(points, base, np.zeros((3, 3)), Fit(20, 1e-6, 0.05), H)
     assert pose == pytest.approx(target, abs=1.5e-3)
     assert share > 0.85
     assert math.sqrt(square) < 3e-3
@@ -436,7 +438,9 @@ def test_a_mirrored_world_gives_the_mirrored_result():
         pyramid, points = LogOddsPyramid(params), EndPoints(params)
         pyramid.insert(points.take(scan_at((0, 0, 0), lidar, segments), IDENTITY), IDENTITY)
         points.take(scan_at((0.03, sign * 0.02, sign * 0.01), lidar, segments), IDENTITY)
-        pose, _, _ = pyramid.fit(points, IDENTITY, Fit(20, 1e-6, 0.05, 0.0, 0.0), np.zeros((3, 3)))
+        pose, _, _ = pyramid.fit(
+            points, IDENTITY, np.zeros((3, 3)), Fit(20, 1e-6, 0.05), np.zeros((3, 3))
+        )
         results.append(np.array(pose) * [1.0, sign, sign])
     assert results[0] == pytest.approx(results[1], abs=1e-3)
 
@@ -476,7 +480,7 @@ def test_five_scans_a_second_without_odometry():
     log = drive(n=100, rate=5.0, odometry=False, gyro=False)
     run = replay(Hector(HectorParams()), log)
     assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.01
-    assert run.report["retried"] > 90  # so long an interval is always doubted
+    assert run.report["retried"] < 50  # the motion so far tells most of so long a step
     assert replay(Hector(HectorParams()), drive(n=50)).report["retried"] < 5
 
 
@@ -513,8 +517,12 @@ def test_recovers_from_a_jump_by_searching():
     for k in range(12):
         slam.update(scan_at((0, 0, 0), laser(1081), t=0.025 * k))
     target = Pose2(0.5, -0.4, 0.5)
-    for k in range(3):
+    for k in range(6):
         pose = slam.update(scan_at(target, laser(1081), t=0.3 + 0.025 * k))
+        if k < 3:  # no robot is there so soon
+            assert pose == pytest.approx(IDENTITY, abs=0.02)
+            assert slam.state == "predicted"
+    assert slam.state == "matched"
     assert pose == pytest.approx(target, abs=0.02)
     assert slam.report()["retried"] >= 1
 
@@ -529,13 +537,15 @@ def test_a_scan_of_elsewhere_is_refused_and_leaves_the_map_alone():
     ranges.flags.writeable = False
     pose = slam.update(Scan(0.6, ranges, laser()))
     assert pose == pytest.approx(IDENTITY, abs=0.02)
-    assert slam.report()["lost"] == 1
+    assert slam.report()["refused"] == 1
+    assert slam.state == "predicted"
     assert np.array_equal(slam.map().p, before, equal_nan=True)
     inserted = slam.report()["inserted"]
     for k in range(8):
         slam.update(scan_at((0.05 * k, 0.0, 0.0), t=0.65 + 0.05 * k))
     assert slam.report()["inserted"] > inserted
-    assert slam.report()["lost"] == 1
+    assert slam.report()["refused"] == 1
+    assert slam.state == "matched"
 
 
 def test_the_map_grows_and_keeps_what_it_has():
@@ -558,7 +568,9 @@ def test_the_map_grows_and_keeps_what_it_has():
         steps = (level.x0 - pyramid.levels[0].x0) / 0.05
         assert steps == pytest.approx(0.0, abs=1e-6)
     H = np.zeros((3, 3))
-    pose, share, _ = pyramid.fit(points, Pose2(0.02, 0.0, 0.0), Fit(20, 1e-6, 0.05, 0.0, 0.0), H)
+    pose, share, _ = pyramid.fit(
+        points, Pose2(0.02, 0.0, 0.0), np.zeros((3, 3)), Fit(20, 1e-6, 0.05), H
+    )
     assert pose == pytest.approx(IDENTITY, abs=1e-3)
     assert share > 0.8
 

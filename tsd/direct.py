@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slams.motion.track import Track
 from slams.types import Floats, Laser, OccupancyGrid, Pose2, Scan
-from tsd.fix import Fix, Start
+from tsd.fix import Fix
 from tsd.image import Picture
 from tsd.map import TileField
 from tsd.map_kernels import place_lines
@@ -26,14 +27,12 @@ from tsd.scan_kernels import (
 )
 
 GAIN = 0.02  # another start must be better by this share of the elements
-JUMP, JUMP_TURN = 0.5, 0.7  # a start this far off [m], [rad] costs half of the elements
 NO_STEP = 1e-6  # between the beams of a laser that has one [rad]
 SCORED = 100  # elements that make and score hypotheses
 TAKEN = 3  # hypotheses aligned
 APART = 0.1, 0.05  # closer hypotheses [m], [rad] are one
 UNSEEN = 0.01  # a direction seen worse than this [m] is looked along
 SHIFTS = np.linspace(-0.4, 0.4, 17)  # along it [m]
-ALONG = 0.15  # deviation of what is to be found there [m]
 SAME = 0.03, 0.02  # a pose so near [m], [rad] is no other answer: only noise prefers it
 
 
@@ -52,11 +51,13 @@ class Direct:
 
     Args:
         params: parameters.
+        track: what is known of the pose before the scan.
         rng: source of every random draw.
     """
 
-    def __init__(self, params: TsdParams, rng: np.random.Generator) -> None:
+    def __init__(self, params: TsdParams, track: Track, rng: np.random.Generator) -> None:
         p = self._params = params
+        self._track = track
         self._rng = rng
         self._field = TileField(p.cell, p.truncation, p.max_weight)
         self._coarse = TileField(p.coarse_cell, p.coarse_truncation, p.max_weight)
@@ -65,7 +66,6 @@ class Direct:
         )
         self._rule = MatchRule(p.iterations, 1e-4, 1e-5, p.robust, p.map_noise * p.range_noise)
         self._coarse_rule = MatchRule(p.iterations, 1e-3, 1e-3, 0.3 * p.coarse_truncation, 0.03)
-        self._prior = np.zeros(3)
         self._normal_equations = np.zeros((5, 3))
         self._best = np.zeros((p.trials + 1, 4))
         self._counts = np.zeros((len(SHIFTS), 2))
@@ -83,12 +83,10 @@ class Direct:
         self._count = self._fit(self._params.spacing, self._elements)
         return self._count
 
-    def register(self, start: Start) -> Fix:
+    def register(self, start: Pose2, others: tuple[Pose2, ...]) -> Fix:
         """Align from the prediction; when that does not convince, from elsewhere; pick the best."""
-        self._start = start
-        self._prior[:2] = start.deviation**-2
-        self._prior[2] = start.turn_deviation**-2
-        best = direct = self._align(start.pose)
+        self._start, self._others = start, others
+        best = direct = self._align(start)
         information = self._normal_equations[:3].copy()
         tried = False
         for attempt, enough in (
@@ -108,12 +106,12 @@ class Direct:
             information = self._normal_equations[:3].copy()
         p = self._params
         good = best.close > p.min_close * best.known and best.known > p.min_known
-        pose, slip = best.pose, (0.0, 0.0)
+        good &= self._track.reachable(best.pose)
+        pose, doubt = best.pose, np.zeros((2, 2))
         if good:
             self._learn(best, tried)
-            slip = self._slip(pose, information)
-        pose = Pose2(pose.x + slip[0], pose.y + slip[1], pose.theta)
-        return Fix(pose, good, best.close, information, best is not direct, slip)
+            pose, doubt = self._slipped(pose, information)
+        return Fix(pose, best.pose, good, best.close, information, doubt, best is not direct)
 
     def push(self, pose: Pose2) -> None:
         """Enter the scan last seen at `pose` of the base into both fields."""
@@ -170,62 +168,63 @@ class Direct:
 
     def _align(self, pose: Pose2, coarse: bool = False) -> Match:
         """Gauss-Newton on one of the fields."""
-        x = np.array(pose)
+        x, prior = np.array(pose), self._track.prior(pose)
         field, rule = (self._coarse, self._coarse_rule) if coarse else (self._field, self._rule)
         known, close, residual, _ = align(
             field.kernel,
             self._elements,
             self._count,
-            self._prior,
+            prior,
             rule,
             x,
             self._normal_equations,
         )
         total = max(self._count, 1)
         found = Pose2(*x.tolist())
-        worth = close / total - self._penalty(found)
+        worth = close / total - self._track.charge(found) - (not self._track.reachable(found))
         return Match(found, known / total, close / total, worth, residual)
 
-    def _slip(self, pose: Pose2, information: Floats) -> tuple[float, float]:
-        """Where the scan sees one direction badly, to the mean of all poses along it by likelihood.
+    def _slipped(self, pose: Pose2, information: Floats) -> tuple[Pose2, Floats]:
+        """Where the scan sees one direction badly, the mean of all poses along it by likelihood.
 
         In a corridor the few elements that face along it are beyond the reach of Gauss-Newton
         once the robot has slipped, and what noise turned that way holds the pose where it is.
         """
-        xx, yy = information[0, 0] - self._prior[0], information[1, 1] - self._prior[1]
-        xy = information[1, 0]
+        xx, xy, yy = information[0, 0], information[1, 0], information[1, 1]
         if 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy) > UNSEEN**-2:
-            return 0.0, 0.0
+            return pose, np.zeros((2, 2))
         across = 0.5 * math.atan2(2.0 * xy, xx - yy)
         axis = np.array([-math.sin(across), math.cos(across)])
-        counts = self._counts
+        seen, agree = self._agreement(pose, SHIFTS[:, None] * axis).T
+        middle = len(SHIFTS) // 2
+        evidence = agree - seen * agree[middle] / max(seen[middle], 1.0)
+        evidence -= 0.5 * SHIFTS**2 / (axis @ self._track.expected[:2, :2] @ axis)
+        likelihood = np.exp(evidence - evidence.max())
+        likelihood /= likelihood.sum()
+        mean = likelihood @ SHIFTS
+        x, y = (mean * axis).tolist()
+        doubt = likelihood @ (SHIFTS - mean) ** 2 * np.outer(axis, axis)
+        return Pose2(pose.x + x, pose.y + y, pose.theta), doubt
+
+    def contradicts(self, pose: Pose2) -> bool:
+        """Whether more elements lie where beams passed than agree with the field."""
+        seen, agree = self._agreement(pose, np.zeros((1, 2)))[0]
+        return bool(2.0 * agree < seen)
+
+    def _agreement(self, pose: Pose2, offsets: Floats) -> Floats:
+        """Of a pose moved by offsets (n, 2): elements where beams were, and that agree (n, 2)."""
+        counts = self._counts[: len(offsets)]
         agreement_along(
             self._field.kernel,
             self._elements,
             self._count,
             self._beams,
             np.array(pose),
-            SHIFTS[:, None] * axis,
+            offsets,
             self._rule,
             counts,
         )
-        seen, agree = counts.T
-        middle = len(SHIFTS) // 2
-        evidence = agree - seen * agree[middle] / max(seen[middle], 1.0)
-        evidence -= 0.5 * (SHIFTS / ALONG) ** 2
-        likelihood = np.exp(evidence - evidence.max())
-        x, y = (likelihood @ SHIFTS / likelihood.sum() * axis).tolist()
-        return x, y
-
-    def _penalty(self, pose: Pose2) -> float:
-        """What a pose must make good for its distance from the prediction."""
-        start = self._start
-        expected = [start.pose, start.others[-1]] if start.doubtful else [start.pose]
-        steps = [other.between(pose) for other in expected]
-        return min(
-            0.5 * ((step.x**2 + step.y**2) / JUMP**2 + (step.theta / JUMP_TURN) ** 2)
-            for step in steps
-        )
+        return counts
 
     def _plausible(self, match: Match) -> bool:
         """Whether most elements are known and most of those agree."""
@@ -238,7 +237,7 @@ class Direct:
 
     def _from_others(self) -> list[Match]:
         """Coarse to fine from the prediction and from the other starts."""
-        starts = (self._start.pose, *self._start.others)
+        starts = (self._start, *self._others)
         return [self._align(self._align(pose, coarse=True).pose) for pose in starts]
 
     def _from_near(self) -> list[Match]:
@@ -260,7 +259,7 @@ class Direct:
         stride = max(self._count // SCORED, 1)
         some = np.ascontiguousarray(self._elements[: self._count : stride])
         trials = self._rng.permutation(self._n_lines)[: p.trials]
-        start = np.array(self._start.pose)
+        start = np.array(self._start)
         best = self._best[: len(trials) + 1]
         try_pairs(self._field.kernel, self._lines, trials, some, len(some), start, rule, best)
         found: list[Pose2] = []

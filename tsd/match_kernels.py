@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slams.geometry import solve3
+import numpy as np
+
+from slams.geometry import add_prior, solve3
 from slams.jit import njit
-from slams.types import Floats
+from slams.types import Floats, Pose2
 from tsd.map_kernels import Field, facing, read_field, was_seen
 from tsd.scan_kernels import Beams
 
@@ -72,6 +74,7 @@ def accumulate(
         bx, by, bt = bx - w * nx * v, by - w * ny * v, bt - w * nt * v
     out_H[0, 0], out_H[1, 0], out_H[1, 1] = xx, xy, yy
     out_H[2, 0], out_H[2, 1], out_H[2, 2] = xt, yt, tt
+    out_H[0, 1], out_H[0, 2], out_H[1, 2] = xy, xt, yt
     out_b[0], out_b[1], out_b[2] = bx, by, bt
     return known, close, math.sqrt(squares / max(known, 1.0))
 
@@ -89,27 +92,24 @@ def align(
     """Gauss-Newton from out_pose (3,), which it moves.
 
     ours: A1, A3. Returns known, close and residual as `accumulate`, and the iterations.
-    prior (3,): information [1/m2, 1/m2, 1/rad2] of the start itself, which holds the directions
-    that the scan does not see.
+    prior (3, 3): information [1/m2, 1/(m rad), 1/rad2] of the start itself, which holds the
+    directions that the scan does not see; out_H is left without it.
     """
     start_x, start_y, start_theta = out_pose[0], out_pose[1], out_pose[2]
     b, dx = out_H[3], out_H[4]
     known, close, residual = 0.0, 0.0, 0.0
     used = 0
+    total = np.zeros((3, 3))
     robust = 3.0 * rule.robust
     for _ in range(rule.iterations):
         known, close, residual = accumulate(
             field, surfaces, count, out_pose, rule, robust, out_H[:3], b
         )
         robust = min(max(ANNEAL * residual, rule.robust), robust)
-        out_H[0, 0] += prior[0]
-        out_H[1, 1] += prior[1]
-        out_H[2, 2] += prior[2]
-        b[0] += prior[0] * (start_x - out_pose[0])
-        b[1] += prior[1] * (start_y - out_pose[1])
-        b[2] += prior[2] * (start_theta - out_pose[2])
+        off = Pose2(start_x - out_pose[0], start_y - out_pose[1], start_theta - out_pose[2])
+        add_prior(out_H, prior, off, total, b)
         used += 1
-        if not solve3(out_H, b, dx):
+        if not solve3(total, b, dx):
             break
         out_pose[0] += dx[0]
         out_pose[1] += dx[1]

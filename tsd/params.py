@@ -6,14 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from slams.params import Params, RosNames, param
+from slams.motion.params import MotionParams
+from slams.params import RosNames, param
 from tsd.ros import ROS as ROS_NAMES
 
 ORIGINAL = "original code"
 
 
 @dataclass(frozen=True)
-class TsdParams(Params):
+class TsdParams(MotionParams):
     """Parameters of the default, `Tsd`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
@@ -50,13 +51,6 @@ class TsdParams(Params):
     )
     push_rotation: float = param(
         0.03, "rad", "push again after this turn", source=ORIGINAL, low=0.0
-    )
-    lost_scans: int = param(
-        20,
-        "1",
-        "scans in a row without a match before mapping starts anew at the prediction",
-        source="ours: R2",
-        low=1,
     )
 
     range_noise: float = param(
@@ -97,19 +91,6 @@ class TsdParams(Params):
     )
     map_noise: float = param(
         1.0, "1", "error of the field per residual seen so far", source="ours: A6", low=0.0
-    )
-    prior_translation: float = param(
-        0.02, "m", "deviation of the predicted position", source="ours: A7", low=1e-4
-    )
-    prior_rotation: float = param(
-        0.05, "rad", "deviation of the predicted heading", source="ours: A7", low=1e-4
-    )
-    odometry_noise: float = param(
-        0.3,
-        "1",
-        "deviation of odometry per difference to the last motion",
-        source="ours: A3; wheels slip and drivers stall",
-        low=0.0,
     )
     coarse_cell: float = param(
         0.1, "m", "cell of the coarse field for the wide start", source="ours: A1", low=0.01

@@ -25,17 +25,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.motion import Motion
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
+from slams.motion.model import Prediction
+from slams.motion.track import Track
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 from tsd.direct import Direct
-from tsd.fix import Fix, Start
+from tsd.fix import Fix
 from tsd.image import Picture, colored
 from tsd.params import TsdParams
 
 COUNTS = ("pushed", "searched", "rejected", "recovered", "empty", "restarted")
-DOUBTFUL = 0.1  # odometry so far from the last motion [m], [rad] has stalled or jumped
-JUMP, JUMP_TURN = 0.25, 0.35  # farther from the prediction [m], [rad] is no motion
-SLIPPED = 0.8  # of a slip that is made good says nothing about the velocity
 BLUR, BLUR_TURN = 0.002, 0.001  # in one sweep [m], [rad]: a better velocity is worth a second look
 
 
@@ -50,37 +48,39 @@ class Tsd:
 
     def __init__(self, params: TsdParams) -> None:
         self.params = params
-        self._registration = Direct(params, np.random.default_rng(params.seed))
-        self._motion = Motion("auto")
-        self._pose = self._pushed_at = IDENTITY
+        self._track = Track(params, widen_wheels=True)
+        self._registration = Direct(params, self._track, np.random.default_rng(params.seed))
+        self._pushed_at = IDENTITY
         self._velocity = IDENTITY
-        self._fix = Fix.none(IDENTITY)
-        self._lost = 0
+        self._quality = 1.0
         self._counts = dict.fromkeys(COUNTS, 0)
 
     def update(self, scan: Scan) -> Pose2:
         """Take the next scan; return the base's pose in the map."""
-        start = self._predict(scan)  # 1
-        self._velocity = self._motion.velocity
+        start = self._track.predict(scan)  # 1
+        self._velocity = start.velocity
         if self._registration.see(scan, self._velocity) == 0:  # 2
             self._counts["empty"] += 1
-            self._keep(scan, start.pose)
+            self._track.missed(scan)
         elif self._counts["pushed"] == 0:
-            self._keep(scan, start.pose)
+            self._track.matched(start.pose, np.zeros((3, 3)), scan)
             self._push()
         else:
             self._register(scan, start)
         half = 0.5 * _duration(scan)  # registered at its middle; the stamp is that of its start
-        return self._pose @ _scaled(self._velocity, half).inverse()
+        return self._track.pose @ _scaled(self._velocity, half).inverse()
 
-    def _register(self, scan: Scan, start: Start) -> None:
-        fix = self._registration.register(start)  # 3
+    def _register(self, scan: Scan, start: Prediction) -> None:
+        before = self._track.pose
+        others = (before, before @ start.continued)
+        fix = self._registration.register(start.pose, others)  # 3
         if fix.good and self._looks_again(scan, fix.pose):
-            fix = self._registration.register(start._replace(pose=fix.pose))
+            fix = self._registration.register(fix.pose, others)
+        self._quality = fix.quality
         if not fix.good:
-            self._refuse(scan, start.pose)  # 4
+            self._refuse(scan)  # 4
             return
-        self._accept(scan, start, fix)  # 5
+        self._accept(scan, fix)  # 5
         if self._moved():
             self._push()  # 6
 
@@ -99,79 +99,56 @@ class Tsd:
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
-        motion = {"odometry": self._motion.odometry, "gyro": self._motion.gyro}
-        return {**self._counts, **motion, "lost": self._lost}
+        return self._counts | {"lost": self._track.lost} | self._track.motion.counts
+
+    @property
+    def state(self) -> State:
+        """How the last pose came about."""
+        return self._track.state
 
     @property
     def covariance(self) -> Floats:
-        """Covariance (3, 3) of the last registered pose [m2, m rad, rad2], inf = not known."""
-        return self._fix.covariance
+        """Covariance (3, 3) of the last pose against the map [m2, m rad, rad2]."""
+        return self._track.covariance
 
     @property
     def quality(self) -> float:
         """Share of the last scan that agrees with the map, 0 to 1."""
-        return self._fix.quality
-
-    def _predict(self, scan: Scan) -> Start:
-        """The pose expected now and how sure that is."""
-        p, motion = self.params, self._motion
-        pose = motion.predict(self._pose, scan)
-        unmeasured = self._pose @ motion.step
-        if not motion.measured:
-            return Start(pose, p.prior_translation, p.prior_rotation, (self._pose, unmeasured))
-        surprise = unmeasured.between(pose)  # odometry that stalls disagrees with the motion
-        distance, turn = math.hypot(surprise.x, surprise.y), abs(surprise.theta)
-        return Start(
-            pose,
-            0.5 * p.prior_translation + p.odometry_noise * (distance + 0.1 * turn),
-            0.5 * p.prior_rotation + p.odometry_noise * turn,
-            (self._pose, unmeasured),
-            distance > DOUBTFUL or turn > DOUBTFUL,
-        )
+        return self._quality
 
     def _looks_again(self, scan: Scan, pose: Pose2) -> bool:
         """See the scan anew with the velocity that was found, where that moves its points."""
-        found, expected, seconds = self._motion.velocity_to(pose), self._velocity, _duration(scan)
+        found, seconds = self._track.motion.velocity_to(pose), _duration(scan)
+        expected = self._velocity
         blur = seconds * math.hypot(found.x - expected.x, found.y - expected.y)
         if blur < BLUR and seconds * abs(found.theta - expected.theta) < BLUR_TURN:
             return False
         self._velocity = found
         return self._registration.see(scan, found) > 0
 
-    def _accept(self, scan: Scan, start: Start, fix: Fix) -> None:
-        surprise = start.pose.between(fix.pose)
-        if math.hypot(surprise.x, surprise.y) < JUMP and abs(surprise.theta) < JUMP_TURN:
-            x, y = (SLIPPED * s for s in fix.slip)
-            self._motion.moved(Pose2(fix.pose.x - x, fix.pose.y - y, fix.pose.theta), scan)
-        else:
-            self._motion.missed(scan)
+    def _accept(self, scan: Scan, fix: Fix) -> None:
         self._counts["searched"] += fix.searched
-        self._counts["recovered"] += self._lost > 0
-        self._lost = 0
-        self._fix, self._pose = fix, fix.pose
+        self._counts["recovered"] += self._track.state != "matched"
+        self._track.matched(fix.aligned, fix.information, scan)
+        self._track.slipped(fix.pose, fix.doubt)
 
-    def _refuse(self, scan: Scan, predicted: Pose2) -> None:
-        """Stay with the prediction; after many scans without a match map on from there."""
+    def _refuse(self, scan: Scan) -> None:
+        """Stay with the prediction; where wheels alone have held it for long, map on from there."""
         self._counts["rejected"] += 1
-        self._lost += 1
-        self._keep(scan, predicted)
-        if self._lost % self.params.lost_scans == 0:
+        self._track.missed(scan)
+        if self._track.held and not self._registration.contradicts(self._track.pose):
             self._counts["restarted"] += 1
             self._push()
 
-    def _keep(self, scan: Scan, predicted: Pose2) -> None:
-        self._motion.missed(scan)
-        self._pose = predicted
-
     def _moved(self) -> bool:
-        step = self._pushed_at.between(self._pose)
+        step = self._pushed_at.between(self._track.pose)
         far = math.hypot(step.x, step.y) > self.params.push_translation
         return far or abs(math.sin(step.theta)) > self.params.push_rotation
 
     def _push(self) -> None:
         self._counts["pushed"] += 1
-        self._registration.push(self._pose)
-        self._pushed_at = self._pose
+        self._registration.push(self._track.pose)
+        self._pushed_at = self._track.pose
 
 
 def _duration(scan: Scan) -> float:

@@ -77,11 +77,15 @@ class Motion:
         """The step by odometry, where it may be used and both scans have it."""
         if self._source != "auto" or before.odometry is None or scan.odometry is None:
             return None
+        if not math.isfinite(sum(before.odometry) + sum(scan.odometry)):
+            return None
         return before.odometry.between(scan.odometry)
 
     def _by_gyro(self, before: Scan, scan: Scan) -> float | None:
         """The turn [rad] by the gyro, where it may be used and both scans have it."""
         if self._source == "last" or before.yaw is None or scan.yaw is None:
+            return None
+        if not math.isfinite(scan.yaw - before.yaw):
             return None
         return float(wrap_angle(scan.yaw - before.yaw))
 

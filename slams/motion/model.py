@@ -63,13 +63,15 @@ class Prediction(NamedTuple):
 
         This is a matcher's prior: an error of the heading before swings the step.
         """
-        start = self.pose @ self.step.inverse()
+        c, s = (
+            math.cos(self.pose.theta - self.step.theta),
+            math.sin(self.pose.theta - self.step.theta),
+        )
+        x, y, _ = self.step
         lever, turned = np.eye(3), np.eye(3)
-        lever[0, 2], lever[1, 2] = start.y - self.pose.y, self.pose.x - start.x
-        c, s = math.cos(start.theta), math.sin(start.theta)
-        turned[:2, :2] = ((c, -s), (s, c))
-        step: Floats = turned @ self.covariance @ turned.T
-        return np.asarray(lever @ before @ lever.T + step)
+        lever[0, 2], lever[1, 2] = -s * x - c * y, c * x - s * y
+        turned[0, 0], turned[0, 1], turned[1, 0], turned[1, 1] = c, -s, s, c
+        return np.asarray(lever @ before @ lever.T + turned @ self.covariance @ turned.T)
 
 
 class Motion:

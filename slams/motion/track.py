@@ -1,0 +1,155 @@
+"""Where the robot is and how sure that is: matched, predicted or lost, the same for all."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slams.geometry import inverse3, widened
+from slams.motion.chord import FLOOR
+from slams.motion.model import Motion, Prediction
+from slams.motion.params import MotionParams
+from slams.motion.trust import Limits
+from slams.types import IDENTITY, Floats, Pose2, Scan, State, wrap_angle
+
+LOST_AFTER = 1.0  # s without a match, after which only wheels still tell where the robot is
+LOST_XY, LOST_TURN = 0.5, 0.3  # m, rad: deviation at which they do not either
+INDEPENDENT = 50.0  # pieces of wall in a scan whose errors have nothing to do with each other
+LEAST = 1e-4 * np.eye(3)  # 1/m^2, 1/rad^2: of a scan, along what it does not see
+DEGREES = 3.0  # of freedom of a pose
+RISE, FALL = 1.0, 10.0  # s, in which what is expected becomes wider and narrower
+MOST = 10.0  # that one surprise counts
+WIDEST = 1e3  # variance, times the expected one
+FREEDOM = 3.0  # of the heavy-tailed law of contradictions: Student's, for what faults there are
+
+
+class Track:
+    """The pose with its covariance, from one scan to the next, by the one `Motion`.
+
+    Per scan: `predict`, then `matched` or `missed`. `pose` and `covariance` (3, 3) [m, rad] are
+    those of the last scan in the map, `expected` (3, 3) the prediction's covariance, `lost` the
+    number of scans in that state. `held`: nothing was matched for long, yet wheels tell the pose.
+    `widen_wheels`: learn from surprises also where wheels predict (in a bare corridor hector's
+    lines surprise without being right).
+    """
+
+    def __init__(self, params: MotionParams, widen_wheels: bool = False) -> None:
+        self.motion = Motion(params)
+        self.pose = IDENTITY
+        self.covariance: Floats = FLOOR * np.eye(3)
+        self.state: State = "matched"
+        self.lost = 0
+        self.held = False
+        self._widen_wheels = widen_wheels
+        self._params, self._limits = params, Limits(params)
+        self.expected = self._information = self.covariance
+        self._matched_at = IDENTITY
+        self._begun = False
+        self._scale = 1.0  # of what was expected, learned
+        self._seconds = 0.0  # since the last match
+        self._by_wheels = True  # all that time
+
+    def predict(self, scan: Scan) -> Prediction:
+        """What is known of the pose at `scan` before it is looked at."""
+        if not self._begun and scan.odometry is None:
+            self.motion = Motion(_without_wheels(self._params))
+        now = self._prediction = self.motion.predict(self.pose, scan)
+        self._seconds += now.dt
+        self._by_wheels &= "wheels" in now.used
+        before = self.covariance if self.state == "matched" else self.covariance / self._scale
+        if self.state != "matched" and "wheels" not in now.used:
+            before = _with_the_same_error(before, now.covariance)
+        self.expected = self._scale * now.pose_covariance(before)
+        self._information = inverse3(self.expected)
+        return now
+
+    def prior(self, start: Pose2) -> Floats:
+        """Information (3, 3) [1/m^2, 1/(m rad), 1/rad^2] of a start for a matcher.
+
+        That of the prediction; if the prediction errs by as much as the start is elsewhere, its
+        deviation is at least that: C + d d^T (its inverse by Sherman and Morrison).
+        """
+        return widened(self._information, self._off(start))[0]
+
+    def charge(self, pose: Pose2) -> float:
+        """What a pose must explain more of a scan, as a share, for contradicting the prediction."""
+        return 0.5 * FREEDOM * math.log1p(self._distance(pose) / FREEDOM) / INDEPENDENT
+
+    def reachable(self, pose: Pose2) -> bool:
+        """Whether a robot can have come there since the last match."""
+        step = self._matched_at.between(pose)
+        return self._limits.allow(*step, self._seconds)
+
+    @property
+    def uncertain(self) -> float:
+        """Deviation [m] of the prediction, of a point one meter away."""
+        xx, yy, turn = np.diagonal(self.expected).tolist()
+        return math.sqrt(xx + yy + turn)
+
+    def matched(self, pose: Pose2, seen: Floats, scan: Scan) -> None:
+        """The map explains the scan at `pose`; `seen` (3, 3) is the information of the scan."""
+        if not self._begun:  # the first pose is the map's origin
+            seen, self._begun = np.eye(3) / FLOOR, True
+        alone = inverse3(seen + LEAST)
+        learns = self._widen_wheels or not self._by_wheels
+        if learns and self.state == "matched":  # a blind drive tells of the wheels, not of one step
+            self._learn(pose, alone)
+        self.motion.moved(pose, alone, scan)
+        self.covariance = inverse3(seen + self.prior(pose))
+        self.pose = self._matched_at = pose
+        self.state, self.held, self._seconds, self._by_wheels = "matched", False, 0.0, True
+
+    def _learn(self, pose: Pose2, alone: Floats) -> None:
+        """Widen what is expected where matches, good to `alone` (3, 3), surprise too often.
+
+        The normalized innovation squared, of a mean of 3, tells; a pose that was found between
+        prediction and scan lies `alone @ told` from where the scan alone would have it.
+        """
+        off = self._off(pose)
+        told = self._information @ off
+        surprise = min(float(told @ (off + alone @ told)) / DEGREES, MOST)
+        seconds = min(self._seconds, 1.0)
+        growth = (surprise - 1.0) * seconds / (RISE if surprise > 1.0 else FALL)
+        self._scale = min(max(self._scale * math.exp(growth), 1.0), WIDEST)
+
+    def slipped(self, pose: Pose2, doubt: Floats) -> None:
+        """An earlier slip was made good: no motion; `doubt` (2, 2) [m^2] is its variance."""
+        self.pose = self._matched_at = pose
+        self.covariance[:2, :2] += doubt
+
+    def missed(self, scan: Scan) -> None:
+        """The map does not explain the scan: the pose is the prediction."""
+        self.motion.missed(scan)
+        self.pose, self.covariance = self._prediction.pose, self.expected
+        overdue = self._seconds >= LOST_AFTER
+        self.held = overdue and self._by_wheels and self._sure()
+        self.state = "lost" if overdue and not self.held else "predicted"
+        self.lost += self.state == "lost"
+
+    def _sure(self) -> bool:
+        xx, yy, turn = np.diagonal(self.expected).tolist()
+        return bool(xx + yy < LOST_XY**2 and turn < LOST_TURN**2)
+
+    def _off(self, pose: Pose2) -> Floats:
+        expected = self._prediction.pose
+        turn = wrap_angle(pose.theta - expected.theta)
+        return np.array((pose.x - expected.x, pose.y - expected.y, turn))
+
+    def _distance(self, pose: Pose2) -> float:
+        """Squared distance from the prediction, in units of its covariance."""
+        return widened(self._information, self._off(pose))[1]
+
+
+def _with_the_same_error(before: Floats, step: Floats) -> Floats:
+    """`before`, so that the sum with `step` covers errors of both that are one and the same.
+
+    A velocity that is wrong makes every step wrong to the same side: deviations add, not variances.
+    """
+    share = math.sqrt(float(np.trace(step)) / float(np.trace(before)))
+    return np.asarray((1.0 + share) * before + step / share)
+
+
+def _without_wheels(params: MotionParams) -> MotionParams:
+    """The same, but nothing says that it cannot go sideways: a laser alone may be carried."""
+    return params.replace(acceleration_aside=params.acceleration)

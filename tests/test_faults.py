@@ -1,0 +1,101 @@
+"""Odometry that restarts, jumps or stalls, scans of elsewhere: what they may cost."""
+
+import dataclasses
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bench.sim.setting import Setting
+from bench.sim.simulation import simulate
+from slams import metrics
+from slams.motion.track import LOST_AFTER
+from slams.player import replay
+from slams.registry import find
+from slams.scanlog import Track
+from slams.types import Scan
+from tests.rooms import box, drive, scan_at
+
+ALGORITHMS = ("hector", "tsd")
+ALLOWED = 1.5  # times the error without odometry
+FLOOR = 0.005  # m: below this two errors are the same
+
+
+@cache
+def slow_sweep():
+    return simulate(Setting(sensor="lds01", sweep=True, duration=20.0, seed=3))
+
+
+@cache
+def alone(algorithm):
+    """Error without odometry [m]."""
+    return error(algorithm, slow_sweep().select(odometry=False))
+
+
+def error(algorithm, log):
+    entry = find(algorithm)
+    run = replay(entry.cls(entry.params().for_sensor("lds01")), log)
+    assert np.isfinite(run.poses).all()
+    return metrics.ate(run.poses, log.truth_at(run.t))
+
+
+def jumped(*jumps):
+    """The log with odometry moved by (x, y, theta) from a share of the log on."""
+    log = slow_sweep()
+    odom = log.odom.values.copy()
+    for share, motion in jumps:
+        first = int(share * len(odom))
+        if motion is None:
+            motion = -odom[first]
+        odom[first:] += motion
+    return dataclasses.replace(log, odom=Track(log.odom.t, odom))
+
+
+FAULTS = {
+    "restart": [(0.5, None)],
+    "2 m": [(0.4, (2.0, 0.0, 0.0))],
+    "30 m": [(0.4, (30.0, 0.0, 0.0))],
+    "1 km": [(0.4, (1e3, -1e3, 0.0))],
+    "heading": [(0.4, (0.0, 0.0, 2.0))],
+    "twice": [(0.3, (30.0, 5.0, 1.0)), (0.6, None)],
+}
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("fault", FAULTS)
+def test_odometry_that_jumps_does_no_harm(algorithm, fault):
+    assert error(algorithm, jumped(*FAULTS[fault])) < max(ALLOWED * alone(algorithm), FLOOR)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_scans_of_elsewhere_are_told_and_leave_no_trace(algorithm):
+    entry = find(algorithm)
+    slam, log = entry.cls(entry.params()), drive(n=120, odometry=False, gyro=False)
+    elsewhere = np.array(box(-0.6, -0.7, 0.4, 0.9))
+    scans = list(log)
+    for scan in scans[:60]:
+        slam.update(scan)
+    map_before, here = slam.map().p.copy(), scans[59]
+    for k in range(60):
+        t = here.t + 0.05 * (k + 1)
+        slam.update(scan_at((0.0, 0.0, 0.2), segments=elsewhere, t=t))
+        if t - here.t > LOST_AFTER + 0.05:
+            assert slam.state == "lost"
+    assert slam.report()["lost"] == pytest.approx(60 - LOST_AFTER / 0.05, abs=2)
+    assert np.array_equal(slam.map().p, map_before, equal_nan=True)
+    pose = slam.update(Scan(t + 0.05, here.ranges, here.laser))
+    truth = log.truth_at(np.array([scans[0].t, here.t]))
+    assert math.hypot(*(np.array(pose)[:2] - truth[1, :2] + truth[0, :2])) < 0.05
+    assert slam.state == "matched"
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_wheels_hold_the_pose_where_the_laser_is_blind(algorithm):
+    entry = find(algorithm)
+    slam, log = entry.cls(entry.params()), drive(n=100)
+    blind = np.full(361, np.nan, np.float32)
+    for i, scan in enumerate(log):
+        slam.update(dataclasses.replace(scan, ranges=blind) if 40 <= i < 80 else scan)
+        assert slam.state == ("predicted" if 40 <= i < 80 else "matched")
+    assert slam.report()["lost"] == 0
