@@ -42,7 +42,8 @@ class Fit(NamedTuple):
     """Where the fit found the laser.
 
     `belief` with the `prior` and `alone` without it; `quality` 0..1; `cost`, the negative logarithm
-    of the posterior; `residual`, mean square of the residuals over what was expected.
+    of the posterior; `residual`, mean square of the residuals over what was expected;
+    `surprise`, the same of the distance between walls and prior.
     """
 
     belief: Belief
@@ -51,6 +52,7 @@ class Fit(NamedTuple):
     quality: float
     cost: float
     residual: float
+    surprise: float
 
 
 class Fitter:
@@ -106,8 +108,10 @@ class Fitter:
         share = min(1.0, self._independent / view.m)
         cost = 0.5 * (share * loss + float(off @ information @ off)) / self._scale
         residual = squares / weights if weights > 0.0 else 1.0
+        apart = off + alone @ information @ off / self._scale  # walls from prior
+        surprise = float(apart @ np.linalg.solve(prior.covariance + alone, apart)) / 3.0
         found = Belief(pose, both), Belief(pose, alone)
-        return Fit(*found, prior, agreement / view.m, cost, residual)
+        return Fit(*found, prior, agreement / view.m, cost, residual, surprise)
 
     def _with_prior(self, k: Upper, off: Step) -> tuple[Upper, Step]:
         """The equations of the points and of a prior with information k that lies `off` behind."""

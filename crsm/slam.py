@@ -35,6 +35,7 @@ from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
 MEMORY = 0.05  # weight of one scan in the usual quality
 CLIMB_STEPS = (0.05, 0.02)  # m, rad
+MOST_SURPRISE, SURPRISE_MEMORY = 1000.0, 0.02  # of one fit, its weight in the usual surprise
 LOST_AFTER = 1.0  # s without a scan that the map explains: a robot is elsewhere by then
 NEW_GROUND = 0.5  # m on wheels without a match: what is seen there is new, not foreign
 EASED = 4.0  # of a prior's covariance that fits made, not wheels: it would confirm itself
@@ -61,7 +62,7 @@ class Crsm:
         self._motion, self._limits = Motion(params), Limits(params)
         self._rng = np.random.default_rng(params.seed)
         self._reader: ScanReader | None = None
-        self._usual_quality = 0.0
+        self._usual_quality, self._surprise = 0.0, 1.0
         self._unmatched = self._unsearched = self._carried = 0.0  # s, s, m
         self._inserted = Pace(params.insert_step, params.insert_rest)
         self._drawn = Pace(params.draw_step, params.draw_rest)
@@ -76,7 +77,7 @@ class Crsm:
         self.pose, self.covariance = belief.pose, belief.covariance
         self.quality, fit = 0.0, None
         if view.is_usable and not self._map.is_empty:
-            eased = 1.0 if "wheels" in p.used else EASED
+            eased = self._surprise if "wheels" in p.used else EASED
             prior = belief._replace(eased=eased).moved(p.pose @ view.laser.mount)
             fit = self._found(view, p, prior)  # 2, 3
             if view.sweeps:
@@ -176,6 +177,8 @@ class Crsm:
         weight = MEMORY if self._usual_quality > 0.0 else 1.0
         self._usual_quality += weight * (self.quality - self._usual_quality)
         self._fitter.learn(fit)
+        surprise = min(fit.surprise, MOST_SURPRISE) - self._surprise
+        self._surprise = max(self._surprise + SURPRISE_MEMORY * surprise, 1.0)
         return fit.alone.moved(base).covariance
 
     def _enters(self, view: ScanReader) -> bool:

@@ -23,6 +23,7 @@ GRAZING = 0.1  # cosine; walls seen more edge-on say nothing
 RATIO = 0.1  # thickness over length of a wall, squared
 ACCEPTED = 0.5  # share of the usual quality below which not even a new room explains a scan
 MEMORY = 0.05  # weight of one scan in the usual quality
+MOST_SURPRISE, SURPRISE_MEMORY = 1000.0, 0.02  # of a match, its weight in the usual surprise
 LOST_AFTER = 1.0  # s without a scan that the map explains: a robot is elsewhere by then
 NEW_GROUND = 0.5  # m on wheels without a match: what is seen there is new, not foreign
 EASED = 400.0  # of a prior's covariance that matches made, not wheels: it would confirm itself
@@ -54,7 +55,7 @@ class SurfaceMatcher:
         self._way_covariance: Floats = np.zeros((3, 3))
         self._usual_quality = 0.0
         self._unmatched = self._unsearched = self._carried = 0.0  # s, s, m
-        self._eased = 1.0
+        self._eased = self._surprise = 1.0
         self.state = "predicted"
         self.covariance: Floats = FLOOR * np.eye(3)  # the first pose is the map's frame
         self.match_covariance = self.covariance  # of the match alone, without the prediction
@@ -77,7 +78,7 @@ class SurfaceMatcher:
         if len(points) == 0 or not self._keyed:
             self._judge(p, len(points) > 0)
             return Track(p.pose, points, velocity)
-        eased = self._eased = 1.0 if "wheels" in p.used else EASED
+        eased = self._eased = self._surprise if "wheels" in p.used else EASED
         belief = Belief(np.array(p.pose), eased * self.covariance)
         peak, belief = self._best(points, p, belief)
         if self._points.sweeps:  # seen again with the motion that was found
@@ -86,11 +87,21 @@ class SurfaceMatcher:
             peak = self._climb(points, belief, peak.poses[0])
         if not self._judge(p, self._explains(points, p, peak)):
             return Track(p.pose, points, velocity)
-        prior = np.linalg.inv(belief.covariance)
+        prior = np.asarray(np.linalg.inv(belief.covariance))
         match: Floats = peak.information[0] - prior
         self.covariance = np.asarray(np.linalg.inv(match + eased * prior))
         self.match_covariance = np.asarray(np.linalg.inv(match + BLIND**-2 * np.eye(3)))
+        self._learn_surprise(peak, belief, prior, eased)
         return Track(_pose(peak), points, velocity)
+
+    def _learn_surprise(self, peak: Peaks, belief: Belief, prior: Floats, eased: float) -> None:
+        """By how much predictions miss the matches more than both say, as a ratio of variances."""
+        off = peak.poses[0] - belief.pose
+        apart = off + self.match_covariance @ prior @ off
+        both = belief.covariance / eased + self.match_covariance
+        surprise = min(float(apart @ np.linalg.solve(both, apart)) / 3.0, MOST_SURPRISE)
+        usual = self._surprise + SURPRISE_MEMORY * (surprise - self._surprise)
+        self._surprise = max(usual, 1.0)
 
     def due(self, pose: Pose2) -> bool:
         """Whether the tracked pose has left the last key scan far enough behind."""
