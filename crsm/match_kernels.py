@@ -105,16 +105,19 @@ def restart_hill_climb(
 def normal_equations(
     grid: WallMap, points: Points, m: int, pose: Any, rules: Rules, out: Any
 ) -> None:
-    """ours: H, g of the distances of m points to the walls nearest to them, and the agreement.
+    """ours: H, g of the distances of m points to the walls nearest to them, and how well they fit.
 
-    pose (x, y, theta, 1 to look for the walls, 0 to take those found before); out (10,): H upper
-    (6), g (3), agreement. A wall tells about the way along its normal, a lone point about both.
+    pose (x, y, theta, 1 to look for the walls, 0 to take those found before); out (13,): H upper
+    (6), g (3), agreement, the robust loss (a point without a wall at the most), the weighted
+    squares of residuals over variances, the sum of these weights. A wall tells about the way along
+    its normal, a lone point about both.
     """
     xy, normal, found, wall, cell = points.xy, points.normal, points.wall, grid.wall, grid.cell
     k2, agree2, lone2 = rules.robust2, rules.agreement2, rules.lone2
     c, s = math.cos(pose[2]), math.sin(pose[2])
     (x0, y0), (ny_cells, nx_cells) = grid.corner, grid.dark.shape
-    hxx = hxy = hxt = hyy = hyt = htt = gx = gy = gt = agreement = 0.0
+    hxx = hxy = hxt = hyy = hyt = htt = gx = gy = gt = agreement = squares = weights = 0.0
+    loss = k2 * m
     for i in range(m):
         px, py, nx, ny = xy[i, 0], xy[i, 1], normal[i, 0], normal[i, 1]
         rx, ry = c * px - s * py, s * px + c * py
@@ -140,7 +143,11 @@ def normal_equations(
             variance = rules.range2 * (1.0 + 1.0 / wall[jy, jx, WEIGHT])
             variance += loose + rules.lean2 * (d2 - r2)
             axx, axy, ayy = wx * wx, wx * wy, wy * wy
-        w = (k2 / (k2 + r2 / variance)) ** 2 / variance
+        share = k2 / (k2 + r2 / variance)
+        loss -= k2 * share
+        share *= share
+        weights, squares = weights + share, squares + share * r2 / variance
+        w = share / variance
         axx, axy, ayy = w * axx, w * axy, w * ayy
         tx, ty = axy * rx - axx * ry, ayy * rx - axy * ry
         bx, by = axx * dx + axy * dy, axy * dx + ayy * dy
@@ -156,3 +163,4 @@ def normal_equations(
         agreement += agree2 / (agree2 + r2)
     out[0], out[1], out[2], out[3], out[4], out[5] = hxx, hxy, hxt, hyy, hyt, htt
     out[6], out[7], out[8], out[9] = gx, gy, gt, agreement
+    out[10], out[11], out[12] = loss, squares, weights

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from crsm.ros import ROS as ROS_NAMES
-from slams.params import Params, RosNames, param
+from slams.motion.params import MotionParams
+from slams.params import RosNames, param
 
 CODE = "original code"
 
 
 @dataclass(frozen=True)
-class CrsmParams(Params):
+class CrsmParams(MotionParams):
     """Parameters of the default, `Crsm`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
@@ -120,16 +121,6 @@ class CrsmParams(Params):
     agreement: float = param(
         0.03, "m", "residual that counts half in the quality", source="ours", low=0.001
     )
-    prior: float = param(
-        0.04,
-        "m",
-        "standard deviation of the start, along x and y",
-        source="ours: decides only where the walls do not",
-        low=0.0001,
-    )
-    prior_turn: float = param(
-        0.1, "rad", "standard deviation of the start's heading", source="ours", low=0.0001
-    )
     max_weight: float = param(
         1000.0,
         "1",
@@ -208,15 +199,8 @@ class CrsmParams(Params):
     lost_below: float = param(
         0.35,
         "1",
-        "share of the usual quality below which a scan is not inserted",
+        "share of the usual quality below which the map does not explain a scan",
         source="ours",
         low=0.0,
         high=1.0,
-    )
-    patience: int = param(
-        10,
-        "1",
-        "scans left out in a row before the map goes on at the predicted pose",
-        source="ours: a new room looks like being lost",
-        low=0,
     )

@@ -102,11 +102,13 @@ def draw(grid, d, angles, pose, cell, m, rho, kappa):
 
 
 def fit_equations(walls, points, normals, spread, pose, rules):
-    """H (3, 3), g (3,), agreement of points with all wall elements (n, 5) in reach of a cell."""
+    """H (3, 3), g (3,), agreement of points with all wall elements (n, 5) in reach of a cell;
+    then the robust loss, the weighted squares of residuals over variances, and these weights."""
     gate, compat, noise2, lone2, lean2, k2, agree2, cell, corner = rules
     c, s = math.cos(pose[2]), math.sin(pose[2])
     rotation = np.array([[c, -s], [s, c]])
     h, g, agreement = np.zeros((3, 3)), np.zeros(3), 0.0
+    loss, squares, weights = k2 * len(points), 0.0, 0.0
     for p, n, v in zip(points, normals, spread, strict=True):
         lever, n = rotation @ p, rotation @ n
         at = lever + pose[:2]
@@ -132,12 +134,14 @@ def fit_equations(walls, points, normals, spread, pose, rules):
             r2 = residuals[0] ** 2
             variance = noise2 * (1 + 1 / w[4]) + (lone2 if lone else v / 2) + lean2 * (d2 - r2)
             e2 = r2 / variance
-        weight = (k2 / (k2 + e2)) ** 2 / variance
+        share = (k2 / (k2 + e2)) ** 2
+        weight, weights, squares = share / variance, weights + share, squares + share * e2
+        loss -= k2 - k2 * e2 / (k2 + e2)
         jacobian = np.column_stack((rows, rows @ np.array([-lever[1], lever[0]])))
         h += weight * jacobian.T @ jacobian
         g += weight * jacobian.T @ residuals
         agreement += agree2 / (agree2 + residuals @ residuals)
-    return h, g, agreement
+    return h, g, agreement, loss, squares, weights
 
 
 def wall_of(walls, at, normal, cell, corner, gate, compat):

@@ -11,11 +11,11 @@ from crsm.fitter import Fitter, solved
 from crsm.map import WallGrid, went_through
 from crsm.map_kernels import WEIGHT, whiten
 from crsm.match_kernels import Rules, fitness, normal_equations, restart_hill_climb
-from crsm.motion import Pace
 from crsm.original import Original, OriginalParams
 from crsm.original import map_kernels as byte_map
 from crsm.original import match_kernels as lattice
 from crsm.original import scan_kernels as picker
+from crsm.pace import Pace
 from crsm.params import CrsmParams as Parameters
 from crsm.rays import critical_rays, leverage
 from crsm.scan import ScanReader
@@ -269,23 +269,25 @@ def test_fit_equations_equal_the_naive_ones():
     walls = np.column_stack((grid.cells.wall[iy, ix].astype(float), centers))
     pose = (0.021, -0.013, 0.008)
     rules = (0.1, 0.7, 1e-4, 9e-4, 0.04, 9.0, 9e-4)
-    out = np.zeros(10)
+    out = np.zeros(13)
     normal_equations(grid.cells, view.points, view.m, (*pose, 1.0), Rules(*rules), out)
     m, points = view.m, view.points
-    h, g, agreement = naive.fit_equations(
+    h, g, agreement, *rest = naive.fit_equations(
         walls, points.xy[:m], points.normal[:m], points.spread[:m], pose, (*rules, cell, corner)
     )
     assert out[[0, 1, 2, 3, 4, 5]] == pytest.approx(h[np.triu_indices(3)], rel=1e-5, abs=1.0)
     assert out[6:9] == pytest.approx(g, rel=1e-5, abs=0.1)
     assert out[9] == pytest.approx(agreement, rel=1e-5)
+    assert out[10:] == pytest.approx(rest, rel=1e-5)
 
 
 def test_points_stay_on_their_walls_when_none_are_looked_for():
     grid, view = WallGrid(Parameters()), noisy_view()
     grid.insert(view.points, view.m, IDENTITY, view.reach)
-    rules, looked, kept = Rules(0.1, 0.7, 1e-4, 9e-4, 0.04, 9.0, 9e-4), np.zeros(10), np.zeros(10)
+    rules, looked, kept = Rules(0.1, 0.7, 1e-4, 9e-4, 0.04, 9.0, 9e-4), np.zeros(13), np.zeros(13)
     normal_equations(grid.cells, view.points, view.m, (0.0, 0.0, 0.0, 0.0), rules, kept)
-    assert not kept.any()  # no walls are known yet
+    assert not np.delete(kept, 10).any()  # no walls are known yet
+    assert kept[10] == pytest.approx(9.0 * view.m)
     normal_equations(grid.cells, view.points, view.m, (0.0, 0.0, 0.0, 1.0), rules, looked)
     normal_equations(grid.cells, view.points, view.m, (0.0, 0.0, 0.0, 0.0), rules, kept)
     assert looked.any()
@@ -316,7 +318,7 @@ def test_critical_rays_equal_the_naive_selection():
 def find_walls_of(grid, view, pose):
     """Tell the points of a scan at `pose` their walls in the map."""
     rules = Rules(0.1, 0.7, 1e-4, 9e-4, 0.04, 9.0, 9e-4)
-    normal_equations(grid.cells, view.points, view.m, (*pose, 1.0), rules, np.zeros(10))
+    normal_equations(grid.cells, view.points, view.m, (*pose, 1.0), rules, np.zeros(13))
 
 
 def test_walls_of_the_map_equal_the_naive_ones():
@@ -465,18 +467,6 @@ def test_restarts_find_what_one_climb_does_not():
     assert 0 < found[1][2] < 300  # an early end
 
 
-def test_predictions_are_chosen_between_by_the_map():
-    truth = [IDENTITY] * 3 + [Pose2(0.15, 0.0, 0.2)]
-    right = [Scan(0.1 * i, cast(p), LASER, odometry=p) for i, p in enumerate(truth)]
-    slam, _ = run(right[:3])
-    view = slam._reader
-    wrong = Pose2(0.5, 0.4, -0.5)
-    for order in ([wrong, IDENTITY], [IDENTITY, wrong]):
-        assert tuple(slam._start(view, order)[:3]) == IDENTITY
-    close = [Pose2(0.001, 0.0, 0.0), IDENTITY]
-    assert tuple(slam._start(view, close)[:3]) == close[0]  # the more trusted
-
-
 @pytest.mark.parametrize("step", [(0.06, -0.05, 0.04), (0.25, 0.2, -0.3), (-0.3, 0.1, 0.4)])
 def test_a_known_step_is_found_forth_and_back(step):
     step = Pose2(*step)
@@ -605,12 +595,13 @@ def test_pace_is_by_way_turn_or_scans():
     assert [pace.is_due(IDENTITY) for _ in range(3)] == [False, False, True]
 
 
-def test_prior_pulls_back_to_the_start():
-    fitter = Fitter(Parameters(prior=0.1, prior_turn=0.5))
-    h, g = fitter._with_prior(0.2, -0.3, 0.4)
-    assert h == pytest.approx((100.0, 0.0, 0.0, 100.0, 0.0, 4.0))
-    assert g == pytest.approx((20.0, -30.0, 1.6))
-    assert solved(h, g) == pytest.approx((0.2, -0.3, 0.4))
+def test_prior_pulls_back_to_its_mean():
+    k = (100.0, 1.0, 2.0, 90.0, 3.0, 4.0)
+    off = (0.2, -0.3, 0.4)
+    h, g = Fitter(Parameters())._with_prior(k, off)
+    assert h == k
+    assert g == pytest.approx(np.array([[100, 1, 2], [1, 90, 3], [2, 3, 4.0]]) @ off)
+    assert solved(h, g) == pytest.approx(off)
 
 
 def test_small_equations_are_solved():
