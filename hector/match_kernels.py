@@ -101,15 +101,12 @@ def gauss_newton(
     linearization, whose H is left in `H`.
     """
     x, y, theta = start
-    b, step, weighed, total = np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
+    b, step, total = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     score = 0.0
     for _ in range(solver.steps):
         pose = Pose2(x, y, theta)
         score, square = normal_equations(level, points, n, pose, H, b)
-        for i in range(3):
-            for k in range(3):
-                weighed[i, k] = square * prior[i, k]
-        add_prior(H, weighed, Pose2(start.x - x, start.y - y, start.theta - theta), total, b)
+        add_prior(H, prior, square, Pose2(start.x - x, start.y - y, start.theta - theta), total, b)
         for k in range(3):
             total[k, k] += solver.damping * H[k, k]
         if not solve3(total, b, step):

@@ -52,7 +52,7 @@ class Hector:
         self._scan = EndPoints(params)
         self._track = Track(params)
         self._solvers = _solvers(params)
-        self._lines = Fit(params.steps_fine, params.converged, params.softness)
+        self._lines = Fit(params.steps_fine, params.converged, params.softness, 1.0)
         self._H = np.zeros((3, 3))
         self._match = self._key = Match(IDENTITY, 1.0, 0.0)
         self._usual = 1.0
@@ -104,8 +104,9 @@ class Hector:
         """Step 3, on the lines."""
         if self._map.insertions == 0 or points.n == 0:
             return self._match._replace(pose=start)
-        prior = self._noise * self._track.prior(start)
-        return Match(*self._map.fit(points, start, prior, self._lines, self._H))
+        prior = self._track.prior(start)
+        how = self._lines._replace(variance=self._noise)
+        return Match(*self._map.fit(points, start, prior, how, self._H))
 
     def _coarse_to_fine(self, points: EndPoints, pose: Pose2) -> Pose2:
         prior = self._track.prior(pose)

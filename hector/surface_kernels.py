@@ -51,6 +51,7 @@ class Fit(NamedTuple):
     steps: int
     tolerance: float
     softness: float
+    variance: float
 
 
 class Splat(NamedTuple):
@@ -254,7 +255,9 @@ def fit(
             surface, points, n, mount, Pose2(x, y, theta), soft, H, b
         )
         share, square = near / max(n, 1), squares / max(total, 1e-9)
-        add_prior(H, prior, Pose2(start.x - x, start.y - y, start.theta - theta), total_H, b)
+        add_prior(
+            H, prior, how.variance, Pose2(start.x - x, start.y - y, start.theta - theta), total_H, b
+        )
         if not solve3(total_H, b, step):
             break
         x, y, theta = x + step[0], y + step[1], theta + step[2]

@@ -9,6 +9,8 @@ import numpy as np
 from slams.jit import njit
 from slams.types import Floats, Pose2
 
+FREEDOM = 3.0  # of Student's law, for predictions with rare large errors
+
 
 @njit(inner=True)
 def wrap_angle(angle: float) -> float:
@@ -46,15 +48,24 @@ def solve3(H: Floats, b: Floats, out: Floats) -> bool:
 
 
 @njit(inner=True)
-def add_prior(H: Floats, prior: Floats, off: Pose2, out_H: Floats, b: Floats) -> None:
-    """Normal equations with what is known beforehand: out_H = H + prior, b += prior @ off.
+def add_prior(
+    H: Floats, prior: Floats, variance: float, off: Pose2, out_H: Floats, b: Floats
+) -> None:
+    """Normal equations with what is known beforehand: out_H = H + w prior, b += w prior @ off.
 
-    ours: a Gaussian prior. H, prior, out_H (3, 3); `off` leads from the pose to the prior's mean.
+    ours: a prior with heavy tails (Student's t), so that a prediction that is far off lets go. H,
+    prior, out_H (3, 3); `prior` [1/m^2, 1/(m rad), 1/rad^2]; `variance` [m^2] of the residuals of
+    H; `off` leads from the pose to the prior's mean.
     """
+    distance = 0.0
+    for i in range(3):
+        told = prior[i, 0] * off.x + prior[i, 1] * off.y + prior[i, 2] * off.theta
+        distance += told * (off.x if i == 0 else off.y if i == 1 else off.theta)
+    w = variance * (FREEDOM + 3.0) / (FREEDOM + distance)
     for i in range(3):
         for k in range(3):
-            out_H[i, k] = H[i, k] + prior[i, k]
-        b[i] += prior[i, 0] * off.x + prior[i, 1] * off.y + prior[i, 2] * off.theta
+            out_H[i, k] = H[i, k] + w * prior[i, k]
+        b[i] += w * (prior[i, 0] * off.x + prior[i, 1] * off.y + prior[i, 2] * off.theta)
 
 
 @njit

@@ -107,7 +107,7 @@ def align(
         )
         robust = min(max(ANNEAL * residual, rule.robust), robust)
         off = Pose2(start_x - out_pose[0], start_y - out_pose[1], start_theta - out_pose[2])
-        add_prior(out_H, prior, off, total, b)
+        add_prior(out_H, prior, 1.0, off, total, b)
         used += 1
         if not solve3(total, b, dx):
             break

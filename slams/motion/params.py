@@ -45,10 +45,10 @@ class MotionParams(Params):
         0.004, "rad", "slip of the heading along one meter", source=THRUN + "skid steer", low=0.0
     )
     side_slip: float = param(
-        0.0,
+        0.001,
         "m",
         "slip aside along one meter, beside what the heading's slip explains",
-        source="[Thrun05] 5.4 has none; a slope or rubble has",
+        source="[Thrun05] 5.4 has none; casters, slopes and rubble have",
         low=0.0,
     )
     stall: float = param(
@@ -107,6 +107,22 @@ class MotionParams(Params):
     )
     learn_time: float = param(
         10.0, "s", "over which accelerations are learned", source="ours: a few bends", low=0.1
+    )
+
+    caution: float = param(
+        50.0,
+        "1",
+        "times the variance of a prediction, as a prior of a scan that sees all directions",
+        source="ours: the errors of a map are alike from scan to scan, and it was drawn by "
+        "these very predictions, which would hold the pose off old walls",
+        low=1.0,
+    )
+    scale_time: float = param(
+        2.0,
+        "s",
+        "in which what the wheels are worth may change by e, as matches find it",
+        source="ours: a few turns; wheels of two public logs err 4 times more than these",
+        low=0.1,
     )
 
     top_speed: float = param(

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from slams.geometry import inverse3, widened
+from slams.geometry import FREEDOM, inverse3, widened
 from slams.motion.chord import FLOOR
 from slams.motion.model import Motion, Prediction
 from slams.motion.params import MotionParams
@@ -20,8 +20,9 @@ LEAST = 1e-4 * np.eye(3)  # 1/m^2, 1/rad^2: of a scan, along what it does not se
 DEGREES = 3.0  # of freedom of a pose
 RISE, FALL = 1.0, 10.0  # s, in which what is expected becomes wider and narrower
 MOST = 10.0  # that one surprise counts
+FAR = 100.0  # m, deviation of a pose that is anywhere: it grows no more
 WIDEST = 1e3  # variance, times the expected one
-FREEDOM = 3.0  # of the heavy-tailed law of contradictions: Student's, for what faults there are
+EVEN = 0.2  # ratio of variances of x and y above which a scan sees all directions: no corridor
 
 
 class Track:
@@ -48,6 +49,7 @@ class Track:
         self._begun = False
         self._scale = 1.0  # of what was expected, learned
         self._seconds = 0.0  # since the last match
+        self._even = 1.0  # of the last match: how alike it saw the two directions
         self._by_wheels = True  # all that time
 
     def predict(self, scan: Scan) -> Prediction:
@@ -57,12 +59,21 @@ class Track:
         now = self._prediction = self.motion.predict(self.pose, scan)
         self._seconds += now.dt
         self._by_wheels &= "wheels" in now.used
-        before = self.covariance if self.state == "matched" else self.covariance / self._scale
+        before = self.covariance
         if self.state != "matched" and "wheels" not in now.used:
             before = _with_the_same_error(before, now.covariance)
-        self.expected = self._scale * now.pose_covariance(before)
+        widened = self._caution() * self._scale if self.state == "matched" else 1.0
+        self.expected = widened * now.pose_covariance(before)
         self._information = inverse3(self.expected)
         return now
+
+    def _caution(self) -> float:
+        """Times what is expected where scans see all directions: there the map is to be believed.
+
+        In a bare corridor what a scan seems to say along it is mostly noise, as [Zhang16] has it;
+        there the prediction counts as much as it is worth.
+        """
+        return 1.0 + (self._params.caution - 1.0) * min(self._even / EVEN, 1.0) ** 2
 
     def prior(self, start: Pose2) -> Floats:
         """Information (3, 3) [1/m^2, 1/(m rad), 1/rad^2] of a start for a matcher.
@@ -92,6 +103,7 @@ class Track:
         if not self._begun:  # the first pose is the map's origin
             seen, self._begun = np.eye(3) / FLOOR, True
         alone = inverse3(seen + LEAST)
+        self._even = evenness(alone)
         learns = self._widen_wheels or not self._by_wheels
         if learns and self.state == "matched":  # a blind drive tells of the wheels, not of one step
             self._learn(pose, alone)
@@ -146,6 +158,8 @@ def _with_the_same_error(before: Floats, step: Floats) -> Floats:
 
     A velocity that is wrong makes every step wrong to the same side: deviations add, not variances.
     """
+    if float(np.trace(before)) > FAR**2:
+        return before
     share = math.sqrt(float(np.trace(step)) / float(np.trace(before)))
     return np.asarray((1.0 + share) * before + step / share)
 
@@ -153,3 +167,10 @@ def _with_the_same_error(before: Floats, step: Floats) -> Floats:
 def _without_wheels(params: MotionParams) -> MotionParams:
     """The same, but nothing says that it cannot go sideways: a laser alone may be carried."""
     return params.replace(acceleration_aside=params.acceleration)
+
+
+def evenness(covariance: Floats) -> float:
+    """Ratio of the least to the largest variance of x and y, of a covariance (3, 3): 0 to 1."""
+    xx, xy, yy = covariance[0, 0], covariance[0, 1], covariance[1, 1]
+    half, spread = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+    return float(max(half - spread, 0.0) / (half + spread))

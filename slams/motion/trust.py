@@ -81,3 +81,26 @@ class Doubt:
     def fade(self, dt: float) -> None:
         """The source agreed, or there was nothing to compare with."""
         self.variance *= math.exp(-2.0 * dt / self._time)
+
+
+MEDIAN = 0.455  # of the square of a normal deviate
+WIDEST = 1e4
+
+
+class Scale:
+    """How many times the variance of a source is what is said of it, as matches find it; 1 or more.
+
+    Its logarithm moves up where an error is beyond the median of what is expected and down where it
+    is not, each time by the same, so a fault of a second does not spoil it: a median, not a mean.
+    """
+
+    def __init__(self, params: MotionParams) -> None:
+        self.variance = 1.0
+        self._time = params.scale_time
+
+    def learn(self, error: float, own: float, match: float, dt: float) -> None:
+        """Compare with a match of variance `match`; `own` is the source's, scaled by `variance`."""
+        beyond = error * error > MEDIAN * (own + match)
+        change = math.exp(min(dt, 1.0) / self._time)
+        self.variance *= change if beyond else 1.0 / change
+        self.variance = min(max(self.variance, 1.0), WIDEST)

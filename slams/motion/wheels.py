@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from slams.motion.chord import FLOOR, UNKNOWN, Chord, chord_of
 from slams.motion.params import MotionParams
-from slams.motion.trust import Doubt, Expected, Limits
+from slams.motion.trust import Doubt, Expected, Limits, Scale
 from slams.types import Pose2, Scan
 
 STANDING = 0.005  # m/s, rad/s: wheels below this count nothing
@@ -28,6 +28,7 @@ class Wheels:
         self._p, self._limits = params, Limits(params)
         tops = (params.top_speed, params.top_speed, params.top_turn_rate)
         self._doubts = [Doubt(params, top) for top in tops]
+        self._scales = [Scale(params) for _ in tops]
 
     def add(self, before: Scan, scan: Scan, known: Expected) -> Expected:
         """What is known of the step with the wheels heard; a leap is not."""
@@ -38,7 +39,8 @@ class Wheels:
         if self.step is None:
             return known
         self.used += 1
-        self._own = wheel_variance(self._p, self.step, known.dt)
+        own = wheel_variance(self._p, self.step, known.dt)
+        self._own = Chord(*(v * s.variance for v, s in zip(own, self._scales, strict=True)))
         return self._fused(self.step, known)
 
     def compare(self, found: Chord, variance: Chord, dt: float) -> None:
@@ -50,6 +52,7 @@ class Wheels:
             if variance[i] < math.inf:
                 error = self.step[i] - found[i]
                 wrong |= doubt.learn(error, self._own[i] + variance[i], dt)
+                self._scales[i].learn(error, self._own[i], variance[i], dt)
         self.faults += wrong
 
     def fade(self, dt: float) -> None:
