@@ -169,9 +169,4 @@ def odd_scans() -> dict[str, Scan]:
         "infinite heading": _scan(9.2, good.ranges, lidar, Pose2(0.0, 0.0, math.inf)),
         "yaw of nan": replace(good, t=9.3, yaw=math.nan),
         "infinite yaw": replace(good, t=9.4, yaw=math.inf),
-        "odometry of nan": _scan(9.0, good.ranges, lidar, Pose2(math.nan, math.nan, math.nan)),
-        "odometry of inf": _scan(9.1, good.ranges, lidar, Pose2(math.inf, 0.0, 0.0)),
-        "infinite heading": _scan(9.2, good.ranges, lidar, Pose2(0.0, 0.0, math.inf)),
-        "yaw of nan": replace(good, t=9.3, yaw=math.nan),
-        "infinite yaw": replace(good, t=9.4, yaw=math.inf),
     }
