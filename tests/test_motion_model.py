@@ -62,6 +62,18 @@ def misses(predictions, poses):
     )
 
 
+def spoiled(odom, rng, aside=0.0, ahead=0.0, turn=0.0):
+    """Odometry that also slips by so much [m, m, rad] along one meter, as a random walk."""
+    poses = poses_of(odom.values)
+    found = [poses[0]]
+    for a, b in zip(poses[:-1], poses[1:], strict=True):
+        step = a.between(b)
+        way = math.sqrt(math.hypot(step.x, step.y))
+        slip = Pose2(*(rng.normal(0.0, 1.0, 3) * (ahead, aside, turn) * way).tolist())
+        found.append(found[-1] @ step @ slip)
+    return Track(odom.t, np.array(found))
+
+
 @pytest.fixture(scope="module")
 def drives():
     world = rescue_arena(np.random.default_rng(3), CELL)
@@ -69,9 +81,10 @@ def drives():
     for seed in range(20):
         way, wheels, turns = np.random.default_rng(seed).spawn(3)
         true = drive(world, Robot(), way, SECONDS, 200.0)
-        fifty, hundred = np.arange(0, SECONDS, 0.02), np.arange(0, SECONDS, 0.01)
-        odom = Track(fifty, odometry(true, fifty, wheels))
-        drives.append((true, odom, Track(hundred, gyro(true, hundred, turns))))
+        fine = np.arange(0, SECONDS, 0.005)
+        odom = Track(fine, odometry(true, fine, wheels))
+        odom = spoiled(odom, np.random.default_rng(500 + seed), aside=MotionParams().side_slip)
+        drives.append((true, odom, Track(fine, gyro(true, fine, turns))))
     return drives
 
 
@@ -99,7 +112,7 @@ def normalized(one, rate, wheels, yaw, rng, noise):
 @pytest.mark.parametrize(
     ("wheels", "yaw", "low", "high"),
     [
-        (True, False, 0.8, 1.25),
+        (True, False, 0.75, 1.25),  # of wheels whose scale is found wrong less is believed
         (True, True, 0.8, 1.25),
         (False, True, 0.8, 1.25),
         (False, False, 0.75, 1.25),
@@ -111,6 +124,17 @@ def test_the_covariance_of_a_step_is_honest(drives, rate, noise, wheels, yaw, lo
         rng = np.random.default_rng(100 + seed)
         squares += normalized(one, rate, wheels, yaw, rng, noise)
     assert low < np.mean(squares) / 3.0 < high
+
+
+@pytest.mark.parametrize("rate", [40, 5])
+def test_wheels_worse_than_said_are_found_out(drives, rate):
+    squares = []
+    for seed, (true, odom, rates) in enumerate(drives[:10]):
+        rng = np.random.default_rng(300 + seed)
+        worse = spoiled(odom, rng, aside=0.004, ahead=0.015, turn=0.04)
+        found = normalized((true, worse, rates), rate, True, False, rng, 0.001)
+        squares += found[15 * rate :]
+    assert 0.6 < np.mean(squares) / 3.0 < 2.5
 
 
 def test_each_source_makes_the_step_surer(drives):
@@ -458,7 +482,7 @@ def test_variances_of_wheels_grow_with_way_and_turn():
     way = wheel_variance(p, Chord(1.0, 0.0, 0.0), 1.0)
     assert way.ahead == pytest.approx(0.01**2 + 0.003**2, rel=1e-3)
     assert way.turn == pytest.approx(0.01**2 + 0.004**2, rel=1e-3)
-    assert way.aside == pytest.approx(0.004**2 / 12.0, rel=1e-3)
+    assert way.aside == pytest.approx(0.004**2 / 12.0 + p.side_slip**2, rel=1e-3)
     turn = wheel_variance(p, Chord(0.0, 0.0, 1.0), 1.0)
     assert turn.turn == pytest.approx(0.042**2 + 0.01**2, rel=1e-3)
     assert turn.ahead == pytest.approx(0.002**2, rel=1e-3)

@@ -8,6 +8,10 @@ from typing import NamedTuple
 from slams.motion.chord import Chord
 from slams.motion.params import MotionParams
 
+USUAL = 0.455  # median of a squared error in units of its variance
+LEAST, WIDEST = 0.5, 1e4  # times the variance that is said
+CAREFUL = 0.3  # of what was learned counts: up to three times may be chance
+
 
 class Expected(NamedTuple):
     """A step as far as it is known: its means and variances.
@@ -83,24 +87,25 @@ class Doubt:
         self.variance *= math.exp(-2.0 * dt / self._time)
 
 
-MEDIAN = 0.455  # of the square of a normal deviate
-WIDEST = 1e4
-
-
 class Scale:
     """How many times the variance of a source is what is said of it, as matches find it; 1 or more.
 
-    Its logarithm moves up where an error is beyond the median of what is expected and down where it
-    is not, each time by the same, so a fault of a second does not spoil it: a median, not a mean.
+    Its logarithm moves up where an error is beyond what is usual and down where it is not, each
+    time by the same, so a fault of a second does not spoil it: like a median, not a mean.
     """
 
     def __init__(self, params: MotionParams) -> None:
-        self.variance = 1.0
+        self._learned = LEAST
         self._time = params.scale_time
+
+    @property
+    def variance(self) -> float:
+        """Times the variance that is said."""
+        return max(CAREFUL * self._learned, 1.0)
 
     def learn(self, error: float, own: float, match: float, dt: float) -> None:
         """Compare with a match of variance `match`; `own` is the source's, scaled by `variance`."""
-        beyond = error * error > MEDIAN * (own + match)
+        beyond = error * error > USUAL * (own + match)
         change = math.exp(min(dt, 1.0) / self._time)
-        self.variance *= change if beyond else 1.0 / change
-        self.variance = min(max(self.variance, 1.0), WIDEST)
+        self._learned *= change if beyond else 1.0 / change
+        self._learned = min(max(self._learned, LEAST), WIDEST)
