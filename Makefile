@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 
-.PHONY: help compare sweep test check install clean
+.PHONY: help compare sweep test dist install clean
 
 help:  ## this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -21,10 +21,16 @@ test: $(STAMP)  ## linters, types and tests
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -n 2
 
+dist: $(STAMP)  ## wheel and sdist in dist/, tried in an empty environment
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dist]'
+	rm -rf dist
+	$(BIN)/python -m build
+	$(BIN)/python tests/try_wheel.py dist/*.whl
+
 install: $(STAMP)  ## the environment alone
 
-clean:  ## remove environment, caches and results
-	rm -rf $(VENV) results .mypy_cache .ruff_cache .hypothesis .pytest_cache
+clean:  ## remove environment, caches, results and dist
+	rm -rf $(VENV) results dist .mypy_cache .ruff_cache .hypothesis .pytest_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(STAMP): pyproject.toml
