@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from slams.types import Floats
 
 PROGRAM = "bench.compare"
+IDEA, ORIGINAL = "paper", "original"  # presets compared beside the defaults
 DURATION, QUICK_DURATION = 300.0, 60.0  # s of the simulated log
 QUICK_SCANS = 2400
 
@@ -43,7 +44,8 @@ def parser() -> argparse.ArgumentParser:
         "--algorithms",
         metavar="NAME",
         nargs="+",
-        help=f"name, name@preset or module:Class; default: {' '.join(names())}",
+        help=f"name, name@preset or module:Class; default: {' '.join(names())}, and NAME@{IDEA} "
+        "of each that has one",
     )
     p.add_argument("--out", metavar="DIR", default="results/compare", help="default: %(default)s")
     size = p.add_mutually_exclusive_group()
@@ -138,7 +140,8 @@ def _command(arguments: argparse.Namespace) -> int:
         comparison = weighed(found, _facts(choice, arguments))
         _write(folder, comparison, logs, arguments.mcap)
     if not arguments.quiet:
-        more = f"{arguments.out}/: report.html, results.json, tables and figures"
+        report = Path(arguments.out) / "report.html"
+        more = f"The report: {report}; tables, figures and results.json beside it."
         sys.stdout.write(f"{text.terminal(comparison)}\n{more}\n")
     return cli.FAILED if all(row["failed"] for row in comparison.rows) else 0
 
@@ -194,14 +197,15 @@ def _write(folder: Path, comparison: Comparison, logs: list[ScanLog], mcap: bool
 
 
 def _labels(arguments: argparse.Namespace) -> list[str]:
-    """The algorithms asked for; with --full the originals beside the defaults."""
+    """The algorithms asked for; else all, their ideas alone, and with --full the originals."""
     from slams.registry import find
 
-    labels: list[str] = arguments.algorithms or names()
-    if not arguments.full or arguments.algorithms:
-        return labels
-    originals = [name for name in labels if "original" in find(name).cls.Params.PRESETS]
-    return [f"{name}@original" for name in originals] + labels
+    if arguments.algorithms:
+        return list(arguments.algorithms)
+    presets = [ORIGINAL, IDEA] if arguments.full else [IDEA]
+    known = {name: find(name).cls.Params.PRESETS for name in names()}
+    others = [f"{name}@{preset}" for preset in presets for name in known if preset in known[name]]
+    return others + list(known)
 
 
 def _checked(
