@@ -8,6 +8,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ def sentence(error: BaseException) -> str:
 def run_command(program: str, command: Callable[[], int]) -> int:
     """Exit code of a command: errors the user can act on become one line on stderr."""
     _settle_output()
+    _reach_own_modules()
     try:
         return command()
     except RefusedError as refused:
@@ -75,6 +77,16 @@ def _settle_output() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
+
+
+def _reach_own_modules() -> None:
+    """`mine:Icp` is found in the folder one is in, by the installed commands as by python -m.
+
+    At the end of the path: nothing there takes the place of an installed package.
+    """
+    here = str(Path.cwd())
+    if not sys.flags.safe_path and here not in sys.path:
+        sys.path.append(here)
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:

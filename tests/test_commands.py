@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -66,6 +67,34 @@ def test_a_command_gets_its_words_and_gives_its_exit_code(capsys):
     assert "did you mean 'hector'" in capsys.readouterr().err
     assert slams.main(["--version"]) == 0
     assert capsys.readouterr().out.startswith("slams 0.")
+
+
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch):
+    """A folder one is in with a module in it, and no way there from python's path."""
+    (tmp_path / "mine_here.py").write_text(
+        "from slams.baselines import Odometry\nclass Mine(Odometry):\n    pass\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if path])
+    yield tmp_path
+    sys.modules.pop("mine_here", None)
+
+
+def test_a_module_of_ones_own_is_found_in_the_folder_one_is_in(elsewhere, capsys):
+    before = list(sys.path)
+    assert slams.main(["run", "mine_here:Mine", "--show-params"]) == 0
+    assert sys.path == [*before, str(elsewhere)], "behind everything that is installed"
+    assert slams.main(["run", "mine_here:Mine", "--show-params"]) == 0
+    assert len(sys.path) == len(before) + 1
+    assert "seed: 0" in capsys.readouterr().out
+
+
+def test_python_asked_to_be_safe_looks_nowhere_else(elsewhere, monkeypatch, capsys):
+    flags = {name: getattr(sys.flags, name) for name in dir(sys.flags) if name[0] != "_"}
+    monkeypatch.setattr(sys, "flags", SimpleNamespace(**flags | {"safe_path": True}))
+    assert slams.main(["run", "mine_here:Mine", "--show-params"]) == 2
+    assert "there is no module 'mine_here'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import slams
-from bench import compare, readme, sweep
+from bench import readme, sweep
 from bench.sim.setting import Setting
 from slams import run
 from slams.__main__ import COMMANDS
@@ -93,7 +93,6 @@ def check_run(arguments):
 
 
 def check_compare(arguments):
-    compare._check_options(arguments)
     for label in set(arguments.algorithms or []) - {EXAMPLE}:
         params = find(label).params()
         if arguments.sensor:
