@@ -149,6 +149,16 @@ def test_commands_are_found_wherever_they_stand():
     assert sum(len(commands(path.read_text(encoding="utf-8"))) for path in DOCS) > 40
 
 
+@pytest.mark.parametrize("name", ["sweep.slurm", "sweep-job.yaml", "clusters.md"])
+def test_the_sweeps_of_cluster_scripts_are_ones_the_sweep_takes(name):
+    text = (ROOT / "docs" / name).read_text(encoding="utf-8").replace("\\\n", " ")
+    found = re.findall(r"python -m bench\.sweep ([^\n\"#`]*(?:\"\$\w+\"[^\n\"#`]*)*)", text)
+    assert found
+    for line in found:
+        words = ["1" if word.startswith("$") else word for word in shlex.split(line)]
+        assert PARSERS["bench.sweep"].parse_args(words).logs
+
+
 @pytest.mark.parametrize("path", [*DOCS, *OTHERS, ROOT / "CHANGELOG.md"], ids=str)
 def test_every_module_that_is_run_exists(path):
     text = re.sub(r"\s+", " ", path.read_text(encoding="utf-8"))
@@ -239,6 +249,19 @@ def test_every_capital_name_stands_in_the_code(path):
     for span in spans(path.read_text(encoding="utf-8")):
         if re.fullmatch(r"[A-Z]\w+", span):
             assert re.search(rf"\b{span}\b", SOURCES), span
+
+
+def slug(heading):
+    """The anchor that forges give a heading."""
+    return re.sub(r"[^\w -]", "", heading.lower()).strip().replace(" ", "-")
+
+
+@ids
+def test_links_to_a_section_find_it(path):
+    for name, anchor in re.findall(r"\]\(([^)#:]*)#([^)]+)\)", path.read_text(encoding="utf-8")):
+        target = (path.parent / name) if name else path
+        headings = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.M)
+        assert anchor in map(slug, headings), (name, anchor)
 
 
 def test_the_front_page_leads_to_every_page():
