@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from crsm.ros import ROS as ROS_NAMES
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 
 CODE = "original code"
@@ -173,6 +174,7 @@ class CrsmParams(Params):
         low=0.0,
         high=1.0,
     )
+    max_cells: int = max_cells()
     fine: int = param(
         2, "1", "grey cells along one map cell", source="ours: map to look at", low=1, high=20
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from gmapping.ros import ROS as ROS_NAMES
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 
 ORIGINAL = "original code"
@@ -203,6 +204,7 @@ class GMappingParams(Params):
         low=0.1,
         ros=("maxRange", "maxUrange"),
     )
+    max_cells: int = max_cells()
     max_tiles: int = param(
         40_000, "1", "tiles of 4 kB at most, over all particles", source="ours: memory", low=100
     )

@@ -13,12 +13,14 @@ from hector.match_kernels import Solver, Window
 from hector.params import HectorParams
 from hector.scan import EndPoints
 from hector.surface_kernels import Fit, Splat, Surface
+from slams.extent import Box, Extent
 from slams.types import Floats, OccupancyGrid, Pose2
 
 Pool = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]
 
 FIRST_EXTENT = 20.0
-MARGIN = 5.0
+MARGIN = 5.0  # [m] beyond what is needed that a map grows at least
+SPARE = 0.5  # of its edge, the same: memory that no scan touches costs nothing
 POOL = 1 << 14
 
 
@@ -32,6 +34,7 @@ class LogOddsPyramid:
     def __init__(self, params: HectorParams) -> None:
         self.params = params
         self.insertions = 0
+        self.extent = Extent(params.max_cells, params.resolution)
         cells = round(FIRST_EXTENT / params.resolution)
         self._block: int = 1 << (params.levels - 1)
         cells = -(-cells // self._block) * self._block
@@ -49,9 +52,13 @@ class LogOddsPyramid:
         self.surface = self._surface(pool)
         self._splat = Splat(params.reach, params.side, params.weight_cap)
 
-    def insert(self, scan: EndPoints, pose: Pose2) -> None:
-        """Let a scan taken at `pose` enter every level, and the lines of the finest."""
-        self._cover(pose, scan.far)
+    def insert(self, scan: EndPoints, pose: Pose2) -> bool:
+        """Let a scan taken at `pose` enter every level, and the lines of the finest.
+
+        False if it may not: the map does not grow so far.
+        """
+        if not self._cover(pose, scan.far):
+            return False
         self.insertions += 1
         number = self.insertions
         for level in self.levels:
@@ -59,6 +66,7 @@ class LogOddsPyramid:
         self._provide(scan.n)
         normals = scan.find_normals()
         surface_kernels.add_scan(self.surface, scan.points, normals, scan.n, pose, self._splat)
+        return True
 
     def match(self, level: int, scan: EndPoints, start: Pose2, solver: Solver, H: Floats) -> Pose2:
         """Gauss-Newton on the occupancy of one level; H is left in `H`."""
@@ -123,39 +131,51 @@ class LogOddsPyramid:
         index = np.zeros(finest.p.shape, np.int32)
         return Surface(index, *pool, finest.x0, finest.y0, finest.resolution)
 
-    def _cover(self, pose: Pose2, far: float) -> None:
-        """Make every level reach `far` [m] around the pose."""
-        finest = self.levels[0]
+    def _cover(self, pose: Pose2, far: float) -> bool:
+        """Make every level reach `far` [m] around the pose, if they may grow so far."""
+        finest, before = self.levels[0], self.extent.covered
+        needed = Box.around(pose.x, pose.y, far + 2.0 * self._block * finest.resolution)
+        if not self.extent.admits(needed):
+            return False
         height, width = finest.p.shape
-        reach = far + 2.0 * self._block * finest.resolution
-        low_x, low_y = pose.x - reach - finest.x0, pose.y - reach - finest.y0
-        high_x = pose.x + reach - finest.x0 - (width - 1) * finest.resolution
-        high_y = pose.y + reach - finest.y0 - (height - 1) * finest.resolution
-        if min(low_x, low_y) >= 0.0 and max(high_x, high_y) <= 0.0:
-            return
-        left, below = self._blocks(-low_x), self._blocks(-low_y)
-        right, above = self._blocks(high_x), self._blocks(high_y)
-        self._grow(left, below, width + left + right, height + below + above)
+        high_x = finest.x0 + (width - 1) * finest.resolution
+        high_y = finest.y0 + (height - 1) * finest.resolution
+        left, right = self._blocks(finest.x0 - needed.x0), self._blocks(needed.x1 - high_x)
+        below, above = self._blocks(finest.y0 - needed.y0), self._blocks(needed.y1 - high_y)
+        if left or right or below or above:
+            self._grow(left, below, width + left + right, height + below + above, before)
+        return True
 
     def _blocks(self, missing: float) -> int:
-        """Cells to add on a side that is `missing` meters short."""
+        """Cells to add on a side that is `missing` meters short: seldom, and many."""
         if missing <= 0.0:
             return 0
         block = self._block * self.params.resolution
-        return math.ceil((missing + MARGIN) / block) * self._block
+        spare = max(MARGIN, SPARE * len(self.levels[0].p) * self.params.resolution)
+        return math.ceil((missing + spare) / block) * self._block
 
-    def _grow(self, left: int, below: int, width: int, height: int) -> None:
+    def _grow(self, left: int, below: int, width: int, height: int, covered: Box) -> None:
+        """Larger arrays, into which what scans have covered so far is copied."""
         old, index = self.levels, self.surface.slot
+        rows, columns = self._cells_of(covered)
         x0 = old[0].x0 - left * old[0].resolution
         y0 = old[0].y0 - below * old[0].resolution
         self.levels = [self._empty(k, width, height, x0, y0) for k in range(len(old))]
         for k, (new, level) in enumerate(zip(self.levels, old, strict=True)):
-            rows, columns = level.p.shape
-            part = np.s_[below >> k : (below >> k) + rows, left >> k : (left >> k) + columns]
-            for to, source in zip(new[:3], level[:3], strict=True):
-                to[part] = source
+            part = _shifted(rows, columns, 0, 0, k), _shifted(rows, columns, below, left, k)
+            new.log_odds[part[1]] = level.log_odds[part[0]]
+            new.p[part[1]] = level.p[part[0]]  # stamps are of one insertion only
         self.surface = self._surface((self.surface.sums, self.surface.lines, self.surface.used))
-        self.surface.slot[below : below + index.shape[0], left : left + index.shape[1]] = index
+        moved = _shifted(rows, columns, below, left, 0)
+        self.surface.slot[moved] = index[_shifted(rows, columns, 0, 0, 0)]
+
+    def _cells_of(self, box: Box) -> tuple[slice, slice]:
+        """Rows and columns of the finest level that a box is in, whole cells of the coarsest."""
+        finest, block = self.levels[0], self._block
+        edge, (height, width) = block * finest.resolution, finest.p.shape
+        low_y, high_y = _steps(box.y0 - finest.y0, box.y1 - finest.y0, edge, block)
+        low_x, high_x = _steps(box.x0 - finest.x0, box.x1 - finest.x0, edge, block)
+        return slice(low_y, min(high_y, height)), slice(low_x, min(high_x, width))
 
     def _provide(self, n: int) -> None:
         """Rows of the pool for what one scan may add."""
@@ -167,3 +187,16 @@ class LogOddsPyramid:
         sums, lines = np.zeros((rows, 10), np.float32), np.zeros((rows, 8), np.float32)
         sums[: len(surface.sums)], lines[: len(surface.lines)] = surface.sums, surface.lines
         self.surface = surface._replace(sums=sums, lines=lines)
+
+
+def _steps(low: float, high: float, edge: float, block: int) -> tuple[int, int]:
+    """From which cell to before which, in blocks of an edge [m], one to spare on both sides."""
+    return max(math.floor(low / edge) - 1, 0) * block, (math.ceil(high / edge) + 2) * block
+
+
+def _shifted(rows: slice, columns: slice, below: int, left: int, level: int) -> tuple[slice, slice]:
+    """Rows and columns of the finest level as those of another, in an array that has grown."""
+    return (
+        slice((rows.start + below) >> level, (rows.stop + below) >> level),
+        slice((columns.start + left) >> level, (columns.stop + left) >> level),
+    )

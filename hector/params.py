@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from hector.ros import ROS as ROS_NAMES
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 
 LAUNCH = "original code, mapping_default.launch"
@@ -93,6 +94,7 @@ class HectorParams(Params):
     max_range: float = param(
         30.0, "m", "farther ends are not used", source=CODE, low=0.5, ros=("laser_max_dist",)
     )
+    max_cells: int = max_cells()
     start: str = param(
         "auto",
         "1",

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 from tsd.ros import ROS as ROS_NAMES
 
@@ -111,6 +112,7 @@ class TsdParams(Params):
         source="ours: A3; wheels slip and drivers stall",
         low=0.0,
     )
+    max_cells: int = max_cells()
     coarse_cell: float = param(
         0.1, "m", "cell of the coarse field for the wide start", source="ours: A1", low=0.01
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from crsm.ros import ORIGINAL
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 
 CODE = "original code"
@@ -47,6 +48,7 @@ class OriginalParams(Params):
         low=0.0,
         ros=("map_update_obstacle_density",),
     )
+    max_cells: int = max_cells(1 << 28)
     side: int = param(
         500,
         "cell",

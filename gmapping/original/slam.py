@@ -62,7 +62,7 @@ class Original:
         points = self._points(scan, step)
         if len(points) == 0:
             self._counts["rejected"] += 1
-        elif self._due(step):
+        elif self._due(step) and self.tiles.admits(self.pose, points):
             self._filter(points)
             self._renderer.keep(partial(self._rays.ray, scan, step))
         self._counts["scans"] += 1
@@ -81,7 +81,7 @@ class Original:
         """Counts, and what the particles' maps take."""
         tiles = {"tiles": self.tiles.used, "tiles_peak": self.tiles.peak}
         shared = {"tiles_shared": round(self.tiles.shared, 3), "particles": len(self.particles)}
-        return self._counts | self._motion.used | tiles | shared
+        return self._counts | self._motion.used | tiles | shared | self.tiles.extent.counts
 
     def _move(self, step: Step) -> None:
         way = step.pose if step.measured else IDENTITY

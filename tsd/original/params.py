@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 from tsd.ros import ORIGINAL as ROS_NAMES
 
@@ -53,6 +54,7 @@ class OriginalParams(Params):
         high=15,
         ros=("map_size",),
     )
+    max_cells: int = max_cells(1 << 27)
     grows: bool = param(
         True,
         "1",
