@@ -10,6 +10,7 @@ from slams.extent import USUAL_CELLS, Box, Extent
 from slams.types import Floats, Pose2
 
 MARGIN = 8  # tiles added around what does not fit
+MOST_POINTERS = 1 << 28  # of all tables together: 1 GB
 
 
 class TileMap:
@@ -28,7 +29,8 @@ class TileMap:
         max_tiles: int,
         max_cells: int = USUAL_CELLS,
     ) -> None:
-        self.extent = Extent(max_cells, resolution)
+        most = MOST_POINTERS * CELLS // (n_particles * layers)
+        self.extent = Extent(min(max_cells, most), resolution)
         self._peak = 0
         self.tiles = Tiles(
             cells=np.empty((max_tiles, CELLS, 4), np.float32),

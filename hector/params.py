@@ -82,6 +82,7 @@ class HectorParams(Params):
         "scans at the start that all enter the map",
         source="ours: the first scan's noise would stay in every later pose",
         low=1,
+        high=10_000,
     )
     min_range: float = param(
         0.1,
@@ -217,6 +218,7 @@ class HectorParams(Params):
         "refused scans in a row after which one enters the map all the same",
         source="ours: a robot in new surroundings must go on",
         low=1,
+        high=10_000,
     )
     search_distance: float = param(
         0.8, "m", "half width of the search when matching fails", source="ours", low=0.0, high=5.0

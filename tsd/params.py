@@ -58,6 +58,7 @@ class TsdParams(Params):
         "scans in a row without a match before mapping starts anew at the prediction",
         source="ours: R2",
         low=1,
+        high=10_000,
     )
 
     range_noise: float = param(
@@ -91,7 +92,7 @@ class TsdParams(Params):
         low=0.5,
     )
     iterations: int = param(
-        15, "1", "most Gauss-Newton iterations", source="ours: 3 are usual", low=1
+        15, "1", "most Gauss-Newton iterations", source="ours: 3 are usual", low=1, high=1_000
     )
     robust: float = param(
         0.03, "m", "distance at which a residual loses half its say", source="ours: A1", low=1e-3
@@ -154,5 +155,10 @@ class TsdParams(Params):
         high=1.0,
     )
     trials: int = param(
-        100, "1", "surface elements that propose poses in the wide search", source=ORIGINAL, low=1
+        100,
+        "1",
+        "surface elements that propose poses in the wide search",
+        source=ORIGINAL,
+        low=1,
+        high=10_000,
     )

@@ -73,7 +73,7 @@ class OriginalParams(Params):
         "tries per scan",
         source=CODE,
         low=0,
-        high=10_000_000,
+        high=1_000_000,
         ros=("max_hill_climbing_iterations",),
     )
     picked_rays: int = param(
@@ -82,6 +82,7 @@ class OriginalParams(Params):
         "set point of the ray picker",
         source=CODE,
         low=1,
+        high=10_000,
         ros=("desired_number_of_picked_rays",),
     )
     jump: float = param(
@@ -92,7 +93,9 @@ class OriginalParams(Params):
         low=0.0,
         ros=("scan_density_lower_boundary",),
     )
-    hold: int = param(40, "1", "scans during which the pose stays at the start", source=CODE, low=0)
+    hold: int = param(
+        40, "1", "scans during which the pose stays at the start", source=CODE, low=0, high=10_000
+    )
     robot_width: float = param(
         0.6, "m", "free patch at the start", source=CODE, low=0.0, high=2.0, ros=("robot_width",)
     )
