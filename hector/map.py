@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ FIRST_EXTENT = 20.0
 MARGIN = 5.0  # [m] beyond what is needed that a map grows at least
 SPARE = 0.5  # of its edge, the same: memory that no scan touches costs nothing
 POOL = 1 << 14
+BAND = 64  # rows that are looked at together
 
 
 class LogOddsPyramid:
@@ -133,7 +135,7 @@ class LogOddsPyramid:
 
     def _cover(self, pose: Pose2, far: float) -> bool:
         """Make every level reach `far` [m] around the pose, if they may grow so far."""
-        finest, before = self.levels[0], self.extent.covered
+        finest = self.levels[0]
         needed = Box.around(pose.x, pose.y, far + 2.0 * self._block * finest.resolution)
         if not self.extent.admits(needed):
             return False
@@ -143,7 +145,7 @@ class LogOddsPyramid:
         left, right = self._blocks(finest.x0 - needed.x0), self._blocks(needed.x1 - high_x)
         below, above = self._blocks(finest.y0 - needed.y0), self._blocks(needed.y1 - high_y)
         if left or right or below or above:
-            self._grow(left, below, width + left + right, height + below + above, before)
+            self._grow(left, below, width + left + right, height + below + above)
         return True
 
     def _blocks(self, missing: float) -> int:
@@ -154,28 +156,16 @@ class LogOddsPyramid:
         spare = max(MARGIN, SPARE * len(self.levels[0].p) * self.params.resolution)
         return math.ceil((missing + spare) / block) * self._block
 
-    def _grow(self, left: int, below: int, width: int, height: int, covered: Box) -> None:
-        """Larger arrays, into which what scans have covered so far is copied."""
+    def _grow(self, left: int, below: int, width: int, height: int) -> None:
         old, index = self.levels, self.surface.slot
-        rows, columns = self._cells_of(covered)
         x0 = old[0].x0 - left * old[0].resolution
         y0 = old[0].y0 - below * old[0].resolution
         self.levels = [self._empty(k, width, height, x0, y0) for k in range(len(old))]
         for k, (new, level) in enumerate(zip(self.levels, old, strict=True)):
-            part = _shifted(rows, columns, 0, 0, k), _shifted(rows, columns, below, left, k)
-            new.log_odds[part[1]] = level.log_odds[part[0]]
-            new.p[part[1]] = level.p[part[0]]  # stamps are of one insertion only
+            _copy(level.log_odds, new.log_odds, below >> k, left >> k)
+            _copy(level.p, new.p, below >> k, left >> k)  # stamps are of one insertion only
         self.surface = self._surface((self.surface.sums, self.surface.lines, self.surface.used))
-        moved = _shifted(rows, columns, below, left, 0)
-        self.surface.slot[moved] = index[_shifted(rows, columns, 0, 0, 0)]
-
-    def _cells_of(self, box: Box) -> tuple[slice, slice]:
-        """Rows and columns of the finest level that a box is in, whole cells of the coarsest."""
-        finest, block = self.levels[0], self._block
-        edge, (height, width) = block * finest.resolution, finest.p.shape
-        low_y, high_y = _steps(box.y0 - finest.y0, box.y1 - finest.y0, edge, block)
-        low_x, high_x = _steps(box.x0 - finest.x0, box.x1 - finest.x0, edge, block)
-        return slice(low_y, min(high_y, height)), slice(low_x, min(high_x, width))
+        _copy(index, self.surface.slot, below, left)
 
     def _provide(self, n: int) -> None:
         """Rows of the pool for what one scan may add."""
@@ -189,14 +179,11 @@ class LogOddsPyramid:
         self.surface = surface._replace(sums=sums, lines=lines)
 
 
-def _steps(low: float, high: float, edge: float, block: int) -> tuple[int, int]:
-    """From which cell to before which, in blocks of an edge [m], one to spare on both sides."""
-    return max(math.floor(low / edge) - 1, 0) * block, (math.ceil(high / edge) + 2) * block
-
-
-def _shifted(rows: slice, columns: slice, below: int, left: int, level: int) -> tuple[slice, slice]:
-    """Rows and columns of the finest level as those of another, in an array that has grown."""
-    return (
-        slice((rows.start + below) >> level, (rows.stop + below) >> level),
-        slice((columns.start + left) >> level, (columns.stop + left) >> level),
-    )
+def _copy(source: NDArray[Any], target: NDArray[Any], below: int, left: int) -> None:
+    """Copy what is not 0 into an array of zeros: memory that was never touched stays so."""
+    for top in range(0, len(source), BAND):
+        band = source[top : top + BAND]
+        seen = np.concatenate([[False], band.any(axis=0), [False]])
+        for first, last in np.flatnonzero(np.diff(seen)).reshape(-1, 2).tolist():
+            rows = slice(below + top, below + top + len(band))
+            target[rows, left + first : left + last] = band[:, first:last]
