@@ -206,7 +206,7 @@ class GMappingParams(Params):
     )
     max_cells: int = max_cells()
     max_tiles: int = param(
-        40_000,
+        200_000,
         "1",
         "tiles of 4 kB at most, over all particles",
         source="ours: memory",
