@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from crsm.ros import ROS as ROS_NAMES
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 
 CODE = "original code"
@@ -150,6 +151,7 @@ class CrsmParams(Params):
         "a scan enters the walls after so many, also when the robot stands",
         source="ours: standing still helps the map",
         low=1,
+        high=10_000,
     )
     draw_step: float = param(
         0.2,
@@ -164,6 +166,7 @@ class CrsmParams(Params):
         "a scan is drawn after so many, also when the robot stands",
         source="ours: people pass",
         low=1,
+        high=10_000,
     )
     fade: float = param(
         0.2,
@@ -173,6 +176,7 @@ class CrsmParams(Params):
         low=0.0,
         high=1.0,
     )
+    max_cells: int = max_cells()
     fine: int = param(
         2, "1", "grey cells along one map cell", source="ours: map to look at", low=1, high=20
     )
@@ -190,7 +194,7 @@ class CrsmParams(Params):
         "random restarts of one search, at most",
         source="ours",
         low=0,
-        high=1_000_000,
+        high=10_000,
     )
     enough: float = param(
         0.85, "1", "fitness that ends a search", source="ours: an early end", low=0.0
@@ -219,4 +223,5 @@ class CrsmParams(Params):
         "scans left out in a row before the map goes on at the predicted pose",
         source="ours: a new room looks like being lost",
         low=0,
+        high=10_000,
     )

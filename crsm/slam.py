@@ -79,7 +79,7 @@ class Crsm:
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
-        return self._counts | self._motion.counts
+        return self._counts | self._motion.counts | self._map.extent.counts
 
     @property
     def covariance(self) -> Floats:

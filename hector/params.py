@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from hector.ros import ROS as ROS_NAMES
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 
 LAUNCH = "original code, mapping_default.launch"
@@ -81,6 +82,7 @@ class HectorParams(Params):
         "scans at the start that all enter the map",
         source="ours: the first scan's noise would stay in every later pose",
         low=1,
+        high=10_000,
     )
     min_range: float = param(
         0.1,
@@ -93,6 +95,7 @@ class HectorParams(Params):
     max_range: float = param(
         30.0, "m", "farther ends are not used", source=CODE, low=0.5, ros=("laser_max_dist",)
     )
+    max_cells: int = max_cells()
     start: str = param(
         "auto",
         "1",
@@ -215,6 +218,7 @@ class HectorParams(Params):
         "refused scans in a row after which one enters the map all the same",
         source="ours: a robot in new surroundings must go on",
         low=1,
+        high=10_000,
     )
     search_distance: float = param(
         0.8, "m", "half width of the search when matching fails", source="ours", low=0.0, high=5.0

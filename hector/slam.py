@@ -82,7 +82,8 @@ class Hector:
 
     def report(self) -> dict[str, Any]:
         """Counts of scans: empty, inserted, retried, searched, lost; with odometry, with gyro."""
-        return self._counts | {"odometry": self._motion.odometry, "gyro": self._motion.gyro}
+        motion = {"odometry": self._motion.odometry, "gyro": self._motion.gyro}
+        return self._counts | motion | self._map.extent.counts
 
     @property
     def quality(self) -> float:
@@ -152,10 +153,10 @@ class Hector:
         return moved or turned or match.share < self.params.doubt * self._key.share
 
     def _insert(self, points: EndPoints, match: Match) -> None:
-        self._map.insert(points, match.pose)
+        entered = self._map.insert(points, match.pose)
         self._key = match
         self._refused = 0
-        self._counts["inserted"] += 1
+        self._counts["inserted"] += entered
 
 
 def _solvers(params: HectorParams) -> list[tuple[int, Solver]]:

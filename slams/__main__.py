@@ -20,6 +20,7 @@ COMMANDS = {
     "check": "slams.check",
     "report": "bench.report.__main__",
     "ranking": "bench.ranking",
+    "soak": "bench.soak",
 }
 
 

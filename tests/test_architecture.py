@@ -89,7 +89,8 @@ def kernels():
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_an_algorithm_imports_only_itself_and_the_interface(name):
-    allowed = {f"slams.{part}" for part in ("types", "params", "jit", "geometry", "motion")}
+    parts = ("types", "params", "jit", "geometry", "motion", "extent")
+    allowed = {f"slams.{part}" for part in parts}
     for path in (ROOT / name).rglob("*.py"):
         for module in imports(path):
             top = module.partition(".")[0]

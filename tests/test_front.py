@@ -3,8 +3,8 @@
 import pandas as pd
 import pytest
 
-from bench import compare
 from bench.report import front, text
+from bench.run import compare_options
 from bench.sim.degrade import CATALOG
 from bench.sweep import QUICK
 from hector.params import HectorParams
@@ -99,7 +99,7 @@ def paper(monkeypatch):
 
 
 def asked(*words):
-    return compare._labels(compare.parser().parse_args(words))
+    return compare_options.labels_of(compare_options.parser().parse_args(words))
 
 
 def test_the_ideas_are_compared_where_there_are_any(paper, monkeypatch):

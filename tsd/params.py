@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 from tsd.ros import ROS as ROS_NAMES
 
@@ -57,6 +58,7 @@ class TsdParams(Params):
         "scans in a row without a match before mapping starts anew at the prediction",
         source="ours: R2",
         low=1,
+        high=10_000,
     )
 
     range_noise: float = param(
@@ -90,7 +92,7 @@ class TsdParams(Params):
         low=0.5,
     )
     iterations: int = param(
-        15, "1", "most Gauss-Newton iterations", source="ours: 3 are usual", low=1
+        15, "1", "most Gauss-Newton iterations", source="ours: 3 are usual", low=1, high=1_000
     )
     robust: float = param(
         0.03, "m", "distance at which a residual loses half its say", source="ours: A1", low=1e-3
@@ -111,6 +113,7 @@ class TsdParams(Params):
         source="ours: A3; wheels slip and drivers stall",
         low=0.0,
     )
+    max_cells: int = max_cells()
     coarse_cell: float = param(
         0.1, "m", "cell of the coarse field for the wide start", source="ours: A1", low=0.01
     )
@@ -152,5 +155,10 @@ class TsdParams(Params):
         high=1.0,
     )
     trials: int = param(
-        100, "1", "surface elements that propose poses in the wide search", source=ORIGINAL, low=1
+        100,
+        "1",
+        "surface elements that propose poses in the wide search",
+        source=ORIGINAL,
+        low=1,
+        high=10_000,
     )

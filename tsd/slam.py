@@ -100,7 +100,7 @@ class Tsd:
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
         motion = {"odometry": self._motion.odometry, "gyro": self._motion.gyro}
-        return {**self._counts, **motion, "lost": self._lost}
+        return {**self._counts, **motion, "lost": self._lost, **self._registration.extent.counts}
 
     @property
     def covariance(self) -> Floats:
