@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 
-.PHONY: help compare sweep test check install clean
+.PHONY: help compare sweep soak test dist install clean
 
 help:  ## this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -15,16 +15,25 @@ compare: $(STAMP)  ## simulate the rescue maze, run every algorithm, print the t
 sweep: $(STAMP)  ## what breaks which algorithm in the field, four minutes
 	$(BIN)/python -m bench.sweep
 
+soak: $(STAMP)  ## hours of work in 20 minutes: half a million scans at rest, three kilometers
+	$(BIN)/python -m bench.soak $(SOAK)
+
 test: $(STAMP)  ## linters, types and tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -n 2
 
+dist: $(STAMP)  ## wheel and sdist in dist/, tried in an empty environment
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dist]'
+	rm -rf dist
+	$(BIN)/python -m build
+	$(BIN)/python tests/try_wheel.py dist/*.whl
+
 install: $(STAMP)  ## the environment alone
 
-clean:  ## remove environment, caches and results
-	rm -rf $(VENV) results .mypy_cache .ruff_cache .hypothesis .pytest_cache
+clean:  ## remove environment, caches, results and dist
+	rm -rf $(VENV) results dist .mypy_cache .ruff_cache .hypothesis .pytest_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(STAMP): pyproject.toml

@@ -29,19 +29,31 @@ PICTURES = ("fig2_translation.png", "fig4_maps.png")
 GLANCE = ("glance",)
 SHOWN = ("translation", "orientation", "spans", "bound", "overview", "maps", "cost")
 PART = re.compile(
-    r"(<!-- (glance|results|sweep|field|relations|ranking|public|(?:ros-)?parameters: (\w+)) -->\n)"
+    r"(<!-- (table|choice|glance|results|sweep|field|relations|ranking|public|"
+    r"(?:ros-)?parameters: (\w+)) -->\n)"
     r".*?(<!-- end -->)",
     re.DOTALL,
 )
 
 
+def parser() -> cli.Parser:
+    """The command's arguments."""
+    p = cli.Parser(prog=f"python -m {PROGRAM}", description=(__doc__ or "").partition("\n")[0])
+    p.add_argument(
+        "folders",
+        nargs="*",
+        type=Path,
+        metavar="DIR",
+        help="results of compare, sweep or ranking to adopt first",
+    )
+    return p
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    p = cli.Parser(prog=f"python -m {PROGRAM}", description=(__doc__ or "").partition("\n")[0])
-    p.add_argument("folders", nargs="*", type=Path, help="folders of bench.compare to adopt first")
 
     def _command() -> int:
-        for folder in p.parse_args(argv).folders:
+        for folder in parser().parse_args(argv).folders:
             cli.refusing(lambda folder=folder: adopt(folder))  # type: ignore[misc]
         for path in readmes():
             path.write_text(rendered(path.read_text(encoding="utf-8")), encoding="utf-8")
@@ -135,6 +147,20 @@ def _body(part: str, name: str | None) -> str:
 
         return mapping_table(name)
     return parameters(name)
+
+
+def table() -> str:
+    """The front page's table, from the committed results and sweep."""
+    from bench.report import front
+
+    return front.table(read_figures(RESULTS), readme_sweep.committed(SWEEP))
+
+
+def choice() -> str:
+    """Which algorithm to take, from the committed sweep."""
+    from bench.report import front
+
+    return front.choice(readme_sweep.committed(SWEEP))
 
 
 def glance() -> str:
@@ -254,6 +280,8 @@ def parameters(name: str) -> str:
 
 
 PARTS = {
+    "table": table,
+    "choice": choice,
     "glance": glance,
     "results": results,
     "sweep": lambda: readme_sweep.part(SWEEP),

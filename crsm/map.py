@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from crsm.map_kernels import HALO, NX, NY, WEIGHT, WallMap, X, Y, whiten
 from crsm.params import CrsmParams
 from crsm.scan_kernels import Points
+from slams.extent import Box, Extent
 from slams.types import Floats, OccupancyGrid, Pose2
 
 START_CELLS = 512  # edge of the first map
 SPARE = 64  # cells added beyond what a scan needs
-MOST_CELLS = 1 << 23  # 290 m x 290 m with cells of 0.1 m
 KNOWN = 0.1  # grey level, either way, from which a cell counts as seen
 ONE_WALL = 0.6  # cells between an end point and the wall element it joins
 NEXT_TO_NOTHING = 1e-9  # weight of an element before its points are averaged in
@@ -32,6 +32,7 @@ class WallGrid:
 
     def __init__(self, params: CrsmParams) -> None:
         self.params = params
+        self.extent = Extent(params.max_cells, params.cell / params.fine)
         half = -0.5 * START_CELLS * params.cell
         self.cells = self._blank(START_CELLS, START_CELLS, (half, half))
         self._point = np.zeros(self.cells.dark.size, np.int64)
@@ -39,7 +40,7 @@ class WallGrid:
         self._drawings = 0
 
     def insert(self, points: Points, m: int, pose: Pose2, reach: float) -> bool:
-        """Walls of m points seen from `pose` (of the laser); False if they do not fit."""
+        """Walls of m points seen from `pose` (of the laser); False if the map may not grow so."""
         if not self._make_room(pose, reach):
             return False
         seen = _seen_from(pose, points, m)
@@ -203,6 +204,8 @@ class WallGrid:
 
     def _make_room(self, pose: Pose2, reach: float) -> bool:
         """Grow until everything within `reach` [m] of the pose is inside; False if too large."""
+        if not self.extent.admits(Box.around(pose.x, pose.y, reach)):
+            return False
         old = self.cells
         ny, nx = old.dark.shape
         low_x, high_x = self._missing(pose.x - old.corner[0], reach, nx)
@@ -210,8 +213,6 @@ class WallGrid:
         if not (low_x or high_x or low_y or high_y):
             return True
         rows, columns = ny + low_y + high_y, nx + low_x + high_x
-        if rows * columns > MOST_CELLS:
-            return False
         corner = (old.corner[0] - low_x * old.cell, old.corner[1] - low_y * old.cell)
         new = self._blank(rows, columns, corner)
         new.wall[low_y : low_y + ny, low_x : low_x + nx] = old.wall

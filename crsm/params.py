@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from crsm.ros import ROS as ROS_NAMES
+from slams.extent import max_cells
 from slams.motion.params import MotionParams
 from slams.params import RosNames, param
 
@@ -141,6 +142,7 @@ class CrsmParams(MotionParams):
         "a scan enters the walls after so many, also when the robot stands",
         source="ours: standing still helps the map",
         low=1,
+        high=10_000,
     )
     draw_step: float = param(
         0.2,
@@ -155,6 +157,7 @@ class CrsmParams(MotionParams):
         "a scan is drawn after so many, also when the robot stands",
         source="ours: people pass",
         low=1,
+        high=10_000,
     )
     fade: float = param(
         0.2,
@@ -164,6 +167,7 @@ class CrsmParams(MotionParams):
         low=0.0,
         high=1.0,
     )
+    max_cells: int = max_cells()
     fine: int = param(
         2, "1", "grey cells along one map cell", source="ours: map to look at", low=1, high=20
     )
@@ -181,7 +185,7 @@ class CrsmParams(MotionParams):
         "random restarts of one search, at most",
         source="ours",
         low=0,
-        high=1_000_000,
+        high=10_000,
     )
     enough: float = param(
         0.85, "1", "fitness that ends a search", source="ours: an early end", low=0.0

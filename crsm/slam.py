@@ -99,7 +99,7 @@ class Crsm:
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
-        return self._counts | self._motion.counts
+        return self._counts | self._motion.counts | self._map.extent.counts
 
     def _read(self, scan: Scan, velocity: Pose2) -> ScanReader:
         """Step 1: end points on walls and critical rays, without the motion during the scan."""

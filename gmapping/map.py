@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.tile_kernels import CELLS, SIDE, Tiles, inherit
-from slams.types import Floats
+from slams.extent import USUAL_CELLS, Box, Extent
+from slams.types import Floats, Pose2
 
 MARGIN = 8  # tiles added around what does not fit
+MOST_POINTERS = 1 << 28  # of all tables together: 1 GB
 
 
 class TileMap:
@@ -19,7 +21,16 @@ class TileMap:
     that was not written to costs nothing.
     """
 
-    def __init__(self, n_particles: int, layers: int, resolution: float, max_tiles: int) -> None:
+    def __init__(
+        self,
+        n_particles: int,
+        layers: int,
+        resolution: float,
+        max_tiles: int,
+        max_cells: int = USUAL_CELLS,
+    ) -> None:
+        most = MOST_POINTERS * CELLS // (n_particles * layers)
+        self.extent = Extent(min(max_cells, most), resolution)
         self._peak = 0
         self.tiles = Tiles(
             cells=np.empty((max_tiles, CELLS, 4), np.float32),
@@ -47,8 +58,15 @@ class TileMap:
         pointers = int((self.tiles.tables >= 0).sum())
         return 1.0 - self.used / pointers if pointers else 0.0
 
+    def admits(self, pose: Pose2, points: Floats) -> bool:
+        """Whether the maps may grow to points (n, 2 or more) in the base frame, seen at `pose`."""
+        radius = float(np.hypot(points[:, 0], points[:, 1]).max())
+        return self.extent.admits(Box.around(pose.x, pose.y, radius))
+
     def cover(self, low: Floats, high: Floats) -> None:
-        """Let the tables reach from `low` to `high`, (x, y) [m] each."""
+        """Let the tables reach from `low` to `high`, (x, y) [m] each, if they may grow so far."""
+        if not self.extent.admits(Box(*low.tolist(), *high.tolist())):
+            return
         edge = SIDE * self.tiles.resolution
         first = np.floor(low / edge).astype(np.int64) - 1
         last = np.floor(high / edge).astype(np.int64) + 1

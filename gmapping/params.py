@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from gmapping.ros import ROS as ROS_NAMES
+from slams.extent import max_cells
 from slams.motion.params import MotionParams
 from slams.params import RosNames, param
 
@@ -35,7 +36,7 @@ class GMappingParams(MotionParams):
     }
 
     n_particles: int = param(
-        30, "1", "number of particles", source=ORIGINAL, low=1, ros=("particles",)
+        30, "1", "number of particles", source=ORIGINAL, low=1, high=20_000, ros=("particles",)
     )
     resolution: float = param(
         0.05, "m", "edge of a cell", source=ORIGINAL, low=0.01, high=1.0, ros=("delta",)
@@ -108,7 +109,7 @@ class GMappingParams(MotionParams):
     width: float = param(
         0.03, "m", "deviation of an outlier at the last step", source="ours", low=0.001
     )
-    steps: int = param(8, "1", "Gauss-Newton steps at most", source="ours", low=1)
+    steps: int = param(8, "1", "Gauss-Newton steps at most", source="ours", low=1, high=1_000)
     independent: float = param(
         100.0,
         "1",
@@ -154,8 +155,14 @@ class GMappingParams(MotionParams):
         low=0.1,
         ros=("maxRange", "maxUrange"),
     )
+    max_cells: int = max_cells()
     max_tiles: int = param(
-        40_000, "1", "tiles of 4 kB at most, over all particles", source="ours: memory", low=100
+        200_000,
+        "1",
+        "tiles of 4 kB at most, over all particles",
+        source="ours: memory",
+        low=100,
+        high=1 << 20,
     )
     occupied: float = param(
         0.25,

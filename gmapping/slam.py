@@ -55,7 +55,8 @@ class GMapping:
         self._counts |= {"collapsed": 0}
         self.particles = Particles(params.n_particles)
         layers = SurfaceMatcher.layers
-        self.tiles = TileMap(params.n_particles, layers, params.resolution, params.max_tiles)
+        tiles = params.max_tiles, params.max_cells
+        self.tiles = TileMap(params.n_particles, layers, params.resolution, *tiles)
         self._matcher = SurfaceMatcher(params, self._motion, self.particles, self.tiles)
 
     def update(self, scan: Scan) -> Pose2:
@@ -65,7 +66,7 @@ class GMapping:
         self._counts["scans"] += 1
         if len(points) == 0 or self.state == "lost":
             self._counts["rejected"] += 1
-        elif self._matcher.due(self.pose):
+        elif self._matcher.due(self.pose) and self.tiles.admits(self.pose, points):
             self._filter(points)
             self._renderer.keep(partial(self._rays.ray, scan, velocity))
         if self.state == "matched":
@@ -101,7 +102,8 @@ class GMapping:
         """Counts, and what the particles' maps take."""
         tiles = {"tiles": self.tiles.used, "tiles_peak": self.tiles.peak}
         shared = {"tiles_shared": round(self.tiles.shared, 3), "particles": len(self.particles)}
-        return self._counts | self._matcher.counts | self._motion.counts | tiles | shared
+        counts = self._counts | self._matcher.counts | self._motion.counts
+        return counts | tiles | shared | self.tiles.extent.counts
 
     def _filter(self, points: Floats) -> None:
         if self._counts["inserted"] == 0:

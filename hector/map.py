@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +14,16 @@ from hector.match_kernels import Solver, Window
 from hector.params import HectorParams
 from hector.scan import EndPoints
 from hector.surface_kernels import Fit, Splat, Surface
+from slams.extent import Box, Extent
 from slams.types import Floats, OccupancyGrid, Pose2
 
 Pool = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]
 
 FIRST_EXTENT = 20.0
-MARGIN = 5.0
+MARGIN = 5.0  # [m] beyond what is needed that a map grows at least
+SPARE = 0.5  # of its edge, the same: memory that no scan touches costs nothing
 POOL = 1 << 14
+BAND = 64  # rows that are looked at together
 
 
 class LogOddsPyramid:
@@ -32,6 +36,7 @@ class LogOddsPyramid:
     def __init__(self, params: HectorParams) -> None:
         self.params = params
         self.insertions = 0
+        self.extent = Extent(params.max_cells, params.resolution)
         cells = round(FIRST_EXTENT / params.resolution)
         self._block: int = 1 << (params.levels - 1)
         cells = -(-cells // self._block) * self._block
@@ -49,9 +54,13 @@ class LogOddsPyramid:
         self.surface = self._surface(pool)
         self._splat = Splat(params.reach, params.side, params.weight_cap)
 
-    def insert(self, scan: EndPoints, pose: Pose2) -> None:
-        """Let a scan taken at `pose` enter every level, and the lines of the finest."""
-        self._cover(pose, scan.far)
+    def insert(self, scan: EndPoints, pose: Pose2) -> bool:
+        """Let a scan taken at `pose` enter every level, and the lines of the finest.
+
+        False if it may not: the map does not grow so far.
+        """
+        if not self._cover(pose, scan.far):
+            return False
         self.insertions += 1
         number = self.insertions
         for level in self.levels:
@@ -59,6 +68,7 @@ class LogOddsPyramid:
         self._provide(scan.n)
         normals = scan.find_normals()
         surface_kernels.add_scan(self.surface, scan.points, normals, scan.n, pose, self._splat)
+        return True
 
     def match(
         self, level: int, scan: EndPoints, start: Pose2, prior: Floats, solver: Solver, H: Floats
@@ -128,26 +138,28 @@ class LogOddsPyramid:
         index = np.zeros(finest.p.shape, np.int32)
         return Surface(index, *pool, finest.x0, finest.y0, finest.resolution)
 
-    def _cover(self, pose: Pose2, far: float) -> None:
-        """Make every level reach `far` [m] around the pose."""
+    def _cover(self, pose: Pose2, far: float) -> bool:
+        """Make every level reach `far` [m] around the pose, if they may grow so far."""
         finest = self.levels[0]
+        needed = Box.around(pose.x, pose.y, far + 2.0 * self._block * finest.resolution)
+        if not self.extent.admits(needed):
+            return False
         height, width = finest.p.shape
-        reach = far + 2.0 * self._block * finest.resolution
-        low_x, low_y = pose.x - reach - finest.x0, pose.y - reach - finest.y0
-        high_x = pose.x + reach - finest.x0 - (width - 1) * finest.resolution
-        high_y = pose.y + reach - finest.y0 - (height - 1) * finest.resolution
-        if min(low_x, low_y) >= 0.0 and max(high_x, high_y) <= 0.0:
-            return
-        left, below = self._blocks(-low_x), self._blocks(-low_y)
-        right, above = self._blocks(high_x), self._blocks(high_y)
-        self._grow(left, below, width + left + right, height + below + above)
+        high_x = finest.x0 + (width - 1) * finest.resolution
+        high_y = finest.y0 + (height - 1) * finest.resolution
+        left, right = self._blocks(finest.x0 - needed.x0), self._blocks(needed.x1 - high_x)
+        below, above = self._blocks(finest.y0 - needed.y0), self._blocks(needed.y1 - high_y)
+        if left or right or below or above:
+            self._grow(left, below, width + left + right, height + below + above)
+        return True
 
     def _blocks(self, missing: float) -> int:
-        """Cells to add on a side that is `missing` meters short."""
+        """Cells to add on a side that is `missing` meters short: seldom, and many."""
         if missing <= 0.0:
             return 0
         block = self._block * self.params.resolution
-        return math.ceil((missing + MARGIN) / block) * self._block
+        spare = max(MARGIN, SPARE * len(self.levels[0].p) * self.params.resolution)
+        return math.ceil((missing + spare) / block) * self._block
 
     def _grow(self, left: int, below: int, width: int, height: int) -> None:
         old, index = self.levels, self.surface.slot
@@ -155,12 +167,10 @@ class LogOddsPyramid:
         y0 = old[0].y0 - below * old[0].resolution
         self.levels = [self._empty(k, width, height, x0, y0) for k in range(len(old))]
         for k, (new, level) in enumerate(zip(self.levels, old, strict=True)):
-            rows, columns = level.p.shape
-            part = np.s_[below >> k : (below >> k) + rows, left >> k : (left >> k) + columns]
-            for to, source in zip(new[:3], level[:3], strict=True):
-                to[part] = source
+            _copy(level.log_odds, new.log_odds, below >> k, left >> k)
+            _copy(level.p, new.p, below >> k, left >> k)  # stamps are of one insertion only
         self.surface = self._surface((self.surface.sums, self.surface.lines, self.surface.used))
-        self.surface.slot[below : below + index.shape[0], left : left + index.shape[1]] = index
+        _copy(index, self.surface.slot, below, left)
 
     def _provide(self, n: int) -> None:
         """Rows of the pool for what one scan may add."""
@@ -172,3 +182,13 @@ class LogOddsPyramid:
         sums, lines = np.zeros((rows, 10), np.float32), np.zeros((rows, 8), np.float32)
         sums[: len(surface.sums)], lines[: len(surface.lines)] = surface.sums, surface.lines
         self.surface = surface._replace(sums=sums, lines=lines)
+
+
+def _copy(source: NDArray[Any], target: NDArray[Any], below: int, left: int) -> None:
+    """Copy what is not 0 into an array of zeros: memory that was never touched stays so."""
+    for top in range(0, len(source), BAND):
+        band = source[top : top + BAND]
+        seen = np.concatenate([[False], band.any(axis=0), [False]])
+        for first, last in np.flatnonzero(np.diff(seen)).reshape(-1, 2).tolist():
+            rows = slice(below + top, below + top + len(band))
+            target[rows, left + first : left + last] = band[:, first:last]

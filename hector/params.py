@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from hector.ros import ROS as ROS_NAMES
+from slams.extent import max_cells
 from slams.motion.params import MotionParams
 from slams.params import RosNames, param
 
@@ -82,6 +83,7 @@ class HectorParams(MotionParams):
         "scans at the start that all enter the map",
         source="ours: the first scan's noise would stay in every later pose",
         low=1,
+        high=10_000,
     )
     min_range: float = param(
         0.1,
@@ -94,6 +96,7 @@ class HectorParams(MotionParams):
     max_range: float = param(
         30.0, "m", "farther ends are not used", source=CODE, low=0.5, ros=("laser_max_dist",)
     )
+    max_cells: int = max_cells()
     steps_coarse: int = param(
         12,
         "1",

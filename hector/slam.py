@@ -83,7 +83,8 @@ class Hector:
 
     def report(self) -> dict[str, Any]:
         """Counts of scans: empty, inserted, retried, searched, refused; lost; with odometry ..."""
-        return self._counts | {"lost": self._track.lost} | self._track.motion.counts
+        counts = self._counts | {"lost": self._track.lost} | self._track.motion.counts
+        return counts | self._map.extent.counts
 
     @property
     def state(self) -> State:
@@ -175,9 +176,9 @@ class Hector:
         return held and self._map.evidence(points, self._track.pose) > 0.0
 
     def _insert(self, points: EndPoints) -> None:
-        self._map.insert(points, self._track.pose)
+        entered = self._map.insert(points, self._track.pose)
         self._key = self._match._replace(pose=self._track.pose)
-        self._counts["inserted"] += 1
+        self._counts["inserted"] += entered
 
 
 def _solvers(params: HectorParams) -> list[tuple[int, Solver]]:

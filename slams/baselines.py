@@ -123,7 +123,9 @@ class KissParams(BaselineParams):
         source="ours: fine ones lose sparse scans, coarse ones accuracy",
         low=0.0,
     )
-    points_per_voxel: int = param(5, "1", "points kept in a voxel", source="ours: planar", low=1)
+    points_per_voxel: int = param(
+        5, "1", "points kept in a voxel", source="ours: planar", low=1, high=1_000
+    )
     initial_threshold: float = param(
         0.3, "m", "first correspondence threshold", source="ours: 2.0 is for cars", low=0.01
     )

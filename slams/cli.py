@@ -6,8 +6,12 @@ import argparse
 import io
 import logging
 import os
+import signal
 import sys
-from collections.abc import Callable, Iterable
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 if TYPE_CHECKING:
@@ -15,7 +19,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-USAGE, FAILED, INTERRUPTED = 2, 1, 130
+USAGE, FAILED, INTERRUPTED, TERMINATED = 2, 1, 130, 143
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -27,6 +31,10 @@ def one_thread() -> None:
 
 class RefusedError(Exception):
     """Bad input, said in one sentence; ends a command with exit code 2."""
+
+
+class TerminatedError(BaseException):
+    """SIGTERM came; like `KeyboardInterrupt` nothing but the command itself catches it."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -55,10 +63,15 @@ def sentence(error: BaseException) -> str:
 
 
 def run_command(program: str, command: Callable[[], int]) -> int:
-    """Exit code of a command: errors the user can act on become one line on stderr."""
+    """Exit code of a command: errors the user can act on become one line on stderr.
+
+    SIGTERM ends it as Ctrl-C does: its processes are ended, what is half-written is removed.
+    """
     _settle_output()
+    _reach_own_modules()
     try:
-        return command()
+        with _heeding_termination():
+            return command()
     except RefusedError as refused:
         return _say(program, str(refused), USAGE)
     except RuntimeError as error:
@@ -68,6 +81,27 @@ def run_command(program: str, command: Callable[[], int]) -> int:
         return FAILED
     except KeyboardInterrupt:
         return _say(program, "interrupted", INTERRUPTED)
+    except TerminatedError:
+        return _say(program, "terminated", TERMINATED)
+
+
+def _terminate(*_: object) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    raise TerminatedError
+
+
+@contextmanager
+def _heeding_termination() -> Iterator[None]:
+    """The first SIGTERM raises `TerminatedError`; a second one ends the process on the spot."""
+    if threading.current_thread() is not threading.main_thread():  # signals are not for others
+        yield
+        return
+
+    before = signal.signal(signal.SIGTERM, _terminate)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _settle_output() -> None:
@@ -75,6 +109,16 @@ def _settle_output() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
+
+
+def _reach_own_modules() -> None:
+    """`mine:Icp` is found in the folder one is in, by the installed commands as by python -m.
+
+    At the end of the path: nothing there takes the place of an installed package.
+    """
+    here = str(Path.cwd())
+    if not sys.flags.safe_path and here not in sys.path:
+        sys.path.append(here)
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:
@@ -107,6 +151,18 @@ def log_options(arguments: argparse.Namespace) -> SourceOptions:
     from slams.formats.options import SourceOptions
 
     return SourceOptions(**{f.name: getattr(arguments, f.name) for f in fields(SourceOptions)})
+
+
+def assignment(text: str) -> tuple[str, str]:
+    """Name and value of a `--set KEY=VALUE`.
+
+    Raises:
+        ValueError: it has no "=".
+    """
+    key, equals, value = text.partition("=")
+    if not equals:
+        raise ValueError(f"--set: got {text!r}, expected KEY=VALUE")
+    return key.strip(), value.strip()
 
 
 def show_notes(program: str, notes: Iterable[str], quiet: bool = False) -> None:

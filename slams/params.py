@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 UNITS = ("m", "rad", "s", "cell", "1", "m/s", "rad/s", "m/s^2", "rad/s^2", "Hz")
-MOST, GREATEST = 1e6, 1e9  # of a count, of any other number, where nothing else is declared
+# where nothing else is declared: of a count, of a length (no laser sees farther), of other numbers
+MOST, FARTHEST, GREATEST = 1e6, 1e3, 1e9
 SEEDS = 2.0**64
 LASERS = ("utm30lx", "rplidar-a1", "lds01", "lds02")
 
@@ -49,7 +50,8 @@ def param(
         meaning: one line for `--show-params` and the README.
         source: paper table or section, "original code", or "ours: reason".
         low: least value allowed.
-        high: greatest value allowed; without it `MOST` for counts, `GREATEST` for other numbers.
+        high: greatest value allowed; without it `MOST` for counts, `FARTHEST` for lengths,
+            `GREATEST` for other numbers.
         choices: the words allowed, for a text parameter.
         ros: names of the same parameter in the original ROS package.
     """
@@ -231,11 +233,18 @@ def _checked(field: dataclasses.Field[Any], kind: type, value: Any) -> Any:
 
 def _bounds(spec: Spec, kind: type) -> tuple[float, float]:
     """Least and greatest value; where none is declared, what any run could still hold."""
-    most = MOST if kind is int else GREATEST
+    most = MOST if kind is int else FARTHEST if spec.unit == "m" else GREATEST
     return (
         -most if spec.low is None else spec.low,
         most if spec.high is None else spec.high,
     )
+
+
+def bounds(params: type[Params]) -> dict[str, tuple[float, float]]:
+    """Least and greatest value of every parameter that is a number."""
+    kinds = typing.get_type_hints(params)
+    numbers = {name: spec for name, spec in params.specs().items() if kinds[name] in (int, float)}
+    return {name: _bounds(spec, kinds[name]) for name, spec in numbers.items()}
 
 
 def _converted(kind: type, value: Any) -> Any:

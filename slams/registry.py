@@ -30,6 +30,15 @@ BUILT_IN = {
 
 BASELINES = ("odometry", "kiss")
 
+IDEAS = {  # about five words each, for lists; the README of each package tells the rest
+    "hector": "gradient matching on grid pyramids",
+    "tsd": "registration against signed distance field",
+    "crsm": "few critical rays, hill climbing",
+    "gmapping": "particles, each with its map",
+    "odometry": "baseline: the wheels alone",
+    "kiss": "baseline: laser odometry, voxel map",
+}
+
 
 class Entry(NamedTuple):
     """One way to run one algorithm: label as the user wrote it, class, preset's name.

@@ -128,7 +128,7 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
     params = ros.params if ros else params
     if arguments.params:
         params = params.with_yaml(arguments.params)
-    params = params.replace(**dict(_assignment(text) for text in arguments.changes))
+    params = params.replace(**dict(cli.assignment(text) for text in arguments.changes))
     if arguments.seed is not None:
         params = params.replace(seed=arguments.seed)
     return entry, params, ros
@@ -254,13 +254,6 @@ def _watchers(
         every = arguments.video_every or usual_every(len(log))
         watchers.append(Video(arguments.video, slam, title, every))
     return watchers
-
-
-def _assignment(text: str) -> tuple[str, str]:
-    key, equals, value = text.partition("=")
-    if not equals:
-        raise ValueError(f"--set: got {text!r}, expected KEY=VALUE")
-    return key.strip(), value.strip()
 
 
 if __name__ == "__main__":

@@ -27,6 +27,12 @@ class Span(NamedTuple):
 
 
 SPANS = (Span("update"), Span("1 s", seconds=1.0), Span("10 s", seconds=10.0))
+# what an algorithm's report may count that its user must know of, and what to do
+UNMAPPED = {
+    "too_far": "scans not entered into the map: where the robot cannot have driven to",
+    "too_large": "scans not entered into the map: it has reached max_cells (--set max_cells=N)",
+    "collapsed": "times the particles' maps did not fit: all went on from the best (max_tiles)",
+}
 LIBRARIES = (
     "numpy",
     "numba",
@@ -175,6 +181,8 @@ def _odd_scans(summary: dict[str, Any]) -> list[str]:
         notes.append(f"{summary['stamps_back']} stamps jump back (the order in the log rules)")
     if summary["scans_without_return"]:
         notes.append(f"{summary['scans_without_return']} scans have no return at all")
+    report = summary["report"]
+    notes += [f"{report[key]} {words}" for key, words in UNMAPPED.items() if report.get(key)]
     return ["note: " + "; ".join(notes)] if notes else []
 
 

@@ -89,8 +89,9 @@ def kernels():
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_an_algorithm_imports_only_itself_and_the_interface(name):
-    allowed = {f"slams.{part}" for part in ("types", "params", "jit", "geometry", "motion")}
-    allowed |= {f"slams.motion.{part}" for part in ("chord", "model", "params", "track", "trust")}
+    parts = ("types", "params", "jit", "geometry", "motion", "extent")
+    parts += tuple(f"motion.{part}" for part in ("chord", "model", "params", "track", "trust"))
+    allowed = {f"slams.{part}" for part in parts}
     for path in (ROOT / name).rglob("*.py"):
         for module in imports(path):
             top = module.partition(".")[0]

@@ -11,7 +11,7 @@ from bench.judge.metrics import Common, RelationErrors, SpanErrors
 from bench.report import error_tables, words
 from bench.report import text as report
 from bench.run import timing
-from bench.run.cases import Choice, read_relations, run_case
+from bench.run.cases import Choice, read_relations, replayed
 from slams import load
 from slams.player import replay
 from slams.registry import find
@@ -81,7 +81,7 @@ def test_a_run_has_the_same_figures_in_its_summary_and_in_the_benchmark(tmp_path
     log = load(tmp_path / "room.npz")
     entry = find("odometry")
     own = summarize(replay(entry.cls(entry.params()), log), log, "odometry", entry.params(), 0.0)
-    row = run_case("odometry", log, Choice()).row
+    row = replayed("odometry", log, Choice()).row
     assert row["cpu_ms_per_scan"] == row["cost"]["mean_ms"]
     assert row["cpu_ms"] == {name: row["cost"][f"{name}_ms"] for name in ("p50", "p95", "max")}
     assert row["real_time_factor"] == row["cost"]["real_time_factor"]

@@ -245,6 +245,10 @@ def test_compare_on_given_logs(log_file, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "Table I: relative error of translation per update [m]" in done.stdout
     assert "Table II: relative error of orientation per update [rad]" in done.stdout
+    *screen, answer, cost, report = done.stdout.splitlines()
+    assert len(screen) < 40
+    assert (answer[:15], cost[:18]) == ("Survives most: ", "Cheapest of those:")
+    assert report == "The report: cmp/report.html; tables, figures and results.json beside it."
     out = tmp_path / "cmp"
     results = json.loads((out / "results.json").read_text())
     assert [row["algorithm"] for row in results["rows"]] == names

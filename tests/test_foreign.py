@@ -8,7 +8,7 @@ import pytest
 from bench import compare, results
 from bench.judge.comparison import weighed
 from bench.results import LogResult, Outcome, Reference
-from bench.run.cases import Choice, run_case
+from bench.run.cases import Choice, replayed
 from bench.run.foreign import Foreign, foreign_case
 from slams import OccupancyGrid, Pose2
 from slams.formats.occupancy import write_map
@@ -82,7 +82,7 @@ def test_errors_of_a_tum_file_are_those_of_evo(log, estimate, tmp_path):
 
 
 def test_a_run_of_ours_read_back_is_the_same_row(log, tmp_path):
-    own = run_case("hector", log, Choice())
+    own = replayed("hector", log, Choice())
     again = foreign_case(Foreign("x", Track(own.t, moved(OTHER, own.poses)), None), log)
     assert again.frame == pytest.approx(OTHER)
     np.testing.assert_allclose(again.poses, own.poses, atol=1e-12)
@@ -117,7 +117,7 @@ def test_a_program_that_starts_late_is_seen_from_the_first_scan(log, estimate):
 def test_its_map_is_laid_on_the_truth_as_the_others_are(log, tmp_path):
     """A map drawn in another frame is worth what it is in its own."""
     log.save(tmp_path / "room.npz")
-    hector = run_case("hector", log, Choice())
+    hector = replayed("hector", log, Choice())
     grid = hector.grid
     shift = Pose2(1.0, 2.0, 0.0)
     elsewhere = OccupancyGrid(
@@ -207,7 +207,7 @@ def test_a_bag_recorded_beside_another_slam_gives_the_whole_table(log, tmp_path,
 
     path = bags.write(tmp_path, "mcap", messages)
     precise_tum(tmp_path / "truth.tum", log.t, truth)
-    write_map(tmp_path, run_case("hector", log, Choice()).grid)
+    write_map(tmp_path, replayed("hector", log, Choice()).grid)
     words = [str(path), "--truth", str(tmp_path / "truth.tum"), "--jobs", "1"]
     words += ["--trajectory", "slam_toolbox=map", "--map", f"slam_toolbox={tmp_path / 'map.yaml'}"]
     words += ["--algorithms", "hector", "--out", str(tmp_path / "out")]

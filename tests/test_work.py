@@ -21,6 +21,7 @@ from bench.run.local import LocalWorkers
 from bench.run.shards import Shard, shard_of
 from bench.run.store import Store
 from bench.run.work import Task, perform, run_all
+from tests.processes import ends, processes_of, signal_group, signal_one
 from tests.toy_runs import Here
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -260,22 +261,6 @@ def begun(log):
     return [tuple(map(int, line.split())) for line in log.read_text().splitlines()]
 
 
-def is_alive(pid):
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def ends(pids, within=10.0):
-    deadline = time.monotonic() + within
-    while any(map(is_alive, pids)):
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.005)
-    return True
-
-
 def test_killed_at_any_instant_and_started_again_it_ends_with_the_same_bytes(tmp_path, undisturbed):
     """50 kills at random instants; whenever all is done, it starts anew in another folder."""
     count, seconds, rng, log = 24, 0.006, np.random.default_rng(12), tmp_path / "log"
@@ -309,25 +294,6 @@ def test_killed_at_any_instant_and_started_again_it_ends_with_the_same_bytes(tmp
             break
     assert (kills, process.returncode) == (50, 0)
     assert completed >= 2
-
-
-def processes_of(session):
-    """Living processes of a session, all that a command started."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):
-            fields = path.read_text().rpartition(")")[2].split()
-            if fields[3] == str(session) and fields[0] != "Z":
-                found.append(int(path.parent.name))
-    return found
-
-
-def signal_one(process, number):
-    os.kill(process.pid, number)
-
-
-def signal_group(process, number):
-    os.killpg(process.pid, number)  # as a terminal does
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slams.extent import Box, Extent
 from slams.motion.track import Track
 from slams.types import Floats, Laser, OccupancyGrid, Pose2, Scan
 from tsd.fix import Fix
@@ -70,6 +71,7 @@ class Direct:
         self._best = np.zeros((p.trials + 1, 4))
         self._counts = np.zeros((len(SHIFTS), 2))
         self._usual, self._residual = 0.7, p.range_noise
+        self.extent = Extent(p.max_cells, p.cell)
         self._laser: Laser | None = None
         self._n_lines = 0
 
@@ -114,7 +116,7 @@ class Direct:
         return Fix(pose, best.pose, good, best.close, information, doubt, best is not direct)
 
     def push(self, pose: Pose2) -> None:
-        """Enter the scan last seen at `pose` of the base into both fields."""
+        """Enter the scan last seen at `pose` of the base into both fields, if they may grow so."""
         count = self._fit(0.0, self._dense)
         if count == 0:
             return
@@ -122,6 +124,8 @@ class Direct:
         box = place_lines(self._dense, count, self._runs, self._beams, np.array(pose), lines)
         self._n_lines = count
         laser = pose @ self._mount
+        if not self.extent.admits(Box(*box).joined(Box.around(laser.x, laser.y, 0.0))):
+            return
         for field in (self._field, self._coarse):
             field.push(lines, box, self._beams.angle_increment, laser.x, laser.y)
 

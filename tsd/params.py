@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from slams.extent import max_cells
 from slams.motion.params import MotionParams
 from slams.params import RosNames, param
 from tsd.ros import ROS as ROS_NAMES
@@ -84,7 +85,7 @@ class TsdParams(MotionParams):
         low=0.5,
     )
     iterations: int = param(
-        15, "1", "most Gauss-Newton iterations", source="ours: 3 are usual", low=1
+        15, "1", "most Gauss-Newton iterations", source="ours: 3 are usual", low=1, high=1_000
     )
     robust: float = param(
         0.03, "m", "distance at which a residual loses half its say", source="ours: A1", low=1e-3
@@ -92,6 +93,7 @@ class TsdParams(MotionParams):
     map_noise: float = param(
         1.0, "1", "error of the field per residual seen so far", source="ours: A6", low=0.0
     )
+    max_cells: int = max_cells()
     coarse_cell: float = param(
         0.1, "m", "cell of the coarse field for the wide start", source="ours: A1", low=0.01
     )
@@ -133,5 +135,10 @@ class TsdParams(MotionParams):
         high=1.0,
     )
     trials: int = param(
-        100, "1", "surface elements that propose poses in the wide search", source=ORIGINAL, low=1
+        100,
+        "1",
+        "surface elements that propose poses in the wide search",
+        source=ORIGINAL,
+        low=1,
+        high=10_000,
     )

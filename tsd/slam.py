@@ -99,7 +99,8 @@ class Tsd:
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
-        return self._counts | {"lost": self._track.lost} | self._track.motion.counts
+        counts = self._counts | {"lost": self._track.lost} | self._track.motion.counts
+        return counts | self._registration.extent.counts
 
     @property
     def state(self) -> State:

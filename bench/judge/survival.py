@@ -5,8 +5,8 @@ Pure functions on the trials of a sweep. Trials that failed count as lost.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -53,6 +53,14 @@ class Group(NamedTuple):
     cpu_worst: float | None
 
 
+class Survivors(NamedTuple, Generic[K]):
+    """The greatest share survived, who has it, and all that cannot be told apart from it."""
+
+    most: Share
+    best: list[K]
+    alike: list[K]
+
+
 class Judged(NamedTuple):
     """A trial with what it cost."""
 
@@ -93,6 +101,21 @@ def weigh(judged: list[Judged]) -> Group:
         cpu=_median(spent),
         cpu_worst=max(spent, default=None),
     )
+
+
+def survivors(groups: Mapping[K, Group]) -> Survivors[K]:
+    """Who survived most, and who cannot be told apart from them: their intervals overlap."""
+    most = max(groups.values(), key=lambda group: group.survived.k).survived
+    best = [name for name, group in groups.items() if group.survived.k == most.k]
+    alike = [name for name, group in groups.items() if group.survived.high >= most.low]
+    return Survivors(most, best, alike)
+
+
+def cheapest(groups: Mapping[K, Group], among: Iterable[K]) -> K | None:
+    """The one of `among` that takes the least CPU; None where nobody's cost is known."""
+    spent = {name: groups[name].cpu for name in among}
+    known = {name: cpu for name, cpu in spent.items() if cpu is not None}
+    return min(known, key=lambda name: known[name], default=None)
 
 
 def share(k: int, n: int) -> Share:

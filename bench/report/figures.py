@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 # Okabe and Ito: eight colors told apart with any color vision
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
+AGAIN = (("-", ""), ("--", "///"), (":", "xxx"))  # line and hatch where the colors come again
 CLASSES = 8
+FEW = 6  # maps that stand three in a row; more stand four in a row
 
 
 def colors(names: list[str]) -> dict[str, str]:
@@ -49,15 +51,22 @@ def histograms(
     thickness = 0.8 * width / max(len(errors), 1)
     for k, (name, values) in enumerate(errors.items()):
         color = color_of[name]
+        line, hatch = AGAIN[k // len(COLORS) % len(AGAIN)]
         shares = class_shares(values, width, CLASSES)
         bars.bar(
-            edges + (k + 0.5) * thickness + 0.1 * width, shares, thickness, color=color, label=name
+            edges + (k + 0.5) * thickness + 0.1 * width,
+            shares,
+            thickness,
+            color=color,
+            hatch=hatch,
+            label=name,
         )
         ordered = np.sort(values) * scale
         curves.plot(
             np.maximum(ordered, 1e-3),
             (np.arange(len(ordered)) + 1) / len(ordered),
             color=color,
+            linestyle=line,
             label=name,
         )
     labels = [f"{edge:g}" for edge in edges[:-1]] + [f"≥ {edges[-1]:g}"]
@@ -93,7 +102,7 @@ def maps(
     grids with the pose of the first scan in each one's frame; paths (n, 3) and truth (m, 3) seen
     from that pose. Writes `path` with the endings png and pdf.
     """
-    columns = min(3, len(grids))
+    columns = min(3 if len(grids) <= FEW else 4, len(grids))
     rows = -(-len(grids) // columns)
     figure = Figure(figsize=(4.4 * columns, 4.4 * rows), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()

@@ -158,22 +158,18 @@ def verdict_lines(sweep: Sweep) -> list[str]:
 
 
 def _answer(own: dict[str, Group], sweep: Sweep, odometry: bool) -> str:
-    most = max(own.values(), key=lambda group: group.survived.k).survived
-    best = [name for name, group in own.items() if group.survived.k == most.k]
-    alike = [name for name, group in own.items() if group.survived.high >= most.low]
+    most, best, alike = survival.survivors(own)
     errors = survival.clean_errors(sweep, odometry)
     means = {name: sum(e.values()) / len(e) for name, e in errors.items() if name in own and e}
     words = [f"{_listed(best)} survived most, {most}"]
     if means:
         sharpest = min(means, key=lambda name: means[name])
         words.append(f"{sharpest} is the most accurate, {1e3 * means[sharpest]:.2f} mm over 1 s")
-    spent = {name: own[name].cpu for name in alike}
-    known = {name: cpu for name, cpu in spent.items() if cpu is not None}
-    if known:
-        cheapest = min(known, key=lambda name: known[name])
+    cheapest = survival.cheapest(own, alike)
+    if cheapest is not None:
         words.append(
             f"{cheapest} is the cheapest of those that survive as much as can be told apart "
-            f"({_listed(alike)}), {1e3 * known[cheapest]:.1f} ms per second"
+            f"({_listed(alike)}), {_digits(own[cheapest].cpu)} ms per second"
         )
     return "; ".join(words) + "."
 

@@ -17,7 +17,8 @@ from bench.results import Line, Rows
 if TYPE_CHECKING:
     from bench.results import Comparison
 
-TERMINAL = ("translation", "orientation", "published", "glance", "relations", "starts", "live")
+TERMINAL = ("published", "glance", "relations", "starts", "live")
+PAIR, MOMENTS = ("translation", "orientation"), ["mean", "deviation", "min", "max"]
 LATEX = {"&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "±": r"$\pm$", "x ": r"$\times$ "}
 
 
@@ -91,11 +92,20 @@ def as_text(log: Line, rows: Rows) -> str:
     """The comparison on one log, for a terminal."""
     made = tables.tables(log, rows)
     parts = [head(log), *(f"note: {note}" for note in log.get("notes", []))]
+    if set(PAIR) <= set(made):
+        parts += ["\n".join(TITLES[key] for key in PAIR), text_table(side_by_side(made))]
     for key in TERMINAL:
         if key in made:
             parts += [TITLES[key], text_table(made[key])]
             parts += [tables.DIFFERS] if key == "published" else []
     return "\n\n".join([*parts, *words.failures(rows)])
+
+
+def side_by_side(made: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """The paper's two tables in one, so that everything stands on one screen."""
+    left, right = (made[key][MOMENTS] for key in PAIR)
+    rule = pd.DataFrame({"|": "|"}, index=left.index)
+    return pd.concat([left, rule, right], axis=1)
 
 
 def as_markdown(log: Line, rows: Rows) -> str:

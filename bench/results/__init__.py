@@ -8,18 +8,13 @@ from bench.results.comparison import (
     FIGURES,
     FORMAT,
     Comparison,
-    Errors,
-    Line,
     LogResult,
-    Outcome,
-    Reference,
-    Row,
-    Rows,
     read,
     read_figures,
     save,
     write_figures,
 )
+from bench.results.runs import Errors, Line, Outcome, Reference, Row, Rows
 
 __all__ = [
     "ARRAYS",

@@ -8,106 +8,19 @@ again without a run.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2
+from bench.results.arrays import arrays_of_outcome, arrays_of_reference, outcome_of, reference_of
+from bench.results.runs import Line, Outcome, Reference, Rows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from bench.judge.metrics import Common, SpanErrors
-
 FORMAT = "results-3"
 FIGURES, ARRAYS = "results.json", "arrays.npz"
-
-
-class Errors(TypedDict):
-    """Against the truth: `spans` have the moments of the errors over each span of time or way."""
-
-    dropped: int
-    spans: dict[str, dict[str, Any]]
-    ate_m: float
-    end_m: float
-    drift: float | None
-
-
-class Row(TypedDict, total=False):
-    """Every figure of one run, as it stands in results.json; None where it has no meaning.
-
-    A run that failed has `algorithm`, `log` and the reason in `failed`, and nothing else. `used`
-    are the sensors the poses come from, None where nobody knows; `posed` and `refined` the shares
-    of the scans that the paper's own mechanism and the step behind it took part in.
-    """
-
-    algorithm: str
-    log: str
-    failed: str | None
-    used: list[str] | None
-    posed: float | None
-    refined: float | None
-    scans: int
-    duration_s: float
-    cpu_ms_per_scan: float
-    compile_s: float
-    real_time_factor: float
-    cost: dict[str, Any] | None
-    errors: Errors | None
-    relations: dict[str, Any] | None
-    starts: dict[str, Any] | None
-    loss: dict[str, Any]
-    map: dict[str, Any] | None
-    live: dict[str, Any] | None
-    report: dict[str, Any]
-    seed: int
-    parameters: dict[str, Any]
-    meta: dict[str, Any]
-
-
-Rows = list[Row]
-Line = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What came of one run; a failed one has only its row.
-
-    `t` (n,) [s], `poses` (n, 3) and `seconds` (n,) CPU of each update (empty where nobody measured
-    it); `grid` lies in the frame of the first pose, or, where another program drew it, in one in
-    which the first pose is `frame`; `common` are the poses that have a truth, beside it.
-    """
-
-    row: Row
-    t: Floats = field(default_factory=lambda: np.zeros(0))
-    poses: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    seconds: Floats = field(default_factory=lambda: np.zeros(0))
-    grid: OccupancyGrid | None = None
-    common: Common | None = None
-    frame: Pose2 = IDENTITY
-
-    @cached_property
-    def errors(self) -> dict[str, SpanErrors]:
-        """The errors over every span that the log has, by the span's name."""
-        from bench.judge import metrics
-
-        return {} if self.common is None else metrics.errors_over_spans(self.common)
-
-
-class Reference(NamedTuple):
-    """What is known of a log besides its scans.
-
-    `entry` is the log's in results.json; `path` (n, 3) the truth seen from its first pose, `grid`
-    the true map in the frame of the world, `start` the first true pose in it.
-    """
-
-    entry: Line
-    path: Floats | None = None
-    grid: OccupancyGrid | None = None
-    start: Pose2 | None = None
 
 
 class LogResult(NamedTuple):
@@ -161,9 +74,9 @@ def save(folder: Path, comparison: Comparison) -> None:
     write_figures(folder / FIGURES, comparison.as_dict())
     arrays: dict[str, Any] = {"format": FORMAT}
     for k, log in enumerate(comparison.logs):
-        arrays |= _keyed(f"{k}", _arrays_of_reference(log.reference))
+        arrays |= _keyed(f"{k}", arrays_of_reference(log.reference))
         for i, outcome in enumerate(log.outcomes):
-            arrays |= _keyed(f"{k}/{i}", _arrays_of_outcome(outcome))
+            arrays |= _keyed(f"{k}/{i}", arrays_of_outcome(outcome))
     write_npz(folder / ARRAYS, arrays)
 
 
@@ -181,8 +94,8 @@ def read(folder: str | Path) -> Comparison:
     logs = []
     for k, entry in enumerate(found["logs"]):
         count = sum(1 for key in arrays if key.startswith(f"{k}/") and key.endswith("/t"))
-        outcomes = [_outcome(next(rows), _under(arrays, f"{k}/{i}")) for i in range(count)]
-        logs.append(LogResult(_reference(entry, _under(arrays, f"{k}")), outcomes))
+        outcomes = [outcome_of(next(rows), _under(arrays, f"{k}/{i}")) for i in range(count)]
+        logs.append(LogResult(reference_of(entry, _under(arrays, f"{k}")), outcomes))
     known = ("format", "logs", "rows", "over_logs")
     facts = {key: value for key, value in found.items() if key not in known}
     return Comparison(facts, logs, found["over_logs"])
@@ -233,55 +146,3 @@ def _under(arrays: dict[str, Any], place: str) -> dict[str, Any]:
     """The arrays of one place, those of deeper ones left out."""
     found = {key[len(place) + 1 :]: arrays[key] for key in arrays if key.startswith(f"{place}/")}
     return {key: value for key, value in found.items() if "/" not in key}
-
-
-def _arrays_of_outcome(outcome: Outcome) -> dict[str, Any]:
-    arrays: dict[str, Any] = {
-        "t": outcome.t,
-        "poses": outcome.poses,
-        "seconds": outcome.seconds,
-        "frame": np.array(outcome.frame),
-        **_arrays_of_grid(outcome.grid),
-    }
-    if outcome.common is not None:
-        arrays |= {f"common_{key}": value for key, value in outcome.common._asdict().items()}
-    return arrays
-
-
-def _outcome(row: Row, arrays: dict[str, Any]) -> Outcome:
-    from bench.judge.metrics import Common
-
-    common = None
-    if "common_t" in arrays:
-        t, estimate, truth = (arrays[f"common_{key}"] for key in ("t", "estimate", "truth"))
-        common = Common(t, estimate, truth, int(arrays["common_dropped"]))
-    frame = Pose2(*arrays["frame"].tolist())
-    series = arrays["t"], arrays["poses"], arrays["seconds"]
-    return Outcome(row, *series, _grid(arrays), common, frame)
-
-
-def _arrays_of_reference(reference: Reference) -> dict[str, Any]:
-    arrays = _arrays_of_grid(reference.grid)
-    if reference.path is not None:
-        arrays["path"] = reference.path
-    if reference.start is not None:
-        arrays["start"] = np.array(reference.start)
-    return arrays
-
-
-def _reference(entry: Line, arrays: dict[str, Any]) -> Reference:
-    start = Pose2(*arrays["start"].tolist()) if "start" in arrays else None
-    return Reference(entry, arrays.get("path"), _grid(arrays), start)
-
-
-def _arrays_of_grid(grid: OccupancyGrid | None) -> dict[str, Any]:
-    if grid is None:
-        return {}
-    return {"grid": grid.p, "grid_place": np.array([grid.resolution, *grid.origin])}
-
-
-def _grid(arrays: dict[str, Any]) -> OccupancyGrid | None:
-    if "grid" not in arrays:
-        return None
-    resolution, x, y = arrays["grid_place"].tolist()
-    return OccupancyGrid(arrays["grid"], resolution, (x, y))

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
 
-from bench.results.comparison import Line, read_figures, write_figures
+from bench.results.comparison import read_figures, write_figures
+from bench.results.runs import Line
 
 FORMAT = "sweep-1"
 TRIALS, COSTS = "sweep.json", "costs.json"

@@ -13,6 +13,7 @@ import numpy as np
 from bench.judge import loss, metrics
 from bench.judge.statistics import mean_interval
 from bench.results import Errors, Outcome, Row
+from bench.run.single import Single
 from bench.run.timing import LiveScans, PeakMemory, cost, overheads
 from slams import load
 from slams.formats.options import SourceOptions
@@ -32,7 +33,8 @@ class Choice:
 
     `realtime` also replays each log as a live node would see it; `slower` is how many times slower
     than this machine's the core of that node is; `options` say how a recorded log is read;
-    `sensor` names the laser that the parameters are for; `ros` has what ROS files say, by label.
+    `sensor` names the laser that the parameters are for; `ros` has what ROS files say and `single`
+    what is given for one algorithm alone, by label.
     """
 
     limit: int | None = None
@@ -44,31 +46,25 @@ class Choice:
     options: SourceOptions | None = None
     sensor: str | None = None
     ros: Mapping[str, Taken] = field(default_factory=dict)
+    single: Mapping[str, Single] = field(default_factory=dict)
 
     def log(self, path: str | Path) -> ScanLog:
         """The chosen part of the log at `path`."""
         return load(path, self.options).select(self.limit, self.every, self.odometry)
 
     def params(self, entry: Entry) -> Params:
-        """The parameters of an algorithm: preset < sensor < ROS files < seed."""
+        """The parameters of an algorithm: preset < sensor < ROS files < seed < its own."""
         params = entry.params()
         if self.sensor is not None:
             params = params.for_sensor(self.sensor)
         if entry.label in self.ros:
             params = self.ros[entry.label].params
-        return params if self.seed is None else params.replace(seed=self.seed)
+        params = params if self.seed is None else params.replace(seed=self.seed)
+        return self.single.get(entry.label, Single()).applied(params)
 
 
-def run_case(label: str, log: ScanLog, choice: Choice, relations: Floats | None = None) -> Outcome:
-    """Replay a log through the algorithm `label`; what it raises ends in the row."""
-    try:
-        return _outcome(label, log, choice, relations)
-    except Exception as error:  # an outsider's algorithm may raise anything; the others go on
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        return Outcome({"algorithm": label, "log": log.name, "failed": reason})
-
-
-def _outcome(label: str, log: ScanLog, choice: Choice, relations: Floats | None) -> Outcome:
+def replayed(label: str, log: ScanLog, choice: Choice, relations: Floats | None = None) -> Outcome:
+    """Replay a log through the algorithm `label`; raises whatever that raises."""
     entry = find(label)
     params = choice.params(entry)
     with PeakMemory() as memory:
@@ -90,11 +86,9 @@ def _outcome(label: str, log: ScanLog, choice: Choice, relations: Floats | None)
     return Outcome(row, run.t, run.poses, run.seconds, grid, common)
 
 
-def start_case(
-    label: str, log: ScanLog, choice: Choice, relations: Floats, first: int
-) -> float | None:
-    """Mean error of the relations [m] of a run that begins at another scan; None if lost."""
-    return relation_error(run_case(label, log.from_scan(first), choice, relations))
+def failed(label: str, log: ScanLog, reason: str) -> Outcome:
+    """A run of which there is nothing but the reason."""
+    return Outcome({"algorithm": label, "log": log.name, "failed": reason})
 
 
 def relation_error(outcome: Outcome) -> float | None:

@@ -13,6 +13,8 @@ from bench.run.store import canonical, digest
 
 # numbers come from these; others only read and draw
 LIBRARIES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless", "kiss-icp")
+# every result follows from these
+PACKAGES = ("slams", "bench.sim", "bench.run", "bench.judge", "bench.results")
 SOURCES = (".py", ".so", ".pyd")  # an outsider's algorithm may be compiled
 
 
@@ -34,6 +36,11 @@ def code_version(packages: tuple[str, ...]) -> str:
 def package_of(cls: type) -> str:
     """The package, or the module that stands alone, that a class comes from."""
     return cls.__module__.partition(".")[0]
+
+
+def sources_with(package: str | None = None) -> tuple[str, ...]:
+    """The packages that a run of an algorithm of `package` follows from."""
+    return PACKAGES if package is None or package in PACKAGES else (*PACKAGES, package)
 
 
 def _text_hash(name: str) -> str:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bench.judge.starts import start_scans, summarize_starts
 from bench.results import LogResult, Outcome
-from bench.run.cases import relation_error, run_case, start_case
-from bench.run.pool import finished
-from bench.run.reference import reference
+from bench.results.arrays import unpack_outcome, unpack_reference
+from bench.run.case_tasks import given, reference_task, run_task
+from bench.run.cases import failed, relation_error
+from bench.run.work import run_all
 from slams import cli
 from slams.types import Floats
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
-
     from bench.run.cases import Choice
+    from bench.run.store import Store
+    from bench.run.work import Executor, Task
     from slams.scanlog import ScanLog
 
 
@@ -41,29 +40,50 @@ class Wanted(NamedTuple):
     limit_m: float = 0.03
 
 
-def run_all(
+class Plan(NamedTuple):
+    """A comparison before it is made: what is compared, and a task for every job."""
+
+    labels: list[str]
+    logs: list[ScanLog]
+    wanted: Wanted
+    tasks: dict[Job, Task]
+
+
+def plan(
     labels: list[str],
     logs: list[ScanLog],
     choice: Choice,
     wanted: Wanted,
-    jobs: int,
-    quiet: bool,
-) -> list[LogResult]:
-    """Every algorithm on every log, in the order asked for."""
-    tasks: dict[Job, tuple[Callable[..., Any], tuple[Any, ...]]] = {}
+    machine: dict[str, Any],
+) -> Plan:
+    """Every algorithm on every log, in the order asked for; costs are those of `machine`.
+
+    Raises:
+        LookupError: no such algorithm, or one that has no source text to tell versions by.
+        ValueError, TypeError: parameters that have no exact text.
+    """
+    tasks: dict[Job, Task] = {}
     # the last first: the baselines are slow, and a long case must not begin at the end
     for k, log in reversed(list(enumerate(logs))):
-        tasks[Job(None, k)] = reference, (log,)
+        it = given(log, wanted.relations)
+        tasks[Job(None, k)] = reference_task(it)
         for label in reversed(labels):
-            tasks[Job(label, k)] = run_case, (label, log, choice, wanted.relations)
-            for first in _later_starts(log, wanted):
-                given = (label, log, choice, wanted.relations, first)
-                tasks[Job(label, k, first)] = start_case, given
-    shown = cli.progress(finished(tasks, jobs), len(tasks), "comparing", quiet, unit="run")
-    found = {job: _result(job, logs[job.k], future) for job, future in shown}
+            for first in (None, *_later_starts(log, wanted)):
+                tasks[Job(label, k, first)] = run_task(it, label, choice, machine, first)
+    for task in tasks.values():
+        _ = task.key  # now, so that what has no name is told before the work
+    return Plan(labels, logs, wanted, tasks)
+
+
+def compared(what: Plan, store: Store, executor: Executor, quiet: bool) -> list[LogResult]:
+    """Do the tasks that the store has no result of; everything that came of the comparison."""
+    jobs = {task: job for job, task in what.tasks.items()}
+    work = run_all(what.tasks.values(), store, executor)
+    shown = cli.progress(work, len(jobs), "comparing", quiet, unit="run")
+    found = {jobs[task]: _result(jobs[task], what, value) for task, value in shown}
     return [
-        LogResult(found[Job(None, k)], [_outcome(found, label, k, wanted) for label in labels])
-        for k in range(len(logs))
+        LogResult(found[Job(None, k)], [_outcome(found, label, k, what) for label in what.labels])
+        for k in range(len(what.logs))
     ]
 
 
@@ -74,27 +94,29 @@ def _later_starts(log: ScanLog, wanted: Wanted) -> list[int]:
     return [int(first) for first in start_scans(len(log), wanted.starts)[1:]]
 
 
-def _outcome(found: dict[Job, Any], label: str, k: int, wanted: Wanted) -> Outcome:
+def _outcome(found: dict[Job, Any], label: str, k: int, what: Plan) -> Outcome:
     """The run from the first scan, with the spread over all starts where there are several."""
     outcome: Outcome = found[Job(label, k)]
-    later = [
-        error for job, error in found.items() if (job.label, job.k) == (label, k) and job.first
-    ]
+    later = [found[job] for job in what.tasks if (job.label, job.k) == (label, k) and job.first]
     if not later or outcome.row["failed"]:
         return outcome
     errors = [relation_error(outcome), *later]
-    starts = summarize_starts(errors, wanted.limit_m)._asdict() | {"limit_m": wanted.limit_m}
+    limit = what.wanted.limit_m
+    starts = summarize_starts(errors, limit)._asdict() | {"limit_m": limit}
     return replace(outcome, row=outcome.row | {"starts": starts})
 
 
-def _result(job: Job, log: ScanLog, future: Future[Any]) -> Any:
-    """What came of a job; a process that died is a failed run, the others still count."""
-    try:
-        return future.result()
-    except BrokenProcessPool as error:
-        if job.label is None:
-            raise
-        if job.first is not None:
-            return None
-        reason = f"its process died ({error})"
-        return Outcome({"algorithm": job.label, "log": log.name, "failed": reason})
+def _result(job: Job, what: Plan, value: dict[str, Any]) -> Any:
+    """What came of a job; a run that failed, or whose process died, leaves the others as they are.
+
+    Raises:
+        RuntimeError: nothing is known of the log; there is nothing to compare with.
+    """
+    log, reason = what.logs[job.k], value.get("failed")
+    if job.label is None:
+        if reason:
+            raise RuntimeError(f"{log.name}: its truth cannot be prepared: {reason}")
+        return unpack_reference(value["reference"])
+    if job.first is not None:
+        return value.get("error_m")
+    return failed(job.label, log, reason) if reason else unpack_outcome(value["outcome"])

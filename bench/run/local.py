@@ -16,19 +16,23 @@ from bench.run.work import Attempts, Result, Task, perform, tried_twice
 class LocalWorkers:
     """`jobs` processes, each for many tasks: kernels are loaded once.
 
-    A task whose process died is tried again when all others are done, in a process of its own.
+    `fresh` gives each task a process of its own: what it costs is then its own, too. A task whose
+    process died is tried again when all others are done, in a process of its own.
     """
 
     jobs: int
+    fresh: bool = False
 
     def finished(self, tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
         """Each task's name and result, as they end."""
-        return tried_twice(tasks, self._tried, lambda dead: self._tried(dead, fresh=True))
+        return tried_twice(
+            tasks, lambda all_: self._tried(all_, self.fresh), lambda dead: self._tried(dead, True)
+        )
 
     def close(self) -> None:
         """Nothing: the processes end with the work."""
 
-    def _tried(self, tasks: Mapping[str, Task], fresh: bool = False) -> Attempts:
+    def _tried(self, tasks: Mapping[str, Task], fresh: bool) -> Attempts:
         calls = {key: (perform, (task, key)) for key, task in tasks.items()}
         with closing(pool.finished(calls, self.jobs, fresh)) as ended:
             for key, future in ended:

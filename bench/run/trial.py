@@ -13,6 +13,7 @@ from bench.judge import metrics
 from bench.judge.alarms import LIMIT_M, LIMIT_RAD, alarms, beyond
 from bench.results.sweep import Trial
 from bench.run.cases import sources
+from bench.run.code import sources_with
 from bench.run.work import Result, Task
 from slams.metrics import path_length
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
 
 FUNCTION = "bench.run.trial:perform"
-PACKAGES = ("slams", "bench.sim", "bench.run", "bench.judge", "bench.results")
 
 
 class Log(NamedTuple):
@@ -79,8 +79,7 @@ def task_of(
         "parameters": parameters,
         "odometry": odometry,
     }
-    packages = (*PACKAGES, package) if package not in PACKAGES else PACKAGES
-    return Task(FUNCTION, what, packages, {"recorded": recorded})
+    return Task(FUNCTION, what, sources_with(package), {"recorded": recorded})
 
 
 def perform(

@@ -7,6 +7,7 @@ import numpy as np
 from crsm.original import map_kernels as kernels
 from crsm.original.params import OriginalParams
 from crsm.original.scan import RayPicker
+from slams.extent import Box, Extent
 from slams.types import OccupancyGrid, Pose2
 
 INTENSITY = (0.04, 0.2)  # bounds of what a scan's mean range difference weighs
@@ -22,6 +23,7 @@ class ByteMap:
 
     def __init__(self, params: OriginalParams) -> None:
         self.params = params
+        self.extent = Extent(params.max_cells, params.cell)
         self.cells = np.full((params.side, params.side), kernels.UNKNOWN, np.uint8)
         self.scores = np.zeros_like(self.cells, np.int16)
         self.origin = np.array([params.side // 2, params.side // 2])
@@ -30,8 +32,10 @@ class ByteMap:
         self._drawn = 0
 
     def draw(self, view: RayPicker, x: int, y: int, theta: float) -> None:
-        """Grow where the scan needs it, then draw every beam, seen from cell (x, y)."""
+        """Grow where the scan needs it and may, then draw every beam, seen from cell (x, y)."""
         p = self.params
+        if not self.extent.admits(Box.around(x * p.cell, y * p.cell, float(view.d.max()))):
+            return
         directions = view.directions(theta)
         kernels.reach(view.d, directions, self._at(x, y), self.cells.shape, p.cell, self._grow)
         if self._grow.any():

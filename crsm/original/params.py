@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from crsm.ros import ORIGINAL
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 
 CODE = "original code"
@@ -47,6 +48,7 @@ class OriginalParams(Params):
         low=0.0,
         ros=("map_update_obstacle_density",),
     )
+    max_cells: int = max_cells(1 << 28)
     side: int = param(
         500,
         "cell",
@@ -71,7 +73,7 @@ class OriginalParams(Params):
         "tries per scan",
         source=CODE,
         low=0,
-        high=10_000_000,
+        high=1_000_000,
         ros=("max_hill_climbing_iterations",),
     )
     picked_rays: int = param(
@@ -80,6 +82,7 @@ class OriginalParams(Params):
         "set point of the ray picker",
         source=CODE,
         low=1,
+        high=10_000,
         ros=("desired_number_of_picked_rays",),
     )
     jump: float = param(
@@ -90,7 +93,9 @@ class OriginalParams(Params):
         low=0.0,
         ros=("scan_density_lower_boundary",),
     )
-    hold: int = param(40, "1", "scans during which the pose stays at the start", source=CODE, low=0)
+    hold: int = param(
+        40, "1", "scans during which the pose stays at the start", source=CODE, low=0, high=10_000
+    )
     robot_width: float = param(
         0.6, "m", "free patch at the start", source=CODE, low=0.0, high=2.0, ros=("robot_width",)
     )

@@ -66,7 +66,7 @@ class Original:
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
-        return dict(self._counts)
+        return self._counts | self._map.extent.counts
 
     def _view_of(self, scan: Scan) -> RayPicker:
         """Buffers for the scan's laser; at the first scan the start."""

@@ -15,7 +15,8 @@ class HitMap(TileMap):
     """Tiles whose cells keep mean and number of the hits, and where hits are near."""
 
     def __init__(self, params: OriginalParams, n_particles: int) -> None:
-        super().__init__(n_particles, 1, params.resolution, params.max_tiles)
+        tiles = params.max_tiles, params.max_cells
+        super().__init__(n_particles, 1, params.resolution, *tiles)
         self._minimum_score = params.minimum_score
         self._model = ClimbModel(
             params.score_sigma,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from gmapping.ros import ORIGINAL as ROS_NAMES
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 
 ORIGINAL = "original code"
@@ -30,7 +31,7 @@ class OriginalParams(Params):
         choices=("auto", "odometry", "odometry+gyro", "gyro", "none"),
     )
     n_particles: int = param(
-        30, "1", "number of particles", source=ORIGINAL, low=1, ros=("particles",)
+        30, "1", "number of particles", source=ORIGINAL, low=1, high=20_000, ros=("particles",)
     )
     resolution: float = param(
         0.05, "m", "edge of a cell", source=ORIGINAL, low=0.01, high=1.0, ros=("delta",)
@@ -107,8 +108,14 @@ class OriginalParams(Params):
         low=0.1,
         ros=("maxRange", "maxUrange"),
     )
+    max_cells: int = max_cells()
     max_tiles: int = param(
-        40_000, "1", "tiles of 4 kB at most, over all particles", source="ours: memory", low=100
+        200_000,
+        "1",
+        "tiles of 4 kB at most, over all particles",
+        source="ours: memory",
+        low=100,
+        high=1 << 20,
     )
     score_sigma: float = param(
         0.05, "1", "score divisor [m^2]", source=ORIGINAL, low=1e-6, ros=("sigma",)
@@ -123,7 +130,13 @@ class OriginalParams(Params):
         0.05, "rad", "first step of the climb", source=ORIGINAL, low=1e-4, ros=("astep",)
     )
     iterations: int = param(
-        5, "1", "halvings of the step of the climb", source=ORIGINAL, low=1, ros=("iterations",)
+        5,
+        "1",
+        "halvings of the step of the climb",
+        source=ORIGINAL,
+        low=1,
+        high=100,
+        ros=("iterations",),
     )
     gain: float = param(
         3.0,

@@ -16,6 +16,7 @@ OpenSLAM has it:
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
 from typing import Any, ClassVar
 
@@ -27,7 +28,7 @@ from gmapping.original.motion import Motion, Step
 from gmapping.original.params import OriginalParams
 from gmapping.original.scan import EndPoints
 from gmapping.particles import Particles
-from gmapping.render import Renderer
+from gmapping.render import Ray, Renderer
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
@@ -62,9 +63,9 @@ class Original:
         points = self._points(scan, step)
         if len(points) == 0:
             self._counts["rejected"] += 1
-        elif self._due(step):
+        elif self._due(step) and self.tiles.admits(self.pose, points):
             self._filter(points)
-            self._renderer.keep(partial(self._rays.ray, scan, step))
+            self._keep(partial(self._rays.ray, scan, step))
         self._counts["scans"] += 1
         self._motion.learn(before.between(self.pose))
         return self.pose
@@ -81,7 +82,7 @@ class Original:
         """Counts, and what the particles' maps take."""
         tiles = {"tiles": self.tiles.used, "tiles_peak": self.tiles.peak}
         shared = {"tiles_shared": round(self.tiles.shared, 3), "particles": len(self.particles)}
-        return self._counts | self._motion.used | tiles | shared
+        return self._counts | self._motion.used | tiles | shared | self.tiles.extent.counts
 
     def _move(self, step: Step) -> None:
         way = step.pose if step.measured else IDENTITY
@@ -111,6 +112,13 @@ class Original:
         self.particles.remember()
         self.pose = self.particles.best_pose
         self._way = self._turn = 0.0
+
+    def _keep(self, scan: Callable[[], Ray]) -> None:
+        """A key scan for the map; nothing is left to choose for a particle that is alone."""
+        if len(self.particles) == 1:
+            self._renderer.draw(scan, self.particles.poses[0])
+        else:
+            self._renderer.keep(scan)
 
     def _insert(self, points: Floats) -> None:
         self.tiles.cover(*self.particles.extent(points))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slams.extent import USUAL_CELLS, Box, Extent
 from slams.types import Floats, OccupancyGrid
 from tsd.image import Image, Picture
 from tsd.original import map_kernels as kernels
@@ -22,12 +23,21 @@ class TsdGrid:
         truncation: greatest distance kept [m].
         side: cells per edge at the start, a multiple of 32.
         grows: whether it may grow when the robot comes near its edge.
+        max_cells: the most cells of the box around it, if it grows.
     """
 
-    def __init__(self, cell: float, truncation: float, side: int, grows: bool) -> None:
+    def __init__(
+        self,
+        cell: float,
+        truncation: float,
+        side: int,
+        grows: bool,
+        max_cells: int = USUAL_CELLS,
+    ) -> None:
         n = max(side // SIDE, 1)
         cells = n * SIDE
         self._grows = grows
+        self.extent = Extent(max_cells, cell)
         self.kernel = Grid(
             tsd=np.full((cells, cells), np.nan, np.float32),
             weight=np.zeros((cells, cells), np.float32),
@@ -41,8 +51,8 @@ class TsdGrid:
 
     def push(self, laser: Floats, ranges: Floats, mask: Mask, sensor: Sensor) -> None:
         """Enter a scan taken at the laser's pose (3,)."""
-        if self._grows:
-            self._cover(laser, ranges[mask & np.isfinite(ranges)])
+        if self._grows and not self._cover(laser, ranges[mask & np.isfinite(ranges)]):
+            return
         kernels.push(self.kernel, laser, ranges, mask, sensor)
 
     def clear(self, x: float, y: float, half: float) -> None:
@@ -64,15 +74,17 @@ class TsdGrid:
         corner = (float(g.corner[0]), float(g.corner[1]))
         return g.tsd * np.float32(g.truncation), g.weight.copy(), g.cell, corner
 
-    def _cover(self, laser: Floats, ranges: Floats) -> None:
+    def _cover(self, laser: Floats, ranges: Floats) -> bool:
         g = self.kernel
         reach = float(ranges.max(initial=0.0)) + 1.0
+        if not self.extent.admits(Box.around(float(laser[0]), float(laser[1]), reach)):
+            return False
         size = g.cell * SIDE
         shape = np.array(g.allocated.shape[::-1])
         low = np.floor((laser[:2] - reach - g.corner) / size).astype(int)
         high = np.ceil((laser[:2] + reach - g.corner) / size).astype(int)
         if (low >= 0).all() and (high <= shape).all():
-            return
+            return True
         before = np.where(low < 0, shape // 4 - low, 0)
         after = np.where(high > shape, high - shape + shape // 4, 0)
         frame = [(int(before[axis]), int(after[axis])) for axis in (1, 0)]
@@ -85,6 +97,7 @@ class TsdGrid:
             near=np.pad(g.near, [(a * BLOCKS, b * BLOCKS) for a, b in frame]),
             corner=g.corner - before * size,
         )
+        return True
 
 
 def zero_crossings(tsd: Image) -> Mask:

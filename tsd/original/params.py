@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from slams.extent import max_cells
 from slams.params import Params, RosNames, param
 from tsd.ros import ORIGINAL as ROS_NAMES
 
@@ -50,9 +51,10 @@ class OriginalParams(Params):
         "cells per edge of the grid at the start, power of two",
         source=ORIGINAL,
         low=5,
-        high=15,
+        high=14,
         ros=("map_size",),
     )
+    max_cells: int = max_cells(1 << 27)
     grows: bool = param(
         True,
         "1",
@@ -101,7 +103,7 @@ class OriginalParams(Params):
         0.28, "m", "its center ahead of the laser", source=ORIGINAL, ros=("footprint_x_offset",)
     )
     icp_iterations: int = param(
-        30, "1", "ICP rounds", source=ORIGINAL, low=1, ros=("icp_iterations",)
+        30, "1", "ICP rounds", source=ORIGINAL, low=1, high=1_000, ros=("icp_iterations",)
     )
     widest_gate: float = param(
         0.4,
@@ -126,11 +128,21 @@ class OriginalParams(Params):
         high=1.57,
         ros=("reg_sin_rot_max",),
     )
-    trials: int = param(100, "1", "model points tried", source=ORIGINAL, low=1, ros=("trials",))
-    control_set: int = param(
-        360, "1", "most scene points that score", source=ORIGINAL, low=1, ros=("sizeControlSet",)
+    trials: int = param(
+        100, "1", "model points tried", source=ORIGINAL, low=1, high=10_000, ros=("trials",)
     )
-    scene_points: int = param(180, "1", "scene points kept on average", source=ORIGINAL, low=3)
+    control_set: int = param(
+        360,
+        "1",
+        "most scene points that score",
+        source=ORIGINAL,
+        low=1,
+        high=10_000,
+        ros=("sizeControlSet",),
+    )
+    scene_points: int = param(
+        180, "1", "scene points kept on average", source=ORIGINAL, low=3, high=10_000
+    )
     phi_max: float = param(
         0.7853981633974483,
         "rad",

@@ -39,7 +39,9 @@ class Original:
         self.params = params
         self.quality = 0.0
         self._rng = np.random.default_rng(params.seed)
-        self._grid = TsdGrid(params.cell, params.truncation, 2**params.map_size, params.grows)
+        self._grid = TsdGrid(
+            params.cell, params.truncation, 2**params.map_size, params.grows, params.max_cells
+        )
         self._view: View | None = None
         self._registration: Registration | None = None
         self._pose = self._pushed_at = IDENTITY
@@ -71,7 +73,7 @@ class Original:
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
-        return {**self._counts, "lost": self._lost, "odometry": 0}
+        return {**self._counts, "lost": self._lost, "odometry": 0, **self._grid.extent.counts}
 
     def _seen_by(self, scan: Scan) -> tuple[View, Registration]:
         """Memory for the scan's laser."""

@@ -1,0 +1,108 @@
+"""Runs and logs as arrays: in arrays.npz beside the figures, or packed into one text with them."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from typing import Any, cast
+
+import numpy as np
+
+from bench.results.runs import Line, Outcome, Reference, Row
+from slams.types import OccupancyGrid, Pose2
+
+FIGURES_KEY = "figures"  # of the packed array with the figures' JSON
+
+
+def pack_outcome(outcome: Outcome) -> str:
+    """A run as one text, for a store of results."""
+    return _packed(dict(outcome.row), arrays_of_outcome(outcome))
+
+
+def unpack_outcome(text: str) -> Outcome:
+    """The run of `pack_outcome`."""
+    figures, arrays = _unpacked(text)
+    return outcome_of(cast("Row", figures), arrays)
+
+
+def pack_reference(reference: Reference) -> str:
+    """What is known of a log as one text, for a store of results."""
+    return _packed(reference.entry, arrays_of_reference(reference))
+
+
+def unpack_reference(text: str) -> Reference:
+    """What is known of the log of `pack_reference`."""
+    return reference_of(*_unpacked(text))
+
+
+def arrays_of_outcome(outcome: Outcome) -> dict[str, Any]:
+    """Everything of a run but its row."""
+    arrays: dict[str, Any] = {
+        "t": outcome.t,
+        "poses": outcome.poses,
+        "seconds": outcome.seconds,
+        "frame": np.array(outcome.frame),
+        **_arrays_of_grid(outcome.grid),
+    }
+    if outcome.common is not None:
+        arrays |= {f"common_{key}": value for key, value in outcome.common._asdict().items()}
+    return arrays
+
+
+def outcome_of(row: Row, arrays: dict[str, Any]) -> Outcome:
+    """The run of `arrays_of_outcome`."""
+    from bench.judge.metrics import Common
+
+    common = None
+    if "common_t" in arrays:
+        t, estimate, truth = (arrays[f"common_{key}"] for key in ("t", "estimate", "truth"))
+        common = Common(t, estimate, truth, int(arrays["common_dropped"]))
+    frame = Pose2(*arrays["frame"].tolist())
+    series = arrays["t"], arrays["poses"], arrays["seconds"]
+    return Outcome(row, *series, _grid(arrays), common, frame)
+
+
+def arrays_of_reference(reference: Reference) -> dict[str, Any]:
+    """Everything known of a log but its figures."""
+    arrays = _arrays_of_grid(reference.grid)
+    if reference.path is not None:
+        arrays["path"] = reference.path
+    if reference.start is not None:
+        arrays["start"] = np.array(reference.start)
+    return arrays
+
+
+def reference_of(entry: Line, arrays: dict[str, Any]) -> Reference:
+    """The log of `arrays_of_reference`."""
+    start = Pose2(*arrays["start"].tolist()) if "start" in arrays else None
+    return Reference(entry, arrays.get("path"), _grid(arrays), start)
+
+
+def _arrays_of_grid(grid: OccupancyGrid | None) -> dict[str, Any]:
+    if grid is None:
+        return {}
+    return {"grid": grid.p, "grid_place": np.array([grid.resolution, *grid.origin])}
+
+
+def _grid(arrays: dict[str, Any]) -> OccupancyGrid | None:
+    if "grid" not in arrays:
+        return None
+    resolution, x, y = arrays["grid_place"].tolist()
+    return OccupancyGrid(arrays["grid"], resolution, (x, y))
+
+
+def _packed(figures: Line, arrays: dict[str, Any]) -> str:
+    """Figures as JSON in the order they have, and arrays, in an npz in base64."""
+    from slams.formats.npz import write_archive
+    from slams.summary import as_json
+
+    buffer = io.BytesIO()
+    write_archive(buffer, {FIGURES_KEY: as_json(figures), **arrays})
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def _unpacked(text: str) -> tuple[Line, dict[str, Any]]:
+    with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as archive:
+        arrays = {key: archive[key] for key in archive.files}
+    return json.loads(str(arrays.pop(FIGURES_KEY))), arrays

@@ -1,0 +1,193 @@
+"""Options of bench.compare: what they are and what they ask for. Light: help reads it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from slams import cli
+from slams.params import LASERS
+from slams.registry import names
+
+if TYPE_CHECKING:
+    from bench.run.cases import Choice
+    from slams.scanlog import ScanLog
+    from slams.types import Floats
+
+IDEA, ORIGINAL = "paper", "original"  # presets compared beside the defaults
+QUICK_SCANS = 2400
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    p = cli.Parser(
+        prog="python -m bench.compare",
+        description="Replay scan logs through SLAM algorithms and compare their pose errors. "
+        "Without a log: a simulated rescue maze, UTM-30LX, five minutes.",
+        epilog="Writes report.html, results.json, tables as csv, markdown and LaTeX, errors per "
+        "update as csv, trajectories, figures as png and pdf. Runs that are done are kept in "
+        "OUT/runs and not done again: a comparison that was ended goes on where it was.",
+    )
+    p.add_argument("logs", nargs="*", metavar="LOG", help="scan logs; default: simulate one")
+    p.add_argument(
+        "--algorithms",
+        metavar="NAME",
+        nargs="+",
+        help=f"name, name@preset or module:Class; default: {' '.join(names())}, and NAME@{IDEA} "
+        "of each that has one",
+    )
+    p.add_argument("--out", metavar="DIR", default="results/compare", help="default: %(default)s")
+    size = p.add_mutually_exclusive_group()
+    size.add_argument("--quick", action="store_true", help="a minute of the log only")
+    size.add_argument(
+        "--full", action="store_true", help="the originals as well, the published tables beside"
+    )
+    p.add_argument("--relations", metavar="FILE", help="Freiburg relations of the one log")
+    p.add_argument(
+        "--starts",
+        type=int,
+        default=1,
+        metavar="N",
+        help="with --relations: also begin at N scans of the log, to tell luck from skill",
+    )
+    p.add_argument(
+        "--trajectory",
+        metavar="NAME=WHAT",
+        action="append",
+        default=[],
+        help="another program's run as a row: a TUM or csv file, result.mcap, or a topic or tf "
+        "frame of the log's bag; may be given again",
+    )
+    p.add_argument(
+        "--map",
+        metavar="NAME=FILE",
+        action="append",
+        default=[],
+        help="the map that goes with it: a map_server yaml",
+    )
+    p.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
+    p.add_argument(
+        "--ros-params",
+        metavar="ALGORITHM=FILE",
+        action="append",
+        default=[],
+        help="launch or parameter file of the original's ROS node; may be given again",
+    )
+    p.add_argument(
+        "--params",
+        metavar="ALGORITHM:FILE.yaml",
+        action="append",
+        default=[],
+        help="parameters of one algorithm, lines 'name: value'; may be given again",
+    )
+    p.add_argument(
+        "--set",
+        metavar="ALGORITHM:KEY=VALUE",
+        action="append",
+        default=[],
+        dest="changes",
+        help="one parameter of one algorithm (tsd:cell=0.05); may be given again",
+    )
+    p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
+    p.add_argument("--limit", type=int, metavar="N", help="only N scans")
+    p.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th scan")
+    p.add_argument(
+        "--seed",
+        metavar="N",
+        action="append",
+        default=[],
+        help="of the simulation and the algorithms; ALGORITHM:N of one; may be given again",
+    )
+    p.add_argument("--duration", type=float, metavar="S", help="of the simulation")
+    p.add_argument(
+        "--realtime",
+        action="store_true",
+        help="also replay as a live node sees the log: scans that come too fast are dropped",
+    )
+    p.add_argument(
+        "--slower",
+        type=float,
+        default=5.0,
+        metavar="X",
+        help="how many times slower than this machine's the robot's core is (default %(default)g)",
+    )
+    p.add_argument("--mcap", action="store_true", help="also write NAME.mcap of every run")
+    p.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), metavar="N")
+    p.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
+    cli.add_log_options(p)
+    return p
+
+
+def labels_of(arguments: argparse.Namespace) -> list[str]:
+    """The algorithms asked for; else all, their ideas alone, and with --full the originals."""
+    from slams.registry import find
+
+    if arguments.algorithms:
+        return list(arguments.algorithms)
+    presets = [ORIGINAL, IDEA] if arguments.full else [IDEA]
+    known = {name: find(name).cls.Params.PRESETS for name in names()}
+    others = [f"{name}@{preset}" for preset in presets for name in known if preset in known[name]]
+    return others + list(known)
+
+
+def checked(
+    arguments: argparse.Namespace, labels: list[str]
+) -> tuple[Choice, Floats | None, list[ScanLog]]:
+    """Everything the user gave, read once before the work starts."""
+    from bench.run.cases import read_relations
+
+    _check_options(arguments)
+    choice = _choice(arguments, labels)
+    logs = [choice.log(path) for path in arguments.logs]
+    if arguments.relations is None:
+        return choice, None, logs
+    if len(arguments.logs) != 1:
+        raise ValueError(
+            f"--relations: got {len(arguments.logs)} logs, expected the one they are of"
+        )
+    return choice, read_relations(arguments.relations), logs
+
+
+def _check_options(arguments: argparse.Namespace) -> None:
+    if arguments.starts > 1 and arguments.relations is None:
+        raise ValueError("--starts: expected --relations FILE as well, errors are of those")
+    for name in ("limit", "every", "jobs", "starts"):
+        value = getattr(arguments, name)
+        if value is not None and value < 1:
+            raise ValueError(f"--{name}: got {value}, expected 1 or more")
+    if not 0.0 < arguments.slower < 1e6:
+        raise ValueError(f"--slower: got {arguments.slower}, expected a factor above 0")
+    out = Path(arguments.out)
+    if out.exists() and not out.is_dir():
+        raise NotADirectoryError(f"{out}: is a file; expected a folder for the results")
+
+
+def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
+    """What the options say of logs and parameters; every algorithm can be run with it."""
+    from bench.run import ros_files
+    from bench.run.cases import Choice
+    from bench.run.single import common_seed, singles
+    from slams.registry import find
+
+    common, named = common_seed(arguments.seed)
+    choice = Choice(
+        arguments.limit or (QUICK_SCANS if arguments.quick else None),
+        arguments.every,
+        not arguments.no_odometry,
+        common,
+        arguments.realtime,
+        arguments.slower,
+        cli.log_options(arguments),
+        arguments.sensor,
+    )
+    choice = replace(
+        choice,
+        ros=ros_files.taken(arguments.ros_params, labels, choice),
+        single=singles(labels, arguments.params, arguments.changes, named),
+    )
+    for label in labels:
+        choice.params(find(label))
+    return choice

@@ -1,0 +1,145 @@
+"""python -m bench.soak: what hours of work do to an algorithm: time per scan, memory, error.
+
+Half a million scans at rest, and three kilometers through a large office floor.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Any
+
+from slams import cli
+from slams.registry import BASELINES, names
+
+if TYPE_CHECKING:
+    from slams.scanlog import ScanLog
+
+PROGRAM = "bench.soak"
+FORMAT = "soak-1"
+SCANS, LENGTH, SIZE = 500_000, 3000.0, 180.0  # at rest; [m] of the way; [m] of the floor
+SENSOR, SPEED = "rplidar-a1", 1.0  # 360 beams, 5.5 Hz; [m/s]
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    p = cli.Parser(
+        prog=f"python -m {PROGRAM}",
+        description="Run algorithms for long: many scans at rest, and a long way through a large "
+        "office floor; time per scan and memory at the beginning and at the end.",
+        epilog="Writes soak.json and soak.md. With all defaults at most 20 minutes on two cores.",
+    )
+    p.add_argument("--algorithms", metavar="NAME", nargs="+", help="default: all but baselines")
+    p.add_argument(
+        "--rest", type=int, default=SCANS, metavar="N", help="scans at rest (%(default)s); 0: none"
+    )
+    p.add_argument(
+        "--length",
+        type=float,
+        default=LENGTH,
+        metavar="M",
+        help="of the way (%(default)g); 0: none",
+    )
+    p.add_argument(
+        "--size", type=float, default=SIZE, metavar="M", help="of the floor (%(default)g)"
+    )
+    p.add_argument("--log", metavar="LOG", help="a long log with a truth, instead of simulating")
+    p.add_argument("--out", metavar="DIR", default="results/soak", help="default: %(default)s")
+    p.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (%(default)s)")
+    p.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
+    cli.add_log_options(p)
+    return p
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    cli.one_thread()
+    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
+
+
+def _command(arguments: argparse.Namespace) -> int:
+    from bench.report.soak_tables import as_markdown, as_text
+    from bench.results import write_figures
+    from slams.formats import files
+
+    labels, log = cli.refusing(lambda: _checked(arguments))
+    found = _run_all(labels, log, arguments)
+    with files.complete_folder(arguments.out) as folder:
+        write_figures(folder / "soak.json", found)
+        (folder / "soak.md").write_text(as_markdown(found), encoding="utf-8")
+    if not arguments.quiet:
+        sys.stdout.write(f"{as_text(found)}\n{arguments.out}/: soak.json, soak.md\n")
+    return cli.FAILED if found["failed"] else 0
+
+
+def _checked(arguments: argparse.Namespace) -> tuple[list[str], ScanLog | None]:
+    """The algorithms, and the log of the long way where one is given."""
+    from slams import load
+    from slams.formats import files
+    from slams.registry import find
+
+    limits = {"rest": (0, 10**8), "length": (0.0, 5000.0), "jobs": (1, 64)}
+    for name, (low, high) in limits.items():
+        value = getattr(arguments, name)
+        if not low <= value <= high:
+            raise ValueError(f"--{name}: got {value:g}, expected {low:g} to {high:g}")
+    labels = arguments.algorithms or [name for name in names() if name not in BASELINES]
+    for label in labels:
+        find(label)
+    files.check_folder(arguments.out)
+    if not arguments.log:
+        return labels, _simulated(arguments) if arguments.length else None
+    log = load(arguments.log, cli.log_options(arguments))
+    if log.truth is None:
+        raise ValueError(f"{arguments.log}: has no truth; expected a log with one (--truth FILE)")
+    return labels, log
+
+
+def _simulated(arguments: argparse.Namespace) -> ScanLog:
+    from bench.sim.setting import Setting
+    from bench.sim.simulation import simulate
+
+    return simulate(
+        Setting("office", size=arguments.size, length=arguments.length, sensor=SENSOR, v=SPEED)
+    )
+
+
+def _run_all(
+    labels: list[str], log: ScanLog | None, arguments: argparse.Namespace
+) -> dict[str, Any]:
+    """Every run in a process of its own: its memory is its own."""
+    from bench.run import soaking, timing
+    from bench.run.pool import finished
+    from slams.summary import versions
+
+    tasks: dict[tuple[str, str], Any] = {}
+    for label in labels:
+        if log is not None:
+            tasks["way", label] = soaking.way, (label, log)
+        if arguments.rest:
+            tasks["rest", label] = soaking.rest, (label, arguments.rest)
+    work = finished(tasks, arguments.jobs)
+    shown = cli.progress(work, len(tasks), "soaking", arguments.quiet, unit="run")
+    found = {key: _rows(key[1], future) for key, future in shown}
+    return {
+        "format": FORMAT,
+        "way": [found["way", label] for label in labels if ("way", label) in found],
+        "rest": [found["rest", label] for label in labels if ("rest", label) in found],
+        "failed": sum("failed" in row for row in found.values()),
+        "log": None if log is None else log.name,
+        "machine": timing.machine() | {"processes": arguments.jobs},
+        "versions": versions(),
+    }
+
+
+def _rows(label: str, future: Any) -> dict[str, Any]:
+    """The figures of a run; one that failed has the reason instead."""
+    error = future.exception()
+    if error is not None:
+        return {"algorithm": label, "failed": f"{type(error).__name__}: {cli.sentence(error)}"}
+    row: dict[str, Any] = future.result()
+    return row
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,90 @@
+"""No value of a parameter that is let pass takes all memory or hangs: every class is walked."""
+
+import importlib
+import pkgutil
+import tracemalloc
+import typing
+
+import numpy as np
+import pytest
+
+import slams.motion
+from slams.params import FARTHEST, GREATEST, MOST, SEEDS, Params, bounds
+from slams.registry import BUILT_IN, find
+
+# that an algorithm reserves with all counts at their greatest and cells at their least
+MOST_GB = 5.0
+MOST_STEPS = 10_000  # of anything that a scan waits for, or that is waited for in scans
+# crsm@original draws so many steps, of 40 rays each; many particles make each map smaller
+CHEAP = {"iterations": 1_000_000, "n_particles": 20_000}
+SIZES = {"map_size", "side", "max_tiles", "max_cells"}  # cells and tiles: memory, tested below
+LABELS = [f"{name}{preset}" for name in BUILT_IN for preset in ("", "@original")]
+LABELS = [label for label in LABELS if label.partition("@")[0] not in ("odometry", "kiss")]
+
+
+def classes():
+    """Every class of parameters there is in this code."""
+    for module in pkgutil.iter_modules(slams.motion.__path__, "slams.motion."):
+        importlib.import_module(module.name)
+    for label in (*LABELS, "odometry", "kiss"):
+        find(label)
+
+    def below(cls):
+        return {cls}.union(*(below(sub) for sub in cls.__subclasses__()))
+
+    ours = {"slams", "hector", "tsd", "crsm", "gmapping"}
+    found = [cls for cls in below(Params) if cls.__module__.partition(".")[0] in ours]
+    return sorted(found, key=lambda cls: (cls.__module__, cls.__qualname__))
+
+
+CLASSES = classes()
+
+
+def test_all_classes_are_walked():
+    names = {cls.__module__ for cls in CLASSES}
+    assert {"hector.params", "hector.original.params", "slams.motion.params"} <= names
+    assert len(CLASSES) >= 11
+
+
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: f"{cls.__module__}.{cls.__name__}")
+def test_every_number_has_bounds_and_every_count_its_own(cls):
+    kinds, specs = typing.get_type_hints(cls), cls.specs()
+    for name, (low, high) in bounds(cls).items():
+        assert low < high <= SEEDS, name
+        if kinds[name] is int and name != "seed":
+            assert specs[name].low is not None, f"{name} has no least value"
+            assert specs[name].high is not None, f"{name} has no greatest value"
+            assert name in SIZES or high <= CHEAP.get(name, MOST_STEPS), name
+        if kinds[name] is float:
+            assert high <= (FARTHEST if specs[name].unit == "m" else GREATEST), name
+        for value in (low, high):
+            assert getattr(cls().replace(**{name: value}), name) == value
+        for value in (high * 1.01 + 1.0, 1e300):
+            with pytest.raises(ValueError, match=f"parameter '{name}': got"):
+                cls().replace(**{name: kinds[name](value)})
+    assert MOST <= 1e6
+
+
+@pytest.mark.parametrize("label", LABELS)
+def test_the_greatest_of_everything_fits_into_memory(label, monkeypatch):
+    """Arrays are reserved and not filled: what is written to later is what counts here."""
+
+    def full(shape, fill_value, dtype=None):
+        return np.empty(shape, dtype or np.asarray(fill_value).dtype)
+
+    monkeypatch.setattr(np, "full", full)
+    monkeypatch.setattr(np, "zeros_like", lambda a, dtype=None: np.zeros(a.shape, dtype or a.dtype))
+    entry = find(label)
+    cls = type(entry.params())
+    kinds = typing.get_type_hints(cls)
+    greatest = {name: int(h) for name, (_, h) in bounds(cls).items() if kinds[name] is int}
+    least = {n: b[0] for n, b in bounds(cls).items() if n in ("cell", "resolution", "coarse_cell")}
+    params = entry.params().replace(**greatest | least)
+    tracemalloc.start()
+    try:
+        slam = entry.cls(params)
+        reserved = tracemalloc.get_traced_memory()[1] / 1e9
+    finally:
+        tracemalloc.stop()
+    assert reserved < MOST_GB, f"{slam.params}: {reserved:.1f} GB"
+    assert reserved > 0.001, "something was reserved at all"

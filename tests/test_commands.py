@@ -1,0 +1,117 @@
+"""`slams` without a command lists them, with one it is the command."""
+
+import ast
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from slams import __main__ as slams
+from slams.registry import IDEAS, names
+
+ROOT = Path(__file__).resolve().parents[1]
+OF_THE_HOUSE = {"bench.readme"}  # makes the pages of this project: nobody else's command
+HEAVY = ("numpy", "numba", "pandas", "matplotlib", "cv2", "scipy", "rosbags")
+
+
+def programs():
+    """Every module below slams and bench that is a command by itself."""
+    for package in ("slams", "bench"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            text = path.read_text(encoding="utf-8")
+            if '\nif __name__ == "__main__":' in text and path != Path(slams.__file__):
+                yield ".".join(path.relative_to(ROOT).with_suffix("").parts)
+
+
+def test_every_command_stands_in_the_list_with_what_it_does(capsys):
+    assert set(slams.COMMANDS.values()) == set(programs()) - OF_THE_HOUSE
+    assert slams.main([]) == slams.main(["--help"]) == 0
+    told = capsys.readouterr().out
+    for name, module in slams.COMMANDS.items():
+        path = ROOT / f"{module.replace('.', '/')}.py"
+        line = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))).splitlines()[0]
+        assert len(slams.purpose(module)) > 15
+        assert slams.purpose(module) in line
+        assert f"  slams {name} " in told
+        assert f"  {slams.purpose(module)}\n" in told
+
+
+def test_every_algorithm_has_its_idea_in_about_five_words():
+    assert set(IDEAS) <= set(names())
+    for name, idea in IDEAS.items():
+        assert 4 <= len(idea.replace("baseline: ", "").split()) <= 5 or name in ("odometry",), name
+        assert idea in slams.listed()
+
+
+def test_an_algorithm_of_another_package_is_listed_without_an_idea(monkeypatch):
+    monkeypatch.setattr(slams, "names", lambda: [*IDEAS, "theirs"])
+    assert "  theirs    of another package\n" in slams.listed()
+
+
+def test_the_list_loads_nothing_heavy():
+    code = (
+        "import sys\nfrom slams.__main__ import main\nmain([])\n"
+        f"print('loaded', [m for m in {HEAVY} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("loaded []\n")
+
+
+def test_a_command_gets_its_words_and_gives_its_exit_code(capsys):
+    assert slams.main(["run", "hector", "--show-params"]) == 0
+    assert "resolution: 0.05" in capsys.readouterr().out
+    assert slams.main(["run", "hectr", "x.npz"]) == 2
+    assert "did you mean 'hector'" in capsys.readouterr().err
+    assert slams.main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("slams 0.")
+
+
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch):
+    """A folder one is in with a module in it, and no way there from python's path."""
+    (tmp_path / "mine_here.py").write_text(
+        "from slams.baselines import Odometry\nclass Mine(Odometry):\n    pass\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if path])
+    yield tmp_path
+    sys.modules.pop("mine_here", None)
+
+
+def test_a_module_of_ones_own_is_found_in_the_folder_one_is_in(elsewhere, capsys):
+    before = list(sys.path)
+    assert slams.main(["run", "mine_here:Mine", "--show-params"]) == 0
+    assert sys.path == [*before, str(elsewhere)], "behind everything that is installed"
+    assert slams.main(["run", "mine_here:Mine", "--show-params"]) == 0
+    assert len(sys.path) == len(before) + 1
+    assert "seed: 0" in capsys.readouterr().out
+
+
+def test_python_asked_to_be_safe_looks_nowhere_else(elsewhere, monkeypatch, capsys):
+    flags = {name: getattr(sys.flags, name) for name in dir(sys.flags) if name[0] != "_"}
+    monkeypatch.setattr(sys, "flags", SimpleNamespace(**flags | {"safe_path": True}))
+    assert slams.main(["run", "mine_here:Mine", "--show-params"]) == 2
+    assert "there is no module 'mine_here'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("word", "hint"),
+    [("rnu", "; did you mean 'run'?"), ("--quick", ""), ("", "")],
+)
+def test_an_unknown_command_is_one_sentence_and_exit_2(word, hint, capsys):
+    assert slams.main([word]) == 2
+    told = capsys.readouterr()
+    known = ", ".join(slams.COMMANDS)
+    assert told.out == ""
+    assert told.err == f"slams: unknown command {word!r}{hint} (known: {known})\n"
+
+
+def test_every_script_of_the_installation_leads_to_a_main():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    targets = set(project["scripts"].values())
+    known = {f"{module}:main" for module in slams.COMMANDS.values()}
+    assert targets <= {*known, "slams.__main__:main"}
+    assert project["scripts"]["slams"] == "slams.__main__:main"

@@ -1,0 +1,92 @@
+"""The map as a grid: the same whatever was drawn before, and what is final is not kept."""
+
+import gc
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gmapping import render
+from gmapping.render import Ray, Renderer
+from slams.registry import find
+from slams.types import Pose2
+from tests.rooms import drive
+
+EDGE = 0.1
+
+
+def scans(n, seed=0):
+    rng = np.random.default_rng(seed)
+    return [Ray(rng.uniform(-4.0, 4.0, (30, 2)), np.array([[0.1, 0.2]])) for _ in range(n)]
+
+
+def history(n, seed=1):
+    return np.random.default_rng(seed).uniform(-9.0, 9.0, (n, 3))
+
+
+def drawn(rays, poses):
+    renderer = Renderer(EDGE, 0.25)
+    for ray in rays:
+        renderer.keep(lambda ray=ray: ray)
+    return renderer.grid(poses)
+
+
+def same(a, b):
+    np.testing.assert_array_equal(a.p, b.p)
+    assert (a.resolution, a.origin) == (b.resolution, b.origin)
+
+
+def test_drawn_again_and_again_it_is_what_it_is_drawn_once(monkeypatch):
+    monkeypatch.setattr(render, "LAG", 5)
+    rays, poses = scans(40), history(40)
+    renderer = Renderer(EDGE, 0.25)
+    for k, ray in enumerate(rays):
+        renderer.keep(lambda ray=ray: ray)
+        if k % 3 == 2:
+            same(renderer.grid(poses[: k + 1]), drawn(rays[: k + 1], poses[: k + 1]))
+    for changed in (38, 20, 0):  # another particle is the best: histories part there
+        other = poses.copy()
+        other[changed:] = history(40, seed=changed + 2)[changed:]
+        same(renderer.grid(other), drawn(rays, other))
+        same(renderer.grid(other), drawn(rays, other))
+
+
+def test_drawing_looks_at_the_last_scans_only(monkeypatch):
+    monkeypatch.setattr(render, "LAG", 5)
+    seen, renderer, poses = [], Renderer(EDGE, 0.25), history(300)
+    for k, ray in enumerate(scans(300)):
+        renderer.keep(lambda k=k, ray=ray: seen.append(k) or ray)
+    renderer.grid(poses)
+    assert seen == list(range(300))
+    seen.clear()
+    renderer.grid(poses)
+    assert seen == list(range(295, 300))
+
+
+@pytest.mark.parametrize("kept", [0, 7])
+def test_what_is_final_is_as_if_it_was_kept(kept):
+    rays, poses = scans(12), history(12)
+    renderer, first = Renderer(EDGE, 0.25), 12 - kept
+    for ray, pose in zip(rays[:first], poses, strict=False):
+        renderer.draw(lambda ray=ray: ray, pose)
+    for ray in rays[first:]:
+        renderer.keep(lambda ray=ray: ray)
+    for _ in range(2):
+        same(renderer.grid(poses), drawn(rays, poses))
+
+
+def test_the_original_with_the_laser_alone_keeps_no_scan():
+    entry = find("gmapping@original")
+    slam, alive = entry.cls(entry.params()), []
+    for scan in drive(n=30).select(odometry=False):
+        one = replace(scan, ranges=scan.ranges.copy())
+        slam.update(one)
+        alive.append(weakref.ref(one.ranges))
+    del one
+    gc.collect()
+    assert sum(ref() is not None for ref in alive) <= 2
+    grid, trajectory = slam.map(), slam.trajectory()
+    assert np.isfinite(grid.p).sum() > 1000
+    assert len(trajectory) == slam.report()["inserted"]
+    assert grid.origin[0] < Pose2(*trajectory[-1]).x < grid.origin[0] + grid.p.shape[1] * 0.05
