@@ -49,6 +49,8 @@ def _slam_and_rest(
     entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
 ) -> tuple[Slam, ScanLog, list[str]]:
     """The algorithm, and what of the log it has not seen."""
+    if arguments.localize or arguments.start:
+        return _localizing(entry, params, log, arguments)
     if not arguments.resume_state:
         return entry.cls(params), log, []
     from slams.state import session
@@ -57,6 +59,29 @@ def _slam_and_rest(
     rest, known = session.rest_of(log, state.beside, arguments.every)
     notes = [f"goes on at scan {known} of {len(log)}"] if known else []
     return state.slam, rest, notes
+
+
+def _localizing(
+    entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
+) -> tuple[Slam, ScanLog, list[str]]:
+    """The algorithm in a map that stays, and the log from where its place is sure."""
+    if not arguments.localize:
+        raise ValueError("--start: got a place without a map; expected --localize MAP, too")
+    for name in ("resume_state", "save_state"):
+        if getattr(arguments, name):
+            option = f"--{name.replace('_', '-')}"
+            raise ValueError(f"--localize leaves the map as it is: got {option}, too")
+    from slams.localize import source
+
+    notes: list[str] = []
+    start = None if arguments.start is None else source.pose_of(arguments.start)
+    ready = source.prepare(entry, params, source.open_map(arguments.localize, notes))
+    seen = log if not arguments.no_odometry else log.select(odometry=False)
+    if start is not None:
+        found = source.start_at(ready.atlas, seen, start)
+    else:
+        found = source.find_start(ready.atlas, seen)
+    return ready.at(found.pose), log.from_scan(found.scan), [*notes, found.note]
 
 
 def _log(arguments: argparse.Namespace, program: str) -> ScanLog:

@@ -79,6 +79,12 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--save-state", metavar="FILE", help="also keep what the algorithm knows")
     p.add_argument("--resume-state", metavar="FILE", help="go on from a saved state")
+    p.add_argument("--localize", metavar="MAP", help="a state or map.yaml to stay as it is")
+    p.add_argument(
+        "--start",
+        metavar="X,Y,THETA",
+        help="where in MAP [m, rad], as --start=-1,2,0.5; else it is found",
+    )
     p.add_argument("-q", "--quiet", action="store_true", help="no progress bar, no summary")
     cli.add_log_options(p)
     return p
