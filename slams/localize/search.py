@@ -16,6 +16,7 @@ APART, APART_TURN = 0.5, math.radians(15.0)  # m, rad: closer than this is the s
 LEAST_VIEW = 20  # directions; with fewer there is nothing to compare
 INDEPENDENT = 30.0  # beams that tell something of their own; neighbors see the same wall
 TIE = 0.03  # evidence; what differs by less is as good
+ASTRAY = 0.1  # evidence that no fit loses
 EVEN = 1e-3  # of the best one's odds; what has less is not kept
 
 
@@ -70,9 +71,10 @@ class Atlas:
         return found._replace(pose=found.pose @ scan.laser.mount.inverse())
 
     def _looked_at(self, view: View, start: Pose2) -> Candidate:
-        poses = (self.chart.fit(view.points, start), start)  # people may pull a fit away
-        looks = [Candidate(p, *self.chart.explained(view.points, p), 1.0) for p in poses]
-        return max(looks, key=lambda look: look.evidence)
+        poses = (self.chart.fit(view.points, start), start)
+        fitted, rough = [Candidate(p, *self.chart.explained(view.points, p), 1.0) for p in poses]
+        pulled_away = fitted.evidence < rough.evidence - ASTRAY  # by people
+        return rough if pulled_away else fitted
 
 
 def with_odds(candidates: list[Candidate], before: Floats | None = None) -> list[Candidate]:
