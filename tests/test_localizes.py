@@ -2,10 +2,13 @@
 
 import json
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import slams
 from slams import run
 from slams.formats.occupancy import write_map
 from slams.localize import Atlas, Localizer, Localizes, open_map, prepare
@@ -292,3 +295,15 @@ def test_what_does_not_fit_is_refused_in_one_sentence(files, capsys):
     for text in ("1,2,nan", "a,b,c", ""):
         with pytest.raises(ValueError, match="--start"):
             pose_of(text)
+
+
+@pytest.mark.parametrize("word", ["load_state(folder", "Finder(slam.map())"])
+def test_the_code_of_the_page_about_maps_runs(word):
+    page = (Path(__file__).resolve().parents[1] / "docs" / "maps.md").read_text(encoding="utf-8")
+    code = next(b for b in re.findall(r"```python\n(.*?)```", page, re.S) if word in b)
+    exec(code, scope := {"slams": slams})
+    if "Finder" in word:
+        assert math.hypot(*scope["found"].pose[:2]) < 0.1
+    else:
+        slam = slams.create("hector")
+        assert [slam.update(scan) for scan in drive(n=30)][20:] == scope["poses"]

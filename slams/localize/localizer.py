@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from slams.localize.hooks import Localizes
-from slams.localize.places import view_of
+from slams.localize.places import ends_of
 from slams.localize.search import Atlas
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
@@ -84,7 +84,7 @@ class Localizer:
         return np.asarray(turn @ np.asarray(own) @ turn.T, np.float64)
 
     def _judge(self, scan: Scan, pose: Pose2) -> None:
-        points = view_of(scan).points
+        points = ends_of(scan)
         if not len(points):
             return
         self.explained, _ = self._atlas.chart.explained(points, pose @ scan.laser.mount)

@@ -38,17 +38,26 @@ class View(NamedTuple):
     ranges: NDArray[np.int32]
 
 
+def ends_of(scan: Scan) -> Floats:
+    """Where the beams that met something end (n, 2) [m], in the laser's frame."""
+    met = _met(scan)
+    return np.asarray(scan.ranges[met, None].astype(np.float64) * scan.laser.directions[met])
+
+
 def view_of(scan: Scan) -> View:
     """The beams that met something; of those in one direction the one nearest to its middle."""
-    laser = scan.laser
-    met = np.flatnonzero(np.isfinite(scan.ranges) & (scan.ranges > 0.0))
+    met = _met(scan)
     ranges = scan.ranges[met].astype(np.float64)
-    turns = laser.angles[met] * (TURNS / (2.0 * math.pi))
+    turns = scan.laser.angles[met] * (TURNS / (2.0 * math.pi))
     whole = np.round(turns).astype(np.int64)
     order = np.lexsort((np.abs(turns - whole), whole % TURNS))
     directions, first = np.unique(whole[order] % TURNS, return_index=True)
     rough = np.minimum(ranges[order][first], FAR) * UNIT
-    return View(ranges[:, None] * laser.directions[met], directions, rough.astype(np.int32))
+    return View(ends_of(scan), directions, rough.astype(np.int32))
+
+
+def _met(scan: Scan) -> NDArray[np.intp]:
+    return np.flatnonzero(np.isfinite(scan.ranges) & (scan.ranges > 0.0))
 
 
 class Places:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from slams.localize.chart import Chart
-from slams.localize.places import Places, View, view_of
+from slams.localize.places import Places, ends_of, view_of
 from slams.types import Floats, OccupancyGrid, Pose2, Scan
 
 TRIES = 60  # places that are looked at closely
@@ -48,7 +49,11 @@ class Atlas:
     def __init__(self, grid: OccupancyGrid) -> None:
         self.grid = grid
         self.chart = Chart(grid)
-        self.places = Places(self.chart)
+
+    @cached_property
+    def places(self) -> Places:
+        """What is seen from everywhere; made when it is first searched."""
+        return Places(self.chart)
 
     def search(self, scan: Scan) -> list[Candidate]:
         """The places where a scan may have been taken, the most likely first; [] if none.
@@ -60,19 +65,18 @@ class Atlas:
             return []
         back = scan.laser.mount.inverse()
         starts = self.places.rank(view, TRIES)
-        looked = [self._looked_at(view, start) for start in starts]
+        looked = [self._looked_at(view.points, start) for start in starts]
         apart = _apart(sorted(looked, key=lambda c: -c.evidence))
         return with_odds([c._replace(pose=c.pose @ back) for c in apart])
 
     def look(self, scan: Scan, pose: Pose2) -> Candidate:
         """What speaks for the base being near `pose`, where it fits best; odds 1."""
-        start = pose @ scan.laser.mount
-        found = self._looked_at(view_of(scan), start)
+        found = self._looked_at(ends_of(scan), pose @ scan.laser.mount)
         return found._replace(pose=found.pose @ scan.laser.mount.inverse())
 
-    def _looked_at(self, view: View, start: Pose2) -> Candidate:
-        poses = (self.chart.fit(view.points, start), start)
-        fitted, rough = [Candidate(p, *self.chart.explained(view.points, p), 1.0) for p in poses]
+    def _looked_at(self, points: Floats, start: Pose2) -> Candidate:
+        poses = (self.chart.fit(points, start), start)
+        fitted, rough = [Candidate(p, *self.chart.explained(points, p), 1.0) for p in poses]
         pulled_away = fitted.evidence < rough.evidence - ASTRAY  # by people
         return rough if pulled_away else fitted
 
