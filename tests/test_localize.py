@@ -146,6 +146,22 @@ def test_a_square_room_is_in_doubt_for_ever():
     assert max(c.odds for c in finder.candidates) < 0.6
 
 
+def test_all_places_in_doubt_move_by_the_wheels():
+    square = np.array(box(0.0, 0.0, 6.0, 6.0))
+    finder = Finder(grid_of(square, inside=(1.0, 1.0)))
+    far = Pose2(1.2, -0.4, 0.5)
+    poses = [Pose2(1.5, 2.0, 0.3), Pose2(1.5, 2.0, 0.3) @ far]
+    before = Pose2(9.0, -3.0, 1.0)
+    for k, odometry in enumerate((before, before @ far)):
+        finder.add(noisy(poses[k], k, segments=square, odometry=odometry))
+        if k == 0:
+            expected = [c.pose @ far for c in finder.candidates]
+    assert len(finder.candidates) == len(expected) == 4
+    for pose in expected:
+        assert min(off(c.pose, pose)[0] for c in finder.candidates) < 0.05
+    assert max(c.odds for c in finder.candidates) < 0.5
+
+
 @pytest.mark.parametrize("wheels", [True, False])
 def test_alike_rooms_are_told_apart_by_driving_on(wheels):
     finder = Finder(grid_of(ALIKE, inside=(0.0, -1.0)))

@@ -99,6 +99,18 @@ def test_virtual_ranges_are_those_of_the_walls(room):
         assert not seen.flags.writeable and seen.dtype == np.float32
 
 
+def test_a_wall_is_taken_to_be_in_the_middle_of_its_cells():
+    p = np.zeros((40, 60), np.float32)
+    p[:, 50] = p[35] = 1.0
+    chart = Chart(OccupancyGrid(p, 0.1, (-1.0, 2.0)))
+    fan = Laser(0.0, math.pi / 4, 3, 0.1, 30.0)
+    ahead, aslant, aside = ranges_at(chart, Pose2(0.0, 3.03, 0.0), fan).tolist()
+    assert (ahead, aside) == pytest.approx((4.05, 2.52), abs=1e-5)
+    assert aslant == pytest.approx(2.52 * math.sqrt(2.0), abs=0.05)
+    turned = ranges_at(chart, Pose2(0.0, 3.03, math.pi / 2), Laser(-math.pi / 2, 0.1, 1, 0.1, 30.0))
+    assert turned.tolist() == pytest.approx([4.05], abs=1e-5)
+
+
 def test_out_of_reach_or_unknown_is_no_range():
     grid = grid_of(ROOM)
     grid.p[grid.p == 1.0] = np.where(np.arange((grid.p == 1.0).sum()) % 2, np.nan, 1.0)
@@ -244,6 +256,16 @@ def test_a_run_localizes_in_a_map_of_map_server(files, capsys):
     assert command(*there, "--start=0.35,-0.2,0.4", "--limit", "9") == 0
     assert "% of the scan there" in capsys.readouterr().err
     assert len(errors(files / "o")) == 9
+
+
+def test_a_run_begins_at_the_scan_that_is_found(files, log, capsys):
+    ranges = log.ranges.copy()
+    ranges[:3] = np.nan
+    type(log)(log.t, ranges, log.laser).save(files / "late.npz")
+    there = ("--localize", files / "map.yaml", "--out", files / "o")
+    assert command("hector", files / "late.npz", *there) == 0
+    assert "by scan 3 of 40" in capsys.readouterr().err
+    assert len(errors(files / "o")) == 37 and errors(files / "o").max() < 0.05
 
 
 def test_a_run_localizes_in_a_state_of_its_own_or_of_another(files, log):
