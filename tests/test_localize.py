@@ -146,7 +146,7 @@ def test_a_square_room_is_in_doubt_for_ever():
     assert max(c.odds for c in finder.candidates) < 0.6
 
 
-def test_all_places_in_doubt_move_by_the_wheels():
+def test_all_places_in_doubt_move_by_the_wheels(monkeypatch):
     square = np.array(box(0.0, 0.0, 6.0, 6.0))
     finder = Finder(grid_of(square, inside=(1.0, 1.0)))
     far = Pose2(1.2, -0.4, 0.5)
@@ -156,6 +156,7 @@ def test_all_places_in_doubt_move_by_the_wheels():
         finder.add(noisy(poses[k], k, segments=square, odometry=odometry))
         if k == 0:
             expected = [c.pose @ far for c in finder.candidates]
+            monkeypatch.setattr(finder.atlas, "search", lambda scan: [])  # which would find them
     assert len(finder.candidates) == len(expected) == 4
     for pose in expected:
         assert min(off(c.pose, pose)[0] for c in finder.candidates) < 0.05
