@@ -192,7 +192,7 @@ def rewritten(source, target, change, sign=True):
     text = json.dumps(known).encode()
     if sign:
         head["sha256"] = hashlib.sha256(text + memory).hexdigest()
-    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(target, "w") as archive:
         archive.writestr("memory.bin", memory)
         archive.writestr("nodes.json", text)
         archive.writestr("head.json", json.dumps(head))
@@ -287,6 +287,51 @@ def test_a_changed_file_is_refused_in_one_sentence(kind, kept, tmp_path):
         load_state(path)
     assert sentence in str(caught.value)
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 400
+
+
+JUNK = (
+    None,
+    -1,
+    0,
+    10**9,
+    10**30,
+    "x",
+    "<f8",
+    "hector.slam:Hector",
+    [],
+    [0],
+    {},
+    1.5,
+    True,
+    "list",
+)
+
+
+def spoiled(known, rng):
+    """Somewhere in a nest of lists and dicts a value of another kind, or one less."""
+    while True:
+        keys = list(known) if isinstance(known, dict) else range(len(known))
+        key = keys[rng.integers(len(keys))]
+        if isinstance(known[key], (list, dict)) and known[key] and rng.random() < 0.8:
+            known = known[key]
+        elif rng.random() < 0.8:
+            known[key] = JUNK[rng.integers(len(JUNK))]
+            return
+        else:
+            del known[key]
+            return
+
+
+def test_whatever_stands_in_a_signed_file_is_read_or_refused_in_one_sentence(kept, tmp_path):
+    rng, said = np.random.default_rng(0), []
+    for _ in range(80):
+        path = rewritten(kept, tmp_path / "x", lambda head, known: spoiled(known, rng))
+        try:
+            load_state(path)
+        except ValueError as error:
+            said.append(str(error))
+    assert len(said) > 60
+    assert all(text.startswith(str(path)) and "\n" not in text for text in said)
 
 
 def test_an_unsigned_change_is_noticed(kept, tmp_path):

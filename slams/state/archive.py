@@ -121,6 +121,8 @@ def _read(archive: zipfile.ZipFile) -> Stored:
     _check_head(head)
     text = _bytes(archive, NODES, MOST_NODES)
     known = _json(text)
+    if not (isinstance(known["roots"], dict) and isinstance(known["nodes"], list)):
+        raise EOFError("no nodes")
     pieces = [Piece(*piece) for piece in known["pieces"]]
     size, kept = archive.getinfo(MEMORY).file_size, kept_size(pieces)
     if size != kept:
