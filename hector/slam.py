@@ -45,6 +45,7 @@ class Hector:
 
     def __init__(self, params: HectorParams) -> None:
         self.params = params
+        self.frozen = False
         self._map = LogOddsPyramid(params)
         self._scan = EndPoints(params)
         self._motion = Motion(params.start)
@@ -75,6 +76,16 @@ class Hector:
         if self._due(points, match):  # 5.
             self._insert(points, match)
         return match.pose
+
+    def insert_at(self, scan: Scan, pose: Pose2) -> None:
+        """Take a scan whose pose is known, at rest; it enters the map unless `frozen`."""
+        self._motion = Motion(self.params.start)
+        self._motion.predict(pose, scan)
+        self._motion.moved(pose, scan)
+        self._match = Match(pose, 1.0, 0.0)
+        points = self._scan.take(scan, IDENTITY)
+        if points.n > 0 and not self.frozen:
+            self._insert(points, self._match)
 
     def map(self) -> OccupancyGrid:
         """The finest level as probabilities."""
@@ -143,7 +154,7 @@ class Hector:
 
     def _due(self, points: EndPoints, match: Match) -> bool:
         """Step 5: far enough from the last insertion, or much that the map did not explain."""
-        if points.n == 0 or 0 < self._refused < self.params.patience:
+        if self.frozen or points.n == 0 or 0 < self._refused < self.params.patience:
             return False
         if self._map.insertions < self.params.settle:
             return True

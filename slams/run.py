@@ -77,6 +77,14 @@ def parser() -> argparse.ArgumentParser:
         const="live",
         help="watch in the viewer rerun, or save for it (extra viz)",
     )
+    p.add_argument("--save-state", metavar="FILE", help="also keep what the algorithm knows")
+    p.add_argument("--resume-state", metavar="FILE", help="go on from a saved state")
+    p.add_argument("--localize", metavar="MAP", help="a state or map.yaml to stay as it is")
+    p.add_argument(
+        "--start",
+        metavar="X,Y,THETA",
+        help="where in MAP [m, rad], as --start=-1,2,0.5; else it is found",
+    )
     p.add_argument("-q", "--quiet", action="store_true", help="no progress bar, no summary")
     cli.add_log_options(p)
     return p
@@ -93,9 +101,14 @@ def _command(arguments: argparse.Namespace) -> int:
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
-    log, folder = cli.refusing(lambda: _log_and_folder(entry, arguments))
-    cli.show_notes(PROGRAM, log.notes, arguments.quiet)
-    slam, run, start_up_s = _replayed(entry, params, log, arguments)
+    from slams.begin import begin
+
+    slam, log, folder, notes = cli.refusing(lambda: begin(entry, params, arguments, PROGRAM))
+    cli.show_notes(PROGRAM, [*log.notes, *notes], arguments.quiet)
+    params = getattr(slam, "params", params)
+    run, start_up_s = _replayed(slam, entry, params, log, arguments)
+    if arguments.save_state:
+        cli.refusing(lambda: _save_state(slam, arguments.save_state, log))
     text = cli.refusing(
         lambda: write_results(
             folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap, ros=ros
@@ -195,35 +208,17 @@ def _write_mcap(path: Path, log: ScanLog, run: Run, grid: OccupancyGrid) -> None
     write_mcap(path, log, run.poses, grid)
 
 
-def _log_and_folder(entry: Entry, arguments: argparse.Namespace) -> tuple[ScanLog, Path]:
-    """The log, and where its results go; a folder that cannot be is told before the run."""
-    from slams.formats.files import check_folder
+def _save_state(slam: Slam, path: str, log: ScanLog) -> None:
+    from slams.state import session
 
-    log = _log(arguments)
-    folder = Path(arguments.out or f"results/{log.name}-{entry.label.replace(':', '.')}")
-    check_folder(folder)
-    return log, folder
-
-
-def _log(arguments: argparse.Namespace) -> ScanLog:
-    from slams.formats.source import load
-
-    if not arguments.log:
-        raise ValueError(f"no log given; expected {PROGRAM} {arguments.algorithm} scans.npz")
-    for name in ("limit", "every", "video_every"):
-        value = getattr(arguments, name)
-        if value is not None and value < 1:
-            raise ValueError(f"--{name.replace('_', '-')}: got {value}, expected 1 or more")
-    log = load(arguments.log, cli.log_options(arguments))
-    return log.select(arguments.limit, arguments.every, not arguments.no_odometry)
+    session.save_after(slam, path, log)
 
 
 def _replayed(
-    entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
-) -> tuple[Slam, Run, float]:
+    slam: Slam, entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
+) -> tuple[Run, float]:
     from slams.player import WARM_UP_SCANS, replay, warm_up
 
-    slam = entry.cls(params)
     with ExitStack() as watching:
         watchers = cli.refusing(lambda: _watchers(slam, entry.label, log, arguments))
         for watcher in watchers:
@@ -235,7 +230,7 @@ def _replayed(
 
         start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
         scans = cli.progress(log, len(log), entry.label, arguments.quiet)
-        return slam, replay(slam, scans, _watch if watchers else None), start_up_s
+        return replay(slam, scans, _watch if watchers else None), start_up_s
 
 
 def _watchers(
