@@ -1,0 +1,244 @@
+"""The live node: scans in, poses, transforms and maps out, until it is told to end."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from slams.formats.bag import IMU, ODOMETRY, SCAN, TF, Record
+from slams.live.estimate import Estimate
+from slams.live.frames import Mounted, RobotFrames
+from slams.live.inbox import Inbox, Waiting
+from slams.live.maps import MapThread
+from slams.live.options import NodeOptions
+from slams.live.publisher import Publisher
+from slams.live.recorder import Recorder
+from slams.live.scans import Message, ScanCleaner, message_of
+from slams.live.senses import Senses
+from slams.live.slam import LiveSlam
+from slams.live.watch import Say, Watch
+from slams.live.wire import Quality, Taker, Wire
+from slams.types import IDENTITY, Pose2, Scan
+
+SETTLING = 0.5  # [s] after the first scan, in which odometry and tf speak up
+WITHOUT_TF = 2.0  # [s] after the first scan, in which tf may come late
+TICK = 0.1  # [s] between looks at whether to end
+EARLY = 1000  # scans that may wait until the frames are known
+
+
+@dataclass
+class Drive:
+    """What was driven: stamps [s], poses, and time from a scan's coming to its pose [s]."""
+
+    t: list[float] = field(default_factory=list)
+    poses: list[Pose2] = field(default_factory=list)
+    delays: list[float] = field(default_factory=list)
+    estimate: Estimate | None = None
+    counts: dict[str, int] = field(
+        default_factory=lambda: dict.fromkeys(("unreadable", "other_frame", "no_odometry"), 0)
+    )
+
+
+class Node:
+    """One algorithm on a robot.
+
+    Args:
+        live: the algorithm.
+        wire: the network.
+        options: topics, frames, times.
+        say: what tells the user a sentence.
+        recorder: gets all messages.
+    """
+
+    def __init__(
+        self,
+        live: LiveSlam,
+        wire: Wire,
+        options: NodeOptions,
+        say: Say,
+        recorder: Recorder | None = None,
+    ) -> None:
+        self.live, self.wire, self.options = live, wire, options
+        self.drive, self.inbox = Drive(), Inbox(EARLY)
+        self.senses = Senses(RobotFrames(options.base_frame, options.odom_frame), options.odometry)
+        self._say, self._recorder = say, recorder
+        self._watch = Watch(options.topics.scan, self.inbox, live, wire, say)
+        self._publisher = Publisher(wire, options, recorder)
+        self._maps = MapThread(live, self._publisher.show, options.map_every)
+        self._cleaner: ScanCleaner | None = None
+        self._frame = ""
+        self._looked = -1.0
+        self._subscribe()
+
+    def start(self, ending: threading.Event) -> None:
+        """Wait for the first scan and for the frames.
+
+        Raises:
+            ValueError: there are no scans, or a frame is not in tf; the sentence says what is.
+        """
+        self.wire.listen()
+        self._say(f"ready for scans on {self.options.topics.scan}")
+        first = self._first_scan(ending)
+        if first is None:
+            return
+        self._frame = message_of(first.record).frame
+        mounted = self._mounted(first.since, ending)
+        self._cleaner = ScanCleaner(mounted)
+        for note in self.senses.frames.notes:
+            self._say(note)
+
+    def run(self, ending: threading.Event, status: Callable[[], None]) -> None:
+        """Take scans until the end; `status` is called about once a second."""
+        while not ending.is_set():
+            waiting = self.inbox.take(TICK)
+            if waiting is not None:
+                self._take(waiting)
+            if len(self.inbox) <= self.options.queue:  # what came while frames were sought is done
+                self.inbox.most = self.options.queue
+            if time.monotonic() - self._looked >= 1.0:
+                self._looked = time.monotonic()
+                self._look()
+                status()
+
+    def close(self) -> None:
+        """Publish the last map and leave the network."""
+        self._maps.close()
+        self.wire.close()
+
+    def report(self) -> dict[str, Any]:
+        """Counts of what happened to scans and maps."""
+        maps = {"maps": self._maps.drawn, "longest_hold_s": self._maps.longest}
+        came = {"came": self.inbox.came, "dropped": self.inbox.dropped}
+        late = {"late_odometry": self.senses.late, "unreadable_others": self.senses.unreadable}
+        source = {"odometry": self.senses.source, "base_frame": self.senses.frames.base}
+        return came | self.drive.counts | late | source | maps | self.live.report()
+
+    # network
+
+    def _subscribe(self) -> None:
+        topics, take = self.options.topics, self.senses
+        self._hear(topics.scan, SCAN, Quality.SENSOR, self.inbox.put)
+        if self.options.odometry in ("auto", "topic"):
+            self._hear(topics.odom, ODOMETRY, Quality.SENSOR, take.take_odometry)
+        if self.options.imu:
+            self._hear(topics.imu, IMU, Quality.SENSOR, take.take_imu)
+        self._hear(topics.tf, TF, Quality.RELIABLE, take.take_tf)
+        self._hear(topics.tf_static, TF, Quality.LATCHED, take.take_tf)
+
+    def _hear(self, topic: str, msgtype: str, quality: Quality, take: Taker) -> None:
+        recorder = self._recorder
+        if recorder is None:
+            self.wire.subscribe(topic, msgtype, quality, take)
+            return
+
+        def both(record: Record) -> None:
+            take(record)
+            recorder.put(topic, record.received, record.data)
+
+        self.wire.subscribe(topic, msgtype, quality, both)
+
+    # start
+
+    def _first_scan(self, ending: threading.Event) -> Waiting | None:
+        """The first scan, left where it waits; None if it ended before."""
+        until = time.monotonic() + self.options.patience
+        while not ending.is_set():
+            first = self.inbox.first(TICK)
+            if first is not None:
+                return first
+            if time.monotonic() > until:
+                raise ValueError(self._no_scan())
+        return None
+
+    def _no_scan(self) -> str:
+        """Why there is no scan, as far as the network tells."""
+        topic, there = self.options.topics.scan, self.wire.topics()
+        others = ", ".join(
+            sorted(name for name, kind in there.items() if kind == SCAN and name != topic)
+        )
+        if there.get(topic, SCAN) != SCAN:
+            what = f"{topic} carries {there[topic]}, expected {SCAN}"
+        elif topic in there:
+            what = f"{topic} is published, but no scan came within {self.options.patience:g} s"
+        else:
+            what = f"no scan on {topic} within {self.options.patience:g} s: nobody publishes it"
+        return f"{what}; topics with scans: {others or 'none'} (--scan-topic takes another)"
+
+    def _mounted(self, since: float, ending: threading.Event) -> Mounted:
+        """Where the laser sits: as tf says, or at the base where there is no tf."""
+        asked = self.options.base_frame is not None
+        patience = self.options.patience if asked else WITHOUT_TF
+        while not ending.is_set():
+            now = time.monotonic()
+            mounted = self.senses.settle(self._frame) if now >= since + SETTLING else None
+            if mounted is not None:
+                return mounted
+            if now > since + patience:
+                break
+            ending.wait(TICK)
+        return self._without_tf()
+
+    def _without_tf(self) -> Mounted:
+        complaint = self.senses.frames.complaint(self._frame)
+        if complaint is not None:
+            raise ValueError(complaint)
+        self._say(f"no transform to the laser's frame {self._frame}: it is taken as the base")
+        self.senses.settle_alone(self._frame)
+        return Mounted(self._frame, IDENTITY, False)
+
+    # scans
+
+    def _take(self, waiting: Waiting) -> None:
+        assert self._cleaner is not None
+        try:
+            message = message_of(waiting.record)
+            if message.frame != self._frame:
+                self.drive.counts["other_frame"] += 1
+                return
+            self._pose(message, waiting.since)
+        except ValueError as error:
+            self.drive.counts["unreadable"] += 1
+            if self.drive.counts["unreadable"] == 1:
+                self._say(f"{error}; such scans are left out")
+
+    def _pose(self, message: Message, since: float) -> None:
+        """From a scan to its pose, out on the network."""
+        assert self._cleaner is not None
+        cleaned, t = self._cleaner.clean(message), message.t
+        self.senses.wait_for(t, since + self.options.wait)
+        odometry = self.senses.odometry_at(t)
+        self.drive.counts["no_odometry"] += odometry is None and self.senses.has_odometry
+        scan = Scan(t, cleaned.ranges, cleaned.laser, odometry, self.senses.yaw_at(t))
+        estimate = self.live.push_scan(scan)
+        if not estimate.used:
+            return
+        base = None if self.senses.has_odometry else self.senses.frames.base
+        counts = {"scans": len(self.drive.t) + 1, "dropped": self.inbox.dropped}
+        self._publisher.tell(message.stamp, estimate, base, counts)
+        self.drive.delays.append(time.monotonic() - since)
+        self.drive.t.append(t)
+        self.drive.poses.append(estimate.pose)
+        self.drive.estimate = estimate
+        self._maps.seen(message.stamp)
+        self._watch.stamped(t)
+
+    def _look(self) -> None:
+        """Tell what goes wrong."""
+        self._watch.look()
+        counts = self.drive.counts
+        self._watch.count(
+            "odometry",
+            counts["no_odometry"],
+            f"scans so far without odometry within {self.options.wait:g} s (--wait is how long)",
+        )
+        self._watch.count(
+            "frame",
+            counts["other_frame"],
+            f"scans of other frames than {self._frame} are left out: two lasers on one topic",
+        )
+        if self._maps.failed is not None:
+            self._say(f"the map is not published: {self._maps.failed}")
+            self._maps.failed = None
