@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
+from typing import TYPE_CHECKING
 
-from slams.live.wire import Wire
+if TYPE_CHECKING:
+    from slams.live.wire import Wire
 
 
 def add_network_options(parser: argparse.ArgumentParser) -> None:

@@ -135,6 +135,7 @@ class Node:
             return
 
         def both(record: Record) -> None:
+            """Take a message and keep it."""
             take(record)
             recorder.put(topic, record.received, record.data)
 
