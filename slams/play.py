@@ -86,7 +86,7 @@ def _play(log: ScanLog, wire: Wire, arguments: argparse.Namespace, ending: threa
     from slams.live.robot import LINGER, Robot
 
     names = cli.refusing(lambda: dict(_renamed(text) for text in arguments.remap))
-    robot = Robot(log, wire, names)
+    robot = cli.refusing(lambda: Robot(log, wire, names))
     wire.listen()
     robot.introduce()
     if not robot.await_reader(arguments.wait, ending) and not arguments.quiet:

@@ -201,7 +201,7 @@ def _drive(
         terminal.end()
         node.close()
         if recorder is not None:
-            cli.refusing(recorder.close)
+            cli.refusing(recorder.close if node.drive.t else recorder.abandon)
     return node
 
 

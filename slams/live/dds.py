@@ -76,12 +76,12 @@ class DdsWire:
         return len(self._readers[topic][0].get_matched_publications())
 
     def close(self) -> None:
-        """Leave the domain."""
+        """Leave the domain; what was advertised is gone with it."""
         self._ending.set()
         if self._thread.is_alive():
             self._thread.join()
         self._readers.clear()
-        del self._published, self._participant
+        self._published = self._participant = None
 
     def _topic(self, topic: str, msgtype: str) -> Any:
         from cyclonedds.topic import Topic

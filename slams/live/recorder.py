@@ -50,12 +50,20 @@ class Recorder:
         Raises:
             OSError: some of it could not be written; then there is no file.
         """
-        self._waiting.put(None)
-        self._thread.join()
+        self._end()
         if self._failed is not None:
             self._file.abandon()
             raise OSError(f"{self._file.path}: not recorded: {self._failed}") from self._failed
         self._file.close()
+
+    def abandon(self) -> None:
+        """Leave nothing of the file."""
+        self._end()
+        self._file.abandon()
+
+    def _end(self) -> None:
+        self._waiting.put(None)
+        self._thread.join()
 
     def _write(self) -> None:
         """Write until the end, or until the disk says no; then what comes is let go."""
