@@ -15,7 +15,8 @@ from bench.report import __main__ as report
 from bench.report import readme_sweep
 from bench.results import FORMAT
 from bench.results import sweep as results
-from slams import check, convert, metrics, run
+from slams import check, convert, metrics, play, run
+from slams.live import __main__ as live
 from slams.player import replay
 from slams.registry import find
 from tests.rooms import drive
@@ -43,6 +44,8 @@ def test_the_commands_of_the_readme_are_ones_the_programs_take():
         "bench.report": report.parser(),
         "bench.sweep": sweep.parser(),
         "slams.convert": convert.parser(),
+        "slams.live": live.parser(),
+        "slams.play": play.parser(),
         "slams.check": check.parser(),
     }
     lines = re.findall(r"^    python -m (.*)$", README.replace("\n--", " --"), re.M)

@@ -172,10 +172,16 @@ def _wire(arguments: argparse.Namespace, terminal: Terminal) -> Wire:
 
 
 def _ending() -> threading.Event:
-    """What Ctrl-C and SIGTERM set."""
+    """What Ctrl-C and SIGTERM set; a second Ctrl-C does not wait for the results."""
     ending = threading.Event()
+
+    def end(*_: object) -> None:
+        """Let the node end."""
+        ending.set()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ending.set())
+        signal.signal(number, end)
     return ending
 
 

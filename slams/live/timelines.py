@@ -13,11 +13,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from slams.live.slam import LATE_IN_A_ROW
 from slams.plausible import LATEST, can_be
 from slams.types import Pose2, wrap_angle
 
 KEPT = 2000  # samples: 10 s at 200 Hz
-LATE_IN_A_ROW = 10  # after so many samples from the past the clock was set back
 ALIVE = 1.0  # [s] of silence after which nobody waits for it
 
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from slams.live import timelines
-from slams.live.timelines import LATE_IN_A_ROW, PoseTimeline, RateTimeline, all_cover
+from slams.live import LATE_IN_A_ROW, timelines
+from slams.live.timelines import PoseTimeline, RateTimeline, all_cover
 from slams.scanlog import Track
 from slams.types import Pose2, wrap_angle
 
