@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import math
 import signal
 import sys
@@ -91,6 +92,8 @@ def _play(log: ScanLog, wire: Wire, arguments: argparse.Namespace, ending: threa
     robot.introduce()
     if not robot.await_reader(arguments.wait, ending) and not arguments.quiet:
         cli.show_notes(PROGRAM, ["nobody listens to the scans yet; they are sent all the same"])
+    gc.collect()
+    gc.freeze()  # a search for garbage among all scans would hold them up
     sent, start, turn = 0, time.monotonic(), 0
     while not ending.is_set() and (turn == 0 or arguments.loop):
         moments = cli.progress(robot.moments(turn), robot.length, "playing", arguments.quiet, "")

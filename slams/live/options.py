@@ -47,7 +47,7 @@ class NodeOptions:
     imu: bool = True
     queue: int = 20
     patience: float = 5.0
-    wait: float = 0.2
+    wait: float = 0.4
     map_every: float = 2.0
     tf_ahead: float = 0.1
 

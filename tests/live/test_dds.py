@@ -1,13 +1,9 @@
 """The network of ROS 2, on this machine's loopback alone."""
 
 import json
-import os
 import signal
-import subprocess
-import sys
 import threading
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,13 +16,10 @@ from slams.live.dds_types import ros_name, topic_name, type_name
 from slams.live.wire import MAP, STATUS, TYPES, Quality
 from slams.player import replay
 from slams.types import OccupancyGrid, Pose2
+from tests.live.commands import DOMAIN, PATIENCE, environment
 from tests.rooms import drive, laser
 
 pytest.importorskip("cyclonedds", reason="needs the extra live")
-
-DOMAIN = 1 + os.getpid() % 100  # beyond, DDS would take ports that programs get by chance
-PATIENCE = 30.0  # [s] for a machine that is busy
-ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -183,44 +176,6 @@ def test_a_domain_that_is_none_is_refused():
 
 
 # the commands
-
-
-def environment():
-    left_out = ("CYCLONEDDS_URI", "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE")
-    kept = {name: value for name, value in os.environ.items() if name not in left_out}
-    return kept | {
-        "PYTHONPATH": str(ROOT),
-        "ROS_LOCALHOST_ONLY": "1",
-        "ROS_DOMAIN_ID": str(DOMAIN),
-        "PYTHONUNBUFFERED": "1",
-    }
-
-
-def command(module, *arguments, folder):
-    return subprocess.Popen(
-        [sys.executable, "-m", module, *map(str, arguments)],
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-@pytest.fixture
-def started():
-    """Starts commands, and ends those that are left."""
-    running = []
-
-    def start(*arguments, **more):
-        running.append(command(*arguments, **more))
-        return running[-1]
-
-    yield start
-    for process in running:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
 
 
 def turtlebot(n=25):
