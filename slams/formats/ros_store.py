@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
@@ -12,6 +13,12 @@ def store() -> Any:
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_HUMBLE)
+
+
+def prepare(msgtypes: Iterable[str]) -> None:
+    """Have the code that packs and unpacks messages ready: 20 ms each, when they are first used."""
+    for msgtype in msgtypes:
+        store().get_msgdef(msgtype)
 
 
 def fields(msgtype: str) -> list[tuple[str, tuple[str, Any]]]:

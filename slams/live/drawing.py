@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import copy
-import math
+import gc
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol, TypeVar, runtime_checkable
+from types import BuiltinFunctionType, FunctionType, ModuleType
+from typing import Any, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
 
 from slams.types import OccupancyGrid, Slam
 
 T = TypeVar("T")
 
+LONG = 0.005  # [s] that a scan may well be held for a map
+PER_OBJECT, PER_BYTE = 5e-6, 1e-9  # [s] that a copy takes, at least, on machines we measured
+SHARED = (type, FunctionType, BuiltinFunctionType, ModuleType)  # what a copy leaves as it is
 NO_COPY = (TypeError, AttributeError, NotImplementedError, copy.Error)  # of what cannot be copied
 
 
@@ -28,30 +34,36 @@ class Sketched(Protocol):
 class Drawer:
     """Draws maps of one algorithm that other threads update under a lock.
 
-    The lock is held for the sketch, where the algorithm has one; else for the drawing or for a copy
-    that is drawn afterwards, whichever took less time when it was done last. `held` [s] is for how
+    The lock is held for the sketch, where the algorithm has one; else for the drawing; or, where
+    that is long and a copy is quicker, for a copy that is drawn afterwards. `held` [s] is for how
     long the lock was held last.
     """
 
     def __init__(self) -> None:
         self.held = 0.0
-        self._by_copy, self._in_place = 0.0, 0.0
+        self._in_place, self._by_copy = 0.0, 0.0  # what they took last
 
     def draw(self, slam: Slam, lock: threading.RLock) -> OccupancyGrid:
         """The map as it stands when the lock is taken."""
         if isinstance(slam, Sketched):
             return self._timed(lock, slam.sketch)()
-        if self._in_place <= self._by_copy:
-            grid = self._timed(lock, slam.map)
-            self._in_place = self.held
-            return grid
+        if self._in_place > max(LONG, self._by_copy):
+            copied = self._timed(lock, lambda: self._copy(slam))
+            if copied is not None:
+                self._by_copy = self.held
+                return copied.map()
+        grid = self._timed(lock, slam.map)
+        self._in_place = self.held
+        return grid
+
+    def _copy(self, slam: Slam) -> Slam | None:
+        """A copy, if that takes less time than drawing did."""
+        if not copies_within(slam, self._in_place):
+            return None
         try:
-            copied = self._timed(lock, lambda: copy.deepcopy(slam))
+            return copy.deepcopy(slam)
         except NO_COPY:
-            self._by_copy = math.inf
-            return self.draw(slam, lock)
-        self._by_copy = self.held
-        return copied.map()
+            return None
 
     def _timed(self, lock: threading.RLock, work: Callable[[], T]) -> T:
         with lock:
@@ -59,3 +71,23 @@ class Drawer:
             done = work()
             self.held = time.perf_counter() - start
         return done
+
+
+def copies_within(thing: Any, seconds: float) -> bool:
+    """Whether a deep copy can take so little time, by the number and size of what hangs on it.
+
+    A copy tried in vain would hold scans for as long as it takes: gmapping's of 165 MB takes
+    0.3 s. Looking takes a tenth of `seconds` at most.
+    """
+    seen: set[int] = set()
+    waiting, spent = [thing], 0.0
+    while waiting:
+        one = waiting.pop()
+        if id(one) in seen or isinstance(one, SHARED):
+            continue
+        seen.add(id(one))
+        spent += PER_OBJECT + PER_BYTE * (one.nbytes if isinstance(one, np.ndarray) else 0)
+        if spent > seconds:
+            return False
+        waiting += gc.get_referents(one)
+    return True

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from slams.formats.bag import IMU, ODOMETRY, SCAN, TF, Record
+from slams.formats.ros_store import prepare
 from slams.live.estimate import Estimate
 from slams.live.frames import Mounted, RobotFrames
 from slams.live.inbox import Inbox, Waiting
@@ -20,7 +21,7 @@ from slams.live.scans import Message, ScanCleaner, message_of
 from slams.live.senses import Senses
 from slams.live.slam import LiveSlam
 from slams.live.watch import Say, Watch
-from slams.live.wire import Quality, Taker, Wire
+from slams.live.wire import TYPES, Quality, Taker, Wire
 from slams.types import IDENTITY, Pose2, Scan
 
 SETTLING = 0.5  # [s] after the first scan, in which odometry and tf speak up
@@ -61,6 +62,7 @@ class Node:
         say: Say,
         recorder: Recorder | None = None,
     ) -> None:
+        prepare(TYPES)
         self.live, self.wire, self.options = live, wire, options
         self.drive, self.inbox = Drive(), Inbox(EARLY)
         self.senses = Senses(RobotFrames(options.base_frame, options.odom_frame), options.odometry)

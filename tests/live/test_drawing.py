@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slams.live import LiveSlam
-from slams.live.drawing import Drawer
+from slams.live.drawing import Drawer, copies_within
 from slams.live.maps import MapThread
 from slams.registry import find
 from slams.types import OccupancyGrid
@@ -53,7 +53,7 @@ def test_a_scan_goes_on_while_a_map_is_drawn(kind, by_copy):
 
 def test_what_takes_less_time_is_done(monkeypatch):
     done = []
-    times = {"map": 0.01, "copy": 0.02}
+    times = {"map": 0.001, "copy": 0.008}
 
     class Slam:
         def map(self):
@@ -68,23 +68,37 @@ def test_what_takes_less_time_is_done(monkeypatch):
 
     clock = [0.0]
     monkeypatch.setattr("slams.live.drawing.time.perf_counter", lambda: clock[0])
-    drawer, lock = Drawer(), threading.RLock()
+    drawer, lock, slam = Drawer(), threading.RLock(), Slam()
     for _ in range(3):
-        drawer.draw(Slam(), lock)
-    assert done == ["map", "copy", "map", "map"]  # a copy is drawn, too
-    times["map"] = 0.5  # the map has grown
+        drawer.draw(slam, lock)
+    assert done == ["map"] * 3  # a map that is drawn at once needs no copy
+    times["map"] = 0.01
     for _ in range(3):
-        drawer.draw(Slam(), lock)
-    assert done[4:] == ["map", "copy", "map", "copy", "map"]
-    assert drawer.held == pytest.approx(0.02)
+        drawer.draw(slam, lock)
+    assert done[3:] == ["map", "copy", "map", "copy", "map"]  # a copy is drawn, too
+    assert drawer.held == pytest.approx(0.008)
+    times["copy"] = 0.02  # it has grown beyond what drawing took
+    for _ in range(3):
+        drawer.draw(slam, lock)
+    assert done[8:] == ["copy", "map", "map", "map"]
+    assert drawer.held == pytest.approx(0.01)
+
+
+def test_what_is_too_large_is_not_even_tried():
+    large = {"tiles": [np.zeros(1 << 20) for _ in range(4)], "scans": list(map(str, range(1000)))}
+    assert copies_within(large, 0.1)
+    assert not copies_within(large, 0.03)
+    assert not copies_within({"scans": large["scans"]}, 0.003)
+    assert copies_within(find("odometry").cls, 1e-9)  # classes are shared
 
 
 def test_what_cannot_be_copied_is_drawn_in_place():
     live = LiveSlam(ODOMETRY, warm_up=False)
     live._slam.lock = threading.Lock()
     for _ in range(3):
+        live._drawer._in_place = 1.0
         assert live.map().p.shape == (1, 1)
-    assert live._drawer._by_copy == np.inf
+    assert live._drawer._by_copy == 0.0
 
 
 def test_a_map_is_shown_at_once_then_at_its_pace_and_at_the_end():

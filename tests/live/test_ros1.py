@@ -1,7 +1,7 @@
 """ROS 1: the adapter to rospy, against a stand-in with rospy's names.
 
-It checks what the adapter asks of rospy and that messages are turned to CDR and back; whether the
-real rospy does its part, only a machine that has it can tell.
+It checks what the adapter asks of rospy and that messages are turned to CDR and back; with the real
+rospy `test_ros1_master.py` does so, where it is installed.
 """
 
 import sys
