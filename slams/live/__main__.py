@@ -196,18 +196,18 @@ def _drive(
     """Take scans until the end."""
     from slams.live.node import Node
 
-    recorder = cli.refusing(lambda: _recorder(record, options.topics))
-    node = cli.refusing(lambda: Node(live, wire, options, terminal.say, recorder))
+    node = cli.refusing(lambda: Node(live, wire, options, terminal.say))
     gc.collect()
     gc.freeze()  # spare the scans the search for garbage among all that was loaded
     try:
+        node.recorder = cli.refusing(lambda: _recorder(record, options.topics))
         cli.refusing(lambda: node.start(ending))
         node.run(ending, lambda: terminal.status(node))
     finally:
         terminal.end()
         node.close()
-        if recorder is not None:
-            cli.refusing(recorder.close if node.drive.t else recorder.abandon)
+        if node.recorder is not None:
+            cli.refusing(node.recorder.close if node.drive.t else node.recorder.abandon)
     return node
 
 

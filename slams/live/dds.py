@@ -84,9 +84,13 @@ class DdsWire:
         self._published = self._participant = None
 
     def _topic(self, topic: str, msgtype: str) -> Any:
+        from cyclonedds.core import DDSException
         from cyclonedds.topic import Topic
 
-        return Topic(self._participant, topic_name(topic), packed(msgtype))
+        try:
+            return Topic(self._participant, topic_name(topic), packed(msgtype))
+        except DDSException as error:
+            raise ValueError(f"{topic!r} is no name of a topic for DDS ({error})") from error
 
     def _receive(self) -> None:
         """Hand over messages as they come, until the end."""

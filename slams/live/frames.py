@@ -43,10 +43,9 @@ class RobotFrames:
         items = (item for item in message.transforms if bare(item.header.frame_id) == self.odom)
         return [(seconds(i.header.stamp), bare(i.child_frame_id), _pose(i)) for i in items]
 
-    @property
-    def empty(self) -> bool:
-        """Whether no transform has come yet."""
-        return not self._tree.samples
+    def knows(self, frame: str) -> bool:
+        """Whether tf has a frame."""
+        return bare(frame) in self._tree.frames
 
     def carries(self, frame: str, laser: str) -> bool:
         """Whether the laser is fixed to a frame."""

@@ -51,27 +51,22 @@ class Node:
         wire: the network.
         options: topics, frames, times.
         say: what tells the user a sentence.
-        recorder: gets all messages.
+
+    A `recorder`, where it is set before `start`, gets all messages.
     """
 
-    def __init__(
-        self,
-        live: LiveSlam,
-        wire: Wire,
-        options: NodeOptions,
-        say: Say,
-        recorder: Recorder | None = None,
-    ) -> None:
+    def __init__(self, live: LiveSlam, wire: Wire, options: NodeOptions, say: Say) -> None:
         prepare(TYPES)
         self.live, self.wire, self.options = live, wire, options
         self.drive, self.inbox = Drive(), Inbox(EARLY)
         self.senses = Senses(RobotFrames(options.base_frame, options.odom_frame), options.odometry)
-        self._say, self._recorder = say, recorder
+        self.recorder: Recorder | None = None
+        self._say, self._noted = say, set[str]()
         self._watch = Watch(options.topics.scan, self.inbox, live, wire, say)
-        self._publisher = Publisher(wire, options, recorder)
+        self._publisher = Publisher(wire, options, self._keep)
         self._maps = MapThread(live, self._publisher.show, options.map_every)
         self._cleaner: ScanCleaner | None = None
-        self._frame = ""
+        self._frame, self._alone = "", False
         self._looked = -1.0
         self._subscribe()
 
@@ -89,8 +84,6 @@ class Node:
         self._frame = message_of(first.record).frame
         mounted = self._mounted(first.since, ending)
         self._cleaner = ScanCleaner(mounted)
-        for note in self.senses.frames.notes:
-            self._say(note)
 
     def run(self, ending: threading.Event, status: Callable[[], None]) -> None:
         """Take scans until the end; `status` is called about once a second."""
@@ -131,17 +124,17 @@ class Node:
         self._hear(topics.tf_static, TF, Quality.LATCHED, take.take_tf)
 
     def _hear(self, topic: str, msgtype: str, quality: Quality, take: Taker) -> None:
-        recorder = self._recorder
-        if recorder is None:
-            self.wire.subscribe(topic, msgtype, quality, take)
-            return
-
         def both(record: Record) -> None:
             """Take a message and keep it."""
             take(record)
-            recorder.put(topic, record.received, record.data)
+            self._keep(topic, record.received, record.data)
 
         self.wire.subscribe(topic, msgtype, quality, both)
+
+    def _keep(self, topic: str, received: int, data: bytes) -> None:
+        """Record a message, if that was asked for."""
+        if self.recorder is not None:
+            self.recorder.put(topic, received, data)
 
     # start
 
@@ -190,6 +183,7 @@ class Node:
             raise ValueError(complaint)
         self._say(f"no transform to the laser's frame {self._frame}: it is taken as the base")
         self.senses.settle_alone(self._frame)
+        self._alone = True
         return Mounted(self._frame, IDENTITY, False)
 
     # scans
@@ -214,13 +208,13 @@ class Node:
         self.senses.wait_for(t, since + self.options.wait)
         odometry = self.senses.odometry_at(t)
         self.drive.counts["no_odometry"] += odometry is None and self.senses.has_odometry
-        scan = Scan(t, cleaned.ranges, cleaned.laser, odometry, self.senses.yaw_at(t))
+        given = None if self.options.odometry == "none" else odometry
+        scan = Scan(t, cleaned.ranges, cleaned.laser, given, self.senses.yaw_at(t))
         estimate = self.live.push_scan(scan)
         if not estimate.used:
             return
-        base = None if self.senses.has_odometry else self.senses.frames.base
         counts = {"scans": len(self.drive.t) + 1, "dropped": self.inbox.dropped}
-        self._publisher.tell(message.stamp, estimate, base, counts)
+        self._publisher.tell(message.stamp, estimate, self._edge(estimate.pose, odometry), counts)
         self.drive.delays.append(time.monotonic() - since)
         self.drive.t.append(t)
         self.drive.poses.append(estimate.pose)
@@ -228,9 +222,17 @@ class Node:
         self._maps.seen(message.stamp)
         self._watch.stamped(t)
 
+    def _edge(self, pose: Pose2, odometry: Pose2 | None) -> tuple[str, Pose2] | None:
+        """What to place in the map: the odometry's frame, or the base where nobody places that."""
+        if odometry is not None:
+            return self.options.odom_frame, pose @ odometry.inverse()
+        base = self.senses.frames.base
+        return None if self.senses.has_odometry or base is None else (base, pose)
+
     def _look(self) -> None:
         """Tell what goes wrong."""
         self._watch.look()
+        self._tell_notes()
         counts = self.drive.counts
         self._watch.count(
             "odometry",
@@ -245,3 +247,14 @@ class Node:
         if self._maps.failed is not None:
             self._say(f"the map is not published: {self._maps.failed}")
             self._maps.failed = None
+
+    def _tell_notes(self) -> None:
+        """Tell what is assumed of frames and laser, once each."""
+        frames = self.senses.frames
+        notes = [*frames.notes, *(self._cleaner.notes if self._cleaner else ())]
+        if self._alone and frames.knows(self._frame):
+            notes.append(f"tf has {self._frame} now, too late: start again to have it used")
+        for note in notes:
+            if note not in self._noted:
+                self._noted.add(note)
+                self._say(note)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from slams.formats.bag import POSE_COV, TF
@@ -11,17 +12,19 @@ from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.estimate import STATES, Estimate
 from slams.live.options import NodeOptions
-from slams.live.recorder import Recorder
 from slams.live.wire import MAP, STATUS, Outlet, Quality, Wire
-from slams.types import OccupancyGrid
+from slams.types import OccupancyGrid, Pose2
+
+Keep = Callable[[str, int, bytes], None]
+Counts = Mapping[str, int]
 
 
 class Publisher:
-    """The topics a node publishes; what goes out is recorded, too."""
+    """The topics a node publishes; `keep` gets topic, time [ns] and bytes of what goes out."""
 
-    def __init__(self, wire: Wire, options: NodeOptions, recorder: Recorder | None) -> None:
+    def __init__(self, wire: Wire, options: NodeOptions, keep: Keep) -> None:
         topics = options.topics
-        self._options, self._recorder, self._make = options, recorder, Maker()
+        self._options, self._keep, self._make = options, keep, Maker()
         self._types = {
             topics.map: (MAP, Quality.LATCHED),
             topics.tf: (TF, Quality.RELIABLE),
@@ -33,24 +36,19 @@ class Publisher:
         }
 
     def tell(
-        self, stamp: int, estimate: Estimate, base: str | None, counts: dict[str, int]
+        self, stamp: int, estimate: Estimate, edge: tuple[str, Pose2] | None, counts: Counts
     ) -> None:
         """Publish what is known after a scan.
 
         Args:
             stamp: of the scan [ns].
             estimate: what is known.
-            base: the base's frame, where there is no odometry: then map -> base is published.
+            edge: the frame that is placed in the map, and where; None for none.
             counts: what the state tells beside.
         """
         frame, ahead = self._options.map_frame, round(1e9 * self._options.tf_ahead)
-        edge = None
-        if estimate.map_to_odom is not None:
-            edge = (frame, self._options.odom_frame, estimate.map_to_odom)
-        elif base is not None:
-            edge = (frame, base, estimate.pose)
         if edge is not None:
-            moved = self._make.transforms(stamp + ahead, [edge])
+            moved = self._make.transforms(stamp + ahead, [(frame, *edge)])
             self._send(self._options.topics.tf, moved)
         posed = self._make.posed(stamp, estimate.pose, estimate.covariance, frame)
         self._send(self._options.topics.pose, posed)
@@ -61,7 +59,7 @@ class Publisher:
         message = self._make.grid(stamp, grid, self._options.map_frame)
         self._send(self._options.topics.map, message)
 
-    def _state(self, stamp: int, estimate: Estimate, counts: dict[str, int]) -> Any:
+    def _state(self, stamp: int, estimate: Estimate, counts: Counts) -> Any:
         quality = "" if math.isnan(estimate.quality) else f"{estimate.quality:.3f}"
         values = {"quality": quality, "seconds_lost": f"{estimate.seconds_lost:.3f}"}
         values |= {name: str(count) for name, count in counts.items()}
@@ -71,5 +69,4 @@ class Publisher:
     def _send(self, topic: str, message: Any) -> None:
         data = bytes(store().serialize_cdr(message, self._types[topic][0]))
         self._outlets[topic].send(data)
-        if self._recorder is not None:
-            self._recorder.put(topic, time.time_ns(), data)
+        self._keep(topic, time.time_ns(), data)

@@ -74,8 +74,10 @@ class Ros1Wire:
         self._rospy.signal_shutdown("ended")
 
     def _take(self, raw: Any, topic: str, msgtype: str, take: Taker) -> None:
-        """Hand over a message of the type that is expected; others are not for us."""
+        """Hand over a message of the type that is expected, and not of this node itself."""
         kind = _ros2_name(raw._connection_header["type"])
+        if raw._connection_header["callerid"] == self._rospy.get_name():
+            return
         if (TF if kind == OLD_TF else kind) == msgtype:
             received = time.time_ns()
             data = bytes(store().ros1_to_cdr(raw._buff, msgtype))

@@ -32,7 +32,7 @@ class Senses:
     Args:
         frames: the robot's frames.
         odometry: "auto", tf where it has the odometry's frame and else the topic; "tf"; "topic";
-            "none".
+            "none", which is tf all the same: map -> odom has to fit it.
     """
 
     def __init__(self, frames: RobotFrames, odometry: str = "auto") -> None:
@@ -127,7 +127,7 @@ class Senses:
 
     def _moving(self, laser: str) -> str | None:
         """The frame that the odometry is of: tf's, where the laser sits on it, else the topic's."""
-        if self._wanted in ("auto", "tf"):
+        if self._wanted != "topic":
             carrying = [child for child in self._of_tf if self.frames.carries(child, laser)]
             if carrying:
                 return carrying[0]
@@ -135,7 +135,7 @@ class Senses:
 
     def _choose(self, moving: str | None) -> None:
         """Settle on one odometry; another one later would be a jump."""
-        if self._wanted in ("auto", "tf") and moving in self._of_tf:
+        if self._wanted != "topic" and moving in self._of_tf:
             self.source, self._odometry = "tf", self._of_tf[moving]
         elif self._wanted in ("auto", "topic"):
             self.source, self._odometry = "topic", self._of_topic
@@ -153,12 +153,20 @@ class Senses:
             return
         for t, frame, rates in self._early:
             if frame not in self._upright:
-                matrix = self.frames.in_base(frame)
-                self._upright[frame] = None if matrix is None else matrix[2, :3]
+                self._upright[frame] = self._axis(frame)
             axis = self._upright[frame]
             rate = rates[2] if axis is None else sum(map(float.__mul__, rates, axis.tolist()))
             self._gyro.push(t, rate)
         self._early.clear()
+
+    def _axis(self, frame: str) -> Floats | None:
+        """The base's upright axis in the gyro's frame (3,); None, noted, where tf lacks it."""
+        matrix = self.frames.in_base(frame)
+        if matrix is None:
+            self.frames.notes.append(
+                f"no transform to the gyro's frame '{frame}'; it is taken as upright"
+            )
+        return None if matrix is None else matrix[2, :3]
 
     def _decoded(self, record: Record) -> Any:
         """The message; None, counted, where it cannot be read."""

@@ -31,7 +31,8 @@ class Stand:
         self.live = LiveSlam(algorithm, warm_up=False)
         self.wire = self.bus.wire()
         options = NodeOptions(**(usual | options))
-        self.node = Node(self.live, self.wire, options, self.said.append, recorder)
+        self.node = Node(self.live, self.wire, options, self.said.append)
+        self.node.recorder = recorder
         self.wire.listen()
         self.wire.wanted.clear()
 

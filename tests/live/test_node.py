@@ -17,7 +17,7 @@ from slams.live.wire import Quality
 from slams.player import replay
 from slams.scanlog import Track
 from slams.types import Pose2
-from tests.live.robots import BASELINE, Stand, close, turned_over
+from tests.live.robots import BASELINE, LASER, Stand, close, turned_over
 from tests.rooms import drive, laser, way
 
 MOUNT = Pose2(0.2, -0.05, 0.3)
@@ -156,9 +156,13 @@ def test_odometry_is_tfs_where_there_is_one_else_the_topics(wanted, x, monkeypat
         stand.odometry(t, (6.0 + t, 0.0, 0.0))
     stand.scan(1.0)
     stand.start()
+    seen = []
+    stand.live.push_scan = lambda scan, push=stand.live.push_scan: seen.append(scan) or push(scan)
     stand.drive()
-    found = stand.node.senses.odometry_at(1.0)
-    assert found == (None if x is None else Pose2(x, 0.0, 0.0))
+    assert seen[0].odometry == (None if x is None else Pose2(x, 0.0, 0.0))
+    edge = stand.bus.sent("/tf")[-1].transforms[0]
+    assert (edge.header.frame_id, edge.child_frame_id) == ("map", "odom")  # also for "none"
+    assert edge.transform.translation.x == pytest.approx(-(x or 1.0))
     assert stand.node.report()["base_frame"] == "base_link"
 
 
@@ -261,6 +265,27 @@ def test_without_tf_the_laser_is_the_base(monkeypatch):
     stand.drive()
     assert any("no transform to the laser's frame laser" in said for said in stand.said)
     assert stand.bus.sent("/tf")[0].transforms[0].child_frame_id == "laser"
+    stand.tf(("base_link", "laser", MOUNT))
+    stand.look()
+    stand.look()
+    assert sum("tf has laser now, too late" in said for said in stand.said) == 1
+
+
+def test_what_is_assumed_of_the_laser_is_told_once(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.tf(("base_link", "laser", MOUNT))
+    limitless = stand.make.scan(0, "laser", LASER, np.full(91, 2.0, np.float32), 0.1)
+    limitless.range_max = 0.0
+    stand.bus.publish("/scan", SCAN, limitless)
+    stand.gyro(0.0, 0.5, frame="somewhere")
+    stand.start()
+    stand.drive()
+    for _ in range(2):
+        stand.look()
+    assert [said for said in stand.said if "range_max is 0" in said] == [
+        "range_max is 0; 2.00 m are taken instead"
+    ]
+    assert sum("no transform to the gyro's frame 'somewhere'" in said for said in stand.said) == 1
 
 
 def test_the_newest_scans_win():

@@ -49,6 +49,9 @@ class Rospy:
     def get_published_topics(self):
         return [["/scan", "sensor_msgs/LaserScan"], ["/tf", "tf2_msgs/TFMessage"]]
 
+    def get_name(self):
+        return "/slams_1"
+
     def signal_shutdown(self, reason):
         self.ended = reason
 
@@ -76,8 +79,8 @@ def rospy(monkeypatch):
     return fake
 
 
-def raw(kind, data):
-    return SimpleNamespace(_connection_header={"type": kind}, _buff=data)
+def raw(kind, data, caller="/driver"):
+    return SimpleNamespace(_connection_header={"type": kind, "callerid": caller}, _buff=data)
 
 
 def test_scans_of_ros_1_arrive_as_cdr(rospy):
@@ -101,6 +104,8 @@ def test_scans_of_ros_1_arrive_as_cdr(rospy):
     assert scan.ranges.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert got[0].topic == "/scan"
     rospy.subscribed["/scan"](raw("sensor_msgs/PointCloud", b"?"))
+    own = raw("sensor_msgs/LaserScan", bytes(ROS1.serialize_ros1(sent, SCAN)), "/slams_1")
+    rospy.subscribed["/scan"](own)
     assert len(got) == 1
     assert wire.writers("/scan") == 1
     wire.close()
