@@ -14,7 +14,7 @@ from slams.live.wire import Quality, Taker
 DEPTH = {Quality.SENSOR: 5, Quality.RELIABLE: 100, Quality.LATCHED: 1}  # as ROS's profiles keep
 UNREAD = 200  # messages of a topic that wait to be taken
 WAIT = 0.1  # [s] between looks at whether to end
-BLOCKED = 1.0  # [s] that a writer may wait for slow readers
+BLOCKED = 0.1  # [s] that a writer may wait for slow readers, as in ROS
 MOST_DOMAIN = 232  # beyond, DDS has no ports
 LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
 <NetworkInterface address="127.0.0.1" multicast="true"/></Interfaces></General>

@@ -78,12 +78,10 @@ class Node:
         """
         self.wire.listen()
         self._say(f"ready for scans on {self.options.topics.scan}")
-        first = self._first_scan(ending)
-        if first is None:
-            return
-        self._frame = message_of(first.record).frame
-        mounted = self._mounted(first.since, ending)
-        self._cleaner = ScanCleaner(mounted)
+        since = self._first_scan(ending)
+        mounted = None if since is None else self._mounted(since, ending)
+        if mounted is not None:
+            self._cleaner = ScanCleaner(mounted)
 
     def run(self, ending: threading.Event, status: Callable[[], None]) -> None:
         """Take scans until the end; `status` is called about once a second."""
@@ -109,6 +107,7 @@ class Node:
         came = {"came": self.inbox.came, "dropped": self.inbox.dropped}
         late = {"late_odometry": self.senses.late, "unreadable_others": self.senses.unreadable}
         source = {"odometry": self.senses.source, "base_frame": self.senses.frames.base}
+        came["unsent"] = self._publisher.unsent
         return came | self.drive.counts | late | source | maps | self.live.report()
 
     # network
@@ -138,14 +137,19 @@ class Node:
 
     # start
 
-    def _first_scan(self, ending: threading.Event) -> Waiting | None:
-        """The first scan, left where it waits; None if it ended before."""
+    def _first_scan(self, ending: threading.Event) -> float | None:
+        """When the first scan came; it is left where it waits. None if it ended before."""
         until = time.monotonic() + self.options.patience
         while not ending.is_set():
             first = self.inbox.first(TICK)
             if first is not None:
-                return first
-            if time.monotonic() > until:
+                try:
+                    self._frame = message_of(first.record).frame
+                    return first.since
+                except ValueError as error:
+                    self.inbox.take(0.0)
+                    self._leave_out(error)
+            elif time.monotonic() > until:
                 raise ValueError(self._no_scan())
         return None
 
@@ -163,8 +167,8 @@ class Node:
             what = f"no scan on {topic} within {self.options.patience:g} s: nobody publishes it"
         return f"{what}; topics with scans: {others or 'none'} (--scan-topic takes another)"
 
-    def _mounted(self, since: float, ending: threading.Event) -> Mounted:
-        """Where the laser sits: as tf says, or at the base where there is no tf."""
+    def _mounted(self, since: float, ending: threading.Event) -> Mounted | None:
+        """Where the laser sits: as tf says, or at the base where there is no tf; None if ended."""
         asked = self.options.base_frame is not None
         patience = self.options.patience if asked else WITHOUT_TF
         while not ending.is_set():
@@ -173,9 +177,9 @@ class Node:
             if mounted is not None:
                 return mounted
             if now > since + patience:
-                break
+                return self._without_tf()
             ending.wait(TICK)
-        return self._without_tf()
+        return None
 
     def _without_tf(self) -> Mounted:
         complaint = self.senses.frames.complaint(self._frame)
@@ -197,9 +201,12 @@ class Node:
                 return
             self._pose(message, waiting.since)
         except ValueError as error:
-            self.drive.counts["unreadable"] += 1
-            if self.drive.counts["unreadable"] == 1:
-                self._say(f"{error}; such scans are left out")
+            self._leave_out(error)
+
+    def _leave_out(self, error: ValueError) -> None:
+        self.drive.counts["unreadable"] += 1
+        if self.drive.counts["unreadable"] == 1:
+            self._say(f"{error}; such scans are left out")
 
     def _pose(self, message: Message, since: float) -> None:
         """From a scan to its pose, out on the network."""
@@ -243,6 +250,9 @@ class Node:
             "frame",
             counts["other_frame"],
             f"scans of other frames than {self._frame} are left out: two lasers on one topic",
+        )
+        self._watch.count(
+            "unsent", self._publisher.unsent, "messages were not taken by the network in time"
         )
         if self._maps.failed is not None:
             self._say(f"the map is not published: {self._maps.failed}")

@@ -20,11 +20,15 @@ Counts = Mapping[str, int]
 
 
 class Publisher:
-    """The topics a node publishes; `keep` gets topic, time [ns] and bytes of what goes out."""
+    """The topics a node publishes; `keep` gets topic, time [ns] and bytes of what goes out.
+
+    `unsent` counts what the network did not take: it goes on without.
+    """
 
     def __init__(self, wire: Wire, options: NodeOptions, keep: Keep) -> None:
         topics = options.topics
         self._options, self._keep, self._make = options, keep, Maker()
+        self.unsent = 0
         self._types = {
             topics.map: (MAP, Quality.LATCHED),
             topics.tf: (TF, Quality.RELIABLE),
@@ -68,5 +72,8 @@ class Publisher:
 
     def _send(self, topic: str, message: Any) -> None:
         data = bytes(store().serialize_cdr(message, self._types[topic][0]))
-        self._outlets[topic].send(data)
+        try:
+            self._outlets[topic].send(data)
+        except OSError:
+            self.unsent += 1
         self._keep(topic, time.time_ns(), data)

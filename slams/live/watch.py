@@ -43,6 +43,11 @@ class Watch:
         )
         report = self._live.report()
         self._more("back", report["clock_set_back"], "times the clock was set back; it is followed")
+        self._more(
+            "repeated",
+            report["repeated"],
+            "scans have the stamp of the one before and are left out: does the driver stamp them?",
+        )
         self._more("late", report["late"], "scans came late, after newer ones, and are left out")
 
     def count(self, kind: str, number: int, sentence: str) -> None:

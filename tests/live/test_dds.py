@@ -2,7 +2,6 @@
 
 import json
 import signal
-import threading
 import time
 
 import numpy as np
@@ -280,22 +279,3 @@ def test_what_is_wrong_on_the_command_line_is_one_sentence(
     error = capsys.readouterr().err
     assert sentence in error
     assert error.count("\n") == 1
-
-
-def test_loops_go_on_with_stamps_that_grow(wires):
-    from slams.live.robot import Robot
-
-    sender, receiver, got = wires(), wires(), []
-    receiver.subscribe("/scan", SCAN, Quality.SENSOR, got.append)
-    receiver.listen()
-    robot = Robot(drive(n=5, gyro=False), sender, {})
-    robot.introduce()
-    assert robot.await_reader(0.0, threading.Event()) is False
-    until(lambda: robot._outlets["/scan"].readers)
-    for turn in range(2):
-        for moment in robot.moments(turn):
-            moment.send()
-            until(lambda moment=moment: not moment.is_scan or got)
-    until(lambda: len(got) == 10)
-    stamps = [store().deserialize_cdr(r.data, SCAN).header.stamp for r in got]
-    assert np.diff([s.sec + 1e-9 * s.nanosec for s in stamps]) == pytest.approx([0.05] * 9)

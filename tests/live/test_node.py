@@ -10,6 +10,7 @@ import slams
 from slams.formats.bag import SCAN, TF
 from slams.formats.frames import yaw_of
 from slams.formats.ros_maker import UNKNOWN, percent
+from slams.live import node
 from slams.live.inbox import Inbox
 from slams.live.options import NodeOptions, Topics
 from slams.live.recorder import Recorder
@@ -333,6 +334,47 @@ def test_odd_messages_are_left_out_and_said_once(monkeypatch):
         "a message of /scan is no sensor_msgs/msg/LaserScan; such scans are left out"
     ]
     assert any("two lasers on one topic" in said for said in stand.said)
+
+
+def test_a_laser_that_begins_with_empty_scans_is_waited_for(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.tf(("base_link", "laser", MOUNT))
+    empty = stand.make.scan(0, "", LASER, np.zeros(0, np.float32), 0.1)
+    stand.bus.publish("/scan", SCAN, empty)
+    stand.scan(0.1)
+    stand.start()
+    stand.drive()
+    assert (len(stand.node.drive.t), stand.node.report()["unreadable"]) == (1, 1)
+    assert "a scan of /scan has no beams or no directions; such scans are left out" in stand.said
+
+
+def test_a_network_that_takes_nothing_does_not_stop_the_robot(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.tf(("base_link", "laser", MOUNT))
+    stand.scan(0.0)
+    stand.start()
+
+    def refuse(data):
+        raise OSError("full")
+
+    stand.node._publisher._outlets["/pose"].send = refuse
+    stand.drive()
+    stand.look()
+    assert len(stand.node.drive.t) == 1
+    assert len(stand.bus.sent("/slam/state")) == 1
+    assert "1 messages were not taken by the network in time" in stand.said
+
+
+def test_ended_while_frames_are_sought(monkeypatch):
+    stand = Stand(monkeypatch, base_frame="nowhere")
+    stand.scan(0.0)
+    ending = threading.Event()
+    monkeypatch.setattr(node, "SETTLING", 60.0)
+    timer = threading.Timer(0.05, ending.set)
+    timer.start()
+    stand.node.start(ending)
+    stand.node.run(ending, lambda: None)
+    assert stand.node.drive.t == []
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,12 @@ def test_a_queue_that_overflows_is_told_again_after_a_while(stand):
     assert stand.told()[0].startswith("5 scans left out so far")
 
 
+def test_scans_that_are_not_stamped_are_told(stand):
+    for _ in range(3):
+        stand.live.push_scan(scan_at((0.0, 0.0, 0.0), t=0.0))
+    assert "2 scans have the stamp of the one before" in stand.told()[0]
+
+
 def test_a_clock_that_jumps_is_told(stand):
     for k in range(3):
         stand.watch.stamped(10.0 + k)
