@@ -26,6 +26,7 @@ from slams.types import IDENTITY, Pose2, Scan
 
 SETTLING = 0.5  # [s] after the first scan, in which odometry and tf speak up
 WITHOUT_TF = 2.0  # [s] after the first scan, in which tf may come late
+SOON = 0.02  # [s] between looks at what tf tells
 TICK = 0.1  # [s] between looks at whether to end
 EARLY = 1000  # scans that may wait until the frames are known
 
@@ -173,12 +174,13 @@ class Node:
         patience = self.options.patience if asked else WITHOUT_TF
         while not ending.is_set():
             now = time.monotonic()
-            mounted = self.senses.settle(self._frame) if now >= since + SETTLING else None
-            if mounted is not None:
-                return mounted
+            if now >= since + SETTLING or self.senses.moves(self._frame):
+                mounted = self.senses.settle(self._frame)
+                if mounted is not None:
+                    return mounted
             if now > since + patience:
                 return self._without_tf()
-            ending.wait(TICK)
+            ending.wait(SOON)
         return None
 
     def _without_tf(self) -> Mounted:

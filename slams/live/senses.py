@@ -77,6 +77,11 @@ class Senses:
                     self._of_tf.setdefault(child, PoseTimeline()).push(t, pose)
                 self._changed.notify_all()
 
+    def moves(self, laser: str) -> bool:
+        """Whether tf tells how the laser's base moves: then nothing better will come."""
+        with self._changed:
+            return self._wanted != "topic" and self._moving(laser) in self._of_tf
+
     def settle(self, laser: str) -> Mounted | None:
         """Where the laser sits, or None while that is open; the odometry is chosen with it."""
         with self._changed:
