@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import slams
-from slams.formats.bag import SCAN, TF
+from slams.formats.bag import IMU, SCAN, TF
 from slams.formats.frames import yaw_of
 from slams.formats.ros_maker import UNKNOWN, percent
 from slams.live import node
@@ -179,14 +179,22 @@ def test_odometry_of_another_frame_is_carried_to_the_base(monkeypatch):
 
 def test_a_gyro_that_lies_on_its_side_turns_about_the_bases_axis(monkeypatch):
     stand = Stand(monkeypatch)
-    over = turned_over(stand.make.transforms(0, [("base_link", "imu", Pose2(0.0, 0.0, 0.0))]))
-    over.transforms += stand.make.transforms(0, [("base_link", "laser", MOUNT)]).transforms
-    stand.bus.publish("/tf_static", TF, over, Quality.LATCHED)
-    stand.gyro(0.0, 0.5)
+    edges = [("base_link", "imu", Pose2(0.0, 0.0, 0.0)), ("base_link", "laser", MOUNT)]
+    tilted = stand.make.transforms(0, edges)
+    rolled = tilted.transforms[0].transform.rotation
+    rolled.x = rolled.w = math.sqrt(0.5)  # a quarter of a turn: its y points up
+    stand.bus.publish("/tf_static", TF, tilted, Quality.LATCHED)
+
+    def turn(t):
+        reading = stand.make.imu(round(1e9 * t), 7.0, "imu")
+        reading.angular_velocity.y = 0.5
+        stand.bus.publish("/imu", IMU, reading)
+
+    turn(0.0)
     stand.scan(0.5)
     stand.start()
-    stand.gyro(1.0, 0.5)
-    assert stand.node.senses.yaw_at(1.0) == pytest.approx(-0.5)
+    turn(1.0)
+    assert stand.node.senses.yaw_at(1.0) == pytest.approx(0.5)
 
 
 def test_odometry_that_comes_after_its_scan_is_waited_for(monkeypatch):
