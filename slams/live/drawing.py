@@ -18,6 +18,7 @@ T = TypeVar("T")
 
 LONG = 0.005  # [s] that a scan may well be held for a map
 PER_OBJECT, PER_BYTE = 5e-6, 1e-9  # [s] that a copy takes, at least, on machines we measured
+LONGEST_COPY = 0.03  # [s] by these; a larger one takes memory from the system, many times as long
 SHARED = (type, FunctionType, BuiltinFunctionType, ModuleType)  # what a copy leaves as it is
 NO_COPY = (TypeError, AttributeError, NotImplementedError, copy.Error)  # of what cannot be copied
 
@@ -58,7 +59,7 @@ class Drawer:
 
     def _copy(self, slam: Slam) -> Slam | None:
         """A copy, if that takes less time than drawing did."""
-        if not copies_within(slam, self._in_place):
+        if not copies_within(slam, min(self._in_place, LONGEST_COPY)):
             return None
         try:
             return copy.deepcopy(slam)

@@ -101,6 +101,15 @@ def test_what_cannot_be_copied_is_drawn_in_place():
     assert live._drawer._by_copy == 0.0
 
 
+def test_what_is_large_is_drawn_in_place_however_long_that_takes():
+    live = LiveSlam(ODOMETRY, warm_up=False)
+    live._slam.tiles = [np.zeros(1 << 20) for _ in range(8)]
+    live._drawer._in_place = 1.0
+    live.map()
+    assert live._drawer._by_copy == 0.0
+    assert live._drawer._in_place < 1.0
+
+
 def test_a_map_is_shown_at_once_then_at_its_pace_and_at_the_end():
     shown, seen = [], threading.Event()
     live = LiveSlam(ODOMETRY, warm_up=False)
