@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
-from slams.params import LASERS
-from slams.registry import names
 
 if TYPE_CHECKING:
     from slams.params import Params
@@ -33,36 +31,16 @@ def parser() -> argparse.ArgumentParser:
         description="Replay every scan of a log through one SLAM algorithm, in order.",
         epilog=f"Writes {', '.join(RESULTS)}.",
     )
-    p.add_argument("algorithm", help=f"one of {', '.join(names())}; name@preset; or module:Class")
+    cli.add_algorithm_options(p)
     p.add_argument(
         "log",
         nargs="*",
         help="scan log: npz, ROS bag (of a split one all files), CARMEN log, BreezySLAM .dat",
     )
     p.add_argument("--out", metavar="DIR", help="default: results/<log>-<algorithm>")
-    p.add_argument("--preset", metavar="NAME", help="as name@preset, e.g. original")
-    p.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
-    p.add_argument(
-        "--ros-params",
-        metavar="FILE",
-        action="append",
-        default=[],
-        help="launch or parameter file of the original's ROS node; may be given again",
-    )
-    p.add_argument("--params", metavar="FILE.yaml", help="parameters, lines 'name: value'")
-    p.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        action="append",
-        default=[],
-        dest="changes",
-        help="one parameter; may be given again",
-    )
-    p.add_argument("--show-params", action="store_true", help="print all parameters and end")
     p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
     p.add_argument("--limit", type=int, metavar="N", help="only N scans")
     p.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th scan")
-    p.add_argument("--seed", type=int, metavar="N", help="seed of every random draw")
     p.add_argument(
         "--mcap", action="store_true", help="also write result.mcap for Foxglove, RViz, evo"
     )
