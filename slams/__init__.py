@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from slams.player import Run, replay
     from slams.registry import create, find, names
     from slams.scanlog import ScanLog
+    from slams.state import load_state
     from slams.types import Laser, OccupancyGrid, Pose2, Scan, Slam
 
 __version__ = "0.1.0"
@@ -36,6 +37,7 @@ _HOME = {
     "replay": "player",
     "ScanLog": "scanlog",
     "load": "formats.source",
+    "load_state": "state",
     "Laser": "types",
     "OccupancyGrid": "types",
     "Pose2": "types",
@@ -57,6 +59,7 @@ __all__ = [
     "create",
     "find",
     "load",
+    "load_state",
     "names",
     "param",
     "replay",

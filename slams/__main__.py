@@ -13,6 +13,8 @@ PROGRAM = "slams"
 # known as text alone, as the algorithms are: slams is complete without bench
 COMMANDS = {
     "run": "slams.run",
+    "live": "slams.live.__main__",
+    "play": "slams.play",
     "compare": "bench.compare",
     "sweep": "bench.sweep",
     "simulate": "bench.simulate",

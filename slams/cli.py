@@ -121,6 +121,35 @@ def _reach_own_modules() -> None:
         sys.path.append(here)
 
 
+def add_algorithm_options(parser: argparse.ArgumentParser) -> None:
+    """Give a command the algorithm and the options of its parameters, for `slams.run.chosen`."""
+    from slams.params import LASERS
+    from slams.registry import names
+
+    known = f"one of {', '.join(names())}; name@preset; or module:Class"
+    parser.add_argument("algorithm", help=known)
+    parser.add_argument("--preset", metavar="NAME", help="as name@preset, e.g. original")
+    parser.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
+    parser.add_argument(
+        "--ros-params",
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="launch or parameter file of the original's ROS node; may be given again",
+    )
+    parser.add_argument("--params", metavar="FILE.yaml", help="parameters, lines 'name: value'")
+    parser.add_argument(
+        "--set",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        dest="changes",
+        help="one parameter; may be given again",
+    )
+    parser.add_argument("--show-params", action="store_true", help="print all parameters and end")
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of every random draw")
+
+
 def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Give a command the options of what to take from a recorded log."""
     group = parser.add_argument_group(

@@ -51,7 +51,8 @@ def replay(
     """
     from slams.jit import CompileClock
 
-    t, poses, seconds, lost = [], [], [], [0]
+    t, poses, seconds = [], [], []
+    lost = [int(slam.report().get("lost", 0))]
     with CompileClock() as compiling, _settled_memory():
         for scan in scans:
             compiled, start = compiling.seconds, time.process_time()

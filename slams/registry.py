@@ -84,6 +84,23 @@ def create(label: str, **changes: Any) -> Slam:
     return entry.cls(entry.params().replace(**changes))
 
 
+def label_of(cls: type[Any]) -> str:
+    """The label that `find` has a class under: a name, "name@preset", or "module:Class"."""
+    package = cls.__module__.partition(".")[0]
+    for name in names():
+        if _target(name).partition(".")[0] == package:
+            for label in (name, *(f"{name}@{preset}" for preset in _classes_of(name))):
+                if find(label).cls is cls:
+                    return label
+    return f"{cls.__module__}:{cls.__qualname__}"
+
+
+def _classes_of(name: str) -> list[str]:
+    """The presets of an algorithm that are classes of their own."""
+    presets = find(name).cls.Params.PRESETS
+    return [preset for preset, own in presets.items() if isinstance(own, str)]
+
+
 def _target(name: str) -> str:
     if name in BUILT_IN:
         return BUILT_IN[name]

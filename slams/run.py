@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
-from slams.params import LASERS
-from slams.registry import names
 
 if TYPE_CHECKING:
     from slams.params import Params
@@ -33,36 +31,16 @@ def parser() -> argparse.ArgumentParser:
         description="Replay every scan of a log through one SLAM algorithm, in order.",
         epilog=f"Writes {', '.join(RESULTS)}.",
     )
-    p.add_argument("algorithm", help=f"one of {', '.join(names())}; name@preset; or module:Class")
+    cli.add_algorithm_options(p)
     p.add_argument(
         "log",
         nargs="*",
         help="scan log: npz, ROS bag (of a split one all files), CARMEN log, BreezySLAM .dat",
     )
     p.add_argument("--out", metavar="DIR", help="default: results/<log>-<algorithm>")
-    p.add_argument("--preset", metavar="NAME", help="as name@preset, e.g. original")
-    p.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
-    p.add_argument(
-        "--ros-params",
-        metavar="FILE",
-        action="append",
-        default=[],
-        help="launch or parameter file of the original's ROS node; may be given again",
-    )
-    p.add_argument("--params", metavar="FILE.yaml", help="parameters, lines 'name: value'")
-    p.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        action="append",
-        default=[],
-        dest="changes",
-        help="one parameter; may be given again",
-    )
-    p.add_argument("--show-params", action="store_true", help="print all parameters and end")
     p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
     p.add_argument("--limit", type=int, metavar="N", help="only N scans")
     p.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th scan")
-    p.add_argument("--seed", type=int, metavar="N", help="seed of every random draw")
     p.add_argument(
         "--mcap", action="store_true", help="also write result.mcap for Foxglove, RViz, evo"
     )
@@ -76,6 +54,14 @@ def parser() -> argparse.ArgumentParser:
         nargs="?",
         const="live",
         help="watch in the viewer rerun, or save for it (extra viz)",
+    )
+    p.add_argument("--save-state", metavar="FILE", help="also keep what the algorithm knows")
+    p.add_argument("--resume-state", metavar="FILE", help="go on from a saved state")
+    p.add_argument("--localize", metavar="MAP", help="a state or map.yaml to stay as it is")
+    p.add_argument(
+        "--start",
+        metavar="X,Y,THETA",
+        help="where in MAP [m, rad], as --start=-1,2,0.5; else it is found",
     )
     p.add_argument("-q", "--quiet", action="store_true", help="no progress bar, no summary")
     cli.add_log_options(p)
@@ -93,9 +79,14 @@ def _command(arguments: argparse.Namespace) -> int:
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
-    log, folder = cli.refusing(lambda: _log_and_folder(entry, arguments))
-    cli.show_notes(PROGRAM, log.notes, arguments.quiet)
-    slam, run, start_up_s = _replayed(entry, params, log, arguments)
+    from slams.begin import begin
+
+    slam, log, folder, notes = cli.refusing(lambda: begin(entry, params, arguments, PROGRAM))
+    cli.show_notes(PROGRAM, [*log.notes, *notes], arguments.quiet)
+    params = getattr(slam, "params", params)
+    run, start_up_s = _replayed(slam, entry, params, log, arguments)
+    if arguments.save_state:
+        cli.refusing(lambda: _save_state(slam, arguments.save_state, log))
     text = cli.refusing(
         lambda: write_results(
             folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap, ros=ros
@@ -195,35 +186,17 @@ def _write_mcap(path: Path, log: ScanLog, run: Run, grid: OccupancyGrid) -> None
     write_mcap(path, log, run.poses, grid)
 
 
-def _log_and_folder(entry: Entry, arguments: argparse.Namespace) -> tuple[ScanLog, Path]:
-    """The log, and where its results go; a folder that cannot be is told before the run."""
-    from slams.formats.files import check_folder
+def _save_state(slam: Slam, path: str, log: ScanLog) -> None:
+    from slams.state import session
 
-    log = _log(arguments)
-    folder = Path(arguments.out or f"results/{log.name}-{entry.label.replace(':', '.')}")
-    check_folder(folder)
-    return log, folder
-
-
-def _log(arguments: argparse.Namespace) -> ScanLog:
-    from slams.formats.source import load
-
-    if not arguments.log:
-        raise ValueError(f"no log given; expected {PROGRAM} {arguments.algorithm} scans.npz")
-    for name in ("limit", "every", "video_every"):
-        value = getattr(arguments, name)
-        if value is not None and value < 1:
-            raise ValueError(f"--{name.replace('_', '-')}: got {value}, expected 1 or more")
-    log = load(arguments.log, cli.log_options(arguments))
-    return log.select(arguments.limit, arguments.every, not arguments.no_odometry)
+    session.save_after(slam, path, log)
 
 
 def _replayed(
-    entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
-) -> tuple[Slam, Run, float]:
+    slam: Slam, entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
+) -> tuple[Run, float]:
     from slams.player import WARM_UP_SCANS, replay, warm_up
 
-    slam = entry.cls(params)
     with ExitStack() as watching:
         watchers = cli.refusing(lambda: _watchers(slam, entry.label, log, arguments))
         for watcher in watchers:
@@ -235,7 +208,7 @@ def _replayed(
 
         start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
         scans = cli.progress(log, len(log), entry.label, arguments.quiet)
-        return slam, replay(slam, scans, _watch if watchers else None), start_up_s
+        return replay(slam, scans, _watch if watchers else None), start_up_s
 
 
 def _watchers(

@@ -195,6 +195,12 @@ def test_only_the_cluster_imports_dask():
     assert users == {ROOT / "bench" / "run" / "cluster.py"}
 
 
+def test_only_the_live_node_imports_what_reaches_robots():
+    networks = ("cyclonedds", "rospy", "lds2d", "serial")
+    users = {p for p in FILES for m in imports(p) if m.partition(".")[0] in networks}
+    assert {path.parent for path in users} == {ROOT / "slams" / "live"}
+
+
 @pytest.mark.parametrize("name", [*ALGORITHMS, *(f"{name}/original" for name in ALGORITHMS)])
 def test_slam_is_a_page_without_kernels_or_loops_over_beams(name):
     text = (ROOT / name / "slam.py").read_text(encoding="utf-8")

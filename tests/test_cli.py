@@ -209,7 +209,8 @@ def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):
 
 
 def test_help_is_fast_and_loads_nothing_heavy():
-    for module in ("slams.run", "slams.convert", "bench.compare", "bench.sweep", "bench.report"):
+    ours = ("slams.run", "slams.convert", "slams.live", "slams.play")
+    for module in (*ours, "bench.compare", "bench.sweep", "bench.report"):
         code = (
             "import sys, runpy\n"
             f"sys.argv = ['{module}', '--help']\n"

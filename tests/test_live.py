@@ -14,8 +14,9 @@ import pytest
 
 import slams
 from slams import LiveSlam, Pose2
-from slams.live import LATE_IN_A_ROW, seconds
+from slams.live import LATE_IN_A_ROW
 from slams.registry import BUILT_IN, find
+from slams.ros.stamps import seconds
 from tests.rooms import ROOM, drive, laser, scan_at
 
 ODOMETRY = "slams.baselines:Odometry"

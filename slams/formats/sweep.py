@@ -51,7 +51,7 @@ def common(
     geometry = _most_common(sweeps)
     rows, changed = np.empty((len(sweeps), geometry.n_beams), np.float32), 0
     for row, sweep in zip(rows, sweeps, strict=True):
-        if _same_directions(sweep.geometry, geometry):
+        if same_directions(sweep.geometry, geometry):
             row[:] = sweep.ranges
         else:
             row[:] = _resampled(sweep, geometry)
@@ -77,7 +77,8 @@ def _rounded(geometry: Geometry) -> tuple[int, float, float]:
     return geometry.n_beams, round(geometry.angle_min, 4), round(geometry.angle_increment, 6)
 
 
-def _same_directions(a: Geometry, b: Geometry) -> bool:
+def same_directions(a: Geometry, b: Geometry) -> bool:
+    """Whether the beams of both point the same way, drivers' rounding of angles set aside."""
     if a.n_beams != b.n_beams:
         return False
     tolerance = SAME * abs(b.angle_increment)

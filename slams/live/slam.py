@@ -9,60 +9,30 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slams.heading import Heading
+from slams.live.drawing import Drawer
+from slams.live.estimate import LOST, Confidence, Estimate, covariance, quality
 from slams.plausible import LONGEST_SWEEP, can_be, check_laser, check_stamps, expect
 from slams.registry import find
 from slams.ros.stamps import seconds
 from slams.scanlog import ScanLog, single
-from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan, Slam, State
+from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2, Scan, Slam
 
 LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
-FAILURES = ("lost", "rejected", "empty")
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """What is known after a scan.
-
-    Attributes:
-        t: stamp of the scan the pose belongs to (its first beam) [s].
-        pose: T_map_base.
-        map_to_odom: T_map_odom, what a ROS node publishes; None for a scan without odometry.
-        covariance: of the pose, (3, 3) [m, rad]; inf on the diagonal where the algorithm has none.
-        quality: share of the scan that agrees with the map, 0..1; nan where there is none.
-        used: False for a scan from the past or sent twice: the estimate before is repeated.
-        state: "matched", "predicted" or "lost", as `slams.types.Confident` says; of an algorithm
-            that has none, "predicted" where one of its counts lost, rejected and empty rises.
-        seconds_lost: for how long the map has not explained a scan.
-    """
-
-    t: float
-    pose: Pose2
-    map_to_odom: Pose2 | None
-    covariance: Floats
-    quality: float
-    used: bool
-    state: State
-    seconds_lost: float
-
-    @property
-    def lost(self) -> bool:
-        """Whether nothing tells where the robot is: neither map nor wheels."""
-        return self.state == "lost"
 
 
 class LiveSlam:
     """One algorithm fed scan by scan.
 
     The kernels are compiled in the constructor (seconds the first time, then kept on disk), so no
-    push waits for them. All methods may be called from several threads; they take turns, and a
-    push waits while a map is drawn.
+    push waits for them. All methods may be called from several threads; they take turns. While a
+    map is drawn, a push waits at most for a copy of what it is drawn from.
 
     Args:
         algorithm: as on the command line: "hector", "tsd@original", "module:Class".
@@ -100,12 +70,13 @@ class LiveSlam:
         """Forget map and pose; the next scan's pose is the origin of a new map."""
         with self._lock:
             self._slam: Slam = self._entry.cls(self.params)
+            self._confidence = Confidence()
+            self._drawer = Drawer()
             self._yaw = Heading()
             self._laser: Laser | None = None
             self._last: Estimate | None = None
             self._fitted_at = -math.inf
             self._late = 0
-            self._failures = 0
             names = ("scans", "late", "repeated", "lasers", "bad_odometry", "clock_set_back")
             self._counts = dict.fromkeys(names, 0)
 
@@ -199,15 +170,19 @@ class LiveSlam:
             self._yaw.push(stamp, rate)
 
     @property
+    def held(self) -> float:
+        """For how long [s] the last map kept pushes waiting."""
+        return self._drawer.held
+
+    @property
     def last(self) -> Estimate | None:
         """The estimate of the last push; None before the first."""
         with self._lock:
             return self._last
 
     def map(self) -> OccupancyGrid:
-        """The map as it stands now; drawn when asked for."""
-        with self._lock:
-            return self._slam.map()
+        """The map as it stands now; drawn when asked for, and pushes wait as little as can be."""
+        return self._drawer.draw(self._slam, self._lock)
 
     def report(self) -> dict[str, Any]:
         """Counts: scans used, late, repeated, changes of the laser; then the algorithm's own."""
@@ -228,30 +203,21 @@ class LiveSlam:
         return False
 
     def _estimate(self, scan: Scan, pose: Pose2) -> Estimate:
-        state = self._state()
-        if state == "matched" or math.isinf(self._fitted_at):
+        state = self._confidence.state(self._slam)
+        lost = state == LOST
+        if not lost or math.isinf(self._fitted_at):
             self._fitted_at = scan.t
         return Estimate(
             t=scan.t,
             pose=pose,
             map_to_odom=None if scan.odometry is None else pose @ scan.odometry.inverse(),
-            covariance=_covariance(self._slam),
-            quality=float(getattr(self._slam, "quality", math.nan)),
+            covariance=covariance(self._slam),
+            quality=quality(self._slam),
             used=True,
-            state=state,
+            lost=lost,
             seconds_lost=scan.t - self._fitted_at,
+            state=state,
         )
-
-    def _state(self) -> State:
-        """The algorithm's own word, or whether it counts one failure more than before."""
-        said: State | None = getattr(self._slam, "state", None)
-        if said is not None:
-            return said
-        report = self._slam.report()
-        failures = sum(int(report.get(name, 0)) for name in FAILURES)
-        failed = failures > self._failures
-        self._failures = failures
-        return "predicted" if failed else "matched"
 
     def _laser_of(self, n_beams: int, geometry: tuple[float, ...]) -> Laser:
         """The laser; one object as long as the geometry stays."""
@@ -297,10 +263,3 @@ class LiveSlam:
             for scan in (*log, scan_at((2.0, 1.5, 2.0), lidar, t=2.0)):
                 slam.update(scan)
             slam.map()
-
-
-def _covariance(slam: Slam) -> Floats:
-    covariance = getattr(slam, "covariance", None)
-    if covariance is None:
-        return np.diag([math.inf] * 3)
-    return np.array(covariance, np.float64)

@@ -1,0 +1,103 @@
+"""An mcap file that is written message by message and appears whole or not at all."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Self
+
+from slams.formats.ros_store import store
+
+
+class McapFile:
+    """A ROS 2 bag of one file; as a context: renamed when it ends without an error.
+
+    Args:
+        path: of the file.
+        types: message type of each topic.
+        kept: topics whose last message stays for who subscribes later, as live nodes have it.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+
+    def __init__(self, path: str | Path, types: Mapping[str, str], kept: Collection[str]) -> None:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+
+        self.path, self.types = Path(path), dict(types)
+        self._folder = tempfile.mkdtemp(prefix=f".{self.path.name}.", dir=self.path.parent)
+        bag = Path(self._folder) / "bag"
+        try:
+            self._writer: Any = Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP)
+            self._writer.open()
+            self._connections = {
+                topic: self._writer.add_connection(
+                    topic, kind, typestore=store(), offered_qos_profiles=[_qos(topic in kept)]
+                )
+                for topic, kind in self.types.items()
+            }
+        except BaseException:
+            self._discard()
+            raise
+
+    def write(self, topic: str, stamp: int, message: Any) -> None:
+        """Store a message at a time [ns]."""
+        self.write_raw(topic, stamp, store().serialize_cdr(message, self.types[topic]))
+
+    def write_raw(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
+        """Store a message that is CDR already."""
+        self._writer.write(self._connections[topic], stamp, data)
+
+    def close(self) -> None:
+        """Finish the file and give it its name."""
+        try:
+            self._writer.close()
+            next((Path(self._folder) / "bag").glob("*.mcap")).replace(self.path)
+        finally:
+            self._discard()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Leave nothing of the file."""
+        with suppress(Exception):  # whatever went wrong before may go wrong again
+            self._writer.close()
+        self._discard()
+
+    def _discard(self) -> None:
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _qos(kept: bool) -> Any:
+    """Reliable; what is sent once stays for who subscribes later."""
+    from rosbags.interfaces import (
+        Qos,
+        QosDurability,
+        QosHistory,
+        QosLiveliness,
+        QosReliability,
+        QosTime,
+    )
+
+    forever = QosTime(sec=2147483647, nsec=4294967295)
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=1 if kept else 10,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL if kept else QosDurability.VOLATILE,
+        deadline=forever,
+        lifespan=forever,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=forever,
+        avoid_ros_namespace_conventions=False,
+    )

@@ -1,0 +1,108 @@
+"""The robot's frames from tf as it comes: where the laser sits, and what the base is."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from slams.formats.frames import BASES, Transforms, bare, planar, yaw_of
+from slams.formats.topics import some
+from slams.ros.stamps import seconds
+from slams.types import IDENTITY, Floats, Pose2
+
+FEW = 20  # transforms kept of each that moves: enough to see that it does
+
+
+class Mounted(NamedTuple):
+    """Where the laser sits: the base's name, the laser in it, whether it is upside down."""
+
+    base: str
+    mount: Pose2
+    flipped: bool
+
+
+class RobotFrames:
+    """The transform tree of a robot, without its past.
+
+    Args:
+        base: the frame that poses are of; None leaves it to odometry and tf.
+        odom: the odometry's frame.
+    """
+
+    def __init__(self, base: str | None, odom: str) -> None:
+        self.base = None if base is None else bare(base)
+        self.odom = bare(odom)
+        self.notes: list[str] = []
+        self._tree = Transforms()
+
+    def add(self, message: Any, static: bool) -> list[tuple[float, str, Pose2]]:
+        """Take a tf message; returns stamp [s], name and pose of frames in the odometry's."""
+        self._tree.add(message, static)
+        for edge, rows in self._tree.samples.items():
+            keep = 1 if edge in self._tree.static else FEW
+            del rows[:-keep]
+        items = (item for item in message.transforms if bare(item.header.frame_id) == self.odom)
+        return [(seconds(i.header.stamp), bare(i.child_frame_id), _pose(i)) for i in items]
+
+    def knows(self, frame: str) -> bool:
+        """Whether tf has a frame."""
+        return bare(frame) in self._tree.frames
+
+    def carries(self, frame: str, laser: str) -> bool:
+        """Whether the laser is fixed to a frame."""
+        return self._tree.fixed(frame, bare(laser)) is not None
+
+    def in_base(self, frame: str) -> Floats | None:
+        """A frame in the base, 4 x 4, if it is fixed to it."""
+        return None if self.base is None else self._tree.fixed(self.base, bare(frame))
+
+    def base_in(self, frame: str) -> Floats | None:
+        """The base in a frame, 4 x 4, if it is fixed to it."""
+        return None if self.base is None else self._tree.fixed(frame, self.base)
+
+    def mounted(self, laser: str, moving: str | None) -> Mounted | None:
+        """Where the laser sits, or None while tf leaves that open.
+
+        Args:
+            laser: the frame of the scans.
+            moving: the frame that the odometry is of; it is the base where none was asked for.
+        """
+        laser = bare(laser)
+        base = self.base or self._base_of(laser, moving)
+        if base is None:
+            return None
+        matrix = self._tree.fixed(base, laser)
+        if matrix is None:
+            return None
+        self.base = base
+        if base == laser:
+            return Mounted(base, IDENTITY, False)
+        mount, flipped = planar(matrix, "the laser", self.notes)
+        return Mounted(base, mount, flipped)
+
+    def complaint(self, laser: str) -> str | None:
+        """Why there is no way from the base to the laser; None where tf says nothing at all."""
+        frames, laser = self._tree.frames, bare(laser)
+        if self.base is not None and self.base not in (*frames, laser):
+            there = some(frames) or "none"
+            return f"--base-frame: {self.base} is not in tf; frames: {there}"
+        if frames and laser not in frames:
+            return (
+                f"the laser's frame {laser} is not in tf ({some(frames)}): where it is mounted "
+                f"stands in /tf_static; --base-frame {laser} takes it as the base"
+            )
+        if frames and self.base is not None:
+            return f"tf has no fixed way from {self.base} to the laser's frame {laser}"
+        return None
+
+    def _base_of(self, laser: str, moving: str | None) -> str | None:
+        """What the odometry is of, else base_link or so above the laser."""
+        above = self._tree.ancestors(laser)
+        if moving is not None and self._tree.fixed(moving, laser) is not None:
+            return bare(moving)
+        usual = [name for base in BASES for name in above if name.rpartition("/")[2] == base]
+        return usual[0] if usual else None
+
+
+def _pose(item: Any) -> Pose2:
+    where = item.transform.translation
+    return Pose2(where.x, where.y, yaw_of(item.transform.rotation))

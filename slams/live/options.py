@@ -1,0 +1,60 @@
+"""What a live node is told: topics, frames and times, with ROS's defaults."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+
+@dataclass(frozen=True)
+class Topics:
+    """Names of the topics in and out."""
+
+    scan: str = "/scan"
+    odom: str = "/odom"
+    imu: str = "/imu"
+    tf: str = "/tf"
+    tf_static: str = "/tf_static"
+    map: str = "/map"
+    pose: str = "/pose"
+    state: str = "/slam/state"
+
+
+@dataclass(frozen=True)
+class NodeOptions:
+    """How a node works.
+
+    Attributes:
+        topics: their names.
+        map_frame: the frame of map and poses.
+        odom_frame: the odometry's frame.
+        base_frame: the frame that poses are of; None: what the odometry is of, else base_link.
+        odometry: "auto" (tf, else the topic), "tf", "topic" or "none".
+        imu: whether the gyro is listened to.
+        queue: scans that wait at most.
+        patience: for the first scan, and for the frames that were asked for [s].
+        wait: for odometry and gyro to catch up with a scan [s].
+        map_every: time between two maps [s]; 0 for none but the last.
+        tf_ahead: how far ahead of its scan a transform is stamped, so that it holds until the
+            next one [s].
+    """
+
+    topics: Topics = Topics()
+    map_frame: str = "map"
+    odom_frame: str = "odom"
+    base_frame: str | None = None
+    odometry: str = "auto"
+    imu: bool = True
+    queue: int = 20
+    patience: float = 5.0
+    wait: float = 0.4
+    map_every: float = 2.0
+    tf_ahead: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in (f.name for f in fields(self) if f.type == "float"):
+            value = getattr(self, name)
+            if not 0.0 <= value < math.inf:
+                raise ValueError(f"--{name.replace('_', '-')}: got {value:g}, expected 0 s or more")
+        if self.queue < 1:
+            raise ValueError(f"--queue: got {self.queue}, expected 1 scan or more")

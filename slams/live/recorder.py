@@ -1,0 +1,75 @@
+"""--record: all that comes in and goes out, as one mcap file."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from pathlib import Path
+
+from slams.formats.bag import IMU, ODOMETRY, POSE_COV, SCAN, TF
+from slams.formats.mcap_file import McapFile
+from slams.live.options import Topics
+from slams.live.wire import MAP, STATUS
+
+Entry = tuple[str, int, bytes]
+
+
+class Recorder:
+    """Writes messages in a thread of its own, so that no scan waits for the disk.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+
+    def __init__(self, path: str | Path, topics: Topics) -> None:
+        if Path(path).suffix != ".mcap":
+            raise ValueError(f"--record: got {path}, expected a name that ends in .mcap")
+        types = {
+            topics.scan: SCAN,
+            topics.odom: ODOMETRY,
+            topics.imu: IMU,
+            topics.tf: TF,
+            topics.tf_static: TF,
+            topics.map: MAP,
+            topics.pose: POSE_COV,
+            topics.state: STATUS,
+        }
+        self._file = McapFile(path, types, (topics.map, topics.tf_static))
+        self._waiting: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
+        self._failed: Exception | None = None
+        self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)
+        self._thread.start()
+
+    def put(self, topic: str, received: int, data: bytes) -> None:
+        """Take a message that was received at a time [ns]; never waits."""
+        self._waiting.put((topic, received, data))
+
+    def close(self) -> None:
+        """Write what still waits and give the file its name.
+
+        Raises:
+            OSError: some of it could not be written; then there is no file.
+        """
+        self._end()
+        if self._failed is not None:
+            self._file.abandon()
+            raise OSError(f"{self._file.path}: not recorded: {self._failed}") from self._failed
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Leave nothing of the file."""
+        self._end()
+        self._file.abandon()
+
+    def _end(self) -> None:
+        self._waiting.put(None)
+        self._thread.join()
+
+    def _write(self) -> None:
+        """Write until the end, or until the disk says no; then what comes is let go."""
+        while (entry := self._waiting.get()) is not None:
+            try:
+                if self._failed is None:
+                    self._file.write_raw(*entry)
+            except Exception as error:  # the library raises its own and the disk's
+                self._failed = error

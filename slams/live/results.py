@@ -1,0 +1,46 @@
+"""What a live run leaves behind: map, trajectory and what happened."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slams.formats import files, occupancy, trajectory
+from slams.live.node import Drive, Node
+from slams.params import Params
+
+RESULTS = ("map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", "summary.json")
+
+
+def write_results(folder: Path, label: str, params: Params, node: Node) -> None:
+    """Write all files, whole or not at all.
+
+    Raises:
+        OSError: they cannot be written.
+    """
+    drive, grid = node.drive, node.live.map()
+    t, poses = np.array(drive.t), np.array(drive.poses, np.float64).reshape(-1, 3)
+    summary = {
+        "algorithm": label,
+        "params": params.as_dict(),
+        "delay_ms": delays(drive),
+        "node": node.report(),
+    }
+    with files.complete_folder(folder) as partial:
+        trajectory.write_csv(partial / "trajectory.csv", t, poses)
+        trajectory.write_tum(partial / "trajectory.tum", t, poses)
+        occupancy.write_map(partial, grid)
+        occupancy.write_picture(partial / "map.png", grid, poses)
+        text = json.dumps(summary, indent=2, default=str)
+        (partial / "summary.json").write_text(text + "\n", encoding="utf-8")
+
+
+def delays(drive: Drive) -> dict[str, Any]:
+    """From a scan's coming to its pose going out [ms]: median, 99 % and longest."""
+    if not drive.delays:
+        return {}
+    p50, p99, most = 1e3 * np.percentile(drive.delays, (50, 99, 100))
+    return {"p50": round(p50, 3), "p99": round(p99, 3), "max": round(most, 3)}

@@ -1,0 +1,87 @@
+"""Scans from messages: one laser, mounted where tf says, its ranges cleaned as a log's are."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from slams.formats.bag import SCAN, Record
+from slams.formats.frames import bare
+from slams.formats.ros_messages import READ
+from slams.formats.ros_store import store
+from slams.formats.sweep import Geometry, Sweep, common, same_directions, usable
+from slams.live.frames import Mounted
+from slams.scanlog import ScanLog
+from slams.types import Laser, Ranges
+
+
+class Message(NamedTuple):
+    """A scan as its driver sent it; `stamp` [ns]."""
+
+    stamp: int
+    frame: str
+    ranges: Ranges
+    geometry: Geometry
+
+    @property
+    def t(self) -> float:
+        """The stamp [s], rounded as `slams.ros.stamps` does."""
+        whole, rest = divmod(self.stamp, 10**9)
+        return float(whole + 1e-9 * rest)
+
+
+class Cleaned(NamedTuple):
+    """Readings (n,) [m] as algorithms take them, and the laser they are of."""
+
+    ranges: Ranges
+    laser: Laser
+
+
+def message_of(record: Record) -> Message:
+    """A sensor_msgs/LaserScan unpacked.
+
+    Raises:
+        ValueError: it is none, or has no beams or directions.
+    """
+    try:
+        message = store().deserialize_cdr(record.data, SCAN)
+    except Exception as error:  # the library's parsers raise what they stumble over
+        raise ValueError(f"a message of {record.topic} is no {SCAN}") from error
+    frame, (ranges, geometry) = READ[SCAN](message)
+    if not usable(geometry):
+        raise ValueError(f"a scan of {record.topic} has no beams or no directions")
+    stamp = message.header.stamp
+    return Message(stamp.sec * 10**9 + stamp.nanosec, bare(frame), ranges, geometry)
+
+
+class ScanCleaner:
+    """Gives every scan its laser, the same object as long as the beams stay where they are."""
+
+    def __init__(self, mounted: Mounted) -> None:
+        self.notes: list[str] = []
+        self._mounted = mounted
+        self._laser: Laser | None = None
+        self._geometry: Geometry | None = None
+        self._last: Sweep | None = None
+
+    def clean(self, message: Message) -> Cleaned:
+        """The scan with infinite and invalid readings as REP 117 has them.
+
+        Raises:
+            ValueError: no laser has such a geometry.
+        """
+        sweep = Sweep(message.t, message.ranges, message.geometry)
+        if self._geometry is None or not same_directions(sweep.geometry, self._geometry):
+            self._geometry, self._laser, self._last = sweep.geometry, self._seen([sweep]), sweep
+        elif self._last is not None:  # with a second scan the time between two is known
+            self._laser, self._last = self._seen([self._last, sweep]), None
+        assert self._laser is not None
+        one = ScanLog(np.array([sweep.t]), sweep.ranges[None], self._laser)
+        return Cleaned(one.ranges[0], one.laser)
+
+    def _seen(self, sweeps: list[Sweep]) -> Laser:
+        """The laser of sweeps of one geometry; an equal one stays the object it is."""
+        _, mount, flipped = self._mounted
+        laser = common(sweeps, mount, flipped, self.notes)[2]
+        return self._laser if laser == self._laser and self._laser is not None else laser

@@ -1,0 +1,103 @@
+"""Chart: an occupancy grid made ready to be looked at from inside."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slams.localize.chart_kernels import Cells, Tolerance, explain, fit
+from slams.types import Floats, OccupancyGrid, Pose2
+
+Mask = NDArray[np.bool_]
+
+FAR_GAP = 255  # cells of one leap of a ray
+REACH = 1.0  # m; walls farther from a point do not pull
+END, WAY = 0.1, 0.3  # m, how well a beam has to agree; + one cell
+BEAMS = 180  # that are asked whether they agree
+SOFT = (0.3, 0.1, 0.05)  # m, distance to a wall that halves a point's weight, round by round
+STEPS = 8  # of Gauss-Newton for each
+
+
+class Chart:
+    """A map with distances to its walls; poses in meters, in the map's frame.
+
+    Cells are free below p = 0.5, occupied above; what was never observed ends a beam's way without
+    a wall, except single cells between beams.
+
+    Raises:
+        ValueError: the map has no wall, or no free cell.
+    """
+
+    def __init__(self, grid: OccupancyGrid) -> None:
+        self.resolution = float(grid.resolution)
+        self.origin = np.array(grid.origin, np.float64)
+        self.occupied: Mask = grid.p > 0.5
+        self.free: Mask = _without_holes(grid.p < 0.5, np.isnan(grid.p))
+        if not (self.occupied.any() and self.free.any()):
+            raise ValueError(
+                f"a map of {self.occupied.sum()} occupied and {self.free.sum()} free cells; "
+                "expected a floor with walls"
+            )
+        cell = self.resolution
+        self._tolerance = Tolerance((END + cell) / cell, (WAY + cell) / cell)
+
+    @cached_property
+    def cells(self) -> Cells:
+        """What kernels take."""
+        import cv2
+
+        gap = cv2.distanceTransform(np.pad(self.free, 1).astype(np.uint8), cv2.DIST_C, 3)
+        near = cv2.dilate(self.occupied.astype(np.uint8), np.ones((3, 3), np.uint8))
+        wall = (~self.occupied).astype(np.uint8)
+        distance = cv2.distanceTransform(wall, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        return Cells(
+            np.ascontiguousarray(np.minimum(np.round(gap[1:-1, 1:-1]), FAR_GAP), np.uint8),
+            near.astype(np.bool_),
+            np.minimum(distance, REACH / self.resolution).astype(np.float32),
+        )
+
+    @cached_property
+    def clearance(self) -> NDArray[np.float32]:
+        """From each cell to the nearest one that is not free (ny, nx) [m]."""
+        import cv2
+
+        free = np.pad(self.free, 1).astype(np.uint8)
+        cells = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+        return np.asarray(cells * self.resolution, np.float32)
+
+    def fit(self, points: Floats, pose: Pose2) -> Pose2:
+        """The pose near `pose` from which points (n, 2) [m], in its frame, lie on walls."""
+        inner = self._inner(pose)
+        cells = _some(points) / self.resolution
+        for soft in SOFT:
+            fit(self.cells, cells, soft / self.resolution, STEPS, inner)
+        x, y = (inner[:2] * self.resolution + self.origin).tolist()
+        return Pose2(x, y, float(np.arctan2(np.sin(inner[2]), np.cos(inner[2]))))
+
+    def explained(self, points: Floats, pose: Pose2) -> tuple[float, float]:
+        """Shares of beams, ending in points (n, 2) [m] around `pose`, explained and refuted."""
+        some = _some(points)
+        if not len(some):
+            return 0.0, 0.0
+        good, bad = explain(self.cells, some / self.resolution, self._inner(pose), self._tolerance)
+        return good / len(some), bad / len(some)
+
+    def _inner(self, pose: Pose2) -> Floats:
+        """A pose in cells."""
+        x, y = ((np.array(pose[:2]) - self.origin) / self.resolution).tolist()
+        return np.array([x, y, pose.theta])
+
+
+def _some(points: Floats) -> Floats:
+    """About `BEAMS` of the points, evenly."""
+    return points[:: max(1, len(points) // BEAMS)]
+
+
+def _without_holes(free: Mask, unknown: Mask) -> Mask:
+    """Free cells, with those unknown that are mostly surrounded by them: gaps between far beams."""
+    import cv2
+
+    around = cv2.blur(free.astype(np.float32), (3, 3))
+    return free | (unknown & (around > 0.5))

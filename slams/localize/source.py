@@ -1,0 +1,138 @@
+"""A map to localize in: a saved state, or the yaml of map_server; and where to begin in it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from slams.localize.finder import Finder
+from slams.localize.hooks import Localizes, check_localizes
+from slams.localize.localizer import Localizer
+from slams.localize.search import Atlas
+from slams.localize.virtual import build
+from slams.types import IDENTITY, OccupancyGrid, Pose2
+
+if TYPE_CHECKING:
+    from slams.params import Params
+    from slams.registry import Entry
+    from slams.scanlog import ScanLog
+    from slams.types import Slam
+
+ZIP = b"PK"  # how a saved state begins
+
+
+class Given(NamedTuple):
+    """A map: as a grid, with the algorithm it is the own map of, if it is a state."""
+
+    grid: OccupancyGrid
+    slam: Slam | None
+    label: str
+
+
+class Prepared(NamedTuple):
+    """An algorithm with its own, frozen map of an atlas, and its frame's place in there."""
+
+    slam: Localizes
+    atlas: Atlas
+    origin: Pose2
+
+    def at(self, start: Pose2) -> Localizer:
+        """The algorithm, begun at a pose in the map."""
+        return Localizer(self.slam, self.atlas, start, self.origin)
+
+
+def open_map(path: str | Path, notes: list[str] | None = None) -> Given:
+    """Read a saved state, or a map_server yaml with its picture.
+
+    Raises:
+        OSError: a file cannot be opened.
+        ValueError: it is neither; the sentence says why.
+    """
+    from slams.formats.occupancy import read_map
+    from slams.state import read_state
+
+    path = Path(path)
+    with path.open("rb") as file:
+        is_state = file.read(len(ZIP)) == ZIP
+    if not is_state:
+        return Given(read_map(path, notes), None, "")
+    state = read_state(path)
+    return Given(state.slam.map(), state.slam, state.label)
+
+
+def prepare(entry: Entry, params: Params, given: Given) -> Prepared:
+    """An algorithm in a map: its own state, or new with a virtual drive through any other map.
+
+    Raises:
+        TypeError: the algorithm does not offer the hooks.
+        ValueError: the map is no floor with walls.
+    """
+    from slams.registry import label_of
+
+    atlas = Atlas(given.grid)
+    if given.slam is not None and given.label == label_of(entry.cls):
+        slam = check_localizes(given.slam, entry.label)
+        slam.frozen = True
+        return Prepared(slam, atlas, IDENTITY)
+    slam = check_localizes(entry.cls(params), entry.label)
+    return Prepared(slam, atlas, build(slam, atlas.chart))
+
+
+class Start(NamedTuple):
+    """Where a log begins in a map: the number of the scan, the pose there, what to tell."""
+
+    scan: int
+    pose: Pose2
+    note: str
+
+
+def start_at(atlas: Atlas, log: ScanLog, pose: Pose2) -> Start:
+    """The first scan, at the pose near the given one where it fits best."""
+    seen = atlas.look(next(iter(log)), pose)
+    note = f"starts at {_text(seen.pose)}; the map explains {seen.explained:.0%} of the scan there"
+    return Start(0, seen.pose, note)
+
+
+def find_start(atlas: Atlas, log: ScanLog) -> Start:
+    """The first scan of a log at which its place in the map is sure.
+
+    Raises:
+        RuntimeError: it never is; the sentence tells the most likely places.
+    """
+    finder = Finder(atlas)
+    for number, scan in enumerate(log):
+        found = finder.add(scan)
+        if found is not None:
+            note = (
+                f"found at {_text(found.pose)} by scan {number} of {len(log)}; odds "
+                f"{found.odds:.3f}, the map explains {found.explained:.0%} of it"
+            )
+            return Start(number, found.pose, note)
+    places = "; ".join(
+        f"{_text(c.pose)} with odds {c.odds:.2f}, {c.explained:.0%} explained"
+        for c in finder.candidates[:3]
+    )
+    raise RuntimeError(
+        f"{log.name}: its place in the map is not sure after all {len(log)} scans (most likely: "
+        f"{places or 'none'}); expected a log that leaves alike places, or --start"
+    )
+
+
+def pose_of(text: str) -> Pose2:
+    """The pose "x,y,theta" of the command line [m, rad].
+
+    Raises:
+        ValueError: it is none.
+    """
+    try:
+        x, y, theta = map(float, text.split(","))
+        if not all(map(math.isfinite, (x, y, theta))):
+            raise ValueError
+    except ValueError:
+        raise ValueError(f"--start: got {text!r}, expected x,y,theta in m and rad") from None
+    return Pose2(x, y, theta)
+
+
+def _text(pose: Pose2) -> str:
+    return f"{pose.x:.2f}, {pose.y:.2f} m, {pose.theta:.2f} rad"

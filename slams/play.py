@@ -1,0 +1,118 @@
+"""python -m slams.play: publish a log as a robot would, so that all can be tried on one machine."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import math
+import signal
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING
+
+from slams import cli
+from slams.live.network import add_network_options, wire_of
+
+if TYPE_CHECKING:
+    from slams.live.wire import Wire
+    from slams.scanlog import ScanLog
+
+PROGRAM = "slams.play"
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    p = cli.Parser(
+        prog=f"python -m {PROGRAM}",
+        description="Publish a log as a robot would: /scan, /tf_static, and what it has of /odom, "
+        "/tf and /imu, by ROS 2, in the time it took. No ROS needed.",
+    )
+    p.add_argument("log", nargs="+", help="scan log: npz, ROS bag, CARMEN log, BreezySLAM .dat")
+    p.add_argument("--rate", type=float, default=1.0, metavar="X", help="so many times as fast")
+    p.add_argument("--loop", action="store_true", help="again and again, until Ctrl-C")
+    p.add_argument("--limit", type=int, metavar="N", help="only N scans")
+    p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
+    p.add_argument(
+        "--wait", type=float, default=5.0, metavar="S", help="at most, for somebody to listen: 5 s"
+    )
+    p.add_argument(
+        "--remap",
+        metavar="FROM:=TO",
+        action="append",
+        default=[],
+        help="another name for a topic, as /scan:=/front/scan; may be given again",
+    )
+    p.add_argument("-q", "--quiet", action="store_true", help="no notes, no progress bar")
+    cli.add_log_options(p)
+    add_network_options(p)
+    return p
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    cli.one_thread()
+    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
+
+
+def _command(arguments: argparse.Namespace) -> int:
+    log = cli.refusing(lambda: _log(arguments))
+    cli.show_notes(PROGRAM, log.notes, arguments.quiet)
+    ending = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ending.set())
+    wire = cli.refusing(lambda: wire_of(arguments, "slams_play"))
+    try:
+        sent = _play(log, wire, arguments, ending)
+    finally:
+        wire.close()
+    if not arguments.quiet:
+        sys.stdout.write(f"{sent} scans of {log.name} published\n")
+    return 0
+
+
+def _log(arguments: argparse.Namespace) -> ScanLog:
+    from slams.formats.source import load
+
+    if not 0.0 < arguments.rate < math.inf:
+        raise ValueError(f"--rate: got {arguments.rate:g}, expected a number greater than 0")
+    if arguments.limit is not None and arguments.limit < 1:
+        raise ValueError(f"--limit: got {arguments.limit}, expected 1 or more")
+    log = load(arguments.log, cli.log_options(arguments))
+    return log.select(arguments.limit, 1, not arguments.no_odometry)
+
+
+def _play(log: ScanLog, wire: Wire, arguments: argparse.Namespace, ending: threading.Event) -> int:
+    """Publish the log, once or again and again; returns how many scans."""
+    from slams.live.robot import LINGER, Robot
+
+    names = cli.refusing(lambda: dict(_renamed(text) for text in arguments.remap))
+    robot = cli.refusing(lambda: Robot(log, wire, names))
+    wire.listen()
+    robot.introduce()
+    if not robot.await_reader(arguments.wait, ending) and not arguments.quiet:
+        cli.show_notes(PROGRAM, ["nobody listens to the scans yet; they are sent all the same"])
+    gc.collect()
+    gc.freeze()  # a search for garbage among all scans would hold them up
+    sent, start, turn = 0, time.monotonic(), 0
+    while not ending.is_set() and (turn == 0 or arguments.loop):
+        moments = cli.progress(robot.moments(turn), robot.length, "playing", arguments.quiet, "")
+        for moment in moments:
+            if ending.wait(start + moment.t / arguments.rate - time.monotonic()):
+                break
+            moment.send()
+            sent += moment.is_scan
+        turn += 1
+    ending.wait(LINGER)
+    return sent
+
+
+def _renamed(text: str) -> tuple[str, str]:
+    old, between, new = text.partition(":=")
+    if not (between and old.startswith("/") and new.startswith("/")):
+        raise ValueError(f"--remap: got {text!r}, expected /FROM:=/TO")
+    return old, new
+
+
+if __name__ == "__main__":
+    sys.exit(main())

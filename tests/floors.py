@@ -1,0 +1,44 @@
+"""Maps as grids of the rooms that tests know as segments."""
+
+import cv2
+import numpy as np
+
+from slams.types import OccupancyGrid
+from tests.rooms import ROOM, box
+
+CELL, MARGIN = 0.05, 0.5
+
+
+def grid_of(segments=ROOM, inside=(0.0, 0.0), cell=CELL):
+    """The grid of segments (n, 4) [m]: walls of one cell, free what `inside` is of."""
+    low = segments.reshape(-1, 2).min(axis=0) - MARGIN
+    high = segments.reshape(-1, 2).max(axis=0) + MARGIN
+    nx, ny = np.ceil((high - low) / cell).astype(int)
+    walls = np.zeros((ny, nx), np.uint8)
+    for x0, y0, x1, y1 in segments:
+        n = int(np.ceil(10.0 * np.hypot(x1 - x0, y1 - y0) / cell)) + 2
+        x, y = np.linspace(x0, x1, n), np.linspace(y0, y1, n)
+        walls[((y - low[1]) / cell).astype(int), ((x - low[0]) / cell).astype(int)] = 1
+    _, part = cv2.connectedComponents(1 - walls, connectivity=4)
+    iy, ix = int((inside[1] - low[1]) / cell), int((inside[0] - low[0]) / cell)
+    p = np.where(walls > 0, 1.0, np.where(part == part[iy, ix], 0.0, np.nan))
+    return OccupancyGrid(p.astype(np.float32), cell, (float(low[0]), float(low[1])))
+
+
+# a corridor between two rooms that are alike but for what is outside of their doors
+ALIKE = np.array(
+    [
+        (-9.0, 0.0, -5.0, 0.0),
+        (-4.0, 0.0, 4.0, 0.0),
+        (5.0, 0.0, 9.0, 0.0),
+        (-9.0, -2.0, 9.0, -2.0),
+        (-9.0, -2.0, -9.0, 0.0),
+        (9.0, -2.0, 9.0, 0.0),
+        *[(x - 2.5, 0.0, x - 2.5, 4.0) for x in (-4.5, 4.5)],
+        *[(x - 2.5, 4.0, x + 2.5, 4.0) for x in (-4.5, 4.5)],
+        *[(x + 2.5, 0.0, x + 2.5, 4.0) for x in (-4.5, 4.5)],
+        *box(-5.5, 2.6, -5.0, 3.2),
+        *box(3.5, 2.6, 4.0, 3.2),
+        *box(5.8, -1.6, 6.6, -1.1),
+    ]
+)

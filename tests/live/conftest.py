@@ -1,0 +1,3 @@
+from tests.live.commands import started
+
+__all__ = ["started"]

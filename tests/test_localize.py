@@ -1,0 +1,233 @@
+"""Found from nothing in a map, and told when that is in doubt."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.localize import Finder
+from slams.localize.chart import Chart
+from slams.localize.chart_kernels import compare
+from slams.localize.places import PITCH, TURNS, Places, view_of
+from slams.localize.search import APART, Atlas, Candidate, with_odds
+from slams.room import odd_scans
+from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
+from tests.floors import ALIKE, grid_of
+from tests.rooms import ROOM, box, laser, scan_at
+
+LIDAR = laser(541, range_max=30.0)
+POSES = [(-1.0, 0.5, 0.3), (1.5, -2.0, 2.0), (4.2, 3.1, -1.0), (-3.2, 3.0, -2.8), (1.0, 3.2, 0.0)]
+
+
+@pytest.fixture(scope="module")
+def room():
+    return Atlas(grid_of(ROOM))
+
+
+def off(pose, truth):
+    step = Pose2(*truth).between(pose)
+    return math.hypot(step.x, step.y), abs(step.theta)
+
+
+def noisy(pose, seed=0, lidar=LIDAR, segments=ROOM, odometry=None):
+    rng = np.random.default_rng(seed)
+    return scan_at(pose, lidar, segments, 0.01, rng, odometry=odometry)
+
+
+def test_most_beams_of_a_place_are_counted_at_each_heading():
+    rng = np.random.default_rng(0)
+    seen = rng.integers(0, 300, (7, 24)).astype(np.uint16)
+    directions = np.array([0, 5, 23])
+    ranges = np.array([100, 200, 50], np.int32)
+    tolerances = np.array([60, 40, 90], np.int32)
+    best, turn = np.zeros((2, 7), np.int32)
+    compare(seen, directions, ranges, tolerances, best, turn)
+    for i in range(7):
+        agree = [
+            sum(
+                abs(int(seen[i, (k + d) % 24]) - r) < t
+                for d, r, t in zip(directions, ranges, tolerances, strict=True)
+            )
+            for k in range(24)
+        ]
+        assert (best[i], turn[i]) == (max(agree), int(np.argmax(agree)))
+
+
+def test_a_beam_is_explained_refuted_or_neither():
+    segments = np.array([*box(0.0, 0.0, 6.0, 4.0), (4.0, 0.0, 4.0, 4.0)])
+    chart = Chart(grid_of(segments, inside=(1.0, 1.0)))
+    pose = Pose2(2.0, 2.0, math.pi / 2)  # +x is to its right
+    ends = {
+        (0.0, -2.0): (1.0, 0.0),  # on the wall
+        (0.0, -4.0): (0.0, 1.0),  # on the wall behind it
+        (0.0, -1.0): (0.0, 0.0),  # somebody in the way
+        (0.0, -2.1): (1.0, 0.0),  # a bit too long
+        (0.0, -9.0): (0.0, 1.0),  # out of the map
+    }
+    for end, expected in ends.items():
+        assert chart.explained(np.array([end]), pose) == expected, end
+    assert chart.explained(np.array(list(ends)), pose) == (2 / 5, 2 / 5)
+    assert chart.explained(np.zeros((0, 2)), pose) == (0.0, 0.0)
+
+
+def test_a_gap_between_far_beams_is_no_wall_but_the_unseen_is_none_either():
+    grid = grid_of(ROOM)
+    grid.p[80, 60] = np.nan
+    chart = Chart(grid)
+    assert chart.free[80, 60]
+    assert not chart.free[:, 0].any() and not chart.occupied[:, 0].any()
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_a_fit_comes_back_to_the_walls(pose, room):
+    start = Pose2(*pose) @ Pose2(0.12, -0.1, 0.04)
+    assert room.chart.resolution == 0.05
+    found = room.chart.fit(view_of(noisy(pose)).points, start)
+    assert off(found, pose)[0] < 0.04 and off(found, pose)[1] < 0.01
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_place_of_a_room_is_found_by_one_scan(seed, room):
+    rng = np.random.default_rng(seed)
+    cells = np.argwhere(room.chart.clearance > 0.3)
+    iy, ix = cells[rng.integers(len(cells))]
+    x, y = room.chart.origin + (np.array([ix, iy]) + rng.random(2)) * room.chart.resolution
+    pose = (float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
+    first, *others = room.search(noisy(pose, seed))
+    assert off(first.pose, pose)[0] < 0.1 and off(first.pose, pose)[1] < math.radians(3.0)
+    assert first.odds + sum(c.odds for c in others) <= 1.0 + 1e-9
+    assert first.evidence > 0.8
+
+
+LASERS = {
+    "mounted": Laser(-2.0, 0.01, 401, 0.1, 30.0, Pose2(0.3, -0.1, 0.7)),
+    "clockwise": Laser(2.2, -0.02, 221, 0.1, 30.0),
+    "all around": Laser(-math.pi, 2 * math.pi / 360, 360, 0.1, 12.0),
+    "few beams": Laser(-2.0, 0.1, 41, 0.1, 30.0),
+}
+
+
+@pytest.mark.parametrize("kind", LASERS)
+def test_every_laser_is_served(kind, room):
+    pose = (-1.0, 0.5, 0.3)
+    assert off(room.search(noisy(pose, 1, LASERS[kind]))[0].pose, pose)[0] < 0.1
+
+
+def test_people_do_not_throw_it_off(room):
+    scan = noisy(POSES[0])
+    ranges = scan.ranges.copy()
+    ranges[100:180], ranges[300:360] = 0.7, np.nan
+    first = room.search(type(scan)(0.0, ranges, scan.laser))[0]
+    assert off(first.pose, POSES[0])[0] < 0.1
+    assert first.refuted < 0.05 and 0.7 < first.explained < 0.9
+
+
+def test_odds_follow_from_evidence_and_what_was_before():
+    a, b, c = (
+        Candidate(Pose2(x, 0.0, 0.0), e, 0.0, 1.0) for x, e in ((0, 0.9), (3, 0.88), (6, 0.3))
+    )
+    same = with_odds([b, a, c])
+    assert [x.odds for x in same] == pytest.approx([0.5, 0.5])  # as good as equal; c is out
+    first, second = with_odds([b, a], np.array([0.9, 0.1]))
+    assert (first.pose, first.odds, second.odds) == (b.pose, pytest.approx(0.9), pytest.approx(0.1))
+    assert with_odds([]) == []
+
+
+def test_a_square_room_is_in_doubt_for_ever():
+    square = np.array(box(0.0, 0.0, 4.0, 4.0))
+    finder = Finder(grid_of(square, inside=(1.0, 1.0)))
+    for k in range(12):
+        pose = (1.0 + 0.1 * k, 1.5, 0.4)
+        assert finder.add(noisy(pose, k, segments=square)) is None
+    headings = sorted(
+        round((c.pose.theta - 0.4) / (math.pi / 2)) % 4 for c in finder.candidates[:4]
+    )
+    assert headings == [0, 1, 2, 3]
+    assert max(c.odds for c in finder.candidates) < 0.6
+
+
+def test_all_places_in_doubt_move_by_the_wheels(monkeypatch):
+    square = np.array(box(0.0, 0.0, 6.0, 6.0))
+    finder = Finder(grid_of(square, inside=(1.0, 1.0)))
+    far = Pose2(2.8, 0.3, 0.78)
+    poses = [Pose2(1.5, 2.0, 0.3), Pose2(1.5, 2.0, 0.3) @ far]
+    before = Pose2(9.0, -3.0, 1.0)
+    for k, odometry in enumerate((before, before @ far)):
+        finder.add(noisy(poses[k], k, segments=square, odometry=odometry))
+        if k == 0:
+            expected = [c.pose @ far for c in finder.candidates]
+            monkeypatch.setattr(finder.atlas, "search", lambda scan: [])  # which would find them
+    assert len(finder.candidates) == len(expected) == 4
+    for pose in expected:
+        assert min(off(c.pose, pose)[0] for c in finder.candidates) < 0.05
+    assert max(c.odds for c in finder.candidates) < 0.5
+
+
+@pytest.mark.parametrize("wheels", [True, False])
+def test_alike_rooms_are_told_apart_by_driving_on(wheels):
+    finder = Finder(grid_of(ALIKE, inside=(0.0, -1.0)))
+    near = laser(541, range_max=3.0)
+    way = [(-4.5 + 0.01 * k, 2.5 - 0.08 * k, -1.5) for k in range(48)]
+    sure = []
+    for k, pose in enumerate(way):
+        odometry = Pose2(5.0, 1.0, 2.0) @ Pose2(*way[0]).between(Pose2(*pose)) if wheels else None
+        found = finder.add(noisy(pose, k, near, ALIKE, odometry))
+        sure += [(k, off(found.pose, pose)[0])] if found else []
+        if k == 0:
+            places = sorted(round(c.pose.x, 1) for c in finder.candidates[:2])
+            assert places == pytest.approx([-4.5, 4.5], abs=0.15)
+    assert sure and sure[0][0] > 10
+    assert max(error for _, error in sure) < 0.1
+    assert finder.found is not None
+
+
+def test_a_room_that_is_not_in_the_map_is_not_found():
+    finder = Finder(grid_of(np.array(box(-6.0, -6.0, 6.0, 6.0))))
+    for k in range(5):
+        assert finder.add(noisy((0.1 * k, 0.0, 0.0), k)) is None
+
+
+def test_odd_scans_are_taken(room):
+    finder = Finder(room)
+    for scan in odd_scans().values():
+        finder.add(scan)
+    assert all(math.isfinite(v) for c in finder.candidates for v in (*c.pose, c.odds))
+    assert Finder(room).add(odd_scans()["nothing but nan"]) is None
+
+
+def test_the_same_scans_find_the_same(room):
+    both = [Finder(room), Finder(room)]
+    for finder in both:
+        for k in range(3):
+            finder.add(noisy(POSES[0], k))
+    assert both[0].candidates == both[1].candidates
+
+
+def test_a_large_floor_has_a_wider_lattice(monkeypatch):
+    chart = Chart(grid_of(ROOM))
+    all_places = Places(chart)
+    assert all_places.pitch == PITCH
+    monkeypatch.setattr("slams.localize.places.MOST", 100)
+    few = Places(chart)
+    assert few.pitch > PITCH and 50 <= len(few) <= 150 < len(all_places)
+    pose = (0.5, 0.5, 0.0)
+    assert any(off(p, pose)[0] < few.pitch for p in few.rank(view_of(noisy(pose)), 5))
+
+
+def test_a_map_without_walls_is_refused():
+    for p in (np.zeros((9, 9)), np.ones((9, 9)), np.full((9, 9), np.nan)):
+        with pytest.raises(ValueError, match="expected a floor with walls"):
+            Finder(OccupancyGrid(p.astype(np.float32), 0.05, (0.0, 0.0)))
+
+
+def test_directions_are_those_of_the_beams_nearest_to_them():
+    fan = Laser(-0.5, 0.01, 101, 0.1, 30.0, IDENTITY)
+    ranges = np.linspace(1.0, 2.0, 101).astype(np.float32)
+    ranges[50] = np.nan
+    view = view_of(type(noisy(POSES[0]))(0.0, ranges, fan))
+    step = 2.0 * math.pi / TURNS
+    assert len(view.points) == 100 and APART > 0.0
+    for direction, r in zip(view.directions.tolist(), view.ranges.tolist(), strict=True):
+        angle = math.remainder(direction * step, 2 * math.pi)
+        expected = 1.0 + (angle + 0.5)
+        assert abs(r / 100.0 - expected) < 0.021
