@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from slams.types import Floats
 
+EDGES = 0.25  # share of the rays that discontinuities may take
+
 
 def leverage(rows: Floats, weights: Floats) -> Floats:
     """Share (m,) of each point in fixing the pose, w c' H^-1 c; together they are 3."""
@@ -19,15 +21,20 @@ def leverage(rows: Floats, weights: Floats) -> Floats:
     return np.asarray(shares.reshape(2, -1).sum(axis=0))
 
 
-def critical_rays(rows: Floats, weights: Floats, count: int) -> NDArray[np.int64]:
-    """Numbers of about `count` points that carry the pose: [Tsardoulias13] in spirit, rule ours.
+def critical_rays(
+    rows: Floats, weights: Floats, far: Floats, edges: NDArray[np.bool_], count: int
+) -> NDArray[np.int64]:
+    """Numbers of about `count` points that carry the pose.
 
-    Half of them are spread evenly over the scan, half go to those with the greatest share in x, y
-    and theta; both by error diffusion along the scan, without a draw.
+    [Tsardoulias13]: those at discontinuities (`edges`), and of the rest the far ones (`far`, the
+    range [m]) more densely. ours: half of the rest goes to those with the greatest share in x, y
+    and theta. By error diffusion along the scan, without a draw.
     """
     m = len(weights) // 2
     if m <= count:
         return np.arange(m)
-    owed = 0.5 * count * (leverage(rows, weights) / 3.0 + 1.0 / m)
+    at_edges = np.minimum(edges * EDGES * count / max(int(edges.sum()), 1), 1.0)
+    rest = 0.5 * (count - at_edges.sum())
+    owed = at_edges + rest * (leverage(rows, weights) / 3.0 + far / far.sum())
     steps = np.floor(np.cumsum(np.minimum(owed, 1.0)))
     return np.flatnonzero(np.diff(steps, prepend=0.0) > 0.0)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from crsm.params import CrsmParams
 from crsm.rays import critical_rays
 from crsm.scan_kernels import Points, end_points, find_walls
-from slams.types import Floats, Laser, Pose2, Scan
+from slams.types import IDENTITY, Floats, Laser, Pose2, Scan
 
 LEAST_RANGE = 1e-3  # m
 LEAST_POINTS = 10  # to match a scan
@@ -25,7 +25,9 @@ class ScanReader:
         self.m = 0
         self.reach = 0.0
         self._rays: NDArray[np.int64] | None = None
-        self._beams = np.hstack((laser.directions, np.zeros_like(laser.directions)))
+        self._ends: Floats | None = None
+        self._beams = np.zeros((laser.n_beams, 4))
+        self._move_beams(IDENTITY)
         noise2 = params.range_noise**2
         self._within = (max(laser.range_min, LEAST_RANGE), min(laser.range_max, params.max_range))
         self._gap = (params.gap, params.gap_beams * abs(laser.angle_increment))
@@ -37,15 +39,29 @@ class ScanReader:
             self._move_beams(velocity)
         points = self.points
         self.m, self.reach = end_points(scan.ranges, self._beams, self._within, self._gap, points)
-        find_walls(points, self.m, self.params.window**2, self._limits)
-        self._rays = None
+        at = self.laser.mount
+        find_walls(points, self.m, self.params.window**2, self._limits, (at.x, at.y))
+        self._rays = self._ends = None
 
     @property
     def rays(self) -> NDArray[np.int64]:
         """Numbers of the points that are critical rays, chosen when first asked for."""
         if self._rays is None:
-            self._rays = critical_rays(*self._information(), self.params.critical_rays)
+            first = self.points.first[: self.m + 1]
+            edges = np.diff(first) != 0  # the last before a jump ...
+            edges[1:] |= edges[:-1]  # ... and the first behind it
+            start = np.array([[self.laser.mount.x, self.laser.mount.y]])
+            far = np.hypot(*(self.points.xy[: self.m] - start).T)
+            count = self.params.critical_rays
+            self._rays = critical_rays(*self._information(), far, edges, count)
         return self._rays
+
+    @property
+    def ends(self) -> Floats:
+        """End points (k, 2) [m] of the critical rays, in the base frame."""
+        if self._ends is None:
+            self._ends = self.points.xy[self.rays]
+        return self._ends
 
     @property
     def sweeps(self) -> bool:
@@ -58,21 +74,15 @@ class ScanReader:
         return self.m >= LEAST_POINTS
 
     def _move_beams(self, velocity: Pose2) -> None:
-        """Directions and starts of the beams as seen from where the laser was at the first one."""
-        vx, vy, turn = self._of_laser(velocity)
+        """Directions and starts of the beams as seen from where the base was at the first one."""
         t = self.laser.time_increment * np.arange(self.laser.n_beams)
-        c, s = np.cos(turn * t), np.sin(turn * t)
-        x, y = self.laser.directions.T
-        self._beams[:] = np.stack((c * x - s * y, s * x + c * y, vx * t, vy * t), axis=1)
-
-    def _of_laser(self, velocity: Pose2) -> tuple[float, float, float]:
-        """Velocity of the laser, seen from the laser, of a base that moves with `velocity`."""
-        mount = self.laser.mount
-        lever = Pose2(
-            velocity.x - velocity.theta * mount.y, velocity.y + velocity.theta * mount.x, 0.0
-        )
-        seen = Pose2(0.0, 0.0, -mount.theta) @ lever
-        return seen.x, seen.y, velocity.theta
+        heading = velocity.theta * t
+        c, s = np.cos(heading), np.sin(heading)
+        at, (x, y) = self.laser.mount, Pose2(0.0, 0.0, self.laser.mount.theta).transform(
+            self.laser.directions
+        ).T
+        start = c * at.x - s * at.y + velocity.x * t, s * at.x + c * at.y + velocity.y * t
+        self._beams[:] = np.stack((c * x - s * y, s * x + c * y, *start), axis=1)
 
     def _information(self) -> tuple[Floats, Floats]:
         """What each point measures: rows (3, 2m) over x, y, theta, weights (2m,) [1/m2].

@@ -15,7 +15,7 @@ SKIPPED_BEAMS = 3  # lost between two neighbors on one wall, at most
 
 
 class Points(NamedTuple):
-    """End points of one scan, in the laser frame; only the first m of each array count.
+    """End points of one scan, in the base frame; only the first m of each array count.
 
     xy (n+1, 2) [m]; normal (n, 2) of the wall, facing the laser, (0, 0) for a lone point; spread
     (n,) [m2] variance of the neighbors across the wall; first (n+1,) the first point of the same
@@ -97,7 +97,7 @@ def best_line(sums: Any, a: int, i: int, b: int, good: float) -> Any:
 
 @njit(inner=True)
 def normal_of(half: float, xy: float, x: float, y: float) -> Any:
-    """ours: unit normal of a line (see `line_through`) at the point (x, y), facing the origin."""
+    """ours: unit normal of a line (see `line_through`) at the point (x, y), against (x, y)."""
     length = math.sqrt(half * half + xy * xy)
     # two ways to write one eigenvector: the one without a difference of like numbers
     nx, ny = (-xy, length + half) if half > 0.0 else (length - half, -xy)
@@ -106,8 +106,8 @@ def normal_of(half: float, xy: float, x: float, y: float) -> Any:
 
 
 @njit
-def find_walls(points: Points, m: int, window2: float, limits: Any) -> None:
-    """ours: normal and spread of every point, from its neighbors.
+def find_walls(points: Points, m: int, window2: float, limits: Any, laser: Any) -> None:
+    """ours: normal and spread of every point, from its neighbors; normals face the laser (x, y).
 
     The neighbors are those of its stretch within a distance, window2 its square [m2], and two on
     either side at least. limits (variance of a good line, variance of a lone point) [m2].
@@ -124,6 +124,6 @@ def find_walls(points: Points, m: int, window2: float, limits: Any) -> None:
         ):
             b += 1
         variance, half, cross = best_line(points.sums, a, i, b, limits[0])
-        nx, ny = normal_of(half, cross, x, y)
+        nx, ny = normal_of(half, cross, x - laser[0], y - laser[1])
         wall = variance < limits[1]
         spread[i], normal[i, 0], normal[i, 1] = variance, wall * nx, wall * ny
