@@ -21,12 +21,13 @@ class Fit(NamedTuple):
     """Where the fit found the base.
 
     `information` (3, 3) of the scan alone [1/m^2, 1/(m rad), 1/rad^2]; `residual`, mean square of
-    the residuals over what was expected.
+    the residuals over what was expected; `agreement` 0..1, share of the points on their walls.
     """
 
     pose: Pose2
     information: Floats
     residual: float
+    agreement: float
 
 
 class Fitter:
@@ -49,21 +50,21 @@ class Fitter:
         prior = prior._replace(weight=self.scale)
         cells, points = walls.cells, view.points
         pose = fit_to_walls(cells, points, view.m, tuple(start), prior, self._rules, self._system)
-        return self._found(Pose2(*pose))
+        return self._found(Pose2(*pose), view.m)
 
     def seen_from(self, walls: WallGrid, view: ScanReader, pose: Pose2) -> Fit:
         """What the walls say of a pose as it is, without a fit."""
         at = (*pose, 1.0)
         normal_equations(walls.cells, view.points, view.m, at, self._rules, self._system)
-        return self._found(pose)
+        return self._found(pose, view.m)
 
     def learn(self, fit: Fit) -> None:
         """Take this fit's residuals for usual."""
         self._residual += (MEMORY if self._residual else 1.0) * (fit.residual - self._residual)
         self.scale = max(self._residual, LEAST_RESIDUAL**2)
 
-    def _found(self, pose: Pose2) -> Fit:
-        xx, xy, xt, yy, yt, tt, *_, squares, weights = self._system.tolist()
+    def _found(self, pose: Pose2, m: int) -> Fit:
+        xx, xy, xt, yy, yt, tt, *_, agreement, _, squares, weights = self._system.tolist()
         walls: Floats = np.array(((xx, xy, xt), (xy, yy, yt), (xt, yt, tt)))
         residual = squares / weights if weights > 0.0 else 1.0
-        return Fit(pose, walls / max(self.scale, 1.0), residual)
+        return Fit(pose, walls / max(self.scale, 1.0), residual, agreement / m)

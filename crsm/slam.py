@@ -37,7 +37,7 @@ MEMORY = 0.05  # weight of one scan in the usual quality
 NEAR, NEAR_TURN = 0.05, 0.02  # m, rad: a fit from the prediction ends where one from there does
 CELL = 0.1  # m and rad, within which a refined pose is still the climb's
 WEIGHED = 360  # points that evidence is taken of
-COARSE = 0.02  # evidence that a climb must have more than a fit
+COARSE = 0.05  # evidence that a climb must have more than a fit
 PAUSE = 0.5  # s between two searches of a robot that is not matched
 
 
@@ -184,6 +184,7 @@ class Crsm:
         explained, contradicted = evidence(
             self._map.cells, view.points, view.m, tuple(fit.pose), every
         )
+        explained = fit.agreement
         worth = explained - contradicted
         value = worth - self._track.charge(fit.pose) - (0.0 if refined else COARSE)
         if not self._track.reachable(fit.pose):
