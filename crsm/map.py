@@ -18,6 +18,7 @@ MOST_CELLS = 1 << 23  # 290 m x 290 m with cells of 0.1 m
 KNOWN = 0.1  # grey level, either way, from which a cell counts as seen
 ONE_WALL = 0.6  # cells between an end point and the wall element it joins
 NEXT_TO_NOTHING = 1e-9  # weight of an element before its points are averaged in
+FREE = -0.5  # grey level of what several drawings found free
 MARGIN = 2.0  # cells that a beam goes on behind a wall to have gone through it
 CORE = 0.25  # cells around the mean end point of an element that is surely wall
 Cells = NDArray[np.int64]  # (m,) numbers of cells, counted along the rows
@@ -86,7 +87,19 @@ class WallGrid:
         elements[NX:WEIGHT] /= np.where(length > 0.0, length, 1.0)
         elements[WEIGHT] = weight
         self.cells.wall.reshape(-1, WEIGHT + 1)[which] = elements.T
+        self._forget(which[self._stand_in_white(which)])
         redraw(self.cells, which)
+
+    def _stand_in_white(self, cells: Cells) -> NDArray[np.bool_]:
+        """Which wall elements stand where beams went through: those of things that move."""
+        at, (x, y) = self._elements(cells), self.cells.corner
+        step = self.cells.cell / self.cells.fine
+        ix, iy = (at[X] - x) / step, (at[Y] - y) / step
+        white = self.cells.grey[iy.astype(np.int64), ix.astype(np.int64)] < FREE
+        return np.asarray(white & (at[WEIGHT] > 0.0))
+
+    def _forget(self, cells: Cells) -> None:
+        self.cells.wall.reshape(-1, WEIGHT + 1)[cells, WEIGHT] = 0.0
 
     def _elements(self, cells: Cells) -> Floats:
         """Wall elements (5, m) of cells."""
@@ -114,7 +127,12 @@ class WallGrid:
         self._blacken(np.floor(ends[0]).astype(np.int64), np.floor(ends[1]).astype(np.int64))
         start = ((laser.x - x) / step, (laser.y - y) / step)
         whiten(cells, start, np.stack(ends), self._drawings, self.params.density)
-        return self._weaken(self._passed(laser, seen))
+        gone = self._weaken(self._passed(laser, seen))
+        near = self._walls_among(seen)
+        moved = near[self._stand_in_white(near)]
+        self._forget(moved)
+        redraw(cells, moved)
+        return gone + len(moved)
 
     def _blacken(self, ix: NDArray[np.int64], iy: NDArray[np.int64]) -> None:
         """Beams end in these grey cells: one step to black for each cell."""

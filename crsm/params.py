@@ -168,6 +168,14 @@ class CrsmParams(MotionParams):
     fine: int = param(
         2, "1", "grey cells along one map cell", source="ours: map to look at", low=1, high=20
     )
+    caution: float = param(
+        5.0,
+        "1",
+        "times the variance of a prediction, as a prior of a scan that sees all directions",
+        source="ours: at 1 the wheels of public logs hold the pose off old walls, at 50 people "
+        "who walk along carry it away in corridors",
+        low=1.0,
+    )
     refine: bool = param(
         True,
         "1",
