@@ -13,6 +13,7 @@ from slams.jit import FAST, njit
 
 FINEST, FINEST_TURN = 0.001, 1e-4  # m, rad: steps below are not made
 ROUNDS = 10  # of steps of one size
+LEAST_RADIUS = 0.1  # m, of the rays around their middle
 
 
 class Prior(NamedTuple):
@@ -32,11 +33,12 @@ class Prior(NamedTuple):
 def fitness(grid: WallMap, rays: Any, pose: Any) -> float:
     """[Tsardoulias13] fitness 0..1: mean darkness of the map under the ends (k, 2) of rays."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    total = 0.0
-    for j in range(rays.shape[0]):
+    k: int = rays.shape[0]
+    total: float = 0.0
+    for j in range(k):
         px, py = rays[j, 0], rays[j, 1]
         total += darkness(grid, c * px - s * py + pose[0], s * px + c * py + pose[1])
-    return total / rays.shape[0]
+    return total / k
 
 
 @njit(inner=True)
@@ -50,6 +52,29 @@ def score(grid: WallMap, rays: Any, prior: Prior, pose: Any) -> float:
     return fitness(grid, rays, pose) - prior.weight * cost
 
 
+@njit(inner=True)
+def middle_of(rays: Any) -> Any:
+    """ours: mean (x, y) [m] of the ends (k, 2) of rays, and how far [m] they lie off it, rms."""
+    k = rays.shape[0]
+    mx, my, square = 0.0, 0.0, 0.0
+    for j in range(k):
+        mx, my = mx + rays[j, 0] / k, my + rays[j, 1] / k
+    for j in range(k):
+        square += ((rays[j, 0] - mx) ** 2 + (rays[j, 1] - my) ** 2) / k
+    return mx, my, math.sqrt(square)
+
+
+@njit(inner=True)
+def stepped(pose: Any, axis: int, step: float, mx: float, my: float) -> Any:
+    """[Tsardoulias13] a pose one step further along x, y [m] or theta [rad]; that turns about (mx, my)."""
+    x, y, theta = pose
+    if axis < 2:
+        return (x + step, y, theta) if axis == 0 else (x, y + step, theta)
+    c, s = math.cos(theta), math.sin(theta)
+    c2, s2 = math.cos(theta + step), math.sin(theta + step)
+    return x + (c - c2) * mx - (s - s2) * my, y + (s - s2) * mx + (c - c2) * my, theta + step
+
+
 @njit
 def climb(grid: WallMap, rays: Any, prior: Prior, start: Any, length: float) -> Any:
     """[Tsardoulias13] hill climbing: steps along x, y, theta while they help, then half as long.
@@ -57,40 +82,25 @@ def climb(grid: WallMap, rays: Any, prior: Prior, start: Any, length: float) -> 
     ours: down to `FINEST` steps, from `length` [m]; a turn is about the middle of the rays and
     moves them by as much as a step. Returns (x, y, theta, score).
     """
-    k = rays.shape[0]
-    mx, my, square = 0.0, 0.0, 0.0
-    for j in range(k):
-        mx, my = mx + rays[j, 0] / k, my + rays[j, 1] / k
-    for j in range(k):
-        square += ((rays[j, 0] - mx) ** 2 + (rays[j, 1] - my) ** 2) / k
-    angle = length / max(math.sqrt(square), 0.1)
-    x, y, theta = start
-    best = score(grid, rays, prior, start)
+    mx, my, radius = middle_of(rays)
+    angle = length / max(radius, LEAST_RADIUS)
+    pose, best = start, score(grid, rays, prior, start)
     while True:
         for _ in range(ROUNDS):
             before = best
             for axis in range(3):
                 for sign in (1.0, -1.0):
-                    turn = sign * angle if axis == 2 else 0.0
-                    dx = sign * length if axis == 0 else 0.0
-                    dy = sign * length if axis == 1 else 0.0
-                    if axis == 2:
-                        c, s = math.cos(theta), math.sin(theta)
-                        c2, s2 = math.cos(theta + turn), math.sin(theta + turn)
-                        dx = (c - c2) * mx - (s - s2) * my
-                        dy = (s - s2) * mx + (c - c2) * my
-                    pose = (x + dx, y + dy, theta + turn)
-                    value = score(grid, rays, prior, pose)
+                    step = sign * (angle if axis == 2 else length)
+                    other = stepped(pose, axis, step, mx, my)
+                    value = score(grid, rays, prior, other)
                     if value > best:
-                        best, (x, y, theta) = value, pose
+                        best, pose = value, other
                         break
             if best == before:
                 break
         if length <= FINEST and angle <= FINEST_TURN:
-            return x, y, theta, best
-        if length > FINEST:
-            length *= 0.5
-        angle *= 0.5
+            return pose[0], pose[1], wrap_angle(pose[2]), best
+        length, angle = max(0.5 * length, FINEST), 0.5 * angle
 
 
 @njit

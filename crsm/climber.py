@@ -100,4 +100,5 @@ class Climber:
         window = np.array([p.search_distance, p.search_distance, p.search_angle])
         around = np.clip(around, -window, window)
         wide = self._rng.uniform(-1.0, 1.0, (n // 2, 3)) * window
-        return np.asarray(np.concatenate((around, wide)) + (prior.x, prior.y, prior.theta))
+        at = np.array([prior.x, prior.y, prior.theta])
+        return np.asarray(at + np.concatenate((around, wide)))

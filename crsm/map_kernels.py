@@ -13,6 +13,7 @@ from slams.jit import FAST, njit
 HALO = 3  # fine cells that a wall element darkens around itself
 BLUR = 1.0  # fine cells, sigma of that: the least that is smooth between their middles
 FULL = 1.1  # sum of the blots on a straight wall that has an element in every cell
+HALF = 2.0  # of FULL, where half of the greatest darkness is reached
 MOVED = 1e-3  # m that an element may go before its blot follows
 X, Y, NX, NY, WEIGHT = 0, 1, 2, 3, 4
 
@@ -87,7 +88,7 @@ def darkness(grid: WallMap, x: float, y: float) -> float:
         row = 0.5 * (1.0 - t) ** 2 if j == 0 else (0.5 + t - t * t if j == 1 else 0.5 * t * t)
         i = iy - 1 + j
         total += row * (x0 * dark[i, ix - 1] + x1 * dark[i, ix] + x2 * dark[i, ix + 1])
-    return 2.0 * total / (FULL + total)
+    return (1.0 + HALF) * total / (HALF * FULL + total)
 
 
 @njit(fastmath=FAST, inner=True)  # 15 % of the fit

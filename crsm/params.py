@@ -20,7 +20,8 @@ class CrsmParams(MotionParams):
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "crsm.original:Original",
-        "paper": {"refine": False},
+        # without a fit behind it the climb must see finer and more
+        "paper": {"refine": False, "fine": 3, "critical_rays": 200},
     }
 
     cell: float = param(

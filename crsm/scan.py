@@ -98,9 +98,10 @@ class ScanReader:
         t = self.laser.time_increment * np.arange(self.laser.n_beams)
         heading = velocity.theta * t
         c, s = np.cos(heading), np.sin(heading)
-        at, (x, y) = self.laser.mount, Pose2(0.0, 0.0, self.laser.mount.theta).transform(
-            self.laser.directions
-        ).T
+        at, (x, y) = (
+            self.laser.mount,
+            Pose2(0.0, 0.0, self.laser.mount.theta).transform(self.laser.directions).T,
+        )
         start = c * at.x - s * at.y + velocity.x * t, s * at.x + c * at.y + velocity.y * t
         self._beams[:] = np.stack((c * x - s * y, s * x + c * y, *start), axis=1)
 

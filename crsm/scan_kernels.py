@@ -34,7 +34,7 @@ class Points(NamedTuple):
 
 @njit(inner=True)
 def end_of(ranges: Any, beams: Any, limits: Any, i: int) -> Any:
-    """End point of beam i (x, y) [m]; infinitely far where there is none."""
+    """ours: end point of beam i (x, y) [m]; infinitely far where there is none."""
     if i >= min(ranges.shape[0], beams.shape[0]) or not limits[0] <= ranges[i] < limits[1]:
         return math.inf, math.inf
     r = ranges[i]
@@ -43,7 +43,7 @@ def end_of(ranges: Any, beams: Any, limits: Any, i: int) -> Any:
 
 @njit(inner=True)
 def is_near(ax: float, ay: float, bx: float, by: float, limit: float) -> bool:
-    """Whether two points are within a limit [m] of each other."""
+    """ours: whether two points are within a limit [m] of each other."""
     dx, dy = ax - bx, ay - by
     return dx * dx + dy * dy <= limit * limit
 

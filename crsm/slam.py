@@ -154,6 +154,7 @@ class Crsm:
         """Step 3: of the climb and the fits behind it, the one with the most evidence."""
         seen = self._fitter.seen_from(self._map, view, climbed.pose)
         if not self.params.refine:
+            self._counts["kept"] += 1
             share = len(view.rays) / view.m
             return self._weighed(view, seen._replace(information=share * seen.information), False)
         prior = self._prior(expected)
