@@ -66,7 +66,7 @@ def middle_of(rays: Any) -> Any:
 
 @njit(inner=True)
 def stepped(pose: Any, axis: int, step: float, mx: float, my: float) -> Any:
-    """[Tsardoulias13] a pose one step further along x, y [m] or theta [rad]; that turns about (mx, my)."""
+    """[Tsardoulias13] a pose one step further along x, y [m] or theta, which is about (mx, my)."""
     x, y, theta = pose
     if axis < 2:
         return (x + step, y, theta) if axis == 0 else (x, y + step, theta)
