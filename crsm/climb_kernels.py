@@ -31,7 +31,7 @@ class Prior(NamedTuple):
 
 @njit(fastmath=FAST, inner=True)
 def fitness(grid: WallMap, rays: Any, pose: Any) -> float:
-    """[Tsardoulias13] fitness 0..1: mean darkness of the map under the ends (k, 2) of rays."""
+    """[Tsardoulias13] fitness: mean darkness of the map under the ends (k, 2) of rays."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     k: int = rays.shape[0]
     total: float = 0.0

@@ -19,7 +19,7 @@ FIRST_STEPS = (0.004, 0.064)  # m, least and most: a power of two times the last
 
 
 class Climbed(NamedTuple):
-    """The best pose of the base found, its fitness 0..1 and the fitness less the prior's cost."""
+    """The best pose of the base found, its fitness and the fitness less the prior's cost."""
 
     pose: Pose2
     fitness: float

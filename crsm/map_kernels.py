@@ -72,7 +72,7 @@ def redraw(grid: WallMap, cells: Any) -> None:
 
 @njit(fastmath=FAST, inner=True)
 def darkness(grid: WallMap, x: float, y: float) -> float:
-    """ours: how dark the map is at (x, y) [m]: 0 nothing, 1 on a wall, smooth between the cells.
+    """ours: how dark the map is at (x, y) [m]: 0 nothing, about 1 on a wall, smooth.
 
     Quadratic splines over the 3 x 3 fine cells around it; blots upon each other count less.
     """
