@@ -13,6 +13,7 @@ from crsm.scan_kernels import Points, end_points, find_walls
 from slams.types import IDENTITY, Floats, Laser, Pose2, Ranges, Scan
 
 LEAST_RANGE = 1e-3  # m
+LEAST_RAYS = 60  # otherwise at most half of the points: all of them have no choice in them
 LEAST_POINTS = 10  # to match a scan
 QUARTER = 0.3186 * math.sqrt(1.5)  # noises that a quarter of such distances is below
 MOST_NOISE = 0.15  # m
@@ -108,7 +109,8 @@ class ScanReader:
     def _chosen(self) -> NDArray[np.int64]:
         p, at = self.params, self.laser.mount
         noise, room = (p.range_noise**2, p.lone_noise**2), np.empty(self.m, np.int64)
-        k = critical_rays(self.points, self.m, (at.x, at.y), noise, p.critical_rays, room)
+        count = min(p.critical_rays, max(self.m // 2, LEAST_RAYS))
+        k = critical_rays(self.points, self.m, (at.x, at.y), noise, count, room)
         return room[:k]
 
 
