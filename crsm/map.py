@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from crsm.map_kernels import HALO, NX, NY, WEIGHT, WallMap, X, Y, whiten
+from crsm.map_kernels import NX, NY, WEIGHT, WallMap, X, Y, redraw, whiten
 from crsm.params import CrsmParams
 from crsm.scan_kernels import Points
 from slams.extent import Box, Extent
@@ -18,12 +18,9 @@ SPARE = 64  # cells added beyond what a scan needs
 KNOWN = 0.1  # grey level, either way, from which a cell counts as seen
 ONE_WALL = 0.6  # cells between an end point and the wall element it joins
 NEXT_TO_NOTHING = 1e-9  # weight of an element before its points are averaged in
+FREE = -0.5  # grey level of what several drawings found free
 MARGIN = 2.0  # cells that a beam goes on behind a wall to have gone through it
 CORE = 0.25  # cells around the mean end point of an element that is surely wall
-BLUR = 1.5  # cells, sigma of the darkness around a wall
-_OFF = np.arange(-HALO, HALO + 1)
-BLOT = (255.0 * np.exp(-(_OFF[:, None] ** 2 + _OFF**2) / (2.0 * BLUR**2))).astype(np.uint8)
-WIDE_BLOT = np.pad(BLOT, 2 * HALO)  # the same among cells that it leaves as they are
 Cells = NDArray[np.int64]  # (m,) numbers of cells, counted along the rows
 
 
@@ -35,7 +32,7 @@ class WallGrid:
         self.extent = Extent(params.max_cells, params.cell / params.fine)
         half = -0.5 * START_CELLS * params.cell
         self.cells = self._blank(START_CELLS, START_CELLS, (half, half))
-        self._point = np.zeros(self.cells.dark.size, np.int64)
+        self._point = np.zeros(self.cells.blot[..., 0].size, np.int64)
         self.is_empty = True
         self._drawings = 0
 
@@ -74,8 +71,6 @@ class WallGrid:
         wall = self.cells.wall.reshape(-1, WEIGHT + 1)
         wall[new, :WEIGHT] = seen[:, points[first]].T
         wall[new, WEIGHT] = NEXT_TO_NOTHING
-        for cell in new.tolist():
-            self._darken(*divmod(cell, self.cells.dark.shape[1]))
 
     def _average_in(self, cells: Cells, seen: Floats) -> None:
         """Running means of wall elements with the points in their cells."""
@@ -93,6 +88,19 @@ class WallGrid:
         elements[NX:WEIGHT] /= np.where(length > 0.0, length, 1.0)
         elements[WEIGHT] = weight
         self.cells.wall.reshape(-1, WEIGHT + 1)[which] = elements.T
+        self._forget(which[self._stand_in_white(which)])
+        redraw(self.cells, which)
+
+    def _stand_in_white(self, cells: Cells) -> NDArray[np.bool_]:
+        """Which wall elements stand where beams went through: those of things that move."""
+        at, (x, y) = self._elements(cells), self.cells.corner
+        step = self.cells.cell / self.cells.fine
+        ix, iy = (at[X] - x) / step, (at[Y] - y) / step
+        white = self.cells.grey[iy.astype(np.int64), ix.astype(np.int64)] < FREE
+        return np.asarray(white & (at[WEIGHT] > 0.0))
+
+    def _forget(self, cells: Cells) -> None:
+        self.cells.wall.reshape(-1, WEIGHT + 1)[cells, WEIGHT] = 0.0
 
     def _elements(self, cells: Cells) -> Floats:
         """Wall elements (5, m) of cells."""
@@ -105,21 +113,27 @@ class WallGrid:
         return self._flat(ix.astype(np.int64), iy.astype(np.int64))
 
     def _flat(self, ix: NDArray[np.int64], iy: NDArray[np.int64]) -> Cells:
-        return np.asarray(iy * self.cells.dark.shape[1] + ix)
+        return np.asarray(iy * self.cells.wall.shape[1] + ix)
 
-    def draw(self, points: Points, m: int, pose: Pose2) -> int:
+    def draw(self, points: Points, m: int, pose: Pose2, laser: Pose2) -> int:
         """Whiten the ways of m beams and blacken their ends; returns the walls that are gone.
 
-        Wall elements lose weight when beams go clean through them.
+        Points are seen from `pose`, beams start at `laser`. Wall elements lose weight when beams go
+        clean through them.
         """
         cells, seen = self.cells, _seen_from(pose, points, m)
         step, (x, y) = cells.cell / cells.fine, cells.corner
         self._drawings += 1
         ends = (seen[X] - x) / step, (seen[Y] - y) / step
         self._blacken(np.floor(ends[0]).astype(np.int64), np.floor(ends[1]).astype(np.int64))
-        start = ((pose.x - x) / step, (pose.y - y) / step)
+        start = ((laser.x - x) / step, (laser.y - y) / step)
         whiten(cells, start, np.stack(ends), self._drawings, self.params.density)
-        return self._weaken(self._passed(pose, seen))
+        gone = self._weaken(self._passed(laser, seen))
+        near = self._walls_among(seen)
+        moved = near[self._stand_in_white(near)]
+        self._forget(moved)
+        redraw(cells, moved)
+        return gone + len(moved)
 
     def _blacken(self, ix: NDArray[np.int64], iy: NDArray[np.int64]) -> None:
         """Beams end in these grey cells: one step to black for each cell."""
@@ -130,14 +144,14 @@ class WallGrid:
         grey[cells] = np.minimum(1.0, old + step * (1.0 - np.sqrt(old.clip(0.0))))
         drawn[cells] = self._drawings
 
-    def _passed(self, pose: Pose2, seen: Floats) -> Cells:
+    def _passed(self, laser: Pose2, seen: Floats) -> Cells:
         """The cells of wall elements which the beams next to them went through."""
-        rays = seen[: Y + 1] - np.array([[pose.x], [pose.y]])
+        rays = seen[: Y + 1] - np.array([[laser.x], [laser.y]])
         bearings = np.arctan2(rays[Y], rays[X])
         order = np.argsort(bearings)
         cells = self._walls_among(seen)
         elements = self._elements(cells)
-        elements[: Y + 1] -= np.array([[pose.x], [pose.y]])
+        elements[: Y + 1] -= np.array([[laser.x], [laser.y]])
         after = np.searchsorted(bearings[order], np.arctan2(elements[Y], elements[X]))
         through = np.zeros(len(cells), np.bool_)
         for beam in (order[after - 1], order[after % len(order)]):
@@ -149,7 +163,7 @@ class WallGrid:
         (x, y), cell = self.cells.corner, self.cells.cell
         x0, x1 = (int((f(seen[X]) - x) / cell) for f in (np.min, np.max))
         y0, y1 = (int((f(seen[Y]) - y) / cell) for f in (np.min, np.max))
-        iy, ix = np.nonzero(self.cells.dark[y0 : y1 + 1, x0 : x1 + 1] == BLOT.max())
+        iy, ix = np.nonzero(self.cells.blot[y0 : y1 + 1, x0 : x1 + 1, 2])
         return self._flat(ix + x0, iy + y0)
 
     def _weaken(self, cells: Cells) -> int:
@@ -158,24 +172,8 @@ class WallGrid:
         weight = (1.0 - self.params.fade) * flat[cells, WEIGHT] - 1.0
         flat[cells, WEIGHT] = np.maximum(weight, 0.0)
         gone = cells[weight <= 0.0]
-        for cell in gone.tolist():
-            self._brighten(*divmod(cell, self.cells.dark.shape[1]))
+        redraw(self.cells, gone)
         return len(gone)
-
-    def _darken(self, iy: int, ix: int) -> None:
-        """A new wall in cell [iy, ix] darkens the search field around it."""
-        around = self.cells.dark[iy - HALO : iy + HALO + 1, ix - HALO : ix + HALO + 1]
-        np.maximum(around, BLOT, out=around)
-
-    def _brighten(self, iy: int, ix: int) -> None:
-        """The wall of cell [iy, ix] is gone; the search field around it is made anew."""
-        low_x, low_y = max(0, ix - 2 * HALO), max(0, iy - 2 * HALO)
-        y, x = slice(low_y, iy + 2 * HALO + 1), slice(low_x, ix + 2 * HALO + 1)
-        jy, jx = np.nonzero(self.cells.wall[y, x, WEIGHT] > 0.0)
-        dy = (iy - low_y - jy)[:, None, None] + _OFF[:, None] + 3 * HALO
-        dx = (ix - low_x - jx)[:, None, None] + _OFF + 3 * HALO
-        around = self.cells.dark[iy - HALO : iy + HALO + 1, ix - HALO : ix + HALO + 1]
-        around[:] = WIDE_BLOT[dy, dx].max(axis=0, initial=0)
 
     def occupancy(self) -> OccupancyGrid:
         """The grey levels as probabilities, without the unseen rim."""
@@ -194,7 +192,8 @@ class WallGrid:
         fine = self.params.fine
         return WallMap(
             np.zeros((ny, nx, 5), np.float32),
-            np.zeros((ny, nx), np.uint8),
+            np.zeros((ny, nx, 3), np.float32),
+            np.zeros((ny * fine, nx * fine), np.float32),
             np.zeros((ny * fine, nx * fine), np.float32),
             np.zeros((ny * fine, nx * fine), np.int32),
             corner,
@@ -207,7 +206,7 @@ class WallGrid:
         if not self.extent.admits(Box.around(pose.x, pose.y, reach)):
             return False
         old = self.cells
-        ny, nx = old.dark.shape
+        ny, nx = old.blot.shape[:2]
         low_x, high_x = self._missing(pose.x - old.corner[0], reach, nx)
         low_y, high_y = self._missing(pose.y - old.corner[1], reach, ny)
         if not (low_x or high_x or low_y or high_y):
@@ -216,12 +215,12 @@ class WallGrid:
         corner = (old.corner[0] - low_x * old.cell, old.corner[1] - low_y * old.cell)
         new = self._blank(rows, columns, corner)
         new.wall[low_y : low_y + ny, low_x : low_x + nx] = old.wall
-        new.dark[low_y : low_y + ny, low_x : low_x + nx] = old.dark
+        new.blot[low_y : low_y + ny, low_x : low_x + nx] = old.blot
         fine = old.fine
         inner = np.s_[low_y * fine : (low_y + ny) * fine, low_x * fine : (low_x + nx) * fine]
-        new.grey[inner] = old.grey
+        new.grey[inner], new.dark[inner] = old.grey, old.dark
         self.cells = new
-        self._point = np.zeros(new.dark.size, np.int64)
+        self._point = np.zeros(rows * columns, np.int64)
         return True
 
     def _missing(self, at: float, reach: float, n: int) -> tuple[int, int]:

@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 
 from slams.jit import FAST, njit
 
-HALO = 3  # cells that a wall darkens around itself in the search field
+HALO = 3  # fine cells that a wall element darkens around itself
+BLUR = 1.0  # fine cells, sigma of that: the least that is smooth between their middles
+FULL = 1.1  # sum of the blots on a straight wall that has an element in every cell
+HALF = 2.0  # of FULL, where half of the greatest darkness is reached
+MOVED = 1e-3  # m that an element may go before its blot follows
 X, Y, NX, NY, WEIGHT = 0, 1, 2, 3, 4
 
 
@@ -18,18 +22,73 @@ class WallMap(NamedTuple):
     """Cells [iy, ix] of edge `cell` [m]; cell [0, 0] has its lower corner at corner (x, y) [m].
 
     wall (ny, nx, 5) float32: mean end point x, y [m], wall normal (0, 0 for a lone point), weight
-    (0: nothing there). dark (ny, nx) uint8: nearness of a wall. grey (fine ny, fine nx) float32:
-    1 wall .. 0 unknown .. -1 free, in `fine` times smaller cells; drawn, of the same shape, int32:
-    the last drawing that touched a cell.
+    (0: nothing there). blot (ny, nx, 3) float32: where the wall element's blot stands in `dark`,
+    x, y [m], and 1 if it has one. In `fine` times smaller cells, (fine ny, fine nx) float32: dark,
+    the sum of all blots; grey, 1 wall .. 0 unknown .. -1 free; drawn, int32: the last drawing that
+    touched a cell.
     """
 
     wall: NDArray[Any]
+    blot: NDArray[Any]
     dark: NDArray[Any]
     grey: NDArray[Any]
     drawn: NDArray[Any]
     corner: tuple[float, float]
     cell: float
     fine: int
+
+
+@njit(inner=True)
+def add_blot(grid: WallMap, x: float, y: float, sign: float) -> None:
+    """ours: add (or take away) a Gaussian around the point (x, y) [m] to the dark field."""
+    step, dark = grid.cell / grid.fine, grid.dark
+    u, v = (x - grid.corner[0]) / step, (y - grid.corner[1]) / step
+    ix, iy = math.floor(u), math.floor(v)
+    for jy in range(max(iy - HALO, 0), min(iy + HALO + 1, dark.shape[0])):
+        dy = jy + 0.5 - v
+        for jx in range(max(ix - HALO, 0), min(ix + HALO + 1, dark.shape[1])):
+            dx = jx + 0.5 - u
+            dark[jy, jx] += sign * math.exp(-(dx * dx + dy * dy) / (2.0 * BLUR * BLUR))
+
+
+@njit
+def redraw(grid: WallMap, cells: Any) -> None:
+    """ours: let the blots of the wall elements in these cells, (k,) along the rows, follow them."""
+    nx = grid.wall.shape[1]
+    for k in range(cells.shape[0]):
+        iy, ix = cells[k] // nx, cells[k] % nx
+        wall, blot = grid.wall[iy, ix], grid.blot[iy, ix]
+        is_wall, is_drawn = wall[WEIGHT] > 0.0, blot[2] > 0.0
+        dx, dy = wall[X] - blot[X], wall[Y] - blot[Y]
+        if is_wall and is_drawn and dx * dx + dy * dy < MOVED * MOVED:
+            continue
+        if is_drawn:
+            add_blot(grid, blot[X], blot[Y], -1.0)
+        if is_wall:
+            add_blot(grid, wall[X], wall[Y], 1.0)
+            blot[X], blot[Y] = wall[X], wall[Y]
+        blot[2] = 1.0 if is_wall else 0.0
+
+
+@njit(fastmath=FAST, inner=True)
+def darkness(grid: WallMap, x: float, y: float) -> float:
+    """ours: how dark the map is at (x, y) [m]: 0 nothing, about 1 on a wall, smooth.
+
+    Quadratic splines over the 3 x 3 fine cells around it; blots upon each other count less.
+    """
+    step, dark = grid.cell / grid.fine, grid.dark
+    u, v = (x - grid.corner[0]) / step, (y - grid.corner[1]) / step
+    ix, iy = math.floor(u), math.floor(v)
+    if min(ix, iy) < 1 or ix >= dark.shape[1] - 1 or iy >= dark.shape[0] - 1:
+        return 0.0
+    s, t = u - ix, v - iy
+    x0, x1, x2 = 0.5 * (1.0 - s) ** 2, 0.5 + s - s * s, 0.5 * s * s
+    total = 0.0
+    for j in range(3):
+        row = 0.5 * (1.0 - t) ** 2 if j == 0 else (0.5 + t - t * t if j == 1 else 0.5 * t * t)
+        i = iy - 1 + j
+        total += row * (x0 * dark[i, ix - 1] + x1 * dark[i, ix] + x2 * dark[i, ix + 1])
+    return (1.0 + HALF) * total / (HALF * FULL + total)
 
 
 @njit(fastmath=FAST, inner=True)  # 15 % of the fit

@@ -1,18 +1,21 @@
-"""Finding the pose: hill climbing over the critical rays, then a fit of all points."""
+"""Fitting all points of a scan to the walls of the map."""
 
 from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
 
-from crsm.map_kernels import NX, NY, WEIGHT, WallMap, X, Y, nearest_wall
-from crsm.scan_kernels import Points
-from slams.jit import FAST, njit
+import numpy as np
 
-BLACK = 255.0
-HALVINGS = 3
-ROUNDS = 10  # of steps of one size
-PROMISING = 0.5  # of the best fitness: below, a restart is not climbed from
+from crsm.climb_kernels import Prior
+from crsm.map_kernels import NX, NY, WEIGHT, WallMap, X, Y, darkness, nearest_wall
+from crsm.scan_kernels import Points
+from slams.geometry import add_prior, solve3, wrap_angle
+from slams.jit import FAST, njit
+from slams.types import Floats, Pose2
+
+ROUNDS, ENOUGH, ENOUGH_TURN = 20, 1e-4, 3e-5  # 1, m, rad
+SAME_WALLS = 5e-3  # m, rad: after a step below this every point is still on its wall
 
 
 class Rules(NamedTuple):
@@ -32,75 +35,6 @@ class Rules(NamedTuple):
     agreement2: float
 
 
-@njit
-def fitness(grid: WallMap, points: Points, rays: Any, k: int, pose: Any) -> float:
-    """[Tsardoulias13] fitness 0..1: mean darkness of the map under the ends of k critical rays."""
-    xy = points.xy
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    ny, nx = grid.dark.shape
-    total = 0
-    for j in range(k):
-        px, py = xy[rays[j], 0], xy[rays[j], 1]
-        ix = math.floor((c * px - s * py + pose[0] - grid.corner[0]) / grid.cell)
-        iy = math.floor((s * px + c * py + pose[1] - grid.corner[1]) / grid.cell)
-        if 0 <= ix < nx and 0 <= iy < ny:
-            total += int(grid.dark[iy, ix])
-    return total / (BLACK * max(k, 1))
-
-
-@njit
-def climb(grid: WallMap, points: Points, rays: Any, k: int, pose: Any, steps: Any) -> Any:
-    """[Tsardoulias13] hill climbing: steps along x, y, theta while they help, then half as long.
-
-    steps (m, rad). Returns (x, y, theta, fitness).
-    """
-    x, y, theta = pose
-    best = fitness(grid, points, rays, k, pose)
-    length, angle = steps
-    for _ in range(HALVINGS):
-        for _ in range(ROUNDS):
-            before = best
-            for way in range(6):
-                sign = 1.0 - 2.0 * (way % 2)
-                dx = sign * length if way < 2 else 0.0
-                dy = sign * length if 2 <= way < 4 else 0.0
-                turn = sign * angle if way >= 4 else 0.0
-                score = fitness(grid, points, rays, k, (x + dx, y + dy, theta + turn))
-                if score > best:
-                    best, x, y, theta = score, x + dx, y + dy, theta + turn
-            if best == before:
-                break
-        length *= 0.5
-        angle *= 0.5
-    return x, y, theta, best
-
-
-@njit
-def restart_hill_climb(
-    grid: WallMap, points: Points, rays: Any, k: int, draws: Any, rules: Any, out_pose: Any
-) -> int:
-    """[Tsardoulias13] random restart hill climbing around a pose until the fitness reaches a goal.
-
-    draws (n, 3) m, m, rad; rules (step [m], turn [rad], goal); out_pose (4,): start on entry, then
-    the best pose and its fitness. Returns the restarts used.
-    """
-    start = (out_pose[0], out_pose[1], out_pose[2])
-    steps = (rules[0], rules[1])
-    best = climb(grid, points, rays, k, start, steps)
-    used = 0
-    while used < draws.shape[0] and best[3] < rules[2]:
-        d = draws[used]
-        used += 1
-        trial = (start[0] + d[0], start[1] + d[1], start[2] + d[2])
-        if fitness(grid, points, rays, k, trial) > PROMISING * best[3]:
-            found = climb(grid, points, rays, k, trial, steps)
-            if found[3] > best[3]:
-                best = found
-    for j in range(4):
-        out_pose[j] = best[j]
-    return used
-
-
 @njit(fastmath=FAST)
 def normal_equations(
     grid: WallMap, points: Points, m: int, pose: Any, rules: Rules, out: Any
@@ -115,7 +49,7 @@ def normal_equations(
     xy, normal, found, wall, cell = points.xy, points.normal, points.wall, grid.wall, grid.cell
     k2, agree2, lone2 = rules.robust2, rules.agreement2, rules.lone2
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    (x0, y0), (ny_cells, nx_cells) = grid.corner, grid.dark.shape
+    (x0, y0), (ny_cells, nx_cells) = grid.corner, grid.blot.shape[:2]
     hxx = hxy = hxt = hyy = hyt = htt = gx = gy = gt = agreement = squares = weights = 0.0
     loss = k2 * m
     for i in range(m):
@@ -164,3 +98,61 @@ def normal_equations(
     out[0], out[1], out[2], out[3], out[4], out[5] = hxx, hxy, hxt, hyy, hyt, htt
     out[6], out[7], out[8], out[9] = gx, gy, gt, agreement
     out[10], out[11], out[12] = loss, squares, weights
+
+
+@njit
+def fit_to_walls(
+    grid: WallMap, points: Points, m: int, start: Any, prior: Prior, rules: Rules, out: Any
+) -> Any:
+    """ours: Gauss-Newton of the distances of m points to their walls, with a prior.
+
+    prior.weight: variance of the residuals over what `rules` expect; out as of `normal_equations`.
+    Returns the pose (x, y, theta).
+    """
+    x, y, theta = start
+    H, both = np.zeros((3, 3)), np.zeros((3, 3))
+    b, step = np.zeros(3), np.zeros(3)
+    look = 1.0
+    for _ in range(ROUNDS):
+        normal_equations(grid, points, m, (x, y, theta, look), rules, out)
+        unpack(out, H, b)
+        off = Pose2(prior.x - x, prior.y - y, wrap_angle(prior.theta - theta))
+        add_prior(H, prior.information, prior.weight, off, both, b)
+        if not solve3(both, b, step):
+            break
+        x, y, theta = x + step[0], y + step[1], theta + step[2]
+        far, turn = max(abs(step[0]), abs(step[1])), abs(step[2])
+        if far < ENOUGH and turn < ENOUGH_TURN:
+            break
+        look = 1.0 if max(far, turn) > SAME_WALLS else 0.0
+    return x, y, wrap_angle(theta)
+
+
+@njit(inner=True)
+def unpack(system: Any, H: Floats, b: Floats) -> None:
+    """ours: H (3, 3) and b = -g (3,) of what `normal_equations` put out."""
+    H[0, 0], H[0, 1], H[0, 2] = system[0], system[1], system[2]
+    H[1, 0], H[1, 1], H[1, 2] = system[1], system[3], system[4]
+    H[2, 0], H[2, 1], H[2, 2] = system[2], system[4], system[5]
+    b[0], b[1], b[2] = -system[6], -system[7], -system[8]
+
+
+@njit
+def evidence(grid: WallMap, points: Points, m: int, pose: Any, every: int) -> Any:
+    """ours: share of m points that the map explains at a pose, and that it contradicts.
+
+    Explained: the map is dark there; contradicted: it is white.
+    """
+    step = grid.cell / grid.fine
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    dark = white = 0.0
+    for i in range(0, m, every):
+        px, py = points.xy[i, 0], points.xy[i, 1]
+        x, y = c * px - s * py + pose[0], s * px + c * py + pose[1]
+        here = min(darkness(grid, x, y), 1.0)
+        dark += here
+        ix, iy = math.floor((x - grid.corner[0]) / step), math.floor((y - grid.corner[1]) / step)
+        if 0 <= ix < grid.grey.shape[1] and 0 <= iy < grid.grey.shape[0]:
+            white += (1.0 - here) * max(-grid.grey[iy, ix], 0.0)
+    n = max((m + every - 1) // every, 1)
+    return dark / n, white / n

@@ -20,7 +20,9 @@ class CrsmParams(MotionParams):
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
-        "original": "crsm.original:Original"
+        "original": "crsm.original:Original",
+        # without a fit behind it the climb must see finer and more
+        "paper": {"refine": False, "fine": 3, "critical_rays": 200},
     }
 
     cell: float = param(
@@ -171,24 +173,28 @@ class CrsmParams(MotionParams):
     fine: int = param(
         2, "1", "grey cells along one map cell", source="ours: map to look at", low=1, high=20
     )
-    search_below: float = param(
-        0.8,
+    caution: float = param(
+        5.0,
         "1",
-        "share of the usual quality below which the pose is searched for",
-        source="ours: effort only when needed",
-        low=0.0,
-        high=1.0,
+        "times the variance of a prediction, as a prior of a scan that sees all directions",
+        source="ours: at 1 the wheels of public logs hold the pose off old walls, at 50 people "
+        "who walk along carry it away in corridors",
+        low=1.0,
     )
-    restarts: int = param(
-        300,
+    refine: bool = param(
+        True,
         "1",
-        "random restarts of one search, at most",
-        source="ours",
-        low=0,
-        high=10_000,
+        "fit all beams to the walls after the climb",
+        source="ours: exact to a tenth of a millimeter of a cell",
     )
     enough: float = param(
-        0.85, "1", "fitness that ends a search", source="ours: an early end", low=0.0
+        0.9, "1", "share of the usual fitness that ends a search", source="ours: an early end"
+    )
+    restarts: int = param(
+        200, "1", "random restarts that are looked at", source="ours", low=0, high=10_000
+    )
+    climbs: int = param(
+        5, "1", "restarts that are climbed from, the best", source="ours", low=0, high=1000
     )
     search_distance: float = param(
         0.4,
@@ -203,7 +209,7 @@ class CrsmParams(MotionParams):
     lost_below: float = param(
         0.35,
         "1",
-        "share of the usual quality below which the map does not explain a scan",
+        "share of the usual evidence below which the map does not explain a scan",
         source="ours",
         low=0.0,
         high=1.0,

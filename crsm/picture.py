@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from crsm.climber import Climber
 from crsm.map import WallGrid
-from crsm.match_kernels import restart_hill_climb
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
 from slams.types import IDENTITY, Floats, Laser, Pose2, Ranges, Scan
@@ -30,6 +30,7 @@ LASER = Laser(-2.35, 4.7 / 720, 721, 0.1, 30.0)
 OFF = Pose2(0.38, -0.36, 0.5)  # how far the search starts from the truth
 VIEW = (-1.5, 5.4, -1.6, 2.9)  # m
 COUNT = 60
+DOUBT = 0.3  # m, rad: deviation of what is expected
 
 
 def draw(path: Path) -> None:
@@ -76,19 +77,20 @@ def _rays(axes: Axes, view: ScanReader) -> None:
 
 
 def _search(axes: Axes, view: ScanReader, grid: WallGrid) -> None:
-    draws = np.random.default_rng(0).uniform(-1.0, 1.0, (300, 3)) * (0.4, 0.4, 0.5)
-    pose = np.array([*OFF, 0.0])
-    rules, rays = (0.05, 0.02, 0.85), view.rays
-    used = restart_hill_climb(grid.cells, view.points, rays, len(rays), draws, rules, pose)
-    cells = grid.cells
+    climber, ends, cells = Climber(view.params), view.ends, grid.cells
+    climber.learn(grid, view, IDENTITY)
+    prior = climber.prior(OFF, np.eye(3) / DOUBT**2, len(ends))
+    best = climber.climb(grid, view, prior, DOUBT)
+    if not climber.is_enough(best):
+        best = climber.restart(grid, view, prior, [], best)
     rows, columns = cells.dark.shape
-    x, y = cells.corner
-    extent = (x, x + columns * cells.cell, y, y + rows * cells.cell)
+    (x, y), step = cells.corner, cells.cell / cells.fine
+    extent = (x, x + columns * step, y, y + rows * step)
     axes.imshow(cells.dark, cmap="gray_r", origin="lower", extent=extent)
-    for at, color, name in ((OFF, "#0072B2", "start"), (Pose2(*pose[:3]), "#D55E00", "found")):
-        ends: Floats = at.transform(view.points.xy[rays])
-        axes.plot(*ends.T, ".", color=color, markersize=4, label=name)
-    title = f"fitness = darkness under their ends: {pose[3]:.2f} after {used} restarts"
+    for at, color, name in ((OFF, "#0072B2", "start"), (best.pose, "#D55E00", "found")):
+        at_ends: Floats = at.transform(ends)
+        axes.plot(*at_ends.T, ".", color=color, markersize=4, label=name)
+    title = f"fitness = darkness under their ends: {best.fitness:.2f}, {climber.restarts} restarts"
     axes.set(title=title, xlabel="x [m]")
     axes.legend(loc="upper left")
 

@@ -5,7 +5,7 @@ import dataclasses
 from slams.params import RosNames
 
 WALLS = "the default's map has walls in its cells, not gray levels alone"
-SEARCH = "the default fits first and searches only where that fails"
+SEARCH = "the default's steps and restarts follow what is expected, down to a millimeter"
 
 ORIGINAL = RosNames(
     package="crsm_slam",

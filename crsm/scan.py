@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from crsm.params import CrsmParams
-from crsm.rays import critical_rays
+from crsm.rays_kernels import critical_rays
 from crsm.scan_kernels import Points, end_points, find_walls
-from slams.types import Floats, Laser, Pose2, Scan
+from slams.types import IDENTITY, Floats, Laser, Pose2, Ranges, Scan
 
 LEAST_RANGE = 1e-3  # m
+LEAST_RAYS = 60  # otherwise at most half of the points: all of them have no choice in them
 LEAST_POINTS = 10  # to match a scan
+QUARTER = 0.3186 * math.sqrt(1.5)  # noises that a quarter of such distances is below
+MOST_NOISE = 0.15  # m
+MEMORY = 0.1  # weight of one scan in the noise
+TORN = 4.0  # noises that neighbors on one wall may be further apart
 GOOD_LINE = 2.0  # range variances: no second look at one side only
 
 
@@ -25,27 +32,57 @@ class ScanReader:
         self.m = 0
         self.reach = 0.0
         self._rays: NDArray[np.int64] | None = None
-        self._beams = np.hstack((laser.directions, np.zeros_like(laser.directions)))
-        noise2 = params.range_noise**2
+        self._ends: Floats | None = None
+        self._beams = np.zeros((laser.n_beams, 4))
+        self._move_beams(IDENTITY)
         self._within = (max(laser.range_min, LEAST_RANGE), min(laser.range_max, params.max_range))
-        self._gap = (params.gap, params.gap_beams * abs(laser.angle_increment))
-        self._limits = (GOOD_LINE * noise2, params.roughness**2 * noise2)
+        self._gap = params.gap_beams * abs(laser.angle_increment)
+        self.noise = 0.0  # m, as measured, 0 before
 
     def read(self, scan: Scan, velocity: Pose2) -> None:
         """Points, walls and rays, freed from the motion during the scan (base, m/s and rad/s)."""
         if self.sweeps:
             self._move_beams(velocity)
-        points = self.points
-        self.m, self.reach = end_points(scan.ranges, self._beams, self._within, self._gap, points)
-        find_walls(points, self.m, self.params.window**2, self._limits)
-        self._rays = None
+        self._measure_noise(scan.ranges)
+        self._find_walls(scan)
+        self._rays = self._ends = None
+
+    def _find_walls(self, scan: Scan) -> None:
+        p, at, points = self.params, self.laser.mount, self.points
+        noise = max(self.noise, p.range_noise)
+        more = noise / p.range_noise
+        gap = (p.gap + TORN * (noise - p.range_noise), self._gap)
+        self.m, self.reach = end_points(scan.ranges, self._beams, self._within, gap, points)
+        limits = (GOOD_LINE * noise**2, (p.roughness * noise) ** 2)
+        window = p.window * more ** (2.0 / 3.0)  # for normals that are no worse
+        find_walls(points, self.m, window**2, limits, (at.x, at.y))
+
+    def _measure_noise(self, ranges: Ranges) -> None:
+        """How far ranges lie off the straight wall through the beams on both sides of them."""
+        r = ranges[(ranges >= self._within[0]) & (ranges < self._within[1])].astype(np.float64)
+        if len(r) < LEAST_POINTS:
+            return
+        straight = 2.0 * math.cos(self.laser.angle_increment) / (1.0 / r[:-2] + 1.0 / r[2:])
+        off = np.abs(straight - r[1:-1])
+        off = np.sort(off[off < self.params.gap + self._gap * r[1:-1]])
+        if off.size:
+            low, high = self.params.range_noise, MOST_NOISE
+            measured = min(max(float(off[off.size // 4]) / QUARTER, low), high)
+            self.noise += (MEMORY if self.noise else 1.0) * (measured - self.noise)
 
     @property
     def rays(self) -> NDArray[np.int64]:
         """Numbers of the points that are critical rays, chosen when first asked for."""
         if self._rays is None:
-            self._rays = critical_rays(*self._information(), self.params.critical_rays)
+            self._rays = self._chosen()
         return self._rays
+
+    @property
+    def ends(self) -> Floats:
+        """End points (k, 2) [m] of the critical rays, in the base frame."""
+        if self._ends is None:
+            self._ends = self.points.xy[self.rays]
+        return self._ends
 
     @property
     def sweeps(self) -> bool:
@@ -58,35 +95,23 @@ class ScanReader:
         return self.m >= LEAST_POINTS
 
     def _move_beams(self, velocity: Pose2) -> None:
-        """Directions and starts of the beams as seen from where the laser was at the first one."""
-        vx, vy, turn = self._of_laser(velocity)
+        """Directions and starts of the beams as seen from where the base was at the first one."""
         t = self.laser.time_increment * np.arange(self.laser.n_beams)
-        c, s = np.cos(turn * t), np.sin(turn * t)
-        x, y = self.laser.directions.T
-        self._beams[:] = np.stack((c * x - s * y, s * x + c * y, vx * t, vy * t), axis=1)
-
-    def _of_laser(self, velocity: Pose2) -> tuple[float, float, float]:
-        """Velocity of the laser, seen from the laser, of a base that moves with `velocity`."""
-        mount = self.laser.mount
-        lever = Pose2(
-            velocity.x - velocity.theta * mount.y, velocity.y + velocity.theta * mount.x, 0.0
+        heading = velocity.theta * t
+        c, s = np.cos(heading), np.sin(heading)
+        at, (x, y) = (
+            self.laser.mount,
+            Pose2(0.0, 0.0, self.laser.mount.theta).transform(self.laser.directions).T,
         )
-        seen = Pose2(0.0, 0.0, -mount.theta) @ lever
-        return seen.x, seen.y, velocity.theta
+        start = c * at.x - s * at.y + velocity.x * t, s * at.x + c * at.y + velocity.y * t
+        self._beams[:] = np.stack((c * x - s * y, s * x + c * y, *start), axis=1)
 
-    def _information(self) -> tuple[Floats, Floats]:
-        """What each point measures: rows (3, 2m) over x, y, theta, weights (2m,) [1/m2].
-
-        A wall point has one row, the second is 0; a lone point has two.
-        """
-        p, m = self.params, self.m
-        xy, normal, spread = self.points.xy[:m].T, self.points.normal[:m].T, self.points.spread[:m]
-        lone = (normal[0] == 0.0) & (normal[1] == 0.0)
-        cx = np.concatenate((normal[0] + lone, np.zeros(spread.size)))
-        cy = np.concatenate((normal[1], lone))
-        turn = cy * np.tile(xy[0], 2) - cx * np.tile(xy[1], 2)
-        variance = np.where(lone, p.lone_noise**2, p.range_noise**2 + spread)
-        return np.stack((cx, cy, turn)), np.tile(1.0 / variance, 2)
+    def _chosen(self) -> NDArray[np.int64]:
+        p, at = self.params, self.laser.mount
+        noise, room = (p.range_noise**2, p.lone_noise**2), np.empty(self.m, np.int64)
+        count = min(p.critical_rays, max(self.m // 2, LEAST_RAYS))
+        k = critical_rays(self.points, self.m, (at.x, at.y), noise, count, room)
+        return room[:k]
 
 
 def _blank(n: int) -> Points:

@@ -15,7 +15,7 @@ SKIPPED_BEAMS = 3  # lost between two neighbors on one wall, at most
 
 
 class Points(NamedTuple):
-    """End points of one scan, in the laser frame; only the first m of each array count.
+    """End points of one scan, in the base frame; only the first m of each array count.
 
     xy (n+1, 2) [m]; normal (n, 2) of the wall, facing the laser, (0, 0) for a lone point; spread
     (n,) [m2] variance of the neighbors across the wall; first (n+1,) the first point of the same
@@ -32,31 +32,63 @@ class Points(NamedTuple):
     wall: NDArray[Any]
 
 
+@njit(inner=True)
+def end_of(ranges: Any, beams: Any, limits: Any, i: int) -> Any:
+    """ours: end point of beam i (x, y) [m]; infinitely far where there is none."""
+    if i >= min(ranges.shape[0], beams.shape[0]) or not limits[0] <= ranges[i] < limits[1]:
+        return math.inf, math.inf
+    r = ranges[i]
+    return r * beams[i, 0] + beams[i, 2], r * beams[i, 1] + beams[i, 3]
+
+
+@njit(inner=True)
+def is_near(ax: float, ay: float, bx: float, by: float, limit: float) -> bool:
+    """ours: whether two points are within a limit [m] of each other."""
+    dx, dy = ax - bx, ay - by
+    return dx * dx + dy * dy <= limit * limit
+
+
 @njit
 def end_points(ranges: Any, beams: Any, limits: Any, gap: Any, points: Points) -> Any:
     """[Tsardoulias13] cleaning: end points of the ranges (n,) with limits[0] <= range < limits[1].
 
     beams (n, 4): direction x, y and start x, y [m] of each; a stretch is torn where neighbors are
-    further apart than gap (m, factor on the range). Returns how many points, and how far [m].
+    further apart than gap (m, factor on the range). A single beam that ends elsewhere than those on
+    both sides of it does not tear them: it comes after all others. Returns how many points, and how
+    far [m].
     """
     xy, sums = points.xy, points.sums
-    m, start, last, reach2 = 0, 0, 0, 0.0
+    m, start, last, reach2, odd = 0, 0, 0, 0.0, 0
     sx = sy = sxx = syy = sxy = 0.0
     before_x = before_y = math.inf
     for i in range(min(ranges.shape[0], beams.shape[0])):
-        r = ranges[i]
-        if limits[0] <= r < limits[1]:
-            x, y = r * beams[i, 0] + beams[i, 2], r * beams[i, 1] + beams[i, 3]
-            dx, dy, limit = x - before_x, y - before_y, gap[0] + gap[1] * r
-            if dx * dx + dy * dy > limit * limit or i - last > SKIPPED_BEAMS:
-                start = m
-            last, before_x, before_y = i, x, y
-            xy[m, 0], xy[m, 1], points.first[m] = x, y, start
-            points.wall[m, 0] = 0
-            m += 1
-            reach2 = max(reach2, x * x + y * y)
-            sx, sy, sxx, syy, sxy = sx + x, sy + y, sxx + x * x, syy + y * y, sxy + x * y
-            sums[m, 0], sums[m, 1], sums[m, 2], sums[m, 3], sums[m, 4] = sx, sy, sxx, syy, sxy
+        x, y = end_of(ranges, beams, limits, i)
+        if x == math.inf:
+            continue
+        limit = gap[0] + gap[1] * ranges[i]
+        if not is_near(x, y, before_x, before_y, limit) or i - last > SKIPPED_BEAMS:
+            next_x, next_y = end_of(ranges, beams, limits, i + 1)
+            then_x, then_y = end_of(ranges, beams, limits, i + 2)
+            goes_on = is_near(next_x, next_y, before_x, before_y, limit)
+            goes_on |= is_near(then_x, then_y, before_x, before_y, limit)
+            if goes_on and not is_near(x, y, next_x, next_y, limit):
+                points.wall[odd, 1] = i
+                odd += 1
+                continue
+            start = m
+        last, before_x, before_y = i, x, y
+        xy[m, 0], xy[m, 1], points.first[m] = x, y, start
+        m += 1
+        reach2 = max(reach2, x * x + y * y)
+        sx, sy, sxx, syy, sxy = sx + x, sy + y, sxx + x * x, syy + y * y, sxy + x * y
+        sums[m, 0], sums[m, 1], sums[m, 2], sums[m, 3], sums[m, 4] = sx, sy, sxx, syy, sxy
+    for k in range(odd):
+        x, y = end_of(ranges, beams, limits, points.wall[k, 1])
+        xy[m, 0], xy[m, 1], points.first[m] = x, y, m
+        m += 1
+        reach2 = max(reach2, x * x + y * y)
+        sums[m] = sums[m - 1]
+    points.wall[:m] = 0
     points.first[m] = -1
     return m, math.sqrt(reach2)
 
@@ -97,7 +129,7 @@ def best_line(sums: Any, a: int, i: int, b: int, good: float) -> Any:
 
 @njit(inner=True)
 def normal_of(half: float, xy: float, x: float, y: float) -> Any:
-    """ours: unit normal of a line (see `line_through`) at the point (x, y), facing the origin."""
+    """ours: unit normal of a line (see `line_through`) at the point (x, y), against (x, y)."""
     length = math.sqrt(half * half + xy * xy)
     # two ways to write one eigenvector: the one without a difference of like numbers
     nx, ny = (-xy, length + half) if half > 0.0 else (length - half, -xy)
@@ -106,8 +138,8 @@ def normal_of(half: float, xy: float, x: float, y: float) -> Any:
 
 
 @njit
-def find_walls(points: Points, m: int, window2: float, limits: Any) -> None:
-    """ours: normal and spread of every point, from its neighbors.
+def find_walls(points: Points, m: int, window2: float, limits: Any, laser: Any) -> None:
+    """ours: normal and spread of every point, from its neighbors; normals face the laser (x, y).
 
     The neighbors are those of its stretch within a distance, window2 its square [m2], and two on
     either side at least. limits (variance of a good line, variance of a lone point) [m2].
@@ -124,6 +156,6 @@ def find_walls(points: Points, m: int, window2: float, limits: Any) -> None:
         ):
             b += 1
         variance, half, cross = best_line(points.sums, a, i, b, limits[0])
-        nx, ny = normal_of(half, cross, x, y)
+        nx, ny = normal_of(half, cross, x - laser[0], y - laser[1])
         wall = variance < limits[1]
         spread[i], normal[i, 0], normal[i, 1] = variance, wall * nx, wall * ny

@@ -1,0 +1,91 @@
+"""Which beams of a scan fix x, y and theta: the critical rays."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from crsm.scan_kernels import Points
+from slams.geometry import inverse3
+from slams.jit import njit
+
+EDGES = 0.25  # share of the rays that discontinuities may take
+LEAST = 1e-6  # information that keeps H regular
+
+
+@njit(inner=True)
+def measured(points: Points, i: int, noise: Any) -> Any:
+    """ours: what point i measures: along x and y the unit normal of its wall, and its variance.
+
+    (1, 1) for a lone point, which measures both; noise: variances (of a range, of a lone point).
+    """
+    nx, ny = points.normal[i, 0], points.normal[i, 1]
+    if nx == 0.0 and ny == 0.0:
+        return 1.0, 1.0, noise[1], True
+    return nx, ny, noise[0] + points.spread[i], False
+
+
+@njit
+def leverage(points: Points, m: int, noise: Any, out: Any) -> None:
+    """ours: share (m,) of each point in fixing the pose, w c' H^-1 c; together they are 3.
+
+    noise: variances [m2] of a range and of a lone point, which measures x and y alike.
+    """
+    xy = points.xy
+    H = LEAST * np.eye(3)
+    for i in range(m):
+        cx, cy, variance, lone = measured(points, i, noise)
+        w = 1.0 / variance
+        turn = cy * xy[i, 0] - cx * xy[i, 1]
+        H[0, 0] += w * cx * cx
+        H[1, 1] += w * cy * cy
+        if lone:
+            H[0, 2] -= w * xy[i, 1]
+            H[1, 2] += w * xy[i, 0]
+            H[2, 2] += w * (xy[i, 0] ** 2 + xy[i, 1] ** 2)
+        else:
+            H[0, 1] += w * cx * cy
+            H[0, 2] += w * cx * turn
+            H[1, 2] += w * cy * turn
+            H[2, 2] += w * turn * turn
+    H[1, 0], H[2, 0], H[2, 1] = H[0, 1], H[0, 2], H[1, 2]
+    A = inverse3(H)
+    for i in range(m):
+        cx, cy, variance, lone = measured(points, i, noise)
+        x, y = xy[i, 0], xy[i, 1]
+        if lone:
+            share = A[0, 0] + A[1, 1] + A[2, 2] * (x * x + y * y)
+            share += 2.0 * (A[1, 2] * x - A[0, 2] * y)
+        else:
+            t = cy * x - cx * y
+            share = A[0, 0] * cx * cx + A[1, 1] * cy * cy + A[2, 2] * t * t
+            share += 2.0 * (A[0, 1] * cx * cy + A[0, 2] * cx * t + A[1, 2] * cy * t)
+        out[i] = share / variance
+
+
+@njit
+def critical_rays(points: Points, m: int, laser: Any, noise: Any, count: int, out: Any) -> int:
+    """Numbers of about `count` of m points that carry the pose, into out (n,); how many.
+
+    [Tsardoulias13]: those at discontinuities, and of the rest the far ones more densely. ours: half
+    of the rest goes to those with the greatest share in x, y and theta; chosen by error diffusion
+    along the scan, without a draw. laser (x, y) [m]; noise as in `leverage`.
+    """
+    shares, edge, far = np.empty(m), np.zeros(m), np.empty(m)
+    for i in range(m):
+        far[i] = math.hypot(points.xy[i, 0] - laser[0], points.xy[i, 1] - laser[1])
+        if points.first[i + 1] != points.first[i]:
+            edge[i : min(i + 2, m)] = 1.0
+    leverage(points, m, noise, shares)
+    each = min(EDGES * count / max(edge.sum(), 1.0), 1.0)
+    rest, all_far = 0.5 * (count - each * edge.sum()), far.sum()
+    k, owed = 0, 0.0
+    for i in range(m):
+        owed += min(each * edge[i] + rest * (shares[i] / 3.0 + far[i] / all_far), 1.0)
+        if owed >= 1.0 or m <= count:
+            owed -= 1.0
+            out[k] = i
+            k += 1
+    return k
