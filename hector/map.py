@@ -12,7 +12,7 @@ from hector.map_kernels import Level, Update
 from hector.match_kernels import Prior, Solver, Window
 from hector.params import HectorParams
 from hector.scan import EndPoints
-from hector.surface_kernels import Fit, Splat, Surface
+from hector.surface_kernels import LAYERS, SUMS, Fit, Splat, Surface
 from slams.types import Floats, OccupancyGrid, Pose2
 
 Pool = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]
@@ -44,7 +44,7 @@ class LogOddsPyramid:
         self.levels = [
             self._empty(level, cells, cells, corner, corner) for level in range(params.levels)
         ]
-        rows = (POOL, 10), (POOL, 8)
+        rows = (POOL, LAYERS * SUMS), (POOL, 8)
         pool = (np.zeros(rows[0], np.float32), np.zeros(rows[1], np.float32), np.zeros(1, np.int64))
         self.surface = self._surface(pool)
 
@@ -63,7 +63,7 @@ class LogOddsPyramid:
         p = self.params
         reach = max(p.reach, math.ceil(2.0 * scan.noise / p.resolution))
         self._provide(scan.n, reach)
-        splat, normals = Splat(reach, p.side, p.weight_cap), scan.find_normals()
+        splat, normals = Splat(reach, p.side, p.weight_cap, self.insertions), scan.find_normals()
         surface_kernels.add_scan(self.surface, scan.points, normals, scan.n, pose, splat)
 
     def match(
@@ -85,8 +85,7 @@ class LogOddsPyramid:
         out, points, n = np.zeros(scan.n), scan.points, scan.n
         if self.params.refine:
             soft = 1.0 / (softness * softness)
-            surface, finest = self.surface, self.levels[0]
-            surface_kernels.evidence(surface, finest, points, n, scan.mount, pose, soft, out)
+            surface_kernels.evidence(self.surface, points, n, scan.mount, pose, soft, out)
         else:
             match_kernels.evidence(self.levels[min(1, len(self.levels) - 1)], points, n, pose, out)
         return out
@@ -134,7 +133,7 @@ class LogOddsPyramid:
     def _surface(self, pool: Pool) -> Surface:
         finest = self.levels[0]
         index = np.zeros(finest.p.shape, np.int32)
-        return Surface(index, *pool, finest.x0, finest.y0, finest.resolution)
+        return Surface(index, *pool, finest.log_odds, finest.x0, finest.y0, finest.resolution)
 
     def _cover(self, pose: Pose2, far: float) -> None:
         """Make every level reach `far` [m] around the pose."""
@@ -177,6 +176,6 @@ class LogOddsPyramid:
         if most < len(surface.lines):
             return
         rows = 2 * most
-        sums, lines = np.zeros((rows, 10), np.float32), np.zeros((rows, 8), np.float32)
+        sums, lines = np.zeros((rows, LAYERS * SUMS), np.float32), np.zeros((rows, 8), np.float32)
         sums[: len(surface.sums)], lines[: len(surface.lines)] = surface.sums, surface.lines
         self.surface = surface._replace(sums=sums, lines=lines)

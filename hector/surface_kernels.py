@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hector.map_kernels import Level
 from hector.match_kernels import Prior, offset
 from hector.scan_kernels import Points
 from slams.geometry import add_prior, solve3, wrap_angle
@@ -22,21 +21,25 @@ from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 
 LAYERS = 2
+SUMS = 7  # of a layer
+ONCE = 0.1  # trust in a line that one scan alone has seen
 
 
 class Surface(NamedTuple):
     """Lines of the cells near walls, in a pool that cells point into.
 
     `slot` (ny, nx) [iy, ix] the cell's row in the pool, 0 = none; for each of two layers `sums`
-    (k, 10) has weight, sums of x and y [m] from the cell's center, sums of the normal; `lines`
-    (k, 8) the unit normal toward the free side, its distance from the map's origin [m] and the
-    trust 0..1; `used` (1,) the last row taken. x0, y0 [m] is the center of cell [0, 0].
+    (k, 14) has weight, sums of x and y [m] from the cell's center, sums of the normal, the number
+    of scans that hit it and the last of them; `lines` (k, 8) the unit normal toward the free side,
+    its distance from the map's origin [m] and the trust 0..1; `used` (1,) the last row taken.
+    `log_odds` (ny, nx) the occupancy of the same cells; x0, y0 [m] the center of cell [0, 0].
     """
 
     slot: NDArray[np.int32]
     sums: NDArray[np.float32]
     lines: NDArray[np.float32]
     used: NDArray[np.int64]
+    log_odds: NDArray[np.float32]
     x0: float
     y0: float
     resolution: float
@@ -56,11 +59,15 @@ class Fit(NamedTuple):
 
 
 class Splat(NamedTuple):
-    """How hits enter the lines: cells reached across and along the wall, cap of the weight."""
+    """How hits enter the lines: cells reached across and along the wall, cap of the weight.
+
+    `number` counts the scans that have entered.
+    """
 
     reach: int
     side: int
     cap: float
+    number: int
 
 
 class Hits(NamedTuple):
@@ -74,10 +81,11 @@ class Hits(NamedTuple):
 
 
 @njit(inner=True)
-def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, cap: float) -> None:
+def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, splat: Splat) -> None:
     """Add hits to the layer of this cell with a like normal.
 
-    ours: means of points and normals; beyond the weight `cap` the mean follows slowly.
+    ours: means of points and normals; beyond the weight `cap` the mean follows slowly. What one
+    scan saw alone may have been a leg: it is trusted by `ONCE`.
     """
     cx, cy = surface.x0 + ix * surface.resolution, surface.y0 + iy * surface.resolution
     sums, lines = surface.sums, surface.lines
@@ -89,12 +97,12 @@ def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, cap: float) -> N
         surface.slot[iy, ix] = surface.used[0]
         row = np.uint64(surface.used[0])
     for layer in range(LAYERS):
-        k, q = 5 * layer, 4 * layer
+        k, q = SUMS * layer, 4 * layer
         w, mx, my = sums[row, k], sums[row, k + 3], sums[row, k + 4]
         along = mx * hits.nx + my * hits.ny
         if w > 0.0 and (along <= 0.0 or along * along < 0.5 * (mx * mx + my * my)):
             continue
-        keep = (cap - hits.n) / w if w > cap - hits.n else 1.0
+        keep = (splat.cap - hits.n) / w if w > splat.cap - hits.n else 1.0
         terms = (1.0, hits.x - cx, hits.y - cy, hits.nx, hits.ny)
         for i in range(5):
             sums[row, k + i] = keep * sums[row, k + i] + hits.n * terms[i]
@@ -103,7 +111,11 @@ def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, cap: float) -> N
         ex, ey = mx / length, my / length
         lines[row, q], lines[row, q + 1] = ex, ey
         lines[row, q + 2] = ex * (cx + sums[row, k + 1] / w) + ey * (cy + sums[row, k + 2] / w)
-        lines[row, q + 3] = length / (w + 2.0)
+        if sums[row, k + 6] != splat.number:
+            sums[row, k + 5] += 1.0
+            sums[row, k + 6] = splat.number
+        scans = sums[row, k + 5]
+        lines[row, q + 3] = length / (w + 2.0) * (ONCE if scans < 2.0 else 1.0 - 1.0 / scans)
         break
 
 
@@ -125,7 +137,7 @@ def spread(surface: Surface, hits: Hits, gap: float, splat: Splat) -> None:
         for k in range(-splat.reach, splat.reach + 1):
             ix, iy = math.floor(fx + k * nx - j * ny), math.floor(fy + k * ny + j * nx)
             if 0 <= ix < width and 0 <= iy < height:
-                add_to_cell(surface, ix, iy, hits, splat.cap)
+                add_to_cell(surface, ix, iy, hits, splat)
 
 
 @njit
@@ -134,8 +146,10 @@ def add_scan(
 ) -> None:
     """Add every end point that has a normal; points (2, >= n), normals (3, >= n) in the base frame.
 
-    ours: neighbors that fall into one cell with like normals are added together.
+    ours: neighbors that fall into one cell with like normals are added together. What stands where
+    it was free most of the time is no wall.
     """
+    height, width = surface.slot.shape
     scale = 1.0 / surface.resolution
     c, s = math.cos(pose.theta), math.sin(pose.theta)
     count = x = y = nx = ny = gap = 0.0
@@ -149,6 +163,8 @@ def add_scan(
         py = pose.y + s * points[0, i] + c * points[1, i]
         ix = math.floor((px - surface.x0) * scale + 0.5)
         iy = math.floor((py - surface.y0) * scale + 0.5)
+        if not (0 <= ix < width and 0 <= iy < height) or surface.log_odds[iy, ix] < 0.0:
+            continue
         alike = nx * bx + ny * by > 0.9 * count
         if count > 0.0 and not (ix == cell_x and iy == cell_y and alike):
             spread(surface, Hits(count, x / count, y / count, nx / count, ny / count), gap, splat)
@@ -278,14 +294,7 @@ def fit(
 
 @njit
 def evidence(
-    surface: Surface,
-    level: Level,
-    points: Points,
-    n: int,
-    mount: Pose2,
-    pose: Pose2,
-    soft: float,
-    out: Floats,
+    surface: Surface, points: Points, n: int, mount: Pose2, pose: Pose2, soft: float, out: Floats
 ) -> None:
     """What every end point says for `pose`: out (>= n,), 1 explained, -1 contradicted, 0 nothing.
 
@@ -304,5 +313,5 @@ def evidence(
         fx, fy = (x - surface.x0) * scale + 0.5, (y - surface.y0) * scale + 0.5
         if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
             u, v = np.uint64(fx), np.uint64(fy)
-            if surface.slot[v, u] == 0 and level.log_odds[v, u] < -0.5:
+            if surface.slot[v, u] == 0 and surface.log_odds[v, u] < -0.5:
                 out[i] = -1.0
