@@ -18,6 +18,7 @@ from slams.types import IDENTITY, Floats, Pose2
 SOFT = 3.0  # deviations of the noise at which a beam counts half
 FINE = 0.02  # of a cell: a step below it is the last on a level that lines come after
 SURE = 2.0  # standard errors of its lead by which another start has to win
+DEAR = 3.0  # times the price of a contradiction, at most, for the chance of few beams
 BLUR = 0.01  # least variance of 1 - M: a wall's ridge of cells is never exact
 
 
@@ -74,15 +75,18 @@ class Matcher:
     def best(self, points: EndPoints, tried: list[Match], track: Track) -> tuple[Match, float]:
         """The match that the scan speaks for, and how clearly: share explained less contradicted.
 
-        Another than the first has to lead by more than the price of contradicting the prediction
-        and more than the chance of few beams: the scan is compared beam by beam.
+        Another than the first has to lead by more than it costs to contradict the prediction.
+        Where few beams speak, chance leads, too: the scan is compared beam by beam, and the price
+        of a contradiction is up to `DEAR` times as high.
         """
         possible = [match for match in tried if track.reachable(match.pose)] or tried[:1]
         said = [self.evidence(points, match.pose) for match in possible]
-        values = [-track.charge(match.pose) for match in possible]
-        for k in range(1, len(possible)):
-            values[k] += _lead(said[k] - said[0])
-        best = int(np.argmax(values))
+        first, leads = track.charge(possible[0].pose), [0.0]
+        for match, evidence in zip(possible[1:], said[1:], strict=True):
+            price, lead = track.charge(match.pose) - first, evidence - said[0]
+            chance = min(_chance(lead), DEAR * max(price, 0.0))
+            leads.append(float(np.mean(lead)) - price - chance)
+        best = int(np.argmax(leads))
         return possible[best], float(np.mean(said[best]))
 
     def _solver(self, level: int) -> Solver:
@@ -93,10 +97,9 @@ class Matcher:
         return Solver(steps, p.max_shift, p.max_turn, tolerance, p.damping)
 
 
-def _lead(difference: Floats) -> float:
-    """Mean of a difference in evidence (n,), less its standard error among independent beams."""
-    independent = min(len(difference), INDEPENDENT)
-    return float(np.mean(difference) - SURE * np.std(difference) / math.sqrt(independent))
+def _chance(lead: Floats) -> float:
+    """What the mean of a difference in evidence (n,) may be by chance, with independent beams."""
+    return float(SURE * np.std(lead)) / math.sqrt(min(len(lead), INDEPENDENT))
 
 
 def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:
