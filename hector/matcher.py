@@ -61,7 +61,7 @@ class Matcher:
         p = self.params
         how = Fit(p.steps_fine, p.converged, self.softness(points), self.variance)
         pose, share, square = self._map.fit(points, start, prior, how, self._H)
-        variance = max(square, p.quietest**2)
+        variance = max(square, points.noise**2)
         return Match(pose, share, variance, self._H / variance)
 
     def softness(self, points: EndPoints) -> float:

@@ -60,10 +60,10 @@ class Hector:
         """Match the scan to the map, let it enter the map if due; return T_map_base."""
         start = self._track.predict(scan)  # 1.
         points = self._scan.take(scan, start.velocity)  # 2.
-        match = self._matched(points, start.pose)  # 3., 4.
+        match = self._matched(points, start)  # 3., 4.
         if points.sweeps:
             points = self._scan.take(scan, self._track.motion.velocity_to(match.pose))
-            match = self._matched(points, start.pose)
+            match = self._matched(points, start)
         if self._doubtful(points, match, start.dt):  # 5.
             match, accepted = self._recovered(points, start, match)
         else:
@@ -101,11 +101,15 @@ class Hector:
         """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
         return self._track.covariance
 
-    def _matched(self, points: EndPoints, expected: Pose2) -> Match:
-        """Steps 3 and 4 from the prediction."""
+    def _matched(self, points: EndPoints, start: Prediction) -> Match:
+        """Steps 3 and 4, from the prediction and from other starts that are not the same."""
+        expected = start.pose
         if self._map.insertions == 0 or points.n == 0:
             return self._match._replace(pose=expected)
         tried = self._tried(points, expected, self._prior(expected))
+        posed = self._posed
+        tried += self._from(self._others(points, start), points, expected)
+        self._posed = posed
         return self._matcher.best(points, tried, self._track)[0] if len(tried) > 1 else tried[0]
 
     def _prior(self, expected: Pose2) -> Prior:
@@ -127,6 +131,12 @@ class Hector:
             tried.append(posed)
         return tried
 
+    def _others(self, points: EndPoints, start: Prediction) -> list[Pose2]:
+        """Starts as good as the prediction: no motion, and the motion so far, without wheels."""
+        before, half = self._track.pose, 0.5 * self.params.resolution
+        others = [before, before @ start.continued]
+        return [other for other in others if gap(points, other, start.pose) > half]
+
     def _doubtful(self, points: EndPoints, match: Match, dt: float) -> bool:
         """Whether the map explains less than usual, or no robot can be there."""
         known = self._map.insertions > 0 and points.n > 0
@@ -138,11 +148,11 @@ class Hector:
     def _recovered(self, points: EndPoints, start: Prediction, match: Match) -> tuple[Match, bool]:
         """Step 5: the best of other starts; if that is bad, of a search; whether it is good."""
         tried, limit = [match], min(self.params.lost, 0.5 * self._clear)
-        before, in_time = self._track.pose, self._patience.over
+        in_time = self._patience.over
         if in_time:
             self._patience.tried()
             self._counts["retried"] += 1
-            tried += self._from([before @ start.continued, before], points, start.pose)
+            tried += self._from([self._track.pose @ start.continued], points, start.pose)
         best, clear = self._matcher.best(points, tried, self._track)
         if clear < limit and in_time:
             self._counts["searched"] += 1
@@ -161,7 +171,7 @@ class Hector:
         self._count(points, match, accepted)
         if accepted:
             if self.params.refine:
-                self._matcher.variance = max(match.square, self.params.quietest**2)
+                self._matcher.variance = max(match.square, points.noise**2)
             self._track.matched(match.pose, match.seen, scan)
             self._usual = match.share
         else:
