@@ -25,8 +25,8 @@ BLUR = 0.01  # least variance of 1 - M: a wall's ridge of cells is never exact
 class Match(NamedTuple):
     """A matched pose and how well it fits.
 
-    The share of beams that the map explains, the mean square residual, the information (3, 3) of
-    the scan about the pose [1/m^2, 1/(m rad), 1/rad^2].
+    The share of beams that the map explains, the variance of their distance from it [m^2], the
+    information (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2].
     """
 
     pose: Pose2
@@ -54,7 +54,7 @@ class Matcher:
             pose, share, square = self._map.match(
                 level, points, pose, prior, self._solver(level), self._H
             )
-        return Match(pose, share, square, self._H / max(square, BLUR))
+        return Match(pose, share, self.variance, self._H / max(square, BLUR))
 
     def fit(self, points: EndPoints, start: Pose2, prior: Prior) -> Match:
         """Gauss-Newton on the lines."""
