@@ -19,7 +19,8 @@ class Solver(NamedTuple):
     """How Gauss-Newton steps are taken.
 
     At most `steps` steps; a step is limited to `shift` [m] and `turn` [rad]; done when it is below
-    `tolerance` [m] and [rad] times 1 m; the share `damping` of H's diagonal is added to it.
+    `tolerance` [m] and [rad] times 1 m; the share `damping` of H's diagonal is added to it. Every
+    `stride`-th end point is used.
     """
 
     steps: int
@@ -27,6 +28,7 @@ class Solver(NamedTuple):
     turn: float
     tolerance: float
     damping: float
+    stride: int
 
 
 class Prior(NamedTuple):
@@ -64,18 +66,18 @@ def interpolate(p: NDArray[np.float32], x: float, y: float) -> tuple[float, floa
 
 @njit(fastmath=FAST, inner=True)  # 1.2 times as fast: sums may be regrouped
 def normal_equations(
-    level: Level, points: Points, n: int, pose: Pose2, H: Floats, b: Floats
+    level: Level, points: Points, n: int, stride: int, pose: Pose2, H: Floats, b: Floats
 ) -> tuple[float, float]:
     """Sums of one linearization and the score, the mean map value: [Kohlbrecher11] eq. 7-13.
 
-    points (2, >= n) m in the base frame; H (3, 3) and b (3,) in meters and radians. Returns the
-    score and the residuals' mean square.
+    points (2, >= n) m in the base frame, every `stride`-th is used; H (3, 3) and b (3,) in meters
+    and radians. Returns the score and the residuals' mean square.
     """
     scale = 1.0 / level.resolution
     c, s = math.cos(pose.theta) * scale, math.sin(pose.theta) * scale
     ex, ey = (pose.x - level.x0) * scale, (pose.y - level.y0) * scale
     hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = 0.0
-    for i in range(n):
+    for i in range(0, n, stride):
         x, y = points[0, i], points[1, i]
         qx, qy = c * x - s * y, s * x + c * y
         value, gx, gy = interpolate(level.p, ex + qx, ey + qy)
@@ -97,7 +99,8 @@ def normal_equations(
     H[0, 2] = H[2, 0] = hxt * scale
     H[1, 2] = H[2, 1] = hyt * scale
     b[0], b[1], b[2] = bx * scale, by * scale, bt
-    return total / max(n, 1), squares / max(n, 1)
+    used = max((n + stride - 1) // stride, 1)
+    return total / used, squares / used
 
 
 @njit(inner=True)
@@ -121,7 +124,7 @@ def gauss_newton(
     score = square = 0.0
     for _ in range(solver.steps):
         pose = Pose2(x, y, theta)
-        score, square = normal_equations(level, points, n, pose, H, b)
+        score, square = normal_equations(level, points, n, solver.stride, pose, H, b)
         add_prior(H, prior.information, square, offset(pose, prior.pose), total, b)
         for k in range(3):
             total[k, k] += solver.damping * H[k, k]

@@ -19,6 +19,8 @@ SOFT = 3.0  # deviations of the noise at which a beam counts half
 FINE = 0.02  # of a cell: a step below it is the last on a level that lines come after
 SURE = 2.0  # standard errors of its lead by which another start has to win
 DEAR = 3.0  # times the price of a contradiction, at most, for the chance of few beams
+ENOUGH = 180  # beams for a coarse level
+LEVER = 5.0  # m, to most walls indoors
 BLUR = 0.01  # least variance of 1 - M: a wall's ridge of cells is never exact
 
 
@@ -52,7 +54,7 @@ class Matcher:
         pose, share, square = start, 0.0, 0.0
         for level in reversed(range(self.params.levels)):
             pose, share, square = self._map.match(
-                level, points, pose, prior, self._solver(level), self._H
+                level, points, pose, prior, self._solver(level, points.n), self._H
             )
         return Match(pose, share, self.variance, self._H / max(square, BLUR))
 
@@ -89,12 +91,13 @@ class Matcher:
         best = int(np.argmax(leads))
         return possible[best], float(np.mean(said[best]))
 
-    def _solver(self, level: int) -> Solver:
+    def _solver(self, level: int, n: int) -> Solver:
         p = self.params
         steps = p.steps_coarse if level else p.steps_fine
         last = level == 0 and not p.refine
         tolerance = p.converged if last else FINE * p.resolution * 2**level
-        return Solver(steps, p.max_shift, p.max_turn, tolerance, p.damping)
+        stride = max(min(2**level, n // ENOUGH), 1)  # several beams end in one coarse cell
+        return Solver(steps, p.max_shift, p.max_turn, tolerance, p.damping, stride)
 
 
 def _chance(lead: Floats) -> float:
@@ -103,6 +106,6 @@ def _chance(lead: Floats) -> float:
 
 
 def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:
-    """How far two poses are apart [m], as the end points half way out see it."""
+    """How far two poses are apart [m], as most end points see it."""
     turn = math.remainder(one.theta - other.theta, 2.0 * math.pi)
-    return math.hypot(one.x - other.x, one.y - other.y) + 0.5 * points.far * abs(turn)
+    return math.hypot(one.x - other.x, one.y - other.y) + min(0.5 * points.far, LEVER) * abs(turn)

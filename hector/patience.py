@@ -15,7 +15,7 @@ class Patience:
         self._first, self._longest = first, longest
         self._pause = self._waited = 0.0
 
-    def wait(self, dt: float, quiet: bool) -> None:
+    def wait(self, dt: float, quiet: bool = False) -> None:
         """Let `dt` [s] pass; in a quiet scan nothing had to be tried."""
         self._waited += dt
         if quiet:

@@ -6,9 +6,9 @@ System with Full 3D Motion Estimation. IEEE SSRR 2011. Per scan:
 1. A start for the pose; ours: with a covariance.
 2. End points of the beams in the base frame (sec. IV-A).
 3. Scan matching (sec. IV-B): Gauss-Newton on the occupancy, coarse to fine (sec. IV-C).
-4. ours: from there straight on the lines inside the finest cells; if the two do not agree, the
-   beams decide. A sweep is freed from its motion and matched again.
-5. ours: if the map explains less than usual, other starts and a search; refuse what stays bad.
+4. ours: from there straight on the lines inside the finest cells; where other starts end elsewhere
+   the beams decide. A sweep is freed from its motion and matched again.
+5. ours: if the map contradicts the scan, a search; refuse what stays bad.
 6. If the robot has moved, insert the scan into every level (sec. IV-A).
 
 The published program, `hector@original`, stands in `original`; `hector@paper` ends with step 3.
@@ -30,6 +30,7 @@ from slams.motion.track import Track
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
+OFTEN = 0.08  # s between scans with other starts: every scan at 10 Hz, one in four at 40
 SAME = 0.25  # of a cell, within which two fits are one
 
 
@@ -49,16 +50,17 @@ class Hector:
         self._scan = EndPoints(params)
         self._track = Track(params)
         self._patience = Patience(params.rest, params.longest_rest)
+        self._often = Patience(OFTEN, OFTEN)
         self._match = self._key = FIRST
         self._posed = IDENTITY
         self._usual = 1.0
-        self._clear = 1.0
-        names = "empty posed kept refined retried searched refused inserted"
+        names = "empty posed kept refined doubted searched refused inserted"
         self._counts = dict.fromkeys(names.split(), 0)
 
     def update(self, scan: Scan) -> Pose2:
         """Match the scan to the map, let it enter the map if due; return T_map_base."""
         start = self._track.predict(scan)  # 1.
+        self._often.wait(start.dt)
         points = self._scan.take(scan, start.velocity)  # 2.
         match = self._matched(points, start)  # 3., 4.
         if points.sweeps:
@@ -83,7 +85,11 @@ class Hector:
         return self._map.grid()
 
     def report(self) -> dict[str, Any]:
-        """Counts of scans: empty, inserted, retried, searched, refused; lost; with odometry ..."""
+        """Counts of scans.
+
+        `posed` by the pyramid, `kept` where the pose within a cell of that won, `refined` by the
+        lines; `doubted`, `searched`, `refused`, `lost`; `empty`, `inserted`; with odometry ...
+        """
         return self._counts | {"lost": self._track.lost} | self._track.motion.counts
 
     @property
@@ -132,34 +138,35 @@ class Hector:
         return tried
 
     def _others(self, points: EndPoints, start: Prediction) -> list[Pose2]:
-        """Starts as good as the prediction: no motion, and the motion so far, without wheels."""
+        """Starts elsewhere, now and then: no motion, and the motion so far."""
+        if not self._often.over:
+            return []
         before, half = self._track.pose, 0.5 * self.params.resolution
         others = [before, before @ start.continued]
-        return [other for other in others if gap(points, other, start.pose) > half]
+        others = [other for other in others if gap(points, other, start.pose) > half]
+        if others:
+            self._often.tried()
+        return others
 
     def _doubtful(self, points: EndPoints, match: Match, dt: float) -> bool:
         """Whether the map explains less than usual, or no robot can be there."""
         known = self._map.insertions > 0 and points.n > 0
         less = match.share < self.params.convincing * self._usual
         doubtful = known and (less or not self._track.reachable(match.pose))
-        self._patience.wait(dt, not doubtful)
+        self._counts["doubted"] += doubtful
+        self._patience.wait(dt, quiet=not doubtful)
         return doubtful
 
     def _recovered(self, points: EndPoints, start: Prediction, match: Match) -> tuple[Match, bool]:
-        """Step 5: the best of other starts; if that is bad, of a search; whether it is good."""
-        tried, limit = [match], min(self.params.lost, 0.5 * self._clear)
-        in_time = self._patience.over
-        if in_time:
+        """Step 5: what a search finds if the map contradicts the match; whether that is good."""
+        best, clear = self._matcher.best(points, [match], self._track)
+        if clear < self.params.lost and self._patience.over:
             self._patience.tried()
-            self._counts["retried"] += 1
-            tried += self._from([self._track.pose @ start.continued], points, start.pose)
-        best, clear = self._matcher.best(points, tried, self._track)
-        if clear < limit and in_time:
             self._counts["searched"] += 1
             found = self._map.search(points, start.pose)
             tried = [best, *self._from(found, points, start.pose)]
             best, clear = self._matcher.best(points, tried, self._track)
-        return best, clear >= limit and self._track.reachable(best.pose)
+        return best, clear >= self.params.lost and self._track.reachable(best.pose)
 
     def _from(self, starts: list[Pose2], points: EndPoints, expected: Pose2) -> list[Match]:
         prior = self._prior(expected)
@@ -206,8 +213,6 @@ class Hector:
         return held and float(self._matcher.evidence(points, self._track.pose).mean()) > 0.0
 
     def _insert(self, points: EndPoints) -> None:
-        if self._map.insertions >= self.params.settle:
-            self._clear = float(self._matcher.evidence(points, self._track.pose).mean())
         self._map.insert(points, self._track.pose)
         self._key = self._match._replace(pose=self._track.pose)
         self._counts["inserted"] += 1
