@@ -108,4 +108,4 @@ def _chance(lead: Floats) -> float:
 def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:
     """How far two poses are apart [m], as most end points see it."""
     turn = math.remainder(one.theta - other.theta, 2.0 * math.pi)
-    return math.hypot(one.x - other.x, one.y - other.y) + min(0.5 * points.far, LEVER) * abs(turn)
+    return math.hypot(one.x - other.x, one.y - other.y) + 0.5 * points.far * abs(turn)

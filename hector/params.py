@@ -216,14 +216,18 @@ class HectorParams(MotionParams):
         6, "1", "poses of the search that are matched", source="ours", low=1, high=100
     )
     rest: float = param(
-        0.2,
+        0.06,
         "s",
-        "pause after a try of other starts, twice as long each time in a row",
-        source="ours: what 10 Hz wait anyway",
+        "pause after a search that found nothing, twice as long each time in a row",
+        source="ours: a search costs as much as ten matches",
         low=0.0,
     )
     longest_rest: float = param(
-        2.0, "s", "longest such pause", source="ours: tries cost less than the matching", low=0.01
+        2.0,
+        "s",
+        "longest such pause",
+        source="ours: searches cost less than the matching",
+        low=0.01,
     )
     deskew: bool = param(
         True,
