@@ -20,7 +20,6 @@ FINE = 0.02  # of a cell: a step below it is the last on a level that lines come
 SURE = 2.0  # standard errors of its lead by which another start has to win
 DEAR = 3.0  # times the price of a contradiction, at most, for the chance of few beams
 ENOUGH = 180  # beams for a coarse level
-LEVER = 5.0  # m, to most walls indoors
 BLUR = 0.01  # least variance of 1 - M: a wall's ridge of cells is never exact
 
 
@@ -106,6 +105,6 @@ def _chance(lead: Floats) -> float:
 
 
 def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:
-    """How far two poses are apart [m], as most end points see it."""
+    """How far two poses are apart [m], as the end points half way out see it."""
     turn = math.remainder(one.theta - other.theta, 2.0 * math.pi)
     return math.hypot(one.x - other.x, one.y - other.y) + 0.5 * points.far * abs(turn)
