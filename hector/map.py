@@ -7,12 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hector import map_kernels, match_kernels, surface_kernels
+from hector import line_kernels, map_kernels, match_kernels, surface_kernels
+from hector.line_kernels import Fit
 from hector.map_kernels import Level, Update
 from hector.match_kernels import Prior, Solver, Window
 from hector.params import HectorParams
 from hector.scan import EndPoints
-from hector.surface_kernels import LAYERS, SUMS, Fit, Splat, Surface
+from hector.surface_kernels import LAYERS, SUMS, Splat, Surface
 from slams.types import Floats, OccupancyGrid, Pose2
 
 Pool = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]
@@ -78,14 +79,14 @@ class LogOddsPyramid:
     ) -> tuple[Pose2, float, float]:
         """Gauss-Newton on the lines; pose, share of beams explained, their mean square [m^2]."""
         points, n = scan.points, scan.n
-        return surface_kernels.fit(self.surface, points, n, scan.mount, start, prior, how, H)
+        return line_kernels.fit(self.surface, points, n, scan.mount, start, prior, how, H)
 
     def evidence(self, scan: EndPoints, pose: Pose2, softness: float) -> Floats:
         """What each beam says for `pose`: (n,), 1 explained, -1 contradicted, 0 nothing."""
         out, points, n = np.zeros(scan.n), scan.points, scan.n
         if self.params.refine:
             soft = 1.0 / (softness * softness)
-            surface_kernels.evidence(self.surface, points, n, scan.mount, pose, soft, out)
+            line_kernels.evidence(self.surface, points, n, scan.mount, pose, soft, out)
         else:
             match_kernels.evidence(self.levels[min(1, len(self.levels) - 1)], points, n, pose, out)
         return out

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hector.line_kernels import Fit
 from hector.map import LogOddsPyramid
 from hector.match_kernels import Prior, Solver
 from hector.params import HectorParams
 from hector.scan import EndPoints
-from hector.surface_kernels import Fit
 from slams.motion.track import INDEPENDENT, Track
 from slams.types import IDENTITY, Floats, Pose2
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hector import scan_kernels as kernels
@@ -12,6 +14,9 @@ from slams.types import IDENTITY, Laser, Pose2, Scan
 SLACK = 0.1  # m, between neighbors of one surface
 STRAY = 6.0  # deviations of the noise that two neighbors of one surface may differ by
 SMOOTH = 6.0  # deviations of the noise in half a window, for a normal good to a tenth
+SAMPLES = 10  # triples of beams, fewer tell nothing of the noise
+NORMAL_MEDIAN = 0.6745  # of the absolute value of a normal deviate
+TRIPLE = math.sqrt(1.5)  # deviation of a beam less the mean of two others, of one beam's
 MEMORY = 10  # scans that the noise is a mean of
 
 
@@ -67,10 +72,12 @@ class EndPoints:
     def _measure_noise(self) -> None:
         """Where beams are so close together that a wall between them is straight."""
         near, room = 2.0 * self.params.resolution, self.normals[0]
-        found = kernels.find_noise(self.points, self.n, self.mount, near, room)
-        if found >= 0.0:
-            self._noises = min(self._noises + 1, MEMORY)
+        count = kernels.beyond_chords(self.points, self.n, self.mount, near, room)
+        if count >= SAMPLES:
+            half = count // 2
+            found = float(np.partition(room[:count], half)[half]) / (NORMAL_MEDIAN * TRIPLE)
             found = min(max(found, self.params.quietest), self.params.noisiest)
+            self._noises = min(self._noises + 1, MEMORY)
             self.noise += (found - self.noise) / self._noises
 
     def _adopt(self, laser: Laser, n_beams: int) -> None:

@@ -13,10 +13,6 @@ from slams.types import Floats, Pose2, Ranges
 
 Points = NDArray[np.float64]
 
-SAMPLES = 10  # triples of beams, fewer tell nothing of the noise
-NORMAL_MEDIAN = 0.6745  # of the absolute value of a normal deviate
-TRIPLE = math.sqrt(1.5)  # deviation of a beam less the mean of two others, of one beam's
-
 
 class Limits(NamedTuple):
     """Which end points are used: least and greatest distance [m]."""
@@ -111,20 +107,18 @@ def square_gap(points: Points, i: int, k: int) -> float:
 
 
 @njit
-def find_noise(points: Points, n: int, mount: Pose2, near: float, out: Floats) -> float:
-    """Noise of the ranges [m], from how far beams lie off the line through both neighbors.
+def beyond_chords(points: Points, n: int, mount: Pose2, near: float, out: Floats) -> int:
+    """How far beams lie off the line through both neighbors [m], out (>= n,); returns how many.
 
-    ours: the median of those, of every third beam whose neighbors are within `near` [m] of each
-    other, as a deviation; -1 where fewer than SAMPLES of them are. out (>= n,) is room to work.
+    ours: what is left of a wall there is noise. Of every third beam whose neighbors are within
+    `near` [m] of each other.
     """
     count = 0
     for i in range(1, n - 1, 3):
         if square_gap(points, i - 1, i + 1) < near * near:
             out[count] = abs(beyond_chord(points, i - 1, i, i + 1, mount))
             count += 1
-    if count < SAMPLES:
-        return -1.0
-    return float(np.median(out[:count])) / (NORMAL_MEDIAN * TRIPLE)
+    return count
 
 
 @njit

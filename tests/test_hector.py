@@ -4,7 +4,16 @@ import math
 import numpy as np
 import pytest
 
-from hector import Hector, HectorParams, map_kernels, match_kernels, scan_kernels, surface_kernels
+from hector import (
+    Hector,
+    HectorParams,
+    line_kernels,
+    map_kernels,
+    match_kernels,
+    scan_kernels,
+    surface_kernels,
+)
+from hector.line_kernels import Fit
 from hector.map import LogOddsPyramid
 from hector.map_kernels import Level, Update
 from hector.match_kernels import Prior, Solver, Window
@@ -15,7 +24,7 @@ from hector.original import scan_kernels as original_scan
 from hector.original.map import Pyramid
 from hector.scan import EndPoints
 from hector.scan_kernels import Grain, Limits, Twist
-from hector.surface_kernels import Fit, Splat, Surface
+from hector.surface_kernels import Splat, Surface
 from slams import metrics
 from slams.player import replay
 from slams.types import IDENTITY, Pose2, Scan
@@ -327,9 +336,7 @@ def test_a_wall_is_not_met_from_behind():
     for sensor, met in ((0.0, True), (2.0, False)):
         ends = points - np.array([[sensor], [0.0]])
         pose = Pose2(sensor, 0.0, 0.0)
-        total, _, near = surface_kernels.line_equations(
-            surface, ends, 20, IDENTITY, pose, 400.0, H, b
-        )
+        total, _, near = line_kernels.line_equations(surface, ends, 20, IDENTITY, pose, 400.0, H, b)
         assert (total > 0.0) == met
         assert (near > 0.0) == met
 
@@ -404,7 +411,7 @@ def test_line_equations_equal_their_twin():
         return [row for row in rows if row[3] > 0.0]
 
     H, b = np.zeros((3, 3)), np.zeros(3)
-    surface_kernels.line_equations(surface, points.points, points.n, IDENTITY, pose, 400.0, H, b)
+    line_kernels.line_equations(surface, points.points, points.n, IDENTITY, pose, 400.0, H, b)
     used = points.points[:2, : points.n]
     expected_H, expected_b = naive.line_sums(lines_at, used, IDENTITY, np.array(pose), 400.0)
     assert pytest.approx(expected_H, rel=1e-4, abs=1e-6) == H

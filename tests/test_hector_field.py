@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hector import Hector, HectorParams, match_kernels, scan_kernels, surface_kernels
+from hector import Hector, HectorParams, line_kernels, match_kernels, scan_kernels, surface_kernels
 from hector.map import LogOddsPyramid
 from hector.matcher import Match, Matcher
 from hector.patience import Patience
@@ -117,7 +117,7 @@ def test_each_beam_says_whether_it_is_explained_contradicted_or_neither():
     surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1))
     lines.log_odds[:, 60] = -1.0
     ends = np.array([[1.0, 60 * CELL - 2.5, -1.0], [0.1, 0.1, 0.1]])
-    surface_kernels.evidence(lines, ends, 3, IDENTITY, IDENTITY, 400.0, out)
+    line_kernels.evidence(lines, ends, 3, IDENTITY, IDENTITY, 400.0, out)
     assert out == pytest.approx([1.0, -1.0, 0.0], abs=1e-6)
 
 
@@ -240,7 +240,7 @@ def test_a_scan_enters_the_map_where_it_is_told_and_a_frozen_map_stays():
     before = slam.map().p.copy()
     slam.frozen = True
     for k in range(5):
-        pose = slam.update(scan_at((0.05 * k, 0.02, 0.01), laser(721), t=0.2 * k))
+        slam.update(scan_at((0.05 * k, 0.02, 0.01), laser(721), t=0.2 * k))
     assert slam.state == "matched"
     assert np.array_equal(slam.map().p, before, equal_nan=True)
     slam.frozen = False
