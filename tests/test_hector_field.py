@@ -89,6 +89,16 @@ def test_a_noisy_wall_still_has_normals():
     assert np.median(straight) > 0.98  # the room's walls are along the axes
 
 
+def test_a_beam_counts_half_where_the_noise_makes_that_usual():
+    params = HectorParams()
+    matcher, points = Matcher(params, LogOddsPyramid(params)), EndPoints(params)
+    assert matcher.softness(points) == pytest.approx(0.06)  # of the noise that is assumed, 0.02
+    points.noise = 0.05
+    assert matcher.softness(points) == pytest.approx(0.15)
+    points.noise = 0.001
+    assert matcher.softness(points) == params.softness
+
+
 # what the lines believe
 
 
