@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hector import map_kernels, match_kernels, surface_kernels
+from hector import line_kernels, map_kernels, match_kernels, surface_kernels
+from hector.line_kernels import Fit
 from hector.map_kernels import Level, Update
-from hector.match_kernels import Solver, Window
+from hector.match_kernels import Prior, Solver, Window
 from hector.params import HectorParams
 from hector.scan import EndPoints
-from hector.surface_kernels import Fit, Splat, Surface
+from hector.surface_kernels import LAYERS, SUMS, Splat, Surface
 from slams.extent import Box, Extent
 from slams.types import Floats, OccupancyGrid, Pose2
 
@@ -49,10 +50,9 @@ class LogOddsPyramid:
         self.levels = [
             self._empty(level, cells, cells, corner, corner) for level in range(params.levels)
         ]
-        rows = (POOL, 10), (POOL, 8)
+        rows = (POOL, LAYERS * SUMS), (POOL, 8)
         pool = (np.zeros(rows[0], np.float32), np.zeros(rows[1], np.float32), np.zeros(1, np.int64))
         self.surface = self._surface(pool)
-        self._splat = Splat(params.reach, params.side, params.weight_cap)
 
     def insert(self, scan: EndPoints, pose: Pose2) -> bool:
         """Let a scan taken at `pose` enter every level, and the lines of the finest.
@@ -65,41 +65,49 @@ class LogOddsPyramid:
         number = self.insertions
         for level in self.levels:
             map_kernels.insert(level, scan.points, scan.n, pose, scan.mount, number, self._update)
-        self._provide(scan.n)
-        normals = scan.find_normals()
-        surface_kernels.add_scan(self.surface, scan.points, normals, scan.n, pose, self._splat)
+        if self.params.refine:
+            self._insert_lines(scan, pose)
         return True
 
+    def _insert_lines(self, scan: EndPoints, pose: Pose2) -> None:
+        """Hits of a noisy laser lie farther from their wall: more cells learn of them."""
+        p = self.params
+        reach = max(p.reach, math.ceil(2.0 * scan.noise / p.resolution))
+        self._provide(scan.n, reach)
+        splat, normals = Splat(reach, p.side, p.weight_cap, self.insertions), scan.find_normals()
+        surface_kernels.add_scan(self.surface, scan.points, normals, scan.n, pose, splat)
+
     def match(
-        self, level: int, scan: EndPoints, start: Pose2, prior: Floats, solver: Solver, H: Floats
-    ) -> Pose2:
-        """Gauss-Newton on the occupancy of one level; H is left in `H`."""
+        self, level: int, scan: EndPoints, start: Pose2, prior: Prior, solver: Solver, H: Floats
+    ) -> tuple[Pose2, float, float]:
+        """Gauss-Newton on the occupancy of one level; pose, mean value, mean square residual."""
         grid = self.levels[level]
-        pose, _ = match_kernels.gauss_newton(grid, scan.points, scan.n, start, prior, solver, H)
-        return pose
+        return match_kernels.gauss_newton(grid, scan.points, scan.n, start, prior, solver, H)
 
     def fit(
-        self, scan: EndPoints, start: Pose2, prior: Floats, how: Fit, H: Floats
+        self, scan: EndPoints, start: Pose2, prior: Prior, how: Fit, H: Floats
     ) -> tuple[Pose2, float, float]:
         """Gauss-Newton on the lines; pose, share of beams explained, their mean square [m^2]."""
         points, n = scan.points, scan.n
-        return surface_kernels.fit(self.surface, points, n, scan.mount, start, prior, how, H)
+        return line_kernels.fit(self.surface, points, n, scan.mount, start, prior, how, H)
 
-    def evidence(self, scan: EndPoints, pose: Pose2) -> float:
-        """Share of beams the map explains less the share it contradicts, at `pose`."""
-        soft = 1.0 / self.params.softness**2
-        explained, against = surface_kernels.evidence(
-            self.surface, self.levels[0], scan.points, scan.n, scan.mount, pose, soft
-        )
-        return float(explained - against)
+    def evidence(self, scan: EndPoints, pose: Pose2, softness: float) -> Floats:
+        """What each beam says for `pose`: (n,), 1 explained, -1 contradicted, 0 nothing."""
+        out, points, n = np.zeros(scan.n), scan.points, scan.n
+        if self.params.refine:
+            soft = 1.0 / (softness * softness)
+            line_kernels.evidence(self.surface, points, n, scan.mount, pose, soft, out)
+        else:
+            match_kernels.evidence(self.levels[min(1, len(self.levels) - 1)], points, n, pose, out)
+        return out
 
     def search(self, scan: EndPoints, center: Pose2) -> list[Pose2]:
         """The best poses of a window around `center`, best first: one for each turn, the first few.
 
-        On the second finest level: a cell of the finest is too narrow a target.
+        On the coarsest level: it is the widest target and the cheapest to search.
         """
         p = self.params
-        level = min(1, p.levels - 1)
+        level = p.levels - 1
         cell, far = self.levels[level].resolution, max(scan.far, 1.0)
         step = min(0.1, 2.0 * cell / far)
         window = Window(round(p.search_distance / cell), round(p.search_angle / step), step)
@@ -136,7 +144,7 @@ class LogOddsPyramid:
     def _surface(self, pool: Pool) -> Surface:
         finest = self.levels[0]
         index = np.zeros(finest.p.shape, np.int32)
-        return Surface(index, *pool, finest.x0, finest.y0, finest.resolution)
+        return Surface(index, *pool, finest.log_odds, finest.x0, finest.y0, finest.resolution)
 
     def _cover(self, pose: Pose2, far: float) -> bool:
         """Make every level reach `far` [m] around the pose, if they may grow so far."""
@@ -172,14 +180,14 @@ class LogOddsPyramid:
         self.surface = self._surface((self.surface.sums, self.surface.lines, self.surface.used))
         _copy(index, self.surface.slot, below, left)
 
-    def _provide(self, n: int) -> None:
+    def _provide(self, n: int, reach: int) -> None:
         """Rows of the pool for what one scan may add."""
         surface = self.surface
-        most = int(surface.used[0]) + n * (2 * self.params.reach + 1) * (2 * self.params.side + 1)
+        most = int(surface.used[0]) + n * (2 * reach + 1) * (2 * self.params.side + 1)
         if most < len(surface.lines):
             return
         rows = 2 * most
-        sums, lines = np.zeros((rows, 10), np.float32), np.zeros((rows, 8), np.float32)
+        sums, lines = np.zeros((rows, LAYERS * SUMS), np.float32), np.zeros((rows, 8), np.float32)
         sums[: len(surface.sums)], lines[: len(surface.lines)] = surface.sums, surface.lines
         self.surface = surface._replace(sums=sums, lines=lines)
 

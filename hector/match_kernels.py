@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hector.map_kernels import Level
 from hector.scan_kernels import Points
-from slams.geometry import add_prior, solve3
+from slams.geometry import add_prior, solve3, wrap_angle
 from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 
@@ -19,7 +19,8 @@ class Solver(NamedTuple):
     """How Gauss-Newton steps are taken.
 
     At most `steps` steps; a step is limited to `shift` [m] and `turn` [rad]; done when it is below
-    `tolerance` [m] and [rad] times 1 m; the share `damping` of H's diagonal is added to it.
+    `tolerance` [m] and [rad] times 1 m; the share `damping` of H's diagonal is added to it. Every
+    `stride`-th end point is used.
     """
 
     steps: int
@@ -27,6 +28,17 @@ class Solver(NamedTuple):
     turn: float
     tolerance: float
     damping: float
+    stride: int
+
+
+class Prior(NamedTuple):
+    """What is known of a pose before its scan is looked at.
+
+    The expected pose and its information (3, 3) [1/m^2, 1/(m rad), 1/rad^2].
+    """
+
+    pose: Pose2
+    information: Floats
 
 
 class Window(NamedTuple):
@@ -54,18 +66,18 @@ def interpolate(p: NDArray[np.float32], x: float, y: float) -> tuple[float, floa
 
 @njit(fastmath=FAST, inner=True)  # 1.2 times as fast: sums may be regrouped
 def normal_equations(
-    level: Level, points: Points, n: int, pose: Pose2, H: Floats, b: Floats
+    level: Level, points: Points, n: int, stride: int, pose: Pose2, H: Floats, b: Floats
 ) -> tuple[float, float]:
     """Sums of one linearization and the score, the mean map value: [Kohlbrecher11] eq. 7-13.
 
-    points (2, >= n) m in the base frame; H (3, 3) and b (3,) in meters and radians. Returns the
-    score and the residuals' mean square.
+    points (2, >= n) m in the base frame, every `stride`-th is used; H (3, 3) and b (3,) in meters
+    and radians. Returns the score and the residuals' mean square.
     """
     scale = 1.0 / level.resolution
     c, s = math.cos(pose.theta) * scale, math.sin(pose.theta) * scale
     ex, ey = (pose.x - level.x0) * scale, (pose.y - level.y0) * scale
     hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = 0.0
-    for i in range(n):
+    for i in range(0, n, stride):
         x, y = points[0, i], points[1, i]
         qx, qy = c * x - s * y, s * x + c * y
         value, gx, gy = interpolate(level.p, ex + qx, ey + qy)
@@ -87,26 +99,33 @@ def normal_equations(
     H[0, 2] = H[2, 0] = hxt * scale
     H[1, 2] = H[2, 1] = hyt * scale
     b[0], b[1], b[2] = bx * scale, by * scale, bt
-    return total / max(n, 1), squares / max(n, 1)
+    used = max((n + stride - 1) // stride, 1)
+    return total / used, squares / used
+
+
+@njit(inner=True)
+def offset(pose: Pose2, to: Pose2) -> Pose2:
+    """Differences of x, y [m] and theta [rad] from `pose` to `to`. ours: the prior's residual."""
+    return Pose2(to.x - pose.x, to.y - pose.y, wrap_angle(to.theta - pose.theta))
 
 
 @njit
 def gauss_newton(
-    level: Level, points: Points, n: int, start: Pose2, prior: Floats, solver: Solver, H: Floats
-) -> tuple[Pose2, float]:
+    level: Level, points: Points, n: int, start: Pose2, prior: Prior, solver: Solver, H: Floats
+) -> tuple[Pose2, float, float]:
     """Match end points to one level: steps of [Kohlbrecher11] eq. 12 from `start`.
 
-    ours: the start's own information, `prior` (3, 3) [1/m^2, 1/(m rad), 1/rad^2], is weighed
-    against the residuals' mean square. Returns the pose and the mean map value at the last
-    linearization, whose H is left in `H`.
+    ours: what is known without the scan, `prior`, is weighed against the residuals' mean square.
+    Returns the pose, the mean map value and the residuals' mean square at the last linearization,
+    whose H is left in `H`.
     """
     x, y, theta = start
     b, step, total = np.zeros(3), np.zeros(3), np.zeros((3, 3))
-    score = 0.0
+    score = square = 0.0
     for _ in range(solver.steps):
         pose = Pose2(x, y, theta)
-        score, square = normal_equations(level, points, n, pose, H, b)
-        add_prior(H, prior, square, Pose2(start.x - x, start.y - y, start.theta - theta), total, b)
+        score, square = normal_equations(level, points, n, solver.stride, pose, H, b)
+        add_prior(H, prior.information, square, offset(pose, prior.pose), total, b)
         for k in range(3):
             total[k, k] += solver.damping * H[k, k]
         if not solve3(total, b, step):
@@ -119,7 +138,27 @@ def gauss_newton(
         theta += max(-solver.turn, min(solver.turn, step[2]))
         if length < solver.tolerance and abs(step[2]) < solver.tolerance:
             break
-    return Pose2(x, y, theta), score
+    return Pose2(x, y, wrap_angle(theta)), score, square
+
+
+@njit
+def evidence(level: Level, points: Points, n: int, pose: Pose2, out: Floats) -> None:
+    """What every end point says for `pose`: out (>= n,), -1 in a free cell to 1 in an occupied one.
+
+    ours: 2 p - 1 of the cell; 0 where nothing was seen.
+    """
+    height, width = level.p.shape
+    scale = 1.0 / level.resolution
+    c, s = math.cos(pose.theta) * scale, math.sin(pose.theta) * scale
+    ex, ey = (pose.x - level.x0) * scale + 0.5, (pose.y - level.y0) * scale + 0.5
+    for i in range(n):
+        x, y = points[0, i], points[1, i]
+        fx, fy = ex + c * x - s * y, ey + s * x + c * y
+        out[i] = 0.0
+        if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
+            u, v = np.uint64(fx), np.uint64(fy)
+            if level.log_odds[v, u] != 0.0:
+                out[i] = 2.0 * level.p[v, u] - 1.0
 
 
 @njit

@@ -21,7 +21,8 @@ class HectorParams(MotionParams):
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
-        "original": "hector.original:Original"
+        "original": "hector.original:Original",
+        "paper": {"refine": False},
     }
 
     resolution: float = param(
@@ -76,6 +77,12 @@ class HectorParams(MotionParams):
         source="ours: sub-cell means gain from more views",
         low=0.0,
         ros=("map_update_angle_thresh",),
+    )
+    refine: bool = param(
+        True,
+        "1",
+        "fit lines inside the cells after the pyramid",
+        source="ours: exact to below a cell",
     )
     settle: int = param(
         10,
@@ -164,16 +171,22 @@ class HectorParams(MotionParams):
     softness: float = param(
         0.05,
         "m",
-        "distance to a line at which a beam counts half",
+        "distance to a line at which a beam counts half, at least; three times the noise",
         source="ours: a cell",
         low=0.001,
     )
     range_noise: float = param(
         0.02,
         "m",
-        "noise of a beam, as the trust in the start is weighed against it",
+        "noise of a beam until scans have shown it",
         source="ours: between a UTM-30LX's 0.01 and its specified 0.03",
         low=1e-4,
+    )
+    quietest: float = param(
+        0.001, "m", "no laser is believed to be quieter", source="ours: what ranges are rounded to"
+    )
+    noisiest: float = param(
+        0.15, "m", "noise beyond which a scan is clutter", source="ours: three cells"
     )
     convincing: float = param(
         0.85,
@@ -204,6 +217,20 @@ class HectorParams(MotionParams):
     )
     search_tries: int = param(
         6, "1", "poses of the search that are matched", source="ours", low=1, high=100
+    )
+    rest: float = param(
+        0.06,
+        "s",
+        "pause after a search that found nothing, twice as long each time in a row",
+        source="ours: a search costs as much as ten matches",
+        low=0.0,
+    )
+    longest_rest: float = param(
+        2.0,
+        "s",
+        "longest such pause",
+        source="ours: searches cost less than the matching",
+        low=0.01,
     )
     deskew: bool = param(
         True,

@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hector import scan_kernels as kernels
 from hector.params import HectorParams
-from hector.scan_kernels import Limits, Points, Twist
+from hector.scan_kernels import Grain, Limits, Points, Twist
 from slams.types import IDENTITY, Laser, Pose2, Scan
+
+SLACK = 0.1  # m, between neighbors of one surface
+STRAY = 6.0  # deviations of the noise that two neighbors of one surface may differ by
+SMOOTH = 6.0  # deviations of the noise in half a window, for a normal good to a tenth
+SAMPLES = 10  # triples of beams, fewer tell nothing of the noise
+NORMAL_MEDIAN = 0.6745  # of the absolute value of a normal deviate
+TRIPLE = math.sqrt(1.5)  # deviation of a beam less the mean of two others, of one beam's
+MEMORY = 10  # scans that the noise is a mean of
 
 
 class EndPoints:
     """End points of the scan at hand, in the base frame at the time of its first beam.
 
-    `points` (3, >= n): x, y [m], number of the beam; `far` [m] the farthest from the base; the
-    buffers serve every scan.
+    `points` (3, >= n): x, y [m], number of the beam; `far` [m] the farthest from the base; `noise`
+    [m] of the ranges as the last scans show it. The buffers serve every scan.
     """
 
     def __init__(self, params: HectorParams) -> None:
         self.params = params
         self.n = 0
         self.far = 0.0
+        self.noise = params.range_noise
+        self._noises = 0
         self.mount = IDENTITY
         self.step = 0.0
         self.sweeps = False
@@ -35,6 +47,10 @@ class EndPoints:
         self.n, self.far = kernels.end_points(
             scan.ranges, self._directions, laser.mount, self._limits, self.points
         )
+        self._measure_noise()
+        self.n = kernels.drop_lone(
+            self.points, self.n, self.mount, self.step, self.grain.slack, self.normals
+        )
         if self.sweeps:
             twist = Twist(velocity.x, velocity.y, velocity.theta, laser.time_increment)
             kernels.deskew(self.points, self.n, twist)
@@ -42,11 +58,27 @@ class EndPoints:
 
     def find_normals(self) -> Points:
         """Of every end point the normal and the gap to its neighbors (3, >= n), in `normals`."""
-        window = self.params.normal_window
         kernels.scan_normals(
-            self.points, self.n, self.mount, self.step, window, self.moments, self.normals
+            self.points, self.n, self.mount, self.step, self.grain, self.moments, self.normals
         )
         return self.normals
+
+    @property
+    def grain(self) -> Grain:
+        """How fine the scan is, by its noise."""
+        window = max(self.params.normal_window, SMOOTH * self.noise)
+        return Grain(self.noise, window, max(SLACK, STRAY * self.noise))
+
+    def _measure_noise(self) -> None:
+        """Where beams are so close together that a wall between them is straight."""
+        near, room = 2.0 * self.params.resolution, self.normals[0]
+        count = kernels.beyond_chords(self.points, self.n, self.mount, near, room)
+        if count >= SAMPLES:
+            half = count // 2
+            found = float(np.partition(room[:count], half)[half]) / (NORMAL_MEDIAN * TRIPLE)
+            found = min(max(found, self.params.quietest), self.params.noisiest)
+            self._noises = min(self._noises + 1, MEMORY)
+            self.noise += (found - self.noise) / self._noises
 
     def _adopt(self, laser: Laser, n_beams: int) -> None:
         self._laser, self.mount, self.step = laser, laser.mount, abs(laser.angle_increment)

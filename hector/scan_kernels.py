@@ -21,6 +21,14 @@ class Limits(NamedTuple):
     far: float
 
 
+class Grain(NamedTuple):
+    """How fine a scan is: noise of its ranges, half window of a normal, slack of a surface [m]."""
+
+    noise: float
+    window: float
+    slack: float
+
+
 class Twist(NamedTuple):
     """Motion of the base during a sweep: velocity vx, vy [m/s], turn [rad/s], s per beam."""
 
@@ -74,11 +82,77 @@ def deskew(points: Points, n: int, twist: Twist) -> None:
 
 
 @njit(inner=True)
-def scan_moments(points: Points, n: int, mount: Pose2, step: float, out: Floats) -> None:
+def beyond_chord(points: Points, a: int, i: int, b: int, mount: Pose2) -> float:
+    """How far end point i lies behind the line through a and b, along its beam [m]; inf: never met.
+
+    ours: exactly 0 on a straight wall, however far apart the beams and however flat they meet it.
+    """
+    ax, ay = points[0, a] - mount.x, points[1, a] - mount.y
+    px, py = points[0, i] - mount.x, points[1, i] - mount.y
+    dx, dy = points[0, b] - points[0, a], points[1, b] - points[1, a]
+    across = px * dy - py * dx
+    if across == 0.0:
+        return math.inf
+    met = (ax * dy - ay * dx) / across
+    behind: float = (1.0 - met) * math.sqrt(px * px + py * py)
+    return behind
+
+
+@njit(inner=True)
+def square_gap(points: Points, i: int, k: int) -> float:
+    """Squared distance of two end points [m^2]. ours."""
+    dx, dy = points[0, i] - points[0, k], points[1, i] - points[1, k]
+    square: float = dx * dx + dy * dy
+    return square
+
+
+@njit
+def beyond_chords(points: Points, n: int, mount: Pose2, near: float, out: Floats) -> int:
+    """How far beams lie off the line through both neighbors [m], out (>= n,); returns how many.
+
+    ours: what is left of a wall there is noise. Of every third beam whose neighbors are within
+    `near` [m] of each other.
+    """
+    count = 0
+    for i in range(1, n - 1, 3):
+        if square_gap(points, i - 1, i + 1) < near * near:
+            out[count] = abs(beyond_chord(points, i - 1, i, i + 1, mount))
+            count += 1
+    return count
+
+
+@njit
+def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, out: Points) -> int:
+    """Leave out end points that have no company, in place; how many are left.
+
+    ours: rain, mixed pixels and faults are one beam each, a surface is several. Company is another
+    end point among the two beams to either side within `slack` [m] and four beams' spacing, or
+    both neighbors' line within `slack` along the beam. points, out (3, >= n).
+    """
+    out[:, :n] = points[:, :n]
+    kept = 0
+    for i in range(n):
+        rx, ry = out[0, i] - mount.x, out[1, i] - mount.y
+        gap = slack + 4.0 * step * math.sqrt(rx * rx + ry * ry)
+        company = 0 < i < n - 1 and abs(beyond_chord(out, i - 1, i, i + 1, mount)) < slack
+        for k in range(max(i - 2, 0), min(i + 3, n)):
+            company = company or (k != i and square_gap(out, i, k) < gap * gap)
+        if company:
+            for row in range(3):
+                points[row, kept] = out[row, i]
+            kept += 1
+    return kept
+
+
+@njit(inner=True)
+def scan_moments(
+    points: Points, n: int, mount: Pose2, step: float, slack: float, out: Floats
+) -> None:
     """Running sums of x, y, xx, xy, yy along the scan, and where its surface begins anew.
 
-    ours: a window's line comes from differences of these. `step` [rad] between beams; out
-    (6, n + 1), row 5 the first index of the run of beams without a jump.
+    ours: a window's line comes from differences of these. A surface ends at a gap of more than
+    `slack` [m] and four times the spacing of the beams, `step` [rad]; out (6, n + 1), row 5 the
+    first index of the run of beams without a jump.
     """
     for k in range(6):
         out[k, 0] = 0.0
@@ -86,7 +160,7 @@ def scan_moments(points: Points, n: int, mount: Pose2, step: float, out: Floats)
     for i in range(n):
         x, y = points[0, i], points[1, i]
         rx, ry, dx, dy = x - mount.x, y - mount.y, x - last_x, y - last_y
-        gap = 0.1 + 4.0 * step * math.sqrt(rx * rx + ry * ry)
+        gap = slack + 4.0 * step * math.sqrt(rx * rx + ry * ry)
         if dx * dx + dy * dy > gap * gap:
             first = i
         last_x, last_y = x, y
@@ -99,15 +173,16 @@ def scan_moments(points: Points, n: int, mount: Pose2, step: float, out: Floats)
 
 @njit
 def scan_normals(
-    points: Points, n: int, mount: Pose2, step: float, window: float, moments: Floats, out: Points
+    points: Points, n: int, mount: Pose2, step: float, grain: Grain, moments: Floats, out: Points
 ) -> None:
     """Normal of the scan at each end point, toward the sensor, and the gap to its neighbors.
 
-    ours: total least squares over the beams within about `window` [m], two at least, up to the
-    next jump; bent places (a corner in the window) get no normal. points (2, >= n), out (3, >= n):
-    normal (0, 0 where none), mean gap [m].
+    ours: total least squares over the beams within about `grain.window`, two at least, up to the
+    next jump; places bent by more than the noise (a corner in the window) get no normal. points
+    (2, >= n), out (3, >= n): normal (0, 0 where none), mean gap [m].
     """
-    scan_moments(points, n, mount, step, moments)
+    scan_moments(points, n, mount, step, grain.slack, moments)
+    window, blur = grain.window, grain.noise * grain.noise
     last = n - 1
     for i in range(n - 1, -1, -1):
         if i + 1 < n and moments[5, i] != moments[5, i + 1]:
@@ -127,7 +202,7 @@ def scan_normals(
         cyy = moments[4, b + 1] - moments[4, a] - sy * sy / m
         split = math.sqrt(0.25 * (cxx - cyy) * (cxx - cyy) + cxy * cxy)
         mean = 0.5 * (cxx + cyy)
-        if mean - split > 0.1 * (mean + split):
+        if mean - split - m * blur > 0.1 * (mean + split):
             continue
         nx, ny = (cxy, mean - split - cxx) if cyy < cxx else (mean - split - cyy, cxy)
         length = math.sqrt(nx * nx + ny * ny)

@@ -3,86 +3,93 @@
 [Kohlbrecher11] S. Kohlbrecher, O. von Stryk, J. Meyer, U. Klingauf: A Flexible and Scalable SLAM
 System with Full 3D Motion Estimation. IEEE SSRR 2011. Per scan:
 
-1. End points of the beams in the base frame (sec. IV-A).
-2. A start for the pose.
-3. Scan matching (sec. IV-B): Gauss-Newton, coarse to fine (sec. IV-C); ours: where the start is
-   good, straight on the lines inside the finest cells.
-4. ours: if the map does not explain the scan, other starts and a search; refuse what stays bad.
-5. If the robot has moved, insert the scan into every level (sec. IV-A).
+1. A start for the pose; ours: with a covariance.
+2. End points of the beams in the base frame (sec. IV-A).
+3. Scan matching (sec. IV-B): Gauss-Newton on the occupancy, coarse to fine (sec. IV-C).
+4. ours: from there straight on the lines inside the finest cells; where other starts end elsewhere
+   the beams decide. A sweep is freed from its motion and matched again.
+5. ours: if the map contradicts the scan, a search; refuse what stays bad.
+6. If the robot has moved, insert the scan into every level (sec. IV-A).
 
-The published program, `hector@original`, stands in `original`.
+The published program, `hector@original`, stands in `original`; `hector@paper` ends with step 3.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, NamedTuple
-
-import numpy as np
+from typing import Any, ClassVar
 
 from hector.map import LogOddsPyramid
-from hector.match_kernels import Solver
+from hector.match_kernels import Prior
+from hector.matcher import FIRST, Match, Matcher, gap
 from hector.params import HectorParams
+from hector.patience import Patience
 from hector.scan import EndPoints
-from hector.surface_kernels import Fit
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
-QUIETEST = 0.001  # m, noise of a beam where the map fits without any
-
-
-class Match(NamedTuple):
-    """A matched pose, the share of beams explained by the map, their mean square distance [m^2]."""
-
-    pose: Pose2
-    share: float
-    square: float
+OFTEN = 0.08  # s between scans with other starts: every scan at 10 Hz, one in four at 40
+SAME = 0.25  # of a cell, within which two fits are one
 
 
 class Hector:
-    """Gradient map matching on a grid pyramid; see the module for the steps."""
+    """Gradient map matching on a grid pyramid; see the module for the steps.
+
+    `frozen`: nothing enters the map.
+    """
 
     Params: ClassVar[type[Params]] = HectorParams
 
     def __init__(self, params: HectorParams) -> None:
         self.params = params
+        self.frozen = False
         self._map = LogOddsPyramid(params)
+        self._matcher = Matcher(params, self._map)
         self._scan = EndPoints(params)
         self._track = Track(params)
-        self._solvers = _solvers(params)
-        self._lines = Fit(params.steps_fine, params.converged, params.softness, 1.0)
-        self._H = np.zeros((3, 3))
-        self._match = self._key = Match(IDENTITY, 1.0, 0.0)
+        self._patience = Patience(params.rest, params.longest_rest)
+        self._often = Patience(OFTEN, OFTEN)
+        self._match = self._key = FIRST
+        self._posed = IDENTITY
         self._usual = 1.0
-        self._noise = params.range_noise**2
-        names = ("empty", "inserted", "retried", "searched", "refused")
-        self._counts = dict.fromkeys(names, 0)
+        names = "empty posed kept refined doubted searched refused inserted"
+        self._counts = dict.fromkeys(names.split(), 0)
 
     def update(self, scan: Scan) -> Pose2:
         """Match the scan to the map, let it enter the map if due; return T_map_base."""
         start = self._track.predict(scan)  # 1.
+        self._often.wait(start.dt)
         points = self._scan.take(scan, start.velocity)  # 2.
-        match = self._matched(points, start.pose)  # 3.
+        match = self._matched(points, start)  # 3., 4.
         if points.sweeps:
             points = self._scan.take(scan, self._track.motion.velocity_to(match.pose))
-            match = self._matched(points, start.pose)
-        if self._doubtful(points, match):  # 4.
+            match = self._matched(points, start)
+        if self._doubtful(points, match, start.dt):  # 5.
             match, accepted = self._recovered(points, start, match)
         else:
             accepted = points.n > 0
         self._settle(scan, points, match, accepted)
-        if self._due(points):  # 5.
+        if self._due(points):  # 6.
             self._insert(points)
         return self._track.pose
+
+    def insert_at(self, scan: Scan, pose: Pose2) -> None:
+        """Let a scan enter the map at a known pose, without matching."""
+        points = self._scan.take(scan, IDENTITY)
+        self._map.insert(points, pose)
 
     def map(self) -> OccupancyGrid:
         """The finest level as probabilities."""
         return self._map.grid()
 
     def report(self) -> dict[str, Any]:
-        """Counts of scans: empty, inserted, retried, searched, refused; lost; with odometry ..."""
+        """Counts of scans.
+
+        `posed` by the pyramid, `kept` where the pose within a cell of that won, `refined` by the
+        lines; `doubted`, `searched`, `refused`, `lost`; `empty`, `inserted`; with odometry ...
+        """
         counts = self._counts | {"lost": self._track.lost} | self._track.motion.counts
         return counts | self._map.extent.counts
 
@@ -101,66 +108,97 @@ class Hector:
         """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
         return self._track.covariance
 
-    def _matched(self, points: EndPoints, start: Pose2) -> Match:
-        """Step 3, on the lines."""
+    def _matched(self, points: EndPoints, start: Prediction) -> Match:
+        """Steps 3 and 4, from the prediction and from other starts that are not the same."""
+        expected = start.pose
         if self._map.insertions == 0 or points.n == 0:
-            return self._match._replace(pose=start)
-        prior = self._track.prior(start)
-        how = self._lines._replace(variance=self._noise)
-        return Match(*self._map.fit(points, start, prior, how, self._H))
+            return self._match._replace(pose=expected)
+        tried = self._tried(points, expected, self._prior(expected))
+        posed = self._posed
+        tried += self._from(self._others(points, start), points, expected)
+        self._posed = posed
+        return self._matcher.best(points, tried, self._track)[0] if len(tried) > 1 else tried[0]
 
-    def _coarse_to_fine(self, points: EndPoints, pose: Pose2) -> Pose2:
-        prior = self._track.prior(pose)
-        for level, solver in self._solvers:
-            pose = self._map.match(level, points, pose, prior, solver, self._H)
-        return pose
+    def _prior(self, expected: Pose2) -> Prior:
+        return Prior(expected, self._track.prior(expected))
 
-    def _doubtful(self, points: EndPoints, match: Match) -> bool:
-        """Whether the start may be out of the lines' reach, or the map explains less than usual."""
-        if self._map.insertions == 0 or points.n == 0:
-            return False
-        wide = 2.0 * self._track.uncertain > 0.5 * self.params.resolution
+    def _tried(self, points: EndPoints, start: Pose2, prior: Prior) -> list[Match]:
+        """The pyramid's pose, the lines' from there and, if that is far off, from the start."""
+        posed = self._matcher.climb(points, start, prior)
+        self._posed = posed.pose
+        if not self.params.refine:
+            return [posed]
+        cell = self.params.resolution
+        tried = [self._matcher.fit(points, posed.pose, prior)]
+        if gap(points, posed.pose, start) > 0.5 * cell:
+            from_start = self._matcher.fit(points, start, prior)
+            if gap(points, from_start.pose, tried[0].pose) > SAME * cell:
+                tried.insert(0, from_start)
+        if gap(points, posed.pose, tried[-1].pose) > cell:
+            tried.append(posed)
+        return tried
+
+    def _others(self, points: EndPoints, start: Prediction) -> list[Pose2]:
+        """Starts elsewhere, now and then: no motion, and the motion so far."""
+        if not self._often.over:
+            return []
+        before, half = self._track.pose, 0.5 * self.params.resolution
+        others = [before, before @ start.continued]
+        others = [other for other in others if gap(points, other, start.pose) > half]
+        if others:
+            self._often.tried()
+        return others
+
+    def _doubtful(self, points: EndPoints, match: Match, dt: float) -> bool:
+        """Whether the map explains less than usual, or no robot can be there."""
+        known = self._map.insertions > 0 and points.n > 0
         less = match.share < self.params.convincing * self._usual
-        return wide or less or not self._track.reachable(match.pose)
+        doubtful = known and (less or not self._track.reachable(match.pose))
+        self._counts["doubted"] += doubtful
+        self._patience.wait(dt, quiet=not doubtful)
+        return doubtful
 
     def _recovered(self, points: EndPoints, start: Prediction, match: Match) -> tuple[Match, bool]:
-        """Step 4: the best of other starts; if that is bad, of a search; whether it is good."""
-        self._counts["retried"] += 1
-        before = self._track.pose
-        starts = [start.pose, before @ start.continued, before]
-        tried = [match, *(self._matched(points, self._coarse_to_fine(points, s)) for s in starts)]
-        best, evidence = self._best(points, tried)
-        if evidence < self.params.lost:
+        """Step 5: what a search finds if the map contradicts the match; whether that is good."""
+        best, clear = self._matcher.best(points, [match], self._track)
+        if clear < self.params.lost and self._patience.over:
+            self._patience.tried()
             self._counts["searched"] += 1
             found = self._map.search(points, start.pose)
-            tried = [best, *(self._matched(points, self._coarse_to_fine(points, s)) for s in found)]
-            best, evidence = self._best(points, tried)
-        accepted = evidence >= self.params.lost and self._track.reachable(best.pose)
-        return self._matched(points, best.pose), accepted
+            tried = [best, *self._from(found, points, start.pose)]
+            best, clear = self._matcher.best(points, tried, self._track)
+        return best, clear >= self.params.lost and self._track.reachable(best.pose)
 
-    def _best(self, points: EndPoints, tried: list[Match]) -> tuple[Match, float]:
-        """The match with the most evidence, less the price of contradicting the prediction."""
-        track = self._track
-        possible = [match for match in tried if track.reachable(match.pose)] or tried[:1]
-        evidence = [self._map.evidence(points, match.pose) for match in possible]
-        charges = [track.charge(match.pose) for match in possible]
-        best = int(np.argmax(np.subtract(evidence, charges)))
-        return possible[best], evidence[best]
+    def _from(self, starts: list[Pose2], points: EndPoints, expected: Pose2) -> list[Match]:
+        prior = self._prior(expected)
+        return [match for start in starts for match in self._tried(points, start, prior)]
 
     def _settle(self, scan: Scan, points: EndPoints, match: Match, accepted: bool) -> None:
         """Tell the track what was found."""
         self._match = match
+        self._count(points, match, accepted)
         if accepted:
-            self._noise = max(match.square, QUIETEST**2)
-            self._track.matched(match.pose, self._H / self._noise, scan)
+            if self.params.refine:
+                self._matcher.variance = max(match.square, points.noise**2)
+            self._track.matched(match.pose, match.seen, scan)
             self._usual = match.share
         else:
-            self._counts["refused"] += points.n > 0
             self._track.missed(scan)
+
+    def _count(self, points: EndPoints, match: Match, accepted: bool) -> None:
+        counts, known = self._counts, self._map.insertions > 0 and points.n > 0
+        counts["empty"] += points.n == 0
+        counts["posed"] += known
+        if known and accepted:
+            counts["kept"] += gap(points, self._posed, match.pose) < self.params.resolution
+            counts["refined"] += self.params.refine and match.pose != self._posed
+        counts["refused"] += known and not accepted
 
     def _due(self, points: EndPoints) -> bool:
         """Step 5: far enough from the last insertion, or much that the map did not explain."""
         track, key = self._track, self._key
+        if self.frozen or points.n == 0:
+            return False
         if track.state != "matched":
             return self._new_surroundings(points)
         if self._map.insertions < self.params.settle:
@@ -173,16 +211,9 @@ class Hector:
     def _new_surroundings(self, points: EndPoints) -> bool:
         """Whether wheels alone have held the pose for long, and the map does not contradict it."""
         held = self._track.held and points.n > 0
-        return held and self._map.evidence(points, self._track.pose) > 0.0
+        return held and float(self._matcher.evidence(points, self._track.pose).mean()) > 0.0
 
     def _insert(self, points: EndPoints) -> None:
         entered = self._map.insert(points, self._track.pose)
         self._key = self._match._replace(pose=self._track.pose)
         self._counts["inserted"] += entered
-
-
-def _solvers(params: HectorParams) -> list[tuple[int, Solver]]:
-    """The levels, coarse to fine, each with its Gauss-Newton."""
-    rest = (params.max_shift, params.max_turn, params.converged, params.damping)
-    coarse, fine = Solver(params.steps_coarse, *rest), Solver(params.steps_fine, *rest)
-    return [(level, coarse if level else fine) for level in reversed(range(params.levels))]

@@ -14,52 +14,45 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hector.map_kernels import Level
 from hector.scan_kernels import Points
-from slams.geometry import add_prior, solve3
-from slams.jit import FAST, njit
-from slams.types import Floats, Pose2
+from slams.jit import njit
+from slams.types import Pose2
 
 LAYERS = 2
+SUMS = 7  # of a layer
+ONCE = 0.1  # trust in a line that one scan alone has seen
 
 
 class Surface(NamedTuple):
     """Lines of the cells near walls, in a pool that cells point into.
 
     `slot` (ny, nx) [iy, ix] the cell's row in the pool, 0 = none; for each of two layers `sums`
-    (k, 10) has weight, sums of x and y [m] from the cell's center, sums of the normal; `lines`
-    (k, 8) the unit normal toward the free side, its distance from the map's origin [m] and the
-    trust 0..1; `used` (1,) the last row taken. x0, y0 [m] is the center of cell [0, 0].
+    (k, 14) has weight, sums of x and y [m] from the cell's center, sums of the normal, the number
+    of scans that hit it and the last of them; `lines` (k, 8) the unit normal toward the free side,
+    its distance from the map's origin [m] and the trust 0..1; `used` (1,) the last row taken.
+    `log_odds` (ny, nx) the occupancy of the same cells; x0, y0 [m] the center of cell [0, 0].
     """
 
     slot: NDArray[np.int32]
     sums: NDArray[np.float32]
     lines: NDArray[np.float32]
     used: NDArray[np.int64]
+    log_odds: NDArray[np.float32]
     x0: float
     y0: float
     resolution: float
 
 
-class Fit(NamedTuple):
-    """How a scan is fitted to the lines.
-
-    At most `steps` steps, done below `tolerance` [m] and [rad] times 1 m; `softness` [m] is the
-    residual whose weight is halved.
-    """
-
-    steps: int
-    tolerance: float
-    softness: float
-    variance: float
-
-
 class Splat(NamedTuple):
-    """How hits enter the lines: cells reached across and along the wall, cap of the weight."""
+    """How hits enter the lines: cells reached across and along the wall, cap of the weight.
+
+    `number` counts the scans that have entered.
+    """
 
     reach: int
     side: int
     cap: float
+    number: int
 
 
 class Hits(NamedTuple):
@@ -73,10 +66,11 @@ class Hits(NamedTuple):
 
 
 @njit(inner=True)
-def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, cap: float) -> None:
+def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, splat: Splat) -> None:
     """Add hits to the layer of this cell with a like normal.
 
-    ours: means of points and normals; beyond the weight `cap` the mean follows slowly.
+    ours: means of points and normals; beyond the weight `cap` the mean follows slowly. What one
+    scan saw alone may have been a leg: it is trusted by `ONCE`.
     """
     cx, cy = surface.x0 + ix * surface.resolution, surface.y0 + iy * surface.resolution
     sums, lines = surface.sums, surface.lines
@@ -88,12 +82,12 @@ def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, cap: float) -> N
         surface.slot[iy, ix] = surface.used[0]
         row = np.uint64(surface.used[0])
     for layer in range(LAYERS):
-        k, q = 5 * layer, 4 * layer
+        k, q = SUMS * layer, 4 * layer
         w, mx, my = sums[row, k], sums[row, k + 3], sums[row, k + 4]
         along = mx * hits.nx + my * hits.ny
         if w > 0.0 and (along <= 0.0 or along * along < 0.5 * (mx * mx + my * my)):
             continue
-        keep = (cap - hits.n) / w if w > cap - hits.n else 1.0
+        keep = (splat.cap - hits.n) / w if w > splat.cap - hits.n else 1.0
         terms = (1.0, hits.x - cx, hits.y - cy, hits.nx, hits.ny)
         for i in range(5):
             sums[row, k + i] = keep * sums[row, k + i] + hits.n * terms[i]
@@ -102,7 +96,11 @@ def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, cap: float) -> N
         ex, ey = mx / length, my / length
         lines[row, q], lines[row, q + 1] = ex, ey
         lines[row, q + 2] = ex * (cx + sums[row, k + 1] / w) + ey * (cy + sums[row, k + 2] / w)
-        lines[row, q + 3] = length / (w + 2.0)
+        if sums[row, k + 6] != splat.number:
+            sums[row, k + 5] += 1.0
+            sums[row, k + 6] = splat.number
+        scans = sums[row, k + 5]
+        lines[row, q + 3] = length / (w + 2.0) * (ONCE if scans < 2.0 else 1.0 - 1.0 / scans)
         break
 
 
@@ -124,7 +122,7 @@ def spread(surface: Surface, hits: Hits, gap: float, splat: Splat) -> None:
         for k in range(-splat.reach, splat.reach + 1):
             ix, iy = math.floor(fx + k * nx - j * ny), math.floor(fy + k * ny + j * nx)
             if 0 <= ix < width and 0 <= iy < height:
-                add_to_cell(surface, ix, iy, hits, splat.cap)
+                add_to_cell(surface, ix, iy, hits, splat)
 
 
 @njit
@@ -133,8 +131,10 @@ def add_scan(
 ) -> None:
     """Add every end point that has a normal; points (2, >= n), normals (3, >= n) in the base frame.
 
-    ours: neighbors that fall into one cell with like normals are added together.
+    ours: neighbors that fall into one cell with like normals are added together. What stands where
+    it was free most of the time is no wall.
     """
+    height, width = surface.slot.shape
     scale = 1.0 / surface.resolution
     c, s = math.cos(pose.theta), math.sin(pose.theta)
     count = x = y = nx = ny = gap = 0.0
@@ -148,6 +148,8 @@ def add_scan(
         py = pose.y + s * points[0, i] + c * points[1, i]
         ix = math.floor((px - surface.x0) * scale + 0.5)
         iy = math.floor((py - surface.y0) * scale + 0.5)
+        if not (0 <= ix < width and 0 <= iy < height) or surface.log_odds[iy, ix] < 0.0:
+            continue
         alike = nx * bx + ny * by > 0.9 * count
         if count > 0.0 and not (ix == cell_x and iy == cell_y and alike):
             spread(surface, Hits(count, x / count, y / count, nx / count, ny / count), gap, splat)
@@ -158,135 +160,3 @@ def add_scan(
         gap = normals[2, i] if normals[2, i] > gap else gap
     if count > 0.0:
         spread(surface, Hits(count, x / count, y / count, nx / count, ny / count), gap, splat)
-
-
-@njit(fastmath=FAST, inner=True)  # 1.4 times as fast: sums may be regrouped
-def line_equations(
-    surface: Surface,
-    points: Points,
-    n: int,
-    mount: Pose2,
-    pose: Pose2,
-    soft: float,
-    H: Floats,
-    b: Floats,
-) -> tuple[float, float, float]:
-    """One linearization of the distances to the lines, [Kohlbrecher11] eq. 8-13 with these as r.
-
-    ours: of the lines in the end point's cell that face the sensor the nearer one counts, with
-    trust / (1 + soft e^2) as its weight. Returns the sums of weights, of weighted squares [m^2]
-    and of weights without the trust: how many points lie on a line.
-    """
-    lines = surface.lines
-    height, width = surface.slot.shape
-    scale = 1.0 / surface.resolution
-    c, s = math.cos(pose.theta), math.sin(pose.theta)
-    sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
-    x0, y0 = surface.x0 - 0.5 * surface.resolution, surface.y0 - 0.5 * surface.resolution
-    hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = near = 0.0
-    for i in range(n):
-        px, py = points[0, i], points[1, i]
-        qx, qy = c * px - s * py, s * px + c * py
-        x, y = pose.x + qx, pose.y + qy
-        fx, fy = (x - x0) * scale, (y - y0) * scale
-        if not (fx >= 0.0 and fy >= 0.0 and fx < width and fy < height):
-            continue
-        row = np.uint64(surface.slot[np.uint64(fy), np.uint64(fx)])
-        if row == 0:
-            continue
-        w = lines[row, 3]
-        nx, ny, d = lines[row, 0], lines[row, 1], lines[row, 2]
-        e = nx * x + ny * y - d
-        if nx * sx + ny * sy <= d:
-            w = np.float32(0.0)
-        trust = lines[row, 7]
-        if trust > 0.0:
-            mx, my, d = lines[row, 4], lines[row, 5], lines[row, 6]
-            other = mx * x + my * y - d
-            if mx * sx + my * sy > d and (w == 0.0 or abs(other) < abs(e)):
-                e, nx, ny, w = other, mx, my, trust
-        robust = 1.0 / (1.0 + e * e * soft)
-        weight = w * robust
-        nt = ny * qx - nx * qy
-        wx, wy, wt = weight * nx, weight * ny, weight * nt
-        hxx += wx * nx
-        hxy += wx * ny
-        hyy += wy * ny
-        hxt += wx * nt
-        hyt += wy * nt
-        htt += wt * nt
-        bx -= wx * e
-        by -= wy * e
-        bt -= wt * e
-        total += weight
-        squares += weight * e * e
-        near += robust if weight > 0.0 else 0.0
-    H[0, 0], H[1, 1], H[2, 2] = hxx, hyy, htt
-    H[0, 1] = H[1, 0] = hxy
-    H[0, 2] = H[2, 0] = hxt
-    H[1, 2] = H[2, 1] = hyt
-    b[0], b[1], b[2] = bx, by, bt
-    return total, squares, near
-
-
-@njit
-def fit(
-    surface: Surface,
-    points: Points,
-    n: int,
-    mount: Pose2,
-    start: Pose2,
-    prior: Floats,
-    how: Fit,
-    H: Floats,
-) -> tuple[Pose2, float, float]:
-    """Gauss-Newton on the distances to the lines from `start`; the lines' last H is left in `H`.
-
-    ours: [Kohlbrecher11] eq. 12, with the start's own information, `prior` (3, 3) relative to one
-    beam's 1/m^2, which decides where no wall does. Returns the pose, the share of points that lie
-    on a line (by robust weight), and the mean square distance of those [m^2].
-    """
-    x, y, theta = start
-    b, step, total_H = np.zeros(3), np.zeros(3), np.zeros((3, 3))
-    soft = 1.0 / (how.softness * how.softness)
-    share = square = 0.0
-    for _ in range(how.steps):
-        total, squares, near = line_equations(
-            surface, points, n, mount, Pose2(x, y, theta), soft, H, b
-        )
-        share, square = near / max(n, 1), squares / max(total, 1e-9)
-        add_prior(
-            H, prior, how.variance, Pose2(start.x - x, start.y - y, start.theta - theta), total_H, b
-        )
-        if not solve3(total_H, b, step):
-            break
-        x, y, theta = x + step[0], y + step[1], theta + step[2]
-        if math.hypot(step[0], step[1]) < how.tolerance and abs(step[2]) < how.tolerance:
-            break
-    return Pose2(x, y, theta), share, square
-
-
-@njit
-def evidence(
-    surface: Surface, level: Level, points: Points, n: int, mount: Pose2, pose: Pose2, soft: float
-) -> tuple[float, float]:
-    """Shares of the end points that the map explains and that it contradicts at `pose`.
-
-    ours: explained is a line near, by its weight; contradicted an end in a cell seen free more than
-    once that has no line. Ends in the unknown are neither.
-    """
-    H, b = np.zeros((3, 3)), np.zeros(3)
-    _, _, explained = line_equations(surface, points, n, mount, pose, soft, H, b)
-    height, width = surface.slot.shape
-    scale = 1.0 / surface.resolution
-    c, s = math.cos(pose.theta), math.sin(pose.theta)
-    against = 0
-    for i in range(n):
-        x, y = points[0, i], points[1, i]
-        fx = (pose.x + c * x - s * y - surface.x0) * scale + 0.5
-        fy = (pose.y + s * x + c * y - surface.y0) * scale + 0.5
-        if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
-            u, v = np.uint64(fx), np.uint64(fy)
-            if surface.slot[v, u] == 0 and level.log_odds[v, u] < -0.5:
-                against += 1
-    return explained / max(n, 1), against / max(n, 1)

@@ -1,0 +1,171 @@
+"""Kernels of the lines in the cells: distances to them, Gauss-Newton on those, what they say.
+
+ours: the last level of the pyramid, below the finest grid.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hector.match_kernels import Prior, offset
+from hector.scan_kernels import Points
+from hector.surface_kernels import Surface
+from slams.geometry import add_prior, solve3, wrap_angle
+from slams.jit import FAST, njit
+from slams.types import Floats, Pose2
+
+
+class Fit(NamedTuple):
+    """How a scan is fitted to the lines.
+
+    At most `steps` steps, done below `tolerance` [m] and [rad] times 1 m; `softness` [m] is the
+    residual whose weight is halved; `variance` [m^2] that of a beam, which weighs the prior.
+    """
+
+    steps: int
+    tolerance: float
+    softness: float
+    variance: float
+
+
+@njit(inner=True)
+def facing_line(
+    surface: Surface, x: float, y: float, sensor_x: float, sensor_y: float
+) -> tuple[float, float, float, float]:
+    """Distance [m], normal and trust of the line that a beam from the sensor to (x, y) meets.
+
+    ours: of the lines in the end point's cell that face the sensor the nearer one; trust 0: none.
+    """
+    lines = surface.lines
+    height, width = surface.slot.shape
+    scale = 1.0 / surface.resolution
+    fx, fy = (x - surface.x0) * scale + 0.5, (y - surface.y0) * scale + 0.5
+    if not (fx >= 0.0 and fy >= 0.0 and fx < width and fy < height):
+        return 0.0, 0.0, 0.0, 0.0
+    row = np.uint64(surface.slot[np.uint64(fy), np.uint64(fx)])
+    if row == 0:
+        return 0.0, 0.0, 0.0, 0.0
+    w = lines[row, 3]
+    nx, ny, d = lines[row, 0], lines[row, 1], lines[row, 2]
+    e = nx * x + ny * y - d
+    if nx * sensor_x + ny * sensor_y <= d:
+        w = np.float32(0.0)
+    trust = lines[row, 7]
+    if trust > 0.0:
+        mx, my, d = lines[row, 4], lines[row, 5], lines[row, 6]
+        other = mx * x + my * y - d
+        if mx * sensor_x + my * sensor_y > d and (w == 0.0 or abs(other) < abs(e)):
+            e, nx, ny, w = other, mx, my, trust
+    return e, nx, ny, w
+
+
+@njit(fastmath=FAST, inner=True)  # 1.4 times as fast: sums may be regrouped
+def line_equations(
+    surface: Surface,
+    points: Points,
+    n: int,
+    mount: Pose2,
+    pose: Pose2,
+    soft: float,
+    H: Floats,
+    b: Floats,
+) -> tuple[float, float, float]:
+    """One linearization of the distances to the lines, [Kohlbrecher11] eq. 8-13 with these as r.
+
+    ours: trust / (1 + soft e^2) of the line that is met is its weight. Returns the sums of
+    weights, of weighted squares [m^2] and of weights without the trust: how many points lie on a
+    line.
+    """
+    c, s = math.cos(pose.theta), math.sin(pose.theta)
+    sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
+    hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = near = 0.0
+    for i in range(n):
+        px, py = points[0, i], points[1, i]
+        qx, qy = c * px - s * py, s * px + c * py
+        e, nx, ny, w = facing_line(surface, pose.x + qx, pose.y + qy, sx, sy)
+        if w == 0.0:
+            continue
+        robust = 1.0 / (1.0 + e * e * soft)
+        weight = w * robust
+        nt = ny * qx - nx * qy
+        wx, wy, wt = weight * nx, weight * ny, weight * nt
+        hxx += wx * nx
+        hxy += wx * ny
+        hyy += wy * ny
+        hxt += wx * nt
+        hyt += wy * nt
+        htt += wt * nt
+        bx -= wx * e
+        by -= wy * e
+        bt -= wt * e
+        total += weight
+        squares += weight * e * e
+        near += robust
+    H[0, 0], H[1, 1], H[2, 2] = hxx, hyy, htt
+    H[0, 1] = H[1, 0] = hxy
+    H[0, 2] = H[2, 0] = hxt
+    H[1, 2] = H[2, 1] = hyt
+    b[0], b[1], b[2] = bx, by, bt
+    return total, squares, near
+
+
+@njit
+def fit(
+    surface: Surface,
+    points: Points,
+    n: int,
+    mount: Pose2,
+    start: Pose2,
+    prior: Prior,
+    how: Fit,
+    H: Floats,
+) -> tuple[Pose2, float, float]:
+    """Gauss-Newton on the distances to the lines from `start`; the lines' last H is left in `H`.
+
+    ours: [Kohlbrecher11] eq. 12, with what is known without the scan, `prior`, which decides where
+    no wall does. Returns the pose, the share of points that lie on a line (by robust weight), and
+    the mean square distance of those [m^2].
+    """
+    x, y, theta = start
+    b, step, total_H = np.zeros(3), np.zeros(3), np.zeros((3, 3))
+    soft = 1.0 / (how.softness * how.softness)
+    share = square = 0.0
+    for _ in range(how.steps):
+        pose = Pose2(x, y, theta)
+        total, squares, near = line_equations(surface, points, n, mount, pose, soft, H, b)
+        share, square = near / max(n, 1), squares / max(total, 1e-9)
+        add_prior(H, prior.information, how.variance, offset(pose, prior.pose), total_H, b)
+        if not solve3(total_H, b, step):
+            break
+        x, y, theta = x + step[0], y + step[1], theta + step[2]
+        if math.hypot(step[0], step[1]) < how.tolerance and abs(step[2]) < how.tolerance:
+            break
+    return Pose2(x, y, wrap_angle(theta)), share, square
+
+
+@njit
+def evidence(
+    surface: Surface, points: Points, n: int, mount: Pose2, pose: Pose2, soft: float, out: Floats
+) -> None:
+    """What every end point says for `pose`: out (>= n,), 1 explained, -1 contradicted, 0 nothing.
+
+    ours: explained is a line near, by its weight; contradicted an end in a cell seen free more than
+    once that has no line. Ends in the unknown are neither.
+    """
+    height, width = surface.slot.shape
+    scale = 1.0 / surface.resolution
+    c, s = math.cos(pose.theta), math.sin(pose.theta)
+    sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
+    for i in range(n):
+        x = pose.x + c * points[0, i] - s * points[1, i]
+        y = pose.y + s * points[0, i] + c * points[1, i]
+        e, _, _, w = facing_line(surface, x, y, sx, sy)
+        out[i] = 1.0 / (1.0 + e * e * soft) if w > 0.0 else 0.0
+        fx, fy = (x - surface.x0) * scale + 0.5, (y - surface.y0) * scale + 0.5
+        if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
+            u, v = np.uint64(fx), np.uint64(fy)
+            if surface.slot[v, u] == 0 and surface.log_odds[v, u] < -0.5:
+                out[i] = -1.0

@@ -1,0 +1,110 @@
+"""Matcher: a scan to the map, by the pyramid and by the lines, and what speaks for a pose."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hector.line_kernels import Fit
+from hector.map import LogOddsPyramid
+from hector.match_kernels import Prior, Solver
+from hector.params import HectorParams
+from hector.scan import EndPoints
+from slams.motion.track import INDEPENDENT, Track
+from slams.types import IDENTITY, Floats, Pose2
+
+SOFT = 3.0  # deviations of the noise at which a beam counts half
+FINE = 0.02  # of a cell: a step below it is the last on a level that lines come after
+SURE = 2.0  # standard errors of its lead by which another start has to win
+DEAR = 3.0  # times the price of a contradiction, at most, for the chance of few beams
+ENOUGH = 180  # beams for a coarse level
+BLUR = 0.01  # least variance of 1 - M: a wall's ridge of cells is never exact
+
+
+class Match(NamedTuple):
+    """A matched pose and how well it fits.
+
+    The share of beams that the map explains, the variance of their distance from it [m^2], the
+    information (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2].
+    """
+
+    pose: Pose2
+    share: float
+    square: float
+    seen: Floats
+
+
+FIRST = Match(IDENTITY, 1.0, 0.0, np.zeros((3, 3)))
+
+
+class Matcher:
+    """Poses scans on a map; `variance` is that of a beam's distance from its line [m^2]."""
+
+    def __init__(self, params: HectorParams, grids: LogOddsPyramid) -> None:
+        self.params = params
+        self.variance = params.range_noise**2
+        self._map = grids
+        self._H = np.zeros((3, 3))
+
+    def climb(self, points: EndPoints, start: Pose2, prior: Prior) -> Match:
+        """Gauss-Newton on the occupancy, coarse to fine: [Kohlbrecher11] sec. IV-C."""
+        pose, share, square = start, 0.0, 0.0
+        for level in reversed(range(self.params.levels)):
+            pose, share, square = self._map.match(
+                level, points, pose, prior, self._solver(level, points.n), self._H
+            )
+        return Match(pose, share, self.variance, self._H / max(square, BLUR))
+
+    def fit(self, points: EndPoints, start: Pose2, prior: Prior) -> Match:
+        """Gauss-Newton on the lines."""
+        p = self.params
+        how = Fit(p.steps_fine, p.converged, self.softness(points), self.variance)
+        pose, share, square = self._map.fit(points, start, prior, how, self._H)
+        variance = max(square, points.noise**2)
+        return Match(pose, share, variance, self._H / variance)
+
+    def softness(self, points: EndPoints) -> float:
+        """Distance [m] at which a beam counts half."""
+        return max(self.params.softness, SOFT * points.noise)
+
+    def evidence(self, points: EndPoints, pose: Pose2) -> Floats:
+        """What each beam says for `pose`, (n,), from -1 to 1."""
+        return self._map.evidence(points, pose, self.softness(points))
+
+    def best(self, points: EndPoints, tried: list[Match], track: Track) -> tuple[Match, float]:
+        """The match that the scan speaks for, and how clearly: share explained less contradicted.
+
+        Another than the first has to lead by more than it costs to contradict the prediction.
+        Where few beams speak, chance leads, too: the scan is compared beam by beam, and the price
+        of a contradiction is up to `DEAR` times as high.
+        """
+        possible = [match for match in tried if track.reachable(match.pose)] or tried[:1]
+        said = [self.evidence(points, match.pose) for match in possible]
+        first, leads = track.charge(possible[0].pose), [0.0]
+        for match, evidence in zip(possible[1:], said[1:], strict=True):
+            price, lead = track.charge(match.pose) - first, evidence - said[0]
+            chance = min(_chance(lead), DEAR * max(price, 0.0))
+            leads.append(float(np.mean(lead)) - price - chance)
+        best = int(np.argmax(leads))
+        return possible[best], float(np.mean(said[best]))
+
+    def _solver(self, level: int, n: int) -> Solver:
+        p = self.params
+        steps = p.steps_coarse if level else p.steps_fine
+        last = level == 0 and not p.refine
+        tolerance = p.converged if last else FINE * p.resolution * 2**level
+        stride = max(min(2**level, n // ENOUGH), 1)  # several beams end in one coarse cell
+        return Solver(steps, p.max_shift, p.max_turn, tolerance, p.damping, stride)
+
+
+def _chance(lead: Floats) -> float:
+    """What the mean of a difference in evidence (n,) may be by chance, with independent beams."""
+    return float(SURE * np.std(lead)) / math.sqrt(min(len(lead), INDEPENDENT))
+
+
+def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:
+    """How far two poses are apart [m], as the end points half way out see it."""
+    turn = math.remainder(one.theta - other.theta, 2.0 * math.pi)
+    return math.hypot(one.x - other.x, one.y - other.y) + 0.5 * points.far * abs(turn)
