@@ -72,6 +72,15 @@ def was_seen(field: Field, x: float, y: float) -> bool:
 
 
 @njit(inner=True)
+def was_passed(field: Field, x: float, y: float) -> bool:
+    """Whether beams passed the cell at a point and it never lay behind a surface. ours."""
+    ix = math.floor((x - field.corner[0]) / field.cell)
+    iy = math.floor((y - field.corner[1]) / field.cell)
+    inside = 0 <= iy < field.seen.shape[0] and 0 <= ix < field.seen.shape[1]
+    return bool(inside and field.seen[iy, ix] == PASSED)
+
+
+@njit(inner=True)
 def read_field(field: Field, layer: int, x: float, y: float) -> tuple[float, float, float]:
     """Bilinear signed distance [m] and its gradient at a point; nan next to unknown cells.
 

@@ -10,7 +10,7 @@ import numpy as np
 from slams.geometry import add_prior, solve3
 from slams.jit import njit
 from slams.types import Floats, Pose2
-from tsd.map_kernels import Field, facing, read_field, was_seen
+from tsd.map_kernels import Field, facing, read_field, was_passed, was_seen
 from tsd.scan_kernels import Beams
 
 FLAT = 0.3  # least slope of the field for a direction of its own
@@ -118,6 +118,33 @@ def align(
         if small and abs(dx[2]) < rule.stop_rotation:
             break
     return known, close, residual, used
+
+
+@njit
+def explain(
+    field: Field, surfaces: Floats, count: int, pose: Floats, robust: float
+) -> tuple[float, float, float, float]:
+    """What the field makes of a scan at a pose: elements known, close, against, and their rms.
+
+    ours: evidence. Known have a distance there, close count by how near zero it is (robust [m]);
+    against are those that stand where beams passed and no surface ever was.
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    known, close, against, squares = 0.0, 0.0, 0.0, 0.0
+    scale = 1.0 / (robust * robust)
+    for k in range(count):
+        nx = c * surfaces[k, 2] - s * surfaces[k, 3]
+        ny = s * surfaces[k, 2] + c * surfaces[k, 3]
+        x = pose[0] + c * surfaces[k, 0] - s * surfaces[k, 1]
+        y = pose[1] + s * surfaces[k, 0] + c * surfaces[k, 1]
+        v, _, _ = read_field(field, facing(nx, ny), x, y)
+        if v == v:
+            known += 1.0
+            squares += v * v
+            close += 1.0 / (1.0 + v * v * scale)
+        elif was_passed(field, x, y):
+            against += 1.0
+    return known, close, against, math.sqrt(squares / max(known, 1.0))
 
 
 @njit

@@ -67,6 +67,24 @@ def find_hits(ranges: Ranges, beams: Beams, twist: Twist, out_hits: Floats) -> i
     return count
 
 
+@njit
+def off_neighbors(hits: Floats, count: int, beams: Beams, out: Floats) -> int:
+    """How far hits are from the wall through their two neighbors, along the beam.
+
+    ours: on a wall 1 / range follows a cosine, whatever the angle between beams, so this is zero
+    but for the noise of three ranges. out (n,) [m]; returns how many triples of beams side by side
+    there are.
+    """
+    n = 0
+    twice = 2.0 * math.cos(beams.angle_increment)
+    for k in range(1, count - 1):
+        if hits[k + 1, 3] - hits[k - 1, 3] == 2.0:
+            expected = twice / (1.0 / hits[k - 1, 2] + 1.0 / hits[k + 1, 2])
+            out[n] = abs(hits[k, 2] - expected)
+            n += 1
+    return n
+
+
 @njit(inner=True)
 def in_line(hits: Floats, k: int, beams: Beams, noise: float) -> bool:
     """Whether hits k, k + 1, k + 2, of beams side by side, lie on one line up to noise.
