@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from slams.jit import njit
 from slams.types import Floats
 from tsd.map_kernels import SIDE, Field, read_field
 
 FRONT = 0.71  # cosine between a ray and a layer's axis: a layer beyond shows it only backs
 LEAST_SLOPE, MOST_SLOPE = 0.6, 1.5  # of one surface; borders between two have others
+BLIND = 2.0  # cells a ray goes where nothing is known: fewer than lie before a surface
 EDGE = 1e-6  # m beyond the edge of a tile
 
 
@@ -41,49 +44,83 @@ class Model(NamedTuple):
 
 
 @njit(inner=True)
-def way_out(field: Field, layer: int, x: float, y: float, dx: float, dy: float) -> float:
-    """Way [m] along a ray out of an empty tile; 0 in a tile with cells, inf outside. ours: S3."""
-    size = field.cell * SIDE
-    u, v = (x - field.corner[0]) / size, (y - field.corner[1]) / size
-    ix, iy = math.floor(u), math.floor(v)
-    if ix < 0 or iy < 0 or iy >= field.slots.shape[1] or ix >= field.slots.shape[2]:
+def layers_there(field: Field, ty: int, tx: int, dx: float, dy: float) -> int:
+    """Bits of the layers that have cells in a tile and show a ray their front. ours: S3."""
+    bits = 0
+    for layer in range(4):
+        along = dx if layer % 2 == 0 else dy
+        if field.slots[layer, ty, tx] >= 0 and (along if layer < 2 else -along) <= FRONT:
+            bits |= 1 << layer
+    return bits
+
+
+@njit(inner=True)
+def way_through(at: float, step: float, size: float) -> float:
+    """Way [m] along a ray to the edge of its tile, on one axis; `at` in tiles. ours: S3."""
+    if step == 0.0:
         return math.inf
-    if field.slots[layer, iy, ix] >= 0:
-        return 0.0
-    way = math.inf
-    if dx != 0.0:
-        way = ((ix + 1.0 if dx > 0.0 else ix) - u) * size / dx
-    if dy != 0.0:
-        way = min(way, ((iy + 1.0 if dy > 0.0 else iy) - v) * size / dy)
-    return way + EDGE
+    return (math.floor(at) + (1.0 if step > 0.0 else 0.0) - at) * size / step
+
+
+@njit(inner=True)
+def settle(
+    field: Field, layer: int, model: Model, dx: float, dy: float, low: float, high: float
+) -> float:
+    """Way [m] along a ray to where a layer's distance is zero; inf if that is no surface's front.
+
+    The distance is positive at `low` and not at `high`. Original code: linear between the two;
+    ours: from the slope there, which must be that of one surface.
+    """
+    before, _, _ = read_field(field, layer, model.x + low * dx, model.y + low * dy)
+    after, _, _ = read_field(field, layer, model.x + high * dx, model.y + high * dy)
+    hit = low + (high - low) * before / (before - after)
+    at, gx, gy = read_field(field, layer, model.x + hit * dx, model.y + hit * dy)
+    fall, slope = gx * dx + gy * dy, math.sqrt(gx * gx + gy * gy)
+    if LEAST_SLOPE < slope < MOST_SLOPE and fall < 0.0:
+        return min(max(hit - at / fall, low), high)
+    return math.inf
 
 
 @njit
 def cast_ray(
-    field: Field, layer: int, x: float, y: float, dx: float, dy: float, reach: float
-) -> float:
-    """Way [m] along a ray to where one layer's distance falls below zero; inf if nowhere.
+    field: Field, model: Model, dx: float, dy: float, before: Floats
+) -> tuple[float, int]:
+    """Way [m] along a ray to the nearest surface, inf if nowhere, and the layer that has it.
 
-    [May14] ray cast; ours: steps as long as the distance itself, tiles without cells are jumped
-    over (S3, D12), only one surface's slope is a surface.
+    [May14] ray cast; ours: tiles without cells are jumped over, so that a surface beside one is
+    not missed (S3, D12), steps elsewhere are as long as the least distance. before (4,): room.
     """
-    way, last, before = 0.0, 0.0, math.nan
-    while way < reach:
-        px, py = x + way * dx, y + way * dy
-        jump = way_out(field, layer, px, py, dx, dy)
-        if jump > 0.0:
-            way, before = way + jump, math.nan
+    size, cell = field.cell * SIDE, field.cell
+    way, last = 0.0, 0.0
+    before[:] = math.nan
+    while way < model.fan.reach:
+        x, y = model.x + way * dx, model.y + way * dy
+        u, v = (x - field.corner[0]) / size, (y - field.corner[1]) / size
+        tx, ty = math.floor(u), math.floor(v)
+        if tx < 0 or ty < 0 or ty >= field.slots.shape[1] or tx >= field.slots.shape[2]:
+            break
+        bits = layers_there(field, ty, tx, dx, dy)
+        if bits == 0:
+            before[:] = math.nan
+            way += min(way_through(u, dx, size), way_through(v, dy, size)) + EDGE
             continue
-        v, _, _ = read_field(field, layer, px, py)
-        if before > 0.0 and v <= 0.0:
-            hit = last + (way - last) * before / (before - v)
-            at, gx, gy = read_field(field, layer, x + hit * dx, y + hit * dy)
-            fall, slope = gx * dx + gy * dy, math.sqrt(gx * gx + gy * gy)
-            if LEAST_SLOPE < slope < MOST_SLOPE and fall < 0.0:
-                return min(max(hit - at / fall, last), way)
-        before, last = v, way
-        way += max(v, field.cell) if v == v else field.cell
-    return math.inf
+        nearest, seen, step = math.inf, -1, math.inf
+        for layer in range(4):
+            sd = math.nan
+            if bits & (1 << layer):
+                sd, _, _ = read_field(field, layer, x, y)
+            if before[layer] > 0.0 and sd <= 0.0:
+                hit = settle(field, layer, model, dx, dy, last, way)
+                if hit < nearest:
+                    nearest, seen = hit, layer
+            before[layer] = sd
+            if sd > 0.0:
+                step = min(step, sd)
+        if seen >= 0:
+            return nearest, seen
+        last = way
+        way += max(step, cell) if step < math.inf else BLIND * cell
+    return math.inf, -1
 
 
 @njit
@@ -94,27 +131,20 @@ def cast_rays(field: Field, model: Model) -> int:
     the layers that a ray can see from the front. Writes model.points.
     """
     n_hits = 0
-    fan, out = model.fan, model.points
+    fan, out, before = model.fan, model.points, np.empty(4)
     for k in range(fan.rays):
         angle = model.heading + fan.first + k * fan.gap
         dx, dy = math.cos(angle), math.sin(angle)
-        nearest, seen = fan.reach, -1
-        for layer in range(4):
-            along = dx if layer % 2 == 0 else dy
-            if (along if layer < 2 else -along) > FRONT:
-                continue
-            way = cast_ray(field, layer, model.x, model.y, dx, dy, nearest)
-            if way < nearest:
-                nearest, seen = way, layer
+        way, layer = cast_ray(field, model, dx, dy, before)
         out[k, 4] = 0.0
-        if seen < 0:
+        if layer < 0:
             continue
-        x, y = model.x + nearest * dx, model.y + nearest * dy
-        _, gx, gy = read_field(field, seen, x, y)
+        x, y = model.x + way * dx, model.y + way * dy
+        _, gx, gy = read_field(field, layer, x, y)
         slope = math.sqrt(gx * gx + gy * gy)
         if not slope > 0.0:
             continue
         out[k, 0], out[k, 1], out[k, 2], out[k, 3] = x, y, gx / slope, gy / slope
-        out[k, 4] = nearest
+        out[k, 4] = way
         n_hits += 1
     return n_hits

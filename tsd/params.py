@@ -102,7 +102,7 @@ class TsdParams(MotionParams):
         source="ours: A1; the paper ends with ICP",
     )
     rays: int = param(
-        360, "1", "most rays of the model scan", source="ours: a lidar's, as many as beams", low=8
+        180, "1", "most rays of the model scan", source="ours: a lidar's, as many as beams", low=8
     )
     icp_iterations: int = param(
         30, "1", "most ICP rounds", source="original code; 5 are usual", low=1
