@@ -624,7 +624,7 @@ def hits_of(ranges, lidar):
     return beams, hits, count
 
 
-RULE = SurfaceRule(0.12, 0.01, 8.0, 0.02**2, 0.2)
+RULE = SurfaceRule(0.12, 0.01, 8.0, 0.02**2, 0.2, 0.15)
 
 
 def test_runs_equal_the_naive_twin():

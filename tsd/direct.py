@@ -8,7 +8,7 @@ import numpy as np
 
 from slams.motion.track import Track
 from slams.types import Floats, Pose2
-from tsd.evidence import SAME, Evidence, Match, near
+from tsd.evidence import Evidence, Match
 from tsd.map import TileField
 from tsd.match_kernels import MatchRule, agreement_along, align
 from tsd.params import TsdParams
@@ -16,6 +16,7 @@ from tsd.view import View
 
 STOP = 1e-4, 1e-5  # steps [m], [rad] that are none
 UNSEEN = 0.01  # a direction seen worse than this [m] is looked along
+NEEDED = 30  # elements that must speak of it; fewer prefer one place or another by chance
 SHIFTS = np.linspace(-0.4, 0.4, 17)  # along it [m]
 
 
@@ -38,19 +39,13 @@ class Direct:
         self._room = np.zeros((5, 3))
         self._counts = np.zeros((len(SHIFTS), 2))
 
-    def refine(self, starts: list[Pose2]) -> list[Match]:
-        """Align from each start, but from those that another has led to already."""
-        found: list[Match] = []
-        for start in starts:
-            if not any(near(start, match.pose, SAME) for match in found):
-                found.append(self.align(start))
-        return found
-
-    def align(self, start: Pose2) -> Match:
-        """Gauss-Newton from `start`, which the prediction's covariance holds where nothing else."""
-        x, view = np.array(start), self._view
-        prior = self._track.prior(start)
-        align(self._field.kernel, view.elements, view.count, prior, self._rule(), x, self._room)
+    def align(self, start: Pose2, known: Pose2) -> Match:
+        """Gauss-Newton from `start`; a pose known beforehand holds it where the scan does not."""
+        view, x = self._view, np.array(start)
+        mean, prior = np.array(known), self._track.prior(known)
+        align(
+            self._field.kernel, view.elements, view.count, mean, prior, self._rule(), x, self._room
+        )
         return self._evidence.weigh(Pose2(*x.tolist()), self._room[:3])
 
     def slipped(self, match: Match) -> tuple[Pose2, Floats]:
@@ -67,6 +62,8 @@ class Direct:
         axis = np.array([-math.sin(across), math.cos(across)])
         seen, agree = self._agreement(pose, SHIFTS[:, None] * axis).T
         middle = len(SHIFTS) // 2
+        if seen[middle] < NEEDED:
+            return pose, np.zeros((2, 2))
         evidence = agree - seen * agree[middle] / max(seen[middle], 1.0)
         evidence -= 0.5 * SHIFTS**2 / (axis @ self._track.expected[:2, :2] @ axis)
         likelihood = np.exp(evidence - evidence.max())

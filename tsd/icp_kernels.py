@@ -112,6 +112,7 @@ def icp(
     model: Model,
     surfaces: Floats,
     count: int,
+    mean: Floats,
     prior: Floats,
     rule: IcpRule,
     out_pose: Floats,
@@ -119,17 +120,17 @@ def icp(
 ) -> tuple[float, float, int]:
     """ICP from out_pose (3,), which it moves. Returns pairs, rms [m], iterations.
 
-    Original code: gate that shrinks; ours: it follows the residual (D3), the start's own
-    information `prior` (3, 3) holds what the scan does not see. out_H (5, 3) is room to work; its
-    first three rows are left as what the pairs know of the pose.
+    Original code: gate that shrinks; ours: it follows the residual (D3), and what is known
+    beforehand, a pose `mean` (3,) with information `prior` (3, 3), holds what the scan does not
+    see. out_H (5, 3) is room to work; its first three rows are left as what the pairs know.
     """
-    start = Pose2(out_pose[0], out_pose[1], out_pose[2])
     b, dx = out_H[3], out_H[4]
     total = np.zeros((3, 3))
     gate, pairs, rms, used = rule.widest, 0.0, 0.0, 0
     for _ in range(rule.iterations):
         pairs, rms = sum_pairs(model, surfaces, count, out_pose, rule, gate, out_H[:4])
-        off = Pose2(start.x - out_pose[0], start.y - out_pose[1], start.theta - out_pose[2])
+        turn = wrap_angle(mean[2] - out_pose[2])
+        off = Pose2(mean[0] - out_pose[0], mean[1] - out_pose[1], turn)
         add_prior(out_H, prior, 1.0, off, total, b)
         used += 1
         if pairs == 0.0 or not solve3(total, b, dx):

@@ -57,8 +57,11 @@ class Registration:
         self._hits = cast_rays(self._field.kernel, self._model)
         return self._model
 
-    def icp(self, start: Pose2) -> Match | None:
-        """ICP of the scan to the model scan cast from `start`; None if too little of it pairs."""
+    def icp(self, start: Pose2, known: Pose2) -> Match | None:
+        """ICP of the scan to the model scan cast from `start`; None if too little of it pairs.
+
+        `known` is the pose known beforehand: the prediction, or a hypothesis.
+        """
         p, view = self._params, self._view
         x, model = np.array(start), self.cast(start)
         noise = view.noise / p.range_noise
@@ -70,8 +73,8 @@ class Registration:
             p.pair_window,
             self._evidence.map_noise,
         )
-        prior = self._track.prior(start)
-        pairs, _, _ = icp(model, view.elements, view.count, prior, rule, x, self._room)
+        mean, prior = np.array(known), self._track.prior(known)
+        pairs, _, _ = icp(model, view.elements, view.count, mean, prior, rule, x, self._room)
         if pairs <= p.min_known * view.count or not np.isfinite(x).all():
             return None
         return self._evidence.weigh(Pose2(*x.tolist()), self._room[:3])

@@ -32,7 +32,7 @@ from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 from tsd.direct import Direct
-from tsd.evidence import Evidence, Match, near
+from tsd.evidence import SAME, Evidence, Match, near
 from tsd.image import Picture, colored
 from tsd.map import TileField
 from tsd.params import TsdParams
@@ -96,9 +96,9 @@ class Tsd:
 
     def _register(self, scan: Scan, start: Prediction) -> None:
         self._search.begin(start.dt)
-        match = self._pose(start.pose)  # 3 to 7
+        match = self._pose(start.pose, start.pose)  # 3 to 7
         if self._evidence.good(match) and self._looks_again(scan, match.pose):
-            match = self._pose(match.pose)
+            match = self._pose(match.pose, start.pose)
         self._count(match)
         self._quality = match.close
         if self._evidence.good(match):
@@ -108,29 +108,36 @@ class Tsd:
         else:
             self._refuse(scan)
 
-    def _pose(self, start: Pose2) -> Match:
+    def _pose(self, start: Pose2, known: Pose2) -> Match:
         """The pose that explains most of the scan; looked for elsewhere where that is doubtful."""
         self._posed, self._refined = [], []
-        first = best = self._evidence.best(self._candidates([start], [start]))  # 7
+        found = self._candidates(start, known)
+        if not self.params.refine:
+            found.append(self._evidence.weigh(start, NOTHING))
+        elif not any(near(start, match.pose, SAME) for match in found):
+            found.append(self._refine(start, known))
+        first = best = self._evidence.best(found)  # 7
         searched = False
         for width in WIDTHS:
             if self._search.wanted(best, width):
                 searched = True
-                proposed = self._registration.ransac(start, width)  # 4
-                best = self._evidence.best([best, *self._candidates(proposed, [])])
+                for pose in self._registration.ransac(start, width):  # 4
+                    best = self._evidence.best([best, *self._candidates(pose, pose)])
         self._searched = best is not first
         self._search.end(best, searched, self._searched)
         return best
 
-    def _candidates(self, starts: list[Pose2], others: list[Pose2]) -> list[Match]:
-        """What ICP makes of starts, and what is ours of that and of the others."""
-        posed = [match for start in starts if (match := self._registration.icp(start))]  # 3, 5
-        self._posed += posed
-        if not self.params.refine:
-            return posed + [self._evidence.weigh(start, NOTHING) for start in others]
-        refined = self._direct.refine([match.pose for match in posed] + others)  # 6
-        self._refined += refined
-        return refined + posed
+    def _candidates(self, start: Pose2, known: Pose2) -> list[Match]:
+        """What ICP makes of a start, behind what is ours of that."""
+        posed = self._registration.icp(start, known)  # 3, 5
+        if posed is None:
+            return []
+        self._posed.append(posed)
+        return [self._refine(posed.pose, known), posed] if self.params.refine else [posed]
+
+    def _refine(self, start: Pose2, known: Pose2) -> Match:
+        self._refined.append(self._direct.align(start, known))  # 6
+        return self._refined[-1]
 
     def map(self) -> OccupancyGrid:
         """The map as it stands now."""

@@ -39,7 +39,7 @@ class View:
     def __init__(self, params: TsdParams) -> None:
         p = self._params = params
         self.noise = p.range_noise
-        self._rule = SurfaceRule(p.window, 0.0, p.max_slope, 0.0, p.beam_width)
+        self._rule = SurfaceRule(p.window, 0.0, p.max_slope, 0.0, p.beam_width, p.truncation)
         self._laser: Laser | None = None
         self.count = 0
 
