@@ -125,7 +125,6 @@ def find_runs(hits: Floats, count: int, beams: Beams, rule: SurfaceRule, out_run
             spacing = min(hits[k, 2], hits[k - 1, 2]) * abs(beams.angle_increment) * steps
             jump = abs(hits[k, 2] - hits[k - 1, 2])
             broken = steps > 3.0 or jump > rule.max_slope * spacing + 4.0 * rule.noise
-            broken |= spacing > rule.widest
             if broken and k > 1:
                 broken = not in_line(hits, k - 2, beams, rule.noise)
             if broken and k + 1 < count:

@@ -96,9 +96,9 @@ class Tsd:
 
     def _register(self, scan: Scan, start: Prediction) -> None:
         self._search.begin(start.dt)
-        match = self._pose(start.pose, start.pose)  # 3 to 7
+        match = self._pose(start.pose, start)  # 3 to 7
         if self._evidence.good(match) and self._looks_again(scan, match.pose):
-            match = self._pose(match.pose, start.pose)
+            match = self._pose(match.pose, start)
         self._count(match)
         self._quality = match.close
         if self._evidence.good(match):
@@ -108,20 +108,22 @@ class Tsd:
         else:
             self._refuse(scan)
 
-    def _pose(self, start: Pose2, known: Pose2) -> Match:
+    def _pose(self, start: Pose2, known: Prediction) -> Match:
         """The pose that explains most of the scan; looked for elsewhere where that is doubtful."""
         self._posed, self._refined = [], []
-        found = self._candidates(start, known)
-        if not self.params.refine:
+        before = self._track.pose
+        others = [before, before @ known.continued]
+        found = self._candidates(start, known.pose)
+        if self.params.refine:
+            found.insert(0, self._refine(start, known.pose))
+        else:
             found.append(self._evidence.weigh(start, NOTHING))
-        elif not any(near(start, match.pose, SAME) for match in found):
-            found.append(self._refine(start, known))
         first = best = self._evidence.best(found)  # 7
         searched = False
         for width in WIDTHS:
             if self._search.wanted(best, width):
                 searched = True
-                for pose in self._registration.ransac(start, width):  # 4
+                for pose in (*others, *self._registration.ransac(start, width)):  # 4
                     best = self._evidence.best([best, *self._candidates(pose, pose)])
         self._searched = best is not first
         self._search.end(best, searched, self._searched)

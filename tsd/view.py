@@ -23,10 +23,10 @@ from tsd.scan_kernels import (
 
 QUARTILE = 0.319  # of the size of a normal deviate
 FROM_THREE = math.sqrt(1.5)  # deviation of a range from the mean of its neighbors, in deviations
-LEARNED = 0.1  # share of a scan in the noise that is measured
+SPARSE = 10.0  # cells between beams, beyond which a hit alone is no surface
+STEP = 1.05  # factor by which a scan moves the noise: its median over scans is what is learned
 FEW = 20  # triples of hits that tell no noise
-CLUTTER = 1.5  # times the declared noise, which rough surfaces alone make of it
-NOISIEST = 0.2  # m; ranges of no use
+LEAST, MOST = 1e-4, 0.2  # m; a perfect laser, and one of no use
 
 
 class View:
@@ -39,7 +39,8 @@ class View:
     def __init__(self, params: TsdParams) -> None:
         p = self._params = params
         self.noise = p.range_noise
-        self._rule = SurfaceRule(p.window, 0.0, p.max_slope, 0.0, p.beam_width, p.truncation)
+        self._level = 0.0  # of the noise, over the scans so far
+        self._rule = SurfaceRule(p.window, 0.0, p.max_slope, 0.0, p.beam_width, SPARSE * p.cell)
         self._laser: Laser | None = None
         self.count = 0
 
@@ -73,13 +74,19 @@ class View:
         p, n = self._params, off_neighbors(self._hits, self._n_hits, self.beams, self._off)
         if n >= FEW:
             quartile = float(np.partition(self._off[:n], n // 4)[n // 4])
-            seen = min(quartile / (QUARTILE * FROM_THREE), NOISIEST)
-            seen = seen if seen > CLUTTER * p.range_noise else p.range_noise
-            self.noise += LEARNED * (seen - self.noise)
+            self._level = self._middle(quartile / (QUARTILE * FROM_THREE))
+        self.noise = max(self._level, p.range_noise)
         rough = (p.roughness * self.noise) ** 2
         window = p.window * math.sqrt(self.noise / p.range_noise)
         self._rule = self._rule._replace(window=window, noise=self.noise, rough=rough)
         return self._rule
+
+    def _middle(self, seen: float) -> float:
+        """The median of what scans show of the noise; where nothing was learned, the first."""
+        if self._level == 0.0:
+            return min(max(seen, LEAST), MOST)
+        level = self._level * (STEP if seen > self._level else 1.0 / STEP)
+        return min(max(level, LEAST), MOST)
 
     def _take(self, laser: Laser) -> None:
         """Memory and constants for a new scanner."""
