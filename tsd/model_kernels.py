@@ -82,9 +82,7 @@ def settle(
 
 
 @njit
-def cast_ray(
-    field: Field, model: Model, dx: float, dy: float, before: Floats
-) -> tuple[float, int]:
+def cast_ray(field: Field, model: Model, dx: float, dy: float, before: Floats) -> tuple[float, int]:
     """Way [m] along a ray to the nearest surface, inf if nowhere, and the layer that has it.
 
     [May14] ray cast; ours: tiles without cells are jumped over, so that a surface beside one is

@@ -111,35 +111,42 @@ class Tsd:
     def _pose(self, start: Pose2, known: Prediction) -> Match:
         """The pose that explains most of the scan; looked for elsewhere where that is doubtful."""
         self._posed, self._refined = [], []
-        before = self._track.pose
-        others = [before, before @ known.continued]
-        found = self._candidates(start, known.pose)
-        if self.params.refine:
-            found.insert(0, self._refine(start, known.pose))
-        else:
-            found.append(self._evidence.weigh(start, NOTHING))
+        own = self._own(start, known.pose)
+        posed = self._candidates(start, known.pose)
+        found = [own, *posed] if self.params.refine else [*posed, own]
         first = best = self._evidence.best(found)  # 7
         searched = False
         for width in WIDTHS:
             if self._search.wanted(best, width):
                 searched = True
-                for pose in (*others, *self._registration.ransac(start, width)):  # 4
+                for pose in self._proposed(start, known, width):
                     best = self._evidence.best([best, *self._candidates(pose, pose)])
         self._searched = best is not first
         self._search.end(best, searched, self._searched)
         return best
 
     def _candidates(self, start: Pose2, known: Pose2) -> list[Match]:
-        """What ICP makes of a start, behind what is ours of that."""
+        """What ICP makes of a start, and what is ours behind it, if that leads elsewhere."""
         posed = self._registration.icp(start, known)  # 3, 5
         if posed is None:
             return []
         self._posed.append(posed)
-        return [self._refine(posed.pose, known), posed] if self.params.refine else [posed]
+        if any(near(posed.pose, other.pose, SAME) for other in self._refined):
+            return [posed]
+        return [self._own(posed.pose, known), posed] if self.params.refine else [posed]
 
-    def _refine(self, start: Pose2, known: Pose2) -> Match:
+    def _own(self, start: Pose2, known: Pose2) -> Match:
+        """What is ours of a start; in the preset `paper` only what speaks for it as it is."""
+        if not self.params.refine:
+            return self._evidence.weigh(start, NOTHING)
         self._refined.append(self._direct.align(start, known))  # 6
         return self._refined[-1]
+
+    def _proposed(self, start: Pose2, known: Prediction, width: float) -> list[Pose2]:
+        """Other starts: by RANSAC, and in the first search the last pose and the last motion."""
+        found = self._registration.ransac(start, width)  # 4
+        before = self._track.pose
+        return [before, before @ known.continued, *found] if width == WIDTHS[0] else found
 
     def map(self) -> OccupancyGrid:
         """The map as it stands now."""

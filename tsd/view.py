@@ -24,8 +24,9 @@ from tsd.scan_kernels import (
 QUARTILE = 0.319  # of the size of a normal deviate
 FROM_THREE = math.sqrt(1.5)  # deviation of a range from the mean of its neighbors, in deviations
 SPARSE = 10.0  # cells between beams, beyond which a hit alone is no surface
-STEP = 1.05  # factor by which a scan moves the noise: its median over scans is what is learned
+STEP = 1.02  # factor by which a scan moves the noise: its median over scans is what is learned
 FEW = 20  # triples of hits that tell no noise
+CLUTTER = 2.0  # times the declared noise, which rough surfaces alone can look like
 LEAST, MOST = 1e-4, 0.2  # m; a perfect laser, and one of no use
 
 
@@ -75,7 +76,7 @@ class View:
         if n >= FEW:
             quartile = float(np.partition(self._off[:n], n // 4)[n // 4])
             self._level = self._middle(quartile / (QUARTILE * FROM_THREE))
-        self.noise = max(self._level, p.range_noise)
+        self.noise = self._level if self._level > CLUTTER * p.range_noise else p.range_noise
         rough = (p.roughness * self.noise) ** 2
         window = p.window * math.sqrt(self.noise / p.range_noise)
         self._rule = self._rule._replace(window=window, noise=self.noise, rough=rough)
