@@ -916,6 +916,15 @@ def test_icp_comes_back_from_farther_than_the_field_reaches():
     assert astray is None or error(IDENTITY, astray.pose)[0] > 0.05
 
 
+def test_what_icp_finds_elsewhere_is_refined_and_both_compete():
+    slam, _ = scanned()
+    pose = slam._track.pose
+    slam._posed, slam._refined = [], []
+    refined, posed = slam._candidates(pose @ Pose2(0.05, 0.03, 0.02), pose)
+    assert refined is slam._refined[0] and posed is slam._posed[0]
+    assert slam._candidates(pose, pose) == slam._posed[1:]  # leads to what was refined already
+
+
 def test_range_noise_is_measured():
     walls, rng = np.array(box(-3.0, -2.0, 2.5, 2.2)), np.random.default_rng(8)
     for sigma in (0.003, 0.05):
