@@ -41,7 +41,7 @@ class Search:
         """What came of it: `better`, something was found that nothing else had led to."""
         self._poor = not self._evidence.as_usual(match)
         self.fruitless = searched and not better
-        if better or not (searched or self._poor):
+        if better or not (searched or self._rest > 0.0 or self._poor):
             self._rest = self._pause = 0.0
         elif searched:
             self._pause = min(max(2.0 * self._pause, SHORTEST), LONGEST)
