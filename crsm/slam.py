@@ -124,6 +124,7 @@ class Crsm:
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Let a scan enter the map as seen from `pose` of the base, without a match."""
+        self._track.placed(pose, scan)
         view = self._read(scan, IDENTITY)
         if view.is_usable:
             self._insert(view, pose, True)

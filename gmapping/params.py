@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from gmapping.ros import ROS as ROS_NAMES
 from slams.extent import max_cells
-from slams.motion.params import MotionParams
-from slams.params import RosNames, param
+from slams.params import Params, RosNames, param
 
 ORIGINAL = "original code"
 
 
-def _in_ros(name: str, ros: str) -> Any:
-    """A field of `MotionParams` as it is, with the name that slam_gmapping has for it."""
-    spec = dataclasses.replace(MotionParams.specs()[name], ros=(ros,))
-    return dataclasses.field(default=getattr(MotionParams, name), metadata={"spec": spec})
-
-
 @dataclass(frozen=True)
-class GMappingParams(MotionParams):
+class GMappingParams(Params):
     """Parameters of the default, `GMapping`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
@@ -35,6 +27,13 @@ class GMappingParams(MotionParams):
         "original": "gmapping.original:Original"
     }
 
+    odometry: str = param(
+        "auto",
+        "1",
+        "what predicts the motion: auto takes what a scan brings",
+        source="ours: README, Departure 6",
+        choices=("auto", "odometry", "odometry+gyro", "gyro", "none"),
+    )
     n_particles: int = param(
         30, "1", "number of particles", source=ORIGINAL, low=1, high=20_000, ros=("particles",)
     )
@@ -66,10 +65,60 @@ class GMappingParams(MotionParams):
         high=1.0,
         ros=("resampleThreshold",),
     )
-    way_scale: float = _in_ros("way_scale", "srr")
-    veer: float = _in_ros("veer", "srt")
-    way_slip_turning: float = _in_ros("way_slip_turning", "str")
-    turn_scale: float = _in_ros("turn_scale", "stt")
+    way_per_way: float = param(
+        0.1, "1", "translation noise per translation", source=ORIGINAL, low=0.0, ros=("srr",)
+    )
+    turn_per_way: float = param(
+        0.1,
+        "1",
+        "rotation noise [rad] per translation [m]",
+        source="ours: matching decides, not odometry",
+        low=0.0,
+        ros=("srt",),
+    )
+    way_per_turn: float = param(
+        0.02,
+        "1",
+        "translation noise [m] per rotation [rad]",
+        source="ours: matching decides, not odometry",
+        low=0.0,
+        ros=("str",),
+    )
+    turn_per_turn: float = param(
+        0.1,
+        "1",
+        "rotation noise per rotation",
+        source="ours: matching decides, not odometry",
+        low=0.0,
+        ros=("stt",),
+    )
+    rest_noise: float = param(
+        0.0005, "m", "noise [m, rad] of a step at rest", source="ours: Departure 5", low=1e-6
+    )
+    tracked_noise: float = param(
+        0.1,
+        "1",
+        "noise of a tracked way between key scans, as a share of odometry's",
+        source="ours: Departure 5",
+        low=0.0,
+    )
+    key_noise: float = param(
+        0.005,
+        "m",
+        "noise [m, rad] between key scans beside that of the motion",
+        source="ours: Departure 5",
+        low=1e-5,
+    )
+    acceleration: float = param(
+        2.0,
+        "1",
+        "noise of the velocity without odometry [m/s^2]; twice that in rad/s^2",
+        source="ours: a walking robot's",
+        low=0.01,
+    )
+    gyro_noise: float = param(
+        0.02, "rad/s", "noise of the gyro with its bias", source="ours: a MEMS gyro's", low=1e-5
+    )
     slip: float = param(
         0.7,
         "m/s",

@@ -3,8 +3,7 @@
 [Grisetti07] G. Grisetti, C. Stachniss, W. Burgard, "Improved Techniques for Grid Mapping with
 Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007.
 
-1. Motion: odometry, gyro and the motion so far predict the step since the last scan, with its
-   covariance.
+1. Motion: odometry, a gyro or the last motion predicts the step since the last scan.
 2. Tracking (ours): every scan is matched to the best particle's map.
 3. At a key scan every particle is matched to its own map and drawn from a Gaussian around the
    peak (the improved proposal); its weight grows by the scan's likelihood.
@@ -25,18 +24,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from gmapping.map import TileMap
+from gmapping.motion import Motion
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
 from gmapping.render import Renderer
 from gmapping.scan import EndPoints
 from gmapping.surface import SurfaceMatcher
-from slams.motion.model import Motion
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
 
 class GMapping:
-    """The particle filter.
+    """The particle filter; parameters say what predicts motion.
 
     `pose` is the last pose, `covariance` (3, 3) [m, rad] its uncertainty, `quality` the share of
     the last scan that lies where the map has surfaces; `particles` and `tiles` the filter's state.
@@ -61,18 +60,19 @@ class GMapping:
 
     def update(self, scan: Scan) -> Pose2:
         """Track a scan; at key scans run the filter. Returns the best particle's pose."""
-        prediction = self._motion.predict(self.pose, scan)  # 1
-        self.pose, points, velocity = self._matcher.track(prediction, scan)  # 2
-        self._counts["scans"] += 1
-        if len(points) == 0 or self.state == "lost":
-            self._counts["rejected"] += 1
-        elif self._matcher.due(self.pose) and self.tiles.admits(self.pose, points):
-            self._filter(points)
-            self._renderer.keep(partial(self._rays.ray, scan, velocity))
-        if self.state == "matched":
-            self._motion.moved(self.pose, self._matcher.match_covariance, scan)
+        before = self.pose
+        step = self._motion.step(scan)  # 1
+        if self._counts["scans"] == 0:
+            points = self._matcher.points(scan, step)
         else:
-            self._motion.missed(scan)
+            self.pose, points, step = self._matcher.track(before, step, scan, self._rng)  # 2
+        if len(points) == 0:
+            self._counts["rejected"] += 1
+        elif self._matcher.due(self.pose, step) and self.tiles.admits(self.pose, points):
+            self._filter(points)
+            self._renderer.keep(partial(self._rays.ray, scan, step))
+        self._counts["scans"] += 1
+        self._motion.learn(before.between(self.pose))
         return self.pose
 
     def map(self) -> OccupancyGrid:
@@ -93,16 +93,11 @@ class GMapping:
         """How well the last scan fitted, 0 to 1."""
         return self._matcher.quality
 
-    @property
-    def state(self) -> str:
-        """Of the last scan: "matched", "predicted" (not explained by the map) or "lost"."""
-        return self._matcher.state
-
     def report(self) -> dict[str, Any]:
         """Counts, and what the particles' maps take."""
         tiles = {"tiles": self.tiles.used, "tiles_peak": self.tiles.peak}
         shared = {"tiles_shared": round(self.tiles.shared, 3), "particles": len(self.particles)}
-        counts = self._counts | self._matcher.counts | self._motion.counts
+        counts = self._counts | self._matcher.counts | self._motion.used
         return counts | tiles | shared | self.tiles.extent.counts
 
     def _filter(self, points: Floats) -> None:

@@ -77,8 +77,10 @@ class Hector:
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Let a scan enter the map at a known pose, without matching."""
+        self._track.placed(pose, scan)
         points = self._scan.take(scan, IDENTITY)
-        self._map.insert(points, pose)
+        if points.n > 0 and not self.frozen:
+            self._insert(points)
 
     def map(self) -> OccupancyGrid:
         """The finest level as probabilities."""

@@ -1,4 +1,3 @@
-import dataclasses
 import math
 from functools import partial
 from pathlib import Path
@@ -11,6 +10,7 @@ from gmapping import GMapping, GMappingParams
 from gmapping.map import TileMap
 from gmapping.map_kernels import SurfaceModel, insert
 from gmapping.match_kernels import Prior, linearize
+from gmapping.motion import Motion, Step
 from gmapping.original import Original, OriginalParams
 from gmapping.original.map import HitMap
 from gmapping.original.match_kernels import ClimbModel, hill_climb, log_likelihood, score
@@ -21,8 +21,6 @@ from gmapping.peaks import Belief, climb, search
 from gmapping.render_kernels import draw
 from gmapping.scan import EndPoints
 from gmapping.scan_kernels import Beams, Walls, end_points, surfaces
-from gmapping.surface import _turned
-from slams.motion.model import Motion
 from slams.registry import find
 from slams.types import IDENTITY, Laser, Pose2, Scan, wrap_angle
 from tests import naive_gmapping as naive
@@ -272,13 +270,12 @@ def proposals(n, spread):
     slam = GMapping(GMappingParams(n_particles=n, spread=spread, max_tiles=100 * n))
     matcher, surface = slam._matcher, surface_of(IDENTITY)
     one_map = mapped(surface)
-    spread_by = np.diag([0.004, 0.006, 0.005]) ** 2
-    matcher._way_covariance = spread_by
     slam.tiles.tiles = one_map.tiles._replace(tables=np.repeat(one_map.tiles.tables, n, axis=0))
     matcher._model = MODEL
     log_w = matcher.propose(Pose2(0.03, 0.02, 0.01), surface, np.random.default_rng(3))
     way = np.array([[0.03, 0.02, 0.01]])
-    prior = Prior(way, np.linalg.inv(spread_by)[None])
+    noise = Motion(GMappingParams()).noise(Pose2(*way[0]))
+    prior = Prior(way, np.diag(noise**-2.0)[None])
     return slam.particles, log_w, climb(one_map.tiles, BEST, surface, prior, way, MODEL)
 
 
@@ -394,31 +391,24 @@ def test_the_originals_beams_are_half_a_beam_off_and_not_those_of_its_picture():
 def test_the_originals_sweep_is_taken_out_as_the_defaults_is(seconds):
     laser = Laser(-2.0, 0.02, 200, 0.1, 30.0, Pose2(0.2, 0.1, 0.4), time_increment=0.001)
     way, scan = Pose2(0.3, -0.1, 0.2), make_scan(IDENTITY, laser=laser)
-    velocity = Pose2(*(v / seconds for v in way)) if seconds else IDENTITY
-    expected, _ = EndPoints(GMappingParams())(scan, velocity)
+    ours = Step(way, np.zeros(3), seconds, True, IDENTITY, way)
+    expected, _ = EndPoints(GMappingParams())(scan, ours)
     params = OriginalParams(deskew=True)
     found = OriginalPoints(params, 0.0)(scan, OriginalStep(way, seconds, True))
-    np.testing.assert_allclose(found, expected[:, :2], rtol=1e-12)
+    np.testing.assert_array_equal(found, expected[:, :2])
 
 
-def test_noise_between_key_scans_adds_up_along_the_way():
-    params = GMappingParams(n_particles=2, linear_update=10.0, angular_update=10.0, wheels=True)
-    _, scans = drive(21, noise=False, drift=0.0)
-    slam = GMapping(params)
-    expected, alone = np.zeros((3, 3)), Motion(params)
-    for scan in scans:
-        prediction = alone.predict(slam.pose, scan)
-        slam.update(scan)
-        alone.moved(slam.pose, slam._matcher.match_covariance, scan)
-        expected = prediction.pose_covariance(expected)
-        if scan is scans[0]:
-            expected = np.zeros((3, 3))
-    np.testing.assert_allclose(slam._matcher._way_covariance, expected, rtol=1e-6)
-    turned = _turned(expected, np.array([0.0, 0.5 * math.pi]))
-    np.testing.assert_allclose(turned[0], expected)
-    np.testing.assert_allclose(turned[1, 0, 0], expected[1, 1])
-    np.testing.assert_allclose(turned[1, 0, 1], -expected[0, 1])
-    np.testing.assert_allclose(turned[1, 0, 2], -expected[1, 2])
+def test_noise_between_key_scans_is_that_of_the_way_whatever_the_rate():
+    p = GMappingParams()
+    way = Pose2(0.3, -0.4, 0.2)
+    xy = p.way_per_way * 0.5 + p.way_per_turn * 0.2 + p.rest_noise
+    theta = p.turn_per_way * 0.5 + p.turn_per_turn * 0.2 + p.rest_noise
+    expected = p.tracked_noise * np.array([xy, xy, theta]) + p.key_noise
+    np.testing.assert_allclose(Motion(p).noise(way), expected)
+    scans = [make_scan(IDENTITY, 0.1 * i, odometry=o) for i, o in enumerate((IDENTITY, way))]
+    motion = Motion(p)
+    motion.step(scans[0])
+    np.testing.assert_allclose(motion.step(scans[1]).deviation, [xy, xy, theta])
 
 
 # weights and resampling
@@ -608,22 +598,21 @@ def test_the_map_has_walls_where_the_room_has():
 # the whole filter
 
 
-@pytest.mark.parametrize(("wheels", "gyro"), [(1, 0), (1, 1), (0, 1), (0, 0)])
-def test_every_source_of_motion_tracks(wheels, gyro):
+@pytest.mark.parametrize("mode", ["odometry", "odometry+gyro", "gyro", "none"])
+def test_every_odometry_mode_tracks(mode):
     truth, scans = drive(120, gyro=True)
-    slam, poses = run(scans, n_particles=5, wheels=bool(wheels), gyro=bool(gyro))
+    slam, poses = run(scans, n_particles=5, odometry=mode)
     error = position_error(poses, truth)
     assert error.max() < 0.03 and error.mean() < 0.008
     report = slam.report()
-    assert report["odometry"] == 119 * wheels
-    assert report["gyro"] == 119 * gyro
+    assert report["odometry"] == (119 if "odometry" in mode else 0)
+    assert report["gyro"] == (119 if "gyro" in mode else 0)
 
 
-def test_whatever_a_scan_brings_is_taken():
-    both = drive(20, gyro=True)[1]
-    scans = [dataclasses.replace(scan, yaw=None) for scan in both[:10]]
-    scans += [dataclasses.replace(scan, odometry=None) for scan in both[10:]]
-    report = run(scans, n_particles=2)[0].report()
+def test_auto_takes_what_a_scan_brings():
+    _, scans = drive(10)
+    _, gyro = drive(10, odometry=False, gyro=True)
+    report = run([*scans, *gyro], n_particles=2)[0].report()
     assert report["odometry"] == 9 and report["gyro"] == 9
 
 
@@ -653,8 +642,7 @@ def test_a_slow_sweep_is_seen_again_with_the_motion_that_was_found():
     laser = Laser(-math.pi, math.radians(2.0), 180, 0.1, 30.0, time_increment=0.2 / 180)
 
     def at(t):  # from rest along an arc
-        turn = 0.15 * t * t
-        return Pose2(math.sin(turn), 1.0 - math.cos(turn), turn)
+        return Pose2(0.0, 0.0, 0.3 * t * t / 2) @ Pose2(0.15 * t * t, 0.0, 0.0)
 
     times = 0.2 * np.arange(16)
     _, poses = run([swept(at, t, laser) for t in times], n_particles=2)
@@ -671,12 +659,14 @@ def test_a_mounted_laser_gives_the_pose_of_the_base():
     assert position_error(run(scans, n_particles=3)[1], truth).max() < 0.03
 
 
-def test_where_odometry_stands_still_a_better_start_is_found():
-    slam, _ = run([make_scan(IDENTITY, 0.1 * i, odometry=IDENTITY) for i in range(3)])
-    moved = Pose2(0.35, -0.3, 0.3)
-    pose = slam.update(make_scan(moved, 0.9, odometry=IDENTITY))
-    np.testing.assert_allclose(pose, moved, atol=0.01)
-    assert slam.state == "matched"
+def test_where_odometry_stands_still_the_last_motion_is_tried():
+    slam, _ = run([make_scan(IDENTITY)], n_particles=2)
+    moved, rest = Pose2(0.45, -0.52, 0.45), np.full(3, 1e-3)
+    step = Step(IDENTITY, rest, 0.1, True, velocity=moved @ Pose2(0.02, 0.02, 0.01))
+    slam._matcher.track(IDENTITY, step, make_scan(IDENTITY), slam._rng)
+    track = slam._matcher.track(IDENTITY, step, make_scan(moved), slam._rng)
+    np.testing.assert_allclose(track.pose, moved, atol=0.01)
+    assert slam.report()["recovered"] == 1
 
 
 def test_a_noisy_laser_is_not_taken_for_a_lost_robot():
@@ -701,7 +691,7 @@ def test_odometry_that_freezes_and_catches_up_does_not_carry_the_pose_away():
     tail = [jump @ scans[48].odometry.between(s.odometry) for s in scans[48:]]
     scans[48:] = [Scan(s.t, s.ranges, s.laser, o) for s, o in zip(scans[48:], tail, strict=True)]
     slam, poses = run(scans, n_particles=3)
-    assert slam.report()["odometry_faults"] >= 1
+    assert slam.report()["recovered"] >= 1
     assert position_error(poses, truth).max() < 0.05
 
 
@@ -713,9 +703,7 @@ def there_and_back(seed=0):
     """
     walls = np.array([[-1, 1, 30, 1], [30, -1, -1, -1], [-1, -1, -1, 1]], float)
     laser, rng = Laser(-math.pi, math.radians(1.0), 360, 0.1, 3.0), np.random.default_rng(8)
-    far, bend = 5.0, 2.0  # m: it slows down to turn around, as robots do
-    ways = [math.hypot(far, bend) - math.hypot(far - 0.05 * i, bend) for i in range(200)]
-    truth = [Pose2(x, 0.0, 0.0) for x in ways]
+    truth = [Pose2(5.0 - abs(5.0 - 0.05 * i), 0.0, 0.0) for i in range(200)]
     slam, poses = GMapping(GMappingParams(n_particles=24, seed=seed)), []
     for i, pose in enumerate(truth):
         scan = make_scan(pose, 0.1 * i, laser, rng, pose, walls=walls)
@@ -727,7 +715,8 @@ def there_and_back(seed=0):
             matcher.start_way(slam.pose)
             slam.particles.move(np.array(slam.particles.best_pose.between(slam.pose)))
             slam.particles.remember()
-            slam._renderer.keep(partial(slam._rays.ray, scan, IDENTITY))
+            step = Motion(slam.params).step(scan)
+            slam._renderer.keep(partial(slam._rays.ray, scan, step))
             generation = len(slam.trajectory()) - 1
     return slam, np.array(poses), truth, generation
 
@@ -737,7 +726,7 @@ def test_the_right_hypothesis_survives_a_way_back_to_known_ground():
     error = position_error(poses, truth)
     assert error[101:130].min() > 0.5  # a wrong one leads while the end is out of sight
     assert error[-1] < 0.05
-    right = [abs(slam.particles.history(i)[generation, 0] - truth[100].x) < 0.1 for i in range(24)]
+    right = [abs(slam.particles.history(i)[generation, 0] - 5.0) < 0.1 for i in range(24)]
     assert sum(right) >= 16  # they were 8
     assert slam.particles.w[right].sum() > 0.999
     references_add_up(slam.tiles.tiles)

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from slams import load
-from slams.geometry import solve3
+from slams.geometry import FREEDOM, solve3
 from slams.player import replay
+from slams.registry import create
 from slams.types import IDENTITY, Pose2, Scan
 from tests import naive_tsd
 from tests.rooms import ROOM, box, cast, drive, laser, mirrored, scan_at
 from tsd import Tsd, TsdParams
-from tsd.direct import Match
+from tsd.evidence import GAIN, Match
+from tsd.icp_kernels import IcpRule, find_pair, sum_pairs
 from tsd.image import colored
 from tsd.map import TileField, surface_cells
 from tsd.map_kernels import (
@@ -23,10 +25,11 @@ from tsd.map_kernels import (
     carve,
     facing,
     list_rows,
+    place_lines,
     push_rows,
     read_field,
 )
-from tsd.match_kernels import FLAT, MatchRule, agreement_along, align
+from tsd.match_kernels import FLAT, MatchRule, agreement_along, align, explain
 from tsd.original import Original, OriginalParams
 from tsd.original.map import TsdGrid, zero_crossings
 from tsd.original.map_kernels import cast_rays
@@ -71,7 +74,7 @@ def error(a, b):
 
 
 def field_at(slam, x, y, normal):
-    return read_field(slam._registration._field.kernel, facing(*normal), x, y)
+    return read_field(slam._field.kernel, facing(*normal), x, y)
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.4, 0.785])
@@ -149,7 +152,7 @@ def test_gradient_is_the_interpolants():
     slam = default()
     for scan in drive(n=30, lidar=laser(361)):
         slam.update(scan)
-    kernel = slam._registration._field.kernel
+    kernel = slam._field.kernel
     rng = np.random.default_rng(2)
     checked = 0
     for _ in range(12000):
@@ -572,17 +575,17 @@ def test_carve_marks_what_every_beam_passes():
 
 
 def scanned(n=10, **changes):
-    """A default that has seen a drive, and its registration with the last scan's elements."""
+    """A default that has seen a drive, and the last scan's elements."""
     slam = default(**changes)
     for scan in drive(n=n):
         slam.update(scan)
-    direct = slam._registration
-    return slam, direct, direct._elements[: direct._count].copy()
+    view = slam._view
+    return slam, view.elements[: view.count].copy()
 
 
 def test_pose_score_equals_the_naive_twin_and_stops_when_it_cannot_win():
-    slam, direct, elements = scanned()
-    kernel, rule, pose = direct._field.kernel, PairRule(0.6, 0.8, 0.15), np.array(slam._track.pose)
+    slam, elements = scanned()
+    kernel, rule, pose = slam._field.kernel, PairRule(0.6, 0.8, 0.15), np.array(slam._track.pose)
     for shift in ((0.0, 0.0, 0.0), (0.07, -0.04, 0.02), (0.5, 0.6, 0.4)):
         at = pose + shift
         twin = naive_tsd.pose_score(kernel, elements, at, 0.15, AGAINST)
@@ -595,12 +598,13 @@ def test_pose_score_equals_the_naive_twin_and_stops_when_it_cannot_win():
 
 
 def test_pairs_equal_the_naive_twin_within_the_limits():
-    slam, direct, elements = scanned()
+    slam, elements = scanned()
     elements = np.ascontiguousarray(elements[::9])
-    kernel, lines = direct._field.kernel, direct._lines
+    kernel, model = slam._field.kernel, slam._registration.cast(slam._track.pose)
+    lines = model.points
     start = np.array(slam._track.pose @ Pose2(0.2, 0.1, 0.2))
     rule = PairRule(0.5, math.cos(0.4), 0.15)
-    trials = np.arange(0, direct._n_lines, 7)
+    trials = np.flatnonzero(lines[:, 4])[::7]
     best = np.zeros((len(trials) + 1, 4))
     try_pairs(kernel, lines, trials, elements, len(elements), start, rule, best)
     for m, row in zip(trials, best, strict=False):
@@ -624,7 +628,7 @@ def hits_of(ranges, lidar):
     return beams, hits, count
 
 
-RULE = SurfaceRule(0.12, 0.01, 8.0, 0.02**2, 0.2)
+RULE = SurfaceRule(0.12, 0.01, 8.0, 0.02**2, 0.2, 0.15)
 
 
 def test_runs_equal_the_naive_twin():
@@ -678,17 +682,18 @@ def test_surface_elements_stand_for_their_beams():
 
 
 def test_alignment_equals_gauss_newton_by_hand():
-    slam, direct, elements = scanned()
+    slam, elements = scanned()
     rule = MatchRule(1, 1e-4, 1e-5, 0.03, 0.01)
     prior = np.diag([100.0, 200.0, 300.0]) + 20.0
     start = np.array(slam._track.pose) + np.array([0.02, -0.01, 0.01])
     found, room = start.copy(), np.zeros((5, 3))
-    align(direct._field.kernel, elements, len(elements), prior, rule, found, room)
+    known = start + np.array([0.01, 0.02, -0.01])
+    align(slam._field.kernel, elements, len(elements), known, prior, rule, found, room)
     H, b = np.zeros((3, 3)), np.zeros(3)
     for x, y, nx, ny, information, _ in elements:
         p = Pose2(*start).transform(np.array([[x, y]]))[0]
         n = Pose2(0.0, 0.0, start[2]).transform(np.array([[nx, ny]]))[0]
-        v, *gradient = read_field(direct._field.kernel, facing(*n), *p)
+        v, *gradient = read_field(slam._field.kernel, facing(*n), *p)
         if math.isnan(v):
             continue
         if np.hypot(*gradient) > FLAT:
@@ -697,17 +702,19 @@ def test_alignment_equals_gauss_newton_by_hand():
         J = np.array([n[0], n[1], n[1] * lever[0] - n[0] * lever[1]])
         w = 1.0 / (1.0 / information + 0.01**2) / (1.0 + (v / 0.09) ** 2) ** 2
         H, b = H + w * np.outer(J, J), b - w * J * v
-    assert found - start == pytest.approx(np.linalg.solve(H + prior, b), rel=1e-9)
+    prior = prior * (FREEDOM + 3.0) / (FREEDOM + (known - start) @ prior @ (known - start))
+    expected = np.linalg.solve(H + prior, b + prior @ (known - start))
+    assert found - start == pytest.approx(expected, rel=1e-9)
     assert room[:3] == pytest.approx(H)
 
 
 def test_agreement_along_equals_the_naive_twin():
-    slam, direct, elements = scanned()
+    slam, elements = scanned()
     offsets = np.array([(0.0, 0.0), (0.1, 0.0), (-0.3, 0.2)])
     pose, rule = np.array(slam._track.pose), MatchRule(1, 1e-4, 1e-5, 0.03, 0.01)
     out = np.zeros((3, 2))
-    kernel = direct._field.kernel
-    agreement_along(kernel, elements, len(elements), direct._beams, pose, offsets, rule, out)
+    kernel = slam._field.kernel
+    agreement_along(kernel, elements, len(elements), slam._view.beams, pose, offsets, rule, out)
     twin = naive_tsd.agreement(kernel, elements, pose, offsets, 0.03)
     assert out == pytest.approx(np.array(twin), rel=1e-4, abs=1e-3)
     assert out[0, 1] > 0.9 * out[0, 0] and out[2, 1] < 0.8 * out[2, 0]
@@ -753,27 +760,240 @@ def test_a_slip_along_a_corridor_is_taken_back():
     assert slipped == pytest.approx(1.77, abs=0.06)
 
 
-def test_no_other_pose_is_taken_for_what_noise_prefers(monkeypatch):
-    _, direct, _ = scanned()
-    start = direct._start
-    base = direct.register(start, ())
-    for off, searched in ((0.02, False), (0.2, True)):
-        better = Match(base.pose @ Pose2(off, 0.0, 0.0), 1.0, 1.0, base.quality + 1.0, 0.01)
-        monkeypatch.setattr(direct, "_as_usual", lambda match: match.close == 1.0)
-        monkeypatch.setattr(direct, "_from_others", lambda better=better: [better])
-        monkeypatch.setattr(direct, "_from_near", list)
-        assert direct.register(start, ()).searched == searched
+def test_no_other_pose_is_taken_for_what_noise_prefers():
+    slam, _ = scanned()
+    evidence, pose = slam._evidence, slam._track.pose
+    base = evidence.weigh(pose, np.zeros((3, 3)))
+    for off, more, wins in ((0.02, 1.0, False), (0.2, 1.0, True), (0.2, 0.5 * GAIN, False)):
+        other = base._replace(pose=pose @ Pose2(off, 0.0, 0.0), worth=base.worth + more)
+        assert (evidence.best([base, other]) is other) == wins
+
+
+def test_evidence_counts_what_is_explained_and_what_is_contradicted():
+    slam, elements = scanned()
+    evidence, pose = slam._evidence, slam._track.pose
+    there = evidence.weigh(pose, np.zeros((3, 3)))
+    assert there.close > 0.9 and there.known > 0.9
+    values = []
+    for x, y, nx, ny, *_ in elements:
+        p = pose.transform(np.array([[x, y]]))[0]
+        n = Pose2(0.0, 0.0, pose.theta).transform(np.array([[nx, ny]]))[0]
+        values.append(read_field(slam._field.kernel, facing(*n), *p)[0])
+    known = np.array(values)[np.isfinite(values)]
+    assert there.known == pytest.approx(len(known) / len(elements))
+    robust = evidence.robust
+    assert there.close * len(elements) == pytest.approx((1 / (1 + (known / robust) ** 2)).sum())
+    kernel, at = slam._field.kernel, np.array(pose @ Pose2(0.5, 0.4, 0.3))
+    known, close, against, _ = explain(kernel, elements, len(elements), at, robust)
+    assert against > 0.2 * len(elements)
+    off = evidence.weigh(Pose2(*at), np.zeros((3, 3)))
+    assert off.worth < (close - 0.4 * against) / len(elements)
 
 
 def test_what_is_usual_falls_faster_when_nothing_better_was_found():
-    _, direct, _ = scanned()
-    poor = Match(IDENTITY, 1.0, 0.5, 0.5, 0.01)
-    usual = direct._usual
-    direct._learn(poor, tried=False)
-    slowly = usual - direct._usual
-    direct._usual = usual
-    direct._learn(poor, tried=True)
-    assert usual - direct._usual == pytest.approx(5.0 * slowly)
+    slam, _ = scanned()
+    evidence = slam._evidence
+    poor = Match(IDENTITY, 1.0, 0.5, 0.5, 0.01, np.zeros((3, 3)))
+    usual = evidence.usual
+    evidence.learn(poor, searched=False)
+    slowly = usual - evidence.usual
+    evidence.usual = usual
+    evidence.learn(poor, searched=True)
+    assert usual - evidence.usual == pytest.approx(5.0 * slowly)
+
+
+@pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (0.3, 0.2, 1.0), (-0.4, 0.1, -2.5)])
+def test_the_model_scan_shows_the_walls(pose):
+    slam, lidar = default(), laser(721)
+    slam.update(scan_at((0.0, 0.0, 0.0), lidar, np.array(box(-3.0, -2.0, 2.5, 2.2))))
+    for turn in np.linspace(0.5, 6.0, 12):  # all walls are in the map
+        slam.insert_at(
+            scan_at((0.0, 0.0, turn), lidar, np.array(box(-3.0, -2.0, 2.5, 2.2))),
+            Pose2(0.0, 0.0, turn),
+        )
+    model = slam._registration.cast(Pose2(*pose))
+    x, y, nx, ny, r = model.points[model.points[:, 4] > 0.0].T
+    assert len(r) > 0.97 * len(model.points)
+    off = np.abs([x + 3.0, x - 2.5, y + 2.0, y - 2.2])
+    assert off.min(axis=0).max() < 5e-3
+    normals = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])[off.argmin(axis=0)]
+    cosines = nx * normals[:, 0] + ny * normals[:, 1]
+    assert np.quantile(cosines, 0.1) > 0.99  # but for corners
+    assert r == pytest.approx(np.hypot(x - pose[0], y - pose[1]))
+    fan = model.fan
+    angles = np.arctan2(y - pose[1], x - pose[0]) - pose[2] - fan.first
+    rays = np.flatnonzero(model.points[:, 4] > 0.0)
+    assert np.sin(angles - rays * fan.gap) == pytest.approx(np.zeros(len(r)), abs=1e-9)
+
+
+def test_the_model_scan_shows_the_front_of_what_is_near():
+    plate = np.array([*box(1.0, -0.3, 1.02, 0.3), *box(-3.0, -3.0, 3.0, 3.0)])
+    slam = default()
+    slam.update(scan_at((0.0, 0.0, 0.0), laser(721), plate))
+    slam.insert_at(scan_at((2.2, 0.0, np.pi), laser(721), plate), Pose2(2.2, 0.0, np.pi))
+    for base, sees in ((Pose2(0.0, 0.0, 0.0), 1.0), (Pose2(2.2, 0.0, np.pi), 1.02)):
+        model = slam._registration.cast(base)
+        ahead = np.abs(model.fan.first + np.arange(model.fan.rays) * model.fan.gap) < 0.15
+        assert model.points[ahead, 0] == pytest.approx(np.full(ahead.sum(), sees), abs=2e-3)
+
+
+def icp_by_hand(model, elements, pose, gate, rule):
+    """Pairs and normal equations of point to line, the plain way."""
+    H, b, pairs = np.zeros((3, 3)), np.zeros(3), 0
+    hit = model.points[:, 4] > 0.0
+    for x, y, nx, ny, information, _ in elements:
+        p = Pose2(*pose).transform(np.array([[x, y]]))[0]
+        n = Pose2(0.0, 0.0, pose[2]).transform(np.array([[nx, ny]]))[0]
+        d = np.hypot(*(model.points[:, :2] - p).T)
+        d[~hit | (model.points[:, 2:4] @ n <= 0.7)] = np.inf
+        m = int(d.argmin())
+        if not np.isfinite(d[m]):
+            continue
+        n, d = model.points[m, 2:4], p - model.points[m, :2]
+        off, r = d @ n, model.points[m, 4]
+        front = abs(n @ (p - (model.x, model.y))) + 0.1 * r
+        if (
+            abs(off) >= gate
+            or abs(n[0] * d[1] - n[1] * d[0]) >= gate + model.fan.gap * r * r / front
+        ):
+            continue
+        lever = p - pose[:2]
+        J = np.array([n[0], n[1], n[1] * lever[0] - n[0] * lever[1]])
+        w = (1.0 - (off / gate) ** 2) ** 2 / (1.0 / information + rule.map_noise**2)
+        H, b, pairs = H + w * np.outer(J, J), b - w * J * off, pairs + 1
+    return pairs, H, b
+
+
+def test_icp_sums_the_nearest_pairs_point_to_line():
+    slam, elements = scanned()
+    pose = np.array(slam._track.pose) + np.array([0.02, -0.01, 0.01])
+    model = slam._registration.cast(Pose2(*pose))
+    rule = IcpRule(1, 1e-4, 1e-5, 0.1, 0.05, model.fan.rays, 0.01)
+    room = np.zeros((4, 3))
+    pairs, _ = sum_pairs(model, elements, len(elements), pose, rule, 0.1, room)
+    count, H, b = icp_by_hand(model, elements, pose, 0.1, rule)
+    assert pairs == count > 0.8 * len(elements)
+    assert room[:3] == pytest.approx(H) and room[3] == pytest.approx(b)
+
+
+def test_pairs_are_found_across_the_seam_of_a_full_circle():
+    slam, lidar = default(), laser(720, fov=2.0 * math.pi * 719 / 720)
+    slam.update(scan_at((0.0, 0.0, 0.0), lidar, np.array(box(-3.0, -2.0, 2.5, 2.2))))
+    model = slam._registration.cast(IDENTITY)
+    assert model.fan.around == model.fan.rays == 180
+    for y in (0.02, -0.02):  # astern, on either side of the seam
+        found = find_pair(model, -3.0, y, 1.0, 0.0, 2)
+        assert np.hypot(*(model.points[found, :2] - (-3.0, y))) < 0.06
+    assert find_pair(model, -3.0, 0.0, -1.0, 0.0, 2) == -1  # the back of the wall
+
+
+@pytest.mark.parametrize("label", ["tsd", "tsd@paper"])
+def test_the_mechanism_poses_every_scan(label):
+    log = drive(n=60, odometry=False, gyro=False)
+    truth, slam = log.truth_at(log.t), create(label)
+    for p, scan in zip(truth, log, strict=True):
+        distance, turn = error(Pose2(*truth[0]).between(Pose2(*p)), slam.update(scan))
+        assert distance < 0.012 and turn < 0.006
+    report = slam.report()
+    assert report["posed"] == report["kept"] == 59
+    assert report["refined"] == (59 if label == "tsd" else 0)
+    assert report["rejected"] == report["searched"] == 0
+
+
+def test_icp_comes_back_from_farther_than_the_field_reaches():
+    slam = default(refine=False)
+    slam.update(scan_at((0.0, 0.0, 0.0)))
+    slam._view.see(scan_at((0.0, 0.0, 0.0)), IDENTITY)
+    slam._track.prior = lambda pose: np.zeros((3, 3))
+    off = Pose2(0.3, -0.28, 0.1)  # the field reaches 0.15 m
+    found = slam._registration.icp(off, off)
+    assert error(IDENTITY, found.pose)[0] < 0.005 and error(IDENTITY, found.pose)[1] < 0.003
+    narrow = default(refine=False, widest_gate=0.02)
+    narrow.update(scan_at((0.0, 0.0, 0.0)))
+    narrow._view.see(scan_at((0.0, 0.0, 0.0)), IDENTITY)
+    narrow._track.prior = lambda pose: np.zeros((3, 3))
+    astray = narrow._registration.icp(off, off)
+    assert astray is None or error(IDENTITY, astray.pose)[0] > 0.05
+
+
+def test_what_icp_finds_elsewhere_is_refined_and_both_compete():
+    slam, _ = scanned()
+    pose = slam._track.pose
+    slam._posed, slam._refined = [], []
+    refined, posed = slam._candidates(pose @ Pose2(0.05, 0.03, 0.02), pose)
+    assert refined is slam._refined[0] and posed is slam._posed[0]
+    assert slam._candidates(pose, pose) == slam._posed[1:]  # leads to what was refined already
+
+
+def test_range_noise_is_measured():
+    walls, rng = np.array(box(-3.0, -2.0, 2.5, 2.2)), np.random.default_rng(8)
+    for sigma in (0.003, 0.05):
+        slam = default()
+        for i in range(30):
+            slam.update(scan_at((0.0, 0.0, 0.0), laser(721), walls, sigma, rng, 0.1 * i))
+        assert slam._view.noise == pytest.approx(max(sigma, 0.01), rel=0.15)
+
+
+def test_a_noisy_laser_is_followed_without_searching():
+    log = drive(n=60, lidar=laser(721), noise=0.05, odometry=False, gyro=False)
+    truth, slam = log.truth_at(log.t), default()
+    for p, scan in zip(truth, log, strict=True):
+        assert error(Pose2(*truth[0]).between(Pose2(*p)), slam.update(scan))[0] < 0.06
+    report = slam.report()
+    assert report["searched"] + report["rejected"] + report["lost"] == 0
+
+
+def test_a_fruitless_search_rests_longer_each_time_and_success_ends_that():
+    slam, _ = scanned()
+    search, evidence = slam._search, slam._evidence
+    poor = Match(IDENTITY, 0.1, 0.05, 0.0, 0.1, np.zeros((3, 3)))
+    fine = Match(IDENTITY, 1.0, 1.0, 1.0, 0.01, np.zeros((3, 3)))
+    assert evidence.as_usual(fine) and not evidence.as_usual(poor)
+    tried = []
+    for i in range(200):
+        search.begin(0.025)
+        wanted = search.wanted(poor, 1.0)
+        search.end(poor, wanted, better=False)
+        tried += [i] if wanted else []
+    assert np.diff(tried).tolist() == sorted(np.diff(tried)) and 5 <= len(tried) <= 9
+    search.end(fine, searched=True, better=True)
+    search.begin(0.025)
+    assert search.wanted(poor, 1.0) and search.wanted(poor, 2.0)
+    assert not search.wanted(fine, 2.0)
+
+
+def test_a_hit_alone_between_far_beams_has_no_normal():
+    for n_beams, alone in ((41, True), (1081, False)):
+        lidar = laser(n_beams)
+        ranges = np.full(n_beams, np.inf, np.float32)
+        ranges[n_beams // 2] = 6.0
+        beams, hits, count = hits_of(ranges, lidar)
+        runs, sums, out = np.zeros((count, 2)), np.zeros((count + 1, 5)), np.zeros((count, 6))
+        rule = RULE._replace(widest=0.5)
+        find_runs(hits, count, beams, rule, runs)
+        sum_moments(hits, count, sums)
+        assert fit_surfaces(hits, count, runs, sums, beams, rule, 0.05, out) == (not alone)
+        assert fit_surfaces(hits, count, runs, sums, beams, rule, 0.0, out) == 1
+        assert np.hypot(*out[0, 2:4]) == pytest.approx(0.0 if alone else 1.0)
+        line = out.copy()
+        lines = np.zeros((1, 7))
+        place_lines(line, 1, runs, beams, np.zeros(3), lines)
+        field, rows = TileField(0.05, 0.15, 100.0).kernel, np.zeros((999, 4))
+        rule = PushRule(0.15, 100.0, lidar.angle_increment)
+        assert not alone or list_rows(field, lines, 1, rule, rows) == 0
+
+
+def test_a_frozen_map_stays_and_an_inserted_scan_enters_it():
+    slam, room = default(), np.array(box(-3.0, -2.0, 2.5, 2.2))
+    slam.insert_at(scan_at((1.0, 0.5, 0.3), segments=room), Pose2(1.0, 0.5, 0.3))
+    assert slam.report()["pushed"] == 1 and slam._track.pose == IDENTITY
+    assert occupied(slam, 2.5, 0.5)
+    slam.frozen = True
+    before = slam.map().p.copy()
+    for i in range(4):
+        found = slam.update(scan_at((0.1 * i, 0.0, 0.0), segments=room, t=0.5 * i))
+    assert found.x == pytest.approx(0.3, abs=0.02)
+    assert np.array_equal(slam.map().p, before, equal_nan=True)
 
 
 def test_scans_that_were_lost_on_the_way_change_nothing():
@@ -909,7 +1129,7 @@ def test_the_pool_of_tiles_grows(monkeypatch):
     slam = default()
     for scan in drive(n=40, gyro=False):
         slam.update(scan)
-    kernel = slam._registration._field.kernel
+    kernel = slam._field.kernel
     assert 64 < kernel.used[0] < len(kernel.tsd)
 
 

@@ -44,6 +44,8 @@ class TileField:
 
     def push(self, lines: Floats, box: Box, gap: float, x: float, y: float) -> None:
         """Enter lines (n, 7) of `place_lines` within a box, seen from x, y by beams `gap` apart."""
+        if len(lines) == 0:
+            return
         self._cover((min(box[0], x), min(box[1], y), max(box[2], x), max(box[3], y)))
         if self.kernel.used[0] > len(self.kernel.tsd) // 2:
             self._more_tiles()

@@ -51,14 +51,21 @@ def facing(nx: float, ny: float) -> int:
 
 
 @njit(inner=True)
-def cell_value(field: Field, layer: int, iy: int, ix: int) -> float:
-    """Signed distance [m] in one cell, nan where unknown or outside. ours."""
+def slot_of(field: Field, layer: int, iy: int, ix: int) -> int:
+    """Place in the pool of the tile that a cell lies in, -1 where there is none. ours."""
     ty, tx = iy // SIDE, ix // SIDE
     if ty < 0 or tx < 0 or ty >= field.slots.shape[1] or tx >= field.slots.shape[2]:
-        return math.nan
-    slot = field.slots[layer, ty, tx]
+        return -1
+    return int(field.slots[layer, ty, tx])
+
+
+@njit(inner=True)
+def cell_value(field: Field, layer: int, iy: int, ix: int) -> float:
+    """Signed distance [m] in one cell, nan where unknown or outside. ours."""
+    slot = slot_of(field, layer, iy, ix)
     if slot < 0:
         return math.nan
+    ty, tx = iy // SIDE, ix // SIDE
     return float(field.tsd[slot, iy - ty * SIDE, ix - tx * SIDE])
 
 
@@ -69,6 +76,15 @@ def was_seen(field: Field, x: float, y: float) -> bool:
     iy = math.floor((y - field.corner[1]) / field.cell)
     inside = 0 <= iy < field.seen.shape[0] and 0 <= ix < field.seen.shape[1]
     return bool(inside and field.seen[iy, ix] != 0)
+
+
+@njit(inner=True)
+def was_passed(field: Field, x: float, y: float) -> bool:
+    """Whether beams passed the cell at a point and it never lay behind a surface. ours."""
+    ix = math.floor((x - field.corner[0]) / field.cell)
+    iy = math.floor((y - field.corner[1]) / field.cell)
+    inside = 0 <= iy < field.seen.shape[0] and 0 <= ix < field.seen.shape[1]
+    return bool(inside and field.seen[iy, ix] == PASSED)
 
 
 @njit(inner=True)
@@ -83,10 +99,17 @@ def read_field(field: Field, layer: int, x: float, y: float) -> tuple[float, flo
     ix, iy = math.floor(u), math.floor(v)
     wx, wy = u - ix, v - iy
     value, gx, gy = 0.0, 0.0, 0.0
+    slot, jx, jy = slot_of(field, layer, iy, ix), ix % SIDE, iy % SIDE
+    within = jx < SIDE - 1 and jy < SIDE - 1
+    if within and slot < 0:
+        return math.nan, math.nan, math.nan
     for m in range(4):
         i, j = m % 2, m // 2
         ax, ay = (wx if i else 1.0 - wx), (wy if j else 1.0 - wy)
-        sd = cell_value(field, layer, iy + j, ix + i)
+        if within:
+            sd = float(field.tsd[slot, jy + j, jx + i])
+        else:
+            sd = cell_value(field, layer, iy + j, ix + i)
         value += ax * ay * sd
         gx += (2 * i - 1) * ay * sd
         gy += (2 * j - 1) * ax * sd

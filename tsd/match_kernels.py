@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slams.geometry import add_prior, solve3
+from slams.geometry import add_prior, solve3, wrap_angle
 from slams.jit import njit
 from slams.types import Floats, Pose2
-from tsd.map_kernels import Field, facing, read_field, was_seen
+from tsd.map_kernels import Field, facing, read_field, was_passed, was_seen
 from tsd.scan_kernels import Beams
 
 FLAT = 0.3  # least slope of the field for a direction of its own
@@ -84,6 +84,7 @@ def align(
     field: Field,
     surfaces: Floats,
     count: int,
+    mean: Floats,
     prior: Floats,
     rule: MatchRule,
     out_pose: Floats,
@@ -92,10 +93,9 @@ def align(
     """Gauss-Newton from out_pose (3,), which it moves.
 
     ours: A1, A3. Returns known, close and residual as `accumulate`, and the iterations.
-    prior (3, 3): information [1/m2, 1/(m rad), 1/rad2] of the start itself, which holds the
-    directions that the scan does not see; out_H is left without it.
+    prior (3, 3): information [1/m2, 1/(m rad), 1/rad2] of a pose `mean` (3,) known beforehand,
+    which holds the directions that the scan does not see; out_H is left without it.
     """
-    start_x, start_y, start_theta = out_pose[0], out_pose[1], out_pose[2]
     b, dx = out_H[3], out_H[4]
     known, close, residual = 0.0, 0.0, 0.0
     used = 0
@@ -106,7 +106,8 @@ def align(
             field, surfaces, count, out_pose, rule, robust, out_H[:3], b
         )
         robust = min(max(ANNEAL * residual, rule.robust), robust)
-        off = Pose2(start_x - out_pose[0], start_y - out_pose[1], start_theta - out_pose[2])
+        turn = wrap_angle(mean[2] - out_pose[2])
+        off = Pose2(mean[0] - out_pose[0], mean[1] - out_pose[1], turn)
         add_prior(out_H, prior, 1.0, off, total, b)
         used += 1
         if not solve3(total, b, dx):
@@ -118,6 +119,33 @@ def align(
         if small and abs(dx[2]) < rule.stop_rotation:
             break
     return known, close, residual, used
+
+
+@njit
+def explain(
+    field: Field, surfaces: Floats, count: int, pose: Floats, robust: float
+) -> tuple[float, float, float, float]:
+    """What the field makes of a scan at a pose: elements known, close, against, and their rms.
+
+    ours: evidence. Known have a distance there, close count by how near zero it is (robust [m]);
+    against are those that stand where beams passed and no surface ever was.
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    known, close, against, squares = 0.0, 0.0, 0.0, 0.0
+    scale = 1.0 / (robust * robust)
+    for k in range(count):
+        nx = c * surfaces[k, 2] - s * surfaces[k, 3]
+        ny = s * surfaces[k, 2] + c * surfaces[k, 3]
+        x = pose[0] + c * surfaces[k, 0] - s * surfaces[k, 1]
+        y = pose[1] + s * surfaces[k, 0] + c * surfaces[k, 1]
+        v, _, _ = read_field(field, facing(nx, ny), x, y)
+        if v == v:
+            known += 1.0
+            squares += v * v
+            close += 1.0 / (1.0 + v * v * scale)
+        elif was_passed(field, x, y):
+            against += 1.0
+    return known, close, against, math.sqrt(squares / max(known, 1.0))
 
 
 @njit

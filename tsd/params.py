@@ -24,7 +24,10 @@ class TsdParams(MotionParams):
     SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         laser: {"range_noise": 0.04, "robust": 0.06} for laser in ("lds01", "lds02")
     }
-    PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {"original": "tsd.original:Original"}
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
+        "original": "tsd.original:Original",
+        "paper": {"refine": False},
+    }
 
     cell: float = param(
         0.05,
@@ -94,11 +97,26 @@ class TsdParams(MotionParams):
         1.0, "1", "error of the field per residual seen so far", source="ours: A6", low=0.0
     )
     max_cells: int = max_cells()
-    coarse_cell: float = param(
-        0.1, "m", "cell of the coarse field for the wide start", source="ours: A1", low=0.01
+    refine: bool = param(
+        True,
+        "1",
+        "align to the field itself, behind ICP",
+        source="ours: A1; the paper ends with ICP",
     )
-    coarse_truncation: float = param(
-        0.5, "m", "truncation of the coarse field", source="ours: A1", low=0.02
+    rays: int = param(
+        180, "1", "most rays of the model scan", source="ours: a lidar's, as many as beams", low=8
+    )
+    icp_iterations: int = param(
+        30, "1", "most ICP rounds", source="original code; 5 are usual", low=1
+    )
+    widest_gate: float = param(
+        0.4, "m", "greatest pair distance at first", source=ORIGINAL, low=1e-3
+    )
+    narrowest_gate: float = param(
+        0.05, "m", "least gate", source="ours: 5 range noises; original code: 0.02", low=1e-3
+    )
+    pair_window: int = param(
+        4, "1", "rays to either side among which a pair is looked for", source="ours: A2", low=0
     )
     search_translation: float = param(
         0.6, "m", "half width of the wide search, doubled when it fails", source="ours: R2", low=0.0

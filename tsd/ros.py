@@ -4,7 +4,7 @@ import dataclasses
 
 from slams.params import RosNames
 
-DIRECT = "the default has no ICP and no RANSAC"
+DIRECT = "the ICP and RANSAC of the default have settings of their own"
 UNUSED = "read but not used by ohm_tsd_slam either"
 
 ORIGINAL = RosNames(
@@ -60,7 +60,7 @@ ROS = dataclasses.replace(
     units={"truncation_radius": "cell"},
     words={},
     original_only={
-        "registration_mode": "the default registers directly to the field",
+        "registration_mode": "the default runs ICP always, RANSAC where in doubt",
         "map_size": "the map grows as needed",
         "laser_min_range": "the laser's own limit holds",
         "las_min_range": "the laser's own limit holds",

@@ -31,13 +31,18 @@ class Twist(NamedTuple):
 
 
 class SurfaceRule(NamedTuple):
-    """What counts as one surface: window [m], range noise [m], jump angle's cotangent."""
+    """What counts as one surface.
+
+    Window [m], range noise [m], jump angle's cotangent, variance [m2] of a rough one, blur across
+    in beam spacings, widest gap [m] to the next beam at which a hit alone is a surface.
+    """
 
     window: float
     noise: float
     max_slope: float
     rough: float
     beam_width: float
+    widest: float
 
 
 @njit
@@ -65,6 +70,24 @@ def find_hits(ranges: Ranges, beams: Beams, twist: Twist, out_hits: Floats) -> i
         out_hits[count, 3] = i
         count += 1
     return count
+
+
+@njit
+def off_neighbors(hits: Floats, count: int, beams: Beams, out: Floats) -> int:
+    """How far hits are from the wall through their two neighbors, along the beam.
+
+    ours: on a wall 1 / range follows a cosine, whatever the angle between beams, so this is zero
+    but for the noise of three ranges. out (n,) [m]; returns how many triples of beams side by side
+    there are.
+    """
+    n = 0
+    twice = 2.0 * math.cos(beams.angle_increment)
+    for k in range(1, count - 1):
+        if hits[k + 1, 3] - hits[k - 1, 3] == 2.0:
+            expected = twice / (1.0 / hits[k - 1, 2] + 1.0 / hits[k + 1, 2])
+            out[n] = abs(hits[k, 2] - expected)
+            n += 1
+    return n
 
 
 @njit(inner=True)
@@ -182,7 +205,9 @@ def fit_surfaces(
     """Surface elements every `spacing` metres: point on the local line, normal, information.
 
     ours: A5, A6. out_surfaces (n, 6): x, y [m], normal x, y (towards the laser), information
-    [1/m2] of the beams it stands for, index of its hit.
+    [1/m2] of the beams it stands for, index of its hit. One hit alone where beams are far apart
+    may lie on a wall of any direction: taken to face the laser it would move with the robot. It has
+    no normal (0, 0), and with a spacing it is left out.
     """
     n_elements = 0
     k = 0
@@ -205,17 +230,18 @@ def fit_surfaces(
         else:
             mx, my, nx, ny = hits[center, 0], hits[center, 1], rx / r, ry / r
             variance = 9.0 * rule.noise * rule.noise
+        alone = last - first < 3 and step_length > rule.widest
         cosine = (rx * nx + ry * ny) / r
         if cosine < 0.0:
             nx, ny, cosine = -nx, -ny, -cosine
         offset = nx * (hits[center, 0] - mx) + ny * (hits[center, 1] - my)
         blur = rule.beam_width * step_length
         floor = rule.noise * rule.noise * max(cosine * cosine, 0.04) + blur * blur
-        if cosine > 0.05:
+        if cosine > 0.05 and not (alone and spacing > 0.0):
             out_surfaces[n_elements, 0] = hits[center, 0] - offset * nx
             out_surfaces[n_elements, 1] = hits[center, 1] - offset * ny
-            out_surfaces[n_elements, 2] = nx
-            out_surfaces[n_elements, 3] = ny
+            out_surfaces[n_elements, 2] = 0.0 if alone else nx
+            out_surfaces[n_elements, 3] = 0.0 if alone else ny
             out_surfaces[n_elements, 4] = stride / max(variance, floor)
             out_surfaces[n_elements, 5] = center
             n_elements += 1

@@ -7,14 +7,17 @@ Mapping, VMV 2014.
 J. Martin, A. Nuechter: Multi-Robot Localization and Mapping Based on Signed Distance Functions,
 ICARSC 2015.
 
-1. Predict: odometry, gyro or the last motion.
+1. Predict: odometry, gyro or the last motion, with a covariance.
 2. See: surface elements of the scan, with their normals.
-3. Register the scan with the field: Gauss-Newton on its distances.
-4. Refuse an implausible registration: the prediction stands and nothing is pushed.
-5. Accept it.
-6. Push the scan into the field when the robot has moved.
+3. Ray cast: the model scan that the map would show from there [May14].
+4. RANSAC where the prediction or the last fit leaves doubt: poses to begin with [Koch15].
+5. ICP: scan to model scan, point to line [May14].
+6. Refine, ours: Gauss-Newton on the field itself, from ICP's poses and the prediction.
+7. Decide: the pose that explains most of the scan.
+8. Accept it, or refuse it: then the prediction stands.
+9. Push the scan into the field when the robot has moved.
 
-The published program, `tsd@original`, stands in `original`.
+The preset `paper` leaves out 6. The published program, `tsd@original`, stands in `original`.
 """
 
 from __future__ import annotations
@@ -25,20 +28,29 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from slams.extent import Box, Extent
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 from tsd.direct import Direct
-from tsd.fix import Fix
+from tsd.evidence import SAME, Evidence, Match, near
 from tsd.image import Picture, colored
+from tsd.map import TileField
 from tsd.params import TsdParams
+from tsd.registration import Registration
+from tsd.search import WIDTHS, Search
+from tsd.view import View
 
-COUNTS = ("pushed", "searched", "rejected", "recovered", "empty", "restarted")
+COUNTS = ("posed", "kept", "refined", "searched", "pushed", "rejected", "recovered", "empty")
 BLUR, BLUR_TURN = 0.002, 0.001  # in one sweep [m], [rad]: a better velocity is worth a second look
+NOTHING = np.zeros((3, 3))  # information of a scan that was not matched
 
 
 class Tsd:
     """SLAM on a field of truncated signed distances.
+
+    Attributes:
+        frozen: nothing enters the map.
 
     Args:
         params: parameters.
@@ -47,50 +59,105 @@ class Tsd:
     Params: ClassVar[type[TsdParams]] = TsdParams
 
     def __init__(self, params: TsdParams) -> None:
-        self.params = params
-        self._track = Track(params, widen_wheels=True)
-        self._registration = Direct(params, self._track, np.random.default_rng(params.seed))
-        self._pushed_at = IDENTITY
-        self._velocity = IDENTITY
+        p = self.params = params
+        self.frozen = False
+        self._track = track = Track(params, widen_wheels=True)
+        self._extent = Extent(p.max_cells, p.cell)
+        self._view = view = View(params)
+        self._field = field = TileField(p.cell, p.truncation, p.max_weight)
+        self._evidence = evidence = Evidence(params, view, field, track)
+        rng = np.random.default_rng(params.seed)
+        self._registration = Registration(params, view, field, track, evidence, rng)
+        self._direct = Direct(params, view, field, track, evidence)
+        self._search = Search(track, evidence)
+        self._posed: list[Match] = []
+        self._refined: list[Match] = []
+        self._pushed_at = self._velocity = IDENTITY
         self._quality = 1.0
-        self._counts = dict.fromkeys(COUNTS, 0)
+        self._counts = dict.fromkeys((*COUNTS, "restarted"), 0)
 
     def update(self, scan: Scan) -> Pose2:
         """Take the next scan; return the base's pose in the map."""
         start = self._track.predict(scan)  # 1
         self._velocity = start.velocity
-        if self._registration.see(scan, self._velocity) == 0:  # 2
+        if self._view.see(scan, self._velocity) == 0:  # 2
             self._counts["empty"] += 1
             self._track.missed(scan)
         elif self._counts["pushed"] == 0:
-            self._track.matched(start.pose, np.zeros((3, 3)), scan)
-            self._push()
+            self._track.matched(start.pose, NOTHING, scan)
+            self._push(start.pose)
         else:
             self._register(scan, start)
         half = 0.5 * _duration(scan)  # registered at its middle; the stamp is that of its start
         return self._track.pose @ _scaled(self._velocity, half).inverse()
 
+    def insert_at(self, scan: Scan, pose: Pose2) -> None:
+        """Enter a scan into the map as seen from a pose of the base; nothing is matched."""
+        self._track.placed(pose, scan)
+        if self._view.see(scan, IDENTITY) > 0:
+            self._push(pose)
+
     def _register(self, scan: Scan, start: Prediction) -> None:
+        self._search.begin(start.dt)
+        match = self._pose(start.pose, start)  # 3 to 7
+        if self._evidence.good(match) and self._looks_again(scan, match.pose):
+            match = self._pose(match.pose, start)
+        self._count(match)
+        self._quality = match.close
+        if self._evidence.good(match):
+            self._accept(scan, match)  # 8
+            if self._moved():
+                self._push(self._track.pose)  # 9
+        else:
+            self._refuse(scan)
+
+    def _pose(self, start: Pose2, known: Prediction) -> Match:
+        """The pose that explains most of the scan; looked for elsewhere where that is doubtful."""
+        self._posed, self._refined = [], []
+        own = self._own(start, known.pose)
+        posed = self._candidates(start, known.pose)
+        found = [own, *posed] if self.params.refine else [*posed, own]
+        first = best = self._evidence.best(found)  # 7
+        searched = False
+        for width in WIDTHS:
+            if self._search.wanted(best, width):
+                searched = True
+                for pose in self._proposed(start, known, width):
+                    best = self._evidence.best([best, *self._candidates(pose, pose)])
+        self._searched = best is not first
+        self._search.end(best, searched, self._searched)
+        return best
+
+    def _candidates(self, start: Pose2, known: Pose2) -> list[Match]:
+        """What ICP makes of a start, and what is ours behind it, if that leads elsewhere."""
+        posed = self._registration.icp(start, known)  # 3, 5
+        if posed is None:
+            return []
+        self._posed.append(posed)
+        if any(near(posed.pose, other.pose, SAME) for other in self._refined):
+            return [posed]
+        return [self._own(posed.pose, known), posed] if self.params.refine else [posed]
+
+    def _own(self, start: Pose2, known: Pose2) -> Match:
+        """What is ours of a start; in the preset `paper` only what speaks for it as it is."""
+        if not self.params.refine:
+            return self._evidence.weigh(start, NOTHING)
+        self._refined.append(self._direct.align(start, known))  # 6
+        return self._refined[-1]
+
+    def _proposed(self, start: Pose2, known: Prediction, width: float) -> list[Pose2]:
+        """Other starts: by RANSAC, and in the first search the last pose and the last motion."""
+        found = self._registration.ransac(start, width)  # 4
         before = self._track.pose
-        others = (before, before @ start.continued)
-        fix = self._registration.register(start.pose, others)  # 3
-        if fix.good and self._looks_again(scan, fix.pose):
-            fix = self._registration.register(fix.pose, others)
-        self._quality = fix.quality
-        if not fix.good:
-            self._refuse(scan)  # 4
-            return
-        self._accept(scan, fix)  # 5
-        if self._moved():
-            self._push()  # 6
+        return [before, before @ known.continued, *found] if width == WIDTHS[0] else found
 
     def map(self) -> OccupancyGrid:
         """The map as it stands now."""
-        return self._registration.occupancy()
+        return self._field.occupancy()
 
     def field(self) -> Picture:
         """The field itself: distances [m] (ny, nx), weights, edge of a cell, corner (x, y) [m]."""
-        return self._registration.picture()
+        return self._field.picture()
 
     def pictures(self) -> dict[str, NDArray[np.uint8]]:
         """File name to image (ny, nx, 3), blue, green, red: the field with both its sides."""
@@ -100,7 +167,7 @@ class Tsd:
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
         counts = self._counts | {"lost": self._track.lost} | self._track.motion.counts
-        return counts | self._registration.extent.counts
+        return counts | self._extent.counts
 
     @property
     def state(self) -> State:
@@ -125,31 +192,45 @@ class Tsd:
         if blur < BLUR and seconds * abs(found.theta - expected.theta) < BLUR_TURN:
             return False
         self._velocity = found
-        return self._registration.see(scan, found) > 0
+        return self._view.see(scan, found) > 0
 
-    def _accept(self, scan: Scan, fix: Fix) -> None:
-        self._counts["searched"] += fix.searched
+    def _count(self, match: Match) -> None:
+        cell = self.params.cell, self.params.cell
+        self._counts["posed"] += bool(self._posed)
+        self._counts["kept"] += any(near(match.pose, other.pose, cell) for other in self._posed)
+        self._counts["refined"] += any(match is other for other in self._refined)
+        self._counts["searched"] += self._searched
+
+    def _accept(self, scan: Scan, match: Match) -> None:
+        self._evidence.learn(match, self._search.fruitless)
         self._counts["recovered"] += self._track.state != "matched"
-        self._track.matched(fix.aligned, fix.information, scan)
-        self._track.slipped(fix.pose, fix.doubt)
+        self._track.matched(match.pose, match.information, scan)
+        if self.params.refine:
+            self._track.slipped(*self._direct.slipped(match))
 
     def _refuse(self, scan: Scan) -> None:
         """Stay with the prediction; where wheels alone have held it for long, map on from there."""
         self._counts["rejected"] += 1
         self._track.missed(scan)
-        if self._track.held and not self._registration.contradicts(self._track.pose):
+        if self._track.held and not self._direct.contradicts(self._track.pose):
             self._counts["restarted"] += 1
-            self._push()
+            self._push(self._track.pose)
 
     def _moved(self) -> bool:
         step = self._pushed_at.between(self._track.pose)
         far = math.hypot(step.x, step.y) > self.params.push_translation
         return far or abs(math.sin(step.theta)) > self.params.push_rotation
 
-    def _push(self) -> None:
+    def _push(self, pose: Pose2) -> None:
+        if self.frozen:
+            return
+        laser = pose @ self._view.laser.mount
+        lines, box = self._view.lines(pose)
+        if not self._extent.admits(Box(*box).joined(Box.around(laser.x, laser.y, 0.0))):
+            return
         self._counts["pushed"] += 1
-        self._registration.push(self._track.pose)
-        self._pushed_at = self._track.pose
+        self._field.push(lines, box, self._view.beams.angle_increment, laser.x, laser.y)
+        self._pushed_at = pose
 
 
 def _duration(scan: Scan) -> float:

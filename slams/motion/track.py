@@ -44,7 +44,7 @@ class Track:
         self.held = False
         self._widen_wheels = widen_wheels
         self._params, self._limits = params, Limits(params)
-        self.expected = self._information = self.covariance
+        self.expected = self._unwidened = self._information = self.covariance
         self._matched_at = IDENTITY
         self._begun = False
         self._scale = 1.0  # of what was expected, learned
@@ -62,8 +62,9 @@ class Track:
         before = self.covariance
         if self.state != "matched" and "wheels" not in now.used:
             before = _with_the_same_error(before, now.covariance)
-        widened = self._caution() * self._scale if self.state == "matched" else 1.0
-        self.expected = widened * now.pose_covariance(before)
+        scale, caution = (self._scale, self._caution()) if self.state == "matched" else (1.0, 1.0)
+        self._unwidened = scale * now.pose_covariance(before)
+        self.expected = caution * self._unwidened
         self._information = inverse3(self.expected)
         return now
 
@@ -112,6 +113,13 @@ class Track:
         self.pose = self._matched_at = pose
         self.state, self.held, self._seconds, self._by_wheels = "matched", False, 0.0, True
 
+    def placed(self, pose: Pose2, scan: Scan) -> None:
+        """The pose of a scan is given, at rest: what was known of the motion means nothing."""
+        self.motion, self._begun = Motion(self._params), False
+        self.pose, self.covariance, self.state = pose, FLOOR * np.eye(3), "matched"
+        self.predict(scan)
+        self.matched(pose, np.eye(3) / FLOOR, scan)
+
     def _learn(self, pose: Pose2, alone: Floats) -> None:
         """Widen what is expected where matches, good to `alone` (3, 3), surprise too often.
 
@@ -133,14 +141,14 @@ class Track:
     def missed(self, scan: Scan) -> None:
         """The map does not explain the scan: the pose is the prediction."""
         self.motion.missed(scan)
-        self.pose, self.covariance = self._prediction.pose, self.expected
+        self.pose, self.covariance = self._prediction.pose, self._unwidened
         overdue = self._seconds >= LOST_AFTER
         self.held = overdue and self._by_wheels and self._sure()
         self.state = "lost" if overdue and not self.held else "predicted"
         self.lost += self.state == "lost"
 
     def _sure(self) -> bool:
-        xx, yy, turn = np.diagonal(self.expected).tolist()
+        xx, yy, turn = np.diagonal(self._unwidened).tolist()
         return bool(xx + yy < LOST_XY**2 and turn < LOST_TURN**2)
 
     def _off(self, pose: Pose2) -> Floats:

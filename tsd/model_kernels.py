@@ -1,0 +1,148 @@
+"""Ray cast: the model scan, what a laser would see of the field."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from slams.jit import njit
+from slams.types import Floats
+from tsd.map_kernels import SIDE, Field, read_field
+
+FRONT = 0.71  # cosine between a ray and a layer's axis: a layer beyond shows it only backs
+LEAST_SLOPE, MOST_SLOPE = 0.6, 1.5  # of one surface; borders between two have others
+BLIND = 2.0  # cells a ray goes where nothing is known: fewer than lie before a surface
+EDGE = 1e-6  # m beyond the edge of a tile
+
+
+class Fan(NamedTuple):
+    """Rays `gap` [rad] apart from the first one on, as far as `reach` [m].
+
+    `around` is how many fill a circle, 0 where these do not.
+    """
+
+    rays: int
+    first: float
+    gap: float
+    reach: float
+    around: int
+
+
+class Model(NamedTuple):
+    """The model scan: `points` (n, 5) x, y [m], normal x, y in the map, range [m], 0 = nothing.
+
+    It was cast by the rays of `fan` from a laser at x, y, heading.
+    """
+
+    points: Floats
+    fan: Fan
+    x: float
+    y: float
+    heading: float
+
+
+@njit(inner=True)
+def layers_there(field: Field, ty: int, tx: int, dx: float, dy: float) -> int:
+    """Bits of the layers that have cells in a tile and show a ray their front. ours: S3."""
+    bits = 0
+    for layer in range(4):
+        along = dx if layer % 2 == 0 else dy
+        if field.slots[layer, ty, tx] >= 0 and (along if layer < 2 else -along) <= FRONT:
+            bits |= 1 << layer
+    return bits
+
+
+@njit(inner=True)
+def way_through(at: float, step: float, size: float) -> float:
+    """Way [m] along a ray to the edge of its tile, on one axis; `at` in tiles. ours: S3."""
+    if step == 0.0:
+        return math.inf
+    return (math.floor(at) + (1.0 if step > 0.0 else 0.0) - at) * size / step
+
+
+@njit(inner=True)
+def settle(
+    field: Field, layer: int, model: Model, dx: float, dy: float, low: float, high: float
+) -> float:
+    """Way [m] along a ray to where a layer's distance is zero; inf if that is no surface's front.
+
+    The distance is positive at `low` and not at `high`. Original code: linear between the two;
+    ours: from the slope there, which must be that of one surface.
+    """
+    before, _, _ = read_field(field, layer, model.x + low * dx, model.y + low * dy)
+    after, _, _ = read_field(field, layer, model.x + high * dx, model.y + high * dy)
+    hit = low + (high - low) * before / (before - after)
+    at, gx, gy = read_field(field, layer, model.x + hit * dx, model.y + hit * dy)
+    fall, slope = gx * dx + gy * dy, math.sqrt(gx * gx + gy * gy)
+    if LEAST_SLOPE < slope < MOST_SLOPE and fall < 0.0:
+        return min(max(hit - at / fall, low), high)
+    return math.inf
+
+
+@njit
+def cast_ray(field: Field, model: Model, dx: float, dy: float, before: Floats) -> tuple[float, int]:
+    """Way [m] along a ray to the nearest surface, inf if nowhere, and the layer that has it.
+
+    [May14] ray cast; ours: tiles without cells are jumped over, so that a surface beside one is
+    not missed (S3, D12), steps elsewhere are as long as the least distance. before (4,): room.
+    """
+    size, cell = field.cell * SIDE, field.cell
+    way, last = 0.0, 0.0
+    before[:] = math.nan
+    while way < model.fan.reach:
+        x, y = model.x + way * dx, model.y + way * dy
+        u, v = (x - field.corner[0]) / size, (y - field.corner[1]) / size
+        tx, ty = math.floor(u), math.floor(v)
+        if tx < 0 or ty < 0 or ty >= field.slots.shape[1] or tx >= field.slots.shape[2]:
+            break
+        bits = layers_there(field, ty, tx, dx, dy)
+        if bits == 0:
+            before[:] = math.nan
+            way += min(way_through(u, dx, size), way_through(v, dy, size)) + EDGE
+            continue
+        nearest, seen, step = math.inf, -1, math.inf
+        for layer in range(4):
+            sd = math.nan
+            if bits & (1 << layer):
+                sd, _, _ = read_field(field, layer, x, y)
+            if before[layer] > 0.0 and sd <= 0.0:
+                hit = settle(field, layer, model, dx, dy, last, way)
+                if hit < nearest:
+                    nearest, seen = hit, layer
+            before[layer] = sd
+            if sd > 0.0:
+                step = min(step, sd)
+        if seen >= 0:
+            return nearest, seen
+        last = way
+        way += max(step, cell) if step < math.inf else BLIND * cell
+    return math.inf, -1
+
+
+@njit
+def cast_rays(field: Field, model: Model) -> int:
+    """Model scan: of every ray the nearest surface with its normal. Returns how many rays hit.
+
+    [May14] geometry of the scanner from the predicted pose, normal = gradient of the field; ours:
+    the layers that a ray can see from the front. Writes model.points.
+    """
+    n_hits = 0
+    fan, out, before = model.fan, model.points, np.empty(4)
+    for k in range(fan.rays):
+        angle = model.heading + fan.first + k * fan.gap
+        dx, dy = math.cos(angle), math.sin(angle)
+        way, layer = cast_ray(field, model, dx, dy, before)
+        out[k, 4] = 0.0
+        if layer < 0:
+            continue
+        x, y = model.x + way * dx, model.y + way * dy
+        _, gx, gy = read_field(field, layer, x, y)
+        slope = math.sqrt(gx * gx + gy * gy)
+        if not slope > 0.0:
+            continue
+        out[k, 0], out[k, 1], out[k, 2], out[k, 3] = x, y, gx / slope, gy / slope
+        out[k, 4] = way
+        n_hits += 1
+    return n_hits
