@@ -126,7 +126,7 @@ class Crsm:
         """Let a scan enter the map as seen from `pose` of the base, without a match."""
         self._track.placed(pose, scan)
         view = self._read(scan, IDENTITY)
-        if view.is_usable:
+        if view.is_usable and not self.frozen:
             self._insert(view, pose, True)
 
     def _read(self, scan: Scan, velocity: Pose2) -> ScanReader:

@@ -17,7 +17,7 @@ from slams.scanlog import Track
 from slams.types import Scan
 from tests.rooms import box, drive, scan_at
 
-ALGORITHMS = ("hector", "tsd")
+ALGORITHMS = ("hector", "tsd", "crsm")
 ALLOWED = 1.5  # times the error without odometry
 FLOOR = 0.005  # m: below this two errors are the same
 

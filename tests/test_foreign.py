@@ -213,7 +213,7 @@ def test_a_bag_recorded_beside_another_slam_gives_the_whole_table(log, tmp_path,
     words += ["--algorithms", "hector", "--out", str(tmp_path / "out")]
     assert compare.main(words) == 0
     said = capsys.readouterr().out
-    assert said.count("slam_toolbox") >= 3
+    assert said.count("slam_toolbox") >= 2
     ours, theirs = results.read(tmp_path / "out").logs[0].outcomes
     assert ours.row["used"] == ["laser", "wheels"]
     assert theirs.row["errors"]["dropped"] <= 1

@@ -13,7 +13,7 @@ from slams.registry import find
 from slams.room import drive, laser, scan_at
 from slams.types import Pose2
 
-NAMES = ("crsm", "gmapping")
+NAMES = ("hector", "tsd", "crsm")
 FEW = {"gmapping": {"n_particles": 3}}
 
 

@@ -104,10 +104,15 @@ class TsdParams(MotionParams):
         source="ours: A1; the paper ends with ICP",
     )
     rays: int = param(
-        180, "1", "most rays of the model scan", source="ours: a lidar's, as many as beams", low=8
+        180,
+        "1",
+        "most rays of the model scan",
+        source="ours: a lidar's, as many as beams",
+        low=8,
+        high=10_000,
     )
     icp_iterations: int = param(
-        30, "1", "most ICP rounds", source="original code; 5 are usual", low=1
+        30, "1", "most ICP rounds", source="original code; 5 are usual", low=1, high=1000
     )
     widest_gate: float = param(
         0.4, "m", "greatest pair distance at first", source=ORIGINAL, low=1e-3
@@ -116,7 +121,12 @@ class TsdParams(MotionParams):
         0.05, "m", "least gate", source="ours: 5 range noises; original code: 0.02", low=1e-3
     )
     pair_window: int = param(
-        4, "1", "rays to either side among which a pair is looked for", source="ours: A2", low=0
+        4,
+        "1",
+        "rays to either side among which a pair is looked for",
+        source="ours: A2",
+        low=0,
+        high=100,
     )
     search_translation: float = param(
         0.6, "m", "half width of the wide search, doubled when it fails", source="ours: R2", low=0.0
