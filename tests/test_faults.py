@@ -14,8 +14,8 @@ from slams.motion.track import LOST_AFTER
 from slams.player import replay
 from slams.registry import find
 from slams.scanlog import Track
-from slams.types import Scan
-from tests.rooms import box, drive, scan_at
+from slams.types import Pose2, Scan
+from tests.rooms import box, drive, laser, scan_at
 
 ALGORITHMS = ("hector", "tsd", "crsm")
 ALLOWED = 1.5  # times the error without odometry
@@ -99,3 +99,53 @@ def test_wheels_hold_the_pose_where_the_laser_is_blind(algorithm):
         slam.update(dataclasses.replace(scan, ranges=blind) if 40 <= i < 80 else scan)
         assert slam.state == ("predicted" if 40 <= i < 80 else "matched")
     assert slam.report()["lost"] == 0
+
+
+def new(algorithm):
+    entry = find(algorithm)
+    return entry.cls(entry.params())
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_odometry_and_gyro_that_are_no_numbers_count_as_none(algorithm, bad):
+    log = list(drive(n=24))
+    fields = [Pose2(bad, 0.0, 0.0), Pose2(0.0, 0.0, bad), Pose2(bad, bad, bad)]
+    for k, odometry in enumerate(fields):
+        log[6 + 3 * k] = dataclasses.replace(log[6 + 3 * k], odometry=odometry, yaw=bad)
+    log[20] = dataclasses.replace(log[20], yaw=bad)
+    slam, whole = (new(algorithm) for _ in range(2))
+    for scan, good in zip(log, drive(n=24), strict=True):
+        assert slam.update(scan) == pytest.approx(whole.update(good), abs=0.01)
+        assert slam.state == "matched"
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_scans_of_another_place_are_called_lost_and_leave_the_map_alone(algorithm):
+    lidar = laser(181)
+    rng = np.random.default_rng(5)
+
+    def foreign(t):
+        ranges = rng.uniform(0.3, 8.0, lidar.n_beams).astype(np.float32)
+        ranges.flags.writeable = False
+        return dataclasses.replace(scan_at((0.0, 0.0, 0.0), lidar, t=t), ranges=ranges)
+
+    slam, said = new(algorithm), []
+    for k in range(90):
+        t, here = 0.1 * k, (0.005 * min(k, 30), 0.0, 0.0)
+        strange = 30 <= k < 60
+        pose = slam.update(foreign(t) if strange else scan_at(here, lidar, t=t))
+        said.append(slam.state)
+        assert 0.0 <= slam.quality <= 1.0
+        assert np.linalg.eigvalsh(slam.covariance).min() > 0.0
+        if k == 29:
+            entered, sure = slam.map().p.copy(), slam.covariance[0, 0]
+        if k == 59:
+            assert np.array_equal(slam.map().p, entered, equal_nan=True)
+            assert slam.covariance[0, 0] > 100.0 * sure
+    assert set(said[:30]) == {"matched"}
+    assert set(said[30:39]) == {"predicted"}  # until a second after the last match
+    assert set(said[42:60]) == {"lost"}
+    assert slam.report()["lost"] == said.count("lost")
+    assert set(said[61:]) == {"matched"}
+    assert pose == pytest.approx((0.15, 0.0, 0.0), abs=0.01)
