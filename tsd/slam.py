@@ -105,7 +105,7 @@ class Tsd:
         self._count(match)
         self._quality = match.close
         if self._evidence.good(match):
-            self._accept(scan, match)  # 8
+            self._accept(scan, match, start)  # 8
             if self._moved():
                 self._push(self._track.pose)  # 9
         else:
@@ -201,11 +201,11 @@ class Tsd:
         self._counts["refined"] += any(match is other for other in self._refined)
         self._counts["searched"] += self._searched
 
-    def _accept(self, scan: Scan, match: Match) -> None:
+    def _accept(self, scan: Scan, match: Match, start: Prediction) -> None:
         self._evidence.learn(match, self._search.fruitless)
         self._counts["recovered"] += self._track.state != "matched"
         self._track.matched(match.pose, match.information, scan)
-        if self.params.refine:
+        if self.params.refine and "wheels" not in start.used:  # they know the way along a corridor
             self._track.slipped(*self._direct.slipped(match))
 
     def _refuse(self, scan: Scan) -> None:
