@@ -17,6 +17,7 @@ from tsd.view import View
 STOP = 1e-4, 1e-5  # steps [m], [rad] that are none
 UNSEEN = 0.01  # a direction seen worse than this [m] is looked along
 NEEDED = 30  # elements that must speak of it; fewer prefer one place or another by chance
+DOUBTED = 0.05  # m, deviation of a prediction by wheels that is looked behind
 SHIFTS = np.linspace(-0.4, 0.4, 17)  # along it [m]
 
 
@@ -48,11 +49,12 @@ class Direct:
         )
         return self._evidence.weigh(Pose2(*x.tolist()), self._room[:3])
 
-    def slipped(self, match: Match) -> tuple[Pose2, Floats]:
+    def slipped(self, match: Match, by_wheels: bool) -> tuple[Pose2, Floats]:
         """Where the scan sees one direction badly, the mean of all poses along it by likelihood.
 
         In a corridor the few elements that face along it are beyond the reach of Gauss-Newton
-        once the robot has slipped, and what noise turned that way holds the pose where it is.
+        once the robot has slipped, and what noise turned that way holds the pose where it is. Where
+        wheels tell the way along it well, they are better than what few elements seem to say.
         Returns the pose and the variance (2, 2) [m2] of the slip.
         """
         pose, (xx, xy, yy) = match.pose, match.information[(0, 0, 1), (0, 1, 1)].tolist()
@@ -62,10 +64,11 @@ class Direct:
         axis = np.array([-math.sin(across), math.cos(across)])
         seen, agree = self._agreement(pose, SHIFTS[:, None] * axis).T
         middle = len(SHIFTS) // 2
-        if seen[middle] < NEEDED:
+        doubt2 = float(axis @ self._track.expected[:2, :2] @ axis)
+        if seen[middle] < NEEDED or (by_wheels and doubt2 < DOUBTED**2):
             return pose, np.zeros((2, 2))
         evidence = agree - seen * agree[middle] / max(seen[middle], 1.0)
-        evidence -= 0.5 * SHIFTS**2 / (axis @ self._track.expected[:2, :2] @ axis)
+        evidence -= 0.5 * SHIFTS**2 / doubt2
         likelihood = np.exp(evidence - evidence.max())
         likelihood /= likelihood.sum()
         mean = likelihood @ SHIFTS

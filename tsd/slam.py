@@ -205,8 +205,9 @@ class Tsd:
         self._evidence.learn(match, self._search.fruitless)
         self._counts["recovered"] += self._track.state != "matched"
         self._track.matched(match.pose, match.information, scan)
-        if self.params.refine and "wheels" not in start.used:  # they know the way along a corridor
-            self._track.slipped(*self._direct.slipped(match))
+        if self.params.refine:
+            by_wheels = "wheels" in start.used
+            self._track.slipped(*self._direct.slipped(match, by_wheels))
 
     def _refuse(self, scan: Scan) -> None:
         """Stay with the prediction; where wheels alone have held it for long, map on from there."""
