@@ -197,7 +197,7 @@ class Hector:
         counts["refused"] += known and not accepted
 
     def _due(self, points: EndPoints) -> bool:
-        """Step 5: far enough from the last insertion, or much that the map did not explain."""
+        """Step 6: far enough from the last insertion, or much that the map did not explain."""
         track, key = self._track, self._key
         if self.frozen or points.n == 0:
             return False

@@ -1,4 +1,8 @@
-"""Where the robot is and how sure that is: matched, predicted or lost, the same for all."""
+"""Where the robot is and how sure that is: matched, predicted or lost, the same for all.
+
+[Zhang16] J. Zhang, M. Kaess, S. Singh: On Degeneracy of Optimization-based State Estimation
+Problems, ICRA 2016.
+"""
 
 from __future__ import annotations
 
@@ -118,7 +122,7 @@ class Track:
         self.motion, self._begun = Motion(self._params), False
         self.pose, self.covariance, self.state = pose, FLOOR * np.eye(3), "matched"
         self.predict(scan)
-        self.matched(pose, np.eye(3) / FLOOR, scan)
+        self.matched(pose, self._information, scan)
 
     def _learn(self, pose: Pose2, alone: Floats) -> None:
         """Widen what is expected where matches, good to `alone` (3, 3), surprise too often.

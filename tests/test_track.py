@@ -1,0 +1,105 @@
+"""The pose from scan to scan: what predictions count for, and what comes without a match."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.geometry import FREEDOM, add_prior
+from slams.motion.params import MotionParams
+from slams.motion.track import LOST_AFTER, Track, evenness
+from slams.types import IDENTITY, Pose2, Scan
+from tests.rooms import laser
+
+BEAM = (np.zeros(1, np.float32), laser(1))
+ROOM = np.diag([1e6, 1e6, 1e7])  # 1/m^2, 1/rad^2: what a scan says that sees all directions
+CORRIDOR = np.diag([1e2, 1e6, 1e7])
+STEP = 0.05  # m in 0.1 s
+
+
+def stamped(k, wheels=True):
+    return Scan(0.1 * k, *BEAM, Pose2(STEP * k, 0.0, 0.0) if wheels else None)
+
+
+def driven(seen, n=30, wheels=True):
+    """A track after `n` scans that were all matched where the robot is."""
+    track = Track(MotionParams())
+    for k in range(n):
+        track.predict(stamped(k, wheels))
+        track.matched(Pose2(STEP * k, 0.0, 0.0), seen, stamped(k, wheels))
+    return track
+
+
+def twins(seen):
+    """Two tracks that went the same way, one of them without caution from now on."""
+    careful, plain = driven(seen), driven(seen)
+    plain._params = plain._params.replace(caution=1.0)
+    for track in (careful, plain):
+        track.predict(stamped(30))
+    return careful, plain
+
+
+def test_a_prediction_counts_less_where_the_scan_sees_all_directions():
+    for seen, times in ((ROOM, 50.0), (CORRIDOR, 1.0)):
+        careful, plain = twins(seen)
+        assert careful.expected == pytest.approx(times * plain.expected, rel=0.01)
+
+
+def test_what_is_missed_is_as_sure_as_the_prediction_not_as_its_prior():
+    careful, plain = twins(ROOM)
+    for track in (careful, plain):
+        track.missed(stamped(30))
+    assert careful.pose == pytest.approx((STEP * 30, 0.0, 0.0), abs=1e-3)
+    assert careful.covariance == pytest.approx(plain.covariance)
+
+
+@pytest.mark.parametrize("wheels", [True, False])
+def test_a_second_without_a_match_is_lost_unless_wheels_hold_the_pose(wheels):
+    track = driven(ROOM, wheels=wheels)
+    for k in range(30, 50):
+        track.predict(stamped(k, wheels))
+        track.missed(stamped(k, wheels))
+        since = 0.1 * (k - 29)
+        if since < LOST_AFTER - 0.05:
+            assert track.state == "predicted" and not track.held
+        elif since > LOST_AFTER + 0.05:
+            assert track.state == ("predicted" if wheels else "lost") and track.held is wheels
+    assert (track.lost > 0) is not wheels
+
+
+def test_a_given_pose_stands_and_the_motion_before_it_means_nothing():
+    track, given = driven(ROOM), Pose2(7.0, -3.0, 1.0)
+    track.placed(given, stamped(30, wheels=False))
+    assert track.pose == given and track.state == "matched"
+    assert track.covariance[0, 0] < 1e-6
+    predicted = track.predict(stamped(31, wheels=False))
+    assert predicted.pose == pytest.approx(given, abs=1e-6)
+
+
+def test_another_pose_costs_more_the_farther_it_is_but_not_without_end():
+    track = driven(CORRIDOR)
+    track.predict(stamped(30))
+    price = [track.charge(Pose2(STEP * 30 + off, 0.0, 0.0)) for off in (0.0, 0.01, 0.1, 1.0)]
+    assert price[0] == pytest.approx(0.0, abs=1e-3)
+    assert price[0] < price[1] < price[2] < price[3] < 0.5
+    assert track.reachable(Pose2(STEP * 30, 0.3, 0.0))
+    assert not track.reachable(Pose2(STEP * 30 + 3.0, 0.0, 0.0))
+
+
+def test_evenness_is_the_ratio_of_the_axes_however_they_are_turned():
+    c, s = math.cos(0.7), math.sin(0.7)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    assert evenness(turn @ np.diag([4.0, 1.0, 9.0]) @ turn.T) == pytest.approx(0.25)
+    assert evenness(np.eye(3)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("deviations", [0.5, 3.0, 30.0])
+def test_a_prior_has_the_tails_of_students_law(deviations):
+    H, out, b = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    prior = np.diag([4.0, 1.0, 1.0])
+    off = Pose2(deviations / 2.0, 0.0, 0.0)
+    add_prior(H, prior, 2.0, off, out, b)
+    w = 2.0 * (FREEDOM + 3.0) / (FREEDOM + deviations**2)
+    assert out == pytest.approx(w * prior)
+    assert b == pytest.approx([w * 4.0 * off.x, 0.0, 0.0])
+    assert off != IDENTITY
