@@ -34,7 +34,8 @@ def leverage(points: Points, m: int, noise: Any, out: Any) -> None:
     noise: variances [m2] of a range and of a lone point, which measures x and y alike.
     """
     xy = points.xy
-    H = LEAST * np.eye(3)
+    H = np.zeros((3, 3))
+    H[0, 0] = H[1, 1] = H[2, 2] = LEAST
     for i in range(m):
         cx, cy, variance, lone = measured(points, i, noise)
         w = 1.0 / variance
@@ -77,10 +78,14 @@ def critical_rays(points: Points, m: int, laser: Any, noise: Any, count: int, ou
     for i in range(m):
         far[i] = math.hypot(points.xy[i, 0] - laser[0], points.xy[i, 1] - laser[1])
         if points.first[i + 1] != points.first[i]:
-            edge[i : min(i + 2, m)] = 1.0
+            edge[i] = edge[min(i + 1, m - 1)] = 1.0
     leverage(points, m, noise, shares)
-    each = min(EDGES * count / max(edge.sum(), 1.0), 1.0)
-    rest, all_far = 0.5 * (count - each * edge.sum()), far.sum()
+    edges = all_far = 0.0
+    for i in range(m):
+        edges += edge[i]
+        all_far += far[i]
+    each = min(EDGES * count / max(edges, 1.0), 1.0)
+    rest = 0.5 * (count - each * edges)
     k, owed = 0, 0.0
     for i in range(m):
         owed += min(each * edge[i] + rest * (shares[i] / 3.0 + far[i] / all_far), 1.0)

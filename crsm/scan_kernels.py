@@ -87,7 +87,8 @@ def end_points(ranges: Any, beams: Any, limits: Any, gap: Any, points: Points) -
         xy[m, 0], xy[m, 1], points.first[m] = x, y, m
         m += 1
         reach2 = max(reach2, x * x + y * y)
-        sums[m] = sums[m - 1]
+        for j in range(5):
+            sums[m, j] = sums[m - 1, j]
     points.wall[:m] = 0
     points.first[m] = -1
     return m, math.sqrt(reach2)

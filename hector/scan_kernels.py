@@ -129,7 +129,8 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
     end point among the two beams to either side within `slack` [m] and four beams' spacing, or
     both neighbors' line within `slack` along the beam. points, out (3, >= n).
     """
-    out[:, :n] = points[:, :n]
+    for i in range(n):  # by hand: an assignment of slices takes two seconds to compile
+        out[0, i], out[1, i], out[2, i] = points[0, i], points[1, i], points[2, i]
     kept = 0
     for i in range(n):
         rx, ry = out[0, i] - mount.x, out[1, i] - mount.y
