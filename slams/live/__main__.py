@@ -140,7 +140,7 @@ def _begun(
     from slams.live.slam import LiveSlam
 
     saved, place = arguments.resume_state, arguments.localize
-    live = LiveSlam(entry.label, state=saved, map=place, start=start, **params.as_dict())
+    live = LiveSlam(entry.label, state=saved, map=place, map_start=start, **params.as_dict())
     if arguments.save_state:
         live.check_saving(arguments.save_state)
     return live

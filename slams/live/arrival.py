@@ -138,7 +138,7 @@ def arrival(
     """
     if place is None:
         if start is not None:
-            raise ValueError("start: got a place without a map; expected map, too")
+            raise ValueError("map_start: got a place without a map; expected map, too")
         return None
     ready = prepare(entry, params, _given(place, notes))
     if start is not None:

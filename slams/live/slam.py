@@ -49,7 +49,7 @@ class LiveSlam:
         map: a map that stays as it is, to localize in: a saved state, a yaml of map_server, or an
             `OccupancyGrid`. Poses are in its frame; while the place is sought, estimates are not
             `found`.
-        start: about where in it the first scan is taken, x, y [m], theta [rad]; None seeks it.
+        map_start: about where in it the first scan is, x, y [m], theta [rad]; None seeks it.
         changes: single parameters.
 
     `notes` are sentences for the user about the map, and where in it the robot was found.
@@ -70,7 +70,7 @@ class LiveSlam:
         warm_up: bool = True,
         state: str | Path | None = None,
         map: str | Path | OccupancyGrid | None = None,  # noqa: A002  # as users call it
-        start: Sequence[float] | None = None,
+        map_start: Sequence[float] | None = None,
         **changes: Any,
     ) -> None:
         self._entry = find(algorithm)
@@ -83,7 +83,7 @@ class LiveSlam:
         if map is not None and state is not None:
             raise ValueError("map: stays as it is; got a state to go on from, too")
         self.notes: list[str] = []
-        self._place = arrival(self._entry, self.params, map, start, self.notes)
+        self._place = arrival(self._entry, self.params, map, map_start, self.notes)
         saved = None if state is None else resume(state, self._entry, self.params)
         self.params = getattr(saved and saved.slam, "params", self.params)
         if warm_up:
@@ -95,7 +95,7 @@ class LiveSlam:
     def reset(self) -> None:
         """Forget map and pose; the next scan's pose is the origin of a new map.
 
-        In a map that stays the place is sought anew, or `start` is taken again.
+        In a map that stays the place is sought anew, or `map_start` is taken again.
         """
         new = self._entry.cls(self.params) if self._place is None else self._place.anew()
         self._begin(new, Seam())

@@ -212,7 +212,7 @@ def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path
 
 
 def test_a_start_is_taken_and_a_reset_takes_it_again(folder):
-    live = LiveSlam("hector", map=folder / "map.yaml", start=(0.35, -0.2, 0.4), warm_up=False)
+    live = LiveSlam("hector", map=folder / "map.yaml", map_start=(0.35, -0.2, 0.4), warm_up=False)
     for _ in range(2):
         for scan in placed_log(6):
             estimate = live.push_scan(scan)
@@ -231,7 +231,7 @@ def test_what_does_not_fit_is_refused(folder, tmp_path):
     live.push_scan(scan_at((0.0, 0.0, 0.0)))
     live.save(state)
     for changes, error, sentence in (
-        ({"start": (0, 0, 0)}, ValueError, "got a place without a map"),
+        ({"map_start": (0, 0, 0)}, ValueError, "got a place without a map"),
         ({"state": state, "map": folder / "map.yaml"}, ValueError, "map: stays as it is"),
         ({"state": folder / "map.yaml"}, ValueError, "a picture of a map cannot be gone on with"),
         ({"state": tmp_path / "none"}, OSError, "none"),
@@ -239,7 +239,7 @@ def test_what_does_not_fit_is_refused(folder, tmp_path):
     ):
         with pytest.raises(error, match=sentence):
             LiveSlam("odometry", warm_up=False, **changes)
-    given = LiveSlam("hector", map=folder / "map.yaml", start=START, warm_up=False)
+    given = LiveSlam("hector", map=folder / "map.yaml", map_start=START, warm_up=False)
     with pytest.raises(ValueError, match="the map stays as it was given"):
         given.save(state)
     with pytest.raises(OSError, match="no such folder"):
