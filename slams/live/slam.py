@@ -37,8 +37,8 @@ class LiveSlam:
     """One algorithm fed scan by scan.
 
     The kernels are compiled in the constructor (seconds the first time, then kept on disk), so no
-    push waits for them. All methods may be called from several threads; they take turns. While a
-    map is drawn, a push waits at most for a copy of what it is drawn from.
+    push waits for them. All methods may be called from several threads; they take turns. A map that
+    takes long is drawn by a copy of the process (Linux), and a push waits for its making at most.
 
     Args:
         algorithm: as on the command line: "hector", "tsd@original", "module:Class".
@@ -106,7 +106,7 @@ class LiveSlam:
             self._slam, self.seam = slam, seam
             self._confidence = Confidence()
             self._confidence.state(slam)  # what it counted before is not of the next scan
-            self._drawer = Drawer()
+            self._drawer = Drawer(large=not math.isnan(seam.t))
             self._yaw = Heading(seam.heading)
             self._scan: Scan | None = None
             self._last: Estimate | None = None
