@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -36,7 +37,10 @@ EARLY = 1000  # scans that may wait until the frames are known
 
 @dataclass
 class Drive:
-    """What was driven: stamps [s], poses, and time from a scan's coming to its pose [s]."""
+    """What was driven: stamps [s], poses, and time from a scan's coming to its pose [s].
+
+    The delays are of scans that came since the frames were known; others waited for those.
+    """
 
     t: list[float] = field(default_factory=list)
     poses: list[Pose2] = field(default_factory=list)
@@ -71,7 +75,7 @@ class Node:
         self._maps = MapThread(live, self._publisher.show, every)
         self._cleaner: ScanCleaner | None = None
         self._frame, self._alone = "", False
-        self._looked = -1.0
+        self._looked, self._ready = -1.0, math.inf
         self._subscribe()
 
     def start(self, ending: threading.Event) -> None:
@@ -88,6 +92,7 @@ class Node:
         mounted = None if since is None else self._mounted(since, ending)
         if mounted is not None:
             self._cleaner = ScanCleaner(mounted)
+            self._ready = time.monotonic()
 
     def run(self, ending: threading.Event, status: Callable[[], None]) -> None:
         """Take scans until the end; `status` is called about once a second."""
@@ -235,7 +240,8 @@ class Node:
         self._publisher.tell(
             message.stamp, estimate, self._edge(estimate.pose, odometry), self._counts(1)
         )
-        self.drive.delays.append(time.monotonic() - since)
+        if since >= self._ready:
+            self.drive.delays.append(time.monotonic() - since)
         self.drive.t.append(t)
         self.drive.poses.append(estimate.pose)
         self._maps.seen(message.stamp)

@@ -52,5 +52,5 @@ class Terminal:
         return (
             f"{scans} scans, {rate:.1f}/s, {node.inbox.dropped} left out, {len(node.inbox)} wait; "
             f"{where}; {estimate.state} {estimate.quality:.2f}{explained}; "
-            f"{1e3 * node.drive.delays[-1]:.1f} ms"
+            f"{1e3 * node.drive.delays[-1] if node.drive.delays else math.nan:.1f} ms"
         )
