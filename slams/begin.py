@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from slams.params import Params
     from slams.registry import Entry
     from slams.scanlog import ScanLog
-    from slams.types import Slam
+    from slams.types import Pose2, Slam
 
 
 class Beginning(NamedTuple):
@@ -23,6 +23,41 @@ class Beginning(NamedTuple):
     log: ScanLog
     folder: Path
     notes: list[str]
+
+
+def add_state_options(parser: argparse.ArgumentParser) -> None:
+    """Give a command the options of states and of maps that stay as they are."""
+    group = parser.add_argument_group("states and maps")
+    group.add_argument("--save-state", metavar="FILE", help="also keep what the algorithm knows")
+    group.add_argument("--resume-state", metavar="FILE", help="go on from a saved state")
+    group.add_argument(
+        "--localize",
+        "--map",
+        metavar="MAP",
+        help="a state or map.yaml to stay as it is; as in ROS also called --map",
+    )
+    group.add_argument(
+        "--start",
+        metavar="X,Y,THETA",
+        help="where in MAP [m, rad], as --start=-1,2,0.5; else it is found",
+    )
+
+
+def given_start(arguments: argparse.Namespace) -> Pose2 | None:
+    """The pose of `--start`, once the options of states and maps fit together.
+
+    Raises:
+        ValueError: they do not.
+    """
+    from slams.localize.source import pose_of
+
+    if arguments.start and not arguments.localize:
+        raise ValueError("--start: got a place without a map; expected --localize MAP, too")
+    for name in ("resume_state", "save_state"):
+        if arguments.localize and getattr(arguments, name):
+            option = f"--{name.replace('_', '-')}"
+            raise ValueError(f"--localize leaves the map as it is: got {option}, too")
+    return None if arguments.start is None else pose_of(arguments.start)
 
 
 def begin(entry: Entry, params: Params, arguments: argparse.Namespace, program: str) -> Beginning:
@@ -65,16 +100,9 @@ def _localizing(
     entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
 ) -> tuple[Slam, ScanLog, list[str]]:
     """The algorithm in a map that stays, and the log from where its place is sure."""
-    if not arguments.localize:
-        raise ValueError("--start: got a place without a map; expected --localize MAP, too")
-    for name in ("resume_state", "save_state"):
-        if getattr(arguments, name):
-            option = f"--{name.replace('_', '-')}"
-            raise ValueError(f"--localize leaves the map as it is: got {option}, too")
     from slams.localize import source
 
-    notes: list[str] = []
-    start = None if arguments.start is None else source.pose_of(arguments.start)
+    start, notes = given_start(arguments), list[str]()
     ready = source.prepare(entry, params, source.open_map(arguments.localize, notes))
     seen = log if not arguments.no_odometry else log.select(odometry=False)
     if start is not None:

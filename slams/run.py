@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
+from slams.begin import add_state_options, begin
 
 if TYPE_CHECKING:
     from slams.params import Params
@@ -55,15 +56,8 @@ def parser() -> argparse.ArgumentParser:
         const="live",
         help="watch in the viewer rerun, or save for it (extra viz)",
     )
-    p.add_argument("--save-state", metavar="FILE", help="also keep what the algorithm knows")
-    p.add_argument("--resume-state", metavar="FILE", help="go on from a saved state")
-    p.add_argument("--localize", metavar="MAP", help="a state or map.yaml to stay as it is")
-    p.add_argument(
-        "--start",
-        metavar="X,Y,THETA",
-        help="where in MAP [m, rad], as --start=-1,2,0.5; else it is found",
-    )
     p.add_argument("-q", "--quiet", action="store_true", help="no progress bar, no summary")
+    add_state_options(p)
     cli.add_log_options(p)
     return p
 
@@ -79,8 +73,6 @@ def _command(arguments: argparse.Namespace) -> int:
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
-    from slams.begin import begin
-
     slam, log, folder, notes = cli.refusing(lambda: begin(entry, params, arguments, PROGRAM))
     cli.show_notes(PROGRAM, [*log.notes, *notes], arguments.quiet)
     params = getattr(slam, "params", params)
@@ -189,7 +181,7 @@ def _write_mcap(path: Path, log: ScanLog, run: Run, grid: OccupancyGrid) -> None
 def _save_state(slam: Slam, path: str, log: ScanLog) -> None:
     from slams.state import session
 
-    session.save_after(slam, path, log)
+    session.save_after(slam, path, float(log.t[-1]), log.ranges[-1])
 
 
 def _replayed(

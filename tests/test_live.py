@@ -308,7 +308,7 @@ def test_mount_sensor_and_parameters_reach_the_algorithm():
     assert live.params == find("hector").params().for_sensor("lds01").replace(levels=2)
     scan = scan_at((0.0, 0.0, 0.0))
     live.push(0.0, scan.ranges, *fan(scan.laser))
-    assert live._laser.mount == Pose2(0.1, 0.0, 0.2)
+    assert live._scan.laser.mount == Pose2(0.1, 0.0, 0.2)
     with pytest.raises(LookupError, match="unknown sensor 'lds-01'; did you mean 'lds01'"):
         LiveSlam("hector", sensor="lds-01")
     with pytest.raises(LookupError, match="unknown parameter 'level'"):

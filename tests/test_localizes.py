@@ -319,13 +319,16 @@ def test_what_does_not_fit_is_refused_in_one_sentence(files, capsys):
             pose_of(text)
 
 
-@pytest.mark.parametrize("word", ["load_state(folder", "Finder(slam.map())"])
+@pytest.mark.parametrize("word", ["load_state(folder", "Finder(slam.map())", "LiveSlam("])
 def test_the_code_of_the_page_about_maps_runs(word):
     page = (Path(__file__).resolve().parents[1] / "docs" / "maps.md").read_text(encoding="utf-8")
     code = next(b for b in re.findall(r"```python\n(.*?)```", page, re.S) if word in b)
     exec(code, scope := {"slams": slams})
     if "Finder" in word:
         assert math.hypot(*scope["found"].pose[:2]) < 0.1
+    elif "LiveSlam" in word:
+        apart = np.array(scope["estimate"].pose) - np.array(scope["on"].last.pose)
+        assert scope["estimate"].found and np.abs(apart).max() < 0.05
     else:
         slam = slams.create("hector")
         assert [slam.update(scan) for scan in drive(n=30)][20:] == scope["poses"]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
+from slams.begin import add_state_options, given_start
 from slams.live.network import add_network_options, wire_of
 from slams.live.options import NodeOptions, Topics
 from slams.run import chosen, parameter_table
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from slams.live.slam import LiveSlam
     from slams.live.status import Terminal
     from slams.live.wire import Wire
+    from slams.params import Params
+    from slams.registry import Entry
+    from slams.types import Pose2
 
 PROGRAM = "slams.live"
 
@@ -45,6 +49,7 @@ def parser() -> argparse.ArgumentParser:
         "--laser-turns", choices=("cw", "ccw"), default="cw", help="which way its angles grow: cw"
     )
     p.add_argument("-q", "--quiet", action="store_true", help="no notes, no status line")
+    add_state_options(p)
     _add_topics(p)
     _add_frames(p)
     add_network_options(p)
@@ -101,20 +106,23 @@ def _command(arguments: argparse.Namespace) -> int:
         return 0
     from slams.formats.files import check_folder
     from slams.live.results import RESULTS, delays, write_results
-    from slams.live.slam import LiveSlam
     from slams.live.status import Terminal
 
     options = cli.refusing(lambda: node_options(arguments))
     folder = Path(arguments.out or f"results/live-{entry.label.replace(':', '.')}")
     cli.refusing(lambda: check_folder(folder))
     terminal = Terminal(PROGRAM, arguments.quiet)
+    start = cli.refusing(lambda: given_start(arguments))
     ending = _ending()
     wire = cli.refusing(lambda: _wire(arguments, terminal))
-    live = LiveSlam(entry.label, **params.as_dict())
+    live = cli.refusing(lambda: _begun(entry, params, arguments, start))
     node = _drive(live, wire, options, terminal, arguments.record, ending)
     if not node.drive.t:
-        raise RuntimeError("ended before the first scan; nothing is written")
-    cli.refusing(lambda: write_results(folder, entry.label, params, node))
+        raise RuntimeError(_nothing(node))
+    if arguments.save_state:
+        beside = {"gyro": node.senses.gyro_kept}
+        cli.refusing(lambda: live.save(arguments.save_state, **beside))
+    cli.refusing(lambda: write_results(folder, entry.label, live.params, node))
     if not arguments.quiet:
         spent = ", ".join(f"{name} {value} ms" for name, value in delays(node.drive).items())
         sys.stdout.write(
@@ -123,6 +131,30 @@ def _command(arguments: argparse.Namespace) -> int:
             f"{folder}/: {', '.join(RESULTS)}\n"
         )
     return 0
+
+
+def _begun(
+    entry: Entry, params: Params, arguments: argparse.Namespace, start: Pose2 | None
+) -> LiveSlam:
+    """The algorithm, new, from a state, or in a map that stays; compiled."""
+    from slams.live.slam import LiveSlam
+
+    saved, place = arguments.resume_state, arguments.localize
+    live = LiveSlam(entry.label, state=saved, map=place, map_start=start, **params.as_dict())
+    if arguments.save_state:
+        live.check_saving(arguments.save_state)
+    return live
+
+
+def _nothing(node: Node) -> str:
+    """Why there is no pose."""
+    sought = node.drive.counts["sought"]
+    if not sought:
+        return "ended before the first scan; nothing is written"
+    return (
+        f"its place in the map is not sure after {sought} scans ({node.live.doubt}); expected "
+        "a drive that leaves alike places, or --start; nothing is written"
+    )
 
 
 def node_options(arguments: argparse.Namespace) -> NodeOptions:

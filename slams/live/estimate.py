@@ -27,6 +27,8 @@ class Estimate:
         lost: the scan did not fit the map, the pose is a prediction.
         seconds_lost: for how long that has been so.
         state: "matched", "predicted" (from odometry or motion alone) or "lost".
+        found: False while the place in a given map is sought; the pose is the likeliest one.
+        explained: share of the scan that a given map explains, 0..1; nan without such a map.
     """
 
     t: float
@@ -38,6 +40,8 @@ class Estimate:
     lost: bool
     seconds_lost: float
     state: str = MATCHED
+    found: bool = True
+    explained: float = math.nan
 
 
 class Confidence:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from slams.live.recorder import Recorder
 from slams.live.scans import Message, ScanCleaner, message_of
 from slams.live.senses import Senses
 from slams.live.slam import LiveSlam
+from slams.live.timelines import RateTimeline
 from slams.live.watch import Say, Watch
 from slams.live.wire import TYPES, Quality, Taker, Wire
 from slams.types import IDENTITY, Pose2, Scan
@@ -28,20 +30,23 @@ SETTLING = 0.5  # [s] after the first scan, in which odometry and tf speak up
 WITHOUT_TF = 2.0  # [s] after the first scan, in which tf may come late
 SOON = 0.02  # [s] between looks at what tf tells
 TICK = 0.1  # [s] between looks at whether to end
+SOUGHT_LONG = 20  # scans without a sure place in a given map: that is told
+COUNTED = ("unreadable", "other_frame", "no_odometry", "sought")  # scans, why they are told
 EARLY = 1000  # scans that may wait until the frames are known
 
 
 @dataclass
 class Drive:
-    """What was driven: stamps [s], poses, and time from a scan's coming to its pose [s]."""
+    """What was driven: stamps [s], poses, and time from a scan's coming to its pose [s].
+
+    The delays are of scans that came since the frames were known; others waited for those.
+    """
 
     t: list[float] = field(default_factory=list)
     poses: list[Pose2] = field(default_factory=list)
     delays: list[float] = field(default_factory=list)
     estimate: Estimate | None = None
-    counts: dict[str, int] = field(
-        default_factory=lambda: dict.fromkeys(("unreadable", "other_frame", "no_odometry"), 0)
-    )
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTED, 0))
 
 
 class Node:
@@ -60,15 +65,17 @@ class Node:
         prepare(TYPES)
         self.live, self.wire, self.options = live, wire, options
         self.drive, self.inbox = Drive(), Inbox(EARLY)
-        self.senses = Senses(RobotFrames(options.base_frame, options.odom_frame), options.odometry)
+        frames, gyro = RobotFrames(options.base_frame, options.odom_frame), live.seam.gyro
+        self.senses = Senses(frames, options.odometry, RateTimeline(gyro))
         self.recorder: Recorder | None = None
         self._say, self._noted = say, set[str]()
         self._watch = Watch(options.topics.scan, self.inbox, live, wire, say)
         self._publisher = Publisher(wire, options, self._keep)
-        self._maps = MapThread(live, self._publisher.show, options.map_every)
+        every = options.map_every if live.given is None else 0.0
+        self._maps = MapThread(live, self._publisher.show, every)
         self._cleaner: ScanCleaner | None = None
         self._frame, self._alone = "", False
-        self._looked = -1.0
+        self._looked, self._ready = -1.0, math.inf
         self._subscribe()
 
     def start(self, ending: threading.Event) -> None:
@@ -78,11 +85,14 @@ class Node:
             ValueError: there are no scans, or a frame is not in tf; the sentence says what is.
         """
         self.wire.listen()
+        if self.live.given is not None:
+            self._publisher.show(0, self.live.given)  # of no time: it stays
         self._say(f"ready for scans on {self.options.topics.scan}")
         since = self._first_scan(ending)
         mounted = None if since is None else self._mounted(since, ending)
         if mounted is not None:
             self._cleaner = ScanCleaner(mounted)
+            self._ready = time.monotonic()
 
     def run(self, ending: threading.Event, status: Callable[[], None]) -> None:
         """Take scans until the end; `status` is called about once a second."""
@@ -222,14 +232,24 @@ class Node:
         estimate = self.live.push_scan(scan)
         if not estimate.used:
             return
-        counts = {"scans": len(self.drive.t) + 1, "dropped": self.inbox.dropped}
-        self._publisher.tell(message.stamp, estimate, self._edge(estimate.pose, odometry), counts)
-        self.drive.delays.append(time.monotonic() - since)
+        self.drive.estimate = estimate
+        if not estimate.found:
+            self._publisher.tell_state(message.stamp, estimate, self._counts(0))
+            self.drive.counts["sought"] += 1
+            return
+        self._publisher.tell(
+            message.stamp, estimate, self._edge(estimate.pose, odometry), self._counts(1)
+        )
+        if since >= self._ready:
+            self.drive.delays.append(time.monotonic() - since)
         self.drive.t.append(t)
         self.drive.poses.append(estimate.pose)
-        self.drive.estimate = estimate
         self._maps.seen(message.stamp)
         self._watch.stamped(t)
+
+    def _counts(self, more: int) -> dict[str, int]:
+        """What the state tells beside: scans with a pose, and `more`; scans left out."""
+        return {"scans": len(self.drive.t) + more, "dropped": self.inbox.dropped}
 
     def _edge(self, pose: Pose2, odometry: Pose2 | None) -> tuple[str, Pose2] | None:
         """What to place in the map: the odometry's frame, or the base where nobody places that."""
@@ -256,6 +276,11 @@ class Node:
         self._watch.count(
             "unsent", self._publisher.unsent, "messages were not taken by the network in time"
         )
+        self._watch.count(
+            "sought",
+            counts["sought"] if self.live.doubt and counts["sought"] > SOUGHT_LONG else 0,
+            f"scans so far, and the place in the map is not sure ({self.live.doubt}); drive on",
+        )
         if self._maps.failed is not None:
             self._say(f"the map is not published: {self._maps.failed}")
             self._maps.failed = None
@@ -263,7 +288,7 @@ class Node:
     def _tell_notes(self) -> None:
         """Tell what is assumed of frames and laser, once each."""
         frames = self.senses.frames
-        notes = [*frames.notes, *(self._cleaner.notes if self._cleaner else ())]
+        notes = [*self.live.notes, *frames.notes, *(self._cleaner.notes if self._cleaner else ())]
         if self._alone and frames.knows(self._frame):
             notes.append(f"tf has {self._frame} now, too late: start again to have it used")
         for note in notes:

@@ -56,6 +56,10 @@ class Publisher:
             self._send(self._options.topics.tf, moved)
         posed = self._make.posed(stamp, estimate.pose, estimate.covariance, frame)
         self._send(self._options.topics.pose, posed)
+        self.tell_state(stamp, estimate, counts)
+
+    def tell_state(self, stamp: int, estimate: Estimate, counts: Counts) -> None:
+        """Publish how a scan went, without a pose: alone where the place is still sought."""
         self._send(self._options.topics.state, self._state(stamp, estimate, counts))
 
     def show(self, stamp: int, grid: OccupancyGrid) -> None:
@@ -64,8 +68,8 @@ class Publisher:
         self._send(self._options.topics.map, message)
 
     def _state(self, stamp: int, estimate: Estimate, counts: Counts) -> Any:
-        quality = "" if math.isnan(estimate.quality) else f"{estimate.quality:.3f}"
-        values = {"quality": quality, "seconds_lost": f"{estimate.seconds_lost:.3f}"}
+        values = {"quality": _share(estimate.quality), "explained": _share(estimate.explained)}
+        values |= {"seconds_lost": f"{estimate.seconds_lost:.3f}"}
         values |= {name: str(count) for name, count in counts.items()}
         level = STATES.index(estimate.state)
         return self._make.status(stamp, "slams", level, estimate.state, values)
@@ -77,3 +81,8 @@ class Publisher:
         except OSError:
             self.unsent += 1
         self._keep(topic, time.time_ns(), data)
+
+
+def _share(value: float) -> str:
+    """0..1 as text; nothing where it is not known."""
+    return "" if math.isnan(value) else f"{value:.3f}"

@@ -33,9 +33,12 @@ class Senses:
         frames: the robot's frames.
         odometry: "auto", tf where it has the odometry's frame and else the topic; "tf"; "topic";
             "none", which is tf all the same: map -> odom has to fit it.
+        gyro: its integral so far, which goes on.
     """
 
-    def __init__(self, frames: RobotFrames, odometry: str = "auto") -> None:
+    def __init__(
+        self, frames: RobotFrames, odometry: str = "auto", gyro: RateTimeline | None = None
+    ) -> None:
         self.frames, self.unreadable = frames, 0
         self.source: str | None = None  # of the odometry: "tf" or "topic", when chosen
         self._wanted = odometry
@@ -43,7 +46,7 @@ class Senses:
         self._of_topic, self._of_tf = PoseTimeline(), dict[str, PoseTimeline]()
         self._child: str | None = None  # frame the topic's poses are of
         self._step: Pose2 | None = None  # from the frame that the odometry is of to the base
-        self._gyro, self._early = RateTimeline(), list[Turn]()
+        self._gyro, self._early = gyro or RateTimeline(), list[Turn]()
         self._upright: dict[str, Floats | None] = {}
         self._settled = False
         self._changed = threading.Condition()
@@ -118,6 +121,12 @@ class Senses:
         """The heading by the gyro at a stamp; None where it was not measured."""
         with self._changed:
             return self._gyro.integral_at(t)
+
+    @property
+    def gyro_kept(self) -> list[float]:
+        """What the gyro's integral can go on from."""
+        with self._changed:
+            return list(self._gyro.kept)
 
     @property
     def has_odometry(self) -> bool:

@@ -10,19 +10,25 @@ import math
 import threading
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slams.heading import Heading
+from slams.live.arrival import arrival
 from slams.live.drawing import Drawer
 from slams.live.estimate import LOST, Confidence, Estimate, covariance, quality
-from slams.plausible import LONGEST_SWEEP, can_be, check_laser, check_stamps, expect
+from slams.live.intake import Intake
+from slams.live.seam import Seam
+from slams.live.warm_up import warm_up as warm_up_kernels
+from slams.plausible import check_laser, check_stamps, expect
 from slams.registry import find
 from slams.ros.stamps import seconds
 from slams.scanlog import ScanLog, single
-from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2, Scan, Slam
+from slams.state.session import check_target, resume, save_after
+from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan, Slam
 
 LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
 
@@ -31,19 +37,28 @@ class LiveSlam:
     """One algorithm fed scan by scan.
 
     The kernels are compiled in the constructor (seconds the first time, then kept on disk), so no
-    push waits for them. All methods may be called from several threads; they take turns. While a
-    map is drawn, a push waits at most for a copy of what it is drawn from.
+    push waits for them. All methods may be called from several threads; they take turns. A map that
+    takes long is drawn by a copy of the process (Linux), and a push waits for its making at most.
 
     Args:
         algorithm: as on the command line: "hector", "tsd@original", "module:Class".
         mount: the laser in the robot's base frame.
         sensor: preset for a laser, as `--sensor`.
         warm_up: False leaves the compilation to the first scans.
+        state: a file of `save` to go on from, with its own parameters.
+        map: a map that stays as it is, to localize in: a saved state, a yaml of map_server, or an
+            `OccupancyGrid`. Poses are in its frame; while the place is sought, estimates are not
+            `found`.
+        map_start: about where in it the first scan is, x, y [m], theta [rad]; None seeks it.
         changes: single parameters.
+
+    `notes` are sentences for the user about the map, and where in it the robot was found.
 
     Raises:
         LookupError: unknown algorithm, sensor or parameter.
-        ValueError: a parameter out of its bounds.
+        OSError: a file cannot be opened.
+        TypeError: the algorithm cannot localize.
+        ValueError: a parameter out of its bounds, or a file that is no such thing.
     """
 
     def __init__(
@@ -53,6 +68,9 @@ class LiveSlam:
         mount: Pose2 = IDENTITY,
         sensor: str | None = None,
         warm_up: bool = True,
+        state: str | Path | None = None,
+        map: str | Path | OccupancyGrid | None = None,  # noqa: A002  # as users call it
+        map_start: Sequence[float] | None = None,
         **changes: Any,
     ) -> None:
         self._entry = find(algorithm)
@@ -62,23 +80,41 @@ class LiveSlam:
         self.params = params.replace(**changes)
         self._mount = mount
         self._lock = threading.RLock()
+        if map is not None and state is not None:
+            raise ValueError("map: stays as it is; got a state to go on from, too")
+        self.notes: list[str] = []
+        self._place = arrival(self._entry, self.params, map, map_start, self.notes)
+        saved = None if state is None else resume(state, self._entry, self.params)
+        self.params = getattr(saved and saved.slam, "params", self.params)
         if warm_up:
-            self._warm_up()
+            warm_up_kernels(self._entry.cls, self.params)
         self.reset()
+        if saved is not None:
+            self._begin(saved.slam, Seam.of(saved.beside))
 
     def reset(self) -> None:
-        """Forget map and pose; the next scan's pose is the origin of a new map."""
+        """Forget map and pose; the next scan's pose is the origin of a new map.
+
+        In a map that stays the place is sought anew, or `map_start` is taken again.
+        """
+        new = self._entry.cls(self.params) if self._place is None else self._place.anew()
+        self._begin(new, Seam())
+
+    def _begin(self, slam: Slam, seam: Seam) -> None:
+        """Go on with an algorithm, new or from a state."""
         with self._lock:
-            self._slam: Slam = self._entry.cls(self.params)
+            self._slam, self.seam = slam, seam
             self._confidence = Confidence()
-            self._drawer = Drawer()
-            self._yaw = Heading()
-            self._laser: Laser | None = None
+            self._confidence.state(slam)  # what it counted before is not of the next scan
+            self._drawer = Drawer(large=not math.isnan(seam.t))
+            self._yaw = Heading(seam.heading)
+            self._scan: Scan | None = None
             self._last: Estimate | None = None
             self._fitted_at = -math.inf
             self._late = 0
             names = ("scans", "late", "repeated", "lasers", "bad_odometry", "clock_set_back")
             self._counts = dict.fromkeys(names, 0)
+            self._intake = Intake(self._mount, self._counts)
 
     def push(
         self,
@@ -115,13 +151,13 @@ class LiveSlam:
         geometry = (angle_min, angle_increment, range_min, range_max, time_increment)
         check_stamps("stamp", np.array([float(stamp)]))
         with self._lock:
-            laser = self._laser_of(len(values), geometry)
+            laser = self._intake.laser_of(len(values), geometry)
             one = ScanLog(np.array([float(stamp)]), values[None], laser)
             if yaw_rate is not None:
                 self._yaw.push(float(stamp), yaw_rate)
             yaw = self._yaw.at(float(stamp))
             return self.push_scan(
-                Scan(float(stamp), one.ranges[0], laser, self._pose_of(odometry), yaw)
+                Scan(float(stamp), one.ranges[0], laser, self._intake.pose_of(odometry), yaw)
             )
 
     def push_message(
@@ -155,11 +191,12 @@ class LiveSlam:
         shape, expected = np.shape(scan.ranges), (scan.laser.n_beams,)
         expect(shape == expected, "ranges", f"shape {shape}", f"{expected}")
         with self._lock:
-            scan = self._believed(scan)
+            scan = self._intake.believed(scan if self._scan is not None else self.seam.joined(scan))
             if self._last is not None and not self._is_next(scan.t, self._last):
                 return self._last
             self._late = 0
             self._counts["scans"] += 1
+            self._scan = scan
             pose = self._slam.update(scan)
             self._last = self._estimate(scan, pose)
             return self._last
@@ -183,6 +220,37 @@ class LiveSlam:
     def map(self) -> OccupancyGrid:
         """The map as it stands now; drawn when asked for, and pushes wait as little as can be."""
         return self._drawer.draw(self._slam, self._lock)
+
+    def save(self, path: str | Path, **beside: Any) -> None:
+        """Keep all that is known in one file, whole or not at all, to go on from by `state=`.
+
+        Pushes wait meanwhile. `beside` are numbers and lists of yours that are kept with it.
+
+        Raises:
+            OSError: the file cannot be written.
+            TypeError: the algorithm keeps something that no state can hold.
+            ValueError: there was no scan yet, or the map is one that stays.
+        """
+        with self._lock:
+            if self._place is not None or self._scan is None:
+                why = "no scan came yet" if self._place is None else "the map stays as it was given"
+                raise ValueError(f"{path}: nothing to save: {why}")
+            beside = {"heading": list(self._yaw.kept)} | beside
+            save_after(self._slam, path, self._scan.t, self._scan.ranges, **beside)
+
+    def check_saving(self, path: str | Path) -> None:
+        """Refuse, before any work is done, what `save` could not do; it raises the same."""
+        check_target(path, self._slam)
+
+    @property
+    def given(self) -> OccupancyGrid | None:
+        """The map that stays, if there is one."""
+        return None if self._place is None else self._place.map()
+
+    @property
+    def doubt(self) -> str:
+        """Where the robot may be, while its place in a given map is sought; else nothing."""
+        return str(getattr(self._slam, "doubt", ""))
 
     def report(self) -> dict[str, Any]:
         """Counts: scans used, late, repeated, changes of the laser; then the algorithm's own."""
@@ -217,49 +285,6 @@ class LiveSlam:
             lost=lost,
             seconds_lost=scan.t - self._fitted_at,
             state=state,
+            found=bool(getattr(self._slam, "found", True)),
+            explained=float(getattr(self._slam, "explained", math.nan)),
         )
-
-    def _laser_of(self, n_beams: int, geometry: tuple[float, ...]) -> Laser:
-        """The laser; one object as long as the geometry stays."""
-        angle_min, angle_increment, range_min, range_max, between = map(float, geometry)
-        between = between if 0.0 < between * n_beams <= LONGEST_SWEEP else 0.0
-        fan = Laser(angle_min, angle_increment, n_beams, range_min, range_max, self._mount, between)
-        if fan != self._laser:
-            check_laser(fan)
-            self._counts["lasers"] += 1
-            self._laser = fan
-        return self._laser
-
-    def _pose_of(self, odometry: Sequence[float] | None) -> Pose2 | None:
-        if odometry is None:
-            return None
-        if len(odometry) != 3:
-            raise ValueError(f"odometry: got {len(odometry)} numbers, expected x, y, theta")
-        pose = Pose2(*map(float, odometry))
-        if all(map(math.isfinite, pose)):
-            return pose
-        self._counts["bad_odometry"] += 1  # a scan keeps no numbers that are none
-        return None
-
-    def _believed(self, scan: Scan) -> Scan:
-        """The scan without odometry or heading that cannot be."""
-        odometry, yaw = scan.odometry, scan.yaw
-        if odometry is not None and not can_be(*odometry):
-            self._counts["bad_odometry"] += 1
-            odometry = None
-        if yaw is not None and not can_be(yaw):
-            yaw = None
-        same = odometry is scan.odometry and yaw is scan.yaw
-        return scan if same else replace(scan, odometry=odometry, yaw=yaw)
-
-    def _warm_up(self) -> None:
-        """Let throw-away instances see a room: at rest, on the move, as a sweep, and lost."""
-        from slams.room import drive, laser, scan_at
-
-        for increment, measured in ((0.0, True), (5e-4, False)):
-            lidar = replace(laser(n_beams=91), time_increment=increment)
-            log = drive(n=8, rate=5.0, lidar=lidar, odometry=measured, gyro=measured)
-            slam = self._entry.cls(self.params)
-            for scan in (*log, scan_at((2.0, 1.5, 2.0), lidar, t=2.0)):
-                slam.update(scan)
-            slam.map()

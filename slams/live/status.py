@@ -45,8 +45,12 @@ class Terminal:
         if estimate is None:
             return "waiting for scans"
         x, y, theta = estimate.pose
+        where = f"x {x:.2f} y {y:.2f} m, {math.degrees(theta):.0f} deg"
+        explained = "" if math.isnan(estimate.explained) else f", map {estimate.explained:.0%}"
+        if not estimate.found:
+            return f"{node.drive.counts['sought']} scans, sought in the map; {where}?{explained}"
         return (
             f"{scans} scans, {rate:.1f}/s, {node.inbox.dropped} left out, {len(node.inbox)} wait; "
-            f"x {x:.2f} y {y:.2f} m, {math.degrees(theta):.0f} deg; {estimate.state} "
-            f"{estimate.quality:.2f}; {1e3 * node.drive.delays[-1]:.1f} ms"
+            f"{where}; {estimate.state} {estimate.quality:.2f}{explained}; "
+            f"{1e3 * node.drive.delays[-1] if node.drive.delays else math.nan:.1f} ms"
         )

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from slams.live.seam import BRIDGED
 from slams.live.slam import LATE_IN_A_ROW
 from slams.plausible import LATEST, can_be
 from slams.types import Pose2, wrap_angle
@@ -99,14 +100,30 @@ class PoseTimeline(Timeline):
 
 
 class RateTimeline(Timeline):
-    """The integral of a rate over time."""
+    """The integral of a rate over time.
 
-    def __init__(self) -> None:
+    `kept` is what another one goes on from: stamp [s] (nan for none), rate and integral.
+    """
+
+    def __init__(self, kept: tuple[float, float, float] = (math.nan, 0.0, 0.0)) -> None:
         super().__init__()
-        self._rate = self._total = 0.0
+        t, self._rate, self._total = kept
+        self._resumed = not math.isnan(t)
+        if self._resumed:
+            self.append(t, (self._total,))
+
+    @property
+    def kept(self) -> tuple[float, float, float]:
+        """Stamp of the last sample, its rate, the integral."""
+        return self.t[-1] if self.t else math.nan, self._rate, self._total
 
     def push(self, t: float, rate: float) -> None:
         """Take a rate [rad/s]; what no robot can have is left out."""
+        if self._resumed:
+            self._resumed = False
+            if not 0.0 < t - self.t[0] <= BRIDGED:  # another drive's gyro, or a long time after
+                self.t.clear()
+                self.rows.clear()
         if not can_be(rate) or not self.is_next(t):
             return
         if self.t:

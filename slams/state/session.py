@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from slams.types import Ranges, Slam
 
 
+PICTURES = (".yaml", ".yml", ".pgm", ".png")  # of map_server
+
+
 def resume(path: str | Path, entry: Entry, params: Params) -> State:
     """The state in a file, for a run that asked for an algorithm and parameters.
 
@@ -25,6 +28,11 @@ def resume(path: str | Path, entry: Entry, params: Params) -> State:
         OSError: the file cannot be opened.
         ValueError: it is no such state, or the run asked for other parameters than it has.
     """
+    if Path(path).suffix in PICTURES:
+        raise ValueError(
+            f"{path}: a picture of a map cannot be gone on with, for it lacks most of what an "
+            "algorithm knows; expected a saved state, or --localize to drive in the picture"
+        )
     state = read_state(path, entry.label)
     saved: Params = getattr(state.slam, "params", params)
     if params not in (entry.params(), saved):
@@ -52,14 +60,16 @@ def check_target(path: str | Path, slam: Slam) -> None:
     check_saving(slam)
 
 
-def save_after(slam: Slam, path: str | Path, log: ScanLog) -> None:
-    """Save an algorithm that has seen all scans of a log, and which one was the last.
+def save_after(slam: Slam, path: str | Path, t: float, ranges: Ranges, **beside: Any) -> None:
+    """Save an algorithm, and which scan was its last, by stamp [s] and ranges (n,) [m].
+
+    `beside` are numbers and lists that the caller wants back with it.
 
     Raises:
         OSError: the file cannot be written.
         TypeError: the algorithm keeps something that no state can hold.
     """
-    save(slam, path, {"t": float(log.t[-1]), "scan": _digest(log.ranges[-1])})
+    save(slam, path, {"t": t, "scan": _digest(ranges)} | beside)
 
 
 def rest_of(log: ScanLog, beside: dict[str, Any], every: int = 1) -> tuple[ScanLog, int]:

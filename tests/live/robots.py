@@ -23,12 +23,14 @@ LASER = laser(91)
 class Stand:
     """A node and the bus it is on; `said` is what it tells the user."""
 
-    def __init__(self, monkeypatch, algorithm=BASELINE, recorder=None, bus=None, **options):
+    def __init__(
+        self, monkeypatch, algorithm=BASELINE, recorder=None, bus=None, begin=None, **options
+    ):
         monkeypatch.setattr(node, "SETTLING", 0.0)
         monkeypatch.setattr(node, "WITHOUT_TF", 0.05)
         self.bus, self.said, self.make = bus or Bus(), [], Maker()
         usual = {"patience": 0.3, "map_every": 0.0, "wait": 0.0}
-        self.live = LiveSlam(algorithm, warm_up=False)
+        self.live = LiveSlam(algorithm, warm_up=False, **(begin or {}))
         self.wire = self.bus.wire()
         options = NodeOptions(**(usual | options))
         self.node = Node(self.live, self.wire, options, self.said.append)

@@ -1,29 +1,36 @@
 """Maps drawn while scans go on coming."""
 
+import os
 import threading
+import time
 
 import numpy as np
 import pytest
 
-from slams.live import LiveSlam
-from slams.live.drawing import Drawer, copies_within
+import slams
+from slams.live import LiveSlam, snapshot
+from slams.live.drawing import Drawer
 from slams.live.maps import MapThread
+from slams.live.snapshot import Snapshot
 from slams.registry import find
 from slams.types import OccupancyGrid
 from tests.rooms import drive
 
 ODOMETRY = "slams.baselines:Odometry"
-PUSHED, DRAWING = threading.Event(), threading.Event()  # outside of what is copied
 GRID = OccupancyGrid(np.full((1, 1), np.nan, np.float32), 0.05, (0.0, 0.0))
+needs_fork = pytest.mark.skipif(not snapshot.AT_HAND, reason="no fork on this system")
 
 
 class Waits(find("odometry").cls):
-    """Its maps are not ready before a scan more has been pushed."""
+    """Its maps are not ready before a byte comes: in this process, or in a copy of it."""
+
+    def __init__(self, params):
+        super().__init__(params)
+        self.ready, self.go = os.pipe()
 
     def map(self):
-        DRAWING.set()
-        assert PUSHED.wait(10.0)
-        return super().map()
+        os.read(self.ready, 1)
+        return OccupancyGrid(np.full((1, 1), self._pose.x, np.float32), 0.05, (0.0, 0.0))
 
 
 class Sketches(Waits):
@@ -31,29 +38,30 @@ class Sketches(Waits):
         return self.map
 
 
-@pytest.mark.parametrize(("kind", "by_copy"), [(Waits, True), (Sketches, False)])
-def test_a_scan_goes_on_while_a_map_is_drawn(kind, by_copy):
-    PUSHED.clear()
-    DRAWING.clear()
+@pytest.mark.parametrize("kind", [pytest.param(Waits, marks=needs_fork), Sketches])
+def test_a_scan_goes_on_while_a_map_is_drawn(kind):
     live = LiveSlam(ODOMETRY, warm_up=False)
     live._slam = kind(live.params)
-    live._drawer._in_place = float(by_copy)  # as if drawing had held scans for a second
+    live._drawer._in_place = 1.0  # as if drawing had held scans for a second
     grids = []
     thread = threading.Thread(target=lambda: grids.append(live.map()))
     thread.start()
-    assert DRAWING.wait(10.0)
+    while not live.held:  # what is drawn from is there
+        time.sleep(0.001)
     for scan in drive(n=3):
         live.push_scan(scan)
-    PUSHED.set()
+    os.write(live._slam.go, b"!")
     thread.join(10.0)
-    assert len(grids) == 1
     assert live.report()["scans"] == 3
     assert live.held < 1.0
+    x = 0.0 if kind is Waits else live.last.pose.x  # that of then; a sketch is the class's affair
+    assert [grid.p.tolist() for grid in grids] == [[[pytest.approx(x)]]]
+    for end in (live._slam.ready, live._slam.go):
+        os.close(end)
 
 
 def test_what_takes_less_time_is_done(monkeypatch):
-    done = []
-    times = {"map": 0.001, "copy": 0.008}
+    done, clock, times = [], [0.0], {"map": 0.001, "apart": 0.008}
 
     class Slam:
         def map(self):
@@ -61,53 +69,84 @@ def test_what_takes_less_time_is_done(monkeypatch):
             clock[0] += times["map"]
             return GRID
 
-        def __deepcopy__(self, memo):
-            done.append("copy")
-            clock[0] += times["copy"]
-            return self
+    class Snapshot:
+        def __init__(self, slam):
+            done.append("apart")
+            clock[0] += times["apart"]
 
-    clock = [0.0]
+        def map(self):
+            clock[0] += 5.0  # in which nobody waits
+            return GRID
+
+    monkeypatch.setattr(snapshot, "Snapshot", Snapshot)
+    monkeypatch.setattr(snapshot, "AT_HAND", True)
     monkeypatch.setattr("slams.live.drawing.time.perf_counter", lambda: clock[0])
     drawer, lock, slam = Drawer(), threading.RLock(), Slam()
     for _ in range(3):
         drawer.draw(slam, lock)
-    assert done == ["map"] * 3  # a map that is drawn at once needs no copy
+    assert done == ["map"] * 3  # a map that is drawn at once needs no process
     times["map"] = 0.01
     for _ in range(3):
         drawer.draw(slam, lock)
-    assert done[3:] == ["map", "copy", "map", "copy", "map"]  # a copy is drawn, too
+    assert done[3:] == ["map", "apart", "apart"]
     assert drawer.held == pytest.approx(0.008)
-    times["copy"] = 0.02  # it has grown beyond what drawing took
+    times["apart"] = 0.02  # the process has grown
     for _ in range(3):
         drawer.draw(slam, lock)
-    assert done[8:] == ["copy", "map", "map", "map"]
+    assert done[6:] == ["apart", "map", "map"]
     assert drawer.held == pytest.approx(0.01)
+    del done[:]
+    Drawer(large=True).draw(slam, lock)  # as after a state
+    assert done == ["apart"]
 
 
-def test_what_is_too_large_is_not_even_tried():
-    large = {"tiles": [np.zeros(1 << 20) for _ in range(4)], "scans": list(map(str, range(1000)))}
-    assert copies_within(large, 0.1)
-    assert not copies_within(large, 0.03)
-    assert not copies_within({"scans": large["scans"]}, 0.003)
-    assert copies_within(find("odometry").cls, 1e-9)  # classes are shared
+@needs_fork
+def test_a_snapshot_is_the_map_of_then():
+    slam = slams.create("hector")
+    for scan in drive(n=3):
+        slam.update(scan)
+    before, taken = slam.map(), Snapshot(slam)
+    for scan in drive(n=9):
+        slam.update(scan)
+    drawn = taken.map()
+    assert np.array_equal(drawn.p, before.p, equal_nan=True)
+    assert (drawn.resolution, drawn.origin) == (before.resolution, before.origin)
+    assert not np.array_equal(drawn.p, slam.map().p, equal_nan=True)
+    with pytest.raises(ChildProcessError):
+        os.waitpid(taken._process, 0)  # nobody is left
 
 
-def test_what_cannot_be_copied_is_drawn_in_place():
+class Fails(find("odometry").cls):
+    def map(self):
+        if os.getpid() != HERE:
+            os.kill(os.getpid(), 9)
+        return GRID
+
+
+HERE = os.getpid()
+
+
+@needs_fork
+def test_a_process_that_is_ended_is_done_without():
     live = LiveSlam(ODOMETRY, warm_up=False)
-    live._slam.lock = threading.Lock()
-    for _ in range(3):
-        live._drawer._in_place = 1.0
-        assert live.map().p.shape == (1, 1)
-    assert live._drawer._by_copy == 0.0
-
-
-def test_what_is_large_is_drawn_in_place_however_long_that_takes():
-    live = LiveSlam(ODOMETRY, warm_up=False)
-    live._slam.tiles = [np.zeros(1 << 20) for _ in range(8)]
+    live._slam = Fails(live.params)
     live._drawer._in_place = 1.0
-    live.map()
-    assert live._drawer._by_copy == 0.0
-    assert live._drawer._in_place < 1.0
+    assert live.map() is GRID  # drawn here
+    assert live._drawer._by_snapshot == np.inf
+
+
+@needs_fork
+def test_what_an_algorithm_cannot_draw_is_told(monkeypatch):
+    class Refuses:
+        def map(self):
+            raise ValueError("no room")
+
+    with pytest.raises(RuntimeError, match="ValueError: no room"):
+        Snapshot(Refuses()).map()
+    monkeypatch.setattr(snapshot, "LONGEST", 0.01)
+    stuck = Waits(slams.find("odometry").params())
+    with pytest.raises(TimeoutError, match=r"no map within 0\.01 s"):
+        Snapshot(stuck).map()
 
 
 def test_a_map_is_shown_at_once_then_at_its_pace_and_at_the_end():

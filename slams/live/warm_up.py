@@ -1,0 +1,24 @@
+"""Compilation before the first scan, so that no scan waits for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from slams.localize.hooks import Localizes
+from slams.params import Params
+from slams.types import IDENTITY, Slam
+
+
+def warm_up(slam_class: type[Slam], params: Params) -> None:
+    """Let throw-away instances see a room: at rest, on the move, as a sweep, lost, and placed."""
+    from slams.room import drive, laser, scan_at
+
+    for increment, measured in ((0.0, True), (5e-4, False)):
+        lidar = replace(laser(n_beams=91), time_increment=increment)
+        log = drive(n=8, rate=5.0, lidar=lidar, odometry=measured, gyro=measured)
+        slam = slam_class(params)
+        for scan in (*log, scan_at((2.0, 1.5, 2.0), lidar, t=2.0)):
+            slam.update(scan)
+        slam.map()
+        if isinstance(slam, Localizes):
+            slam.insert_at(scan_at((0.0, 0.0, 0.0), lidar, t=2.2), IDENTITY)
