@@ -219,7 +219,7 @@ class Crsm:
     def _draw(self, view: ScanReader) -> None:
         """Step 5: a scan that is explained, or of ground that wheels alone have led to."""
         track = self._track
-        known = track.state == "matched" or track.held
+        known = track.state == "matched" or track.held or track.adrift
         if not (view.is_usable and known):
             self._counts["rejected"] += 1
             return

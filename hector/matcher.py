@@ -27,13 +27,15 @@ class Match(NamedTuple):
     """A matched pose and how well it fits.
 
     The share of beams that the map explains, the variance of their distance from it [m^2], the
-    information (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2].
+    information (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2]; `rough`: by cells,
+    though there are lines.
     """
 
     pose: Pose2
     share: float
     square: float
     seen: Floats
+    rough: bool = False
 
 
 FIRST = Match(IDENTITY, 1.0, 0.0, np.zeros((3, 3)))
@@ -55,7 +57,7 @@ class Matcher:
             pose, share, square = self._map.match(
                 level, points, pose, prior, self._solver(level, points.n), self._H
             )
-        return Match(pose, share, self.variance, self._H / max(square, BLUR))
+        return Match(pose, share, self.variance, self._H / max(square, BLUR), self.params.refine)
 
     def fit(self, points: EndPoints, start: Pose2, prior: Prior) -> Match:
         """Gauss-Newton on the lines."""

@@ -182,7 +182,7 @@ class Hector:
         if accepted:
             if self.params.refine:
                 self._matcher.variance = max(match.square, points.noise**2)
-            self._track.matched(match.pose, match.seen, scan)
+            self._track.matched(match.pose, match.seen, scan, match.rough)
             self._usual = match.share
         else:
             self._track.missed(scan)
@@ -201,7 +201,7 @@ class Hector:
         track, key = self._track, self._key
         if self.frozen or points.n == 0:
             return False
-        if track.state != "matched":
+        if track.state != "matched" and not track.adrift:
             return self._new_surroundings(points)
         if self._map.insertions < self.params.settle:
             return True

@@ -16,6 +16,7 @@ from tsd.view import View
 
 STOP = 1e-4, 1e-5  # steps [m], [rad] that are none
 UNSEEN = 0.01  # a direction seen worse than this [m] is looked along
+UNEVEN = 0.1  # and this much worse than the other: all beams of a poor laser are not exact
 NEEDED = 30  # elements that must speak of it; fewer prefer one place or another by chance
 DOUBTED = 0.05  # m, deviation of a prediction by wheels that is looked behind
 SHIFTS = np.linspace(-0.4, 0.4, 17)  # along it [m]
@@ -58,16 +59,17 @@ class Direct:
         Returns the pose and the variance (2, 2) [m2] of the slip.
         """
         pose, (xx, xy, yy) = match.pose, match.information[(0, 0, 1), (0, 1, 1)].tolist()
-        if 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy) > UNSEEN**-2:
+        middle, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+        if middle - half > min(UNSEEN**-2, UNEVEN * (middle + half)):
             return pose, np.zeros((2, 2))
         across = 0.5 * math.atan2(2.0 * xy, xx - yy)
         axis = np.array([-math.sin(across), math.cos(across)])
         seen, agree = self._agreement(pose, SHIFTS[:, None] * axis).T
-        middle = len(SHIFTS) // 2
+        here = len(SHIFTS) // 2
         doubt2 = float(axis @ self._track.expected[:2, :2] @ axis)
-        if seen[middle] < NEEDED or (by_wheels and doubt2 < DOUBTED**2):
+        if seen[here] < NEEDED or (by_wheels and doubt2 < DOUBTED**2):
             return pose, np.zeros((2, 2))
-        evidence = agree - seen * agree[middle] / max(seen[middle], 1.0)
+        evidence = agree - seen * agree[here] / max(seen[here], 1.0)
         evidence -= 0.5 * SHIFTS**2 / doubt2
         likelihood = np.exp(evidence - evidence.max())
         likelihood /= likelihood.sum()

@@ -14,6 +14,7 @@ from slams.geometry import FREEDOM, inverse3, widened
 from slams.motion.chord import FLOOR
 from slams.motion.model import Motion, Prediction
 from slams.motion.params import MotionParams
+from slams.motion.sight import CLEAR, sight
 from slams.motion.trust import Limits
 from slams.types import IDENTITY, Floats, Pose2, Scan, State, wrap_angle
 
@@ -35,6 +36,7 @@ class Track:
     Per scan: `predict`, then `matched` or `missed`. `pose` and `covariance` (3, 3) [m, rad] are
     those of the last scan in the map, `expected` (3, 3) the prediction's covariance, `lost` the
     number of scans in that state. `held`: nothing was matched for long, yet wheels tell the pose.
+    `adrift`: lost, but only along a corridor: scans match across, and what they show is mapped on.
     `widen_wheels`: learn from surprises also where wheels predict (in a bare corridor hector's
     lines surprise without being right).
     """
@@ -45,7 +47,7 @@ class Track:
         self.covariance: Floats = FLOOR * np.eye(3)
         self.state: State = "matched"
         self.lost = 0
-        self.held = False
+        self.held = self.adrift = False
         self._widen_wheels = widen_wheels
         self._params, self._limits = params, Limits(params)
         self.expected = self._unwidened = self._information = self.covariance
@@ -54,6 +56,9 @@ class Track:
         self._scale = 1.0  # of what was expected, learned
         self._seconds = 0.0  # since the last match
         self._even = 1.0  # of the last match: how alike it saw the two directions
+        self._sight = CLEAR  # of the last match
+        self._seeing = CLEAR  # of its scan by itself
+        self._given = IDENTITY  # by the last match, before noise was taken off
         self._by_wheels = True  # all that time
 
     def predict(self, scan: Scan) -> Prediction:
@@ -64,13 +69,19 @@ class Track:
         self._seconds += now.dt
         self._by_wheels &= "wheels" in now.used
         before = self.covariance
-        if self.state != "matched" and "wheels" not in now.used:
-            before = _with_the_same_error(before, now.covariance)
+        if "wheels" not in now.used:
+            before = self._with_the_same_error(before, now)
         scale, caution = (self._scale, self._caution()) if self.state == "matched" else (1.0, 1.0)
-        self._unwidened = scale * now.pose_covariance(before)
+        self._unwidened = self._widened(now.pose_covariance(before), scale)
         self.expected = caution * self._unwidened
         self._information = inverse3(self.expected)
         return now
+
+    def _widened(self, covariance: Floats, scale: float) -> Floats:
+        """A covariance (3, 3) times a scale, but where nothing was seen that it could come from."""
+        blind = 1.0 - self._sight.share
+        wide: Floats = scale * covariance
+        return self._sight.stretched(wide, scale ** (-0.5 * blind)) if scale > 1.0 else wide
 
     def _caution(self) -> float:
         """Times what is expected where scans see all directions: there the map is to be believed.
@@ -99,23 +110,37 @@ class Track:
 
     @property
     def uncertain(self) -> float:
-        """Deviation [m] of the prediction, of a point one meter away."""
-        xx, yy, turn = np.diagonal(self.expected).tolist()
+        """Deviation [m] of the prediction, of a point one meter away, as far as a scan can tell.
+
+        Where scans see nothing along a direction, there is nothing to search along it either.
+        """
+        told = self._sight.stretched(self.expected, math.sqrt(self._sight.share))
+        xx, yy, turn = np.diagonal(told).tolist()
         return math.sqrt(xx + yy + turn)
 
-    def matched(self, pose: Pose2, seen: Floats, scan: Scan) -> None:
-        """The map explains the scan at `pose`; `seen` (3, 3) is the information of the scan."""
-        if not self._begun:  # the first pose is the map's origin
+    def matched(self, pose: Pose2, seen: Floats, scan: Scan, rough: bool = False) -> None:
+        """The map explains the scan at `pose`; `seen` (3, 3) is the information of the scan.
+
+        `rough`: by cells alone, whose steps look like walls that face any way.
+        """
+        if self._begun:
+            self._look(scan, pose, seen, rough)
+        else:  # the first pose is the map's origin
             seen, self._begun = np.eye(3) / FLOOR, True
-        alone = inverse3(seen + LEAST)
+        self._given, honest = pose, self._sight.of(seen)
+        by_scan = self._by_scan(pose, seen)
+        pose = self._fused(pose, seen, honest)
+        alone = inverse3(honest + LEAST)
         self._even = evenness(alone)
         learns = self._widen_wheels or not self._by_wheels
         if learns and self.state == "matched":  # a blind drive tells of the wheels, not of one step
-            self._learn(pose, alone)
+            self._learn(by_scan, alone)
         self.motion.moved(pose, alone, scan)
-        self.covariance = inverse3(seen + self.prior(pose))
+        self.covariance = inverse3(honest + self.prior(pose))
         self.pose = self._matched_at = pose
-        self.state, self.held, self._seconds, self._by_wheels = "matched", False, 0.0, True
+        self.held, self._seconds, self._by_wheels = False, 0.0, True
+        self.adrift = not self._sure(self.covariance)
+        self._call("lost" if self.adrift else "matched")
 
     def placed(self, pose: Pose2, scan: Scan) -> None:
         """The pose of a scan is given, at rest: what was known of the motion means nothing."""
@@ -124,35 +149,88 @@ class Track:
         self.predict(scan)
         self.matched(pose, self._information, scan)
 
-    def _learn(self, pose: Pose2, alone: Floats) -> None:
+    def _look(self, scan: Scan, pose: Pose2, seen: Floats, rough: bool) -> None:
+        """Which direction is seen badly, by this scan, the one before and the matcher."""
+        seeing = sight(scan, pose) or self._seeing
+        self._sight, self._seeing = seeing.after(self._seeing).judging(seen, rough), seeing
+
+    def _fused(self, pose: Pose2, seen: Floats, honest: Floats) -> Pose2:
+        """A match of what was `seen`, without what noise says: there the prediction stands.
+
+        As solution remapping in [Zhang16], but gradually: along the direction that is seen worst
+        the match lies between the prediction and where the scan alone would have it, which is
+        fused once more by what it is worth.
+        """
+        sees, off = self._sight, self._off(pose)
+        known, claimed, worth = (sees.along(of) for of in (self.prior(pose), seen, honest))
+        if worth >= claimed:
+            return pose
+        keep = worth * (claimed + known) / (claimed * (worth + known))
+        back = (keep - 1.0) * (sees.x * off[0] + sees.y * off[1])
+        return Pose2(pose.x + back * sees.x, pose.y + back * sees.y, pose.theta)
+
+    def _with_the_same_error(self, before: Floats, now: Prediction) -> Floats:
+        """`before`, so that its sum with a step covers errors of both that are one and the same.
+
+        A velocity that is wrong makes every step wrong to the same side: deviations add, not
+        variances; while nothing is matched, and in the direction that no match sees.
+        """
+        if self.state != "matched":
+            return _with_the_same_error(before, now.covariance)
+        sees = self._sight
+        blind = 2.0 * (1.0 - sees.share)
+        both = now.pose_covariance(np.zeros((3, 3)))
+        return sees.widened(before, blind * math.sqrt(sees.along(before) * sees.along(both)))
+
+    def _by_scan(self, pose: Pose2, seen: Floats) -> Floats:
+        """How far (3,) from the prediction the scan alone has a pose that lies between the two."""
+        off = self._off(pose)
+        return off + inverse3(seen + LEAST) @ (self._information @ off)
+
+    def _learn(self, by_scan: Floats, alone: Floats) -> None:
         """Widen what is expected where matches, good to `alone` (3, 3), surprise too often.
 
-        The normalized innovation squared, of a mean of 3, tells; a pose that was found between
-        prediction and scan lies `alone @ told` from where the scan alone would have it.
+        The normalized innovation squared, of a mean of 3, tells.
         """
-        off = self._off(pose)
-        told = self._information @ off
-        surprise = min(float(told @ (off + alone @ told)) / DEGREES, MOST)
+        told = inverse3(self.expected + alone) @ by_scan
+        surprise = min(float(told @ by_scan) / DEGREES, MOST)
         seconds = min(self._seconds, 1.0)
         growth = (surprise - 1.0) * seconds / (RISE if surprise > 1.0 else FALL)
         self._scale = min(max(self._scale * math.exp(growth), 1.0), WIDEST)
 
     def slipped(self, pose: Pose2, doubt: Floats) -> None:
-        """An earlier slip was made good: no motion; `doubt` (2, 2) [m^2] is its variance."""
-        self.pose = self._matched_at = pose
-        self.covariance[:2, :2] += doubt
+        """An earlier slip was made good: no motion; `doubt` (2, 2) [m^2] is its variance.
+
+        Along a corridor wheels leave little doubt but of slips, and scans that follow each other
+        err alike: each takes half of the doubt. Without wheels a scan that does not see along it
+        cannot tell a slip either.
+        """
+        given, at, share = self._given, self.pose, self._sight.share
+        if "wheels" in self._prediction.used and doubt.any():
+            left = float(np.trace(doubt)) / self._sight.along(self.covariance)
+            self.covariance = self._sight.stretched(self.covariance, min(left, 1.0) ** 0.25)
+            share = 1.0
+        else:
+            self.covariance[:2, :2] += share * share * doubt
+        x, y = at.x + share * (pose.x - given.x), at.y + share * (pose.y - given.y)
+        self.pose = self._matched_at = Pose2(x, y, at.theta)
 
     def missed(self, scan: Scan) -> None:
         """The map does not explain the scan: the pose is the prediction."""
         self.motion.missed(scan)
+        self._sight = self._seeing = CLEAR
         self.pose, self.covariance = self._prediction.pose, self._unwidened
         overdue = self._seconds >= LOST_AFTER
-        self.held = overdue and self._by_wheels and self._sure()
-        self.state = "lost" if overdue and not self.held else "predicted"
-        self.lost += self.state == "lost"
+        self.held = overdue and self._by_wheels and self._sure(self._unwidened)
+        self.adrift = False
+        self._call("lost" if overdue and not self.held else "predicted")
 
-    def _sure(self) -> bool:
-        xx, yy, turn = np.diagonal(self._unwidened).tolist()
+    def _call(self, state: State) -> None:
+        self.state = state
+        self.lost += state == "lost"
+
+    def _sure(self, covariance: Floats) -> bool:
+        xx, yy, turn = np.diagonal(covariance).tolist()
         return bool(xx + yy < LOST_XY**2 and turn < LOST_TURN**2)
 
     def _off(self, pose: Pose2) -> Floats:
