@@ -33,10 +33,10 @@ class Track:
     """The pose with its covariance, from one scan to the next, by the one `Motion`.
 
     Per scan: `predict`, then `matched` or `missed`. `pose` and `covariance` (3, 3) [m, rad] are
-    those of the last scan in the map, `expected` (3, 3) the prediction's covariance, `lost` the
-    number of scans in that state. `held`: nothing was matched for long, yet wheels tell the pose.
-    `widen_wheels`: learn from surprises also where wheels predict (in a bare corridor hector's
-    lines surprise without being right).
+    those of the last scan in the map, `expected` (3, 3) the prediction's covariance, `predicted`
+    (3, 3) the same without caution, `lost` the number of scans in that state. `held`: nothing was
+    matched for long, yet wheels tell the pose. `widen_wheels`: learn from surprises also where
+    wheels predict (in a bare corridor hector's lines surprise without being right).
     """
 
     def __init__(self, params: MotionParams, widen_wheels: bool = False) -> None:
@@ -48,7 +48,7 @@ class Track:
         self.held = False
         self._widen_wheels = widen_wheels
         self._params, self._limits = params, Limits(params)
-        self.expected = self._unwidened = self._information = self.covariance
+        self.expected = self.predicted = self._information = self.covariance
         self._matched_at = IDENTITY
         self._begun = False
         self._scale = 1.0  # of what was expected, learned
@@ -66,19 +66,23 @@ class Track:
         before = self.covariance
         if self.state != "matched" and "wheels" not in now.used:
             before = _with_the_same_error(before, now.covariance)
-        scale, caution = (self._scale, self._caution()) if self.state == "matched" else (1.0, 1.0)
-        self._unwidened = scale * now.pose_covariance(before)
-        self.expected = caution * self._unwidened
+        scale = caution = 1.0
+        if self.state == "matched":
+            # along a corridor no scan brings down what wheels leave, and it grew at each
+            scale = self._where_even(self._scale) if "wheels" in now.used else self._scale
+            caution = self._where_even(self._params.caution)
+        self.predicted = scale * now.pose_covariance(before)
+        self.expected = caution * self.predicted
         self._information = inverse3(self.expected)
         return now
 
-    def _caution(self) -> float:
+    def _where_even(self, times: float) -> float:
         """Times what is expected where scans see all directions: there the map is to be believed.
 
         In a bare corridor what a scan seems to say along it is mostly noise, as [Zhang16] has it;
         there the prediction counts as much as it is worth.
         """
-        return 1.0 + (self._params.caution - 1.0) * min(self._even / EVEN, 1.0) ** 2
+        return 1.0 + (times - 1.0) * min(self._even / EVEN, 1.0) ** 2
 
     def prior(self, start: Pose2) -> Floats:
         """Information (3, 3) [1/m^2, 1/(m rad), 1/rad^2] of a start for a matcher.
@@ -145,14 +149,14 @@ class Track:
     def missed(self, scan: Scan) -> None:
         """The map does not explain the scan: the pose is the prediction."""
         self.motion.missed(scan)
-        self.pose, self.covariance = self._prediction.pose, self._unwidened
+        self.pose, self.covariance = self._prediction.pose, self.predicted
         overdue = self._seconds >= LOST_AFTER
         self.held = overdue and self._by_wheels and self._sure()
         self.state = "lost" if overdue and not self.held else "predicted"
         self.lost += self.state == "lost"
 
     def _sure(self) -> bool:
-        xx, yy, turn = np.diagonal(self._unwidened).tolist()
+        xx, yy, turn = np.diagonal(self.predicted).tolist()
         return bool(xx + yy < LOST_XY**2 and turn < LOST_TURN**2)
 
     def _off(self, pose: Pose2) -> Floats:
