@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from crsm.map_kernels import NX, NY, WEIGHT, WallMap, X, Y, redraw, whiten
 from crsm.params import CrsmParams
 from crsm.scan_kernels import Points
+from slams.cells import Room, move, zeros
 from slams.extent import Box, Extent
 from slams.types import Floats, OccupancyGrid, Pose2
 
-START_CELLS = 512  # edge of the first map
-SPARE = 64  # cells added beyond what a scan needs
+RIM = 4  # cells around what a scan needs
 KNOWN = 0.1  # grey level, either way, from which a cell counts as seen
 ONE_WALL = 0.6  # cells between an end point and the wall element it joins
 NEXT_TO_NOTHING = 1e-9  # weight of an element before its points are averaged in
@@ -30,9 +30,8 @@ class WallGrid:
     def __init__(self, params: CrsmParams) -> None:
         self.params = params
         self.extent = Extent(params.max_cells, params.cell / params.fine)
-        half = -0.5 * START_CELLS * params.cell
-        self.cells = self._blank(START_CELLS, START_CELLS, (half, half))
-        self._point = np.zeros(self.cells.blot[..., 0].size, np.int64)
+        self._room = Room(params.max_cells, params.cell / params.fine, params.fine)
+        self.cells = self._blank()
         self.is_empty = True
         self._drawings = 0
 
@@ -74,11 +73,7 @@ class WallGrid:
 
     def _average_in(self, cells: Cells, seen: Floats) -> None:
         """Running means of wall elements with the points in their cells."""
-        self._point[cells] = np.arange(len(cells))
-        one_of = self._point[cells]  # the same point for all points of a cell
-        count = np.bincount(one_of, minlength=len(cells))
-        firsts = np.flatnonzero(count)
-        which, at, count = cells[firsts], (np.cumsum(count > 0) - 1)[one_of], count[firsts]
+        which, at, count = np.unique(cells, return_inverse=True, return_counts=True)
         elements = self._elements(which).astype(np.float64)
         weight = np.minimum(elements[WEIGHT] + count, self.params.max_weight)
         for k in range(WEIGHT):
@@ -177,58 +172,40 @@ class WallGrid:
 
     def occupancy(self) -> OccupancyGrid:
         """The grey levels as probabilities, without the unseen rim."""
-        grey = self.cells.grey
+        window = self._room.window(self.extent.covered)
+        grey = self.cells.grey[window]
         seen = np.abs(grey) > KNOWN
         rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
         y0, y1 = (int(rows[0]), int(rows[-1]) + 1) if rows.size else (0, 1)
         x0, x1 = (int(columns[0]), int(columns[-1]) + 1) if columns.size else (0, 1)
         p = (0.5 + 0.5 * grey[y0:y1, x0:x1]).astype(np.float32)
         p[~seen[y0:y1, x0:x1]] = np.nan
-        step = self.cells.cell / self.cells.fine
-        x, y = self.cells.corner
-        return OccupancyGrid(p, step, (x + x0 * step, y + y0 * step))
+        step, (x, y) = self.cells.cell / self.cells.fine, self.cells.corner
+        low = x + (window[1].start + x0) * step, y + (window[0].start + y0) * step
+        return OccupancyGrid(p, step, low)
 
-    def _blank(self, ny: int, nx: int, corner: tuple[float, float]) -> WallMap:
-        fine = self.params.fine
-        return WallMap(
-            np.zeros((ny, nx, 5), np.float32),
-            np.zeros((ny, nx, 3), np.float32),
-            np.zeros((ny * fine, nx * fine), np.float32),
-            np.zeros((ny * fine, nx * fine), np.float32),
-            np.zeros((ny * fine, nx * fine), np.int32),
-            corner,
-            self.params.cell,
-            fine,
-        )
+    def _blank(self) -> WallMap:
+        room, fine = self._room, self.params.fine
+        coarse, shape = (room.height // fine, room.width // fine), (room.height, room.width)
+        walls, blots = zeros((*coarse, 5), np.float32), zeros((*coarse, 3), np.float32)
+        greys = zeros(shape, np.float32), zeros(shape, np.float32), zeros(shape, np.int32)
+        return WallMap(walls, blots, *greys, room.corner, self.params.cell, fine)
 
     def _make_room(self, pose: Pose2, reach: float) -> bool:
         """Grow until everything within `reach` [m] of the pose is inside; False if too large."""
-        if not self.extent.admits(Box.around(pose.x, pose.y, reach)):
+        old, fine = self.cells, self.params.fine
+        needed = Box.around(pose.x, pose.y, reach + RIM * old.cell)
+        if not self.extent.admits(needed):
             return False
-        old = self.cells
-        ny, nx = old.blot.shape[:2]
-        low_x, high_x = self._missing(pose.x - old.corner[0], reach, nx)
-        low_y, high_y = self._missing(pose.y - old.corner[1], reach, ny)
-        if not (low_x or high_x or low_y or high_y):
-            return True
-        rows, columns = ny + low_y + high_y, nx + low_x + high_x
-        corner = (old.corner[0] - low_x * old.cell, old.corner[1] - low_y * old.cell)
-        new = self._blank(rows, columns, corner)
-        new.wall[low_y : low_y + ny, low_x : low_x + nx] = old.wall
-        new.blot[low_y : low_y + ny, low_x : low_x + nx] = old.blot
-        fine = old.fine
-        inner = np.s_[low_y * fine : (low_y + ny) * fine, low_x * fine : (low_x + nx) * fine]
-        new.grey[inner], new.dark[inner] = old.grey, old.dark
-        self.cells = new
-        self._point = np.zeros(rows * columns, np.int64)
+        added = self._room.reach(needed)
+        if added is not None:
+            below, left = added
+            self.cells = self._blank()
+            for name in ("wall", "blot"):
+                move(getattr(old, name), getattr(self.cells, name), below // fine, left // fine)
+            for name in ("grey", "dark"):
+                move(getattr(old, name), getattr(self.cells, name), below, left)
         return True
-
-    def _missing(self, at: float, reach: float, n: int) -> tuple[int, int]:
-        """Cells to add below and above along one axis."""
-        margin = reach + 4.0 * self.cells.cell
-        below = math.ceil((margin - at) / self.cells.cell)
-        above = math.ceil((at + margin) / self.cells.cell) - n
-        return (below + SPARE if below > 0 else 0), (above + SPARE if above > 0 else 0)
 
 
 def _seen_from(pose: Pose2, points: Points, m: int) -> Floats:

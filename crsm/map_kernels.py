@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slams.cells import deepcopied
 from slams.jit import FAST, njit
 
 HALO = 3  # fine cells that a wall element darkens around itself
@@ -36,6 +37,9 @@ class WallMap(NamedTuple):
     corner: tuple[float, float]
     cell: float
     fine: int
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> WallMap:
+        return WallMap(*deepcopied(self, memo))
 
 
 @njit(inner=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +14,13 @@ from hector.match_kernels import Prior, Solver, Window
 from hector.params import HectorParams
 from hector.scan import EndPoints
 from hector.surface_kernels import LAYERS, SUMS, Splat, Surface
+from slams.cells import Room, move, zeros
 from slams.extent import Box, Extent
 from slams.types import Floats, OccupancyGrid, Pose2
 
 Pool = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]
 
-FIRST_EXTENT = 20.0
-MARGIN = 5.0  # [m] beyond what is needed that a map grows at least
-SPARE = 0.5  # of its edge, the same: memory that no scan touches costs nothing
 POOL = 1 << 14
-BAND = 64  # rows that are looked at together
 
 
 class LogOddsPyramid:
@@ -38,18 +34,14 @@ class LogOddsPyramid:
         self.params = params
         self.insertions = 0
         self.extent = Extent(params.max_cells, params.resolution)
-        cells = round(FIRST_EXTENT / params.resolution)
         self._block: int = 1 << (params.levels - 1)
-        cells = -(-cells // self._block) * self._block
+        self._room = Room(params.max_cells, params.resolution, self._block)
         self._update = Update(
             math.log(params.free / (1.0 - params.free)),
             math.log(params.occupied / (1.0 - params.occupied)),
             params.ceiling,
         )
-        corner = -0.5 * cells * params.resolution
-        self.levels = [
-            self._empty(level, cells, cells, corner, corner) for level in range(params.levels)
-        ]
+        self.levels = [self._empty(level) for level in range(params.levels)]
         rows = (POOL, LAYERS * SUMS), (POOL, 8)
         pool = (np.zeros(rows[0], np.float32), np.zeros(rows[1], np.float32), np.zeros(1, np.int64))
         self.surface = self._surface(pool)
@@ -119,31 +111,27 @@ class LogOddsPyramid:
 
     def grid(self) -> OccupancyGrid:
         """The finest level, cut to what was observed."""
-        level = self.levels[0]
-        seen = level.log_odds != 0.0
+        level, window = self.levels[0], self._room.window(self.extent.covered)
+        log_odds = level.log_odds[window]
+        seen = log_odds != 0.0
         rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
         if rows.size == 0:
             rows = columns = np.zeros(1, np.int64)
         part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        p = np.where(seen[part], 0.5 + 0.5 * np.tanh(0.5 * level.log_odds[part]), np.nan)
-        corner_x = level.x0 + (float(columns[0]) - 0.5) * level.resolution
-        corner_y = level.y0 + (float(rows[0]) - 0.5) * level.resolution
+        p = np.where(seen[part], 0.5 + 0.5 * np.tanh(0.5 * log_odds[part]), np.nan)
+        first_y, first_x = (float(at.start) - 0.5 for at in window)
+        corner_x = level.x0 + (float(columns[0]) + first_x) * level.resolution
+        corner_y = level.y0 + (float(rows[0]) + first_y) * level.resolution
         return OccupancyGrid(p.astype(np.float32), level.resolution, (corner_x, corner_y))
 
-    def _empty(self, level: int, width: int, height: int, x0: float, y0: float) -> Level:
-        shape = (height >> level, width >> level)
-        return Level(
-            np.zeros(shape, np.float32),
-            np.zeros(shape, np.float32),
-            np.zeros(shape, np.int32),
-            x0,
-            y0,
-            self.params.resolution * 2**level,
-        )
+    def _empty(self, level: int) -> Level:
+        shape = (self._room.height >> level, self._room.width >> level)
+        arrays = zeros(shape, np.float32), zeros(shape, np.float32), zeros(shape, np.int32)
+        return Level(*arrays, *self._room.corner, self.params.resolution * 2**level)
 
     def _surface(self, pool: Pool) -> Surface:
         finest = self.levels[0]
-        index = np.zeros(finest.p.shape, np.int32)
+        index = zeros(finest.p.shape, np.int32)
         return Surface(index, *pool, finest.log_odds, finest.x0, finest.y0, finest.resolution)
 
     def _cover(self, pose: Pose2, far: float) -> bool:
@@ -152,33 +140,19 @@ class LogOddsPyramid:
         needed = Box.around(pose.x, pose.y, far + 2.0 * self._block * finest.resolution)
         if not self.extent.admits(needed):
             return False
-        height, width = finest.p.shape
-        high_x = finest.x0 + (width - 1) * finest.resolution
-        high_y = finest.y0 + (height - 1) * finest.resolution
-        left, right = self._blocks(finest.x0 - needed.x0), self._blocks(needed.x1 - high_x)
-        below, above = self._blocks(finest.y0 - needed.y0), self._blocks(needed.y1 - high_y)
-        if left or right or below or above:
-            self._grow(left, below, width + left + right, height + below + above)
+        added = self._room.reach(needed)
+        if added is not None:
+            self._grow(*added)
         return True
 
-    def _blocks(self, missing: float) -> int:
-        """Cells to add on a side that is `missing` meters short: seldom, and many."""
-        if missing <= 0.0:
-            return 0
-        block = self._block * self.params.resolution
-        spare = max(MARGIN, SPARE * len(self.levels[0].p) * self.params.resolution)
-        return math.ceil((missing + spare) / block) * self._block
-
-    def _grow(self, left: int, below: int, width: int, height: int) -> None:
+    def _grow(self, below: int, left: int) -> None:
         old, index = self.levels, self.surface.slot
-        x0 = old[0].x0 - left * old[0].resolution
-        y0 = old[0].y0 - below * old[0].resolution
-        self.levels = [self._empty(k, width, height, x0, y0) for k in range(len(old))]
+        self.levels = [self._empty(k) for k in range(len(old))]
         for k, (new, level) in enumerate(zip(self.levels, old, strict=True)):
-            _copy(level.log_odds, new.log_odds, below >> k, left >> k)
-            _copy(level.p, new.p, below >> k, left >> k)  # stamps are of one insertion only
+            move(level.log_odds, new.log_odds, below >> k, left >> k)
+            move(level.p, new.p, below >> k, left >> k)  # stamps are of one insertion only
         self.surface = self._surface((self.surface.sums, self.surface.lines, self.surface.used))
-        _copy(index, self.surface.slot, below, left)
+        move(index, self.surface.slot, below, left)
 
     def _provide(self, n: int, reach: int) -> None:
         """Rows of the pool for what one scan may add."""
@@ -190,13 +164,3 @@ class LogOddsPyramid:
         sums, lines = np.zeros((rows, LAYERS * SUMS), np.float32), np.zeros((rows, 8), np.float32)
         sums[: len(surface.sums)], lines[: len(surface.lines)] = surface.sums, surface.lines
         self.surface = surface._replace(sums=sums, lines=lines)
-
-
-def _copy(source: NDArray[Any], target: NDArray[Any], below: int, left: int) -> None:
-    """Copy what is not 0 into an array of zeros: memory that was never touched stays so."""
-    for top in range(0, len(source), BAND):
-        band = source[top : top + BAND]
-        seen = np.concatenate([[False], band.any(axis=0), [False]])
-        for first, last in np.flatnonzero(np.diff(seen)).reshape(-1, 2).tolist():
-            rows = slice(below + top, below + top + len(band))
-            target[rows, left + first : left + last] = band[:, first:last]

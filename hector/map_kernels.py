@@ -7,12 +7,13 @@ map = (world - first) / resolution with `first` the center of cell [0, 0].
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hector.scan_kernels import Points
+from slams.cells import deepcopied
 from slams.jit import njit
 from slams.types import Pose2
 
@@ -31,6 +32,9 @@ class Level(NamedTuple):
     x0: float
     y0: float
     resolution: float
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Level:
+        return Level(*deepcopied(self, memo))
 
 
 class Update(NamedTuple):

@@ -9,12 +9,13 @@ opposite normals, and a corner has two walls.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hector.scan_kernels import Points
+from slams.cells import deepcopied
 from slams.jit import njit
 from slams.types import Pose2
 
@@ -41,6 +42,9 @@ class Surface(NamedTuple):
     x0: float
     y0: float
     resolution: float
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Surface:
+        return Surface(*deepcopied(self, memo))
 
 
 class Splat(NamedTuple):

@@ -18,7 +18,7 @@ from crsm.original import map_kernels as byte_map
 from crsm.original import match_kernels as lattice
 from crsm.original import scan_kernels as picker
 from crsm.pace import Pace
-from crsm.params import CrsmParams as Parameters
+from crsm.params import CrsmParams
 from crsm.rays_kernels import critical_rays, leverage
 from crsm.scan import ScanReader, _blank
 from slams.formats.trajectory import read_csv
@@ -70,6 +70,11 @@ def scans_of(poses, laser=LASER, noise=0.01, **extra):
         Scan(0.1 * i, cast(p, laser, noise=noise, rng=rng), laser, **extra)
         for i, p in enumerate(poses)
     ]
+
+
+def Parameters(**changes):  # noqa: N802
+    """Those of a map of 512 x 512 cells, whose whole dark field can be looked at."""
+    return CrsmParams(**{"max_cells": 1 << 20} | changes)
 
 
 def run(scans, **changes):
@@ -610,7 +615,9 @@ def test_a_single_short_beam_does_not_tear_a_wall():
 
 
 def test_what_stands_where_beams_went_through_is_no_wall():
-    slam, _ = run([Scan(0.1 * i, cast(IDENTITY), LASER) for i in range(8)], draw_rest=1)
+    slam, _ = run(
+        [Scan(0.1 * i, cast(IDENTITY), LASER) for i in range(8)], draw_rest=1, max_cells=1 << 20
+    )
     box = np.array([(2.0, -0.5, 2.0, 0.0)])
     view, grid = reader_of(), slam._map
     view.read(Scan(0.0, cast(IDENTITY, walls=np.vstack((ROOM, box))), LASER), IDENTITY)

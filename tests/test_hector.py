@@ -557,7 +557,7 @@ def test_a_scan_of_elsewhere_is_refused_and_leaves_the_map_alone():
 
 
 def test_the_map_grows_and_keeps_what_it_has():
-    params = HectorParams(levels=3)
+    params = HectorParams(levels=3, max_cells=1 << 20)
     pyramid, points = LogOddsPyramid(params), EndPoints(params)
     points.take(scan_at((0, 0, 0)), IDENTITY)
     pyramid.insert(points, IDENTITY)

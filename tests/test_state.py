@@ -348,15 +348,15 @@ def test_a_damaged_file_is_refused_in_one_sentence(kept, tmp_path):
     flips = []
     for at in rng.integers(0, len(data), 60).tolist():
         flips.append(data[:at] + bytes([data[at] ^ (1 << (at % 8))]) + data[at + 1 :])
-    said = []
+    said, whole = [], load_state(kept)
     for case in [*cuts, *flips, b"just text", b"PK\x03\x04 not quite"]:
         path.write_bytes(case)
-        try:
-            load_state(path)
+        try:  # some bits of a zip mean nothing: how far back the zeros are that are repeated
+            np.testing.assert_array_equal(load_state(path).map().p, whole.map().p)
         except ValueError as error:
             said.append(str(error))
     assert all(text.startswith(str(path)) and "\n" not in text for text in said)
-    assert len(said) >= 60  # some bits of a zip mean nothing
+    assert len(said) >= 50
     with pytest.raises(FileNotFoundError, match="no such file"):
         load_state(tmp_path / "none")
 

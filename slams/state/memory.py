@@ -16,6 +16,8 @@ import numpy as np
 from numpy.lib.array_utils import byte_bounds
 from numpy.typing import NDArray
 
+from slams.cells import PAGE, given_pages, runs, zeros
+
 Array = NDArray[Any]
 Bytes = NDArray[np.uint8]
 
@@ -100,14 +102,21 @@ def pack(low: int, high: int) -> tuple[Piece, Iterator[Bytes]]:
     blocks = len(data) // BLOCK
     whole = data[: blocks * BLOCK].view(np.uint64).reshape(blocks, BLOCK // WORD)
     filling = whole[-1, -1] if blocks else np.uint64(0)
-    runs = _runs(np.append((whole != filling).any(axis=1), len(data) > blocks * BLOCK))
-    piece = Piece(low % ALIGNED, len(data), filling.tobytes().hex(), runs)
-    return piece, (data[a * BLOCK : (a + n) * BLOCK] for a, n in runs)
+    kept = _looked_at(low, blocks) if filling == 0 else np.ones(blocks, np.bool_)
+    for a, n in runs(kept):
+        kept[a : a + n] = (whole[a : a + n] != filling).any(axis=1)
+    not_filling = runs(np.append(kept, len(data) > blocks * BLOCK))
+    piece = Piece(low % ALIGNED, len(data), filling.tobytes().hex(), not_filling)
+    return piece, (data[a * BLOCK : (a + n) * BLOCK] for a, n in not_filling)
 
 
-def _runs(kept: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(np.int8)))
-    return [(int(a), int(b - a)) for a, b in edges.reshape(-1, 2)]
+def _looked_at(low: int, blocks: int) -> NDArray[np.bool_]:
+    """Which blocks from an address on may be something else than zeros."""
+    if not blocks:
+        return np.zeros(0, np.bool_)
+    given = given_pages(low, low + blocks * BLOCK)
+    begin = low % PAGE + BLOCK * np.arange(blocks)
+    return np.asarray(given[begin // PAGE] | given[(begin + BLOCK - 1) // PAGE])
 
 
 def kept_size(pieces: list[Piece]) -> int:
@@ -156,7 +165,7 @@ def unpack(piece: Piece, kept: Bytes) -> tuple[Bytes, Bytes]:
 def _filled(piece: Piece) -> Bytes:
     """The piece before anything is written to it; of zeros it costs nothing yet."""
     if not int(piece.filling, 16):
-        return np.zeros(piece.lead + piece.size, np.uint8)[piece.lead :]
+        return zeros((piece.lead + piece.size,), np.uint8)[piece.lead :]
     word = np.frombuffer(bytes.fromhex(piece.filling), np.uint8)
     data = np.empty(piece.lead + piece.size, np.uint8)[piece.lead :]
     whole = piece.size // WORD * WORD

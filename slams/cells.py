@@ -1,0 +1,165 @@
+"""Room for maps that grow: arrays as large as a map may become, memory only where it was seen.
+
+Address space costs nothing, and the system gives memory page by page to what is written to. So the
+arrays of a map begin with room for all that it may hold in a square around the start; only a long,
+narrow building outgrows them, and then what was touched is moved to larger ones.
+"""
+
+from __future__ import annotations
+
+import math
+import mmap
+import os
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib.array_utils import byte_bounds
+from numpy.typing import DTypeLike, NDArray
+
+from slams.extent import Box
+
+Array = NDArray[Any]
+
+PAGE = mmap.PAGESIZE
+PAGEMAP = Path("/proc/self/pagemap")  # a word for every page of the address space
+GIVEN = np.uint64(3 << 62)  # of such a word: in memory, swapped
+SMALL = 1 << 16  # bytes that may lie anywhere
+NORESERVE = 0x4000  # Linux: no promise of memory; Python has a name for it from 3.13 on
+SPARE = 0.5  # of its edge that a room which is too small grows at least
+
+
+def zeros(shape: tuple[int, ...], dtype: DTypeLike) -> Array:
+    """As `np.zeros`; on Linux in small pages, each taken from the system when it is written to.
+
+    numpy asks for pages of 2 MB, so that a wall across a large map takes the memory of all of it.
+    """
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    if sys.platform != "linux" or size < SMALL:
+        return np.zeros(shape, dtype)
+    memory = mmap.mmap(-1, size, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | NORESERVE)
+    memory.madvise(mmap.MADV_NOHUGEPAGE)
+    return np.frombuffer(memory, dtype).reshape(shape)
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Where flags (n,) are set: first and number of each run."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(a), int(b - a)) for a, b in edges.reshape(-1, 2)]
+
+
+def given_pages(low: int, high: int) -> NDArray[np.bool_]:
+    """Which pages from that of address `low` to that of `high` - 1 have ever been looked at.
+
+    The others are zeros, and take no memory. All of them where the system does not tell.
+    """
+    first, n = low // PAGE, (high - 1) // PAGE + 1 - low // PAGE
+    try:
+        with PAGEMAP.open("rb", buffering=0) as file:
+            words = np.frombuffer(os.pread(file.fileno(), 8 * n, 8 * first), np.uint64)
+    except OSError:
+        return np.ones(n, np.bool_)
+    return (words & GIVEN) != 0 if len(words) == n else np.ones(n, np.bool_)
+
+
+def taken(array: Array) -> int:
+    """Bytes of memory that an array takes at most."""
+    return int(given_pages(*byte_bounds(array)).sum()) * PAGE
+
+
+def copied(array: Array) -> Array:
+    """A copy of a contiguous array that takes memory only where the array has."""
+    out = zeros(array.shape, array.dtype)
+    low, high = byte_bounds(array)
+    source, target = array.reshape(-1).view(np.uint8), out.reshape(-1).view(np.uint8)
+    for page, n in runs(given_pages(low, high)):
+        begin = max((low // PAGE + page) * PAGE - low, 0)
+        part = slice(begin, (low // PAGE + page + n) * PAGE - low)
+        target[part] = source[part]
+    return out
+
+
+def deepcopied(values: Iterable[Any], memo: dict[int, Any]) -> list[Any]:
+    """Numbers as they are and copies of arrays made by `zeros`: for the `__deepcopy__` of a map."""
+    return [_deepcopy(value, memo) for value in values]
+
+
+def _deepcopy(value: Any, memo: dict[int, Any]) -> Any:
+    if not isinstance(value, np.ndarray):
+        return value
+    if id(value) not in memo:
+        memo[id(value)] = copied(value)
+    return memo[id(value)]
+
+
+class Room:
+    """The rectangle of cells that a map's arrays have, as numbers of cells from the map's origin.
+
+    It begins as a square around the origin that has `max_cells`, in whole blocks.
+
+    Args:
+        max_cells: cells of the largest map.
+        cell: edge of a cell [m].
+        block: cells along the edge of what is added as a whole.
+    """
+
+    def __init__(self, max_cells: int, cell: float, block: int = 1) -> None:
+        self._cell, self._block = cell, block
+        half = max(math.isqrt(max_cells) // (2 * block), 1) * block
+        self.x0 = self.y0 = -half
+        self.width = self.height = 2 * half
+
+    @property
+    def corner(self) -> tuple[float, float]:
+        """Where the cell [0, 0] of the arrays begins: x, y [m] from the origin."""
+        return self.x0 * self._cell, self.y0 * self._cell
+
+    def window(self, box: Box) -> tuple[slice, slice]:
+        """Rows and columns of the cells that a box [m] touches."""
+        x0, x1 = self._cut(box.x0, box.x1, self.x0, self.width)
+        y0, y1 = self._cut(box.y0, box.y1, self.y0, self.height)
+        return slice(y0, y1), slice(x0, x1)
+
+    def reach(self, box: Box) -> tuple[int, int] | None:
+        """Grow until a box [m] is inside; cells added below and at the left, None if none are."""
+        left, right = self._missing(box.x0, box.x1, self.x0, self.width)
+        below, above = self._missing(box.y0, box.y1, self.y0, self.height)
+        if not (left or right or below or above):
+            return None
+        self.x0, self.width = self.x0 - left, self.width + left + right
+        self.y0, self.height = self.y0 - below, self.height + below + above
+        return below, left
+
+    def _cut(self, low: float, high: float, first: int, n: int) -> tuple[int, int]:
+        begin, end = math.floor(low / self._cell) - first, math.ceil(high / self._cell) - first
+        return min(max(begin, 0), n), min(max(end, 0), n)
+
+    def _missing(self, low: float, high: float, first: int, n: int) -> tuple[int, int]:
+        """Cells to add before and after the `n` of one axis: seldom, and many."""
+        before = first - math.floor(low / self._cell)
+        after = math.ceil(high / self._cell) - first - n
+        return self._blocks(before, n), self._blocks(after, n)
+
+    def _blocks(self, missing: int, n: int) -> int:
+        if missing <= 0:
+            return 0
+        return math.ceil((missing + SPARE * n) / self._block) * self._block
+
+
+def move(source: Array, target: Array, below: int, left: int) -> None:
+    """Copy rows of cells into a larger array of zeros; what was never touched stays so there."""
+    for row in _given_rows(source).tolist():
+        touched = source[row].reshape(source.shape[1], -1).any(axis=1)
+        for first, n in runs(np.asarray(touched)):
+            target[below + row, left + first : left + first + n] = source[row, first : first + n]
+
+
+def _given_rows(array: Array) -> NDArray[np.int64]:
+    """Rows of a contiguous array that have memory in them."""
+    low, high = byte_bounds(array)
+    pages = np.concatenate([[0], np.cumsum(given_pages(low, high))])
+    begin = low % PAGE + array.strides[0] * np.arange(len(array))
+    end = begin + array.strides[0] - 1
+    return np.flatnonzero(pages[end // PAGE + 1] > pages[begin // PAGE])

@@ -1,0 +1,168 @@
+"""Room for maps that grow: memory only where something was written, and moves of what grows."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from slams.cells import (
+    PAGE,
+    PAGEMAP,
+    Room,
+    copied,
+    deepcopied,
+    given_pages,
+    move,
+    runs,
+    taken,
+    zeros,
+)
+from slams.extent import Box
+from slams.registry import find
+from slams.state import memory
+from tests.rooms import drive
+
+told = pytest.mark.skipif(not PAGEMAP.exists(), reason="only Linux tells which pages it gave")
+
+
+def test_runs_have_their_firsts_and_lengths():
+    assert runs(np.array([True, False, True, True])) == [(0, 1), (2, 2)]
+    assert runs(np.zeros(0, np.bool_)) == []
+
+
+@told
+def test_memory_is_taken_where_it_is_written_to():
+    array = zeros((4096, 4096), np.float32)
+    assert taken(array) == 0
+    array[1000, 7] = array[3000, 4095] = 1.0
+    assert taken(array) == 2 * PAGE
+
+
+@told
+def test_a_copy_has_the_same_and_takes_no_more():
+    array = zeros((300, 4096), np.float32)
+    array[7, 5:3000] = 2.0
+    array[299, 4095] = 3.0
+    for source in (array, array[7:8, :], array[:, :].reshape(-1)[1030:9001]):
+        other = copied(source)
+        assert taken(other) <= taken(source) + PAGE < source.nbytes + 2 * PAGE
+        np.testing.assert_array_equal(other, source)
+        assert not np.shares_memory(other, source)
+
+
+def test_a_copy_without_the_system_telling_is_a_copy(monkeypatch, tmp_path):
+    monkeypatch.setattr("slams.cells.PAGEMAP", tmp_path / "none")
+    array = zeros((64, 4096), np.float32)
+    array[3, 3000] = 1.0
+    np.testing.assert_array_equal(copied(array), array)
+    assert given_pages(0, 10 * PAGE).all()
+
+
+def test_arrays_that_are_shared_stay_so_in_a_deep_copy():
+    array, memo = zeros((4, 4), np.int32), {}
+    first, number = deepcopied((array, 3.0), memo)
+    (second,) = deepcopied((array,), memo)
+    assert first is second
+    assert first is not array
+    assert number == 3.0
+
+
+def test_a_room_is_a_square_around_the_origin():
+    room = Room(10_000, 0.1, block=4)
+    assert (room.width, room.height) == (96, 96)
+    assert room.corner == pytest.approx((-4.8, -4.8))
+    assert room.reach(Box(-4.75, -4.8, 4.8, 4.75)) is None
+    assert room.window(Box(-4.75, -0.05, 0.25, 9.0)) == (slice(47, 96), slice(0, 51))
+
+
+@pytest.mark.parametrize(
+    ("box", "added"),
+    [
+        (Box(-5.0, 0.0, 0.0, 0.0), (0, 52)),
+        (Box(0.0, -6.0, 0.0, 0.0), (60, 0)),
+        (Box(0.0, 0.0, 5.0, 0.0), (0, 0)),
+        (Box(0.0, 0.0, 0.0, 7.3), (0, 0)),
+    ],
+)
+def test_a_room_grows_in_blocks_to_the_side_it_needs(box, added):
+    room, before = Room(10_000, 0.1, block=4), Room(10_000, 0.1, block=4)
+    assert room.reach(box) == added
+    assert room.reach(box) is None
+    assert (before.y0 - room.y0, before.x0 - room.x0) == added
+    grown = room.width + room.height - before.width - before.height
+    assert grown >= 48
+    assert room.width % 4 == room.height % 4 == room.x0 % 4 == room.y0 % 4 == 0
+
+
+@pytest.mark.parametrize("rest", [(), (3,)])
+def test_what_grows_keeps_its_cells(rest):
+    rng = np.random.default_rng(3)
+    small, large = zeros((200, 300, *rest), np.float32), zeros((400, 500, *rest), np.float32)
+    small[::7, 20:90] = rng.random((29, 70, *rest))
+    small[199, 299] = 1.0
+    move(small, large, 50, 60)
+    np.testing.assert_array_equal(large[50:250, 60:360], small)
+    assert np.count_nonzero(large) == np.count_nonzero(small)
+
+
+@told
+def test_what_grows_stays_untouched_where_it_was():
+    small, large = zeros((512, 4096), np.float32), zeros((1024, 8192), np.float32)
+    small[300, 2000] = 1.0
+    move(small, large, 100, 1000)
+    assert taken(large) == PAGE
+
+
+@told
+def test_the_state_of_a_large_room_is_what_was_written_to_it():
+    array = zeros((1 << 15, 1 << 14), np.float32)  # 2 GB
+    array[20_000, 5] = array[-1, -9] = 1.0
+    low = array.__array_interface__["data"][0]
+    piece, kept = memory.pack(low, low + array.nbytes)
+    data = np.concatenate(list(kept))
+    assert len(data) == 2 * memory.BLOCK
+    again, rest = memory.unpack(piece, data)
+    again = again.view(np.float32).reshape(array.shape)
+    assert again[20_000, 5] == again[-1, -9] == 1.0
+    assert np.count_nonzero(again[19_990:20_010]) == 1
+    assert len(rest) == 0
+    assert taken(again[:10_000]) == 0
+
+
+@told
+@pytest.mark.parametrize("name", ["hector", "crsm"])
+def test_a_deep_copy_of_an_algorithm_takes_what_it_has_seen_and_goes_on_alike(name):
+    log = drive(n=40)
+    entry = find(name)
+    slam = entry.cls(entry.params())
+    scans = list(log)
+    for scan in scans[:30]:
+        slam.update(scan)
+    other = copy.deepcopy(slam)
+    assert _taken(slam) < 30e6
+    assert _taken(other) <= 1.1 * _taken(slam)
+    poses = [slam.update(scan) for scan in scans[30:]]
+    assert poses == [other.update(scan) for scan in scans[30:]]
+    np.testing.assert_array_equal(other.map().p, slam.map().p)
+
+
+def _taken(slam):
+    """Bytes of the arrays of cells."""
+    grids = slam._map
+    arrays = [*grids.levels, grids.surface] if hasattr(grids, "levels") else [grids.cells]
+    return sum(taken(a) for tuple_ in arrays for a in tuple_ if isinstance(a, np.ndarray))
+
+
+@pytest.mark.parametrize("name", ["hector", "crsm"])
+def test_a_map_that_outgrows_its_room_is_the_same_in_a_larger_one(name, monkeypatch):
+    log, entry = drive(n=60), find(name)
+    roomy = entry.cls(entry.params())
+    monkeypatch.setattr(f"{name}.map.Room", lambda _, cell, block: Room(1 << 12, cell, block))
+    narrow = entry.cls(entry.params())
+    first = narrow._map._room.width
+    for scan in log:
+        np.testing.assert_allclose(narrow.update(scan), roomy.update(scan), atol=1e-6)
+    assert narrow._map._room.width > first
+    one, other = narrow.map(), roomy.map()
+    np.testing.assert_allclose(one.origin, other.origin)
+    np.testing.assert_allclose(one.p, other.p, atol=1e-3)
