@@ -72,7 +72,7 @@ def scans_of(poses, laser=LASER, noise=0.01, **extra):
     ]
 
 
-def Parameters(**changes):  # noqa: N802
+def Parameters(**changes):
     """Those of a map of 512 x 512 cells, whose whole dark field can be looked at."""
     return CrsmParams(**{"max_cells": 1 << 20} | changes)
 
