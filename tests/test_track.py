@@ -45,6 +45,16 @@ def test_a_prediction_counts_less_where_the_scan_sees_all_directions():
         assert careful.expected == pytest.approx(times * plain.expected, rel=0.01)
 
 
+@pytest.mark.parametrize(("seen", "times"), [(ROOM, 4.0), (CORRIDOR, 1.0)])
+def test_surprises_widen_what_wheels_predict_only_where_the_scan_sees_all_directions(seen, times):
+    """Else a deviation that no scan brings down would be multiplied again at every scan."""
+    track, plain = driven(seen), driven(seen)
+    track._scale = 4.0
+    for each in (track, plain):
+        each.predict(stamped(30))
+    assert track.predicted == pytest.approx(times * plain.predicted, rel=0.01)
+
+
 def test_what_is_missed_is_as_sure_as_the_prediction_not_as_its_prior():
     careful, plain = twins(ROOM)
     for track in (careful, plain):

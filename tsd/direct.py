@@ -66,7 +66,7 @@ class Direct:
         axis = np.array([-math.sin(across), math.cos(across)])
         seen, agree = self._agreement(pose, SHIFTS[:, None] * axis).T
         here = len(SHIFTS) // 2
-        doubt2 = float(axis @ self._track.expected[:2, :2] @ axis)
+        doubt2 = float(axis @ self._track.predicted[:2, :2] @ axis)
         if seen[here] < NEEDED or (by_wheels and doubt2 < DOUBTED**2):
             return pose, np.zeros((2, 2))
         evidence = agree - seen * agree[here] / max(seen[here], 1.0)

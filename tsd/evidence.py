@@ -18,6 +18,9 @@ from tsd.view import View
 GAIN = 0.02  # another pose must explain this share of the elements more: less is noise
 ENOUGH = 300  # elements of which that holds; the noise of fewer is larger by the root
 
+CHANCE = 2.0  # deviations of a share that elements agree with by chance
+SURE = 0.1  # m, deviation of a prediction from which registrations do not go astray
+
 
 class Match(NamedTuple):
     """A pose that a registration found, and what speaks for it.
@@ -96,8 +99,16 @@ class Evidence:
         return match.close > 0.7 * match.known and match.known > 0.4
 
     def as_usual(self, match: Match) -> bool:
-        """Whether elements agree with the field as well as in the scans before."""
-        return match.close > self._params.convincing * self.usual and self.plausible(match)
+        """Whether elements agree with the field as well as in the scans before.
+
+        Where the prediction is sure, what may be chance is no reason to look elsewhere.
+        """
+        usual = self.usual
+        chance = CHANCE * math.sqrt(usual * (1.0 - usual) / max(self._view.count, 1))
+        less = (1.0 - self._params.convincing) * usual
+        if self._track.uncertain < SURE:
+            less = max(less, chance)
+        return match.close > usual - less and self.plausible(match)
 
     def learn(self, match: Match, searched: bool) -> None:
         """The usual agreement, and the usual residual.

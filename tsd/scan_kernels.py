@@ -8,6 +8,8 @@ from typing import NamedTuple
 from slams.jit import FAST, njit
 from slams.types import Floats, Ranges
 
+GAP = 3.0  # beams from hit to hit, beyond which a surface ends
+
 
 class Beams(NamedTuple):
     """A laser as the kernels see it; `directions` (n, 2) are unit vectors in the base frame."""
@@ -91,44 +93,76 @@ def off_neighbors(hits: Floats, count: int, beams: Beams, out: Floats) -> int:
 
 
 @njit(inner=True)
-def in_line(hits: Floats, k: int, beams: Beams, noise: float) -> bool:
-    """Whether hits k, k + 1, k + 2, of beams side by side, lie on one line up to noise.
+def in_line(hits: Floats, a: int, b: int, c: int, beams: Beams, noise: float) -> bool:
+    """Whether hits a, b, c, of beams side by side, lie on one line up to noise.
 
     ours: far along a corridor hits are a meter apart, and still on one wall. Taken for a surface
     each, facing the laser, they move with the robot and hold it where it is. Any three hits are
     in line to within the gap between their beams, so they must be so to a fifth of that.
     """
-    if hits[k + 2, 3] - hits[k, 3] > 4.0:
+    if hits[c, 3] - hits[a, 3] > 4.0:
         return False
-    ax, ay = hits[k + 1, 0] - hits[k, 0], hits[k + 1, 1] - hits[k, 1]
-    cx, cy = hits[k + 2, 0] - hits[k, 0], hits[k + 2, 1] - hits[k, 1]
+    bx, by = hits[b, 0] - hits[a, 0], hits[b, 1] - hits[a, 1]
+    cx, cy = hits[c, 0] - hits[a, 0], hits[c, 1] - hits[a, 1]
     chord = math.sqrt(cx * cx + cy * cy) + 1e-9
-    rx, ry = hits[k + 1, 0] - beams.mount_x, hits[k + 1, 1] - beams.mount_y
-    cosine = abs(cx * ry - cy * rx) / (chord * hits[k + 1, 2] + 1e-9)
-    off = abs(cx * ay - cy * ax) / chord
-    gap = hits[k + 1, 2] * abs(beams.angle_increment)
+    rx, ry = hits[b, 0] - beams.mount_x, hits[b, 1] - beams.mount_y
+    cosine = abs(cx * ry - cy * rx) / (chord * hits[b, 2] + 1e-9)
+    off = abs(cx * by - cy * bx) / chord
+    gap = hits[b, 2] * abs(beams.angle_increment)
     return bool(off < 4.0 * noise * max(cosine, 0.05) and off < 0.2 * gap)
+
+
+@njit(inner=True)
+def side_by_side(hits: Floats, a: int, b: int, beams: Beams, rule: SurfaceRule) -> bool:
+    """Whether hit a and a later one b may be of one surface, by their ranges.
+
+    ours: the published 3 degree jump test, with room for range noise, and for grazing walls.
+    """
+    steps = hits[b, 3] - hits[a, 3]
+    spacing = min(hits[b, 2], hits[a, 2]) * abs(beams.angle_increment) * steps
+    jump = abs(hits[b, 2] - hits[a, 2])
+    return bool(steps <= GAP and jump <= rule.max_slope * spacing + 4.0 * rule.noise)
+
+
+@njit
+def drop_specks(hits: Floats, count: int, beams: Beams, rule: SurfaceRule) -> int:
+    """Leave out hits that nothing was seen beside; returns how many are left.
+
+    ours: rain, dust and beams that meet two things at once end anywhere. They would cut the surface
+    behind them into pieces, and fill the map.
+    """
+    left = 0
+    for k in range(count):
+        seen = False
+        for j in range(1, int(GAP) + 1):
+            seen = seen or (left >= j and side_by_side(hits, left - j, k, beams, rule))
+            seen = seen or (k + j < count and side_by_side(hits, k, k + j, beams, rule))
+        if not seen and left > 1:
+            seen = in_line(hits, left - 2, left - 1, k, beams, rule.noise)
+        if not seen and left > 0 and k + 1 < count:
+            seen = in_line(hits, left - 1, k, k + 1, beams, rule.noise)
+        if not seen and k + 2 < count:
+            seen = in_line(hits, k, k + 1, k + 2, beams, rule.noise)
+        if seen:
+            for i in range(4):
+                hits[left, i] = hits[k, i]
+            left += 1
+    return left
 
 
 @njit
 def find_runs(hits: Floats, count: int, beams: Beams, rule: SurfaceRule, out_runs: Floats) -> None:
-    """First and one-past-last hit of the unbroken surface every hit lies on.
+    """First and one-past-last hit of the unbroken surface every hit lies on. ours.
 
-    ours: the published 3 degree jump test between neighbors, with room for range noise, and for
-    grazing walls. out_runs (n, 2).
+    out_runs (n, 2).
     """
     start = 0
     for k in range(1, count + 1):
-        broken = k == count
-        if not broken:
-            steps = hits[k, 3] - hits[k - 1, 3]
-            spacing = min(hits[k, 2], hits[k - 1, 2]) * abs(beams.angle_increment) * steps
-            jump = abs(hits[k, 2] - hits[k - 1, 2])
-            broken = steps > 3.0 or jump > rule.max_slope * spacing + 4.0 * rule.noise
-            if broken and k > 1:
-                broken = not in_line(hits, k - 2, beams, rule.noise)
-            if broken and k + 1 < count:
-                broken = not in_line(hits, k - 1, beams, rule.noise)
+        broken = k == count or not side_by_side(hits, k - 1, k, beams, rule)
+        if broken and 1 < k < count:
+            broken = not in_line(hits, k - 2, k - 1, k, beams, rule.noise)
+        if broken and k + 1 < count:
+            broken = not in_line(hits, k - 1, k, k + 1, beams, rule.noise)
         if broken:
             for j in range(start, k):
                 out_runs[j, 0] = start

@@ -14,6 +14,7 @@ from tsd.scan_kernels import (
     Beams,
     SurfaceRule,
     Twist,
+    drop_specks,
     find_hits,
     find_runs,
     fit_surfaces,
@@ -49,7 +50,8 @@ class View:
         """Hits and elements of a scan, deskewed by a velocity; returns how many elements."""
         if scan.laser is not self._laser and scan.laser != self._laser:
             self._take(scan.laser)
-        self._n_hits = find_hits(scan.ranges, self.beams, Twist(*twist), self._hits)
+        found = find_hits(scan.ranges, self.beams, Twist(*twist), self._hits)
+        self._n_hits = drop_specks(self._hits, found, self.beams, self._rule)
         rule = self._measured(scan.ranges)
         find_runs(self._hits, self._n_hits, self.beams, rule, self._runs)
         sum_moments(self._hits, self._n_hits, self._sums)

@@ -34,9 +34,9 @@ class Track:
     """The pose with its covariance, from one scan to the next, by the one `Motion`.
 
     Per scan: `predict`, then `matched` or `missed`. `pose` and `covariance` (3, 3) [m, rad] are
-    those of the last scan in the map, `expected` (3, 3) the prediction's covariance, `lost` the
-    number of scans in that state. `held`: nothing was matched for long, yet wheels tell the pose.
-    `adrift`: lost, but only along a corridor: scans match across, and what they show is mapped on.
+    those of the last scan in the map, `expected` (3, 3) the prediction's covariance, `predicted`
+    the same without caution, `lost` the number of scans in that state. `held`: nothing was matched
+    for long, yet wheels tell the pose. `adrift`: lost, but only along a corridor: scans match across, and what they show is mapped on.
     `widen_wheels`: learn from surprises also where wheels predict (in a bare corridor hector's
     lines surprise without being right).
     """
@@ -50,7 +50,7 @@ class Track:
         self.held = self.adrift = False
         self._widen_wheels = widen_wheels
         self._params, self._limits = params, Limits(params)
-        self.expected = self._unwidened = self._information = self.covariance
+        self.expected = self.predicted = self._information = self.covariance
         self._matched_at = IDENTITY
         self._begun = False
         self._scale = 1.0  # of what was expected, learned
@@ -72,8 +72,8 @@ class Track:
         if "wheels" not in now.used:
             before = self._with_the_same_error(before, now)
         scale, caution = (self._scale, self._caution()) if self.state == "matched" else (1.0, 1.0)
-        self._unwidened = self._widened(now.pose_covariance(before), scale)
-        self.expected = caution * self._unwidened
+        self.predicted = self._widened(now.pose_covariance(before), scale)
+        self.expected = caution * self.predicted
         self._information = inverse3(self.expected)
         return now
 
@@ -89,7 +89,7 @@ class Track:
         In a bare corridor what a scan seems to say along it is mostly noise, as [Zhang16] has it;
         there the prediction counts as much as it is worth.
         """
-        return 1.0 + (self._params.caution - 1.0) * min(self._even / EVEN, 1.0) ** 2
+        return 1.0 + (times - 1.0) * min(self._even / EVEN, 1.0) ** 2
 
     def prior(self, start: Pose2) -> Floats:
         """Information (3, 3) [1/m^2, 1/(m rad), 1/rad^2] of a start for a matcher.
@@ -219,9 +219,9 @@ class Track:
         """The map does not explain the scan: the pose is the prediction."""
         self.motion.missed(scan)
         self._sight = self._seeing = CLEAR
-        self.pose, self.covariance = self._prediction.pose, self._unwidened
+        self.pose, self.covariance = self._prediction.pose, self.predicted
         overdue = self._seconds >= LOST_AFTER
-        self.held = overdue and self._by_wheels and self._sure(self._unwidened)
+        self.held = overdue and self._by_wheels and self._sure(self.predicted)
         self.adrift = False
         self._call("lost" if overdue and not self.held else "predicted")
 

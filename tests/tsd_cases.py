@@ -1,0 +1,61 @@
+"""What several tests of tsd look at."""
+
+import math
+
+import numpy as np
+
+from slams.types import Pose2
+from tests.rooms import drive
+from tsd import Tsd, TsdParams
+from tsd.map_kernels import facing, read_field
+from tsd.original import Original, OriginalParams
+from tsd.scan_kernels import Beams, SurfaceRule, Twist, find_hits
+
+PLANE = np.array([(-50.0, 2.0, 50.0, 2.0)])
+CORNER = np.array([(-3.0, 2.0, 3.0, 2.0), (3.0, 2.0, 3.0, -2.0), (3.0, -2.0, -3.0, -2.0)])
+
+
+def default(**changes):
+    return Tsd(TsdParams().replace(**changes))
+
+
+def original(**changes):
+    return Original(OriginalParams(map_size=9, **changes))
+
+
+def error(a, b):
+    step = Pose2(*a).between(Pose2(*b))
+    return math.hypot(step.x, step.y), abs(step.theta)
+
+
+def field_at(slam, x, y, normal):
+    return read_field(slam._field.kernel, facing(*normal), x, y)
+
+
+def occupied(slam, x, y):
+    grid = slam.map()
+    ix = int((x - grid.origin[0]) / grid.resolution)
+    iy = int((y - grid.origin[1]) / grid.resolution)
+    return bool(np.nanmax(grid.p[iy - 1 : iy + 2, ix - 1 : ix + 2]) > 0.5)
+
+
+def scanned(n=10, **changes):
+    """A default that has seen a drive, and the last scan's elements."""
+    slam = default(**changes)
+    for scan in drive(n=n):
+        slam.update(scan)
+    view = slam._view
+    return slam, view.elements[: view.count].copy()
+
+
+def hits_of(ranges, lidar):
+    """Hits (n, 4) of a standing laser."""
+    beams = Beams(lidar.directions, 0.0, 0.0, 0.0, lidar.angle_increment, 0.1, 30.0, 0.0)
+    hits = np.zeros((lidar.n_beams, 4))
+    count = find_hits(ranges, beams, Twist(0.0, 0.0, 0.0), hits)
+    return beams, hits, count
+
+
+RULE = SurfaceRule(0.12, 0.01, 8.0, 0.02**2, 0.2, 0.15)
+HALLWAY = [(-60.0, 1.0, 60.0, 1.0), (-60.0, -1.0, 60.0, -1.0)]
+NICHES = [(-6.0, 0.96), (2.1, -1.0), (7.5, 0.96)]
