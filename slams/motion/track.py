@@ -36,8 +36,8 @@ class Track:
     Per scan: `predict`, then `matched` or `missed`. `pose` and `covariance` (3, 3) [m, rad] are
     those of the last scan in the map, `expected` (3, 3) the prediction's covariance, `predicted`
     the same without caution, `lost` the number of scans in that state. `held`: nothing was matched
-    for long, yet wheels tell the pose. `adrift`: lost, but only along a corridor: scans match across, and what they show is mapped on.
-    `widen_wheels`: learn from surprises also where wheels predict (in a bare corridor hector's
+    for long, yet wheels tell the pose. `adrift`: lost, but only along a corridor: scans match across, and what they show is
+    mapped on. `widen_wheels`: learn from surprises also where wheels predict (in a bare corridor hector's
     lines surprise without being right).
     """
 
@@ -89,7 +89,7 @@ class Track:
         In a bare corridor what a scan seems to say along it is mostly noise, as [Zhang16] has it;
         there the prediction counts as much as it is worth.
         """
-        return 1.0 + (times - 1.0) * min(self._even / EVEN, 1.0) ** 2
+        return 1.0 + (self._params.caution - 1.0) * min(self._even / EVEN, 1.0) ** 2
 
     def prior(self, start: Pose2) -> Floats:
         """Information (3, 3) [1/m^2, 1/(m rad), 1/rad^2] of a start for a matcher.
