@@ -36,9 +36,9 @@ class Track:
     Per scan: `predict`, then `matched` or `missed`. `pose` and `covariance` (3, 3) [m, rad] are
     those of the last scan in the map, `expected` (3, 3) the prediction's covariance, `predicted`
     the same without caution, `lost` the number of scans in that state. `held`: nothing was matched
-    for long, yet wheels tell the pose. `adrift`: lost, but only along a corridor: scans match across, and what they show is
-    mapped on. `widen_wheels`: learn from surprises also where wheels predict (in a bare corridor hector's
-    lines surprise without being right).
+    for long, yet wheels tell the pose. `adrift`: lost, but only along a corridor: scans match
+    across, and what they show is mapped on. `widen_wheels`: learn from surprises also where wheels
+    predict (in a bare corridor hector's lines surprise without being right).
     """
 
     def __init__(self, params: MotionParams, widen_wheels: bool = False) -> None:
