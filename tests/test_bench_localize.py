@@ -11,7 +11,7 @@ from bench.sim.world import World
 
 def test_a_floor_plan_is_dark_wherever_a_wall_is():
     occupied = np.zeros((10, 15), bool)
-    occupied[0, 4] = occupied[7, 12] = True
+    occupied[0, 4] = occupied[8, 13] = True
     unknown = np.zeros_like(occupied)
     unknown[5:, :5] = True
     plan = localize.floor_plan(World(occupied, unknown, 0.02, (-1.0, 2.0)))
