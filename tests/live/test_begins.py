@@ -13,6 +13,7 @@ from slams.formats.occupancy import write_map
 from slams.live.node import SOUGHT_LONG
 from slams.live.robot import Robot
 from slams.live.seam import BRIDGED, SAME_DRIVE, Seam
+from slams.live.timelines import RateTimeline
 from slams.scanlog import Track
 from slams.types import IDENTITY, Scan
 from tests.floors import grid_of
@@ -123,6 +124,33 @@ def test_a_robot_that_counts_anew_is_where_it_stopped(tmp_path):
         assert estimate.map_to_odom is None if k == 0 else estimate.map_to_odom is not None
     again.reset()
     assert again.push_scan(scan_at((1.0, 0.0, 0.0), lidar, t=1.0)).pose == IDENTITY
+
+
+def test_a_gyro_counts_on_where_it_goes_on_at_once():
+    kept = (10.0, 0.5, 2.0)
+    for t, integral in ((10.1, 2.05), (10.0 + 2.0 * BRIDGED, 0.0), (3.0, 0.0)):
+        line = RateTimeline(kept)
+        assert line.kept == kept
+        line.push(t, 0.5)
+        assert line.integral_at(t) == pytest.approx(integral), t
+        assert line.late == 0
+    assert np.isnan(RateTimeline().kept[0])
+
+
+class Counted(slams.find("odometry").cls):
+    """Has lost the robot twice, and has no state of its own."""
+
+    def report(self):
+        return {"lost": 2}
+
+
+def test_what_was_lost_before_is_not_lost_now(monkeypatch):
+    live = LiveSlam("odometry", warm_up=False)
+    live._begin(Counted(live.params), Seam())
+    assert live.push_scan(scan_at((0.0, 0.0, 0.0))).state == "matched"
+    assert live._drawer._in_place == 0.0
+    live._begin(Counted(live.params), Seam(5.0))
+    assert live._drawer._in_place == np.inf  # the map of a state may be a large one
 
 
 def test_what_stands_beside_a_state_of_others_is_left_alone():
