@@ -70,8 +70,7 @@ def cell_of(kernel, layer, x, y):
     ix = math.floor((x - kernel.corner[0]) / kernel.cell)
     iy = math.floor((y - kernel.corner[1]) / kernel.cell)
     center = kernel.corner + kernel.cell * (np.array([ix, iy]) + 0.5)
-    slot = kernel.slots[layer, iy // 8, ix // 8]
-    sd = math.nan if slot < 0 else float(kernel.tsd[slot, iy % 8, ix % 8])
+    sd = float(kernel.tsd[kernel.slots[iy // 8, ix // 8, layer], iy % 8, ix % 8])
     return sd, center, bool(kernel.seen[iy, ix] & 1)
 
 

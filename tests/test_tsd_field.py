@@ -5,12 +5,14 @@ import math
 import numpy as np
 import pytest
 
+from slams.extent import Box
 from slams.types import Pose2
 from tests import naive_tsd
 from tests.rooms import box, drive, laser, scan_at
 from tests.tsd_cases import CORNER, PLANE, default, error, field_at, occupied, original
+from tsd.drawing import CERTAIN, surface_cells
 from tsd.image import colored
-from tsd.map import TileField, surface_cells
+from tsd.map import TileField
 from tsd.map_kernels import (
     PASSED,
     PushRule,
@@ -130,6 +132,7 @@ def test_map_and_field_show_the_room(make):
 
 def test_push_blends_every_line_into_its_cells():
     field = TileField(0.05, 0.15, 3.0)
+    field._cover(Box(0.0, -1.0, 2.0, 1.0))
     rule = PushRule(0.15, 3.0, 0.2)
     rng, rows = np.random.default_rng(6), np.zeros((999, 4))
     lines = np.array([[1.0, 0.02 * rng.normal(), -0.05 * k, 1.0, 0.9, 1.0, 0.0] for k in range(5)])
@@ -187,13 +190,31 @@ def test_a_frozen_map_stays_and_an_inserted_scan_enters_it():
 def test_a_surface_is_one_cell_wide_where_it_crosses(layer):
     x = (np.arange(12) + 0.5) * 0.05
     tsd = np.tile((x - 0.31) * (1 if layer < 2 else -1), (9, 1)).astype(np.float32)
-    image = tsd if layer % 2 == 0 else np.ascontiguousarray(tsd.T)
-    cells = surface_cells(image, layer, 0.05)
-    cells = cells if layer % 2 == 0 else cells.T
+    cells = surface_cells(tsd, layer, 0.05)
     assert (cells.sum(axis=1) == 1).all() and cells[:, 6].all()
-    assert not surface_cells(-image, layer, 0.05).any()  # faces the other way
-    assert not surface_cells(3.0 * image, layer, 0.05).any()  # two surfaces, none between
-    assert not surface_cells(0.5 * image, layer, 0.05).any()  # shows in the other axis' layer
+    assert not surface_cells(-tsd, layer, 0.05).any()  # faces the other way
+    assert not surface_cells(3.0 * tsd, layer, 0.05).any()  # two surfaces, none between
+    assert not surface_cells(0.5 * tsd, layer, 0.05).any()  # shows in the other axis' layer
+
+
+def test_the_map_shows_what_the_picture_does_where_tiles_meet():
+    """Walls that cross the borders of tiles: from the layers one by one, as whole images."""
+    slam = default()
+    for scan in drive(n=30):
+        slam.update(scan)
+    field, grid = slam._field, slam.map()
+    expected = np.zeros(grid.p.shape, bool)
+    for layer in range(4):
+        tsd, weight = (
+            field._dense(layer, pool) for pool in (field.kernel.tsd, field.kernel.weight)
+        )
+        tsd = np.where(weight >= CERTAIN, tsd, np.nan)
+        turned = layer % 2 == 1
+        cells = surface_cells(tsd.T if turned else tsd, layer, 0.05)
+        expected |= cells.T if turned else cells
+    assert ((grid.p > 0.5) == expected).all() and expected.sum() > 300
+    picture = slam.field()
+    assert picture[0].shape == grid.p.shape and picture[3] == grid.origin
 
 
 def test_walls_of_the_map_are_thin_and_nothing_else_is_occupied():
@@ -227,13 +248,30 @@ def test_pictures_show_both_sides_of_the_field():
     assert colored(np.full((2, 2), np.nan, np.float32), 0.1).shape == (1, 1, 3)
 
 
-def test_the_pool_of_tiles_grows(monkeypatch):
-    monkeypatch.setattr("tsd.map.POOL", 64)
+def test_a_map_that_outgrows_its_room_keeps_what_it_has():
+    small, large = (TileField(0.05, 0.15, 100.0, cells) for cells in (1 << 16, 1 << 24))
+    for k, x in enumerate((0.013, 12.013, -31.013, 3.013)):
+        at = (x + 1.0, 0.313 * k + 0.007)
+        lines = np.array([[x + 2.0, at[1] + 0.02 * i, -1.0, 0.0, 1.0, 1.0, 1.0] for i in range(9)])
+        for field in (small, large):
+            field.push(lines.copy(), Box(x + 2.0, at[1], x + 2.0, at[1] + 0.16), 0.02, *at)
+    assert small.kernel.slots.shape[1] > 2 * 32 >= small.kernel.slots.shape[0]
+    np.testing.assert_array_equal(small.sketch().draw().p, large.sketch().draw().p)
+    ours, theirs = small.picture(), large.picture()
+    assert ours[3] == pytest.approx(theirs[3])
+    assert ours[0] == pytest.approx(theirs[0], abs=1e-6, nan_ok=True)
+    assert (small.sketch().draw().p > 0.5).any()
+
+
+def test_a_sketch_is_not_touched_by_what_comes_later():
     slam = default()
-    for scan in drive(n=40, gyro=False):
+    scans = list(drive(n=20))
+    for scan in scans[:10]:
         slam.update(scan)
-    kernel = slam._field.kernel
-    assert 64 < kernel.used[0] < len(kernel.tsd)
+    before, draw = slam.map(), slam.sketch()
+    for scan in scans[10:]:
+        slam.update(scan)
+    np.testing.assert_array_equal(draw().p, before.p)
 
 
 def test_the_picture_is_drawn(tmp_path):

@@ -66,11 +66,13 @@ def sum_pairs(
     """Normal equations of sum w (n (T p - m))^2 over all pairs within the gate.
 
     Original code: point to point; ours: point to line on the model's normals (A2), weighed by what
-    an element knows, less near the gate (trimmed). out_H (4, 3): the equations and their right
-    side. Returns how many pairs there are and the rms of their distances [m].
+    an element knows, less near the gate (trimmed). out_H, four rows (n, 3): the equations and
+    their right side. Returns how many pairs there are and the rms of their distances [m].
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    out_H[:, :] = 0.0
+    for i in range(4):
+        for j in range(3):
+            out_H[i, j] = 0.0
     pairs, squares, floor = 0.0, 0.0, rule.map_noise * rule.map_noise
     for k in range(count):
         rx = c * surfaces[k, 0] - s * surfaces[k, 1]
@@ -128,7 +130,7 @@ def icp(
     total = np.zeros((3, 3))
     gate, pairs, rms, used = rule.widest, 0.0, 0.0, 0
     for _ in range(rule.iterations):
-        pairs, rms = sum_pairs(model, surfaces, count, out_pose, rule, gate, out_H[:4])
+        pairs, rms = sum_pairs(model, surfaces, count, out_pose, rule, gate, out_H)
         turn = wrap_angle(mean[2] - out_pose[2])
         off = Pose2(mean[0] - out_pose[0], mean[1] - out_pose[1], turn)
         add_prior(out_H, prior, 1.0, off, total, b)

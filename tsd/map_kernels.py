@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slams.cells import deepcopied
 from slams.jit import njit
 from slams.types import Floats
 from tsd.scan_kernels import Beams
 
 SIDE = 8  # cells per tile edge
+LAYERS = 4  # facings: +x, +y, -x, -y
 SHARED = 0.55  # a surface is written to every layer whose axis is within 57 degrees of its normal
 PASSED, BEHIND = 1, 2  # bits of `seen`: a beam passed the cell; it lies behind some surface
 
@@ -20,9 +22,10 @@ PASSED, BEHIND = 1, 2  # bits of `seen`: a beam passed the cell; it lies behind 
 class Field(NamedTuple):
     """Tiles of signed distances in four layers (surfaces facing +x, +y, -x, -y).
 
-    `slots` (4, ny, nx) gives each tile's place in the pool, -1 = none; `tsd` [m] (n, SIDE, SIDE) is
-    nan where unknown. `corner` (2,) [m] is the outer corner of tile [0, 0]. `used` (1,) counts
-    slots taken. `seen` (ny SIDE, nx SIDE) holds the bits PASSED and BEHIND.
+    `slots` (ny, nx, 4) gives each tile's place in the pool; 0 is a tile that is unknown everywhere,
+    for all that are not there. `tsd` [m] (n, SIDE, SIDE) is nan where unknown. `corner` (2,) [m]
+    is the outer corner of tile [0, 0]. `used` (1,) counts slots taken. `seen` (ny SIDE, nx SIDE)
+    holds the bits PASSED and BEHIND.
     """
 
     slots: NDArray[np.int32]
@@ -32,6 +35,9 @@ class Field(NamedTuple):
     cell: float
     used: NDArray[np.int64]
     seen: NDArray[np.uint8]
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Field:
+        return Field(*deepcopied(self, memo))
 
 
 class PushRule(NamedTuple):
@@ -52,21 +58,17 @@ def facing(nx: float, ny: float) -> int:
 
 @njit(inner=True)
 def slot_of(field: Field, layer: int, iy: int, ix: int) -> int:
-    """Place in the pool of the tile that a cell lies in, -1 where there is none. ours."""
+    """Place in the pool of the tile that a cell lies in, 0 where there is none. ours."""
     ty, tx = iy // SIDE, ix // SIDE
-    if ty < 0 or tx < 0 or ty >= field.slots.shape[1] or tx >= field.slots.shape[2]:
-        return -1
-    return int(field.slots[layer, ty, tx])
+    if ty < 0 or tx < 0 or ty >= field.slots.shape[0] or tx >= field.slots.shape[1]:
+        return 0
+    return int(field.slots[ty, tx, layer])
 
 
 @njit(inner=True)
 def cell_value(field: Field, layer: int, iy: int, ix: int) -> float:
     """Signed distance [m] in one cell, nan where unknown or outside. ours."""
-    slot = slot_of(field, layer, iy, ix)
-    if slot < 0:
-        return math.nan
-    ty, tx = iy // SIDE, ix // SIDE
-    return float(field.tsd[slot, iy - ty * SIDE, ix - tx * SIDE])
+    return float(field.tsd[slot_of(field, layer, iy, ix), iy % SIDE, ix % SIDE])
 
 
 @njit(inner=True)
@@ -101,7 +103,7 @@ def read_field(field: Field, layer: int, x: float, y: float) -> tuple[float, flo
     value, gx, gy = 0.0, 0.0, 0.0
     slot, jx, jy = slot_of(field, layer, iy, ix), ix % SIDE, iy % SIDE
     within = jx < SIDE - 1 and jy < SIDE - 1
-    if within and slot < 0:
+    if within and slot == 0:
         return math.nan, math.nan, math.nan
     for m in range(4):
         i, j = m % 2, m // 2
@@ -186,6 +188,19 @@ def list_rows(field: Field, lines: Floats, count: int, rule: PushRule, out_rows:
     return n_rows
 
 
+@njit(inner=True)
+def begin_tile(field: Field) -> int:
+    """A tile of the pool that is unknown everywhere; 0 where all are taken. ours."""
+    slot = field.used[0]
+    if slot >= field.tsd.shape[0]:
+        return 0
+    for j in range(SIDE):
+        for i in range(SIDE):
+            field.tsd[slot, j, i] = math.nan
+    field.used[0] += 1
+    return int(slot)
+
+
 @njit
 def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: PushRule) -> None:
     """Push: every cell of the rows takes its distance to the line, a running weighted mean.
@@ -203,15 +218,14 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
         for i in range(max(first, 0), last + 1):
             iy, ix = (row, i) if across == 0 else (i, row)
             ty, tx = iy // SIDE, ix // SIDE
-            if iy < 0 or ix < 0 or ty >= field.slots.shape[1] or tx >= field.slots.shape[2]:
+            if iy < 0 or ix < 0 or ty >= field.slots.shape[0] or tx >= field.slots.shape[1]:
                 continue
-            slot = field.slots[layer, ty, tx]
-            if slot < 0:
-                if field.used[0] >= field.tsd.shape[0]:
+            slot = field.slots[ty, tx, layer]
+            if slot == 0:
+                slot = begin_tile(field)
+                if slot == 0:
                     continue
-                slot = field.used[0]
-                field.slots[layer, ty, tx] = slot
-                field.used[0] += 1
+                field.slots[ty, tx, layer] = slot
             jy, jx = iy - ty * SIDE, ix - tx * SIDE
             sd = ((i + 0.5) * cell - v) * nv
             weight = lines[k, 4] * max(min(1.0 + sd / tau, 1.0), 0.01)
@@ -227,8 +241,8 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
 def forget(field: Field, layer: int, iy: int, ix: int, share: float, limit: float) -> bool:
     """Leave a cell below `limit` [m] a share of its weight; true when it was its last. ours."""
     ty, tx = iy // SIDE, ix // SIDE
-    slot, j, i = field.slots[layer, ty, tx], iy % SIDE, ix % SIDE
-    if slot < 0 or not field.tsd[slot, j, i] < limit:
+    slot, j, i = field.slots[ty, tx, layer], iy % SIDE, ix % SIDE
+    if slot == 0 or not field.tsd[slot, j, i] < limit:
         return False
     field.weight[slot, j, i] *= share
     if field.weight[slot, j, i] >= 0.5:

@@ -103,7 +103,7 @@ def align(
     robust = 3.0 * rule.robust
     for _ in range(rule.iterations):
         known, close, residual = accumulate(
-            field, surfaces, count, out_pose, rule, robust, out_H[:3], b
+            field, surfaces, count, out_pose, rule, robust, out_H, b
         )
         robust = min(max(ANNEAL * residual, rule.robust), robust)
         turn = wrap_angle(mean[2] - out_pose[2])
@@ -166,7 +166,8 @@ def agreement_along(
     has gaps between them are left out: gaps move with the robot.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    out[:, :] = 0.0
+    for i in range(offsets.shape[0]):
+        out[i, 0], out[i, 1] = 0.0, 0.0
     for k in range(count):
         rx, ry = beams.mount_x - surfaces[k, 0], beams.mount_y - surfaces[k, 1]
         facing_it = rx * surfaces[k, 2] + ry * surfaces[k, 3]

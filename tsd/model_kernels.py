@@ -49,7 +49,7 @@ def layers_there(field: Field, ty: int, tx: int, dx: float, dy: float) -> int:
     bits = 0
     for layer in range(4):
         along = dx if layer % 2 == 0 else dy
-        if field.slots[layer, ty, tx] >= 0 and (along if layer < 2 else -along) <= FRONT:
+        if field.slots[ty, tx, layer] > 0 and (along if layer < 2 else -along) <= FRONT:
             bits |= 1 << layer
     return bits
 
@@ -81,7 +81,14 @@ def settle(
     return math.inf
 
 
-@njit
+@njit(inner=True)
+def forget_last(before: Floats) -> None:
+    """No distance is known at the last step. ours: assigning slices compiles for long."""
+    for layer in range(4):
+        before[layer] = math.nan
+
+
+@njit(inner=True)
 def cast_ray(field: Field, model: Model, dx: float, dy: float, before: Floats) -> tuple[float, int]:
     """Way [m] along a ray to the nearest surface, inf if nowhere, and the layer that has it.
 
@@ -90,16 +97,16 @@ def cast_ray(field: Field, model: Model, dx: float, dy: float, before: Floats) -
     """
     size, cell = field.cell * SIDE, field.cell
     way, last = 0.0, 0.0
-    before[:] = math.nan
+    forget_last(before)
     while way < model.fan.reach:
         x, y = model.x + way * dx, model.y + way * dy
         u, v = (x - field.corner[0]) / size, (y - field.corner[1]) / size
         tx, ty = math.floor(u), math.floor(v)
-        if tx < 0 or ty < 0 or ty >= field.slots.shape[1] or tx >= field.slots.shape[2]:
+        if tx < 0 or ty < 0 or ty >= field.slots.shape[0] or tx >= field.slots.shape[1]:
             break
         bits = layers_there(field, ty, tx, dx, dy)
         if bits == 0:
-            before[:] = math.nan
+            forget_last(before)
             way += min(way_through(u, dx, size), way_through(v, dy, size)) + EDGE
             continue
         nearest, seen, step = math.inf, -1, math.inf

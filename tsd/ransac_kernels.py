@@ -43,9 +43,9 @@ def score_pose(
         v = (pose[1] + s * surfaces[k, 0] + c * surfaces[k, 1] - field.corner[1]) / field.cell
         ix, iy = math.floor(u), math.floor(v)
         ty, tx = iy // SIDE, ix // SIDE
-        if 0 <= ty < field.slots.shape[1] and 0 <= tx < field.slots.shape[2]:
-            slot = field.slots[facing(nx, ny), ty, tx]
-            sd = field.tsd[slot, iy - ty * SIDE, ix - tx * SIDE] if slot >= 0 else math.nan
+        if 0 <= ty < field.slots.shape[0] and 0 <= tx < field.slots.shape[1]:
+            slot = field.slots[ty, tx, facing(nx, ny)]
+            sd = field.tsd[slot, iy - ty * SIDE, ix - tx * SIDE]
             sd += field.cell * (nx * (u - ix - 0.5) + ny * (v - iy - 0.5))
             if abs(sd) < rule.truncation:
                 total += 1.0 - abs(sd) / rule.truncation

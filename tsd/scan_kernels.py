@@ -173,7 +173,8 @@ def find_runs(hits: Floats, count: int, beams: Beams, rule: SurfaceRule, out_run
 @njit
 def sum_moments(hits: Floats, count: int, out_sums: Floats) -> None:
     """Running sums of 1, x, y, xx, xy, yy, so that any window's moments cost O(1). ours: S6."""
-    out_sums[0, :] = 0.0
+    for i in range(5):
+        out_sums[0, i] = 0.0
     for k in range(count):
         x, y = hits[k, 0], hits[k, 1]
         out_sums[k + 1, 0] = out_sums[k, 0] + x

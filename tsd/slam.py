@@ -23,6 +23,7 @@ The preset `paper` leaves out 6. The published program, `tsd@original`, stands i
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -64,7 +65,7 @@ class Tsd:
         self._track = track = Track(params, widen_wheels=True)
         self._extent = Extent(p.max_cells, p.cell)
         self._view = view = View(params)
-        self._field = field = TileField(p.cell, p.truncation, p.max_weight)
+        self._field = field = TileField(p.cell, p.truncation, p.max_weight, p.max_cells)
         self._evidence = evidence = Evidence(params, view, field, track)
         rng = np.random.default_rng(params.seed)
         self._registration = Registration(params, view, field, track, evidence, rng)
@@ -153,7 +154,11 @@ class Tsd:
 
     def map(self) -> OccupancyGrid:
         """The map as it stands now."""
-        return self._field.occupancy()
+        return self._field.sketch().draw()
+
+    def sketch(self) -> Callable[[], OccupancyGrid]:
+        """What draws the map as it stands now, while updates go on."""
+        return self._field.sketch().draw
 
     def field(self) -> Picture:
         """The field itself: distances [m] (ny, nx), weights, edge of a cell, corner (x, y) [m]."""
@@ -227,7 +232,7 @@ class Tsd:
             return
         laser = pose @ self._view.laser.mount
         lines, box = self._view.lines(pose)
-        if not self._extent.admits(Box(*box).joined(Box.around(laser.x, laser.y, 0.0))):
+        if not self._extent.admits(box.joined(Box.around(laser.x, laser.y, 0.0))):
             return
         self._counts["pushed"] += 1
         self._field.push(lines, box, self._view.beams.angle_increment, laser.x, laser.y)

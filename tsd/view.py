@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from slams.extent import Box
 from slams.types import Floats, Laser, Pose2, Ranges, Scan
-from tsd.map import Box
 from tsd.map_kernels import place_lines
 from tsd.params import TsdParams
 from tsd.scan_kernels import (
@@ -63,7 +63,7 @@ class View:
         count = self._fit(0.0, self._dense)
         lines = self._lines[:count]
         box = place_lines(self._dense, count, self._runs, self.beams, np.array(pose), lines)
-        return lines, box
+        return lines, Box(*box)
 
     @property
     def laser(self) -> Laser:
