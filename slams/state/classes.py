@@ -13,7 +13,17 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 # what algorithms and `slams.live` keep of ours
-SHARED = ("types", "params", "geometry", "motion", "extent", "heading", "live", "baselines")
+SHARED = (
+    "types",
+    "params",
+    "geometry",
+    "motion",
+    "localize",
+    "extent",
+    "heading",
+    "live",
+    "baselines",
+)
 
 
 class Home(NamedTuple):
