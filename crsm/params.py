@@ -22,7 +22,7 @@ class CrsmParams(MotionParams):
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "crsm.original:Original",
         # without a fit behind it the climb must see finer and more
-        "paper": {"refine": False, "fine": 3, "critical_rays": 200},
+        "paper": {"refine": False, "relocate": False, "fine": 3, "critical_rays": 200},
     }
 
     cell: float = param(

@@ -28,6 +28,7 @@ from crsm.match_kernels import evidence
 from crsm.pace import Pace
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
+from slams.localize.relocator import Relocator
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.params import Params
@@ -69,6 +70,7 @@ class Crsm:
         self._map = WallGrid(params)
         self._climber, self._fitter = Climber(params), Fitter(params)
         self._track = Track(params)
+        self._relocator = Relocator(self._track, params.relocate)
         self._reader: ScanReader | None = None
         self._quality, self._usual = 0.0, 0.0
         self._unsearched = PAUSE  # s
@@ -90,6 +92,7 @@ class Crsm:
                 match = self._again(view, start.pose, match)
         self._settle(scan, view, match)  # 4.
         self._draw(view)  # 5.
+        self._relocator.update(scan, self.map)
         return self._track.pose
 
     def map(self) -> OccupancyGrid:
@@ -99,7 +102,8 @@ class Crsm:
     def report(self) -> dict[str, Any]:
         """Counts of scans: posed by the climb, kept (it or near it won), refined, searched ..."""
         restarts = {"restarts": self._climber.restarts, "lost": self._track.lost}
-        counts = self._counts | restarts | self._track.motion.counts
+        again = {"found_again": self._relocator.found}
+        counts = self._counts | restarts | again | self._track.motion.counts
         return counts | self._map.extent.counts
 
     @property

@@ -25,6 +25,7 @@ from hector.matcher import FIRST, Match, Matcher, gap
 from hector.params import HectorParams
 from hector.patience import Patience
 from hector.scan import EndPoints
+from slams.localize.relocator import Relocator
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.params import Params
@@ -49,6 +50,7 @@ class Hector:
         self._matcher = Matcher(params, self._map)
         self._scan = EndPoints(params)
         self._track = Track(params)
+        self._relocator = Relocator(self._track, params.relocate)
         self._patience = Patience(params.rest, params.longest_rest)
         self._often = Patience(OFTEN, OFTEN)
         self._match = self._key = FIRST
@@ -73,6 +75,7 @@ class Hector:
         self._settle(scan, points, match, accepted)
         if self._due(points):  # 6.
             self._insert(points)
+        self._relocator.update(scan, self.map)
         return self._track.pose
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
@@ -92,7 +95,8 @@ class Hector:
         `posed` by the pyramid, `kept` where the pose within a cell of that won, `refined` by the
         lines; `doubted`, `searched`, `refused`, `lost`; `empty`, `inserted`; with odometry ...
         """
-        counts = self._counts | {"lost": self._track.lost} | self._track.motion.counts
+        lost = {"lost": self._track.lost, "found_again": self._relocator.found}
+        counts = self._counts | lost | self._track.motion.counts
         return counts | self._map.extent.counts
 
     @property

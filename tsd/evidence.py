@@ -89,10 +89,12 @@ class Evidence:
         return best
 
     def good(self, match: Match) -> bool:
-        """Whether a match is to be believed."""
-        p = self._params
+        """Whether a match is to be believed; of a robot that is lost not any that may be."""
+        p, track = self._params, self._track
+        if track.state == "lost" and not track.adrift and not self.plausible(match):
+            return False
         agrees = match.close > p.min_close * match.known and match.known > p.min_known
-        return agrees and self._track.reachable(match.pose)
+        return agrees and track.reachable(match.pose)
 
     def plausible(self, match: Match) -> bool:
         """Whether most elements are known and most of those agree."""

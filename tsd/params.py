@@ -26,7 +26,7 @@ class TsdParams(MotionParams):
     }
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "tsd.original:Original",
-        "paper": {"refine": False},
+        "paper": {"refine": False, "relocate": False},
     }
 
     cell: float = param(

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.extent import Box, Extent
+from slams.localize.relocator import Relocator
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
@@ -63,6 +64,7 @@ class Tsd:
         p = self.params = params
         self.frozen = False
         self._track = track = Track(params, widen_wheels=True)
+        self._relocator = Relocator(track, p.relocate)
         self._extent = Extent(p.max_cells, p.cell)
         self._view = view = View(params)
         self._field = field = TileField(p.cell, p.truncation, p.max_weight, p.max_cells)
@@ -89,6 +91,7 @@ class Tsd:
             self._push(start.pose)
         else:
             self._register(scan, start)
+        self._relocator.update(scan, self.map)
         half = 0.5 * _duration(scan)  # registered at its middle; the stamp is that of its start
         return self._track.pose @ _scaled(self._velocity, half).inverse()
 
@@ -107,7 +110,8 @@ class Tsd:
         self._quality = match.close
         if self._evidence.good(match):
             self._accept(scan, match, start)  # 8
-            if self._moved():
+            known = self._track.state == "matched" or self._track.adrift
+            if known and self._moved():
                 self._push(self._track.pose)  # 9
         else:
             self._refuse(scan)
@@ -171,7 +175,8 @@ class Tsd:
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
-        counts = self._counts | {"lost": self._track.lost} | self._track.motion.counts
+        lost = {"lost": self._track.lost, "found_again": self._relocator.found}
+        counts = self._counts | lost | self._track.motion.counts
         return counts | self._extent.counts
 
     @property

@@ -104,6 +104,11 @@ class Motion:
         wheels = self._wheels
         return {"odometry": wheels.used, "gyro": self._gyro.used, "odometry_faults": wheels.faults}
 
+    @property
+    def interval(self) -> float:
+        """The usual time between two scans [s]."""
+        return self._clock.usual
+
     def predict(self, pose: Pose2, scan: Scan) -> Prediction:
         """The pose at `scan`, from `pose` at the scan before."""
         self._pose, before = pose, self._before

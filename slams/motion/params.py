@@ -23,6 +23,10 @@ class MotionParams(Params):
     wheels: bool = param(True, "1", "use wheel odometry where a scan has it", source="ours: user")
     gyro: bool = param(True, "1", "use the gyro's heading where a scan has it", source="ours: user")
 
+    relocate: bool = param(
+        True, "1", "look for a lost robot in all of its own map", source="ours: user"
+    )
+
     way_scale: float = param(
         0.01, "1", "deviation of the wheels' scale of the way", source=SKID, low=0.0
     )

@@ -25,6 +25,7 @@ LEAST = 1e-4 * np.eye(3)  # 1/m^2, 1/rad^2: of a scan, along what it does not se
 DEGREES = 3.0  # of freedom of a pose
 RISE, FALL = 1.0, 10.0  # s, in which what is expected becomes wider and narrower
 MOST = 10.0  # that one surprise counts
+GAP = 3.0  # usual intervals; a longer one is a gap in the log
 FAR = 100.0  # m, deviation of a pose that is anywhere: it grows no more
 WIDEST = 1e3  # variance, times the expected one
 EVEN = 0.2  # ratio of variances of x and y above which a scan sees all directions: no corridor
@@ -60,6 +61,8 @@ class Track:
         self._seeing = CLEAR  # of its scan by itself
         self._given = IDENTITY  # by the last match, before noise was taken off
         self._by_wheels = True  # all that time
+        self._missed = False  # the last scan
+        self._unproven = 0.0  # s for which matches have to stand before they are believed
 
     def predict(self, scan: Scan) -> Prediction:
         """What is known of the pose at `scan` before it is looked at."""
@@ -138,13 +141,16 @@ class Track:
         self.motion.moved(pose, alone, scan)
         self.covariance = inverse3(honest + self.prior(pose))
         self.pose = self._matched_at = pose
-        self.held, self._seconds, self._by_wheels = False, 0.0, True
-        self.adrift = not self._sure(self.covariance)
-        self._call("lost" if self.adrift else "matched")
+        self._unproven = LOST_AFTER if self._astray() else self._unproven - self._seconds
+        self.held, self._seconds, self._by_wheels, self._missed = False, 0.0, True, False
+        sure, proven = self._sure(self.covariance), self._unproven <= 0.0
+        self.adrift = proven and not sure
+        self._call("matched" if proven and sure else "lost")
 
     def placed(self, pose: Pose2, scan: Scan) -> None:
         """The pose of a scan is given, at rest: what was known of the motion means nothing."""
         self.motion, self._begun = Motion(self._params), False
+        self._seconds, self._missed, self._unproven = 0.0, False, 0.0
         self.pose, self.covariance, self.state = pose, FLOOR * np.eye(3), "matched"
         self.predict(scan)
         self.matched(pose, self._information, scan)
@@ -187,6 +193,22 @@ class Track:
         off = self._off(pose)
         return off + inverse3(seen + LEAST) @ (self._information @ off)
 
+    def _astray(self) -> bool:
+        """Whether a match may be anywhere: the first after a second without any, or after a gap."""
+        if self._by_wheels or self._seconds < LOST_AFTER:
+            return False
+        gap = self._prediction.dt > GAP * self.motion.interval
+        return self._missed or (gap and not self._sure(self._unwidened))
+
+    @property
+    def unproven(self) -> bool:
+        """Whether the last scan matched, but after a gap: it may be elsewhere."""
+        return self._unproven > 0.0 and self._seconds == 0.0
+
+    def proven(self) -> None:
+        """The last match is right: the whole map has no better place."""
+        self._unproven, self.state = 0.0, "matched"
+
     def _learn(self, by_scan: Floats, alone: Floats) -> None:
         """Widen what is expected where matches, good to `alone` (3, 3), surprise too often.
 
@@ -218,6 +240,7 @@ class Track:
     def missed(self, scan: Scan) -> None:
         """The map does not explain the scan: the pose is the prediction."""
         self.motion.missed(scan)
+        self._missed = True
         self._sight = self._seeing = CLEAR
         self.pose, self.covariance = self._prediction.pose, self.predicted
         overdue = self._seconds >= LOST_AFTER

@@ -22,6 +22,7 @@ SHARED = (
     "cells",
     "scan",
     "refine",
+    "localize",
     "heading",
     "live",
     "baselines",

@@ -1,0 +1,80 @@
+"""Relocator: brings an algorithm that is lost back to wherever its own map has the place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from slams.localize.finder import Finder
+from slams.localize.places import ends_of
+from slams.localize.search import LEAST_VIEW, Atlas, is_same
+from slams.motion.track import Track
+from slams.types import OccupancyGrid, Pose2, Scan
+
+LOOKS = 3  # scans that a place is looked for with: one search, and it has to stand in the others
+APART = 0.1  # s between two of them
+FIRST, LONGEST = 0.5, 8.0  # s of rest after looking in vain, doubled each time
+EXPLAINED = 0.7  # evidence of a place: a wrong one is worse than none
+
+
+class Relocator:
+    """A global search in an algorithm's own map, while its track is lost; `found` counts.
+
+    The map is made ready once, when it is lost, some 0.1 s; a search takes some 30 ms, and the
+    more seldom the longer it finds nothing. Who is adrift is not looked for: the map has the place,
+    but not where it is.
+    """
+
+    def __init__(self, track: Track, on: bool) -> None:
+        self.found = 0
+        self._track, self._on = track, on
+        self._atlas: Atlas | None = None
+        self._finder: Finder | None = None
+        self._before: float | None = None
+        self._finish()
+
+    def update(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
+        """After each scan; `draw` draws the map. Sets the track's pose where it is found."""
+        dt = 0.0 if self._before is None else max(scan.t - self._before, 0.0)
+        self._before = scan.t
+        track = self._track
+        if not self._on or track.state != "lost" or track.adrift:
+            self._finish()
+            return
+        self._rest -= dt
+        if self._rest <= 0.0 and len(ends_of(scan)) >= LEAST_VIEW:
+            self._look(scan, draw)
+
+    def _finish(self) -> None:
+        self._atlas = self._finder = None
+        self._looks, self._rest, self._pause = 0, 0.0, FIRST
+
+    def _look(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
+        finder = self._ready(draw)
+        found = finder.add(scan) if finder else None
+        self._looks += 1
+        if found and self._looks > 1 and found.evidence >= EXPLAINED:
+            self._return(Pose2(*map(float, found.pose)), scan)
+        elif finder and self._looks < LOOKS and finder.candidates:
+            self._rest = APART
+        else:
+            self._finder, self._looks, self._rest = None, 0, self._pause
+            self._pause = min(2.0 * self._pause, LONGEST)
+
+    def _return(self, pose: Pose2, scan: Scan) -> None:
+        if is_same(pose, self._track.pose) and self._track.unproven:
+            self._track.proven()
+        else:
+            self._track.placed(pose, scan)
+            self.found += 1
+        self._finish()
+
+    def _ready(self, draw: Callable[[], OccupancyGrid]) -> Finder | None:
+        """A finder in the map as it was when the robot was lost; None if that is no floor yet."""
+        if self._atlas is None:
+            try:
+                self._atlas = Atlas(draw())
+            except ValueError:
+                return None
+        if self._finder is None:
+            self._finder = Finder(self._atlas)
+        return self._finder
