@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
-from crsm.map_kernels import NX, NY, WEIGHT, WallMap, X, Y, redraw, whiten
+from crsm.map_kernels import NX, NY, WEIGHT, Joining, WallMap, X, Y, add_points, redraw, whiten
 from crsm.params import CrsmParams
-from crsm.scan_kernels import Points
 from slams.cells import Room, move, zeros
 from slams.extent import Box, Extent
+from slams.refine.lines import LineMap
+from slams.scan.end_points import EndPoints
 from slams.types import Floats, OccupancyGrid, Pose2
 
 RIM = 4  # cells around what a scan needs
 KNOWN = 0.1  # grey level, either way, from which a cell counts as seen
 ONE_WALL = 0.6  # cells between an end point and the wall element it joins
-NEXT_TO_NOTHING = 1e-9  # weight of an element before its points are averaged in
 FREE = -0.5  # grey level of what several drawings found free
 MARGIN = 2.0  # cells that a beam goes on behind a wall to have gone through it
 CORE = 0.25  # cells around the mean end point of an element that is surely wall
@@ -32,59 +30,26 @@ class WallGrid:
         self.extent = Extent(params.max_cells, params.cell / params.fine)
         self._room = Room(params.max_cells, params.cell / params.fine, params.fine)
         self.cells = self._blank()
+        self._joining = Joining(ONE_WALL * params.cell, params.compat, params.max_weight)
+        self._touched = np.zeros(0, np.int64)
+        self.lines = LineMap(params, self.cells.grey, self._first, params.cell / params.fine)
         self.is_empty = True
         self._drawings = 0
 
-    def insert(self, points: Points, m: int, pose: Pose2, reach: float) -> bool:
-        """Walls of m points seen from `pose` (of the laser); False if the map may not grow so."""
-        if not self._make_room(pose, reach):
+    def insert(self, scan: EndPoints, pose: Pose2) -> bool:
+        """Let a scan taken at `pose` enter walls and lines; False if the map may not grow so."""
+        if not self._make_room(pose, scan.far):
             return False
-        seen = _seen_from(pose, points, m)
-        cells = self._flat(*points.wall[:m].T)
-        joined = self._joins(cells, seen)
-        left = np.flatnonzero(~joined)
-        cells[left] = self._cells_of(seen[:, left])
-        self._begin(cells[left], seen[:, left])
-        joined[left] = self._joins(cells[left], seen[:, left])
-        self._average_in(cells[joined], seen[:, joined])
-        self.is_empty = False
-        return True
-
-    def _joins(self, cells: Cells, seen: Floats) -> NDArray[np.bool_]:
-        """Which points are of the wall element in their cell: near enough and of its kind.
-
-        A lone point's normal, (0, 0), is 1 away from that of any wall.
-        """
-        elements = self._elements(cells)
-        dx, dy, ex, ey = seen - elements[:WEIGHT]
-        near = dx * dx + dy * dy < (ONE_WALL * self.cells.cell) ** 2
-        alike = ex * ex + ey * ey < 2.0 - 2.0 * self.params.compat
-        return np.asarray(near & alike & (elements[WEIGHT] > 0.0))
-
-    def _begin(self, cells: Cells, seen: Floats) -> None:
-        """The first of the points in an empty cell makes an element; so do walls of lone points."""
-        elements = self._elements(cells)
-        of_walls, lone = seen[NX:].any(axis=0), ~elements[NX:WEIGHT].any(axis=0)
-        points = np.flatnonzero((elements[WEIGHT] <= 0.0) | (of_walls & lone))
-        new, first = np.unique(cells[points], return_index=True)
-        wall = self.cells.wall.reshape(-1, WEIGHT + 1)
-        wall[new, :WEIGHT] = seen[:, points[first]].T
-        wall[new, WEIGHT] = NEXT_TO_NOTHING
-
-    def _average_in(self, cells: Cells, seen: Floats) -> None:
-        """Running means of wall elements with the points in their cells."""
-        which, at, count = np.unique(cells, return_inverse=True, return_counts=True)
-        elements = self._elements(which).astype(np.float64)
-        weight = np.minimum(elements[WEIGHT] + count, self.params.max_weight)
-        for k in range(WEIGHT):
-            off = seen[k] - elements[k][at]
-            elements[k] += np.bincount(at, off, len(which)) / weight
-        length = np.sqrt(elements[NX] ** 2 + elements[NY] ** 2)
-        elements[NX:WEIGHT] /= np.where(length > 0.0, length, 1.0)
-        elements[WEIGHT] = weight
-        self.cells.wall.reshape(-1, WEIGHT + 1)[which] = elements.T
+        if len(self._touched) < scan.n:
+            self._touched = np.zeros(scan.n, np.int64)
+        n, touched = scan.n, self._touched
+        count = add_points(self.cells, scan.points, scan.normals, n, pose, self._joining, touched)
+        which = touched[:count]
         self._forget(which[self._stand_in_white(which)])
         redraw(self.cells, which)
+        self.lines.insert(scan, pose)
+        self.is_empty = False
+        return True
 
     def _stand_in_white(self, cells: Cells) -> NDArray[np.bool_]:
         """Which wall elements stand where beams went through: those of things that move."""
@@ -102,27 +67,22 @@ class WallGrid:
         flat = self.cells.wall.reshape(-1, WEIGHT + 1)
         return np.ascontiguousarray(np.take(flat, cells, axis=0).T)
 
-    def _cells_of(self, seen: Floats) -> Cells:
-        (x, y), cell = self.cells.corner, self.cells.cell
-        ix, iy = np.floor((seen[X] - x) / cell), np.floor((seen[Y] - y) / cell)
-        return self._flat(ix.astype(np.int64), iy.astype(np.int64))
-
     def _flat(self, ix: NDArray[np.int64], iy: NDArray[np.int64]) -> Cells:
         return np.asarray(iy * self.cells.wall.shape[1] + ix)
 
-    def draw(self, points: Points, m: int, pose: Pose2, laser: Pose2) -> int:
-        """Whiten the ways of m beams and blacken their ends; returns the walls that are gone.
+    def draw(self, scan: EndPoints, pose: Pose2) -> int:
+        """Whiten the ways of a scan's beams, blacken their ends; returns the walls that are gone.
 
-        Points are seen from `pose`, beams start at `laser`. Wall elements lose weight when beams go
-        clean through them.
+        Wall elements lose weight when beams go clean through them.
         """
-        cells, seen = self.cells, _seen_from(pose, points, m)
+        laser, ends = pose @ scan.mount, pose.transform(scan.points[:2, : scan.n].T)
+        cells, seen = self.cells, np.ascontiguousarray(ends.T)
         step, (x, y) = cells.cell / cells.fine, cells.corner
         self._drawings += 1
-        ends = (seen[X] - x) / step, (seen[Y] - y) / step
-        self._blacken(np.floor(ends[0]).astype(np.int64), np.floor(ends[1]).astype(np.int64))
+        ends = np.stack(((seen[X] - x) / step, (seen[Y] - y) / step))
+        self._blacken(*np.floor(ends).astype(np.int64))
         start = ((laser.x - x) / step, (laser.y - y) / step)
-        whiten(cells, start, np.stack(ends), self._drawings, self.params.density)
+        whiten(cells, start, ends, self._drawings, self.params.density)
         gone = self._weaken(self._passed(laser, seen))
         near = self._walls_among(seen)
         moved = near[self._stand_in_white(near)]
@@ -141,7 +101,7 @@ class WallGrid:
 
     def _passed(self, laser: Pose2, seen: Floats) -> Cells:
         """The cells of wall elements which the beams next to them went through."""
-        rays = seen[: Y + 1] - np.array([[laser.x], [laser.y]])
+        rays = seen - np.array([[laser.x], [laser.y]])
         bearings = np.arctan2(rays[Y], rays[X])
         order = np.argsort(bearings)
         cells = self._walls_among(seen)
@@ -205,17 +165,14 @@ class WallGrid:
                 move(getattr(old, name), getattr(self.cells, name), below // fine, left // fine)
             for name in ("grey", "dark"):
                 move(getattr(old, name), getattr(self.cells, name), below, left)
+            self.lines.move(self.cells.grey, self._first, below, left)
         return True
 
-
-def _seen_from(pose: Pose2, points: Points, m: int) -> Floats:
-    """Points and normals (4, m) in the frame that `pose` stands in."""
-    c, s = math.cos(pose.theta), math.sin(pose.theta)
-    turn = np.array([[c, -s], [s, c]])
-    seen = np.empty((4, m))
-    seen[:NX] = turn @ points.xy[:m].T + np.array([[pose.x], [pose.y]])
-    seen[NX:] = turn @ points.normal[:m].T
-    return seen
+    @property
+    def _first(self) -> tuple[float, float]:
+        """Center of the first grey cell [m]."""
+        (x, y), half = self.cells.corner, 0.5 * self.cells.cell / self.cells.fine
+        return x + half, y + half
 
 
 def went_through(elements: Floats, rays: Floats, cell: float) -> NDArray[np.bool_]:

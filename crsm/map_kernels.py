@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
 
 from slams.cells import deepcopied
 from slams.jit import FAST, njit
+from slams.scan.scan_kernels import Points
+from slams.types import Pose2
 
 HALO = 3  # fine cells that a wall element darkens around itself
 BLUR = 1.0  # fine cells, sigma of that: the least that is smooth between their middles
@@ -17,6 +18,17 @@ FULL = 1.1  # sum of the blots on a straight wall that has an element in every c
 HALF = 2.0  # of FULL, where half of the greatest darkness is reached
 MOVED = 1e-3  # m that an element may go before its blot follows
 X, Y, NX, NY, WEIGHT = 0, 1, 2, 3, 4
+
+
+class Joining(NamedTuple):
+    """Which points an element averages over.
+
+    near [m] it and compat, least cosine between the normals; most of them, then it follows slowly.
+    """
+
+    near: float
+    compat: float
+    most: float
 
 
 class WallMap(NamedTuple):
@@ -95,30 +107,81 @@ def darkness(grid: WallMap, x: float, y: float) -> float:
     return (1.0 + HALF) * total / (HALF * FULL + total)
 
 
-@njit(fastmath=FAST, inner=True)  # 15 % of the fit
-def nearest_wall(wall: Any, ix: int, iy: int, point: Any, gate: float, compat: float) -> Any:
-    """ours: the wall element in and around cell (ix, iy) nearest to the point (x, y, nx, ny).
+@njit(inner=True)
+def wall_of(wall: Any, ix: int, iy: int, point: Any, rule: Joining) -> Any:
+    """ours: cell (ix, iy) of the element that the point (x, y, nx, ny) seen in this cell is of.
 
-    gate [m] across the wall; compat: least cosine between the normals. Returns its (ix, iy),
-    (0, 0) if there is none.
+    The nearest around of its kind, if that is near enough; else the cell itself.
     """
     x, y, nx, ny = point
     lone = nx == 0.0 and ny == 0.0
-    nearest = np.float32(1e9)
-    found_x, found_y = 0, 0
+    nearest = rule.near * rule.near
+    found_x, found_y = ix, iy
     for jy in range(iy - 1, iy + 2):
         for jx in range(ix - 1, ix + 2):
-            if wall[jy, jx, WEIGHT] <= 0.0:
-                continue
             wx, wy = wall[jy, jx, NX], wall[jy, jx, NY]
-            if not lone and wx * nx + wy * ny < compat:
-                continue
+            alike = wx * nx + wy * ny > rule.compat or (lone and wx == 0.0 and wy == 0.0)
             dx, dy = x - wall[jy, jx, X], y - wall[jy, jx, Y]
             d2 = dx * dx + dy * dy
-            if d2 < nearest and abs(wx * dx + wy * dy) < gate:
+            if wall[jy, jx, WEIGHT] > 0.0 and alike and d2 < nearest:
                 nearest = d2
                 found_x, found_y = jx, jy
     return found_x, found_y
+
+
+@njit(inner=True)
+def joins(element: Any, point: Any, rule: Joining) -> bool:
+    """ours: whether a point is of an element's kind and near; it may begin an empty one.
+
+    A wall takes the place of a lone point.
+    """
+    x, y, nx, ny = point
+    wx, wy, lone = element[NX], element[NY], nx == 0.0 and ny == 0.0
+    if element[WEIGHT] <= 0.0 or (wx == 0.0 and wy == 0.0 and not lone):
+        element[X], element[Y], element[NX], element[NY], element[WEIGHT] = x, y, nx, ny, 0.0
+        return True
+    dx, dy = x - element[X], y - element[Y]
+    alike = wx * nx + wy * ny > rule.compat or (lone and wx == 0.0 and wy == 0.0)
+    near: bool = dx * dx + dy * dy < rule.near * rule.near
+    return alike and near
+
+
+@njit
+def add_points(
+    grid: WallMap, points: Points, normals: Points, m: int, pose: Pose2, rule: Joining, out: Any
+) -> int:
+    """ours: running means of wall elements with the m points of a scan; how many there are of.
+
+    points, normals (3, >= m) in the base frame; out (>= m,): numbers of the cells, counted along
+    the rows, some more than once.
+    """
+    wall, (x0, y0), cell = grid.wall, grid.corner, grid.cell
+    c, s = math.cos(pose.theta), math.sin(pose.theta)
+    count = 0
+    for i in range(m):
+        x, y = (
+            pose.x + c * points[0, i] - s * points[1, i],
+            pose.y + s * points[0, i] + c * points[1, i],
+        )
+        nx, ny = c * normals[0, i] - s * normals[1, i], s * normals[0, i] + c * normals[1, i]
+        point = (x, y, nx, ny)
+        ix, iy = wall_of(
+            wall, math.floor((x - x0) / cell), math.floor((y - y0) / cell), point, rule
+        )
+        element = wall[iy, ix]
+        if not joins(element, point, rule):
+            continue
+        weight = min(element[WEIGHT] + 1.0, rule.most)
+        for k in range(4):
+            element[k] += (point[k] - element[k]) / weight
+        length = math.sqrt(element[NX] * element[NX] + element[NY] * element[NY])
+        if length > 0.0:
+            element[NX] /= length
+            element[NY] /= length
+        element[WEIGHT] = weight
+        out[count] = iy * wall.shape[1] + ix
+        count += 1
+    return count
 
 
 @njit

@@ -8,14 +8,14 @@ from typing import Any, ClassVar
 
 from crsm.ros import ROS as ROS_NAMES
 from slams.extent import max_cells
-from slams.motion.params import MotionParams
 from slams.params import RosNames, param
+from slams.refine.params import RefineParams
 
 CODE = "original code"
 
 
 @dataclass(frozen=True)
-class CrsmParams(MotionParams):
+class CrsmParams(RefineParams):
     """Parameters of the default, `Crsm`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
@@ -49,9 +49,6 @@ class CrsmParams(MotionParams):
         ros=("map_update_obstacle_density",),
     )
 
-    max_range: float = param(
-        30.0, "m", "longer ranges are not used", source="ours: bounds the map", low=0.5
-    )
     critical_rays: int = param(
         90,
         "1",
@@ -60,51 +57,12 @@ class CrsmParams(MotionParams):
         low=3,
         high=2000,
     )
-    range_noise: float = param(
-        0.01, "m", "standard deviation of a range", source="ours: UTM-30LX", low=0.0005, high=0.5
-    )
-    window: float = param(
-        0.15,
-        "m",
-        "neighbors on either side that give a point its wall direction",
-        source="ours: a corner must not be rounded",
-        low=0.005,
-        high=2.0,
-    )
-    gap: float = param(
-        0.1, "m", "distance of neighbors on two walls, at range 0", source="ours", low=0.0
-    )
-    gap_beams: float = param(
-        6.0,
-        "1",
-        "the same per arc from beam to beam: walls seen at a slant are not torn",
-        source="ours: 80 degrees of incidence",
-        low=1.0,
-    )
-    roughness: float = param(
-        4.0,
-        "1",
-        "neighbors further off a line than this many range_noise make no wall but lone points",
-        source="ours: door frames and legs hold the pose in corridors",
-        low=1.0,
-    )
     lone_noise: float = param(
         0.03,
         "m",
         "standard deviation of a lone point, in x and y",
         source="ours: beam spacing on small things",
         low=0.001,
-    )
-    lean: float = param(
-        0.2,
-        "rad",
-        "standard deviation of a wall's direction",
-        source="ours: three beams on a wall",
-        low=0.0,
-        high=1.5,
-    )
-    gate: float = param(
-        0.1, "m", "a point further off a wall is not of this wall", source="ours: one cell", low=0.0
     )
     compat: float = param(
         0.7,
@@ -114,16 +72,6 @@ class CrsmParams(MotionParams):
         low=0.5,
         high=1.0,
     )
-    robust: float = param(
-        3.0,
-        "1",
-        "residual in standard deviations where a point has lost 3/4 of its weight",
-        source="ours: Geman-McClure",
-        low=0.5,
-    )
-    agreement: float = param(
-        0.03, "m", "residual that counts half in the quality", source="ours", low=0.001
-    )
     max_weight: float = param(
         1000.0,
         "1",
@@ -132,32 +80,17 @@ class CrsmParams(MotionParams):
         low=1.0,
     )
     insert_step: float = param(
-        0.03,
+        0.2,
         "m",
-        "way (or turn, in rad) between two scans that enter the walls",
-        source="ours: at 40 Hz a third of the scans, and no less exact for it",
+        "way (or turn, in rad) between two scans that enter the map",
+        source="ours: a map that learns from every scan drifts with the pose",
         low=0.0,
     )
     insert_rest: int = param(
         10,
         "1",
-        "a scan enters the walls after so many, also when the robot stands",
-        source="ours: standing still helps the map",
-        low=1,
-        high=10_000,
-    )
-    draw_step: float = param(
-        0.2,
-        "m",
-        "way (or turn, in rad) between two scans drawn as grey levels",
-        source="ours: ghosts fade in a metre",
-        low=0.0,
-    )
-    draw_rest: int = param(
-        40,
-        "1",
-        "a scan is drawn after so many, also when the robot stands",
-        source="ours: people pass",
+        "a scan enters the map after so many, also when the robot stands",
+        source="ours: standing still helps the map; people pass",
         low=1,
         high=10_000,
     )
@@ -172,20 +105,6 @@ class CrsmParams(MotionParams):
     max_cells: int = max_cells()
     fine: int = param(
         2, "1", "grey cells along one map cell", source="ours: map to look at", low=1, high=20
-    )
-    caution: float = param(
-        5.0,
-        "1",
-        "times the variance of a prediction, as a prior of a scan that sees all directions",
-        source="ours: at 1 the wheels of public logs hold the pose off old walls, at 50 people "
-        "who walk along carry it away in corridors",
-        low=1.0,
-    )
-    refine: bool = param(
-        True,
-        "1",
-        "fit all beams to the walls after the climb",
-        source="ours: exact to a tenth of a millimeter of a cell",
     )
     enough: float = param(
         0.9, "1", "share of the usual fitness that ends a search", source="ours: an early end"

@@ -39,10 +39,10 @@ def draw(path: Path) -> None:
     from matplotlib.figure import Figure
 
     params = CrsmParams(critical_rays=COUNT)
-    view, grid = ScanReader(params, LASER), WallGrid(params)
+    view, grid = ScanReader(params), WallGrid(params)
     for seed in (1, 2):
-        view.read(Scan(0.0, _ranges(np.random.default_rng(seed)), LASER), IDENTITY)
-        grid.insert(view.points, view.m, IDENTITY, view.reach)
+        view.take(Scan(0.0, _ranges(np.random.default_rng(seed)), LASER), IDENTITY)
+        grid.insert(view, IDENTITY)
     figure = Figure(figsize=(12, 4.7), layout="constrained")
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     _rays(left, view)
@@ -66,18 +66,18 @@ def _ranges(rng: np.random.Generator) -> Ranges:
 
 
 def _rays(axes: Axes, view: ScanReader) -> None:
-    points = view.points.xy[: view.m]
+    points = view.points[:2, : view.n].T
     for x, y in points[view.rays]:
         axes.plot([0, x], [0, y], color="#D55E00", linewidth=0.6)
     axes.plot(points[:, 0], points[:, 1], ".", color="0.45", markersize=2)
     axes.plot(*points[view.rays].T, ".", color="#D55E00", markersize=6)
     axes.plot(0, 0, "o", color="black")
-    title = f"{len(view.rays)} critical rays of {view.m} beams: more where few beams fix the pose"
+    title = f"{len(view.rays)} critical rays of {view.n} beams: more where few beams fix the pose"
     axes.set(title=title, xlabel="x [m]")
 
 
 def _search(axes: Axes, view: ScanReader, grid: WallGrid) -> None:
-    climber, ends, cells = Climber(view.params), view.ends, grid.cells
+    climber, ends, cells = Climber(CrsmParams(critical_rays=COUNT)), view.ends, grid.cells
     climber.learn(grid, view, IDENTITY)
     prior = climber.prior(OFF, np.eye(3) / DOUBT**2, len(ends))
     best = climber.climb(grid, view, prior, DOUBT)

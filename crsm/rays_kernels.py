@@ -7,45 +7,45 @@ from typing import Any
 
 import numpy as np
 
-from crsm.scan_kernels import Points
 from slams.geometry import inverse3
 from slams.jit import njit
+from slams.scan.scan_kernels import Points
+from slams.types import Floats, Pose2
 
 EDGES = 0.25  # share of the rays that discontinuities may take
 LEAST = 1e-6  # information that keeps H regular
 
 
 @njit(inner=True)
-def measured(points: Points, i: int, noise: Any) -> Any:
+def measured(normals: Points, i: int, noise: Any) -> Any:
     """ours: what point i measures: along x and y the unit normal of its wall, and its variance.
 
     (1, 1) for a lone point, which measures both; noise: variances (of a range, of a lone point).
     """
-    nx, ny = points.normal[i, 0], points.normal[i, 1]
+    nx, ny = normals[0, i], normals[1, i]
     if nx == 0.0 and ny == 0.0:
         return 1.0, 1.0, noise[1], True
-    return nx, ny, noise[0] + points.spread[i], False
+    return nx, ny, noise[0], False
 
 
 @njit
-def leverage(points: Points, m: int, noise: Any, out: Any) -> None:
+def leverage(points: Points, normals: Points, m: int, noise: Any, out: Any) -> None:
     """ours: share (m,) of each point in fixing the pose, w c' H^-1 c; together they are 3.
 
     noise: variances [m2] of a range and of a lone point, which measures x and y alike.
     """
-    xy = points.xy
     H = np.zeros((3, 3))
     H[0, 0] = H[1, 1] = H[2, 2] = LEAST
     for i in range(m):
-        cx, cy, variance, lone = measured(points, i, noise)
+        cx, cy, variance, lone = measured(normals, i, noise)
         w = 1.0 / variance
-        turn = cy * xy[i, 0] - cx * xy[i, 1]
+        turn = cy * points[0, i] - cx * points[1, i]
         H[0, 0] += w * cx * cx
         H[1, 1] += w * cy * cy
         if lone:
-            H[0, 2] -= w * xy[i, 1]
-            H[1, 2] += w * xy[i, 0]
-            H[2, 2] += w * (xy[i, 0] ** 2 + xy[i, 1] ** 2)
+            H[0, 2] -= w * points[1, i]
+            H[1, 2] += w * points[0, i]
+            H[2, 2] += w * (points[0, i] ** 2 + points[1, i] ** 2)
         else:
             H[0, 1] += w * cx * cy
             H[0, 2] += w * cx * turn
@@ -54,8 +54,8 @@ def leverage(points: Points, m: int, noise: Any, out: Any) -> None:
     H[1, 0], H[2, 0], H[2, 1] = H[0, 1], H[0, 2], H[1, 2]
     A = inverse3(H)
     for i in range(m):
-        cx, cy, variance, lone = measured(points, i, noise)
-        x, y = xy[i, 0], xy[i, 1]
+        cx, cy, variance, lone = measured(normals, i, noise)
+        x, y = points[0, i], points[1, i]
         if lone:
             share = A[0, 0] + A[1, 1] + A[2, 2] * (x * x + y * y)
             share += 2.0 * (A[1, 2] * x - A[0, 2] * y)
@@ -67,19 +67,28 @@ def leverage(points: Points, m: int, noise: Any, out: Any) -> None:
 
 
 @njit
-def critical_rays(points: Points, m: int, laser: Any, noise: Any, count: int, out: Any) -> int:
+def critical_rays(
+    points: Points,
+    normals: Points,
+    moments: Floats,
+    m: int,
+    laser: Pose2,
+    noise: Any,
+    count: int,
+    out: Any,
+) -> int:
     """Numbers of about `count` of m points that carry the pose, into out (n,); how many.
 
     [Tsardoulias13]: those at discontinuities, and of the rest the far ones more densely. ours: half
     of the rest goes to those with the greatest share in x, y and theta; chosen by error diffusion
-    along the scan, without a draw. laser (x, y) [m]; noise as in `leverage`.
+    along the scan, without a draw. moments as of `scan_moments`; noise as in `leverage`.
     """
     shares, edge, far = np.empty(m), np.zeros(m), np.empty(m)
     for i in range(m):
-        far[i] = math.hypot(points.xy[i, 0] - laser[0], points.xy[i, 1] - laser[1])
-        if points.first[i + 1] != points.first[i]:
+        far[i] = math.hypot(points[0, i] - laser.x, points[1, i] - laser.y)
+        if moments[5, i + 1] != moments[5, i]:
             edge[i] = edge[min(i + 1, m - 1)] = 1.0
-    leverage(points, m, noise, shares)
+    leverage(points, normals, m, noise, shares)
     edges = all_far = 0.0
     for i in range(m):
         edges += edge[i]

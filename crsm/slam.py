@@ -20,18 +20,18 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from crsm.climb_kernels import Prior
 from crsm.climber import Climbed, Climber
-from crsm.fitter import Fit, Fitter
 from crsm.map import WallGrid
 from crsm.match_kernels import evidence
 from crsm.pace import Pace
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
+from slams.geometry import Prior
 from slams.localize.relocator import Relocator
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.params import Params
+from slams.refine.lines import Match as Fit
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
 MEMORY = 0.05  # weight of one scan in the usual quality
@@ -68,27 +68,27 @@ class Crsm:
         self.params = params
         self.frozen = False
         self._map = WallGrid(params)
-        self._climber, self._fitter = Climber(params), Fitter(params)
+        self._climber = Climber(params)
+        self._lines = self._map.lines
         self._track = Track(params)
         self._relocator = Relocator(self._track, params.relocate)
-        self._reader: ScanReader | None = None
+        self._reader = ScanReader(params)
         self._quality, self._usual = 0.0, 0.0
         self._unsearched = PAUSE  # s
         self._inserted = Pace(params.insert_step, params.insert_rest)
-        self._drawn = Pace(params.draw_step, params.draw_rest)
         names = ("posed", "kept", "refined", "searched", "refused", "inserted", "rejected", "faded")
         self._counts = dict.fromkeys(names, 0)
 
     def update(self, scan: Scan) -> Pose2:
         """Take the next scan; return the base's pose in the map, T_map_base."""
         start = self._track.predict(scan)
-        view = self._read(scan, start.velocity)  # 1.
+        view = self._reader.take(scan, start.velocity)  # 1.
         match = None
         if view.is_usable and not self._map.is_empty:
             climbed = self._climbed(view, start)  # 2.
             match = self._chosen(view, start.pose, climbed)  # 3.
             if view.sweeps:
-                self._read(scan, self._track.motion.velocity_to(match.fit.pose))
+                self._reader.take(scan, self._track.motion.velocity_to(match.fit.pose))
                 match = self._again(view, start.pose, match)
         self._settle(scan, view, match)  # 4.
         self._draw(view)  # 5.
@@ -129,16 +129,9 @@ class Crsm:
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Let a scan enter the map as seen from `pose` of the base, without a match."""
         self._track.placed(pose, scan)
-        view = self._read(scan, IDENTITY)
+        view = self._reader.take(scan, IDENTITY)
         if view.is_usable and not self.frozen:
             self._insert(view, pose, True)
-
-    def _read(self, scan: Scan, velocity: Pose2) -> ScanReader:
-        """Step 1: end points on walls and critical rays, without the motion during the scan."""
-        if self._reader is None or self._reader.laser != scan.laser:
-            self._reader = ScanReader(self.params, scan.laser)
-        self._reader.read(scan, velocity)
-        return self._reader
 
     def _climbed(self, view: ScanReader, start: Prediction) -> Climbed:
         """Step 2: random restart hill climbing within what is expected."""
@@ -158,14 +151,14 @@ class Crsm:
 
     def _chosen(self, view: ScanReader, expected: Pose2, climbed: Climbed) -> Match:
         """Step 3: of the climb and the fits behind it, the one with the most evidence."""
-        seen = self._fitter.seen_from(self._map, view, climbed.pose)
+        seen = self._lines.seen_from(view, climbed.pose)
         if not self.params.refine:
             self._counts["kept"] += 1
-            share = len(view.rays) / view.m
-            return self._weighed(view, seen._replace(information=share * seen.information), False)
+            share = len(view.rays) / view.n
+            return self._weighed(view, seen._replace(seen=share * seen.seen), False)
         prior = self._prior(expected)
         starts = [climbed.pose] + ([] if _is_near(expected, climbed.pose) else [expected])
-        fits = [self._fitter.fit(self._map, view, at, prior) for at in starts]
+        fits = [self._lines.fit(view, at, prior) for at in starts]
         matches = [self._weighed(view, fit, True) for fit in fits]
         matches.append(self._weighed(view, seen, False))
         best = max(matches, key=lambda match: match.value)
@@ -176,22 +169,20 @@ class Crsm:
         """The same match of the scan as it is without the motion that was found."""
         at = match.fit.pose
         if match.refined:
-            fit = self._fitter.fit(self._map, view, at, self._prior(expected))
+            fit = self._lines.fit(view, at, self._prior(expected))
             return self._weighed(view, fit, True)
         track, climber = self._track, self._climber
         prior = climber.prior(at, track.prior(expected), len(view.rays))
         pose = climber.climb(self._map, view, prior, 0.0).pose
-        return self._weighed(view, self._fitter.seen_from(self._map, view, pose), False)
+        return self._weighed(view, self._lines.seen_from(view, pose), False)
 
     def _prior(self, expected: Pose2) -> Prior:
-        return Prior(*expected, self._track.prior(expected), 1.0)
+        return Prior(expected, self._track.prior(expected))
 
     def _weighed(self, view: ScanReader, fit: Fit, refined: bool) -> Match:
-        every = max(1, view.m // WEIGHED)
-        explained, contradicted = evidence(
-            self._map.cells, view.points, view.m, tuple(fit.pose), every
-        )
-        explained = fit.agreement
+        every, cells = max(1, view.n // WEIGHED), self._map.cells
+        _, contradicted = evidence(cells, view.points, view.n, tuple(fit.pose), every)
+        explained = fit.share
         worth = explained - contradicted
         value = worth - self._track.charge(fit.pose) - (0.0 if refined else COARSE)
         if not self._track.reachable(fit.pose):
@@ -214,10 +205,10 @@ class Crsm:
             self._counts["refused"] += 1
             track.missed(scan)
             return
-        track.matched(match.fit.pose, match.fit.information, scan)
+        track.matched(match.fit.pose, match.fit.seen, scan)
         self._counts["refined"] += match.refined
         self._usual += (MEMORY if self._usual else 1.0) * (match.evidence - self._usual)
-        self._fitter.learn(match.fit)
+        self._lines.learn(match.fit, view)
         self._climber.learn(self._map, view, match.fit.pose)
 
     def _draw(self, view: ScanReader) -> None:
@@ -231,19 +222,15 @@ class Crsm:
             self._insert(view, track.pose, False)
 
     def _insert(self, view: ScanReader, pose: Pose2, at_once: bool) -> None:
-        """Walls and grey levels, each where the robot has moved on or waited."""
-        draw_due = self._drawn.is_due(pose) or at_once
-        if not (self._inserted.is_due(pose) or draw_due):
+        """Walls, lines and grey levels, where the robot has moved on or waited."""
+        if not (self._inserted.is_due(pose) or at_once):
             return
-        laser = pose @ view.laser.mount
-        if not self._map.insert(view.points, view.m, pose, view.reach):
+        if not self._map.insert(view, pose):
             self._counts["rejected"] += 1
             return
         self._inserted.done(pose)
         self._counts["inserted"] += 1
-        if draw_due:
-            self._counts["faded"] += self._map.draw(view.points, view.m, pose, laser)
-            self._drawn.done(pose)
+        self._counts["faded"] += self._map.draw(view, pose)
 
 
 def _is_near(a: Pose2, b: Pose2, far: float = NEAR, turn: float = NEAR_TURN) -> bool:

@@ -7,20 +7,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hector import line_kernels, map_kernels, match_kernels, surface_kernels
-from hector.line_kernels import Fit
+from hector import map_kernels, match_kernels
 from hector.map_kernels import Level, Update
-from hector.match_kernels import Prior, Solver, Window
+from hector.match_kernels import Solver, Window
 from hector.params import HectorParams
-from hector.scan import EndPoints
-from hector.surface_kernels import LAYERS, SUMS, Splat, Surface
 from slams.cells import Room, move, zeros
 from slams.extent import Box, Extent
+from slams.geometry import Prior
+from slams.refine.lines import LineMap
+from slams.scan.end_points import EndPoints
 from slams.types import Floats, OccupancyGrid, Pose2
-
-Pool = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]
-
-POOL = 1 << 14
 
 
 class LogOddsPyramid:
@@ -42,9 +38,7 @@ class LogOddsPyramid:
             params.ceiling,
         )
         self.levels = [self._empty(level) for level in range(params.levels)]
-        rows = (POOL, LAYERS * SUMS), (POOL, 8)
-        pool = (np.zeros(rows[0], np.float32), np.zeros(rows[1], np.float32), np.zeros(1, np.int64))
-        self.surface = self._surface(pool)
+        self.lines = LineMap(params, *self._finest())
 
     def insert(self, scan: EndPoints, pose: Pose2) -> bool:
         """Let a scan taken at `pose` enter every level, and the lines of the finest.
@@ -58,16 +52,8 @@ class LogOddsPyramid:
         for level in self.levels:
             map_kernels.insert(level, scan.points, scan.n, pose, scan.mount, number, self._update)
         if self.params.refine:
-            self._insert_lines(scan, pose)
+            self.lines.insert(scan, pose)
         return True
-
-    def _insert_lines(self, scan: EndPoints, pose: Pose2) -> None:
-        """Hits of a noisy laser lie farther from their wall: more cells learn of them."""
-        p = self.params
-        reach = max(p.reach, math.ceil(2.0 * scan.noise / p.resolution))
-        self._provide(scan.n, reach)
-        splat, normals = Splat(reach, p.side, p.weight_cap, self.insertions), scan.find_normals()
-        surface_kernels.add_scan(self.surface, scan.points, normals, scan.n, pose, splat)
 
     def match(
         self, level: int, scan: EndPoints, start: Pose2, prior: Prior, solver: Solver, H: Floats
@@ -76,21 +62,12 @@ class LogOddsPyramid:
         grid = self.levels[level]
         return match_kernels.gauss_newton(grid, scan.points, scan.n, start, prior, solver, H)
 
-    def fit(
-        self, scan: EndPoints, start: Pose2, prior: Prior, how: Fit, H: Floats
-    ) -> tuple[Pose2, float, float]:
-        """Gauss-Newton on the lines; pose, share of beams explained, their mean square [m^2]."""
-        points, n = scan.points, scan.n
-        return line_kernels.fit(self.surface, points, n, scan.mount, start, prior, how, H)
-
-    def evidence(self, scan: EndPoints, pose: Pose2, softness: float) -> Floats:
+    def evidence(self, scan: EndPoints, pose: Pose2) -> Floats:
         """What each beam says for `pose`: (n,), 1 explained, -1 contradicted, 0 nothing."""
-        out, points, n = np.zeros(scan.n), scan.points, scan.n
         if self.params.refine:
-            soft = 1.0 / (softness * softness)
-            line_kernels.evidence(self.surface, points, n, scan.mount, pose, soft, out)
-        else:
-            match_kernels.evidence(self.levels[min(1, len(self.levels) - 1)], points, n, pose, out)
+            return self.lines.evidence(scan, pose)
+        out, level = np.zeros(scan.n), self.levels[min(1, len(self.levels) - 1)]
+        match_kernels.evidence(level, scan.points, scan.n, pose, out)
         return out
 
     def search(self, scan: EndPoints, center: Pose2) -> list[Pose2]:
@@ -129,10 +106,10 @@ class LogOddsPyramid:
         arrays = zeros(shape, np.float32), zeros(shape, np.float32), zeros(shape, np.int32)
         return Level(*arrays, *self._room.corner, self.params.resolution * 2**level)
 
-    def _surface(self, pool: Pool) -> Surface:
+    def _finest(self) -> tuple[NDArray[np.float32], tuple[float, float], float]:
+        """The finest level as the lines see it."""
         finest = self.levels[0]
-        index = zeros(finest.p.shape, np.int32)
-        return Surface(index, *pool, finest.log_odds, finest.x0, finest.y0, finest.resolution)
+        return finest.log_odds, (finest.x0, finest.y0), finest.resolution
 
     def _cover(self, pose: Pose2, far: float) -> bool:
         """Make every level reach `far` [m] around the pose, if they may grow so far."""
@@ -146,21 +123,10 @@ class LogOddsPyramid:
         return True
 
     def _grow(self, below: int, left: int) -> None:
-        old, index = self.levels, self.surface.slot
+        old = self.levels
         self.levels = [self._empty(k) for k in range(len(old))]
         for k, (new, level) in enumerate(zip(self.levels, old, strict=True)):
             move(level.log_odds, new.log_odds, below >> k, left >> k)
             move(level.p, new.p, below >> k, left >> k)  # stamps are of one insertion only
-        self.surface = self._surface((self.surface.sums, self.surface.lines, self.surface.used))
-        move(index, self.surface.slot, below, left)
-
-    def _provide(self, n: int, reach: int) -> None:
-        """Rows of the pool for what one scan may add."""
-        surface = self.surface
-        most = int(surface.used[0]) + n * (2 * reach + 1) * (2 * self.params.side + 1)
-        if most < len(surface.lines):
-            return
-        rows = 2 * most
-        sums, lines = np.zeros((rows, LAYERS * SUMS), np.float32), np.zeros((rows, 8), np.float32)
-        sums[: len(surface.sums)], lines[: len(surface.lines)] = surface.sums, surface.lines
-        self.surface = surface._replace(sums=sums, lines=lines)
+        seen, first, _ = self._finest()
+        self.lines.move(seen, first, below, left)

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hector.scan_kernels import Points
 from slams.cells import deepcopied
 from slams.jit import njit
+from slams.scan.scan_kernels import Points
 from slams.types import Pose2
 
 

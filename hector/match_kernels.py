@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hector.map_kernels import Level
-from hector.scan_kernels import Points
-from slams.geometry import add_prior, solve3, wrap_angle
+from slams.geometry import Prior, add_prior, offset, solve3, wrap_angle
 from slams.jit import FAST, njit
+from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 
 
@@ -29,16 +29,6 @@ class Solver(NamedTuple):
     tolerance: float
     damping: float
     stride: int
-
-
-class Prior(NamedTuple):
-    """What is known of a pose before its scan is looked at.
-
-    The expected pose and its information (3, 3) [1/m^2, 1/(m rad), 1/rad^2].
-    """
-
-    pose: Pose2
-    information: Floats
 
 
 class Window(NamedTuple):
@@ -101,12 +91,6 @@ def normal_equations(
     b[0], b[1], b[2] = bx * scale, by * scale, bt
     used = max((n + stride - 1) // stride, 1)
     return total / used, squares / used
-
-
-@njit(inner=True)
-def offset(pose: Pose2, to: Pose2) -> Pose2:
-    """Differences of x, y [m] and theta [rad] from `pose` to `to`. ours: the prior's residual."""
-    return Pose2(to.x - pose.x, to.y - pose.y, wrap_angle(to.theta - pose.theta))
 
 
 @njit

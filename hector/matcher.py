@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from hector.line_kernels import Fit
 from hector.map import LogOddsPyramid
-from hector.match_kernels import Prior, Solver
+from hector.match_kernels import Solver
 from hector.params import HectorParams
-from hector.scan import EndPoints
+from slams.geometry import Prior
 from slams.motion.track import INDEPENDENT, Track
+from slams.refine.lines import Match
+from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Pose2
 
-SOFT = 3.0  # deviations of the noise at which a beam counts half
 FINE = 0.02  # of a cell: a step below it is the last on a level that lines come after
 SURE = 2.0  # standard errors of its lead by which another start has to win
 DEAR = 3.0  # times the price of a contradiction, at most, for the chance of few beams
@@ -23,30 +22,14 @@ ENOUGH = 180  # beams for a coarse level
 BLUR = 0.01  # least variance of 1 - M: a wall's ridge of cells is never exact
 
 
-class Match(NamedTuple):
-    """A matched pose and how well it fits.
-
-    The share of beams that the map explains, the variance of their distance from it [m^2], the
-    information (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2]; `rough`: by cells,
-    though there are lines.
-    """
-
-    pose: Pose2
-    share: float
-    square: float
-    seen: Floats
-    rough: bool = False
-
-
 FIRST = Match(IDENTITY, 1.0, 0.0, np.zeros((3, 3)))
 
 
 class Matcher:
-    """Poses scans on a map; `variance` is that of a beam's distance from its line [m^2]."""
+    """Poses scans on a map."""
 
     def __init__(self, params: HectorParams, grids: LogOddsPyramid) -> None:
         self.params = params
-        self.variance = params.range_noise**2
         self._map = grids
         self._H = np.zeros((3, 3))
 
@@ -57,23 +40,9 @@ class Matcher:
             pose, share, square = self._map.match(
                 level, points, pose, prior, self._solver(level, points.n), self._H
             )
-        return Match(pose, share, self.variance, self._H / max(square, BLUR), self.params.refine)
-
-    def fit(self, points: EndPoints, start: Pose2, prior: Prior) -> Match:
-        """Gauss-Newton on the lines."""
-        p = self.params
-        how = Fit(p.steps_fine, p.converged, self.softness(points), self.variance)
-        pose, share, square = self._map.fit(points, start, prior, how, self._H)
-        variance = max(square, points.noise**2)
-        return Match(pose, share, variance, self._H / variance)
-
-    def softness(self, points: EndPoints) -> float:
-        """Distance [m] at which a beam counts half."""
-        return max(self.params.softness, SOFT * points.noise)
-
-    def evidence(self, points: EndPoints, pose: Pose2) -> Floats:
-        """What each beam says for `pose`, (n,), from -1 to 1."""
-        return self._map.evidence(points, pose, self.softness(points))
+        variance = self._map.lines.variance
+        rough = self.params.refine
+        return Match(pose, share, variance, self._H / max(square, BLUR), rough)
 
     def best(self, points: EndPoints, tried: list[Match], track: Track) -> tuple[Match, float]:
         """The match that the scan speaks for, and how clearly: share explained less contradicted.
@@ -83,7 +52,7 @@ class Matcher:
         of a contradiction is up to `DEAR` times as high.
         """
         possible = [match for match in tried if track.reachable(match.pose)] or tried[:1]
-        said = [self.evidence(points, match.pose) for match in possible]
+        said = [self._map.evidence(points, match.pose) for match in possible]
         first, leads = track.charge(possible[0].pose), [0.0]
         for match, evidence in zip(possible[1:], said[1:], strict=True):
             price, lead = track.charge(match.pose) - first, evidence - said[0]

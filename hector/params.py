@@ -8,15 +8,15 @@ from typing import Any, ClassVar
 
 from hector.ros import ROS as ROS_NAMES
 from slams.extent import max_cells
-from slams.motion.params import MotionParams
 from slams.params import RosNames, param
+from slams.refine.params import RefineParams
 
 LAUNCH = "original code, mapping_default.launch"
 CODE = "original code"
 
 
 @dataclass(frozen=True)
-class HectorParams(MotionParams):
+class HectorParams(RefineParams):
     """Parameters of the default, `Hector`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
@@ -78,12 +78,6 @@ class HectorParams(MotionParams):
         low=0.0,
         ros=("map_update_angle_thresh",),
     )
-    refine: bool = param(
-        True,
-        "1",
-        "fit lines inside the cells after the pyramid",
-        source="ours: exact to below a cell",
-    )
     settle: int = param(
         10,
         "1",
@@ -120,13 +114,6 @@ class HectorParams(MotionParams):
         low=1,
         high=100,
     )
-    converged: float = param(
-        2e-4,
-        "m",
-        "a step below this (and this times 1 rad/m) is the last",
-        source="ours: the original takes all its steps",
-        low=0.0,
-    )
     damping: float = param(
         1e-3,
         "1",
@@ -138,56 +125,6 @@ class HectorParams(MotionParams):
         0.3, "m", "longest step", source="ours: the original has no limit", low=0.001
     )
     max_turn: float = param(0.2, "rad", "largest turn of one step", source=CODE, low=0.001)
-    normal_window: float = param(
-        0.05,
-        "m",
-        "half length of the piece of scan a normal is fitted to",
-        source="ours: a cell",
-        low=0.005,
-    )
-    reach: int = param(
-        1,
-        "cell",
-        "cells across the wall on each side that learn of a hit",
-        source="ours: basin",
-        low=0,
-        high=5,
-    )
-    side: int = param(
-        3,
-        "cell",
-        "most cells along the wall that bridge the gap between two beams",
-        source="ours: sparse lasers",
-        low=0,
-        high=10,
-    )
-    weight_cap: float = param(
-        200.0,
-        "1",
-        "hits a cell's line remembers",
-        source="ours: stiff, yet follows a moved wall",
-        low=10.0,
-    )
-    softness: float = param(
-        0.05,
-        "m",
-        "distance to a line at which a beam counts half, at least; three times the noise",
-        source="ours: a cell",
-        low=0.001,
-    )
-    range_noise: float = param(
-        0.02,
-        "m",
-        "noise of a beam until scans have shown it",
-        source="ours: between a UTM-30LX's 0.01 and its specified 0.03",
-        low=1e-4,
-    )
-    quietest: float = param(
-        0.001, "m", "no laser is believed to be quieter", source="ours: what ranges are rounded to"
-    )
-    noisiest: float = param(
-        0.15, "m", "noise beyond which a scan is clutter", source="ours: three cells"
-    )
     convincing: float = param(
         0.85,
         "1",
@@ -231,10 +168,4 @@ class HectorParams(MotionParams):
         "longest such pause",
         source="ours: searches cost less than the matching",
         low=0.01,
-    )
-    deskew: bool = param(
-        True,
-        "1",
-        "take out the motion during a sweep that has a time per beam",
-        source="ours",
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from hector.map import LogOddsPyramid
 from hector.params import HectorParams
-from hector.scan import EndPoints
+from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Laser, Pose2, Scan
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def _occupancy(axes: Axes, pyramid: LogOddsPyramid, points: Floats) -> None:
 
 
 def _lines(axes: Axes, pyramid: LogOddsPyramid, points: Floats) -> None:
-    surface = pyramid.surface
+    surface = pyramid.lines.surface
     rows, columns = np.nonzero(surface.slot)
     for iy, ix in zip(rows, columns, strict=True):
         center = np.array([surface.x0 + ix * 0.05, surface.y0 + iy * 0.05])

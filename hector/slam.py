@@ -20,15 +20,16 @@ import math
 from typing import Any, ClassVar
 
 from hector.map import LogOddsPyramid
-from hector.match_kernels import Prior
-from hector.matcher import FIRST, Match, Matcher, gap
+from hector.matcher import FIRST, Matcher, gap
 from hector.params import HectorParams
 from hector.patience import Patience
-from hector.scan import EndPoints
+from slams.geometry import Prior
 from slams.localize.relocator import Relocator
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.params import Params
+from slams.refine.lines import Match
+from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
 OFTEN = 0.08  # s between scans with other starts: every scan at 10 Hz, one in four at 40
@@ -135,9 +136,9 @@ class Hector:
         if not self.params.refine:
             return [posed]
         cell = self.params.resolution
-        tried = [self._matcher.fit(points, posed.pose, prior)]
+        tried = [self._map.lines.fit(points, posed.pose, prior)]
         if gap(points, posed.pose, start) > 0.5 * cell:
-            from_start = self._matcher.fit(points, start, prior)
+            from_start = self._map.lines.fit(points, start, prior)
             if gap(points, from_start.pose, tried[0].pose) > SAME * cell:
                 tried.insert(0, from_start)
         if gap(points, posed.pose, tried[-1].pose) > cell:
@@ -185,7 +186,7 @@ class Hector:
         self._count(points, match, accepted)
         if accepted:
             if self.params.refine:
-                self._matcher.variance = max(match.square, points.noise**2)
+                self._map.lines.learn(match, points)
             self._track.matched(match.pose, match.seen, scan, match.rough)
             self._usual = match.share
         else:
@@ -217,7 +218,7 @@ class Hector:
     def _new_surroundings(self, points: EndPoints) -> bool:
         """Whether wheels alone have held the pose for long, and the map does not contradict it."""
         held = self._track.held and points.n > 0
-        return held and float(self._matcher.evidence(points, self._track.pose).mean()) > 0.0
+        return held and float(self._map.evidence(points, self._track.pose).mean()) > 0.0
 
     def _insert(self, points: EndPoints) -> None:
         entered = self._map.insert(points, self._track.pose)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,16 @@ from slams.jit import njit
 from slams.types import Floats, Pose2
 
 FREEDOM = 3.0  # of Student's law, for predictions with rare large errors
+
+
+class Prior(NamedTuple):
+    """What is known of a pose before its scan is looked at.
+
+    The expected pose and its information (3, 3) [1/m^2, 1/(m rad), 1/rad^2].
+    """
+
+    pose: Pose2
+    information: Floats
 
 
 @njit(inner=True)
@@ -45,6 +56,12 @@ def solve3(H: Floats, b: Floats, out: Floats) -> bool:
     out[1] = (z1 - l21 * out[2]) / l11
     out[0] = (z0 - l10 * out[1] - l20 * out[2]) / l00
     return True
+
+
+@njit(inner=True)
+def offset(pose: Pose2, to: Pose2) -> Pose2:
+    """Differences of x, y [m] and theta [rad] from `pose` to `to`. ours: the prior's residual."""
+    return Pose2(to.x - pose.x, to.y - pose.y, wrap_angle(to.theta - pose.theta))
 
 
 @njit(inner=True)

@@ -101,104 +101,40 @@ def draw(grid, d, angles, pose, cell, m, rho, kappa):
     return grid
 
 
-def fit_equations(walls, points, normals, spread, pose, rules):
-    """H (3, 3), g (3,), agreement of points with all wall elements (n, 5) in reach of a cell;
-    then the robust loss, the weighted squares of residuals over variances, and these weights."""
-    gate, compat, noise2, lone2, lean2, k2, agree2, cell, corner = rules
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    rotation = np.array([[c, -s], [s, c]])
-    h, g, agreement = np.zeros((3, 3)), np.zeros(3), 0.0
-    loss, squares, weights = k2 * len(points), 0.0, 0.0
-    for p, n, v in zip(points, normals, spread, strict=True):
-        lever, n = rotation @ p, rotation @ n
-        at = lever + pose[:2]
-        lone = not n.any()
-        best = None
-        for w in walls:
-            apart = np.floor((w[5:7] - corner) / cell) - np.floor((at - corner) / cell)
-            off = at - w[:2]
-            if abs(apart).max() > 1 or abs(w[2:4] @ off) >= gate:
-                continue
-            if not lone and w[2:4] @ n < compat:
-                continue
-            if best is None or off @ off < best[0]:
-                best = (off @ off, w, off)
-        if best is None:
-            continue
-        d2, w, off = best
-        if not w[2:4].any():
-            rows, residuals, variance = np.eye(2), off, lone2
-            e2 = d2 / lone2
-        else:
-            rows, residuals = w[2:4][None], np.array([w[2:4] @ off])
-            r2 = residuals[0] ** 2
-            variance = noise2 * (1 + 1 / w[4]) + (lone2 if lone else v / 2) + lean2 * (d2 - r2)
-            e2 = r2 / variance
-        share = (k2 / (k2 + e2)) ** 2
-        weight, weights, squares = share / variance, weights + share, squares + share * e2
-        loss -= k2 - k2 * e2 / (k2 + e2)
-        jacobian = np.column_stack((rows, rows @ np.array([-lever[1], lever[0]])))
-        h += weight * jacobian.T @ jacobian
-        g += weight * jacobian.T @ residuals
-        agreement += agree2 / (agree2 + residuals @ residuals)
-    return h, g, agreement, loss, squares, weights
-
-
-def wall_of(walls, at, normal, cell, corner, gate, compat):
-    """Key (ix, iy) of the wall element nearest to a point that it may lie on, and the distance."""
-    here = np.floor((at - corner) / cell).astype(int)
-    best = (None, math.inf)
-    for iy in range(here[1] - 1, here[1] + 2):
-        for ix in range(here[0] - 1, here[0] + 2):
-            w = walls.get((ix, iy))
-            if w is None or (normal.any() and w["normal"] @ normal < compat):
-                continue
-            off = at - w["mean"]
-            if abs(w["normal"] @ off) < gate and math.hypot(*off) < best[1]:
-                best = ((ix, iy), math.hypot(*off))
-    return best
-
-
-def is_of(wall, at, normal, cell, compat):
-    """The point is of the wall: near enough, and both are walls of like direction or lone."""
-    near = math.hypot(*(at - wall["mean"])) < 0.6 * cell
-    if not (normal.any() and wall["normal"].any()):
-        return near and not normal.any() and not wall["normal"].any()
-    return near and wall["normal"] @ normal > compat
-
-
 def insert(walls, points, normals, pose, grid, rules):
-    """End points of one scan join the wall elements of a dict or start new ones."""
+    """End points of one scan, one by one, join the wall elements of a dict or begin new ones."""
     cell, corner = grid
-    gate, compat, most = rules
+    near, compat, most = rules
     c, s = math.cos(pose[2]), math.sin(pose[2])
     rotation = np.array([[c, -s], [s, c]])
-    seen = [(rotation @ p + pose[:2], rotation @ n) for p, n in zip(points, normals, strict=True)]
-    keys = []
-    for at, n in seen:
-        key, _ = wall_of(walls, at, n, cell, corner, gate, compat)
-        if not (key and is_of(walls[key], at, n, cell, compat)):
-            key = tuple(np.floor((at - corner) / cell).astype(int).tolist())
-        keys.append(key)
-    started = {}
-    for key, (at, n) in zip(keys, seen, strict=True):
-        over_lone = key in walls and n.any() and not walls[key]["normal"].any()
-        if (key not in walls or over_lone) and key not in started:
-            started[key] = {"mean": at, "normal": n, "weight": 0}
-    walls |= started
-    joining = {}
-    for key, (at, n) in zip(keys, seen, strict=True):
-        if is_of(walls[key], at, n, cell, compat):
-            joining.setdefault(key, []).append((at, n))
-    for key, joined in joining.items():
-        w, k = walls[key], len(joined)
-        w["weight"] = min(w["weight"] + k, most)
-        mean, mixed = (np.mean([j[i] for j in joined], axis=0) for i in (0, 1))
-        w["mean"] = w["mean"] + (mean - w["mean"]) * k / w["weight"]
-        if mixed.any():
-            mixed = w["normal"] + (mixed - w["normal"]) * k / w["weight"]
-            w["normal"] = mixed / math.hypot(*mixed)
-    return walls
+    for p, n in zip(points, normals, strict=True):
+        at, normal = rotation @ p + pose[:2], rotation @ n
+        ix, iy = np.floor((at - corner) / cell).astype(int).tolist()
+        around = [(x, y) for y in range(iy - 1, iy + 2) for x in range(ix - 1, ix + 2)]
+        of = [(_away(walls[k], at), k) for k in around if k in walls]
+        of = [(d, k) for d, k in of if d < near and _alike(walls[k], normal, compat)]
+        key = min(of)[1] if of else (ix, iy)
+        is_lone = key in walls and not walls[key]["normal"].any()
+        if key not in walls or (is_lone and normal.any()):
+            walls[key] = {"mean": at, "normal": normal, "weight": 0}
+        w = walls[key]
+        if not (_alike(w, normal, compat) and _away(w, at) < near):
+            continue
+        w["weight"] = min(w["weight"] + 1, most)
+        w["mean"] = w["mean"] + (at - w["mean"]) / w["weight"]
+        w["normal"] = w["normal"] + (normal - w["normal"]) / w["weight"]
+        w["normal"] = w["normal"] / (math.hypot(*w["normal"]) or 1.0)
+
+
+def _away(wall, at):
+    return math.hypot(*(at - wall["mean"]))
+
+
+def _alike(wall, normal, compat):
+    """Both are walls of like direction, or lone."""
+    if not normal.any():
+        return not wall["normal"].any()
+    return wall["normal"] @ normal > compat
 
 
 def draw_grey(grey, points, pose, grid, steps):

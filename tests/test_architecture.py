@@ -89,7 +89,14 @@ def kernels():
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_an_algorithm_imports_only_itself_and_the_interface(name):
-    parts = ("types", "params", "jit", "geometry", "motion", "extent", "cells")
+    parts = ("types", "params", "jit", "geometry", "motion", "extent", "cells", "scan", "refine")
+    parts += (
+        "scan.end_points",
+        "scan.params",
+        "scan.scan_kernels",
+        "refine.lines",
+        "refine.params",
+    )
     parts += tuple(f"motion.{part}" for part in ("chord", "model", "params", "track", "trust"))
     parts += ("localize.relocator",)
     allowed = {f"slams.{part}" for part in parts}

@@ -149,7 +149,7 @@ def test_a_deep_copy_of_an_algorithm_takes_what_it_has_seen_and_goes_on_alike(na
 def _taken(slam):
     """Bytes of the arrays of cells."""
     grids = slam._map
-    arrays = [*grids.levels, grids.surface] if hasattr(grids, "levels") else [grids.cells]
+    arrays = [grids.lines.surface, *(getattr(grids, "levels", None) or [grids.cells])]
     return sum(taken(a) for tuple_ in arrays for a in tuple_ if isinstance(a, np.ndarray))
 
 

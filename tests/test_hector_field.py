@@ -5,15 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from hector import Hector, HectorParams, line_kernels, match_kernels, scan_kernels, surface_kernels
+from hector import Hector, HectorParams, match_kernels
 from hector.map import LogOddsPyramid
-from hector.matcher import Match, Matcher
+from hector.matcher import Matcher
 from hector.patience import Patience
-from hector.scan import EndPoints
-from hector.surface_kernels import Splat, Surface
 from slams.motion.track import Track
 from slams.player import replay
+from slams.refine import line_kernels, surface_kernels
+from slams.refine.lines import Match
+from slams.refine.surface_kernels import Splat, Surface
 from slams.registry import find
+from slams.scan import scan_kernels
+from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import CORRIDOR, ROOM, cast, laser, scan_at
 
@@ -82,7 +85,7 @@ def test_a_noisy_wall_still_has_normals():
     points = EndPoints(HectorParams())
     for k in range(10):
         points.take(noisy(IDENTITY, 0.05, laser(1081), k, t=0.1 * k), IDENTITY)
-    normals = points.find_normals()[:2, : points.n]
+    normals = points.normals[:2, : points.n]
     found = np.hypot(*normals) > 0.0
     assert found.mean() > 0.6
     straight = np.abs(normals[:, found]).max(axis=0)
@@ -91,12 +94,12 @@ def test_a_noisy_wall_still_has_normals():
 
 def test_a_beam_counts_half_where_the_noise_makes_that_usual():
     params = HectorParams()
-    matcher, points = Matcher(params, LogOddsPyramid(params)), EndPoints(params)
-    assert matcher.softness(points) == pytest.approx(0.06)  # of the noise that is assumed, 0.02
+    lines, points = LogOddsPyramid(params).lines, EndPoints(params)
+    assert lines._softness(points) == pytest.approx(0.06)  # of the noise that is assumed, 0.02
     points.noise = 0.05
-    assert matcher.softness(points) == pytest.approx(0.15)
+    assert lines._softness(points) == pytest.approx(0.15)
     points.noise = 0.001
-    assert matcher.softness(points) == params.softness
+    assert lines._softness(points) == params.softness
 
 
 # what the lines believe
@@ -114,10 +117,10 @@ def test_what_one_scan_alone_saw_counts_little():
 
 def test_what_stands_where_it_was_free_is_no_wall():
     lines = surface()
-    lines.log_odds[:] = -1.0
+    lines.seen[:] = -1.0
     surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1))
     assert lines.used[0] == 0
-    lines.log_odds[:] = 1.0
+    lines.seen[:] = 1.0
     surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1))
     assert lines.used[0] > 0
 
@@ -125,7 +128,7 @@ def test_what_stands_where_it_was_free_is_no_wall():
 def test_each_beam_says_whether_it_is_explained_contradicted_or_neither():
     lines, out = surface(), np.zeros(3)
     surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1))
-    lines.log_odds[:, 60] = -1.0
+    lines.seen[:, 60] = -1.0
     ends = np.array([[1.0, 60 * CELL - 2.5, -1.0], [0.1, 0.1, 0.1]])
     line_kernels.evidence(lines, ends, 3, IDENTITY, IDENTITY, 400.0, out)
     assert out == pytest.approx([1.0, -1.0, 0.0], abs=1e-6)
@@ -135,13 +138,13 @@ def test_the_occupancy_speaks_for_the_mechanism_alone():
     params = find("hector@paper").params()
     grids, points = LogOddsPyramid(params), EndPoints(params)
     points.take(scan_at(IDENTITY, laser(361)), IDENTITY)
-    assert (grids.evidence(points, IDENTITY, 0.05) == 0.0).all()
+    assert (grids.evidence(points, IDENTITY) == 0.0).all()
     for _ in range(4):
         grids.insert(points, IDENTITY)
-    here, there = (grids.evidence(points, pose, 0.05) for pose in (IDENTITY, Pose2(0.5, 0.3, 0.2)))
+    here, there = (grids.evidence(points, pose) for pose in (IDENTITY, Pose2(0.5, 0.3, 0.2)))
     assert here.min() > 0.9
     assert there.mean() < 0.0
-    assert grids.surface.used[0] == 0  # nothing of ours is kept
+    assert grids.lines.surface.used[0] == 0  # nothing of ours is kept
 
 
 # who decides
@@ -157,7 +160,7 @@ def judged(n, charge, shares):
     )
     tried = [Match(Pose2(x, 0.0, 0.0), 1.0, 0.0, np.eye(3)) for x in (0.0, 1.0)]
     said = {0.0: np.zeros(n), 1.0: shares}
-    matcher.evidence = lambda _, pose: said[pose.x]
+    matcher._map.evidence = lambda _, pose: said[pose.x]
     track.charge = lambda pose: charge * pose.x
     track.reachable = lambda pose: True
     return matcher.best(points, tried, track)[0].pose.x

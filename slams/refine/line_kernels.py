@@ -1,6 +1,6 @@
 """Kernels of the lines in the cells: distances to them, Gauss-Newton on those, what they say.
 
-ours: the last level of the pyramid, below the finest grid.
+ours: the last step, exact to below a cell.
 """
 
 from __future__ import annotations
@@ -10,19 +10,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hector.match_kernels import Prior, offset
-from hector.scan_kernels import Points
-from hector.surface_kernels import Surface
-from slams.geometry import add_prior, solve3, wrap_angle
+from slams.geometry import Prior, add_prior, offset, solve3, wrap_angle
 from slams.jit import FAST, njit
+from slams.refine.surface_kernels import Surface
+from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
+
+ALIKE = 0.5  # least cosine between the normals of a hit and its line
+FREE = -0.5  # below which a cell was seen free more than once
+
+
+class View(NamedTuple):
+    """End points and normals (3, >= n) of a scan in the base frame, and where the laser is."""
+
+    points: Points
+    normals: Points
+    n: int
+    mount: Pose2
 
 
 class Fit(NamedTuple):
     """How a scan is fitted to the lines.
 
-    At most `steps` steps, done below `tolerance` [m] and [rad] times 1 m; `softness` [m] is the
-    residual whose weight is halved; `variance` [m^2] that of a beam, which weighs the prior.
+    At most `steps` steps (0: the start is only looked at), done below `tolerance` [m] and [rad]
+    times 1 m; `softness` [m] is the residual whose weight is halved; `variance` [m^2] that of a
+    beam, which weighs the prior.
     """
 
     steps: int
@@ -65,9 +77,7 @@ def facing_line(
 @njit(fastmath=FAST, inner=True)  # 1.4 times as fast: sums may be regrouped
 def line_equations(
     surface: Surface,
-    points: Points,
-    n: int,
-    mount: Pose2,
+    view: View,
     pose: Pose2,
     soft: float,
     H: Floats,
@@ -79,6 +89,7 @@ def line_equations(
     weights, of weighted squares [m^2] and of weights without the trust: how many points lie on a
     line.
     """
+    points, normals, n, mount = view
     c, s = math.cos(pose.theta), math.sin(pose.theta)
     sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
     hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = near = 0.0
@@ -87,6 +98,9 @@ def line_equations(
         qx, qy = c * px - s * py, s * px + c * py
         e, nx, ny, w = facing_line(surface, pose.x + qx, pose.y + qy, sx, sy)
         if w == 0.0:
+            continue
+        ax, ay = normals[0, i], normals[1, i]
+        if (ax != 0.0 or ay != 0.0) and (c * ax - s * ay) * nx + (s * ax + c * ay) * ny < ALIKE:
             continue
         robust = 1.0 / (1.0 + e * e * soft)
         weight = w * robust
@@ -115,9 +129,7 @@ def line_equations(
 @njit
 def fit(
     surface: Surface,
-    points: Points,
-    n: int,
-    mount: Pose2,
+    view: View,
     start: Pose2,
     prior: Prior,
     how: Fit,
@@ -133,10 +145,12 @@ def fit(
     b, step, total_H = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     soft = 1.0 / (how.softness * how.softness)
     share = square = 0.0
-    for _ in range(how.steps):
+    for k in range(how.steps + 1):
         pose = Pose2(x, y, theta)
-        total, squares, near = line_equations(surface, points, n, mount, pose, soft, H, b)
-        share, square = near / max(n, 1), squares / max(total, 1e-9)
+        total, squares, near = line_equations(surface, view, pose, soft, H, b)
+        share, square = near / max(view.n, 1), squares / max(total, 1e-9)
+        if k == how.steps:
+            break
         add_prior(H, prior.information, how.variance, offset(pose, prior.pose), total_H, b)
         if not solve3(total_H, b, step):
             break
@@ -167,5 +181,5 @@ def evidence(
         fx, fy = (x - surface.x0) * scale + 0.5, (y - surface.y0) * scale + 0.5
         if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
             u, v = np.uint64(fx), np.uint64(fy)
-            if surface.slot[v, u] == 0 and surface.log_odds[v, u] < -0.5:
+            if surface.slot[v, u] == 0 and surface.seen[v, u] < FREE:
                 out[i] = -1.0

@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
-from hector import scan_kernels as kernels
-from hector.params import HectorParams
-from hector.scan_kernels import Grain, Limits, Points, Twist
+from slams.scan import scan_kernels as kernels
+from slams.scan.params import ScanParams
+from slams.scan.scan_kernels import Grain, Limits, Points, Twist
 from slams.types import IDENTITY, Laser, Pose2, Scan
 
+NEAR = 0.1  # m, between two beams with a straight wall between them
 SLACK = 0.1  # m, between neighbors of one surface
 STRAY = 6.0  # deviations of the noise that two neighbors of one surface may differ by
 SMOOTH = 6.0  # deviations of the noise in half a window, for a normal good to a tenth
@@ -24,15 +25,17 @@ class EndPoints:
     """End points of the scan at hand, in the base frame at the time of its first beam.
 
     `points` (3, >= n): x, y [m], number of the beam; `far` [m] the farthest from the base; `noise`
-    [m] of the ranges as the last scans show it. The buffers serve every scan.
+    [m] of the ranges as the last scans show it; `moments` (6, n + 1) of `scan_moments`, with the
+    normals. The buffers serve every scan.
     """
 
-    def __init__(self, params: HectorParams) -> None:
+    def __init__(self, params: ScanParams) -> None:
         self.params = params
         self.n = 0
         self.far = 0.0
         self.noise = params.range_noise
         self._noises = 0
+        self._known = False  # whether the normals are
         self.mount = IDENTITY
         self.step = 0.0
         self.sweeps = False
@@ -44,24 +47,28 @@ class EndPoints:
         laser = scan.laser
         if laser is not self._laser:
             self._adopt(laser, len(scan.ranges))
+        self._known = False
         self.n, self.far = kernels.end_points(
             scan.ranges, self._directions, laser.mount, self._limits, self.points
         )
         self._measure_noise()
         self.n = kernels.drop_lone(
-            self.points, self.n, self.mount, self.step, self.grain.slack, self.normals
+            self.points, self.n, self.mount, self.step, self.grain.slack, self._room
         )
         if self.sweeps:
             twist = Twist(velocity.x, velocity.y, velocity.theta, laser.time_increment)
             kernels.deskew(self.points, self.n, twist)
         return self
 
-    def find_normals(self) -> Points:
-        """Of every end point the normal and the gap to its neighbors (3, >= n), in `normals`."""
-        kernels.scan_normals(
-            self.points, self.n, self.mount, self.step, self.grain, self.moments, self.normals
-        )
-        return self.normals
+    @property
+    def normals(self) -> Points:
+        """Of every end point the normal and the gap to its neighbors (3, >= n)."""
+        if not self._known:
+            kernels.scan_normals(
+                self.points, self.n, self.mount, self.step, self.grain, self.moments, self._room
+            )
+            self._known = True
+        return self._room
 
     @property
     def grain(self) -> Grain:
@@ -71,8 +78,8 @@ class EndPoints:
 
     def _measure_noise(self) -> None:
         """Where beams are so close together that a wall between them is straight."""
-        near, room = 2.0 * self.params.resolution, self.normals[0]
-        count = kernels.beyond_chords(self.points, self.n, self.mount, near, room)
+        room = self._room[0]
+        count = kernels.beyond_chords(self.points, self.n, self.mount, NEAR, room)
         if count >= SAMPLES:
             half = count // 2
             found = float(np.partition(room[:count], half)[half]) / (NORMAL_MEDIAN * TRIPLE)
@@ -91,5 +98,5 @@ class EndPoints:
 
     def _size(self, n_beams: int) -> None:
         self.points = np.zeros((3, n_beams))
-        self.normals = np.zeros((3, n_beams))
+        self._room = np.zeros((3, n_beams))
         self.moments = np.zeros((6, n_beams + 1))

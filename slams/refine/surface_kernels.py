@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hector.scan_kernels import Points
 from slams.cells import deepcopied
 from slams.jit import njit
+from slams.scan.scan_kernels import Points
 from slams.types import Pose2
 
 LAYERS = 2
@@ -31,14 +31,15 @@ class Surface(NamedTuple):
     (k, 14) has weight, sums of x and y [m] from the cell's center, sums of the normal, the number
     of scans that hit it and the last of them; `lines` (k, 8) the unit normal toward the free side,
     its distance from the map's origin [m] and the trust 0..1; `used` (1,) the last row taken.
-    `log_odds` (ny, nx) the occupancy of the same cells; x0, y0 [m] the center of cell [0, 0].
+    `seen` (ny, nx) what the grid of the same cells says: below 0 free, above 0 occupied; x0, y0 [m]
+    the center of cell [0, 0].
     """
 
     slot: NDArray[np.int32]
     sums: NDArray[np.float32]
     lines: NDArray[np.float32]
     used: NDArray[np.int64]
-    log_odds: NDArray[np.float32]
+    seen: NDArray[np.float32]
     x0: float
     y0: float
     resolution: float
@@ -152,7 +153,7 @@ def add_scan(
         py = pose.y + s * points[0, i] + c * points[1, i]
         ix = math.floor((px - surface.x0) * scale + 0.5)
         iy = math.floor((py - surface.y0) * scale + 0.5)
-        if not (0 <= ix < width and 0 <= iy < height) or surface.log_odds[iy, ix] < 0.0:
+        if not (0 <= ix < width and 0 <= iy < height) or surface.seen[iy, ix] < 0.0:
             continue
         alike = nx * bx + ny * by > 0.9 * count
         if count > 0.0 and not (ix == cell_x and iy == cell_y and alike):

@@ -1,0 +1,103 @@
+"""LineMap: lines inside the cells of a grid, made of the scans themselves, and the fit to them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slams.cells import move, zeros
+from slams.geometry import Prior
+from slams.refine.line_kernels import Fit, View, evidence, fit
+from slams.refine.params import RefineParams
+from slams.refine.surface_kernels import LAYERS, SUMS, Splat, Surface, add_scan
+from slams.scan.end_points import EndPoints
+from slams.types import IDENTITY, Floats, Pose2
+
+SOFT = 3.0  # deviations of the noise at which a beam counts half
+BLURRED = 2.0  # deviations of the noise that a hit may lie off the cell of its wall
+LEAST_ROWS, CELLS_PER_ROW = 1 << 18, 16  # of the pool: few cells have a wall
+NOTHING = Prior(IDENTITY, np.zeros((3, 3)))
+Grid = NDArray[np.float32]
+
+
+class Match(NamedTuple):
+    """A matched pose and how well it fits.
+
+    The share of beams that the map explains, the variance of their distance from it [m^2], the
+    information (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2]; `rough`: by cells,
+    though there are lines.
+    """
+
+    pose: Pose2
+    share: float
+    square: float
+    seen: Floats
+    rough: bool = False
+
+
+class LineMap:
+    """Lines of walls in the cells of a grid; `variance` [m^2] is that of a beam's distance.
+
+    Args:
+        params: of the lines and the fit.
+        seen: what the grid says of its cells, (ny, nx), below 0 free, above 0 occupied.
+        first: center of cell [0, 0], x, y [m].
+        cell: edge of a cell [m].
+    """
+
+    def __init__(
+        self, params: RefineParams, seen: Grid, first: tuple[float, float], cell: float
+    ) -> None:
+        self.params = params
+        self.variance = params.range_noise**2
+        self._scans = 0
+        self._H = np.zeros((3, 3))
+        rows = max(LEAST_ROWS, seen.size // CELLS_PER_ROW)
+        sums, lines = zeros((rows, LAYERS * SUMS), np.float32), zeros((rows, 8), np.float32)
+        slot = zeros(seen.shape, np.int32)
+        self.surface = Surface(slot, sums, lines, np.zeros(1, np.int64), seen, *first, cell)
+
+    def move(self, seen: Grid, first: tuple[float, float], below: int, left: int) -> None:
+        """The grid has grown, by so many cells below and at the left."""
+        slot = zeros(seen.shape, np.int32)
+        move(self.surface.slot, slot, below, left)
+        self.surface = self.surface._replace(slot=slot, seen=seen, x0=first[0], y0=first[1])
+
+    def insert(self, points: EndPoints, pose: Pose2) -> None:
+        """Let a scan taken at `pose` enter; hits of a noisy laser reach more cells."""
+        p = self.params
+        self._scans += 1
+        reach = max(p.reach, math.ceil(BLURRED * points.noise / self.surface.resolution))
+        splat = Splat(reach, p.side, p.weight_cap, self._scans)
+        add_scan(self.surface, points.points, points.normals, points.n, pose, splat)
+
+    def fit(self, points: EndPoints, start: Pose2, prior: Prior) -> Match:
+        """Gauss-Newton on the distances to the lines."""
+        return self._fitted(points, start, prior, self.params.line_steps)
+
+    def seen_from(self, points: EndPoints, pose: Pose2) -> Match:
+        """What the lines say of a pose as it is."""
+        return self._fitted(points, pose, NOTHING, 0)
+
+    def evidence(self, points: EndPoints, pose: Pose2) -> Floats:
+        """What each beam says for `pose`: (n,), 1 explained, -1 contradicted, 0 nothing."""
+        out, soft = np.zeros(points.n), 1.0 / self._softness(points) ** 2
+        evidence(self.surface, points.points, points.n, points.mount, pose, soft, out)
+        return out
+
+    def learn(self, match: Match, points: EndPoints) -> None:
+        """Take this match's distances for usual."""
+        self.variance = max(match.square, points.noise**2)
+
+    def _fitted(self, points: EndPoints, start: Pose2, prior: Prior, steps: int) -> Match:
+        how = Fit(steps, self.params.converged, self._softness(points), self.variance)
+        view, H = View(points.points, points.normals, points.n, points.mount), self._H
+        pose, share, square = fit(self.surface, view, start, prior, how, H)
+        variance = max(square, points.noise**2)
+        return Match(pose, share, variance, H / variance)
+
+    def _softness(self, points: EndPoints) -> float:
+        return max(self.params.softness, SOFT * points.noise)

@@ -1,0 +1,60 @@
+"""Parameters of the lines in the cells, and of the fit to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slams.params import param
+from slams.scan.params import ScanParams
+
+
+@dataclass(frozen=True)
+class RefineParams(ScanParams):
+    """What comes behind the paper's mechanism; the same for all that fit scans to lines."""
+
+    refine: bool = param(
+        True,
+        "1",
+        "fit lines inside the cells after the paper's mechanism",
+        source="ours: exact to below a cell",
+    )
+    reach: int = param(
+        1,
+        "cell",
+        "cells across the wall on each side that learn of a hit",
+        source="ours: basin",
+        low=0,
+        high=5,
+    )
+    side: int = param(
+        3,
+        "cell",
+        "most cells along the wall that bridge the gap between two beams",
+        source="ours: sparse lasers",
+        low=0,
+        high=10,
+    )
+    weight_cap: float = param(
+        200.0,
+        "1",
+        "hits a cell's line remembers",
+        source="ours: stiff, yet follows a moved wall",
+        low=10.0,
+    )
+    softness: float = param(
+        0.05,
+        "m",
+        "distance to a line at which a beam counts half, at least; three times the noise",
+        source="ours: a cell",
+        low=0.001,
+    )
+    line_steps: int = param(
+        12, "1", "Gauss-Newton steps on the lines, at most", source="ours: 3 are usual", low=1
+    )
+    converged: float = param(
+        2e-4,
+        "m",
+        "a step below this (and this times 1 rad/m) is the last",
+        source="ours: a tenth of what the pose is good to",
+        low=0.0,
+    )

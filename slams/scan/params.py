@@ -1,0 +1,46 @@
+"""Parameters of how a scan is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slams.motion.params import MotionParams
+from slams.params import param
+
+
+@dataclass(frozen=True)
+class ScanParams(MotionParams):
+    """Which ends of beams are used, and how fine they are; the same for all that read scans so."""
+
+    min_range: float = param(
+        0.1, "m", "nearer ends are not used", source="ours: the laser's own", low=0.0
+    )
+    max_range: float = param(
+        30.0, "m", "farther ends are not used", source="ours: bounds the map", low=0.5
+    )
+    deskew: bool = param(
+        True,
+        "1",
+        "take out the motion during a sweep that has a time per beam",
+        source="ours: 3 cm at 0.5 m/s and 5 Hz",
+    )
+    normal_window: float = param(
+        0.05,
+        "m",
+        "half length of the piece of scan a normal is fitted to",
+        source="ours: a cell",
+        low=0.005,
+    )
+    range_noise: float = param(
+        0.02,
+        "m",
+        "noise of a beam until scans have shown it",
+        source="ours: between a UTM-30LX's 0.01 and its specified 0.03",
+        low=1e-4,
+    )
+    quietest: float = param(
+        0.001, "m", "no laser is believed to be quieter", source="ours: what ranges are rounded to"
+    )
+    noisiest: float = param(
+        0.15, "m", "noise beyond which a scan is clutter", source="ours: three cells"
+    )
