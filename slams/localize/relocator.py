@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 from slams.localize.finder import Finder
 from slams.localize.places import ends_of
-from slams.localize.search import LEAST_VIEW, Atlas, is_same
+from slams.localize.search import LEAST_VIEW, Atlas, Candidate, is_same
 from slams.motion.track import Track
 from slams.types import OccupancyGrid, Pose2, Scan
 
-LOOKS = 3  # scans that a place is looked for with: one search, and it has to stand in the others
+LOOKS = 3  # scans that a place is looked for with: it has to stand in two of them
 APART = 0.1  # s between two of them
 FIRST, LONGEST = 0.5, 8.0  # s of rest after looking in vain, doubled each time
 EXPLAINED = 0.7  # evidence of a place: a wrong one is worse than none
@@ -30,6 +30,8 @@ class Relocator:
         self._atlas: Atlas | None = None
         self._finder: Finder | None = None
         self._before: float | None = None
+        self._rest = 0.0
+        self._proves = False  # looks whether a match after a gap is right
         self._finish()
 
     def update(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
@@ -41,30 +43,39 @@ class Relocator:
             self._finish()
             return
         self._rest -= dt
+        if track.unproven and not self._proves:
+            self._finder, self._looks, self._rest = None, 0, 0.0
+        self._proves = track.unproven
         if self._rest <= 0.0 and len(ends_of(scan)) >= LEAST_VIEW:
             self._look(scan, draw)
 
     def _finish(self) -> None:
         self._atlas = self._finder = None
         self._looks, self._rest, self._pause = 0, 0.0, FIRST
+        self._proves = False
 
     def _look(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
         finder = self._ready(draw)
         found = finder.add(scan) if finder else None
         self._looks += 1
-        if found and self._looks > 1 and found.evidence >= EXPLAINED:
-            self._return(Pose2(*map(float, found.pose)), scan)
+        if found and found.evidence >= EXPLAINED and (self._looks > 1 or self._agrees(found)):
+            self._return(found, scan)
         elif finder and self._looks < LOOKS and finder.candidates:
             self._rest = APART
         else:
             self._finder, self._looks, self._rest = None, 0, self._pause
             self._pause = min(2.0 * self._pause, LONGEST)
 
-    def _return(self, pose: Pose2, scan: Scan) -> None:
-        if is_same(pose, self._track.pose) and self._track.unproven:
+    def _agrees(self, found: Candidate) -> bool:
+        """Whether the algorithm has matched the scan there, too."""
+        return self._track.unproven and is_same(found.pose, self._track.pose)
+
+    def _return(self, found: Candidate, scan: Scan) -> None:
+        self._track.lost -= 1  # this scan is not, after all
+        if self._agrees(found):
             self._track.proven()
         else:
-            self._track.placed(pose, scan)
+            self._track.placed(Pose2(*map(float, found.pose)), scan)
             self.found += 1
         self._finish()
 

@@ -198,7 +198,7 @@ class Track:
         if self._by_wheels or self._seconds < LOST_AFTER:
             return False
         gap = self._prediction.dt > GAP * self.motion.interval
-        return self._missed or (gap and not self._sure(self.predicted))
+        return (self._missed or gap) and not self._sure(self.predicted)
 
     @property
     def unproven(self) -> bool:
