@@ -93,7 +93,7 @@ class Crsm:
         self._settle(scan, view, match)  # 4.
         self._draw(view)  # 5.
         self._relocator.update(scan, self.map)
-        return self._track.pose
+        return view.at_stamp(self._track.pose)
 
     def map(self) -> OccupancyGrid:
         """The grey levels of the map as probabilities."""

@@ -77,7 +77,7 @@ class Hector:
         if self._due(points):  # 6.
             self._insert(points)
         self._relocator.update(scan, self.map)
-        return self._track.pose
+        return points.at_stamp(self._track.pose)
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Let a scan enter the map at a known pose, without matching."""

@@ -91,6 +91,11 @@ class Laser:
     mount: Pose2 = IDENTITY
     time_increment: float = 0.0
 
+    @property
+    def sweep_time(self) -> float:
+        """Time from the first beam to the last [s]."""
+        return self.time_increment * (self.n_beams - 1)
+
     @cached_property
     def angles(self) -> Floats:
         """Direction of each beam (n_beams,) [rad] in the laser frame."""

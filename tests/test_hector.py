@@ -97,7 +97,8 @@ def test_the_body_filter_hides_near_ends_behind():
     assert original_scan.end_points(ranges, lidar.directions, lidar.mount, limits, out) == 2
 
 
-def test_a_moving_sweep_is_brought_to_the_first_beams_time():
+@pytest.mark.parametrize("still", [0.0, 270.0])
+def test_a_moving_sweep_is_brought_to_the_time_of_one_beam(still):
     velocity, lidar = Pose2(0.8, 0.1, 1.2), laser(541, mount=Pose2(0.1, 0.0, 0.2))
     delay = 0.1 / 541
     ranges = np.empty(541, np.float32)
@@ -112,10 +113,11 @@ def test_a_moving_sweep_is_brought_to_the_first_beams_time():
     assert n == 541
     assert distance_to_walls(out[:2]).max() > 0.1
     theirs = out.copy()
-    scan_kernels.deskew(out, n, Twist(*velocity, delay))
-    original_scan.deskew(theirs, n, Twist(*velocity, delay))
-    assert (theirs == out).all()
-    assert distance_to_walls(out[:2]).max() < 2e-3
+    scan_kernels.deskew(out, n, Twist(*velocity, delay, still))
+    original_scan.deskew(theirs, n, original_scan.Twist(*velocity, delay))
+    assert (theirs == out).all() == (still == 0.0)
+    there = exponential(velocity, still * delay).transform(out[:2].T).T
+    assert distance_to_walls(there).max() < 2e-3
 
 
 def exponential(velocity, t):

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from slams.extent import Box, Extent
 from slams.localize.relocator import Relocator
+from slams.motion.chord import travelled
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
@@ -92,8 +93,8 @@ class Tsd:
         else:
             self._register(scan, start)
         self._relocator.update(scan, self.map)
-        half = 0.5 * _duration(scan)  # registered at its middle; the stamp is that of its start
-        return self._track.pose @ _scaled(self._velocity, half).inverse()
+        half = 0.5 * scan.laser.sweep_time  # registered at its middle; the stamp is its start's
+        return self._track.pose @ travelled(self._velocity, -half)
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Enter a scan into the map as seen from a pose of the base; nothing is matched."""
@@ -196,7 +197,7 @@ class Tsd:
 
     def _looks_again(self, scan: Scan, pose: Pose2) -> bool:
         """See the scan anew with the velocity that was found, where that moves its points."""
-        found, seconds = self._track.motion.velocity_to(pose), _duration(scan)
+        found, seconds = self._track.motion.velocity_to(pose), scan.laser.sweep_time
         expected = self._velocity
         blur = seconds * math.hypot(found.x - expected.x, found.y - expected.y)
         if blur < BLUR and seconds * abs(found.theta - expected.theta) < BLUR_TURN:
@@ -242,12 +243,3 @@ class Tsd:
         self._counts["pushed"] += 1
         self._field.push(lines, box, self._view.beams.angle_increment, laser.x, laser.y)
         self._pushed_at = pose
-
-
-def _duration(scan: Scan) -> float:
-    """Time from the first to the last beam [s]."""
-    return abs(scan.laser.time_increment) * (scan.laser.n_beams - 1)
-
-
-def _scaled(velocity: Pose2, seconds: float) -> Pose2:
-    return Pose2(velocity.x * seconds, velocity.y * seconds, velocity.theta * seconds)

@@ -41,6 +41,11 @@ def chord_of(step: Pose2) -> Chord:
     return Chord(c * step.x + s * step.y, c * step.y - s * step.x, step.theta)
 
 
+def travelled(velocity: Pose2, seconds: float) -> Pose2:
+    """The step of a base that keeps its velocity [m/s, rad/s], in its own frame; may go back."""
+    return Chord(*(v * seconds for v in velocity)).step()
+
+
 def covariance(step: Pose2, variance: Chord) -> Floats:
     """Covariance (3, 3) of a step, seen from the pose before it, of x, y [m], theta [rad]."""
     c, s = math.cos(0.5 * step.theta), math.sin(0.5 * step.theta)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from slams.motion.chord import travelled
 from slams.scan import scan_kernels as kernels
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import Grain, Limits, Points, Twist
@@ -22,7 +23,10 @@ MEMORY = 10  # scans that the noise is a mean of
 
 
 class EndPoints:
-    """End points of the scan at hand, in the base frame at the time of its first beam.
+    """End points of the scan at hand, in the base frame at the middle of its sweep.
+
+    There a velocity that is not quite right does least harm: what it bends before the middle, it
+    bends the other way behind it. `at_stamp` goes back to the scan's stamp, that of its first beam.
 
     `points` (3, >= n): x, y [m], number of the beam; `far` [m] the farthest from the base; `noise`
     [m] of the ranges as the last scans show it; `moments` (6, n + 1) of `scan_moments`, with the
@@ -39,6 +43,7 @@ class EndPoints:
         self.mount = IDENTITY
         self.step = 0.0
         self.sweeps = False
+        self._velocity = IDENTITY
         self._laser: Laser | None = None
         self._size(1)
 
@@ -56,9 +61,16 @@ class EndPoints:
             self.points, self.n, self.mount, self.step, self.grain.slack, self._room
         )
         if self.sweeps:
-            twist = Twist(velocity.x, velocity.y, velocity.theta, laser.time_increment)
+            self._velocity = velocity
+            twist = Twist(*velocity, laser.time_increment, 0.5 * (laser.n_beams - 1))
             kernels.deskew(self.points, self.n, twist)
         return self
+
+    def at_stamp(self, pose: Pose2) -> Pose2:
+        """The base's pose at the stamp of the scan that was matched at `pose`."""
+        if not self.sweeps or self._laser is None:
+            return pose
+        return pose @ travelled(self._velocity, -0.5 * self._laser.sweep_time)
 
     @property
     def normals(self) -> Points:

@@ -30,12 +30,16 @@ class Grain(NamedTuple):
 
 
 class Twist(NamedTuple):
-    """Motion of the base during a sweep: velocity vx, vy [m/s], turn [rad/s], s per beam."""
+    """Motion of the base during a sweep: velocity vx, vy [m/s], turn [rad/s], s per beam.
+
+    `still` is the number of the beam at whose time the base is where end points are told from.
+    """
 
     vx: float
     vy: float
     turn: float
     time_increment: float
+    still: float
 
 
 @njit
@@ -66,13 +70,13 @@ def end_points(
 
 @njit
 def deskew(points: Points, n: int, twist: Twist) -> None:
-    """Bring end points to the base frame at the first beam's time, in place.
+    """Bring end points to the base frame at the time of the beam `still`, in place.
 
     ours: the original ignores that the robot moves during a sweep. points (3, >= n) of
     `end_points`; the base moves on an arc, its chord turned by half the turn.
     """
     for i in range(n):
-        t = points[2, i] * twist.time_increment
+        t = (points[2, i] - twist.still) * twist.time_increment
         turn = twist.turn * t
         c, s = math.cos(turn), math.sin(turn)
         ch, sh = math.cos(0.5 * turn), math.sin(0.5 * turn)
