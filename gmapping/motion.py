@@ -61,6 +61,11 @@ class Motion:
         measured = wheels is not None or turn is not None
         return Step(pose, deviation, seconds, measured, self._velocity, pose)
 
+    def rest(self, scan: Scan) -> Step:
+        """The pose of this scan is given: the next step begins here, from rest."""
+        self._last, self._velocity = scan, IDENTITY
+        return Step(IDENTITY, np.zeros(3), 0.0, self._reads(scan), IDENTITY)
+
     def learn(self, moved: Pose2) -> None:
         """Keep the motion the laser found, to predict the next one."""
         self._velocity = moved

@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from gmapping.map import TileMap
-from gmapping.motion import Motion
+from gmapping.motion import Motion, Step
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
 from gmapping.render import Renderer
@@ -38,7 +38,8 @@ class GMapping:
     """The particle filter; parameters say what predicts motion.
 
     `pose` is the last pose, `covariance` (3, 3) [m, rad] its uncertainty, `quality` the share of
-    the last scan that lies where the map has surfaces; `particles` and `tiles` the filter's state.
+    the last scan that lies where the map has surfaces; `frozen`: nothing enters the map;
+    `particles` and `tiles` the filter's state.
     """
 
     Params: ClassVar[type[Params]] = GMappingParams
@@ -46,6 +47,7 @@ class GMapping:
     def __init__(self, params: GMappingParams) -> None:
         self.params = params
         self.pose = IDENTITY
+        self.frozen = False
         self._rng = np.random.default_rng(params.seed)
         self._motion = Motion(params)
         self._renderer = Renderer(params.resolution, params.occupied)
@@ -68,12 +70,25 @@ class GMapping:
             self.pose, points, step = self._matcher.track(before, step, scan, self._rng)  # 2
         if len(points) == 0:
             self._counts["rejected"] += 1
-        elif self._matcher.due(self.pose, step) and self.tiles.admits(self.pose, points):
+        elif self._enters(step, points):
             self._filter(points)
-            self._renderer.keep(partial(self._rays.ray, scan, step))
+            self._keep(scan, step)
         self._counts["scans"] += 1
         self._motion.learn(before.between(self.pose))
         return self.pose
+
+    def insert_at(self, scan: Scan, pose: Pose2) -> None:
+        """Take a scan whose pose is known, at rest; it enters the maps unless `frozen`."""
+        step = self._motion.rest(scan)
+        points = self._matcher.points(scan, step)
+        self.pose = pose
+        self._share_one_map()
+        self.particles.poses[:] = pose
+        self._matcher.place(pose)
+        if len(points) > 0 and not self.frozen and self.tiles.admits(pose, points):
+            self._insert(points)
+            self._keep(scan, step)
+        self._counts["scans"] += 1
 
     def map(self) -> OccupancyGrid:
         """The best particle's map, drawn from its history of key scans."""
@@ -110,7 +125,6 @@ class GMapping:
                 self._resample()  # 5
             self._counts["switched"] += self.particles.elect(self.params.switch_margin)  # 7
         self._insert(points)  # 6
-        self.particles.remember()
         self.pose = self.particles.best_pose
         self._matcher.start_way(self.pose)
 
@@ -123,12 +137,22 @@ class GMapping:
     def _insert(self, points: Floats) -> None:
         self.tiles.cover(*self.particles.extent(points))
         if not self._matcher.insert(points, self.particles.poses):
-            self._collapse()
+            self._share_one_map()  # out of tiles
+            self._counts["collapsed"] += 1
         self._counts["inserted"] += 1
+        self.particles.remember()
 
-    def _collapse(self) -> None:
-        """Out of tiles: all particles go on from the best one, with one map between them."""
+    def _enters(self, step: Step, points: Floats) -> bool:
+        """Whether the scan is a key scan that the map has room for."""
+        due = self._matcher.due(self.pose, step)
+        return due and not self.frozen and self.tiles.admits(self.pose, points)
+
+    def _keep(self, scan: Scan, step: Step) -> None:
+        """Remember a key scan, to draw the map from."""
+        self._renderer.keep(partial(self._rays.ray, scan, step))
+
+    def _share_one_map(self) -> None:
+        """All particles go on from the best one, with one map between them."""
         ancestors = np.full(len(self.particles), self.particles.best)
         self.particles.follow(ancestors)
         self.tiles.inherit(ancestors)
-        self._counts["collapsed"] += 1

@@ -68,6 +68,11 @@ class SurfaceMatcher:
         self.covariance = np.asarray(np.linalg.inv(peak.information[0]), np.float64)
         return Track(_pose(peak), points, step)
 
+    def place(self, pose: Pose2) -> None:
+        """The pose is given, and is sure."""
+        self.covariance = np.zeros((3, 3))
+        self.start_way(pose)
+
     def due(self, pose: Pose2, step: Step) -> bool:
         """Whether the tracked pose has left the last key scan far enough behind."""
         way = self._key.between(pose)

@@ -60,6 +60,8 @@ class Sight(NamedTuple):
 
     def stretched(self, of: Floats, by: float) -> Floats:
         """A covariance or information (3, 3), so many times as long in that direction."""
+        if by == 1.0:
+            return of
         axis = np.array((self.x, self.y, 0.0))
         stretch = np.eye(3) + (by - 1.0) * np.outer(axis, axis)
         return np.asarray(stretch @ of @ stretch)
