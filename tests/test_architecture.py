@@ -13,8 +13,8 @@ import pytest
 
 from slams.jit import fingerprint, kernel_files
 from slams.registry import BUILT_IN, find, names
+from tests.places import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 ALGORITHMS = sorted({t.partition(".")[0] for t in BUILT_IN.values()} - {"slams"})
 PACKAGES = ["slams", "bench", *ALGORITHMS]
 OURS = {"slams", "bench", "tests", "hector", "tsd", "crsm", "gmapping"}

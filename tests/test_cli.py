@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -13,9 +12,8 @@ import yaml
 
 from slams import run as slams_run
 from slams.formats import trajectory
+from tests.places import ROOT
 from tests.rooms import drive
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture(scope="module")

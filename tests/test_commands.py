@@ -11,8 +11,8 @@ import pytest
 
 from slams import __main__ as slams
 from slams.registry import IDEAS, names
+from tests.places import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 OF_THE_HOUSE = {"bench.readme"}  # makes the pages of this project: nobody else's command
 HEAVY = ("numpy", "numba", "pandas", "matplotlib", "cv2", "scipy", "rosbags")
 

@@ -16,8 +16,8 @@ from bench.sim.setting import Setting
 from slams import run
 from slams.__main__ import COMMANDS
 from slams.registry import GROUP, find
+from tests.places import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 DOCS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 OTHERS = [path for path in readme.readmes() if path not in DOCS]
 SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["scripts"]

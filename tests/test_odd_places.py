@@ -4,7 +4,6 @@ import os
 import resource
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,9 +15,9 @@ from slams.formats.occupancy import write_image
 from slams.scanlog import ScanLog
 from slams.watch.video import is_whole
 from tests import bags
+from tests.places import ROOT
 from tests.rooms import drive
 
-ROOT = Path(__file__).resolve().parents[1]
 TORN = os.fsdecode(b"a\xff")  # a name that is not UTF-8
 FULL = 2048  # bytes that a file may have on the disk that is full
 

@@ -3,14 +3,13 @@
 import re
 import tomllib
 import zipfile
-from pathlib import Path
 
 import pytest
 
 from slams.registry import BUILT_IN
 from tests import try_wheel
+from tests.places import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 TOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PROJECT = TOOLS["project"]
 

@@ -5,7 +5,6 @@ import json
 import re
 import shlex
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,10 +16,10 @@ from bench.results import sweep as results
 from slams import metrics
 from slams.player import replay
 from slams.registry import find
+from tests.bench.test_sweep import lost, sweep_of, trial
+from tests.places import ROOT
 from tests.rooms import drive
-from tests.test_sweep import lost, sweep_of, trial
 
-ROOT = Path(__file__).resolve().parents[1]
 FRONT = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = sorted((ROOT / "docs").glob("*.md"))
 README = "\n".join([FRONT, *(page.read_text(encoding="utf-8") for page in PAGES)])
@@ -165,7 +164,7 @@ def words_of(package):
         if package in path.parents:  # words of a report, of a choice, of the node
             text = path.read_text(encoding="utf-8")
             bare |= set(re.findall(r'"([A-Za-z_][\w]*)"', text))
-    for path in (ROOT / "tests").glob("*.py"):
+    for path in (ROOT / "tests").rglob("*.py"):
         bare |= set(defined(path))
     return bare, dotted
 

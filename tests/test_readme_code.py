@@ -3,7 +3,6 @@
 import math
 import re
 import sys
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -11,9 +10,9 @@ import pytest
 
 from slams import check
 from slams.registry import Entry, find
+from tests.places import ROOT
 from tests.rooms import drive
 
-ROOT = Path(__file__).resolve().parents[1]
 README = "\n".join(
     path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/*.md"))
 )

@@ -3,15 +3,14 @@
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from slams import check, run
 from slams.registry import find
+from tests.places import ROOT
 from tests.rooms import drive
 
-ROOT = Path(__file__).resolve().parents[1]
 ROS = "map_resolution: 0.1\nmap_multi_res_levels: 2\nmap_frame: map\nlaser_max_dist: 12.0\n"
 
 

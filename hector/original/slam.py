@@ -15,9 +15,9 @@ import math
 from typing import Any, ClassVar
 
 from hector.original.map import Pyramid
+from hector.original.motion import Motion
 from hector.original.params import OriginalParams
 from hector.original.scan import EndPoints
-from slams.motion import Motion
 from slams.params import Params
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 

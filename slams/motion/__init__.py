@@ -1,9 +1,5 @@
 """Motion: what is known of the robot's next step before its scan is looked at.
 
-The model is `slams.motion.model`: wheels, gyro and the motion so far, fused, with a covariance.
-`Motion` as exported here is the plain predictor that came before it (`slams.motion.last`).
+`slams.motion.model` fuses wheels, gyro and the motion so far, with a covariance; `track` keeps the
+pose by it from scan to scan, `sight` tells what a scan cannot see.
 """
-
-from slams.motion.last import FADING, LONGEST, MEMORY, Motion
-
-__all__ = ["FADING", "LONGEST", "MEMORY", "Motion"]

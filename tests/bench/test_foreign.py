@@ -1,0 +1,251 @@
+"""Any program as a row: its errors are evo's, at its own rate, in its own frame, with its map."""
+
+import json
+
+import numpy as np
+import pytest
+
+from bench import compare, results
+from bench.judge.comparison import weighed
+from bench.results import LogResult, Outcome, Reference
+from bench.run.cases import Choice, replayed
+from bench.run.foreign import Foreign, foreign_case
+from slams import OccupancyGrid, Pose2
+from slams.formats.occupancy import write_map
+from slams.formats.trajectory import write_tum
+from slams.metrics import between
+from slams.scanlog import Track
+from tests import bags
+from tests.rooms import drive
+
+OTHER = Pose2(3.0, -2.0, 0.7)  # where the map frame of another program lies
+
+
+def moved(pose, poses):
+    """Poses (n, 3) seen from where `pose` is the origin: pose @ each."""
+    return np.array([pose @ Pose2(*p) for p in poses.tolist()])
+
+
+def precise_tum(path, t, poses):
+    """As any program may write it: with all digits."""
+    zero = np.zeros(len(t))
+    half = 0.5 * poses[:, 2]
+    columns = [t, poses[:, 0], poses[:, 1], zero, zero, zero, np.sin(half), np.cos(half)]
+    np.savetxt(path, np.stack(columns, axis=1), fmt="%.17g")
+
+
+@pytest.fixture(scope="module")
+def log():
+    return drive(n=80)
+
+
+@pytest.fixture(scope="module")
+def estimate(log):
+    """What some program found at every third scan: the truth, a little off."""
+    truth = log.truth_at(log.t)[::3]
+    rng = np.random.default_rng(4)
+    steps = rng.normal(0.0, (0.01, 0.01, 0.004), truth.shape)
+    return Track(log.t[::3], moved(OTHER, truth + steps))
+
+
+def test_errors_of_a_tum_file_are_those_of_evo(log, estimate, tmp_path):
+    files = pytest.importorskip("evo.tools.file_interface")
+    sync = pytest.importorskip("evo.core.sync")
+    evo = pytest.importorskip("evo.core.metrics")
+    precise_tum(tmp_path / "other.tum", estimate.t, estimate.values)
+    precise_tum(tmp_path / "truth.tum", log.t, log.truth_at(log.t))
+    log.save(tmp_path / "room.npz")
+    words = [str(tmp_path / "room.npz"), "--algorithms", "odometry", "--jobs", "1", "-q"]
+    words += ["--trajectory", f"toolbox={tmp_path / 'other.tum'}", "--out", str(tmp_path / "out")]
+    assert compare.main(words) == 0
+    found = results.read(tmp_path / "out").logs[0].outcomes[1]
+
+    truth = files.read_tum_trajectory_file(tmp_path / "truth.tum")
+    other = files.read_tum_trajectory_file(tmp_path / "other.tum")
+    truth, other = sync.associate_trajectories(truth, other, max_diff=1e-6)
+    relations = evo.PoseRelation.translation_part, evo.PoseRelation.rotation_angle_rad
+    ours = found.errors["update"]
+    for relation, values in zip(relations, (ours.se2_translation, ours.orientation), strict=True):
+        rpe = evo.RPE(relation, 1, evo.Unit.frames, all_pairs=True)
+        rpe.process_data((truth, other))
+        assert values == pytest.approx(rpe.error, abs=1e-9)
+    ape = evo.APE(evo.PoseRelation.translation_part)
+    other.align(truth)
+    ape.process_data((truth, other))
+    rmse = ape.get_statistic(evo.StatisticsType.rmse)
+    assert found.row["errors"]["ate_m"] == pytest.approx(rmse, abs=1e-9)
+    tables = (tmp_path / "out" / "tables.md").read_text()
+    assert tables.count("| toolbox |") >= 4
+    assert "toolbox" in (tmp_path / "out" / "report.html").read_text()
+    for figure in ("fig2_translation.png", "fig3_orientation.png"):
+        assert (tmp_path / "out" / figure).stat().st_size > 1000
+
+
+def test_a_run_of_ours_read_back_is_the_same_row(log, tmp_path):
+    own = replayed("hector", log, Choice())
+    again = foreign_case(Foreign("x", Track(own.t, moved(OTHER, own.poses)), None), log)
+    assert again.frame == pytest.approx(OTHER)
+    np.testing.assert_allclose(again.poses, own.poses, atol=1e-12)
+    for name, errors in own.errors.items():
+        for a, b in zip(errors, again.errors[name], strict=True):
+            np.testing.assert_allclose(a, b, atol=1e-12)
+    for key, value in own.row["errors"]["spans"]["update"]["translation_m"].items():
+        assert again.row["errors"]["spans"]["update"]["translation_m"][key] == pytest.approx(value)
+    assert again.row["used"] is None
+    assert again.row["cost"] is None
+
+
+def test_between_stamps_the_truth_is_interpolated_and_nothing_is_extrapolated(log):
+    t = np.linspace(log.t[0] - 1.0, log.t[-1] + 1.0, 300)
+    shown = log.truth.poses_at(np.clip(t, log.t[0], log.t[-1]))
+    found = foreign_case(Foreign("x", Track(t, shown), None), log)
+    assert found.t.min() >= log.t[0] - 1.1 * log.scan_period
+    assert found.row["errors"]["ate_m"] < 1e-9
+    inside = (found.t >= log.truth.t.min()) & (found.t <= log.truth.t.max())
+    assert found.row["errors"]["dropped"] == int((~inside).sum()) > 0
+    assert len(found.common.t) == inside.sum()
+
+
+def test_a_program_that_starts_late_is_seen_from_the_first_scan(log, estimate):
+    late = Track(estimate.t[9:], estimate.values[9:])
+    found = foreign_case(Foreign("x", late, None), log)
+    truth = between(np.repeat(log.truth_at(log.t[:1]), len(late.t), axis=0), log.truth_at(late.t))
+    assert np.abs(found.poses[:, :2] - truth[:, :2]).max() < 0.1, "in the frame of the others"
+    assert found.row["errors"]["ate_m"] < 0.02
+
+
+def test_its_map_is_laid_on_the_truth_as_the_others_are(log, tmp_path):
+    """A map drawn in another frame is worth what it is in its own."""
+    log.save(tmp_path / "room.npz")
+    hector = replayed("hector", log, Choice())
+    grid = hector.grid
+    shift = Pose2(1.0, 2.0, 0.0)
+    elsewhere = OccupancyGrid(
+        grid.p, grid.resolution, (grid.origin[0] + shift.x, grid.origin[1] + shift.y)
+    )
+    write_map(tmp_path, elsewhere)
+    write_tum(tmp_path / "x.tum", hector.t, moved(shift, hector.poses))
+    words = [str(tmp_path / "room.npz"), "--algorithms", "hector", "--jobs", "1", "-q"]
+    words += ["--trajectory", f"x={tmp_path / 'x.tum'}", "--map", f"x={tmp_path / 'map.yaml'}"]
+    assert compare.main([*words, "--out", str(tmp_path / "out")]) == 0
+    theirs = results.read(tmp_path / "out").logs[0].outcomes[1]
+    assert theirs.frame == pytest.approx(shift, abs=1e-6)
+    assert theirs.grid.origin == pytest.approx(elsewhere.origin)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "translate(-1 -2)" in page.replace(".000000", "")
+
+
+def test_map_quality_does_not_depend_on_the_frame():
+    p = np.full((60, 60), np.nan, np.float32)
+    p[10:50, 10:50], p[10, 10:50], p[10:50, 49] = 0.1, 0.9, 0.9
+    true = OccupancyGrid(np.where(p > 0.5, 1.0, p).astype(np.float32), 0.05, (0.0, 0.0))
+    start, shift = Pose2(0.5, 1.0, 0.0), Pose2(2.0, -1.0, 0.0)
+    rows = [{"algorithm": name, "failed": None} for name in "abc"]
+    frames = (Pose2(0.0, 0.0, 0.0), shift, Pose2(0.0, 0.0, 0.0))
+    origins = ((-0.5, -1.0), (1.5, -2.0), (1.5, -2.0))
+    outcomes = [
+        Outcome(row, grid=OccupancyGrid(p, 0.05, origin), frame=frame)
+        for row, frame, origin in zip(rows, frames, origins, strict=True)
+    ]
+    log = LogResult(Reference({"name": "l", "notes": []}, None, true, start), outcomes)
+    own, foreign, wrong = (row["map"] for row in weighed([log], {}).rows)
+    assert own["iou"]["value"] == foreign["iou"]["value"] == 1.0
+    assert (wrong["iou"]["value"] or 0.0) < 0.1
+
+
+def test_relations_are_met_by_interpolation(log, estimate):
+    truth = log.truth_at(log.t)
+    pairs = [(10, 40), (5, 70)]
+    rows = [
+        [log.t[a], log.t[b], *between(truth[a : a + 1], truth[b : b + 1])[0].tolist()]
+        for a, b in pairs
+    ]
+    relations = np.array(rows)
+    fine = Track(log.t[::2], moved(OTHER, truth[::2]))
+    found = foreign_case(Foreign("x", fine, None), log, relations)
+    assert found.row["relations"]["used"] == 2
+    assert found.row["relations"]["all"]["translation_m"]["max"] < 0.01
+    short = Track(log.t[:60:2], moved(OTHER, truth[:60:2]))
+    assert foreign_case(Foreign("x", short, None), log, relations).row["relations"]["used"] == 1
+
+
+def test_start_luck_is_told(log, tmp_path, capsys):
+    truth = log.truth_at(log.t)
+    lines = []
+    for a in range(20, 60, 4):
+        step = between(truth[a : a + 1], truth[a + 10 : a + 11])[0]
+        lines.append(f"{log.t[a]} {log.t[a + 10]} {step[0]} {step[1]} 0 0 0 {step[2]}")
+    (tmp_path / "room.relations").write_text("\n".join(lines))
+    log.save(tmp_path / "room.npz")
+    words = [str(tmp_path / "room.npz"), "--relations", str(tmp_path / "room.relations")]
+    words += ["--algorithms", "odometry", "tests.bench.test_html:Runaway", "--starts", "3"]
+    assert compare.main([*words, "--jobs", "1", "--out", str(tmp_path / "out")]) == 0
+    assert "from other start scans" in capsys.readouterr().out
+    good, bad = json.loads((tmp_path / "out" / "results.json").read_text())["rows"]
+    assert (good["starts"]["n"], good["starts"]["lost"]) == (3, 0)
+    assert good["starts"]["worst"] >= good["relations"]["all"]["translation_m"]["mean"] - 1e-12
+    assert bad["starts"]["lost"] == bad["starts"]["above"] == 3
+
+
+def test_a_bag_recorded_beside_another_slam_gives_the_whole_table(log, tmp_path, capsys):
+    """Scans, wheels and the other's map -> odom by tf in one bag, its map beside, one command."""
+    truth = log.truth_at(log.t)
+    found = [Pose2(*p) for p in moved(OTHER, truth + 0.004 * np.sin(np.arange(80))[:, None])]
+    wheels = [Pose2(*p) for p in log.odometry_at_scans().tolist()]
+
+    def messages(make):
+        still = ("base_link", "laser", (0.0, 0.0, 0.0), 0.0, 0.0)
+        every = [("/tf_static", log.t[0], make.tf(log.t[0], still))]
+        angles = (log.laser.angle_min, log.laser.angle_increment)
+        for t, ranges, pose, wheel in zip(log.t, log.ranges, found, wheels, strict=True):
+            shift = pose @ wheel.inverse()
+            for parent, child, p in (("map", "odom", shift), ("odom", "base_link", wheel)):
+                place = (parent, child, (p.x, p.y, 0.0), p.theta, 0.0)
+                every.append(("/tf", t, make.tf(t, place)))
+            every.append(("/scan", t, make.scan(t, ranges, angles=angles)))
+        return every
+
+    path = bags.write(tmp_path, "mcap", messages)
+    precise_tum(tmp_path / "truth.tum", log.t, truth)
+    write_map(tmp_path, replayed("hector", log, Choice()).grid)
+    words = [str(path), "--truth", str(tmp_path / "truth.tum"), "--jobs", "1"]
+    words += ["--trajectory", "slam_toolbox=map", "--map", f"slam_toolbox={tmp_path / 'map.yaml'}"]
+    words += ["--algorithms", "hector", "--out", str(tmp_path / "out")]
+    assert compare.main(words) == 0
+    said = capsys.readouterr().out
+    assert said.count("slam_toolbox") >= 2
+    ours, theirs = results.read(tmp_path / "out").logs[0].outcomes
+    assert ours.row["used"] == ["laser", "wheels"]
+    assert theirs.row["errors"]["dropped"] <= 1
+    assert 0.001 < theirs.row["errors"]["ate_m"] < 0.01
+    assert theirs.grid is not None
+
+
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        (["--trajectory", "x"], "expected NAME=FILE"),
+        (["--trajectory", "x=none.tum"], "none.tum"),
+        (["--trajectory", "odometry=GOOD"], "a row that is there already"),
+        (["--trajectory", "x=GOOD", "--trajectory", "x=GOOD"], "twice"),
+        (["--map", "x=GOOD"], "expected a name given to --trajectory"),
+        (["--trajectory", "x=ONE"], "x"),
+        (["--trajectory", "x=AWAY"], "is it another log's?"),
+        (["--trajectory", "x=GOOD", "--map", "x=GOOD"], "GOOD"),
+        (["--starts", "3"], "--relations"),
+        (["--starts", "0"], "--starts: got 0"),
+    ],
+)
+def test_bad_rows_are_refused_in_one_sentence(log, estimate, tmp_path, capsys, more, sentence):
+    log.save(tmp_path / "room.npz")
+    write_tum(tmp_path / "GOOD", estimate.t, estimate.values)
+    write_tum(tmp_path / "ONE", estimate.t[:1], estimate.values[:1])
+    write_tum(tmp_path / "AWAY", estimate.t + 1e6, estimate.values)
+    words = [word.replace("=", f"={tmp_path}/", 1) if word[-1].isupper() else word for word in more]
+    words = [str(tmp_path / "room.npz"), "--algorithms", "odometry", *words]
+    before = sorted(tmp_path.iterdir())
+    assert compare.main([*words, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1
+    assert sorted(tmp_path.iterdir()) == before

@@ -1,0 +1,550 @@
+"""report.html: complete, safe with any name, offline, small, and the same each time."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.judge import loss, metrics, verdicts
+from bench.report import html, tables
+from bench.report.figures import COLORS
+from bench.report.html.legend import NIGHT, PAPER, legible, rules
+from bench.report.html.markup import Markup, element, together
+from bench.report.html.pictures import LONGEST, picture
+from bench.report.html.plans import into
+from bench.report.html.plots import Axis, envelope, path, thinned, ticks
+from bench.report.html.runs import runs
+from bench.results import Comparison, LogResult, Outcome, Reference
+from bench.run.cases import Choice, failed, replayed
+from bench.run.reference import facts
+from slams import OccupancyGrid, Params, Pose2
+from tests.rooms import drive
+
+HTML = Path(html.__file__).parent
+BAD_NAME = "<script>alert('x')</script>"
+VOID = {"meta", "input", "img", "br", "link"}
+SPANS = {"update": 0.0005, "1 s": 0.0006}
+
+
+class Still:
+    """Thinks it stands where it began; knows a small map."""
+
+    Params = Params
+    step = 0.0
+
+    def __init__(self, params):
+        self.scans = 0
+
+    def update(self, scan):
+        self.scans += 1
+        return Pose2(self.step * (self.scans - 1), 0.0, 0.0)
+
+    def map(self):
+        p = np.full((20, 30), np.nan, np.float32)
+        p[5:15, 5:25], p[5, 5:25] = 0.1, 0.9
+        return OccupancyGrid(p, 0.1, (-1.5, -1.0))
+
+    def report(self):
+        return {"odometry": 0}
+
+
+class Poor(Still):
+    """Odometry that takes every way for too long."""
+
+    def update(self, scan):
+        super().update(scan)
+        self.first = scan.odometry if self.scans == 1 else self.first
+        pose = self.first.between(scan.odometry)
+        return Pose2(1.2 * pose.x, 1.2 * pose.y, pose.theta)
+
+
+class Runaway(Still):
+    step = 0.5
+
+
+class Broken(Still):
+    def update(self, scan):
+        if self.scans == 30:
+            raise ValueError("no <b>walls</b> & no hope")
+        return super().update(scan)
+
+
+class Page(HTMLParser):
+    """Elements in order, ids, text; fails where the nesting is wrong."""
+
+    def __init__(self, text):
+        super().__init__(convert_charrefs=True)
+        self.raw = text
+        self.open, self.elements, self.words, self.scripts = [], [], [], []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        kind = self.open[-1] if self.open else ""
+        (self.scripts if kind in ("script", "style") else self.words).append(data)
+
+    @property
+    def text(self):
+        return " ".join(" ".join(self.words).split())
+
+    def all(self, tag, **wanted):
+        return [
+            attrs
+            for name, attrs in self.elements
+            if name == tag and all(v in (attrs.get(k) or "").split() for k, v in wanted.items())
+        ]
+
+
+LABELS = {"poor": Poor, "still": Still, "runaway": Runaway, "broken": Broken}
+
+
+def outcomes(log, names, choice=None):
+    made = []
+    for name in names:
+        known = f"tests.bench.test_html:{LABELS[name].__name__}" if name in LABELS else name
+        try:
+            outcome = replayed(known, log, choice or Choice())
+        except ValueError as error:
+            outcome = failed(known, log, f"ValueError: {error}")
+        outcome.row["algorithm"] = name
+        outcome.row.setdefault("map", None)
+        made.append(outcome)
+    return made
+
+
+def done_of(log, made, bound=True):
+    """What bench.compare hands over, with a bound of round numbers."""
+    entry, truth = facts(log), log.truth_at(log.t)
+    way = None if truth is None else metrics.common(log.t, truth, truth).truth
+    if bound and truth is not None:
+        limits = {k: {"translation_m": v, "rotation_rad": 0.1 * v} for k, v in SPANS.items()}
+        entry["bound"] = {"spans": limits}
+    entry["verdicts"] = verdicts.on_one_log(made)
+    grid = made[0].grid if truth is not None else None
+    start = Pose2(*truth[0].tolist()) if truth is not None else None
+    return LogResult(Reference(entry, way, grid, start), made)
+
+
+def written(folder, done, over_logs=(), **more):
+    target = folder / "report.html"
+    made = {
+        "command": "python -m bench.compare a.npz --quick",
+        "odometry": True,
+        "slower": 5.0,
+        "versions": {"python": "3.11.7"},
+        "machine": {"cpu": "a <fast> one", "threads": {"OMP_NUM_THREADS": "1"}},
+    } | more
+    html.write(target, Comparison(made, [done], list(over_logs)), done)
+    return target.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    """A good, a poor, a lost and a failed run; the poor one has a hostile name."""
+    log = drive(n=120)
+    made = outcomes(log, ["odometry", "poor", "runaway", "broken"], Choice(realtime=True))
+    made[1].row["algorithm"] = BAD_NAME
+    return done_of(log, made)
+
+
+@pytest.fixture(scope="module")
+def text(comparison, tmp_path_factory):
+    return written(tmp_path_factory.mktemp("report"), comparison)
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return Page(text)
+
+
+def test_headings_and_sections_are_there_in_order(page):
+    names = re.findall(r'<h2 id="[\w-]+">([^<]+)</h2>', page.raw)
+    assert names == [
+        "Which one",
+        "Summary",
+        "Tables",
+        "How sure",
+        "Errors",
+        "Trajectories",
+        "Maps",
+        "Errors over time",
+        "Cost per scan",
+        "How it was run",
+        "Definitions",
+    ]
+    assert "Most accurate: odometry" not in page.text, "a baseline is no algorithm to take"
+    assert "Survives most: " in page.text
+    anchors = {attrs["href"][1:] for attrs in page.all("a")}
+    assert anchors == {name.lower().replace(" ", "-") for name in names}
+    ids = [attrs["id"] for _, attrs in page.elements if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    assert anchors <= set(ids)
+    assert page.all("html", lang="en")
+
+
+def test_the_paper_comes_first_and_every_table_is_there(comparison, page):
+    made = tables.tables(comparison.reference.entry, [o.row for o in comparison.outcomes])
+    titles = [attrs["aria-label"] for attrs in page.all("div", role="region")]
+    wanted = [tables.TITLES[key] for key in made]
+    assert titles[: len(wanted)] == wanted
+    assert titles[0].startswith("Table I:")
+    assert titles[1].startswith("Table II:")
+
+
+def test_cells_are_those_of_every_other_format(comparison, page):
+    rows = [o.row for o in comparison.outcomes]
+    mean = rows[0]["errors"]["spans"]["update"]["translation_m"]["mean"]
+    assert f"{mean:.5f}" in page.text
+
+
+def test_names_of_outsiders_are_text(text, page):
+    assert BAD_NAME not in text
+    assert "<b>walls" not in text
+    assert "<fast>" not in text
+    assert page.text.count(BAD_NAME) > 5
+    assert "broken failed: ValueError: no <b>walls</b> & no hope" in page.text
+    assert len(page.all("script")) == 1
+    handlers = [key for _, attrs in page.elements for key in attrs if key.startswith("on")]
+    assert handlers == []
+
+
+def test_nothing_is_loaded_from_anywhere(page):
+    for tag, attrs in page.elements:
+        for key in ("href", "src", "xlink:href", "srcset", "action"):
+            value = attrs.get(key)
+            assert value is None or value.startswith(("#", "data:image/png;base64,")), (tag, value)
+    code = " ".join(page.scripts)
+    for word in ("http", "//cdn", "@import", "url(", "fetch(", "XMLHttpRequest", "import("):
+        assert word not in code, word
+    policy = page.all("meta", **{"http-equiv": "Content-Security-Policy"})
+    assert policy[0]["content"].startswith("default-src 'none'")
+
+
+def test_failed_and_lost_runs_stand_out(page):
+    assert "runaway (lost)" in page.text
+    assert re.search(r"runaway was lost after \d+\.\d s and [\d.]+ m\.", page.text)
+    shown = [attrs["id"] for attrs in page.all("input", type="checkbox")]
+    assert shown == ["show-run-0", "show-run-1", "show-run-2"]
+
+
+def test_every_run_is_in_every_figure_by_its_class(page):
+    marks = [attrs["class"].split() for attrs in page.all("path") if "mark" in attrs["class"]]
+    for k in range(3):
+        kinds = [c[0] for c in marks if f"run-{k}" in c]
+        assert kinds.count("line") == 1 + 2 + 2 + 2  # plan, distributions, errors, cost
+        assert kinds.count("band") == 2 + 1
+        assert kinds.count("bar") >= 2
+    assert len(page.all("image")) == 4  # the true map, odometry's, poor's and runaway's
+    assert len(page.all("path", id="truth")) == 1
+    assert len(page.all("path", **{"data-base": "truth"})) == 3
+
+
+def test_the_legend_hides_without_a_script(text):
+    for k in range(3):
+        rule = f".figures:has(#show-run-{k}:not(:checked)) .mark.run-{k}{{display:none}}"
+        assert rule in text
+
+
+def test_plans_show_the_whole_truth_in_one_scale(comparison, page):
+    way = comparison.reference.path
+    plans = [a for a in page.all("svg", role="img") if a["aria-label"].startswith(("traj", "map"))]
+    boxes = [attrs for attrs in page.all("div") if "equal" in attrs.get("class", "")]
+    assert len(plans) == len(boxes) == 5
+    for drawn, box in zip(plans, boxes, strict=True):
+        x, y, w, h = map(float, drawn["viewbox"].split())
+        assert x < way[:, 0].min()
+        assert way[:, 0].max() < x + w
+        assert y < (-way[:, 1]).min()
+        assert (-way[:, 1]).max() < y + h
+        assert float(box["style"].partition(":")[2]) == pytest.approx(w / h, abs=1e-3)
+    assert len({drawn["viewbox"] for drawn in plans[1:]}) == 1
+
+
+def test_the_true_map_is_moved_into_the_frame_of_the_runs(comparison, page):
+    start = comparison.reference.start._replace(x=3.0, y=-2.0, theta=0.7)
+    turn, x, y = (float(n) for n in re.findall(r"-?[\d.]+", into(start)))
+    moved = Pose2(0.0, 0.0, np.radians(turn)) @ Pose2(x, y, 0.0) @ start
+    assert np.allclose(moved, 0.0, atol=1e-5)
+    first = page.all("image")[0]
+    assert first["transform"] == into(comparison.reference.start)
+    assert "transform" not in page.all("image")[1]
+
+
+def test_a_line_is_where_its_numbers_are(comparison, page):
+    truth = page.all("path", id="truth")[0]["d"]
+    way = np.array([point.split(",") for point in truth[1:].split()], float)
+    assert np.allclose(way, comparison.reference.path[:, :2], atol=1e-5)
+    errors = comparison.outcomes[0].errors["update"].translation
+    curve = next(a["d"] for a in page.all("path") if a["class"] == "line run-0 mark")
+    points = np.array([point.split(",") for point in curve[1:].split()], float)
+    assert 10.0 ** points[-1, 0] == pytest.approx(1e3 * errors.max(), rel=1e-3)
+    assert 10.0 ** points[len(errors) // 2, 0] == pytest.approx(1e3 * np.median(errors), rel=0.05)
+    assert points[-1, 1] == 1.0
+
+
+def test_errors_over_time_lie_between_their_extremes(comparison, page):
+    errors = 1e3 * comparison.outcomes[1].errors["1 s"].se2_translation
+    bands = [a["d"] for a in page.all("path") if a["class"] == "band run-1 mark"]
+    points = np.array([p.split(",") for p in bands[0][1:-1].split()], float)
+    assert 10.0 ** points[:, 1].max() == pytest.approx(errors.max(), rel=1e-3)
+    assert 10.0 ** points[:, 1].min() == pytest.approx(errors.min(), rel=1e-3)
+    assert points[:, 0].min() == pytest.approx(1.0, abs=0.01)
+    assert points[:, 0].max() == pytest.approx(5.95, abs=0.01)
+
+
+def test_up_is_up_and_bars_stand_beside_each_other(page):
+    drawn = [attrs.get("transform") for tag, attrs in page.elements if tag == "g"]
+    assert len(drawn) == len(page.all("svg", role="img"))
+    assert set(drawn) == {"scale(1 -1)"}
+    bars = [(a["class"], a["d"].partition(" ")[0]) for a in page.all("path") if "bar" in a["class"]]
+    assert len({left for kind, left in bars}) == len(bars)
+
+
+def test_the_bound_is_in_words_tables_and_figures(page):
+    limits = [attrs for attrs in page.all("path") if "limit" in attrs["class"].split()]
+    assert len(limits) == 2 + 2 + 2  # distributions, errors over time, scan period
+    assert "times the Cramer-Rao bound of 0.60 mm and 0.060 mrad" in page.text
+    assert "the dotted line is the Cramer-Rao bound, 0.5 mm" in page.text
+
+
+def test_summary_names_the_best_and_how_sure(page):
+    assert "odometry is the most accurate: its mean error per second is" in page.text
+    assert "It is followed by <script>" in page.text
+    assert f"odometry is better than {BAD_NAME} on this log by" in page.text
+    assert re.search(r"is the fastest with \d+\.\d+ ms per scan on one core", page.text)
+
+
+def test_definitions_have_the_constants_of_the_code(page, monkeypatch, comparison, tmp_path):
+    assert "further off than 1 m plus 5 % of the way driven, or turned by more than 0.5 rad" in (
+        page.text
+    )
+    monkeypatch.setattr(loss, "LIMIT_M", 7.25)
+    monkeypatch.setattr(metrics, "LOOP", 33.0)
+    changed = Page(written(tmp_path, comparison)).text
+    assert "further off than 7.25 m plus" in changed
+    assert "33 s apart count as loops" in changed
+    assert all(span.name in changed for span in metrics.SPANS)
+
+
+def test_parameters_and_machine_are_told(page):
+    assert "python -m bench.compare a.npz --quick" in page.text
+    assert '{"OMP_NUM_THREADS": "1"}' in page.text
+    assert f"{BAD_NAME}: parameters and own report" in page.text
+
+
+def test_what_the_eye_sees_has_words(page):
+    for attrs in page.all("svg"):
+        assert attrs.get("aria-label") or attrs.get("aria-hidden") == "true"
+    assert {attrs["scope"] for attrs in page.all("th")} == {"col", "row"}
+    assert len(page.all("table")) == len(page.all("caption"))
+
+
+def test_same_results_same_bytes(comparison, text, tmp_path):
+    assert written(tmp_path, comparison) == text
+
+
+def test_long_logs_stay_small(tmp_path):
+    n, runs = 12000, 6
+    rng = np.random.default_rng(1)
+    t = np.arange(n) / 40.0
+    s = 0.05 * t
+    truth = np.stack([20 * np.sin(s), 15 * np.cos(1.7 * s), s], axis=1)
+    base = outcomes(drive(n=60), ["still"])[0]
+    made = []
+    for k in range(runs):
+        common = metrics.common(t, truth + rng.normal(0.0, 0.01, (n, 3)), truth)
+        p = np.full((700, 700), np.nan, np.float32)
+        p[rng.integers(0, 700, 9000), rng.integers(0, 700, 9000)] = 0.9
+        grid = OccupancyGrid(p, 0.05, (-20.0, -20.0))
+        row = base.row | {"algorithm": f"a{k}"}
+        made.append(Outcome(row, t, truth, rng.random(n) * 1e-3, grid, common))
+    done = done_of(drive(n=60), [base])._replace(outcomes=made)
+    assert len(written(tmp_path, done)) < 3e6
+
+
+def test_a_log_without_truth(tmp_path):
+    log = drive(n=60)
+    log = type(log)(log.t, log.ranges, log.laser, log.odom, None, log.yaw_rate, {"name": "blind"})
+    page = Page(written(tmp_path, done_of(log, outcomes(log, ["odometry", "poor"]))))
+    assert "The log has neither truth nor relations" in page.text
+    assert "this log has no truth" in page.text
+    assert page.all("path", id="truth") == []
+    assert page.all("select") == []
+    headings = page.raw
+    assert 'id="trajectories"' in headings
+    assert 'id="errors"' not in headings
+
+
+def test_a_log_of_one_scan(tmp_path):
+    log = drive(n=1, gyro=False)
+    page = Page(written(tmp_path, done_of(log, outcomes(log, ["odometry", "poor"]))))
+    assert "one scan only" in page.text
+    drawn = [attrs.get(key, "") for _, attrs in page.elements for key in ("d", "viewbox", "style")]
+    assert not re.search(r"nan|inf", " ".join(drawn))
+    assert page.all("svg", role="img")
+
+
+def test_a_log_too_short_for_a_second_is_judged_by_updates(tmp_path):
+    log = drive(n=10)
+    page = Page(written(tmp_path, done_of(log, outcomes(log, ["odometry", "poor"]))))
+    assert "its mean error per update is" in page.text
+    assert "Error of rotation per update:" in page.text
+
+
+def test_all_runs_failed(tmp_path):
+    log = drive(n=60)
+    made = outcomes(log, ["broken"])
+    page = Page(written(tmp_path, done_of(log, made)))
+    assert "broken failed: ValueError" in page.text
+    assert page.all("svg") == []
+
+
+def test_by_relations(tmp_path):
+    log = drive(n=60)
+    made = outcomes(log, ["odometry", "poor"])
+    for k, outcome in enumerate(made):
+        error = {"mean": 0.01 * (2 - k), "std": 0.0, "min": 0.0, "max": 0.0}
+        names = ("translation_m", "rotation_rad", "translation_m2", "rotation_rad2")
+        every = dict.fromkeys(names, error) | {"used": 5}
+        outcome.row["relations"] = {"used": 5, "given": 5, "all": every}
+        outcome.row["errors"] = None
+    done = done_of(log, [Outcome(o.row, o.t, o.poses, o.seconds, o.grid) for o in made])
+    page = Page(written(tmp_path, done))
+    assert "By the log's relations poor is the most accurate: 10.00 mm mean error" in page.text
+    assert "followed by odometry with 20.00 mm" in page.text
+
+
+def test_verdicts_over_logs_are_told(comparison, tmp_path):
+    over = [{"sentence": "a is better than b & c", "next": True}]
+    page = Page(written(tmp_path, comparison, over_logs=over))
+    assert "Over all logs of this comparison a is better than b & c" in page.text
+
+
+def test_everything_else_of_the_report_is_in_its_folder():
+    names = {"report.css", "report.js", "report.template.html", "definitions.template.html"}
+    assert names <= {file.name for file in HTML.iterdir()}
+
+
+def test_markup_escapes_all_but_itself():
+    assert element("p", "<&", element("b", "x"), None, class_='"q"', hidden=True, lang=None) == (
+        '<p class="&quot;q&quot;" hidden>&lt;&amp;<b>x</b></p>'
+    )
+    assert element("input", data_zoom=1) == '<input data-zoom="1">'
+    assert together("<", Markup("<")) == "&lt;<"
+
+
+def test_ticks_are_round_and_inside():
+    assert ticks(0.0, 1.0) == [(pytest.approx(0.2 * k), f"{0.2 * k:g}") for k in range(6)]
+    assert [text for _, text in ticks(-7.0, 3.0)] == ["-6", "-4", "-2", "0", "2"]
+    assert [text for _, text in ticks(-2.0, 1.0, log=True)] == ["0.01", "0.1", "1", "10"]
+    assert [text for _, text in ticks(0.0, 1.0, log=True)] == ["1", "2", "5", "10"]
+    near = ticks(np.log10(3.1), np.log10(3.9), log=True)
+    assert len(near) > 3
+    assert near[1][0] == pytest.approx(np.log10(float(near[1][1])))
+
+
+def test_thinning_keeps_the_ends():
+    assert thinned(5).tolist() == [0, 1, 2, 3, 4]
+    chosen = thinned(12000)
+    assert len(chosen) <= 1500
+    assert chosen[0] == 0
+    assert chosen[-1] == 11999
+
+
+def test_an_envelope_holds_every_value():
+    rng = np.random.default_rng(0)
+    t = rng.permutation(np.linspace(5.0, 9.0, 1000))
+    values = rng.random(1000)
+    at, low, mean, high = envelope(t, values, 100)
+    assert len(at) == 100
+    assert (np.diff(at) > 0).all()
+    assert low.min() == values.min()
+    assert high.max() == values.max()
+    assert ((low <= mean) & (mean <= high)).all()
+    first = values[t < 5.04]
+    assert (low[0], high[0]) == (first.min(), first.max())
+    assert mean[0] == pytest.approx(first.mean())
+
+
+def test_a_path_is_fine_enough_and_not_endless():
+    axes = Axis("", 0.0, 30.0), Axis("", -1.0, 1.0)
+    made = path(np.array([1.0, 2.0006]), np.array([0.5, 1e30]), axes)
+    assert made == "M1,0.5 2.001,2001"
+    fine = axes[0]._replace(steps=1_000_000)
+    assert path(np.array([2.00061]), np.zeros(1), (fine, axes[1])) == "M2.00061,0"
+
+
+def test_a_picture_lies_where_its_cells_do():
+    p = np.full((3000, 10), np.nan, np.float32)
+    p[500:2700, 2:6] = 0.2
+    p[1000, 3] = 1.0
+    made = picture(OccupancyGrid(p, 0.05, (-1.0, -2.0)), "tall")
+    found = dict(re.findall(r'(\w+)="([-\d.]+)"', made))
+    factor = 3
+    assert LONGEST * factor > 2200 > LONGEST * (factor - 1)
+    assert float(found["x"]) == pytest.approx(-1.0 + 2 * 0.05)
+    assert float(found["y"]) == pytest.approx(-2.0 + 500 * 0.05)
+    assert float(found["width"]) == pytest.approx(2 * factor * 0.05)
+    assert float(found["height"]) == pytest.approx(734 * factor * 0.05)
+    image = shades_of(made)
+    assert image.shape == (734, 2)
+    assert (image[(1000 - 500) // factor, 0], image[0, 0]) == (0, 204)
+    assert sorted(np.unique(image)) == [0, 204]
+
+
+def test_walls_of_a_fine_map_are_as_thick_as_cells_of_the_others():
+    p = np.zeros((20, 40), np.float32)
+    p[:, 7] = 1.0
+    made = picture(OccupancyGrid(p, 0.01, (0.0, 0.0)), "true", finest=0.05)
+    assert shades_of(made).tolist() == [[255, 0] + 6 * [255]] * 4
+
+
+def test_an_empty_map_is_a_gray_cell():
+    made = picture(OccupancyGrid(np.full((4, 4), np.nan, np.float32), 0.1, (0.0, 0.0)), "none")
+    assert shades_of(made).tolist() == [[204]]
+
+
+def shades_of(image):
+    import base64
+
+    import cv2
+
+    data = base64.b64decode(re.search(r"base64,([^\"]+)", image)[1])
+    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+def test_colors_stand_out_on_both_pages(comparison):
+    for color in COLORS:
+        for ground in (PAPER, NIGHT):
+            assert contrast(legible(color, ground), ground) >= 2.95
+    assert legible("#0072B2", PAPER) == "#0072B2"
+    css = (HTML / "report.css").read_text(encoding="utf-8").upper()
+    assert PAPER in css
+    assert NIGHT in css
+    ten = runs(LogResult(comparison.reference, comparison.outcomes[:3] * 4))
+    styles = re.findall(r"\{(--.*)\}", rules(ten))
+    assert len(set(styles)) == 12
+
+
+def contrast(a, b):
+    def luminance(color):
+        c = np.array([int(color[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+        return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4) @ [
+            0.2126,
+            0.7152,
+            0.0722,
+        ]
+
+    low, high = sorted((luminance(a), luminance(b)))
+    return (high + 0.05) / (low + 0.05)

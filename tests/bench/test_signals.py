@@ -1,0 +1,145 @@
+"""Commands that are ended from outside: no process stays, nothing half-written, what is done is."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.places import ROOT
+from tests.processes import ends, processes_of, signal_group, signal_one
+from tests.rooms import drive
+
+LONG = 60.0  # s, for what happens in moments on a machine with nothing else to do
+
+PLUGIN = """
+import time
+from pathlib import Path
+from slams.baselines import Odometry
+
+HERE = Path(__file__).parent
+
+class Quick(Odometry):
+    def __init__(self, params):
+        super().__init__(params)
+        with (HERE / "begun").open("a") as file:
+            file.write("quick\\n")
+
+class Stuck(Odometry):
+    def update(self, scan):
+        (HERE / "stuck").touch()
+        while not (HERE / "free").exists():
+            time.sleep(0.01)
+        return super().update(scan)
+"""
+
+
+def started(*words, folder):
+    """A command in a session of its own, with this source tree and the folder's modules."""
+    return subprocess.Popen(
+        [sys.executable, "-m", *map(str, words)],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(folder)])},
+        start_new_session=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for(what, process):
+    deadline = time.monotonic() + LONG
+    while not what():
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def ended(process, send, number):
+    """Sends it a signal; its exit code and last words, when none of its processes is left."""
+    send(process, number)
+    _, said = process.communicate(timeout=LONG)
+    assert ends(processes_of(process.pid), LONG)
+    return process.returncode, said
+
+
+def treats(pid, how, number):
+    """Whether a process catches (SigCgt) or ignores (SigIgn) a signal."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    except OSError:
+        return False
+    mask = next(line for line in lines if line.startswith(f"{how}:")).split()[1]
+    return bool(int(mask, 16) >> (number - 1) & 1)
+
+
+def ignores_ctrl_c(pid):
+    return treats(pid, "SigIgn", signal.SIGINT)
+
+
+def kept(folder):
+    return [p for p in folder.glob("out/runs/*/*.json") if not p.name.endswith(".cost.json")]
+
+
+def test_a_comparison_that_was_ended_goes_on_where_it_was(tmp_path):
+    """Ended by SIGTERM, then by Ctrl-C: the runs that were done are not done again."""
+    (tmp_path / "plugin.py").write_text(PLUGIN)
+    drive(n=8).save(tmp_path / "room.npz")
+    labels = ["plugin:Quick", "plugin:Stuck"]
+    words = ["bench.compare", "room.npz", "--out", "out", "--jobs", "2", "--algorithms", *labels]
+
+    def is_at_the_last():
+        return len(kept(tmp_path)) == 2 and (tmp_path / "stuck").exists()
+
+    for send, number, code, word in (
+        (signal_one, signal.SIGTERM, 143, "terminated"),
+        (signal_group, signal.SIGINT, 130, "interrupted"),
+    ):
+        (tmp_path / "stuck").unlink(missing_ok=True)
+        process = started(*words, folder=tmp_path)
+        wait_for(is_at_the_last, process)
+        begun = (tmp_path / "begun").read_text()
+        returned, said = ended(process, send, number)
+        assert (returned, said.splitlines()[-1]) == (code, f"bench.compare: {word}")
+        assert "Traceback" not in said
+        assert list(tmp_path.glob(".*.part")) == []
+        assert [path.name for path in (tmp_path / "out").iterdir()] == ["runs"]
+    (tmp_path / "free").touch()
+    done = started(*words, folder=tmp_path)
+    _, said = done.communicate(timeout=LONG)
+    assert done.returncode == 0, said
+    assert "2 of 3 runs are kept from before" in said
+    assert (tmp_path / "begun").read_text() == begun, "the quick one ran once"
+    rows = json.loads((tmp_path / "out" / "results.json").read_text())["rows"]
+    assert [(row["algorithm"], row["failed"]) for row in rows] == [(n, None) for n in labels]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["bench.ranking", "--arenas", "4", "--duration", "3600", "--jobs", "2", "--out", "out"],
+        ["bench.sweep", "--duration", "14400", "--seeds", "1", "--jobs", "2", "--out", "out"],
+        ["bench.simulate", "log.npz", "--duration", "14400"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_sigterm_ends_a_command_and_its_workers(tmp_path, words):
+    with_workers = words[0] != "bench.simulate"
+    process = started(*words, folder=tmp_path)
+
+    def works():
+        """Two workers, and what multiprocessing keeps beside them; without any, it is ready."""
+        if with_workers:
+            return sum(ignores_ctrl_c(pid) for pid in processes_of(process.pid)) == 3
+        return treats(process.pid, "SigCgt", signal.SIGTERM)
+
+    wait_for(works, process)
+    returned, said = ended(process, signal_one, signal.SIGTERM)
+    assert (returned, said.splitlines()[-1]) == (143, f"{words[0]}: terminated")
+    assert "Traceback" not in said
+    assert not (tmp_path / "log.npz").exists()
+    assert list(tmp_path.glob(".*.part")) == []

@@ -1,0 +1,298 @@
+"""Results in a folder: names, bytes, damage, a full disk, what the dead left behind."""
+
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.run import code, store
+from bench.run.code import code_version, package_of
+from bench.run.store import Store, canonical, digest, plain
+from bench.run.work import Task
+
+KEY = digest("some run")
+VALUE = {"error_m": 0.1 + 0.2, "lost": False, "spans": [1.0, None, 1e-300], "failed": None}
+
+
+def files(folder):
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*.json")}
+
+
+# names
+
+
+def test_a_name_is_the_same_for_ever():
+    task = Task("bench.run.some:run", {"seed": 3, "level": 0.1, "log": "ab", "odometry": None})
+    assert canonical(task.what) == '{"level":0.1,"log":"ab","odometry":null,"seed":3}'
+    assert task.key_for("code") == (
+        "ed32806b6ffc6277d785f9304b8f29d49956c95d94b22354e631ddb6c832c5d0"
+    )
+
+
+def test_a_name_does_not_depend_on_the_order_of_keys_nor_on_where_things_lie():
+    one = Task("m:f", {"a": 1, "b": {"c": 2.0, "d": [3]}})
+    other = Task("m:f", {"b": {"d": [3], "c": 2.0}, "a": 1}, where={"path": "elsewhere"})
+    assert one.key == other.key
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"level": np.nextafter(0.1, 1.0), "seed": 3, "label": "tsd"},
+        {"level": 0.1, "seed": 4, "label": "tsd"},
+        {"level": 0.1, "seed": 3, "label": "tsd@paper"},
+        {"level": 0.1, "seed": 3},
+        {"level": 0.1, "seed": 3, "label": "tsd", "every": 1},
+    ],
+)
+def test_everything_given_is_in_the_name_to_the_last_bit(changed):
+    what = {"level": 0.1, "seed": 3, "label": "tsd"}
+    assert Task("m:f", changed).key != Task("m:f", what).key
+    assert Task("m:g", what).key != Task("m:f", what).key
+    assert Task("m:f", what).key_for("code") != Task("m:f", what).key_for("other code")
+
+
+@pytest.mark.parametrize("odd", [float("nan"), float("inf"), {1, 2}, np.int64(3), Path("log")])
+def test_what_has_no_exact_text_gets_no_name(odd):
+    with pytest.raises((ValueError, TypeError)):
+        _ = Task("m:f", {"odd": odd}).key
+
+
+# version of the code
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    folder = tmp_path / "toy_package"
+    (folder / "inner").mkdir(parents=True)
+    (folder / "__init__.py").write_text("")
+    (folder / "inner" / "kernels.py").write_text("x = 1\n")
+    (tmp_path / "toy_module.py").write_text("y = 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    code_version.cache_clear()
+    yield folder
+    code_version.cache_clear()
+
+
+def version_now(*packages):
+    code_version.cache_clear()
+    return code_version(packages)
+
+
+def test_any_change_of_the_source_changes_the_version(package):
+    before = version_now("toy_package")
+    assert version_now("toy_package") == before
+    (package / "inner" / "kernels.py").write_text("x = 2\n")
+    changed = version_now("toy_package")
+    (package / "inner" / "kernels.py").rename(package / "inner" / "other.py")
+    renamed = version_now("toy_package")
+    (package / "more.py").write_text("")
+    assert len({before, changed, renamed, version_now("toy_package")}) == 4
+
+
+def test_line_ends_and_other_packages_do_not_change_the_version(package):
+    before = version_now("toy_package")
+    (package / "inner" / "kernels.py").write_bytes(b"x = 1\r\n")
+    (package.parent / "toy_module.py").write_text("y = 2\n")
+    assert version_now("toy_package") == before
+
+
+def test_an_outsiders_module_is_a_package_of_one_file(package):
+    before = version_now("toy_module")
+    (package.parent / "toy_module.py").write_text("y = 2\n")
+    assert version_now("toy_module") != before
+
+
+def test_versions_of_libraries_are_part_of_it(package, monkeypatch):
+    before = version_now("toy_package")
+    monkeypatch.setattr(code, "version", lambda name: "0.0")
+    assert version_now("toy_package") != before
+
+
+@pytest.mark.parametrize("name", ["no_such_package", "toy_package.nothing", "sys", "", "a..b"])
+def test_a_package_without_source_text_is_refused(package, name):
+    with pytest.raises(LookupError, match="expected a package or module with source text"):
+        version_now(name)
+
+
+def test_the_package_of_a_class_is_the_one_it_is_imported_from():
+    assert package_of(Store) == "bench"
+
+
+# bytes
+
+
+def test_a_result_comes_back_as_it_was_with_its_cost_beside(tmp_path):
+    results = Store(tmp_path)
+    assert results.read(KEY) is None
+    assert results.cost(KEY) is None
+    results.write(KEY, VALUE, {"cpu_s": 1.5})
+    assert results.read(KEY) == VALUE
+    assert results.cost(KEY) == {"cpu_s": 1.5}
+    assert results.missing([KEY, "0" * 64]) == ["0" * 64]
+    assert sorted(files(tmp_path)) == [
+        f"{KEY[:2]}/{KEY}.cost.json",
+        f"{KEY[:2]}/{KEY}.json",
+    ]
+
+
+def test_the_file_of_a_result_is_the_same_whatever_it_cost_and_however_it_is_ordered(tmp_path):
+    one, other = Store(tmp_path / "one"), Store(tmp_path / "other")
+    one.write(KEY, VALUE, {"cpu_s": 1.5})
+    other.write(KEY, dict(reversed(VALUE.items())), {"cpu_s": 2.5})
+    assert one.path(KEY).read_bytes() == other.path(KEY).read_bytes()
+    assert list(one.read(KEY)) == list(other.read(KEY)) == list(plain(VALUE))
+
+
+def test_numbers_of_numpy_come_back_as_plain_ones(tmp_path):
+    results = Store(tmp_path)
+    results.write(
+        KEY,
+        {
+            "row": np.array([0.1, np.nan, np.inf]),
+            "n": np.int64(3),
+            "f": np.float32(0.1),
+            "no": np.bool_(False),
+        },
+    )
+    assert results.read(KEY) == {
+        "row": [0.1, None, None],
+        "n": 3,
+        "f": float(np.float32(0.1)),
+        "no": False,
+    }
+    with pytest.raises(TypeError, match="has a set in it"):
+        results.write(KEY, {"odd": {1}})
+
+
+# damage
+
+
+@pytest.mark.parametrize("name", ["result", "cost"])
+def test_a_file_cut_off_anywhere_or_with_a_wrong_bit_counts_as_absent(tmp_path, name):
+    results = Store(tmp_path)
+    results.write(KEY, VALUE, VALUE)
+    path = results.path(KEY) if name == "result" else results.path(KEY).with_suffix(".cost.json")
+    whole = path.read_bytes()
+    read = results.read if name == "result" else results.cost
+    for length in range(len(whole) - 1):  # without the last, the end of line, it is whole
+        path.write_bytes(whole[:length])
+        assert read(KEY) is None, length
+    rng = np.random.default_rng(0)
+    for at in range(len(whole) - 1):
+        flipped = bytearray(whole)
+        flipped[at] ^= 1 << int(rng.integers(8))
+        path.write_bytes(flipped)
+        assert read(KEY) in (None, VALUE), at
+        assert read(KEY) is None or json.loads(flipped) == json.loads(whole), at
+
+
+@pytest.mark.parametrize(
+    "text", ["", "\0" * 300, "[]", "null", "7", '{"value":1}', "[" * 10**5, '{"value":NaN}']
+)
+def test_whatever_else_lies_there_counts_as_absent_and_is_replaced(tmp_path, text):
+    results = Store(tmp_path)
+    results.write(KEY, VALUE)
+    results.path(KEY).write_text(text)
+    assert results.read(KEY) is None
+    results.write(KEY, VALUE)
+    assert results.read(KEY) == VALUE
+
+
+def test_a_result_under_another_name_counts_as_absent(tmp_path):
+    results = Store(tmp_path)
+    results.write(KEY, VALUE)
+    other = KEY[:-1] + ("0" if KEY[-1] != "0" else "1")
+    results.path(KEY).rename(results.path(other))
+    assert results.read(other) is None
+
+
+# a full disk
+
+
+def test_on_a_full_disk_what_is_done_stays_and_nothing_is_half_written(tmp_path, monkeypatch):
+    results = Store(tmp_path)
+    results.write(KEY, VALUE)
+    before = files(tmp_path)
+
+    def full(path, text, encoding):
+        path.write_bytes(text.encode()[:10])
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(RuntimeError, match=r"No space left on device; the results so far are kept"):
+        results.write("0" * 64, VALUE, {"cpu_s": 1.0})
+    assert files(tmp_path) == before
+
+
+def test_where_the_system_stops_a_file_midway_nothing_of_it_stays(tmp_path):
+    """The same by the system's own hand: files may not grow above 4 kB."""
+    results = Store(tmp_path)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, hard))
+    try:
+        results.write(KEY, VALUE)
+        with pytest.raises(RuntimeError, match="results so far are kept"):
+            results.write("0" * 64, {"rows": list(range(5000))})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert list(files(tmp_path)) == [f"{KEY[:2]}/{KEY}.json"]
+
+
+def test_a_folder_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "results").write_text("")
+    with pytest.raises(OSError, match="results"):
+        Store(tmp_path / "results")
+
+
+# what the dead left behind
+
+
+def dead_process():
+    done = subprocess.Popen([sys.executable, "-c", ""])
+    done.wait()
+    return done.pid
+
+
+def test_files_of_dead_processes_are_swept_and_those_of_living_ones_left(tmp_path):
+    Store(tmp_path)
+    partial = tmp_path / "partial"
+    here = platform.node()
+    old = time.time() - 2.0 * store.STALE
+    names = {
+        f"{here},{dead_process()},{KEY}.json": False,
+        f"{here},{os.getpid()},{KEY}.json": False,  # of one before us that had our number
+        f"{here},{os.getppid()},{KEY}.json": True,
+        f"other-{here},{dead_process()},{KEY}.json": True,  # not for us to know
+        f"{here},odd": True,
+        "stranger": True,
+    }
+    for name in names:
+        (partial / name).write_text("{")
+    (partial / "other,7,long ago").write_text("{")
+    os.utime(partial / "other,7,long ago", (old, old))
+    Store(tmp_path)
+    assert {path.name for path in partial.iterdir()} == {n for n, stays in names.items() if stays}
+
+
+def test_a_file_swept_by_a_machine_of_our_name_is_written_again(tmp_path, monkeypatch):
+    results = Store(tmp_path)
+    replace, calls = Path.replace, []
+
+    def swept(path, target):
+        calls.append(path)
+        if len(calls) == 1:
+            path.unlink()
+        return replace(path, target)
+
+    monkeypatch.setattr(Path, "replace", swept)
+    results.write(KEY, VALUE)
+    assert results.read(KEY) == VALUE
+    assert len(calls) == 2

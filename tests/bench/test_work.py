@@ -1,0 +1,517 @@
+"""Where runs are done: the same bytes from everywhere, whatever dies on the way."""
+
+import argparse
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import dask
+import numpy as np
+import pytest
+from distributed import LocalCluster
+
+from bench.run import pool, spread
+from bench.run.cluster import DaskWorkers
+from bench.run.local import LocalWorkers
+from bench.run.shards import Shard, shard_of
+from bench.run.store import Store
+from bench.run.work import Task, perform, run_all
+from tests.bench.toy_runs import Here
+from tests.places import ROOT
+from tests.processes import ends, processes_of, signal_group, signal_one
+
+TOY = ("tests.bench.toy_runs",)
+
+
+def toy(function, where=None, **what):
+    return Task(f"tests.bench.toy_runs:{function}", what, TOY, where or {})
+
+
+def toys(count, seconds=0.0, **where):
+    return [toy("run", where | {"seconds": seconds}, n=n) for n in range(count)]
+
+
+def results(folder):
+    """Bytes of every result, what they cost left out."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in Path(folder).rglob("*.json")
+        if not path.name.endswith(".cost.json") and path.parent.name != "partial"
+    }
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """What the toys come to in one process."""
+
+    def of(count):
+        folder = tmp_path_factory.mktemp("undisturbed")
+        assert len(list(run_all(toys(count), Store(folder), Here()))) == count
+        return results(folder)
+
+    return of
+
+
+# run_all
+
+
+def test_what_is_there_is_reused_and_comes_first(tmp_path):
+    store, first, second = Store(tmp_path), Here(), Here()
+    fresh = [v for _, v in run_all(toys(3), store, first)]
+    found = [(t.what["n"], v) for t, v in run_all(toys(5)[::-1], store, second)]
+    assert first.done == [0, 1, 2]
+    assert second.done == [4, 3]
+    assert [n for n, _ in found] == [2, 1, 0, 4, 3]
+    assert [v for _, v in found[:3]] == fresh[::-1]
+    assert all(v == {"n": n, "square": n * n, "third": n / 3.0} for n, v in found)
+
+
+def test_a_task_that_stands_in_the_list_twice_is_run_once_and_told_twice(tmp_path):
+    here = Here()
+    assert len(list(run_all([*toys(2), *toys(3)], Store(tmp_path), here))) == 5
+    assert here.done == [0, 1, 2]
+
+
+def test_the_order_of_a_value_is_the_same_fresh_and_stored(tmp_path):
+    order = [
+        list(value) for _ in range(2) for _, value in run_all(toys(1), Store(tmp_path), Here())
+    ]
+    assert order == [["n", "square", "third"]] * 2
+
+
+def test_what_an_algorithm_raises_is_its_result_without_addresses(tmp_path):
+    store = Store(tmp_path)
+    for task, sentence in (
+        (toy("raises", n=1), "ZeroDivisionError: at 1, by <object object at 0x..>"),
+        (toy("leaves", n=1), "SystemExit: enough of 1"),
+    ):
+        assert [v for _, v in run_all([task], store, Here())] == [{"failed": sentence}]
+        assert store.read(task.key) == {"failed": sentence}
+
+
+def test_what_tells_of_the_machine_is_said_and_not_kept(tmp_path):
+    store, task = Store(tmp_path), toy("lacks_memory", n=1)
+    assert [v for _, v in run_all([task], store, Here())] == [{"failed": "MemoryError: for 1"}]
+    assert store.missing([task.key]) == [task.key]
+
+
+def test_other_code_than_the_sweep_was_started_with_is_no_result():
+    task = toy("run", n=1)
+    with pytest.raises(RuntimeError, match=r"has not the code .*tests\.bench\.toy_runs.* start again"):
+        perform(task, task.key_for("older code"))
+    absent = Task("absent:run", {}, ("absent_package",))
+    with pytest.raises(RuntimeError, match="has not the code"):
+        perform(absent, "0" * 64)
+
+
+def test_a_full_disk_ends_the_work_and_what_is_done_stays(tmp_path, monkeypatch):
+    store, write = Store(tmp_path), Path.write_text
+
+    def full(path, text, encoding):
+        if len(results(tmp_path)) == 2:
+            write(path, text[:20], encoding=encoding)
+            raise OSError(28, "No space left on device", str(path))
+        return write(path, text, encoding=encoding)
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(RuntimeError, match="No space left on device"):
+        list(run_all(toys(6), store, LocalWorkers(1)))
+    monkeypatch.undo()
+    assert len(store.missing([t.key for t in toys(6)])) == 4
+    assert list((tmp_path / "partial").iterdir()) == []
+
+
+# processes
+
+
+def test_one_process_two_processes_and_shards_leave_the_same_bytes(tmp_path, undisturbed):
+    for jobs in (1, 2):
+        list(run_all(toys(30), Store(tmp_path / f"{jobs}"), LocalWorkers(jobs)))
+        assert results(tmp_path / f"{jobs}") == undisturbed(30)
+    merged, done = Store(tmp_path / "merged"), 0
+    for index in (1, 2, 3):
+        part, here = Store(tmp_path / f"part {index}"), Here()
+        list(run_all(Shard(index, 3).part(toys(30)), part, here))
+        assert 0 < len(here.done) < 30
+        done += len(here.done)
+        subprocess.run(["cp", "-r", f"{part.folder}/.", f"{merged.folder}"], check=True)
+    assert done == 30
+    assert results(merged.folder) == undisturbed(30)
+    assert merged.cost(toys(1)[0].key) == {"pid": os.getpid()}
+
+
+def test_processes_stay_for_many_tasks(tmp_path):
+    log = tmp_path / "log"
+    list(run_all(toys(12, log=str(log)), Store(tmp_path / "store"), LocalWorkers(2)))
+    pids = {line.split()[1] for line in log.read_text().splitlines()}
+    assert len(pids) <= 2
+    assert str(os.getpid()) not in pids
+
+
+def test_a_task_whose_process_is_killed_is_tried_again_and_the_others_do_not_notice(tmp_path):
+    log, scar = tmp_path / "log", tmp_path / "scar"
+    unlucky = toy("dies_once", {"log": str(log), "scar": str(scar)}, n=-1)
+    tasks = [unlucky, *toys(8, log=str(log))]
+    found = {t.key: v for t, v in run_all(tasks, Store(tmp_path / "store"), LocalWorkers(2))}
+    assert found[unlucky.key] == {"n": -1}
+    assert len(found) == 9
+    begun = [line.split()[2] for line in log.read_text().splitlines()]
+    assert sorted(begun, key=int) == ["-1", "-1", *map(str, range(8))]
+
+
+def test_a_task_that_always_ends_its_process_is_tried_twice_and_not_kept(tmp_path):
+    log, store = tmp_path / "log", Store(tmp_path / "store")
+    deadly = toy("exits", {"log": str(log)}, n=-1)
+    tasks = [deadly, *toys(4)]
+    found = {t.key: v for t, v in run_all(tasks, store, LocalWorkers(1))}
+    assert found[deadly.key] == {"failed": "its process died (exit code 3)"}
+    assert store.missing(found) == [deadly.key]
+    assert len(log.read_text().splitlines()) == 2
+
+
+def test_the_pool_gives_each_task_a_process_of_its_own_and_tells_who_died():
+    calls = {"a": (os.getpid, ()), "b": (os.getpid, ()), "c": (os._exit, (3,)), "d": (os.kill, ())}
+    calls["e"] = os.kill, (2**22 + 1, 0)
+    found = dict(pool.finished(calls, 1))
+    assert found["a"].result() != found["b"].result()
+    with pytest.raises(pool.BrokenProcessPool, match="exit code 3"):
+        found["c"].result()
+    with pytest.raises(TypeError, match="exactly 2 arguments") as raised:
+        found["d"].result()
+    assert "in the process of the task" in raised.value.__notes__[0]
+    with pytest.raises(ProcessLookupError):
+        found["e"].result()
+
+
+def interrupted():
+    os.kill(os.getpid(), signal.SIGINT)
+    return "went on"
+
+
+def test_ctrl_c_is_for_the_parent_to_decide():
+    """A terminal sends it to all; a task that ended with it would pass for one that failed."""
+    ((_, future),) = pool.finished({"a": (interrupted, ())}, 1)
+    assert future.result() == "went on"
+
+
+class StaysError(Exception):
+    """Cannot be made again from its text alone."""
+
+    def __init__(self, one, two):
+        super().__init__(f"{one} {two}")
+
+
+def raise_odd():
+    raise StaysError("not", "portable")
+
+
+def test_exceptions_that_cannot_travel_or_would_end_us_come_as_text():
+    calls = {"odd": (raise_odd, ()), "exit": (sys.exit, ("enough",))}
+    found = dict(pool.finished(calls, 1, fresh=False))
+    with pytest.raises(RuntimeError, match="StaysError: not portable"):
+        found["odd"].result()
+    with pytest.raises(RuntimeError, match="SystemExit: enough"):
+        found["exit"].result()
+
+
+# killed, interrupted, ended
+
+DRIVER = """
+import sys
+from bench.run.local import LocalWorkers
+from bench.run.store import Store
+from bench.run.work import Task, run_all
+from tests.bench.toy_runs import Here
+
+folder, count, seconds, log, who, jobs = sys.argv[1:]
+where = {"seconds": float(seconds), "log": log, "who": who}
+tasks = [
+    Task("tests.bench.toy_runs:run", {"n": n}, ("tests.bench.toy_runs",), where)
+    for n in range(int(count))
+]
+store = Store(folder)
+print("ready", flush=True)
+executor = LocalWorkers(int(jobs)) if int(jobs) else Here()
+work = run_all(tasks, store, executor)  # with a name: lives as long as the interpreter
+for _ in work:
+    """
+
+
+def driver(folder, count, seconds, log, who=0, jobs=2, then="pass"):
+    """A sweep in a session of its own, past its imports."""
+    words = [folder, count, seconds, log, who, jobs]
+    process = subprocess.Popen(
+        [sys.executable, "-c", DRIVER + then, *map(str, words)],
+        cwd=ROOT,
+        start_new_session=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+def begun(log):
+    """Who began what in which process: (who, pid, n) each."""
+    return [tuple(map(int, line.split())) for line in log.read_text().splitlines()]
+
+
+def test_killed_at_any_instant_and_started_again_it_ends_with_the_same_bytes(tmp_path, undisturbed):
+    """50 kills at random instants; whenever all is done, it starts anew in another folder."""
+    count, seconds, rng, log = 24, 0.006, np.random.default_rng(12), tmp_path / "log"
+    names = {toy("run", n=n).key: n for n in range(count)}
+    wanted, kills, completed = undisturbed(count), 0, 0
+    start = time.monotonic()
+    driver(tmp_path / "first", count, seconds, log, jobs=0).communicate()
+    whole = time.monotonic() - start  # s
+    for who in range(1, 200):
+        folder = tmp_path / f"store {completed}"
+        there = results(folder)
+        jobs = 2 if who % 4 == 0 else 0  # with processes of its own now and then: they cost time
+        longest = (1.2 if jobs else 0.7) * whole
+        process = driver(folder, count, seconds, log, who, jobs)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.communicate(timeout=rng.uniform(0.0, longest) if kills < 50 else 60.0)
+        process.kill()
+        process.communicate()
+        mine = [(pid, n) for by, pid, n in begun(log) if by == who]
+        assert ends({pid for pid, _ in mine})
+        done = [n for _, n in mine]
+        assert len(done) == len(set(done))
+        assert not set(done) & {names[Path(name).stem] for name in there}
+        assert there.items() <= results(folder).items() <= wanted.items()
+        if process.returncode == 0:
+            assert results(folder) == wanted
+            assert list((folder / "partial").iterdir()) == []
+            completed += 1
+        kills += process.returncode == -signal.SIGKILL
+        if kills == 50 and process.returncode == 0:
+            break
+    assert (kills, process.returncode) == (50, 0)
+    assert completed >= 2
+
+
+@pytest.mark.parametrize(
+    ("send", "number"),
+    [
+        (signal_one, signal.SIGTERM),
+        (signal_one, signal.SIGKILL),
+        (signal_one, signal.SIGINT),
+        (signal_group, signal.SIGINT),
+    ],
+)
+def test_whatever_ends_it_leaves_no_process_behind(tmp_path, send, number):
+    log = tmp_path / "log"
+    log.touch()
+    process = driver(tmp_path / "store", 4, 60.0, log)
+    while len(begun(log)) < 2:
+        time.sleep(0.01)
+    send(process, number)
+    _, said = process.communicate(timeout=10.0)
+    assert process.returncode == -number
+    assert "Process SpawnProcess" not in said  # the workers do not join in with tracebacks
+    assert ends(processes_of(process.pid))
+    assert results(tmp_path / "store") == {}
+
+
+def test_an_exception_nobody_catches_does_not_wait_for_the_others(tmp_path):
+    """Its traceback keeps the work alive until the interpreter is gone."""
+    log = tmp_path / "log"
+    log.touch()
+    process = driver(tmp_path / "store", 9, 0.5, log, then="raise ValueError('mine')")
+    _, said = process.communicate(timeout=10.0)
+    assert process.returncode == 1
+    assert said.rstrip().endswith("ValueError: mine")
+    assert ends(processes_of(process.pid))
+    assert len(results(tmp_path / "store")) == 1
+
+
+# shards
+
+
+def test_every_task_is_in_one_shard_whatever_else_is_in_the_list():
+    tasks = toys(50)
+    parts = [Shard(i, 7).part(tasks) for i in range(1, 8)]
+    assert sorted(t.what["n"] for part in parts for t in part) == list(range(50))
+    assert Shard(3, 7).part(tasks[:20]) == [t for t in parts[2] if t.what["n"] < 20]
+
+
+SLURM = {"SLURM_ARRAY_TASK_MIN": "10", "SLURM_ARRAY_TASK_COUNT": "3"}
+
+
+@pytest.mark.parametrize(
+    ("text", "environment", "expected"),
+    [
+        ("1/3", {}, (1, 3)),
+        ("3/3", {"JOB_COMPLETION_INDEX": "0"}, (3, 3)),
+        ("auto", SLURM | {"SLURM_ARRAY_TASK_ID": "10"}, (1, 3)),
+        ("auto", SLURM | {"SLURM_ARRAY_TASK_ID": "12"}, (3, 3)),
+        ("auto", SLURM | {"SLURM_ARRAY_TASK_ID": "14", "SLURM_ARRAY_TASK_STEP": "2"}, (3, 3)),
+        ("auto/9", SLURM | {"SLURM_ARRAY_TASK_ID": "9"}, (9, 9)),
+        ("auto", {"AWS_BATCH_JOB_ARRAY_INDEX": "0", "AWS_BATCH_JOB_ARRAY_SIZE": "4"}, (1, 4)),
+        ("auto", {"AWS_BATCH_JOB_ARRAY_INDEX": "3", "AWS_BATCH_JOB_ARRAY_SIZE": "4"}, (4, 4)),
+        ("auto/4", {"JOB_COMPLETION_INDEX": "3"}, (4, 4)),
+    ],
+)
+def test_which_shard_is_asked_for(text, environment, expected):
+    assert shard_of(text, environment) == Shard(*expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "environment", "sentence"),
+    [
+        ("0/3", {}, "--shard 0/3: got part 0 of 3, expected I/N from 1/N to N/N"),
+        ("4/3", {}, "got part 4 of 3"),
+        ("1/0", {}, "got part 1 of 0"),
+        ("-1/3", {}, "--shard: got '-1/3', expected I/N"),
+        ("2", {}, "got '2', expected I/N"),
+        ("1/2/3", {}, "got '1/2/3', expected I/N"),
+        ("½/3", {}, "expected I/N"),
+        ("auto", {}, "not within an array job of SLURM, AWS Batch, Kubernetes"),
+        ("auto", {"JOB_COMPLETION_INDEX": "3"}, "tells no count; expected --shard auto/N"),
+        ("auto/3", {"JOB_COMPLETION_INDEX": "3"}, "got part 4 of 3"),
+        ("auto/x", {"JOB_COMPLETION_INDEX": "3"}, "got 'x' after auto/, expected a number"),
+        ("auto/3", {"JOB_COMPLETION_INDEX": "x"}, "JOB_COMPLETION_INDEX is 'x', expected a number"),
+        ("auto", SLURM | {"SLURM_ARRAY_TASK_ID": "13"}, "SLURM_ARRAY_TASK_ID 13 .* with gaps"),
+        ("auto", SLURM | {"SLURM_ARRAY_TASK_ID": "9"}, "got part 0 of 3"),
+        (
+            "auto",
+            SLURM | {"SLURM_ARRAY_TASK_ID": "11", "SLURM_ARRAY_TASK_STEP": "2"},
+            "with gaps",
+        ),
+        ("auto", {"SLURM_ARRAY_TASK_ID": "9"}, "SLURM_ARRAY_TASK_MIN is ''"),
+        ("auto/0", {"SLURM_ARRAY_TASK_ID": "0"}, "got part 0 of 0"),
+    ],
+)
+def test_a_shard_that_cannot_be_is_refused_in_one_sentence(text, environment, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        shard_of(text, environment)
+
+
+# options
+
+
+def asked(*words):
+    parser = argparse.ArgumentParser()
+    spread.add_options(parser)
+    return spread.executor_of(parser.parse_args(words))
+
+
+def test_the_options_say_who_does_which_part():
+    with asked() as found:
+        assert found == (LocalWorkers(spread.JOBS), None)
+        assert found.part(toys(0)) == []
+    tasks = toys(9)
+    with asked("--jobs", "3", "--shard", "2/4") as found:
+        assert found.executor == LocalWorkers(3)
+        assert found.part(tasks) == Shard(2, 4).part(tasks)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--jobs", "0"], "--jobs: got 0, expected 1 or more"),
+        (["--shard", "3/2"], "got part 3 of 2"),
+        (["--dask", "tcp://127.0.0.1:1", "--jobs", "2"], "--jobs and --dask: got both"),
+        (["--dask", "tcp://127.0.0.1:1", "--shard", "3/2"], "got part 3 of 2"),
+        (["--dask", "nonsense"], "got 'nonsense' .*expected an address such as tcp://host:8786"),
+        (["--dask", "gopher://h:1"], "unknown address scheme"),
+    ],
+)
+def test_options_that_cannot_be_are_refused_in_one_sentence(words, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        asked(*words)
+
+
+# dask
+
+
+def test_without_dask_it_is_said_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(LookupError, match=r"pip install 'slams\[cluster\]'"):
+        asked("--dask", "tcp://127.0.0.1:8786")
+
+
+def test_a_scheduler_that_does_not_answer_is_given_up_after_the_stated_time():
+    with socket.socket() as mute:  # takes no connection, or takes it and is silent
+        mute.bind(("127.0.0.1", 0))
+        for _ in range(2):
+            address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
+            start = time.monotonic()
+            with pytest.raises(OSError, match=f"no scheduler answers at {address} within 0.5 s"):
+                DaskWorkers(address, 0.5)
+            assert time.monotonic() - start < 5.0
+            mute.listen()
+
+
+@pytest.fixture
+def dask_cluster():
+    def start(workers, threads=1):
+        return clusters.enter_context(
+            LocalCluster(n_workers=workers, threads_per_worker=threads, dashboard_address=None)
+        )
+
+    # s; to fetch from a worker that is dead is tried as long
+    impatient = {"distributed.comm.timeouts.connect": 2.0}
+    with dask.config.set(impatient), contextlib.ExitStack() as clusters:
+        yield start
+
+
+def test_dask_leaves_the_same_bytes_when_one_of_two_workers_is_killed(
+    tmp_path, undisturbed, dask_cluster
+):
+    cluster, log = dask_cluster(2), tmp_path / "log"
+    tasks = toys(40, seconds=0.03, log=str(log))
+    victim = cluster.workers[0].process.pid
+    with asked("--dask", cluster.scheduler_address) as found:
+        work = run_all(tasks, Store(tmp_path / "store"), found.executor)
+        for done, _ in enumerate(work):
+            if done == 5:
+                assert victim in {pid for _, pid, _ in begun(log)}
+                os.kill(victim, signal.SIGKILL)
+    assert results(tmp_path / "store") == undisturbed(40)
+
+
+def test_what_always_ends_a_dask_worker_is_not_kept_and_the_others_are(tmp_path, dask_cluster):
+    store, deadly = Store(tmp_path), toy("exits", n=-1)
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        asked("--dask", dask_cluster(1).scheduler_address) as found,
+    ):
+        values = {t.key: v for t, v in run_all([deadly, *toys(3)], store, found.executor)}
+    assert values[deadly.key] == {
+        "failed": "its process died (1 dask workers, one after the other)"
+    }
+    assert store.missing(values) == [deadly.key]
+
+
+def test_a_scheduler_that_goes_away_ends_the_work_in_one_sentence(tmp_path, dask_cluster):
+    cluster, store = dask_cluster(1), Store(tmp_path)
+    with asked("--dask", cluster.scheduler_address) as found:
+        work = run_all(toys(40, seconds=0.1), store, found.executor)
+        next(work)
+        cluster.close()
+        with pytest.raises(RuntimeError, match="is gone; the results so far are kept"):
+            list(work)
+    assert 1 <= len(results(tmp_path)) < 40
+
+
+def test_dask_workers_of_several_threads_are_refused(dask_cluster):
+    with pytest.raises(ValueError, match=r"has 2 threads; start workers with: .*--nthreads 1"):
+        asked("--dask", dask_cluster(1, threads=2).scheduler_address)
+
+
+def test_dask_workers_with_other_code_end_the_work(tmp_path, dask_cluster):
+    odd = Task("tests.bench.toy_runs:run", {"n": 1}, TOY)
+    object.__setattr__(odd, "key", odd.key_for("older code"))
+    with (
+        asked("--dask", dask_cluster(1).scheduler_address) as found,
+        pytest.raises(RuntimeError, match="has not the code that the work was started with"),
+    ):
+        list(run_all([odd], Store(tmp_path), found.executor))

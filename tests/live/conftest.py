@@ -1,3 +1,0 @@
-from tests.live.commands import started
-
-__all__ = ["started"]

@@ -1,0 +1,3 @@
+from tests.slams.live.commands import started
+
+__all__ = ["started"]

@@ -1,0 +1,88 @@
+"""Robots for tests: nodes on a network in memory, fed by the player or message by message."""
+
+import threading
+from types import SimpleNamespace
+
+import numpy as np
+
+from slams.formats.bag import IMU, ODOMETRY, SCAN, TF
+from slams.formats.ros_maker import Maker
+from slams.live import LiveSlam, node
+from slams.live.node import Node
+from slams.live.options import NodeOptions
+from slams.live.robot import Robot
+from slams.live.wire import Quality
+from slams.types import Pose2
+from tests.rooms import laser, scan_at
+from tests.slams.live.bus import Bus
+
+BASELINE = "slams.baselines:Odometry"
+LASER = laser(91)
+
+
+class Stand:
+    """A node and the bus it is on; `said` is what it tells the user."""
+
+    def __init__(
+        self, monkeypatch, algorithm=BASELINE, recorder=None, bus=None, begin=None, **options
+    ):
+        monkeypatch.setattr(node, "SETTLING", 0.0)
+        monkeypatch.setattr(node, "WITHOUT_TF", 0.05)
+        self.bus, self.said, self.make = bus or Bus(), [], Maker()
+        usual = {"patience": 0.3, "map_every": 0.0, "wait": 0.0}
+        self.live = LiveSlam(algorithm, warm_up=False, **(begin or {}))
+        self.wire = self.bus.wire()
+        options = NodeOptions(**(usual | options))
+        self.node = Node(self.live, self.wire, options, self.said.append)
+        self.node.recorder = recorder
+        self.wire.listen()
+        self.wire.wanted.clear()
+
+    def start(self):
+        self.node.start(threading.Event())
+
+    def drive(self):
+        """Let the node take all scans that wait."""
+        inbox = self.node.inbox
+        ending = SimpleNamespace(is_set=lambda: len(inbox) == 0)
+        self.node.run(ending, lambda: None)
+
+    def look(self):
+        self.node._look()
+
+    def play(self, log, names=None):
+        robot = Robot(log, self.bus.wire(), names or {})
+        robot.introduce()
+        for moment in robot.moments():
+            moment.send()
+
+    def tf(self, *edges, t=0, static=True):
+        topic = "/tf_static" if static else "/tf"
+        quality = Quality.LATCHED if static else Quality.RELIABLE
+        self.bus.publish(topic, TF, self.make.transforms(t, edges), quality)
+
+    def scan(self, t, frame="laser", pose=(0.0, 0.0, 0.0), topic="/scan"):
+        ranges = scan_at(pose, LASER).ranges
+        message = self.make.scan(round(1e9 * t), frame, LASER, ranges, 0.1)
+        self.bus.publish(topic, SCAN, message)
+
+    def odometry(self, t, pose, child="base_link"):
+        message = self.make.odometry(round(1e9 * t), Pose2(*pose), "odom", child)
+        self.bus.publish("/odom", ODOMETRY, message)
+
+    def moved(self, t, pose, child="base_link"):
+        self.tf(("odom", child, Pose2(*pose)), t=round(1e9 * t), static=False)
+
+    def gyro(self, t, rate, frame="imu"):
+        self.bus.publish("/imu", IMU, self.make.imu(round(1e9 * t), rate, frame))
+
+
+def turned_over(message):
+    """A transform that also rolls by half a turn, as a laser mounted upside down has it."""
+    q = message.transforms[0].transform.rotation
+    q.x, q.y, q.z, q.w = q.w, q.z, 0.0, 0.0
+    return message
+
+
+def close(a, b):
+    return np.allclose(a, b, rtol=0.0, atol=1e-12)

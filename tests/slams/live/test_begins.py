@@ -1,0 +1,340 @@
+"""A node that goes on from a state, or localizes in a map that stays."""
+
+import json
+import signal
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import slams
+from slams import LiveSlam, Pose2, run
+from slams.formats.occupancy import write_map
+from slams.live.node import SOUGHT_LONG
+from slams.live.robot import Robot
+from slams.live.seam import BRIDGED, SAME_DRIVE, Seam
+from slams.live.timelines import RateTimeline
+from slams.scanlog import Track
+from slams.types import IDENTITY, Scan
+from tests.floors import grid_of
+from tests.rooms import ROOM, box, cast, drive, laser, scan_at, way
+from tests.slams.live.bus import Bus
+from tests.slams.live.commands import PATIENCE
+from tests.slams.live.robots import Stand
+
+START = Pose2(0.3, -0.2, 0.4)  # of the drives below, in the map
+
+
+def robot_log(n=30):
+    """Scans at 10 Hz with odometry at 30 and a gyro at 100, stamped on their own."""
+    log = drive(n=n, rate=10.0, lidar=laser(181, mount=Pose2(0.1, 0.0, 0.2)))
+    t = np.arange(-0.1, log.t[-1] + 0.2, 1.0 / 30.0) + 0.003
+    gyro_t = np.arange(-0.1, log.t[-1] + 0.2, 0.01)
+    gyro = Track(gyro_t, np.gradient(0.8 * np.sin(0.245 * gyro_t), gyro_t) + 0.001)
+    odom = Track(t, way(len(t), 1.0 / 30.0))
+    return slams.ScanLog(log.t + 1.0, log.ranges, log.laser, later(odom), None, later(gyro))
+
+
+def later(track):
+    return Track(track.t + 1.0, track.values)
+
+
+def placed_log(n=24, rate=4.0):
+    """A drive that begins at START in the room; a message holds all its numbers exactly."""
+    lidar = messaged(laser(361))
+    poses = [START @ Pose2(*pose) for pose in way(n, 0.05)]
+    rng = np.random.default_rng(0)
+    ranges = np.array([scan_at(pose, lidar, noise=0.01, rng=rng).ranges for pose in poses])
+    return slams.ScanLog(np.arange(n) / rate, ranges, lidar, meta={"name": "placed"})
+
+
+def messaged(lidar):
+    """A laser as it comes out of a message, which has numbers of 32 bits."""
+    names = ("angle_min", "angle_increment", "range_min", "range_max")
+    return replace(lidar, **{name: float(np.float32(getattr(lidar, name))) for name in names})
+
+
+def driven(stand, moments):
+    """What a node makes of messages."""
+    for moment in moments:
+        moment.send()
+    stand.start()
+    stand.drive()
+    return np.column_stack([stand.node.drive.t, np.array(stand.node.drive.poses)])
+
+
+@pytest.mark.parametrize("algorithm", ["hector", "gmapping"])
+def test_going_on_from_a_state_equals_never_having_stopped(algorithm, monkeypatch, tmp_path):
+    def stand_of(**begin):
+        bus = Bus()
+        robot = Robot(robot_log(), bus.wire(), {})
+        robot.introduce()
+        return Stand(monkeypatch, algorithm, bus=bus, begin=begin), robot
+
+    stand, robot = stand_of()
+    whole, moments = driven(stand, robot.moments()), list(robot.moments())
+    cut = next(k for k, moment in enumerate(moments) if moment.t > 1.65)
+    first, robot = stand_of()
+    before = driven(first, list(robot.moments())[:cut])
+    first.live.save(tmp_path / "s", gyro=first.node.senses.gyro_kept)
+    second, robot = stand_of(state=tmp_path / "s")
+    after = driven(second, list(robot.moments())[cut:])
+    assert 10 < len(before) < 20
+    assert np.array_equal(np.vstack([before, after]), whole)
+    assert np.array_equal(second.live.map().p, stand.live.map().p, equal_nan=True)
+    assert second.node.report()["no_odometry"] == 0
+
+
+def test_a_run_goes_on_from_a_nodes_state_behind_its_last_scan(tmp_path, capsys):
+    log = placed_log()
+    log.save(tmp_path / "log.npz")
+    live = LiveSlam("hector", warm_up=False)
+    for scan in log.select(10):
+        live.push_scan(scan)
+    live.save(tmp_path / "s")
+    arguments = ("hector", tmp_path / "log.npz", "--resume-state", tmp_path / "s", "--out")
+    assert run.main([*map(str, arguments), str(tmp_path / "o")]) == 0
+    assert "goes on at scan 10 of 24" in capsys.readouterr().err
+
+
+def test_wheels_and_gyro_count_on_only_for_a_while():
+    at = Scan(100.0, np.ones(5, np.float32), laser(5), Pose2(7.0, 0.0, 0.0), 3.0)
+    assert Seam().joined(at) is at
+    for gap, odometry, yaw in (
+        (0.5 * BRIDGED, at.odometry, 3.0),
+        (2.0 * BRIDGED, at.odometry, None),
+        (2.0 * SAME_DRIVE, None, None),
+        (-0.5, None, None),
+    ):
+        joined = Seam(100.0 - gap).joined(at)
+        assert (joined.odometry, joined.yaw) == (odometry, yaw), gap
+
+
+def test_a_robot_that_counts_anew_is_where_it_stopped(tmp_path):
+    live = LiveSlam("hector", warm_up=False)
+    lidar = laser(361)
+    for k in range(5):
+        live.push_scan(scan_at((0.0, 0.0, 0.0), lidar, t=1000.0 + k, odometry=Pose2(9.0, 9.0, 2.0)))
+    live.save(tmp_path / "s")
+    again = LiveSlam("hector", warm_up=False, state=tmp_path / "s")
+    for k in range(3):
+        scan = scan_at((0.0, 0.0, 0.0), lidar, t=5.0 + k, odometry=IDENTITY)
+        estimate = again.push_scan(scan)
+        assert np.abs(estimate.pose).max() < 0.02
+        assert estimate.map_to_odom is None if k == 0 else estimate.map_to_odom is not None
+    again.reset()
+    assert again.push_scan(scan_at((1.0, 0.0, 0.0), lidar, t=1.0)).pose == IDENTITY
+
+
+def test_a_gyro_counts_on_where_it_goes_on_at_once():
+    kept = (10.0, 0.5, 2.0)
+    for t, integral in ((10.1, 2.05), (10.0 + 2.0 * BRIDGED, 0.0), (3.0, 0.0)):
+        line = RateTimeline(kept)
+        assert line.kept == kept
+        line.push(t, 0.5)
+        assert line.integral_at(t) == pytest.approx(integral), t
+        assert line.late == 0
+    assert np.isnan(RateTimeline().kept[0])
+
+
+class Counted(slams.find("odometry").cls):
+    """Has lost the robot twice, and has no state of its own."""
+
+    def report(self):
+        return {"lost": 2}
+
+
+def test_what_was_lost_before_is_not_lost_now(monkeypatch):
+    live = LiveSlam("odometry", warm_up=False)
+    live._begin(Counted(live.params), Seam())
+    assert live.push_scan(scan_at((0.0, 0.0, 0.0))).state == "matched"
+    assert live._drawer._in_place == 0.0
+    live._begin(Counted(live.params), Seam(5.0))
+    assert live._drawer._in_place == np.inf  # the map of a state may be a large one
+
+
+def test_what_stands_beside_a_state_of_others_is_left_alone():
+    assert Seam.of({"t": "x", "heading": [1.0, 2.0], "gyro": [1.0, 2.0, "x"]}).t != 0.0
+    assert Seam.of({"t": 3.0, "gyro": [1.0, 2.0, 3.0]}) == Seam(3.0, Seam().heading, (1, 2, 3))
+
+
+def test_the_heading_by_pushed_rates_goes_on(tmp_path):
+    def pushed(live, log):
+        rates = zip(log, np.linspace(0.0, 0.4, len(log)), strict=True)
+        return [
+            live.push(s.t, s.ranges, *fan(s.laser), yaw_rate=rate).pose
+            for s, rate in list(rates)[12 if live.seam.t == live.seam.t else 0 :][:12]
+        ]
+
+    def fan(lidar):
+        return lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max
+
+    log = placed_log()
+    whole = LiveSlam("hector", warm_up=False)
+    first = pushed(whole, log)
+    whole.save(tmp_path / "s")
+    on = LiveSlam("hector", warm_up=False, state=tmp_path / "s")
+    assert on._yaw.kept == whole._yaw.kept
+    assert len(first) == len(pushed(on, log)) == 12
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The room as a map of map_server, and a log of a drive in it."""
+    folder = tmp_path_factory.mktemp("room")
+    write_map(folder, grid_of(ROOM))
+    placed_log().save(folder / "placed.npz")
+    return folder
+
+
+def trajectory(folder):
+    return np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1)
+
+
+def test_a_map_that_stays_is_shown_at_once_and_the_place_found(folder, monkeypatch):
+    stand = Stand(monkeypatch, "hector", begin={"map": folder / "map.yaml"}, map_every=0.01)
+    log, blind = placed_log(), np.full(361, np.nan, np.float32)
+    ranges = np.vstack([[blind] * 3, log.ranges[3:]])
+    stand.play(slams.ScanLog(log.t, ranges, log.laser))
+    stand.start()
+    assert len(stand.bus.sent("/map")) == 1  # before any scan
+    stand.drive()
+    stand.look()
+    stand.node.close()
+    (shown,) = stand.bus.sent("/map")  # it stays as it is
+    assert (shown.info.height, shown.info.width) == grid_of(ROOM).p.shape
+    states = [message.status[0] for message in stand.bus.sent("/slam/state")]
+    assert [s.message for s in states[:4]] == ["lost"] * 3 + ["matched"]
+    assert states[0].level == 2
+    assert float({pair.key: pair.value for pair in states[-1].values}["explained"]) > 0.9
+    assert len(stand.bus.sent("/pose")) == 21
+    assert stand.node.drive.t == log.t[3:].tolist()
+    off = np.array(stand.node.drive.poses)[:, :2] - truth()[3:, :2]
+    assert np.hypot(*off.T).max() < 0.05
+    report = stand.node.report()
+    assert report["sought"] == 3 and report["algorithm"]["explained"] > 0.9
+    assert any(said.startswith("found at 0.3") and "after 3 scans" in said for said in stand.said)
+
+
+def truth(n=24):
+    return np.array([START @ Pose2(*pose) for pose in way(n, 0.05)])
+
+
+def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path):
+    square, lidar = np.array(box(-2.0, -2.0, 2.0, 2.0)), laser(361)
+    begin = {"map": grid_of(square)}
+    stand = Stand(monkeypatch, "hector", begin=begin)
+    n = SOUGHT_LONG + 1
+    ranges = np.array([cast(square, (0.5, 0.2, 0.1), lidar)] * n, np.float32)
+    stand.play(slams.ScanLog(np.arange(float(n)), ranges, lidar))
+    stand.start()
+    moved = len(stand.bus.sent("/tf"))
+    stand.drive()
+    stand.look()
+    assert "/pose" not in stand.bus.raw and len(stand.bus.sent("/tf")) == moved
+    assert len(stand.bus.sent("/slam/state")) == n
+    (told,) = [said for said in stand.said if "the place in the map is not sure" in said]
+    assert told.startswith(f"{n} scans so far") and "most likely: " in told and " odds 0." in told
+    assert not stand.node.drive.estimate.found
+    assert np.isinf(stand.node.drive.estimate.covariance[0, 0])
+
+
+def test_a_start_is_taken_and_a_reset_takes_it_again(folder):
+    live = LiveSlam("hector", map=folder / "map.yaml", map_start=(0.35, -0.2, 0.4), warm_up=False)
+    for _ in range(2):
+        for scan in placed_log(6):
+            estimate = live.push_scan(scan)
+            assert estimate.found and estimate.explained > 0.9
+        assert np.hypot(*(np.array(estimate.pose) - truth()[5])[:2]) < 0.05
+        assert "starts at 0.3" in live.notes[-1]
+        live.reset()
+    assert np.array_equal(live.map().p, live.given.p, equal_nan=True)
+
+
+def test_what_does_not_fit_is_refused(folder, tmp_path):
+    state = tmp_path / "s"
+    live = LiveSlam("odometry", warm_up=False)
+    with pytest.raises(ValueError, match="nothing to save: no scan came yet"):
+        live.save(state)
+    live.push_scan(scan_at((0.0, 0.0, 0.0)))
+    live.save(state)
+    for changes, error, sentence in (
+        ({"map_start": (0, 0, 0)}, ValueError, "got a place without a map"),
+        ({"state": state, "map": folder / "map.yaml"}, ValueError, "map: stays as it is"),
+        ({"state": folder / "map.yaml"}, ValueError, "a picture of a map cannot be gone on with"),
+        ({"state": tmp_path / "none"}, OSError, "none"),
+        ({"map": folder / "map.yaml"}, TypeError, "odometry cannot localize in a map"),
+    ):
+        with pytest.raises(error, match=sentence):
+            LiveSlam("odometry", warm_up=False, **changes)
+    given = LiveSlam("hector", map=folder / "map.yaml", map_start=START, warm_up=False)
+    with pytest.raises(ValueError, match="the map stays as it was given"):
+        given.save(state)
+    with pytest.raises(OSError, match="no such folder"):
+        live.check_saving(tmp_path / "no" / "s")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--start=1,2,3"], "expected --localize MAP, too"),
+        (["--map", "map.yaml", "--save-state", "x"], "got --save-state, too"),
+        (["--localize", "map.yaml", "--resume-state", "x"], "got --resume-state, too"),
+        (["--map", "map.yaml", "--start=1,2"], "got '1,2', expected x,y,theta in m and rad"),
+        (["--map", "none.yaml"], "none.yaml: no such file"),
+        (["--resume-state", "map.yaml"], "map.yaml: a picture of a map cannot be gone on with"),
+        (["--save-state", "no/x"], "no: no such folder to save a state in"),
+    ],
+)
+def test_a_node_refuses_as_a_run_does(arguments, sentence, folder, monkeypatch, capsys):
+    from slams.live import __main__ as command
+
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(command, "wire_of", lambda *_: Bus().wire())
+    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    for main, log in ((command.main, []), (run.main, ["placed.npz"])):
+        assert main(["hector", *log, *arguments]) == 2
+        error = capsys.readouterr().err
+        assert sentence in error and error.count("\n") == 1
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+# the commands, over the network
+
+
+def test_states_and_maps_over_the_network(folder, started, tmp_path):
+    pytest.importorskip("cyclonedds", reason="needs the extra live")
+    log, state = placed_log(), tmp_path / "room.state"
+    log.rows(slice(None, 12)).save(tmp_path / "first.npz")
+    log.rows(slice(12, None)).save(tmp_path / "second.npz")
+
+    def played(name, *more, end=signal.SIGTERM):
+        out = tmp_path / f"out-{name}-{len(more)}"
+        there = ("--out", out, "--patience", PATIENCE, *more)
+        live = started("slams.live", "hector", *there, folder=tmp_path)
+        while "ready for scans" not in live.stderr.readline():
+            assert live.poll() is None
+        play = ("slams.play", f"{name}.npz", "--rate", 4, "--wait", PATIENCE)
+        assert started(*play, folder=tmp_path).wait(2 * PATIENCE) == 0
+        live.send_signal(end)
+        _, error = live.communicate(timeout=PATIENCE)
+        assert live.returncode == 0, error
+        return out
+
+    parts = [
+        played("first", "--save-state", state),
+        played("second", "--resume-state", state, "--save-state", state, end=signal.SIGINT),
+    ]
+    whole = ["hector", str(folder / "placed.npz"), "-q", "--out", str(tmp_path / "run")]
+    assert run.main(whole) == 0
+    assert np.array_equal(np.vstack(list(map(trajectory, parts))), trajectory(tmp_path / "run"))
+    assert (parts[1] / "map.pgm").read_bytes() == (tmp_path / "run" / "map.pgm").read_bytes()
+    there = ("--localize", folder / "map.yaml")
+    found = played("second", *there)
+    again = ["hector", str(tmp_path / "second.npz"), "-q", *map(str, there)]
+    assert run.main([*again, "--out", str(tmp_path / "localized")]) == 0
+    assert np.array_equal(trajectory(found), trajectory(tmp_path / "localized"))
+    node = json.loads((found / "summary.json").read_text())["node"]
+    assert node["algorithm"]["explained"] > 0.9
+    assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".")] == []

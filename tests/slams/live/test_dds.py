@@ -1,0 +1,281 @@
+"""The network of ROS 2, on this machine's loopback alone."""
+
+import json
+import signal
+import time
+
+import numpy as np
+import pytest
+
+import slams
+from slams.formats.bag import POSE_COV, SCAN, TF
+from slams.formats.ros_maker import Maker
+from slams.formats.ros_store import store
+from slams.live.dds_types import ros_name, topic_name, type_name
+from slams.live.wire import MAP, STATUS, TYPES, Quality
+from slams.player import replay
+from slams.types import OccupancyGrid, Pose2
+from tests.rooms import drive, laser
+from tests.slams.live.commands import DOMAIN, PATIENCE, environment
+
+pytest.importorskip("cyclonedds", reason="needs the extra live")
+
+
+@pytest.fixture
+def wires(monkeypatch):
+    """Makes participants of one domain on loopback, and closes them."""
+    from slams.live.dds import DdsWire
+
+    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+    made = []
+
+    def make():
+        made.append(DdsWire(DOMAIN, localhost=True))
+        return made[-1]
+
+    yield make
+    for wire in made:
+        wire.close()
+
+
+def until(condition):
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, "nothing came"
+        time.sleep(0.01)
+
+
+def examples():
+    make, pose = Maker(), Pose2(1.0, -2.0, 0.5)
+    grid = OccupancyGrid(np.array([[0.0, 1.0, np.nan]], np.float32), 0.05, (-1.0, -2.0))
+    return {
+        SCAN: make.scan(5, "laser", laser(1081), np.arange(1081, dtype=np.float32), 0.1),
+        "nav_msgs/msg/Odometry": make.odometry(6, pose, "odom", "base"),
+        "sensor_msgs/msg/Imu": make.imu(7, 0.5, "imu"),
+        TF: make.transforms(8, [("a", "b", pose), ("longer_name", "c", pose)]),
+        MAP: make.grid(9, grid, "map"),
+        POSE_COV: make.posed(10, pose, np.diag([1.0, 2.0, np.inf]), "map"),
+        STATUS: make.status(11, "slams", 1, "predicted", {"quality": "0.5", "n": "3"}),
+    }
+
+
+def test_names_are_ros_2s():
+    assert topic_name("/scan") == topic_name("scan") == "rt/scan"
+    assert type_name(SCAN) == "sensor_msgs::msg::dds_::LaserScan_"
+    assert ros_name(type_name(SCAN)) == SCAN
+    assert ros_name("Plain") == "Plain"
+
+
+@pytest.mark.parametrize("msgtype", TYPES)
+def test_every_message_arrives_byte_by_byte(msgtype, wires):
+    data = bytes(store().serialize_cdr(examples()[msgtype], msgtype))
+    sender, receiver, got = wires(), wires(), []
+    receiver.subscribe("/topic", msgtype, Quality.RELIABLE, got.append)
+    outlet = sender.advertise("/topic", msgtype, Quality.RELIABLE)
+    receiver.listen()
+    until(lambda: outlet.readers)
+    assert receiver.writers("/topic") == 1
+    outlet.send(data)
+    until(lambda: got)
+    assert got[0].data[: len(data)] == data
+    assert got[0].data[len(data) :] == b"\0" * (-len(data) % 4)
+    assert (got[0].topic, got[0].msgtype) == ("/topic", msgtype)
+
+
+def test_the_types_are_laid_out_as_the_library_writes_them():
+    """DDS knows the fields, too: a peer that unpacks them by its own rules gets the same."""
+    from slams.live.dds_types import _nested
+
+    message = examples()[SCAN]
+    data = bytes(store().serialize_cdr(message, SCAN))
+    scan = _nested(SCAN).__idl__
+    names = [name for name, _ in store().fielddefs[SCAN][1]]
+    assert list(scan.datatype.__annotations__) == names
+    found = unpacked(SCAN, data)
+    assert found["header"]["frame_id"] == "laser"
+    assert found["header"]["stamp"] == {"sec": 0, "nanosec": 5}
+    assert found["ranges"] == message.ranges.tolist()
+    assert found["range_max"] == pytest.approx(message.range_max)
+
+
+def unpacked(msgtype, data):
+    """A message unpacked by cyclonedds, as names and values."""
+    from cyclonedds.idl import IdlStruct
+
+    from slams.live.dds_types import _nested
+
+    def dressed(kind):
+        kind.__init__ = lambda self, **fields: self.__dict__.update(fields)
+        for annotation in kind.__annotations__.values():
+            if isinstance(annotation, type) and issubclass(annotation, IdlStruct):
+                dressed(annotation)
+
+    def plain(value):
+        return (
+            {k: plain(v) for k, v in vars(value).items()} if isinstance(value, IdlStruct) else value
+        )
+
+    dressed(_nested(msgtype))
+    return plain(_nested(msgtype).__idl__.deserialize(data))
+
+
+def test_a_map_stays_for_who_comes_later_and_a_scan_does_not(wires):
+    sender, latched, passed = wires(), [], []
+    data = {kind: bytes(store().serialize_cdr(m, kind)) for kind, m in examples().items()}
+    maps = sender.advertise("/map", MAP, Quality.LATCHED)
+    maps.send(data[MAP])
+    scans = sender.advertise("/scan", SCAN, Quality.SENSOR)
+    scans.send(data[SCAN])
+    late = wires()
+    late.subscribe("/map", MAP, Quality.LATCHED, latched.append)
+    late.subscribe("/scan", SCAN, Quality.SENSOR, passed.append)
+    late.listen()
+    until(lambda: latched)
+    until(lambda: scans.readers)
+    assert passed == []
+    until(lambda: late.topics().get("/map") == MAP)
+    assert late.topics()["/scan"] == SCAN
+
+
+def test_messages_of_ones_own_do_not_come_back(wires):
+    wire, other, mine, its = wires(), wires(), [], []
+    data = bytes(store().serialize_cdr(examples()[TF], TF))
+    wire.subscribe("/tf", TF, Quality.RELIABLE, mine.append)
+    other.subscribe("/tf", TF, Quality.RELIABLE, its.append)
+    outlet = wire.advertise("/tf", TF, Quality.RELIABLE)
+    wire.listen()
+    other.listen()
+    until(lambda: outlet.readers)
+    outlet.send(data)
+    until(lambda: its)
+    assert mine == []
+
+
+def test_a_writer_that_leaves_is_no_message(wires):
+    first, second, receiver, got = wires(), wires(), wires(), []
+    data = bytes(store().serialize_cdr(examples()[TF], TF))
+    receiver.subscribe("/tf", TF, Quality.RELIABLE, got.append)
+    receiver.listen()
+    for wire in (first, second):
+        outlet = wire.advertise("/tf", TF, Quality.RELIABLE)
+        until(lambda outlet=outlet: outlet.readers)
+        outlet.send(data)
+        until(lambda wire=wire: len(got) == 1 + (wire is second))
+        del outlet
+        wire.close()
+        until(lambda: receiver.writers("/tf") == 0)
+    assert len(got) == 2
+
+
+def test_a_domain_that_is_none_is_refused():
+    from slams.live.dds import DdsWire
+
+    with pytest.raises(ValueError, match="domain: got 233, expected 0 to 232"):
+        DdsWire(233)
+
+
+# the commands
+
+
+def turtlebot(n=25):
+    """As a LDS-01 at 5 Hz on a TurtleBot: a slow sweep, odometry of its own stamps, no gyro."""
+    log = drive(n=n, rate=5.0, lidar=laser(91, mount=Pose2(-0.03, 0.0, 0.0)), gyro=False)
+    fine = drive(n=6 * n, rate=30.0, lidar=laser(2), gyro=False)
+    return slams.ScanLog(log.t, log.ranges, log.laser, fine.odom, None, None, {"name": "tb"})
+
+
+def test_a_robot_is_mapped_and_a_run_of_the_recording_gives_its_poses(wires, started, tmp_path):
+    turtlebot().save(tmp_path / "tb.npz")
+    watcher, maps, moves = wires(), [], []
+    watcher.subscribe("/map", MAP, Quality.LATCHED, maps.append)
+    watcher.subscribe("/tf", TF, Quality.RELIABLE, moves.append)
+    watcher.listen()
+    out, patience = tmp_path / "out", ("--patience", PATIENCE)
+    more = ("--out", out, "--record", tmp_path / "seen.mcap", "--wait", 5.0, *patience)
+    live = started("slams.live", "hector", *more, folder=tmp_path)
+    assert "ready for scans on /scan" in live.stderr.readline()
+    play = started("slams.play", "tb.npz", "--rate", 4, "--wait", PATIENCE, folder=tmp_path)
+    said, error = play.communicate(timeout=2 * PATIENCE)
+    assert (play.returncode, said) == (0, "25 scans of tb published\n"), error
+    until(lambda: sum(to_odom(record) for record in moves) >= 20)
+    until(lambda: maps)
+    live.send_signal(signal.SIGINT)
+    said, error = live.communicate(timeout=PATIENCE)
+    assert live.returncode == 0, error
+    assert said.startswith("25 scans, 0 left out; from scan to pose: p50 ")
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["node"]["scans"], summary["node"]["odometry"]) == (25, "tf")
+    log = slams.load(tmp_path / "seen.mcap")
+    run = replay(slams.create("hector"), log)
+    written = np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)
+    assert np.array_equal(written, np.round(np.column_stack([run.t, run.poses]), 9))
+    as_logged = replay(slams.create("hector"), slams.load(tmp_path / "tb.npz"))
+    off = np.hypot(*(run.poses - as_logged.poses)[:, :2].T)
+    assert off.max() < 1e-3
+    assert {p.name for p in out.iterdir()} >= {"map.png", "map.pgm", "map.yaml", "trajectory.tum"}
+    assert not [p.name for p in tmp_path.iterdir() if p.name.startswith(".")]
+
+
+def to_odom(record):
+    edge = store().deserialize_cdr(record.data, TF).transforms[0]
+    return (edge.header.frame_id, edge.child_frame_id) == ("map", "odom")
+
+
+def test_ended_before_the_first_scan(started, tmp_path):
+    live = started("slams.live", "odometry", "--patience", PATIENCE, folder=tmp_path)
+    assert "ready" in live.stderr.readline()
+    live.send_signal(signal.SIGTERM)
+    _, error = live.communicate(timeout=PATIENCE)
+    assert live.returncode == 1
+    assert error == "slams.live: ended before the first scan; nothing is written\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_scan_ends_with_a_sentence_and_code_2(wires, started, tmp_path):
+    other = wires().advertise("/front/scan", SCAN, Quality.SENSOR)
+    live = started(
+        *("slams.live", "odometry", "--patience", 3, "--record", "seen.mcap"), folder=tmp_path
+    )
+    _, error = live.communicate(timeout=2 * PATIENCE)
+    assert live.returncode == 2
+    assert "slams.live: no scan on /scan within 3 s: nobody publishes it; topics with" in error
+    assert "Traceback" not in error
+    assert "/front/scan" in error
+    assert other.readers == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments", "sentence"),
+    [
+        ("slams.live", ["hectro"], "did you mean 'hector'"),
+        ("slams.live", ["odometry", "--domain-id", "300"], "domain: got 300, expected 0 to 232"),
+        ("slams.live", ["odometry", "--queue", "0"], "--queue: got 0, expected 1 scan or more"),
+        ("slams.live", ["odometry", "--record", "a.bag"], "expected a name that ends in .mcap"),
+        ("slams.live", ["odometry", "--ros1"], "--ros1 needs rospy"),
+        ("slams.live", ["odometry", "--laser", "rplidar"], "expected MODEL:PORT"),
+        ("slams.live", ["odometry", "--laser", "sonar:/dev/x"], "unknown model 'sonar'"),
+        ("slams.play", ["nothing.npz"], "nothing.npz: no such file"),
+        ("slams.play", ["room.npz", "--rate", "0"], "--rate: got 0"),
+        ("slams.play", ["room.npz", "--remap", "scan"], "--remap: got 'scan', expected /FROM:=/TO"),
+        ("slams.play", ["room.npz", "--remap", "/a:=/b"], "--remap: /a is not published"),
+    ],
+)
+def test_what_is_wrong_on_the_command_line_is_one_sentence(
+    module, arguments, sentence, tmp_path, monkeypatch, capsys
+):
+    from slams import play
+    from slams.live import __main__ as live
+
+    drive(n=3).save(tmp_path / "room.npz")
+    monkeypatch.chdir(tmp_path)
+    for name, value in environment().items():
+        monkeypatch.setenv(name, value)
+    handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    main = live.main if module == "slams.live" else play.main
+    assert main(arguments) == 2
+    signal.signal(signal.SIGINT, handlers[0])
+    signal.signal(signal.SIGTERM, handlers[1])
+    error = capsys.readouterr().err
+    assert sentence in error
+    assert error.count("\n") == 1

@@ -1,0 +1,73 @@
+"""A peer of another vendor: Fast DDS, ROS 2's usual one, where its library is installed."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slams.formats.bag import POSE_COV, SCAN, TF
+from slams.formats.ros_maker import Maker
+from slams.formats.ros_store import store
+from slams.live.wire import MAP
+from tests.rooms import laser, scan_at
+from tests.slams.live.commands import DOMAIN, PATIENCE
+
+pytest.importorskip("cyclonedds", reason="needs the extra live")
+
+SOURCE = Path(__file__).with_name("fast_dds_peer.cpp")
+HEADER = Path("/usr/include/fastdds/dds/domain/DomainParticipant.hpp")
+TOPICS = {"rt/map": MAP, "rt/tf": TF, "rt/pose": POSE_COV}
+
+
+@pytest.fixture
+def peer(tmp_path):
+    """The peer, compiled."""
+    if shutil.which("g++") is None or not HEADER.exists():
+        pytest.skip("needs g++ and Fast DDS (Debian: libfastrtps-dev)")
+    program = tmp_path / "peer"
+    libraries = ("-lfastrtps", "-lfastcdr")
+    built = subprocess.run(
+        ["g++", "-std=c++17", "-O0", str(SOURCE), *libraries, "-o", str(program)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if built.returncode:
+        pytest.skip(f"the installed Fast DDS has another interface: {built.stderr[:200]}")
+    return program
+
+
+def test_a_robot_with_fast_dds_is_mapped_and_gets_map_pose_and_transform(
+    peer,
+    started,
+    tmp_path,
+):
+    scan = scan_at((0.0, 0.0, 0.0), laser(91))
+    message = Maker().scan(0, "laser", scan.laser, scan.ranges, 0.1)
+    (tmp_path / "scan.cdr").write_bytes(bytes(store().serialize_cdr(message, SCAN)))
+    more = ("--out", "out", "--patience", PATIENCE, "--map-every", 0.2)
+    live = started("slams.live", "hector", *more, folder=tmp_path)
+    assert "ready for scans on /scan" in live.stderr.readline()
+    robot = subprocess.run(
+        [peer, str(DOMAIN), "scan.cdr", str(int(PATIENCE))],
+        cwd=tmp_path,
+        env=os.environ,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert robot.returncode == 0, robot.stderr
+    got = {}
+    for line in robot.stdout.splitlines():
+        topic, data = line.split()
+        got[topic] = store().deserialize_cdr(bytes.fromhex(data), TOPICS[topic])
+    edge, grid = got["rt/tf"].transforms[0], got["rt/map"]
+    assert (edge.header.frame_id, edge.child_frame_id) == ("map", "laser")
+    assert edge.transform.rotation.w == pytest.approx(1.0, abs=1e-3)
+    assert grid.header.frame_id == "map"
+    assert len(grid.data) == grid.info.width * grid.info.height
+    assert {-1, 100} <= set(np.unique(grid.data).tolist())
+    assert abs(got["rt/pose"].pose.pose.position.x) < 0.01

@@ -1,0 +1,420 @@
+"""The node on a network in memory: what comes in, what goes out, what is said."""
+
+import math
+import threading
+
+import numpy as np
+import pytest
+
+import slams
+from slams.formats.bag import IMU, SCAN, TF
+from slams.formats.frames import yaw_of
+from slams.formats.ros_maker import UNKNOWN, percent
+from slams.live import node
+from slams.live.inbox import Inbox
+from slams.live.options import NodeOptions, Topics
+from slams.live.recorder import Recorder
+from slams.live.wire import Quality
+from slams.player import replay
+from slams.scanlog import Track
+from slams.types import Pose2
+from tests.rooms import drive, laser, way
+from tests.slams.live.robots import BASELINE, LASER, Stand, close, turned_over
+
+MOUNT = Pose2(0.2, -0.05, 0.3)
+
+
+def robot_log(n=40, **more):
+    """Scans at 10 Hz, odometry at 30, a gyro at 100, each with stamps of its own."""
+    log = drive(n=n, rate=10.0, lidar=laser(181, mount=MOUNT, **more))
+    t = np.arange(0.0, log.t[-1] + 0.2, 1.0 / 30.0) + 0.003
+    poses = way(len(t), 1.0 / 30.0) + np.array([5.0, 1.0, 3.1])  # headings pass pi
+    poses[:, 2] = slams.types.wrap_angle(poses[:, 2])
+    gyro_t = np.arange(0.0, log.t[-1] + 0.2, 0.01)
+    gyro = Track(gyro_t, np.gradient(0.8 * np.sin(0.245 * gyro_t), gyro_t) + 0.001)
+    return slams.ScanLog(
+        log.t + 100.0,
+        log.ranges,
+        log.laser,
+        Track(t + 100.0, poses),
+        None,
+        Track(gyro_t + 100.0, gyro.values),
+        {"name": "robot"},
+    )
+
+
+def pose_of(message):
+    where = message.transforms[0].transform
+    return Pose2(where.translation.x, where.translation.y, yaw_of(where.rotation))
+
+
+@pytest.mark.parametrize("algorithm", ["hector", "crsm"])
+def test_poses_and_map_are_those_of_a_run_of_the_recording(algorithm, monkeypatch, tmp_path):
+    file = tmp_path / "out.mcap"
+    recorder = Recorder(file, Topics())
+    stand = Stand(monkeypatch, algorithm, recorder)
+    stand.play(robot_log())
+    stand.start()
+    stand.drive()
+    stand.node.close()
+    recorder.close()
+    log = slams.load(file)
+    assert log.laser.mount == pytest.approx(MOUNT, abs=1e-12)
+    slam = slams.create(algorithm)
+    run = replay(slam, log)
+    assert np.array_equal(stand.node.drive.poses, run.poses)
+    assert np.array_equal(stand.node.drive.t, run.t)
+    assert np.array_equal(stand.live.map().p, slam.map().p, equal_nan=True)
+    assert sum(scan.odometry is not None for scan in log) == len(log) - 1  # the first is earlier
+    assert sum(scan.yaw is not None for scan in log) == len(log)
+    assert stand.node.report()["no_odometry"] == 1
+
+
+def test_the_transform_joins_map_and_odometry_and_the_pose_is_the_algorithms(monkeypatch):
+    stand = Stand(monkeypatch, "hector", tf_ahead=0.1)
+    stand.play(robot_log(n=12))
+    stand.start()
+    before = len(stand.bus.sent("/tf"))
+    stand.drive()
+    moved, posed = stand.bus.sent("/tf")[before:], stand.bus.sent("/pose")
+    assert len(posed) == 12
+    assert len(moved) == 11  # none without odometry
+    drive = stand.node.drive
+    for tf, t, pose, said in zip(moved, drive.t[1:], drive.poses[1:], posed[1:], strict=True):
+        edge = tf.transforms[0]
+        assert (edge.header.frame_id, edge.child_frame_id) == ("map", "odom")
+        stamp = edge.header.stamp.sec + 1e-9 * edge.header.stamp.nanosec
+        assert stamp == pytest.approx(t + 0.1, abs=1e-6)
+        assert close(pose_of(tf) @ stand.node.senses.odometry_at(t), pose)
+        at = said.pose.pose
+        assert close((at.position.x, at.position.y, yaw_of(at.orientation)), pose)
+        assert said.header.frame_id == "map"
+    covariance = posed[-1].pose.covariance.reshape(6, 6)
+    assert np.array_equal(
+        covariance[np.ix_([0, 1, 5], [0, 1, 5])], stand.node.drive.estimate.covariance
+    )
+    assert not covariance[2:5].any()
+    state = stand.bus.sent("/slam/state")[-1].status[0]
+    assert (state.level, state.name, state.message) == (0, "slams", "matched")
+    values = {pair.key: pair.value for pair in state.values}
+    assert float(values["quality"]) > 0.8
+    assert (values["scans"], values["dropped"]) == ("12", "0")
+
+
+def test_without_odometry_the_base_itself_is_placed_in_the_map(monkeypatch):
+    stand = Stand(monkeypatch, tf_ahead=0.0)
+    stand.tf(("base_link", "laser", MOUNT))
+    stand.scan(1.0)
+    stand.start()
+    stand.drive()
+    edge = stand.bus.sent("/tf")[0].transforms[0]
+    assert (edge.header.frame_id, edge.child_frame_id) == ("map", "base_link")
+    variances = np.diag(stand.bus.sent("/pose")[0].pose.covariance.reshape(6, 6))
+    assert variances[[0, 1, 5]].tolist() == [UNKNOWN] * 3
+    assert stand.node.report()["no_odometry"] == 0
+
+
+def test_the_map_stays_for_who_comes_later(monkeypatch):
+    stand = Stand(monkeypatch, "hector", map_every=60.0)
+    stand.play(robot_log(n=5))
+    stand.start()
+    stand.drive()
+    stand.node.close()
+    assert "/map" in stand.bus.kept
+    message, grid = stand.bus.sent("/map")[-1], stand.live.map()
+    assert message.header.frame_id == "map"
+    assert (message.info.height, message.info.width) == grid.p.shape
+    assert message.info.resolution == pytest.approx(grid.resolution)
+    assert (message.info.origin.position.x, message.info.origin.position.y) == grid.origin
+    assert np.array_equal(message.data, percent(grid))
+    assert stand.wire.closed
+
+
+def test_a_laser_upside_down_turns_the_other_way(monkeypatch):
+    stand = Stand(monkeypatch)
+    mount = turned_over(stand.make.transforms(0, [("base_link", "laser", MOUNT)]))
+    stand.bus.publish("/tf_static", TF, mount, Quality.LATCHED)
+    seen = []
+    stand.live.push_scan = lambda scan, push=stand.live.push_scan: seen.append(scan) or push(scan)
+    stand.scan(1.0)
+    stand.scan(2.0)
+    stand.start()
+    stand.drive()
+    lidar = seen[0].laser
+    assert lidar.angle_min == pytest.approx(0.75 * math.pi)
+    assert lidar.angle_increment < 0.0
+    assert lidar.mount == pytest.approx(MOUNT, abs=1e-12)
+    assert seen[1].laser is lidar
+
+
+@pytest.mark.parametrize(("wanted", "x"), [("auto", 1.0), ("topic", 7.0), ("none", None)])
+def test_odometry_is_tfs_where_there_is_one_else_the_topics(wanted, x, monkeypatch):
+    stand = Stand(monkeypatch, odometry=wanted)
+    stand.tf(("base_link", "laser", MOUNT))
+    stand.tf(("odom", "elsewhere", Pose2(50.0, 0.0, 0.0)), static=False)
+    for t in (0.0, 2.0):
+        stand.moved(t, (t, 0.0, 0.0))
+        stand.odometry(t, (6.0 + t, 0.0, 0.0))
+    stand.scan(1.0)
+    stand.start()
+    seen = []
+    stand.live.push_scan = lambda scan, push=stand.live.push_scan: seen.append(scan) or push(scan)
+    stand.drive()
+    assert seen[0].odometry == (None if x is None else Pose2(x, 0.0, 0.0))
+    edge = stand.bus.sent("/tf")[-1].transforms[0]
+    assert (edge.header.frame_id, edge.child_frame_id) == ("map", "odom")  # also for "none"
+    assert edge.transform.translation.x == pytest.approx(-(x or 1.0))
+    assert stand.node.report()["base_frame"] == "base_link"
+
+
+def test_odometry_of_another_frame_is_carried_to_the_base(monkeypatch):
+    stand = Stand(monkeypatch, base_frame="base_link")
+    stand.tf(("footprint", "base_link", Pose2(1.0, 0.0, 0.0)), ("base_link", "laser", MOUNT))
+    for t in (0.0, 2.0):
+        stand.odometry(t, (0.0, 0.0, 0.5 * math.pi), child="footprint")
+    stand.scan(1.0)
+    stand.start()
+    assert close(stand.node.senses.odometry_at(1.0), (0.0, 1.0, 0.5 * math.pi))
+
+
+def test_a_gyro_that_lies_on_its_side_turns_about_the_bases_axis(monkeypatch):
+    stand = Stand(monkeypatch)
+    edges = [("base_link", "imu", Pose2(0.0, 0.0, 0.0)), ("base_link", "laser", MOUNT)]
+    tilted = stand.make.transforms(0, edges)
+    rolled = tilted.transforms[0].transform.rotation
+    rolled.x = rolled.w = math.sqrt(0.5)  # a quarter of a turn: its y points up
+    stand.bus.publish("/tf_static", TF, tilted, Quality.LATCHED)
+
+    def turn(t):
+        reading = stand.make.imu(round(1e9 * t), 7.0, "imu")
+        reading.angular_velocity.y = 0.5
+        stand.bus.publish("/imu", IMU, reading)
+
+    turn(0.0)
+    stand.scan(0.5)
+    stand.start()
+    turn(1.0)
+    assert stand.node.senses.yaw_at(1.0) == pytest.approx(0.5)
+
+
+def test_odometry_that_comes_after_its_scan_is_waited_for(monkeypatch):
+    stand = Stand(monkeypatch, wait=30.0)
+    stand.tf(("base_link", "laser", MOUNT))
+    stand.odometry(0.0, (0.0, 0.0, 0.0))
+    stand.scan(1.0)
+    stand.start()
+    later = threading.Timer(0.2, lambda: stand.odometry(2.0, (2.0, 0.0, 0.0)))
+    later.start()
+    stand.drive()
+    later.join()
+    assert stand.node.report()["no_odometry"] == 0
+    assert stand.node.drive.estimate.map_to_odom is not None
+
+
+def test_a_scan_goes_without_odometry_that_does_not_come(monkeypatch):
+    stand = Stand(monkeypatch, wait=0.01)
+    stand.tf(("base_link", "laser", MOUNT))
+    stand.odometry(0.0, (0.0, 0.0, 0.0))
+    stand.scan(1.0)
+    stand.start()
+    stand.drive()
+    stand.look()
+    assert stand.node.report()["no_odometry"] == 1
+    assert len(stand.node.drive.t) == 1
+    assert any("1 scans so far without odometry within 0.01 s" in said for said in stand.said)
+
+
+def refusal(stand):
+    with pytest.raises(ValueError, match=r".") as caught:
+        stand.start()
+    return str(caught.value)
+
+
+def test_no_scan_is_said_with_the_topics_there_are(monkeypatch):
+    stand = Stand(monkeypatch, patience=0.05)
+    stand.scan(0.0, topic="/front/scan")
+    stand.tf(("base_link", "laser", MOUNT))
+    text = refusal(stand)
+    assert text == (
+        "no scan on /scan within 0.05 s: nobody publishes it; topics with scans: /front/scan "
+        "(--scan-topic takes another)"
+    )
+    stand = Stand(monkeypatch, patience=0.05)
+    stand.bus.wire().advertise("/scan", SCAN, Quality.SENSOR)
+    assert "/scan is published, but no scan came within 0.05 s" in refusal(stand)
+
+
+def test_a_topic_of_another_type_is_said(monkeypatch):
+    stand = Stand(monkeypatch, patience=0.05)
+    stand.bus.types["/scan"] = "sensor_msgs/msg/PointCloud2"
+    assert refusal(stand).startswith(
+        "/scan carries sensor_msgs/msg/PointCloud2, expected sensor_msgs/msg/LaserScan; topics "
+        "with scans: none"
+    )
+
+
+@pytest.mark.parametrize(
+    ("base", "sentence"),
+    [
+        ("robot", "--base-frame: robot is not in tf; frames: base_link, camera"),
+        (None, "the laser's frame laser is not in tf (base_link, camera)"),
+    ],
+)
+def test_a_frame_that_is_not_in_tf_is_said(base, sentence, monkeypatch):
+    stand = Stand(monkeypatch, base_frame=base, patience=0.05)
+    stand.tf(("base_link", "camera", MOUNT))
+    stand.scan(0.0)
+    assert sentence in refusal(stand)
+
+
+def test_without_tf_the_laser_is_the_base(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.scan(0.0)
+    stand.start()
+    stand.drive()
+    assert any("no transform to the laser's frame laser" in said for said in stand.said)
+    assert stand.bus.sent("/tf")[0].transforms[0].child_frame_id == "laser"
+    stand.tf(("base_link", "laser", MOUNT))
+    stand.look()
+    stand.look()
+    assert sum("tf has laser now, too late" in said for said in stand.said) == 1
+
+
+def test_what_is_assumed_of_the_laser_is_told_once(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.tf(("base_link", "laser", MOUNT))
+    limitless = stand.make.scan(0, "laser", LASER, np.full(91, 2.0, np.float32), 0.1)
+    limitless.range_max = 0.0
+    stand.bus.publish("/scan", SCAN, limitless)
+    stand.gyro(0.0, 0.5, frame="somewhere")
+    stand.start()
+    stand.drive()
+    for _ in range(2):
+        stand.look()
+    assert [said for said in stand.said if "range_max is 0" in said] == [
+        "range_max is 0; 2.00 m are taken instead"
+    ]
+    assert sum("no transform to the gyro's frame 'somewhere'" in said for said in stand.said) == 1
+
+
+def test_the_newest_scans_win():
+    inbox = Inbox(3)
+    for k in range(10):
+        inbox.put(k)
+    assert [inbox.take(0.0).record for _ in range(3)] == [7, 8, 9]
+    assert (inbox.came, inbox.dropped, inbox.take(0.0)) == (10, 7, None)
+
+
+def test_what_waits_while_frames_are_sought_is_not_left_out(monkeypatch):
+    stand = Stand(monkeypatch, queue=2)
+    stand.tf(("base_link", "laser", MOUNT))
+    for k in range(10):
+        stand.scan(0.1 * k)
+    stand.start()
+    stand.drive()
+    assert len(stand.node.drive.t) == 10
+    for k in range(10, 20):
+        stand.scan(0.1 * k)
+    stand.drive()
+    assert len(stand.node.drive.t) == 12
+    assert stand.node.drive.t[-1] == pytest.approx(1.9)
+    stand.look()
+    assert any(said.startswith("8 scans left out so far") for said in stand.said)
+
+
+def test_odd_messages_are_left_out_and_said_once(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.tf(("base_link", "laser", MOUNT))
+    stand.scan(0.0)
+    stand.start()
+    broken = stand.bus.wire().advertise("/scan", SCAN, Quality.SENSOR)
+    for topic in ("/scan", "/tf", "/odom", "/imu"):
+        kind = stand.bus.types.get(topic, TF)
+        broken = stand.bus.wire().advertise(topic, kind, Quality.SENSOR)
+        broken.send(b"\0\1\0\0oh")
+    stand.scan(0.1, frame="other")
+    stand.scan(0.2)
+    stand.drive()
+    stand.look()
+    report = stand.node.report()
+    assert (report["unreadable"], report["other_frame"], report["scans"]) == (1, 1, 2)
+    assert [said for said in stand.said if "such scans are left out" in said] == [
+        "a message of /scan is no sensor_msgs/msg/LaserScan; such scans are left out"
+    ]
+    assert any("two lasers on one topic" in said for said in stand.said)
+
+
+def test_the_first_scan_does_not_wait_where_tf_tells_all(monkeypatch):
+    stand = Stand(monkeypatch)
+    monkeypatch.setattr(node, "SETTLING", 60.0)
+    stand.tf(("base_link", "laser", MOUNT))
+    stand.moved(0.0, (0.0, 0.0, 0.0))
+    stand.scan(0.0)
+    stand.start()  # nor is it held up by what only a topic would tell
+    assert stand.node.senses.source == "tf"
+
+
+def test_a_laser_that_begins_with_empty_scans_is_waited_for(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.tf(("base_link", "laser", MOUNT))
+    empty = stand.make.scan(0, "", LASER, np.zeros(0, np.float32), 0.1)
+    stand.bus.publish("/scan", SCAN, empty)
+    stand.scan(0.1)
+    stand.start()
+    stand.drive()
+    assert (len(stand.node.drive.t), stand.node.report()["unreadable"]) == (1, 1)
+    assert "a scan of /scan has no beams or no directions; such scans are left out" in stand.said
+
+
+def test_a_network_that_takes_nothing_does_not_stop_the_robot(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.tf(("base_link", "laser", MOUNT))
+    stand.scan(0.0)
+    stand.start()
+
+    def refuse(data):
+        raise OSError("full")
+
+    stand.node._publisher._outlets["/pose"].send = refuse
+    stand.drive()
+    stand.look()
+    assert len(stand.node.drive.t) == 1
+    assert len(stand.bus.sent("/slam/state")) == 1
+    assert "1 messages were not taken by the network in time" in stand.said
+
+
+def test_ended_while_frames_are_sought(monkeypatch):
+    stand = Stand(monkeypatch, base_frame="nowhere")
+    stand.scan(0.0)
+    ending = threading.Event()
+    monkeypatch.setattr(node, "SETTLING", 60.0)
+    timer = threading.Timer(0.05, ending.set)
+    timer.start()
+    stand.node.start(ending)
+    stand.node.run(ending, lambda: None)
+    assert stand.node.drive.t == []
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [({"queue": 0}, "--queue: got 0"), ({"map_every": -1.0}, "--map-every: got -1")],
+)
+def test_options_out_of_bounds_are_refused(change, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        NodeOptions(**change)
+
+
+def test_a_recording_that_cannot_be_written_is_said(monkeypatch, tmp_path):
+    with pytest.raises(ValueError, match=r"--record: got .*out.bag, expected .*\.mcap"):
+        Recorder(tmp_path / "out.bag", Topics())
+    with pytest.raises(OSError, match="nowhere"):
+        Recorder(tmp_path / "nowhere" / "out.mcap", Topics())
+    recorder = Recorder(tmp_path / "out.mcap", Topics())
+    recorder.put("/nobody", 0, b"")
+    with pytest.raises(OSError, match=r"out.mcap: not recorded"):
+        recorder.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_baseline_has_a_name():
+    assert slams.find(BASELINE).cls is slams.find("odometry").cls

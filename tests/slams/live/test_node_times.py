@@ -1,0 +1,96 @@
+"""The node when times are odd: tf that comes late, clocks that jump, a laser that goes away."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from slams.live import LATE_IN_A_ROW, node, watch
+from slams.live.options import NodeOptions
+from slams.types import Pose2
+from tests.slams.live.robots import Stand
+
+MOUNT = Pose2(0.2, -0.05, 0.3)
+
+
+def test_tf_that_comes_late_is_waited_for_and_no_scan_is_lost(monkeypatch):
+    stand = Stand(monkeypatch)
+    monkeypatch.setattr(node, "WITHOUT_TF", 30.0)
+    for k in range(5):
+        stand.scan(0.1 * k)
+    later = threading.Timer(0.1, lambda: stand.tf(("base_link", "laser", MOUNT)))
+    later.start()
+    stand.start()
+    later.join()
+    stand.drive()
+    report = stand.node.report()
+    assert (report["base_frame"], report["scans"], report["dropped"]) == ("base_link", 5, 0)
+    assert not any("taken as the base" in said for said in stand.said)
+
+
+def test_a_clock_that_is_set_back_is_followed_with_its_odometry(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.tf(("base_link", "laser", MOUNT))
+    stamps = [100.0 + 0.1 * k for k in range(5)] + [3.0 + 0.1 * k for k in range(20)]
+    for n, t in enumerate(stamps):
+        stand.odometry(t, (0.01 * n, 0.0, 0.0))
+        stand.scan(t)
+        if n == 0:
+            stand.start()
+        stand.drive()
+    report = stand.node.report()
+    assert (report["clock_set_back"], report["late"]) == (1, LATE_IN_A_ROW + 1)
+    assert stand.node.drive.t[5:] == pytest.approx(stamps[5 + LATE_IN_A_ROW :])
+    assert stand.node.drive.estimate.map_to_odom is not None
+    x = np.array(stand.node.drive.poses)[:, 0]
+    assert np.diff(x[5:])[1:] == pytest.approx(0.01)
+
+
+def test_a_clock_that_jumps_ahead_goes_on_there(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.tf(("base_link", "laser", MOUNT))
+    for n, t in enumerate([0.0, 0.1, 5000.0, 5000.1]):
+        stand.odometry(t, (0.01 * n, 0.0, 0.0))
+        stand.scan(t)
+        if n == 0:
+            stand.start()
+        stand.drive()
+    assert stand.node.drive.t == [0.0, 0.1, 5000.0, 5000.1]
+    assert "the clock of /scan jumped ahead by" in " ".join(stand.said)
+
+
+def test_a_laser_that_is_plugged_in_again_is_mapped_on(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.tf(("base_link", "laser", MOUNT))
+    stand.scan(0.0)
+    stand.start()
+    stand.drive()
+    real = time.monotonic
+    monkeypatch.setattr(watch.time, "monotonic", lambda: real() + 30.0)
+    stand.look()
+    assert any("is the laser unplugged?" in said for said in stand.said)
+    stand.wire.several = 2  # the driver's old publisher is still known
+    stand.scan(30.0)
+    stand.drive()
+    stand.look()
+    assert any("scans on /scan are back after about 30 s" in said for said in stand.said)
+    assert any("2 publishers on /scan" in said for said in stand.said)
+    assert len(stand.node.drive.t) == 2
+
+
+def test_a_robot_is_waited_for_five_seconds():
+    assert NodeOptions().patience == 5.0
+
+
+def test_delays_are_of_scans_that_waited_for_nothing_but_the_algorithm(monkeypatch):
+    stand = Stand(monkeypatch)
+    stand.tf(("base_link", "laser", MOUNT))
+    for k in range(4):
+        stand.scan(0.1 * k)
+    stand.start()
+    stand.drive()
+    assert stand.node.drive.delays == []
+    stand.scan(0.4)
+    stand.drive()
+    assert len(stand.node.drive.t) == 5 and len(stand.node.drive.delays) == 1

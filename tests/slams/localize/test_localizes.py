@@ -1,0 +1,334 @@
+"""Localizing in a map that stays: the virtual drive, the hooks of every algorithm, the command."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+import slams
+from slams import run
+from slams.formats.occupancy import write_map
+from slams.localize import Atlas, Localizer, Localizes, open_map, prepare
+from slams.localize.chart import Chart
+from slams.localize.hooks import check_localizes
+from slams.localize.source import find_start, pose_of, start_at
+from slams.localize.virtual import build, ranges_at, scans_of, stations
+from slams.params import Params
+from slams.registry import find, names
+from slams.state import save
+from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
+from tests.floors import grid_of
+from tests.places import ROOT
+from tests.rooms import ROOM, box, cast, drive, laser, mirrored, scan_at, way
+
+OFFERING = [
+    label
+    for name in names()
+    for label in (name, *(f"{name}@{p}" for p in find(name).cls.Params.presets()[1:]))
+    if isinstance(find(label).cls(find(label).params()), Localizes)
+]
+START = Pose2(0.3, -0.2, 0.4)  # of the drives below, in the map
+
+
+class Fake:
+    """Follows the wheels, notes what is asked of it."""
+
+    Params = Params
+
+    def __init__(self, params):
+        self.params = params
+        self.frozen = False
+        self.inserted = []
+        self.places = []
+        self._pose, self._odometry = IDENTITY, None
+
+    def insert_at(self, scan, pose):
+        (self.places if self.frozen else self.inserted).append((scan, pose))
+        self._pose, self._odometry = pose, scan.odometry
+
+    def update(self, scan):
+        if self._odometry is not None and scan.odometry is not None:
+            self._pose = self._pose @ self._odometry.between(scan.odometry)
+        self._odometry = scan.odometry
+        return self._pose
+
+    def map(self):
+        return OccupancyGrid(np.zeros((1, 1), np.float32), 1.0, (0.0, 0.0))
+
+    def report(self):
+        return {"odometry": 1}
+
+
+@pytest.fixture(scope="module")
+def room():
+    return Atlas(grid_of(ROOM))
+
+
+@pytest.fixture(scope="module")
+def log():
+    """A drive of `way`, its truth in the map's frame, that begins at START."""
+    lidar = laser(361)
+    whole = drive(n=40, lidar=lidar)
+    poses = [START @ Pose2(*pose) for pose in way(40, 0.05)]
+    rng = np.random.default_rng(0)
+    ranges = np.array([scan_at(pose, lidar, noise=0.01, rng=rng).ranges for pose in poses])
+    return type(whole)(whole.t, ranges, lidar, whole.odom, None, whole.yaw_rate, {"name": "room"})
+
+
+def truth(n=40):
+    return np.array([START @ Pose2(*pose) for pose in way(n, 0.05)])
+
+
+def to_walls(points):
+    """From points (n, 2) to the nearest segment of the room (n,) [m]."""
+    a, e = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
+    along = np.clip(((points[:, None] - a) * e).sum(axis=2) / (e * e).sum(axis=1), 0.0, 1.0)
+    return np.linalg.norm(points[:, None] - a - along[..., None] * e, axis=2).min(axis=1)
+
+
+def test_virtual_ranges_are_those_of_the_walls(room):
+    for pose in ((0.0, 0.0, 0.0), (-3.0, 3.0, 2.0), (4.5, -2.5, -1.0)):
+        fan = Laser(-math.pi, 0.01, 628, 0.1, 30.0)
+        seen, true = ranges_at(room.chart, Pose2(*pose), fan), cast(ROOM, pose, fan)
+        assert np.isfinite(seen).all()
+        assert np.median(np.abs(seen - true)) < 0.03
+        points = Pose2(*pose).transform(seen[:, None] * fan.directions)
+        assert to_walls(points).max() < 0.075  # walls lie up to half a cell beside their cells
+        assert not seen.flags.writeable and seen.dtype == np.float32
+
+
+def test_a_wall_is_taken_to_be_in_the_middle_of_its_cells():
+    p = np.zeros((40, 60), np.float32)
+    p[:, 50] = p[35] = 1.0
+    chart = Chart(OccupancyGrid(p, 0.1, (-1.0, 2.0)))
+    fan = Laser(0.0, math.pi / 4, 3, 0.1, 30.0)
+    ahead, aslant, aside = ranges_at(chart, Pose2(0.0, 3.03, 0.0), fan).tolist()
+    assert (ahead, aside) == pytest.approx((4.05, 2.52), abs=1e-5)
+    assert aslant == pytest.approx(2.52 * math.sqrt(2.0), abs=0.05)
+    turned = ranges_at(chart, Pose2(0.0, 3.03, math.pi / 2), Laser(-math.pi / 2, 0.1, 1, 0.1, 30.0))
+    assert turned.tolist() == pytest.approx([4.05], abs=1e-5)
+
+
+def test_out_of_reach_or_unknown_is_no_range():
+    grid = grid_of(ROOM)
+    grid.p[grid.p == 1.0] = np.where(np.arange((grid.p == 1.0).sum()) % 2, np.nan, 1.0)
+    grid.p[:, 150:] = np.nan  # nobody has seen what is on the right
+    chart = Chart(grid)
+    fan = Laser(0.0, 0.1, 2, 0.1, 30.0)
+    assert np.isnan(ranges_at(chart, Pose2(0.0, 0.0, 0.0), fan)).all()
+    near = Laser(0.0, 0.1, 2, 0.1, 1.0)
+    assert np.isnan(ranges_at(Chart(grid_of(ROOM)), Pose2(0.0, 0.0, 0.0), near)).all()
+
+
+def test_the_places_of_a_virtual_drive_see_every_wall(room):
+    chart, seen = room.chart, np.zeros(room.chart.occupied.shape, bool)
+    places = stations(chart)
+    assert 40 < len(places) < 90  # one for each square meter
+    steps = np.hypot(*np.diff(places, axis=0).T)
+    assert np.median(steps) < 1.5
+    for scan, pose in scans_of(chart):
+        good = np.isfinite(scan.ranges)
+        points = pose.transform(scan.ranges[good, None] * scan.laser.directions[good])
+        ix, iy = np.floor((points - chart.origin) / chart.resolution).astype(int).T
+        seen[iy, ix] = True
+    facing = chart.occupied & (np.roll(chart.free, 1, 0) | np.roll(chart.free, -1, 0))
+    assert seen[facing].mean() > 0.95
+
+
+def test_a_virtual_drive_gives_an_algorithm_the_map_and_freezes_it(room):
+    fake = Fake(Params())
+    origin = build(fake, room.chart)
+    assert fake.frozen and not fake.places
+    scans, poses = zip(*fake.inserted, strict=True)
+    assert poses[0] == IDENTITY and len(poses) == len(stations(room.chart))
+    assert all(b.t > a.t for a, b in zip(scans, scans[1:], strict=False))
+    for scan, pose in fake.inserted[:3]:
+        assert room.chart.explained(
+            (scan.ranges[:, None] * scan.laser.directions)[np.isfinite(scan.ranges)], origin @ pose
+        ) >= (0.97, 0.0)
+
+
+def test_poses_come_in_the_frame_of_the_map(room, log):
+    fake, origin = Fake(Params()), Pose2(-2.0, 1.0, 0.7)
+    localizer = Localizer(fake, room, START, origin)
+    poses = [localizer.update(scan) for scan in log]
+    ((scan, place),) = fake.places
+    assert poses[0] == START and scan.t == 0.0
+    assert origin @ place == pytest.approx(START)
+    assert np.abs(np.array(poses)[:, :2] - truth()[:, :2]).max() < 0.1  # wheels drift
+    assert localizer.map() is room.grid
+    report = localizer.report()
+    assert report["odometry"] == 1 and report["explained"] > 0.9 and report["unlike"] == 0
+    assert localizer.explained > 0.9 and math.isnan(localizer.quality)
+    assert np.isinf(np.diag(localizer.covariance)).all()
+
+
+def test_a_changed_world_is_told(room, log):
+    localizer = Localizer(Fake(Params()), room, START)
+    for scan in log:
+        localizer.update(scan_at(START, log.laser, mirrored(ROOM), t=scan.t))
+    assert localizer.report()["explained"] < 0.5 and localizer.report()["unlike"] == 40
+
+
+def test_covariances_turn_with_the_frame(room):
+    fake = Fake(Params())
+    fake.covariance = np.diag([4.0, 1.0, 0.5])
+    turned = Localizer(fake, room, START, Pose2(3.0, 1.0, math.pi / 2)).covariance
+    assert turned == pytest.approx(np.diag([1.0, 4.0, 0.5]), abs=1e-12)
+
+
+def test_who_offers_no_hooks_is_refused():
+    with pytest.raises(TypeError, match="odometry cannot localize in a map that is given"):
+        check_localizes(find("odometry").cls(Params()), "odometry")
+
+
+def test_hector_offers_the_hooks():
+    assert "hector" in OFFERING
+
+
+def prepared(label, room):
+    entry = find(label)
+    slam = entry.cls(entry.params())
+    assert slam.frozen is False
+    return slam, build(slam, room.chart)
+
+
+@pytest.mark.parametrize("label", OFFERING)
+def test_a_frozen_map_stays_and_the_poses_are_right(label, room, log):
+    slam, origin = prepared(label, room)
+    before = slam.map()
+    localizer = Localizer(slam, room, START @ Pose2(0.02, -0.02, 0.01), origin)
+    poses = np.array([localizer.update(scan) for scan in log])
+    after = slam.map()
+    assert np.array_equal(before.p, after.p, equal_nan=True) and before.origin == after.origin
+    error = poses[5:] - truth()[5:]
+    assert np.hypot(error[:, 0], error[:, 1]).max() < 0.05  # the map's cells are as large
+    assert np.abs(error[:, 2]).max() < 0.01
+
+
+@pytest.mark.parametrize("label", OFFERING)
+def test_after_an_insertion_elsewhere_the_next_scan_goes_on_from_there(label, room, log):
+    slam, origin = prepared(label, room)
+    scans = list(log)
+    for pose in (Pose2(4.0, 3.0, 1.0), START):
+        slam.insert_at(scans[0], origin.between(pose))
+    found = origin @ slam.update(scans[1])
+    assert np.hypot(*(np.array(found[:2]) - truth()[1, :2])) < 0.05
+
+
+@pytest.mark.parametrize("label", OFFERING)
+def test_an_unfrozen_map_grows_by_what_is_inserted(label, log):
+    entry = find(label)
+    slam, scan = entry.cls(entry.params()), next(iter(log))
+    slam.insert_at(scan, Pose2(30.0, -20.0, 1.0))
+    grid = slam.map()
+    x, y = grid.origin
+    ny, nx = grid.p.shape
+    assert x < 30.0 < x + nx * grid.resolution and y < -20.0 < y + ny * grid.resolution
+
+
+@pytest.fixture
+def files(tmp_path, log):
+    write_map(tmp_path, grid_of(ROOM))
+    log.save(tmp_path / "room.npz")
+    return tmp_path
+
+
+def command(*arguments):
+    return run.main([str(argument) for argument in arguments])
+
+
+def errors(folder):
+    rows = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1)
+    return np.hypot(*(rows[:, 1:3] - truth()[-len(rows) :, :2]).T)
+
+
+def test_a_run_localizes_in_a_map_of_map_server(files, capsys):
+    there = ("hector", files / "room.npz", "--localize", files / "map.yaml", "--out", files / "o")
+    assert command(*there) == 0
+    said = capsys.readouterr().err
+    assert "note: found at 0.3" in said and "by scan 0 of 40; odds" in said
+    assert errors(files / "o").max() < 0.05 and len(errors(files / "o")) == 40
+    report = json.loads((files / "o" / "summary.json").read_text())["report"]
+    assert report["explained"] > 0.9
+    assert command(*there, "--start=0.35,-0.2,0.4", "--limit", "9") == 0
+    assert "% of the scan there" in capsys.readouterr().err
+    assert len(errors(files / "o")) == 9
+
+
+def test_a_run_begins_at_the_scan_that_is_found(files, log, capsys):
+    ranges = log.ranges.copy()
+    ranges[:3] = np.nan
+    type(log)(log.t, ranges, log.laser).save(files / "late.npz")
+    there = ("--localize", files / "map.yaml", "--out", files / "o")
+    assert command("hector", files / "late.npz", *there) == 0
+    assert "by scan 3 of 40" in capsys.readouterr().err
+    assert len(errors(files / "o")) == 37 and errors(files / "o").max() < 0.05
+
+
+def test_a_run_localizes_in_a_state_of_its_own_or_of_another(files, log):
+    for label in ("hector", "tsd"):
+        entry = find(label)
+        slam = entry.cls(entry.params())
+        for scan in log:
+            slam.update(scan)
+        save(slam, files / label)
+        given = open_map(files / label)
+        assert given.label == label
+        ready = prepare(find("hector"), find("hector").params(), given)
+        assert (ready.origin == IDENTITY) == (label == "hector") and ready.slam.frozen
+        localizer = ready.at(start_at(ready.atlas, log, IDENTITY).pose)
+        poses = np.array([localizer.update(scan) for scan in log])
+        apart = poses - way(40, 0.05)
+        assert np.hypot(apart[:, 0], apart[:, 1]).max() < 0.06, label
+
+
+def test_what_is_never_sure_ends_with_the_likely_places(files, log):
+    square = np.array(box(-2.0, -2.0, 2.0, 2.0))
+    lidar = laser(361)
+    ranges = np.array([cast(square, (0.5, 0.2, 0.1), lidar)] * 3)
+    still = type(log)(log.t[:3], ranges.astype(np.float32), lidar)
+    with pytest.raises(RuntimeError, match=r"not sure after all 3 scans \(most likely: "):
+        find_start(Atlas(grid_of(square)), still)
+    write_map(files, grid_of(square))
+    still.save(files / "still.npz")
+    assert command("hector", files / "still.npz", "--localize", files / "map.yaml", "-q") == 1
+
+
+def test_what_does_not_fit_is_refused_in_one_sentence(files, capsys):
+    log, there = files / "room.npz", ["--localize", files / "map.yaml"]
+    (files / "bad.yaml").write_text("image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    for arguments, sentence in (
+        (["hector", log, "--start=1,2,3"], "expected --localize MAP, too"),
+        (["hector", log, *there, "--start=1,2"], "got '1,2', expected x,y,theta in m and rad"),
+        (["hector", log, *there, "--save-state", "x"], "got --save-state, too"),
+        (["hector", log, *there, "--resume-state", "x"], "got --resume-state, too"),
+        (["hector", log, "--localize", files / "none.yaml"], "no such file"),
+        (["hector", log, "--localize", files / "bad.yaml"], "no such picture as none.pgm"),
+        (["hector", log, "--localize", log], "not a state"),
+        (["odometry", log, *there], "odometry cannot localize in a map that is given"),
+    ):
+        assert command(*arguments, "--out", files / "out") == 2
+        captured = capsys.readouterr()
+        assert sentence in captured.err and captured.err.count("\n") == 1
+    assert not (files / "out").exists()
+    for text in ("1,2,nan", "a,b,c", ""):
+        with pytest.raises(ValueError, match="--start"):
+            pose_of(text)
+
+
+@pytest.mark.parametrize("word", ["load_state(folder", "Finder(slam.map())", "LiveSlam("])
+def test_the_code_of_the_page_about_maps_runs(word):
+    page = (ROOT / "docs" / "maps.md").read_text(encoding="utf-8")
+    code = next(b for b in re.findall(r"```python\n(.*?)```", page, re.S) if word in b)
+    exec(code, scope := {"slams": slams})
+    if "Finder" in word:
+        assert math.hypot(*scope["found"].pose[:2]) < 0.1
+    elif "LiveSlam" in word:
+        apart = np.array(scope["estimate"].pose) - np.array(scope["on"].last.pose)
+        assert scope["estimate"].found and np.abs(apart).max() < 0.05
+    else:
+        slam = slams.create("hector")
+        assert [slam.update(scan) for scan in drive(n=30)][20:] == scope["poses"]

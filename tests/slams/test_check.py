@@ -1,0 +1,221 @@
+"""The checks of the contract fail where it is broken, and say so in one sentence."""
+
+import ctypes
+import subprocess
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from slams import check
+from slams.params import Params, param
+from slams.registry import Entry
+from slams.types import OccupancyGrid, Pose2
+
+
+class Good:
+    """Odometry behind the whole contract."""
+
+    Params = Params
+
+    def __init__(self, params):
+        self.pose, self.last, self.used = Pose2(0.0, 0.0, 0.0), None, 0
+
+    def update(self, scan):
+        now = scan.odometry if scan.odometry and np.isfinite(scan.odometry).all() else self.last
+        if self.last is not None and now is not None:
+            self.pose, self.used = self.pose @ self.last.between(now), self.used + 1
+        self.last = now
+        return self.pose
+
+    def map(self):
+        return OccupancyGrid(np.zeros((2, 2), np.float32), 0.1, (-0.1, -0.1))
+
+    def report(self):
+        return {"odometry": self.used}
+
+
+class NoParams(Good):
+    Params = dict
+
+
+class NoReport(Good):
+    def report(self):
+        return None
+
+
+class StartsElsewhere(Good):
+    def update(self, scan):
+        super().update(scan)
+        return scan.odometry or self.pose
+
+
+class Nan(Good):
+    def update(self, scan):
+        pose = super().update(scan)
+        return pose if np.isfinite(scan.ranges).any() else Pose2(np.nan, 0.0, 0.0)
+
+
+class Raises(Good):
+    def update(self, scan):
+        scan.ranges[100]
+        return super().update(scan)
+
+
+class ReturnsNothing(Good):
+    def update(self, scan):
+        super().update(scan)
+
+
+class ReturnsATuple(Good):
+    def update(self, scan):
+        return tuple(super().update(scan))
+
+
+class Writes(Good):
+    def update(self, scan):
+        ctypes.memset(scan.ranges.ctypes.data, 0, 8)  # numpy itself would refuse
+        return super().update(scan)
+
+
+class Chance(Good):
+    def update(self, scan):
+        x, y, theta = super().update(scan)
+        return Pose2(x + np.random.default_rng().normal() * (scan.t > 0.0), y, theta)
+
+
+class Silent(Good):
+    def report(self):
+        return {}
+
+
+class Shares(Good):
+    seen: list = []
+
+    def update(self, scan):
+        self.seen.append(scan)
+        x, y, theta = super().update(scan)
+        return Pose2(x + (self.seen[-2].t if len(self.seen) > 1 and scan.t else 0.0), y, theta)
+
+
+class OdomFrame(Good):
+    def update(self, scan):
+        pose = super().update(scan)
+        if not self.used:
+            return pose
+        return Pose2(scan.odometry.x if scan.odometry else 0.0, 0.0, 0.0)
+
+
+class OneLaser(Good):
+    n = None
+
+    def update(self, scan):
+        self.n = self.n or scan.laser.n_beams
+        if scan.laser.n_beams != self.n:
+            raise ValueError(f"{scan.laser.n_beams} beams")
+        return super().update(scan)
+
+
+class MapElsewhere(Good):
+    def map(self):
+        return OccupancyGrid(np.zeros((2, 2), np.float32), 0.1, (5.0, 5.0))
+
+
+class MapInPercent(Good):
+    def map(self):
+        return OccupancyGrid(np.full((2, 2), 100.0, np.float32), 0.1, (-0.1, -0.1))
+
+
+class NoMap(Good):
+    def map(self):
+        return OccupancyGrid(np.zeros((0, 0), np.float32), 0.1, (0.0, 0.0))
+
+
+class DoubleMap(Good):
+    def map(self):
+        return OccupancyGrid(np.zeros((2, 2)), 0.1, (-0.1, -0.1))
+
+
+@dataclass(frozen=True)
+class TwoParams(Params):
+    PRESETS = {"bad": {"wrong": True}}
+
+    wrong: bool = param(False, "1", "whether it is wrong", source="ours: a test")
+
+
+class Preset(Good):
+    Params = TwoParams
+
+    def __init__(self, params):
+        super().__init__(params)
+        self.wrong = params.wrong
+
+    def update(self, scan):
+        pose = super().update(scan)
+        return Pose2(1.0, 0.0, 0.0) if self.wrong else pose
+
+
+def failures(cls):
+    entry = Entry("it", cls, "default")
+    found = {clause.name[0]: check.broken(entry, clause) for clause in check.CHECKS}
+    return {number: sentence for number, sentence in found.items() if sentence}
+
+
+def test_a_good_one_passes():
+    assert failures(Good) == {}
+
+
+@pytest.mark.parametrize(
+    ("cls", "number", "sentence"),
+    [
+        (NoParams, "0", "Params is not a subclass of slams.Params"),
+        (NoReport, "0", "report() before the first scan is not a dict"),
+        (StartsElsewhere, "1", "the first pose is (3.0, -2.0, 0.5)"),
+        (Nan, "2", "the pose is (nan, 0.0, 0.0) [scans: nothing but inf later]"),
+        (Raises, "2", "IndexError: index 100 is out of bounds"),
+        (ReturnsNothing, "1", "update returned None, expected a Pose2"),
+        (ReturnsATuple, "1", "update returned (0.0, 0.0, 0.0), expected a Pose2"),
+        (Writes, "3", "the ranges of a scan changed"),
+        (Chance, "4", "scan 1 of the same log got ("),
+        (Silent, "5", "report()['odometry'] is None after scans without odometry"),
+        (Shares, "6", "a second instance changed the poses of the first"),
+        (OdomFrame, "7", "another odom frame moves a pose by"),
+        (OneLaser, "8", "raised ValueError: 361 beams (test_check.py:"),
+        (MapElsewhere, "9", "the first pose is not on the map"),
+        (MapInPercent, "9", "map().p is not in 0..1"),
+        (DoubleMap, "9", "map().p is float64"),
+        (NoMap, "9", "map().p is float32 (0, 0), expected float32 (ny, nx) with cells"),
+    ],
+)
+def test_each_clause_finds_what_breaks_it(cls, number, sentence):
+    Shares.seen.clear()
+    found = failures(cls)
+    assert sentence in found[number]
+    assert "\n" not in found[number]
+
+
+def test_the_command(tmp_path):
+    (tmp_path / "mine.py").write_text("from tests.slams.test_check import *\n")
+    path = {"PYTHONPATH": f"{tmp_path}:{':'.join(p for p in sys.path if p)}"}
+
+    def run(*labels):
+        return subprocess.run(
+            [sys.executable, "-m", "slams.check", *labels],
+            env=path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    good = run("mine:Good", "odometry")
+    assert good.returncode == 0, good.stderr
+    assert good.stdout.count("  ok      ") == 2 * len(check.CHECKS)
+    bad = run("mine:Preset")
+    assert bad.returncode == 1
+    assert "mine:Preset@bad\n" in bad.stdout
+    assert "  FAILED  1 the first pose is the origin: the first pose is (1.0, 0.0" in bad.stdout
+    assert run("mine:Preset@default").returncode == 0
+    none = run("mine:None_")
+    assert (none.returncode, none.stdout) == (2, "")
+    assert none.stderr.startswith("slams.check: algorithm 'mine:None_'")

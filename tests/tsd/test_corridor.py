@@ -1,0 +1,75 @@
+"""tsd: corridors, where a scan sees one direction badly."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.types import IDENTITY, Pose2, Scan
+from tests.rooms import box, laser, scan_at
+from tests.tsd import naive as naive_tsd
+from tests.tsd.cases import HALLWAY, NICHES, default, scanned
+from tsd.match_kernels import MatchRule, agreement_along
+
+
+def test_agreement_along_equals_the_naive_twin():
+    slam, elements = scanned()
+    offsets = np.array([(0.0, 0.0), (0.1, 0.0), (-0.3, 0.2)])
+    pose, rule = np.array(slam._track.pose), MatchRule(1, 1e-4, 1e-5, 0.03, 0.01)
+    out = np.zeros((3, 2))
+    kernel = slam._field.kernel
+    agreement_along(kernel, elements, len(elements), slam._view.beams, pose, offsets, rule, out)
+    twin = naive_tsd.agreement(kernel, elements, pose, offsets, 0.03)
+    assert out == pytest.approx(np.array(twin), rel=1e-4, abs=1e-3)
+    assert out[0, 1] > 0.9 * out[0, 0] and out[2, 1] < 0.8 * out[2, 0]
+
+
+def driven(segments, n_beams, with_odometry, slip=0.0, step=0.03):
+    """Where a default is after 59 steps [m] along a corridor, slipped half way."""
+    slam, lidar, rng = default(), laser(n_beams), np.random.default_rng(3)
+    for i in range(60):
+        at = Pose2(step * i, 0.0, 0.0)
+        scan = scan_at(at, lidar, np.array(segments), noise=0.01, rng=rng, t=0.1 * i)
+        if i == 30:
+            slam._track.pose = slam._track.pose @ Pose2(slip, 0.0, 0.0)
+            slam._track.covariance[0, 0] += slip * slip
+        odometry = Pose2(at.x + 5.0, 0.0, 0.0) if with_odometry else None
+        found = slam.update(Scan(scan.t, scan.ranges, scan.laser, odometry))
+    return found.x
+
+
+@pytest.mark.parametrize("n_beams", [181, 1081])
+def test_a_bare_corridor_does_not_hold_the_robot(n_beams):
+    assert driven(HALLWAY, n_beams, with_odometry=True) == pytest.approx(1.77, abs=0.2)
+
+
+@pytest.mark.parametrize("n_beams", [181, 1081])
+def test_niches_of_a_corridor_are_enough_without_odometry(n_beams):
+    sides = [side for x, y in NICHES for side in box(x, y, x + 0.15, y + 0.04)]
+    assert driven([*HALLWAY, *sides], n_beams, with_odometry=False) == pytest.approx(1.77, abs=0.2)
+
+
+def test_niches_of_a_corridor_hold_a_robot_at_rest():
+    sides = [side for x, y in NICHES for side in box(x, y, x + 0.15, y + 0.04)]
+    assert abs(driven([*HALLWAY, *sides], 181, with_odometry=False, step=0.0)) < 0.15
+
+
+def test_a_slip_along_a_corridor_is_taken_back():
+    sides = [side for x, y in NICHES for side in box(x, y, x + 0.15, y + 0.04)]
+    slipped = driven([*HALLWAY, *sides], 181, with_odometry=True, slip=-0.3)
+    assert slipped == pytest.approx(1.77, abs=0.06)
+
+
+def test_few_beams_do_not_look_for_a_slip_that_wheels_rule_out():
+    """Around a corner of a bare ring: what 45 beams say along a corridor is chance."""
+    ring = np.array([*box(-13.0, -8.0, 13.0, 8.0), *box(-15.0, -10.0, 15.0, 10.0)])
+    steps = [Pose2(0.08, 0.0, 0.0)] * 168 + [Pose2(0.08, 0.0, -0.08)] * 20
+    slam, lidar, rng = default(), laser(45), np.random.default_rng(2)
+    at, wheels = Pose2(0.0, 9.0, 0.0), IDENTITY
+    off = []
+    for i, step in enumerate([IDENTITY, *steps, *[Pose2(0.08, 0.0, 0.0)] * 90]):
+        at, wheels = at @ step, wheels @ Pose2(1.005 * step.x, 0.0, 1.01 * step.theta)
+        scan = scan_at(at, lidar, ring, noise=0.01, rng=rng, t=0.1 * i, odometry=wheels)
+        found = slam.update(scan)
+        off.append(math.hypot(found.x - at.x, found.y + 9.0 - at.y))
+    assert max(off) < 0.25

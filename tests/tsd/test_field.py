@@ -1,0 +1,279 @@
+"""tsd: the field of signed distances, and the maps that show it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.extent import Box
+from slams.types import Pose2
+from tests.rooms import box, drive, laser, scan_at
+from tests.tsd import naive as naive_tsd
+from tests.tsd.cases import CORNER, PLANE, default, error, field_at, occupied, original
+from tsd.drawing import CERTAIN, surface_cells
+from tsd.image import colored
+from tsd.map import TileField
+from tsd.map_kernels import (
+    PASSED,
+    PushRule,
+    carve,
+    facing,
+    list_rows,
+    push_rows,
+    read_field,
+)
+from tsd.picture import draw
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.4, 0.785])
+def test_a_plane_has_its_analytic_distances(heading):
+    slam = default()
+    slam.update(scan_at((0.0, 0.0, heading), laser(721), PLANE))
+    map_from_world = Pose2(0.0, 0.0, heading).inverse()
+    normal = map_from_world.transform(np.array([[0.0, -1.0]]))[0]
+    for x in np.linspace(-1.5, 1.5, 13):
+        for sd in (-0.03, 0.0, 0.03, 0.06):
+            point = map_from_world.transform(np.array([[x, 2.0 - sd]]))[0]
+            value, gx, gy = field_at(slam, *point, normal)
+            assert value == pytest.approx(sd, abs=1e-3)
+            assert (gx, gy) == pytest.approx(tuple(normal), abs=0.02)
+
+
+def test_a_corner_keeps_each_wall_in_its_own_layer():
+    slam = default()
+    slam.update(scan_at((0.0, 0.0, 0.0), laser(721), CORNER))
+    for t in (0.2, 0.5):
+        for sd in (-0.05, 0.05):
+            assert field_at(slam, 3.0 - t, 2.0 - sd, (0, -1))[0] == pytest.approx(sd, abs=2e-3)
+            assert field_at(slam, 3.0 - sd, 2.0 - t, (-1, 0))[0] == pytest.approx(sd, abs=2e-3)
+
+
+def test_both_sides_of_a_thin_plate_stay_where_they_are():
+    plate = np.array([*box(-0.5, 1.0, 0.5, 1.02), *box(-4.0, -3.0, 4.0, 3.0)])
+    slam = default()
+    rng = np.random.default_rng(1)
+    path = [(1.6 * math.sin(a), 1.0 - 1.6 * math.cos(a), a) for a in np.linspace(0, 6.2, 250)]
+    first = Pose2(*path[0])
+    for i, pose in enumerate(path):
+        found = slam.update(scan_at(pose, laser(721), plate, 0.01, rng, 0.05 * i))
+        distance, turn = error(first.between(Pose2(*pose)), found)
+        assert distance < 0.01 and turn < 0.005
+    for sd in (-0.03, 0.0, 0.05):
+        low = first.inverse().transform(np.array([[0.0, 1.0 - sd]]))[0]
+        high = first.inverse().transform(np.array([[0.0, 1.02 + sd]]))[0]
+        assert field_at(slam, *low, (0, -1))[0] == pytest.approx(sd, abs=0.006)
+        assert field_at(slam, *high, (0, 1))[0] == pytest.approx(sd, abs=0.006)
+
+
+def layers_of(normal):
+    field = TileField(0.05, 0.15, 100.0).kernel
+    line, rows = np.array([[1.0, -2.0, *normal, 1.0, 2.0, 0.0]]), np.zeros((99, 4))
+    n = list_rows(field, line, 1, PushRule(0.15, 100.0, 0.2), rows)
+    return set(rows[:n, 1].astype(int))
+
+
+def test_layers_cover_every_direction_and_never_opposite_sides():
+    for angle in np.linspace(-np.pi, np.pi, 181):
+        n = (math.cos(angle), math.sin(angle))
+        layers = layers_of(n)
+        assert facing(*n) in layers
+        assert not layers & layers_of((-n[0], -n[1]))
+
+
+def test_gradient_is_the_interpolants():
+    slam = default()
+    for scan in drive(n=30, lidar=laser(361)):
+        slam.update(scan)
+    kernel = slam._field.kernel
+    rng = np.random.default_rng(2)
+    checked = 0
+    for _ in range(12000):
+        x, y = rng.uniform(-4.5, 4.5, 2)
+        layer, h = int(rng.integers(4)), 1e-5
+        value, gx, gy = read_field(kernel, layer, x, y)
+        around = [
+            read_field(kernel, layer, x + a, y + b)[0]
+            for a, b in ((h, 0), (-h, 0), (0, h), (0, -h))
+        ]
+        if np.isfinite([value, *around]).all():
+            checked += 1
+            assert gx == pytest.approx((around[0] - around[1]) / (2 * h), abs=1e-2)
+            assert gy == pytest.approx((around[2] - around[3]) / (2 * h), abs=1e-2)
+    assert checked > 50
+
+
+def test_a_wall_that_went_away_is_erased():
+    room, wall = np.array(box(-3.0, -3.0, 3.0, 3.0)), np.array([(1.0, -0.5, 1.0, 0.5)])
+    slam = default(push_translation=0.0, push_rotation=0.0)
+    for i in range(5):
+        slam.update(scan_at((0.0, 0.0, 0.0), segments=np.vstack([room, wall]), t=0.1 * i))
+    assert occupied(slam, 1.0, 0.0)
+    for i in range(20):
+        slam.update(scan_at((0.0, 0.0, 0.001 * (i % 2)), segments=room, t=1.0 + 0.1 * i))
+    assert not occupied(slam, 1.0, 0.0)
+    assert occupied(slam, 3.0, 0.0)
+
+
+@pytest.mark.parametrize("make", [default, original])
+def test_map_and_field_show_the_room(make):
+    slam = make()
+    for scan in drive(n=25, gyro=False):
+        slam.update(scan)
+    x0, y0, _ = -1 * np.array(drive(n=1).truth_at(np.zeros(1))[0])
+    assert occupied(slam, 5.0 + x0, y0) and occupied(slam, x0, -3.0 + y0)
+    grid = slam.map()
+    ix, iy = (np.array([0.5, 0.5]) - grid.origin) / grid.resolution
+    assert grid.p[int(iy), int(ix)] < 0.5
+    tsd, weight, resolution, origin = slam.field()
+    assert tsd.shape == weight.shape == grid.p.shape
+    assert (resolution, origin) == (grid.resolution, grid.origin)
+    assert np.isfinite(tsd[weight > 0]).all()
+
+
+def test_push_blends_every_line_into_its_cells():
+    field = TileField(0.05, 0.15, 3.0)
+    field._cover(Box(0.0, -1.0, 2.0, 1.0))
+    rule = PushRule(0.15, 3.0, 0.2)
+    rng, rows = np.random.default_rng(6), np.zeros((999, 4))
+    lines = np.array([[1.0, 0.02 * rng.normal(), -0.05 * k, 1.0, 0.9, 1.0, 0.0] for k in range(5)])
+    lines[:, 2:4] /= np.hypot(lines[:, 2], lines[:, 3])[:, None]
+    for k in range(5):
+        n = list_rows(field.kernel, lines[k : k + 1], 1, rule, rows)
+        push_rows(field.kernel, lines[k : k + 1], rows, n, rule)
+    tsd, weight, _, corner = field.picture()
+    for y in (-0.075, -0.025, 0.025, 0.075):
+        iy, ix = int((y - corner[1]) / 0.05), int((1.01 - corner[0]) / 0.05)
+        x = corner[0] + (ix + 0.5) * 0.05
+        cell_y = corner[1] + (iy + 0.5) * 0.05
+        value, total = naive_tsd.pushed_cell(lines[:, :5], x, cell_y, 0.15, 3.0)
+        assert tsd[iy, ix] == pytest.approx(value, abs=1e-5)
+        assert weight[iy, ix] == pytest.approx(total, rel=1e-5)
+
+
+def test_a_sparse_line_is_not_continued_far_beyond_its_hit():
+    field = TileField(0.05, 0.15, 100.0).kernel
+    line = np.array([[2.0, 0.0, 0.0, 1.0, 0.2, 8.0, 0.0]])
+    rows = np.zeros((999, 4))
+    n = list_rows(field, line, 1, PushRule(0.15, 100.0, 0.2), rows)
+    along = field.corner[0] + (rows[:n, 2] + 0.5) * 0.05
+    assert 4 <= n <= 7 and np.abs(along - 2.0).max() <= 0.15
+
+
+def test_carve_marks_what_every_beam_passes():
+    field = TileField(0.05, 0.15, 100.0).kernel
+    gap, laser_at = 0.01, np.array([0.3, -0.2])
+    angles = -1.0 + gap * np.arange(200)
+    ends = laser_at + 4.02 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    lines = np.column_stack([ends, np.zeros((200, 5))])
+    carve(field, lines, 200, *laser_at, PushRule(0.15, 100.0, gap))
+    twin = naive_tsd.passed(laser_at, ends, field.corner, 0.05, field.seen.shape)
+    seen = (field.seen & PASSED) > 0
+    assert not (seen & ~twin).any()
+    assert (twin & ~seen).sum() < 0.02 * twin.sum()  # close by, not every beam is walked
+
+
+def test_a_frozen_map_stays_and_an_inserted_scan_enters_it():
+    slam, room = default(), np.array(box(-3.0, -2.0, 2.5, 2.2))
+    slam.insert_at(scan_at((1.0, 0.5, 0.3), segments=room), Pose2(1.0, 0.5, 0.3))
+    assert slam.report()["pushed"] == 1 and slam._track.pose == Pose2(1.0, 0.5, 0.3)
+    assert occupied(slam, 2.5, 0.5)
+    slam.frozen = True
+    before = slam.map().p.copy()
+    for i in range(4):
+        at = (1.0 + 0.1 * i, 0.5, 0.3)
+        found = slam.update(scan_at(at, segments=room, t=0.5 * i))
+    assert found == pytest.approx(at, abs=0.02)
+    assert np.array_equal(slam.map().p, before, equal_nan=True)
+
+
+@pytest.mark.parametrize("layer", range(4))
+def test_a_surface_is_one_cell_wide_where_it_crosses(layer):
+    x = (np.arange(12) + 0.5) * 0.05
+    tsd = np.tile((x - 0.31) * (1 if layer < 2 else -1), (9, 1)).astype(np.float32)
+    cells = surface_cells(tsd, layer, 0.05)
+    assert (cells.sum(axis=1) == 1).all() and cells[:, 6].all()
+    assert not surface_cells(-tsd, layer, 0.05).any()  # faces the other way
+    assert not surface_cells(3.0 * tsd, layer, 0.05).any()  # two surfaces, none between
+    assert not surface_cells(0.5 * tsd, layer, 0.05).any()  # shows in the other axis' layer
+
+
+def test_the_map_shows_what_the_picture_does_where_tiles_meet():
+    """Walls that cross the borders of tiles: from the layers one by one, as whole images."""
+    slam = default()
+    for scan in drive(n=30):
+        slam.update(scan)
+    field, grid = slam._field, slam.map()
+    expected = np.zeros(grid.p.shape, bool)
+    for layer in range(4):
+        tsd, weight = (
+            field._dense(layer, pool) for pool in (field.kernel.tsd, field.kernel.weight)
+        )
+        tsd = np.where(weight >= CERTAIN, tsd, np.nan)
+        turned = layer % 2 == 1
+        cells = surface_cells(tsd.T if turned else tsd, layer, 0.05)
+        expected |= cells.T if turned else cells
+    assert ((grid.p > 0.5) == expected).all() and expected.sum() > 300
+    picture = slam.field()
+    assert picture[0].shape == grid.p.shape and picture[3] == grid.origin
+
+
+def test_walls_of_the_map_are_thin_and_nothing_else_is_occupied():
+    slam, room = default(), np.array(box(-3.0, -2.0, 2.5, 2.2))
+    for scan in drive(n=40, segments=room):
+        slam.update(scan)
+    grid = slam.map()
+    iy, ix = np.nonzero(grid.p > 0.5)
+    first = Pose2(*drive(n=1).truth_at(np.zeros(1))[0])
+    points = first.transform(np.stack([ix, iy], axis=1) * 0.05 + 0.025 + np.array(grid.origin))
+    off = np.min(np.abs(points[:, [0, 0, 1, 1]] - [-3.0, 2.5, -2.0, 2.2]), axis=1)
+    assert off.max() < 0.05
+    assert np.nanmin(grid.p) < 0.05
+    seen = next(iter(drive(n=1, noise=0.0, segments=room)))
+    ends = seen.ranges[:, None] * seen.laser.directions
+    covered = np.mean([occupied(slam, x, y) for x, y in ends])
+    assert covered > 0.98
+    assert len(ix) < 400  # the outline is 19.4 m, 388 cells, and not all of it is seen
+
+
+def test_pictures_show_both_sides_of_the_field():
+    slam = default()
+    slam.update(scan_at((0.0, 0.0, 0.0)))
+    image = slam.pictures()["map_tsd.png"]
+    assert image.dtype == np.uint8 and image.ndim == 3
+    tsd = np.array([[np.nan, 0.1, -0.1], [0.0, 0.05, np.nan]], np.float32)
+    shown = colored(tsd, 0.1)
+    assert shown[1, 0].tolist() == [205, 205, 205]  # north is up
+    assert shown[1, 1].tolist() == [255, 255, 255] and shown[0, 0].tolist() == [0, 0, 255]
+    assert shown[0, 1].tolist() == [255, 127, 127]
+    assert colored(np.full((2, 2), np.nan, np.float32), 0.1).shape == (1, 1, 3)
+
+
+def test_a_map_that_outgrows_its_room_keeps_what_it_has():
+    small, large = (TileField(0.05, 0.15, 100.0, cells) for cells in (1 << 16, 1 << 24))
+    for k, x in enumerate((0.013, 12.013, -31.013, 3.013)):
+        at = (x + 1.0, 0.313 * k + 0.007)
+        lines = np.array([[x + 2.0, at[1] + 0.02 * i, -1.0, 0.0, 1.0, 1.0, 1.0] for i in range(9)])
+        for field in (small, large):
+            field.push(lines.copy(), Box(x + 2.0, at[1], x + 2.0, at[1] + 0.16), 0.02, *at)
+    assert small.kernel.slots.shape[1] > 2 * 32 >= small.kernel.slots.shape[0]
+    np.testing.assert_array_equal(small.sketch().draw().p, large.sketch().draw().p)
+    ours, theirs = small.picture(), large.picture()
+    assert ours[3] == pytest.approx(theirs[3])
+    assert ours[0] == pytest.approx(theirs[0], abs=1e-6, nan_ok=True)
+    assert (small.sketch().draw().p > 0.5).any()
+
+
+def test_a_sketch_is_not_touched_by_what_comes_later():
+    slam = default()
+    scans = list(drive(n=20))
+    for scan in scans[:10]:
+        slam.update(scan)
+    before, draw = slam.map(), slam.sketch()
+    for scan in scans[10:]:
+        slam.update(scan)
+    np.testing.assert_array_equal(draw().p, before.p)
+
+
+def test_the_picture_is_drawn(tmp_path):
+    draw(tmp_path / "idea.png")
+    assert 10_000 < (tmp_path / "idea.png").stat().st_size < 150_000

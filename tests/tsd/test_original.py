@@ -1,0 +1,262 @@
+"""tsd@original: the published kernels against naive twins, and its modes."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from slams.types import IDENTITY, Pose2
+from tests.rooms import box, cast, drive, laser, scan_at
+from tests.tsd import naive as naive_tsd
+from tests.tsd.cases import (
+    error,
+    original,
+)
+from tsd.original import Original, OriginalParams
+from tsd.original.map import TsdGrid, zero_crossings
+from tsd.original.map_kernels import cast_rays
+from tsd.original.match_kernels import Buckets, Links, closed_form, fill_buckets, nearest, pair_up
+from tsd.original.ransac_kernels import (
+    BeamModel,
+    closest_beams,
+    make_hypothesis,
+    score_beams,
+    score_pdf,
+)
+from tsd.original.scan_kernels import Sensor, mask_scan, oriented_normals
+
+
+def test_zero_crossings_take_the_nearer_cell():
+    tsd = np.array([[0.9, 0.3, -0.7, np.nan, 0.2]], np.float32)
+    assert zero_crossings(tsd).tolist() == [[False, True, False, False, False]]
+
+
+def small_grid(pose, ranges, sensor):
+    grid = TsdGrid(0.05, 0.15, 128, True)
+    mask = np.ones(len(ranges), np.bool_)
+    grid.push(np.array(pose), ranges, mask, sensor)
+    return grid.kernel
+
+
+@pytest.fixture(scope="module")
+def pushed():
+    lidar = laser(541)
+    sensor = Sensor(lidar.angle_min, lidar.angle_increment, 0.001, 30.0, 2.0, 32.0, 0.01)
+    pose, walls = (0.1, -0.2, 0.3), np.array(box(-2.0, -2.2, 2.3, 2.0))
+    ranges = cast(walls, pose, lidar)
+    return small_grid(pose, ranges, sensor), sensor, pose, ranges, lidar
+
+
+def test_push_equals_the_naive_twin(pushed):
+    kernel, _, pose, ranges, lidar = pushed
+    twin = naive_tsd.push_once(
+        kernel.tsd.shape, kernel.corner, kernel.cell, 0.15, pose, ranges, lidar.angles, 0.01
+    )
+    cells = np.kron(kernel.allocated, np.ones((32, 32), bool))
+    assert cells.sum() > 4000
+    assert np.allclose(kernel.tsd[cells], twin[cells], atol=1e-5, equal_nan=True)
+
+
+def test_ray_cast_equals_the_naive_twin_and_the_walls(pushed):
+    kernel, sensor, pose, ranges, lidar = pushed
+    points, mask = np.zeros((541, 2)), np.zeros(541, np.bool_)
+    assert cast_rays(kernel, np.array(pose), sensor, points, mask) == mask.sum() > 400
+    for i in np.flatnonzero(mask)[::20]:
+        angle = lidar.angles[i] + pose[2]
+        twin = naive_tsd.cast_ray(
+            kernel.tsd, kernel.corner, 0.05, pose, (math.cos(angle), math.sin(angle)), 4.0
+        )
+        assert math.hypot(*points[i]) == pytest.approx(twin, abs=2e-3)
+    assert np.median(np.abs(np.hypot(*points[mask].T) - ranges[mask])) < 2e-3
+
+
+def test_mask_drops_short_jumps_and_nan():
+    lidar = laser(9, fov=0.08)
+    sensor = Sensor(lidar.angle_min, lidar.angle_increment, 0.001, 30.0, 2.0, 32.0, 0.01)
+    ranges = np.array([2.0, 2.0, 5.0, 5.0, np.inf, np.nan, 0.1, 2.0, 2.0], np.float32)
+    ranges.flags.writeable = False
+    out, mask = np.zeros(9), np.zeros(9, np.bool_)
+    mask_scan(ranges, sensor, 0.26, math.radians(3), out, mask)
+    assert mask.tolist() == [True, True, False, True, True, False, False, False, True]
+    assert math.isinf(out[5]) and out[6] == 0.0
+
+
+def test_nearest_equals_the_naive_twin():
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-3, 4, (200, 2))
+    buckets = Buckets(
+        np.zeros((64, 64), np.int32), np.zeros(200, np.int64), points, np.zeros(3), 0.05
+    )
+    fill_buckets(buckets, 200)
+    for query in rng.uniform(-4, 5, (300, 2)):
+        for hint in (-1, 7):
+            found, d2, _ = nearest(buckets, query[0], query[1], 0.4, hint)
+            twin = naive_tsd.nearest(points, query, 0.4)
+            assert found == twin
+            if twin >= 0:
+                assert math.sqrt(d2) == pytest.approx(np.hypot(*(points[twin] - query)))
+
+
+def test_closed_form_finds_the_motion():
+    rng = np.random.default_rng(3)
+    scene, motion = rng.uniform(-2, 2, (30, 2)), Pose2(0.2, -0.1, 0.4)
+    pairs, found = closed_form(motion.transform(scene), scene, np.arange(30), 30)
+    assert pairs == 30
+    assert found == pytest.approx(np.array(motion))
+    assert closed_form(scene, scene, np.full(30, -1), 30)[0] == 0
+
+
+def test_hypothesis_lays_point_on_point_and_normal_on_normal():
+    motion = np.zeros(3)
+    model, scene = np.array([1.0, 2.0]), np.array([0.5, -0.3])
+    assert make_hypothesis(model, 0.5, scene, 0.2, 0.8, motion)
+    assert Pose2(*motion).transform(scene[None])[0] == pytest.approx(model)
+    assert motion[2] == pytest.approx(0.3)
+    assert not make_hypothesis(model, 2.0, scene, 0.2, 0.8, motion)
+
+
+def test_score_equals_the_naive_twin(pushed):
+    kernel, _, pose, ranges, lidar = pushed
+    points = (ranges[:, None] * lidar.directions)[::30]
+    for motion in ((0.0, 0.0, 0.0), (0.03, -0.02, 0.01), (0.5, 0.0, 0.0)):
+        twin = naive_tsd.pdf_score(kernel.tsd, kernel.corner, 0.05, points, motion, pose, 0.05)
+        score = score_pdf(
+            kernel,
+            np.column_stack([points, points[:, 0]]),
+            len(points),
+            np.array(motion),
+            np.array(pose),
+            0.05,
+            0.0,
+        )
+        assert score == pytest.approx(twin, rel=1e-4)
+
+
+def test_normals_face_the_laser_and_corners_have_none():
+    lidar = laser(361)
+    points = cast(np.array(box(-2.0, -2.0, 2.0, 2.0)), (0, 0, 0), lidar)[:, None] * lidar.directions
+    phi = np.zeros(361)
+    oriented_normals(points, np.ones(361, np.bool_), phi)
+    assert phi[180] == pytest.approx(math.pi) or phi[180] == pytest.approx(-math.pi)
+    corner = int(np.argmin(np.abs(lidar.angles - math.pi / 4)))
+    assert math.isnan(phi[corner]) and math.isnan(phi[0])
+
+
+@pytest.mark.parametrize("mode", ["icp", "exp", "pdf", "tsd"])
+def test_every_published_mode_follows_a_drive(mode):
+    slam = original(registration=mode, trials=20)
+    log = drive(n=12, odometry=False, gyro=False)
+    truth = log.truth_at(log.t)
+    for p, scan in zip(truth, log, strict=True):
+        distance, turn = error(Pose2(*truth[0]).between(Pose2(*p)), slam.update(scan))
+        assert distance < 0.03 and turn < 0.02
+
+
+def test_pre_registration_bridges_a_turn_that_icp_does_not():
+    turn = (0.1, 0.05, 0.4)
+    found = {}
+    for mode in ("icp", "tsd"):
+        slam = original(registration=mode)
+        slam.update(scan_at((0.0, 0.0, 0.0)))
+        found[mode] = error(turn, slam.update(scan_at(turn, t=1.0)))[0]
+    assert found["tsd"] < 0.03 < found["icp"]
+
+
+def test_original_refuses_long_steps():
+    slam = original(max_translation=0.01)
+    slam.update(scan_at((0.0, 0.0, 0.0)))
+    assert slam.update(scan_at((0.2, 0.0, 0.0), t=0.1)) == IDENTITY
+    assert slam.report()["rejected"] == 1
+
+
+def test_original_knows_no_time_in_a_scan():
+    """A sweep is registered once, as if all its beams were measured at the stamp."""
+    slow = dataclasses.replace(laser(361), time_increment=0.0005)
+    path = [Pose2(0.03 * i, 0.0, 0.02 * i) for i in range(8)]
+    poses = []
+    for lidar in (laser(361), slow):
+        slam = original()
+        poses.append([slam.update(scan_at(p, lidar, t=0.2 * i)) for i, p in enumerate(path)])
+    assert poses[0] == poses[1]
+    assert error(path[-1], poses[0][-1])[0] < 0.03
+
+
+@pytest.mark.parametrize("grows", [True, False])
+def test_published_grid_grows_only_when_it_may(grows):
+    slam = Original(OriginalParams(map_size=6, grows=grows, registration="icp"))
+    slam.update(scan_at((0.0, 0.0, 0.0)))
+    assert (slam.map().p.shape[0] > 64) == grows
+
+
+def test_pairs_equal_the_naive_twin_while_the_scene_moves():
+    rng = np.random.default_rng(4)
+    model = rng.uniform(-2, 2, (300, 2))
+    scene = model[rng.permutation(300)[:250]] + rng.normal(0.0, 0.03, (250, 2))
+    buckets = Buckets(
+        np.zeros((64, 64), np.int32), np.zeros(300, np.int64), model, np.zeros(3), 0.05
+    )
+    fill_buckets(buckets, 300)
+    links = Links(
+        np.full(250, -1), np.full(300, -1), np.zeros(300), np.full(250, -1.0), np.zeros((250, 2))
+    )
+    searched = 0
+    for gate in (0.4, 0.3, 0.2, 0.1, 0.05):
+        before = links.at.copy()
+        pair_up(buckets, scene, 250, gate**2, links)
+        searched += int((links.at != before).any(axis=1).sum())
+        assert np.array_equal(links.partner, naive_tsd.matched_pairs(model, scene, gate))
+        scene = Pose2(0.004, -0.003, 0.002).transform(scene)
+    assert searched < 4 * 250  # most keep their nearest
+
+
+def test_beam_score_equals_the_naive_twin():
+    lidar = laser(181)
+    ranges = cast(np.array(box(-2.0, -2.0, 2.5, 2.0)), (0, 0, 0), lidar)
+    model = ranges[:, None] * lidar.directions
+    closest, mask = np.zeros((181, 2)), np.arange(181) % 7 != 3
+    closest_beams(model, mask, lidar.angle_increment, closest)
+    angles = np.array([lidar.angle_min, lidar.angle_increment])
+    beam_model = BeamModel(0.2, 0.2, 0.2, 0.05, 0.1, 0.08, 30.0, 0.0262, 0.6, 0.15)
+    control = np.column_stack([model[::9], np.zeros(21)])
+    for motion in ((0.0, 0.0, 0.0), (0.05, -0.03, 0.02), (0.8, 0.5, 0.3)):
+        score = score_beams(closest, angles, control, 21, np.array(motion), beam_model, 0.0)
+        twin = naive_tsd.beam_score(closest, angles, control[:, :2], motion, beam_model)
+        assert score == pytest.approx(twin, rel=1e-9)
+
+
+def test_rays_jump_over_free_space_without_missing_anything():
+    slam = Original(OriginalParams(registration="icp", map_size=6))
+    slam.update(scan_at((0.0, 0.0, 0.0)))
+    slam.update(scan_at((0.3, 0.1, 0.2), t=0.1))
+    kernel, sensor = slam._grid.kernel, slam._view.sensor
+    assert 0.01 < kernel.near.mean() < 0.5
+    for pose in ((0.3, 0.1, 0.2), (-1.0, 0.5, 2.0), (4.6, 1.1, 1.0), (5.2, 0.0, 0.3)):
+        found = []
+        for near in (kernel.near, np.ones_like(kernel.near)):
+            points, mask = np.zeros((361, 2)), np.zeros(361, np.bool_)
+            cast_rays(kernel._replace(near=near), np.array(pose), sensor, points, mask)
+            found.append((points, mask))
+        assert np.array_equal(found[0][1], found[1][1])
+        assert found[0][0] == pytest.approx(found[1][0], abs=1e-9)
+
+
+def near_by_hand(tsd):
+    n = len(tsd)
+    padded = np.pad(tsd, ((0, 1), (0, 1)), constant_values=np.nan)
+    below = [padded[j : j + n, i : i + n] <= 0.0 for j in (0, 1) for i in (0, 1)]
+    return np.any(below, axis=0).reshape(n // 8, 8, n // 8, 8).any(axis=(1, 3))
+
+
+def test_cells_below_zero_are_near_for_every_interpolation_that_reads_them(pushed):
+    kernel, sensor, pose, ranges, _ = pushed
+    assert np.array_equal(kernel.near, near_by_hand(kernel.tsd))
+    grid, mask = TsdGrid(0.05, 0.15, 256, True), np.ones(541, np.bool_)
+    grid.push(np.array(pose), ranges, mask, sensor)
+    side = len(grid.kernel.tsd)
+    far = np.array([6.0, 6.0, 0.0])
+    grid.push(far, np.full(541, np.inf), np.zeros(541, np.bool_), sensor)
+    grid.push(far, np.full(541, 3.0), mask, sensor)
+    assert len(grid.kernel.tsd) > side
+    below = near_by_hand(grid.kernel.tsd)
+    assert (grid.kernel.near | ~below).all()

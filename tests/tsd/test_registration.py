@@ -1,0 +1,220 @@
+"""tsd: ray cast, hypotheses, ICP and alignment to the field, against twins by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.geometry import FREEDOM, solve3
+from slams.registry import create
+from slams.types import IDENTITY, Pose2
+from tests.rooms import box, drive, laser, scan_at
+from tests.tsd import naive as naive_tsd
+from tests.tsd.cases import (
+    default,
+    error,
+    scanned,
+)
+from tsd.icp_kernels import IcpRule, find_pair, sum_pairs
+from tsd.map_kernels import (
+    facing,
+    read_field,
+)
+from tsd.match_kernels import FLAT, MatchRule, align
+from tsd.ransac_kernels import AGAINST, PairRule, score_pose, try_pairs
+
+
+def test_cholesky_solves():
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(3, 3))
+    H, b, dx = A @ A.T + np.eye(3), rng.normal(size=3), np.zeros(3)
+    assert solve3(H, b, dx)
+    assert dx == pytest.approx(np.linalg.solve(H, b))
+    assert not solve3(np.ones((3, 3)), b, dx)
+
+
+def test_pose_score_equals_the_naive_twin_and_stops_when_it_cannot_win():
+    slam, elements = scanned()
+    kernel, rule, pose = slam._field.kernel, PairRule(0.6, 0.8, 0.15), np.array(slam._track.pose)
+    for shift in ((0.0, 0.0, 0.0), (0.07, -0.04, 0.02), (0.5, 0.6, 0.4)):
+        at = pose + shift
+        twin = naive_tsd.pose_score(kernel, elements, at, 0.15, AGAINST)
+        score = score_pose(kernel, elements, len(elements), at, rule, -np.inf)
+        assert score == pytest.approx(twin, rel=1e-4, abs=1e-3)
+    best = naive_tsd.pose_score(kernel, elements, pose, 0.15, AGAINST)
+    assert best > 0.7 * len(elements)
+    wrong = pose + np.array([0.5, 0.6, 0.4])
+    assert score_pose(kernel, elements, len(elements), wrong, rule, best) <= best
+
+
+def test_pairs_equal_the_naive_twin_within_the_limits():
+    slam, elements = scanned()
+    elements = np.ascontiguousarray(elements[::9])
+    kernel, model = slam._field.kernel, slam._registration.cast(slam._track.pose)
+    lines = model.points
+    start = np.array(slam._track.pose @ Pose2(0.2, 0.1, 0.2))
+    rule = PairRule(0.5, math.cos(0.4), 0.15)
+    trials = np.flatnonzero(lines[:, 4])[::7]
+    best = np.zeros((len(trials) + 1, 4))
+    try_pairs(kernel, lines, trials, elements, len(elements), start, rule, best)
+    for m, row in zip(trials, best, strict=False):
+        scores = [0.0]
+        for element in elements:
+            pose = naive_tsd.pair_pose(lines[m], element)
+            distance, turn = error(start, pose)
+            if distance <= 0.5 and turn <= 0.4:
+                scores.append(naive_tsd.pose_score(kernel, elements, pose, 0.15, AGAINST))
+        assert row[3] == pytest.approx(max(scores), rel=1e-3, abs=1e-2)
+    assert best[:-1, 3].max() > 0.7 * len(elements)
+    distance, turn = error(slam._track.pose, best[best[:-1, 3].argmax(), :3])
+    assert distance < 0.1 and turn < 0.05
+
+
+def test_alignment_equals_gauss_newton_by_hand():
+    slam, elements = scanned()
+    rule = MatchRule(1, 1e-4, 1e-5, 0.03, 0.01)
+    prior = np.diag([100.0, 200.0, 300.0]) + 20.0
+    start = np.array(slam._track.pose) + np.array([0.02, -0.01, 0.01])
+    found, room = start.copy(), np.zeros((5, 3))
+    known = start + np.array([0.01, 0.02, -0.01])
+    align(slam._field.kernel, elements, len(elements), known, prior, rule, found, room)
+    H, b = np.zeros((3, 3)), np.zeros(3)
+    for x, y, nx, ny, information, _ in elements:
+        p = Pose2(*start).transform(np.array([[x, y]]))[0]
+        n = Pose2(0.0, 0.0, start[2]).transform(np.array([[nx, ny]]))[0]
+        v, *gradient = read_field(slam._field.kernel, facing(*n), *p)
+        if math.isnan(v):
+            continue
+        if np.hypot(*gradient) > FLAT:
+            n = np.array(gradient) / np.hypot(*gradient)
+        lever = p - start[:2]
+        J = np.array([n[0], n[1], n[1] * lever[0] - n[0] * lever[1]])
+        w = 1.0 / (1.0 / information + 0.01**2) / (1.0 + (v / 0.09) ** 2) ** 2
+        H, b = H + w * np.outer(J, J), b - w * J * v
+    prior = prior * (FREEDOM + 3.0) / (FREEDOM + (known - start) @ prior @ (known - start))
+    expected = np.linalg.solve(H + prior, b + prior @ (known - start))
+    assert found - start == pytest.approx(expected, rel=1e-9)
+    assert room[:3] == pytest.approx(H)
+
+
+@pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (0.3, 0.2, 1.0), (-0.4, 0.1, -2.5)])
+def test_the_model_scan_shows_the_walls(pose):
+    slam, lidar = default(), laser(721)
+    slam.update(scan_at((0.0, 0.0, 0.0), lidar, np.array(box(-3.0, -2.0, 2.5, 2.2))))
+    for turn in np.linspace(0.5, 6.0, 12):  # all walls are in the map
+        slam.insert_at(
+            scan_at((0.0, 0.0, turn), lidar, np.array(box(-3.0, -2.0, 2.5, 2.2))),
+            Pose2(0.0, 0.0, turn),
+        )
+    model = slam._registration.cast(Pose2(*pose))
+    x, y, nx, ny, r = model.points[model.points[:, 4] > 0.0].T
+    assert len(r) > 0.97 * len(model.points)
+    off = np.abs([x + 3.0, x - 2.5, y + 2.0, y - 2.2])
+    assert off.min(axis=0).max() < 5e-3
+    normals = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])[off.argmin(axis=0)]
+    cosines = nx * normals[:, 0] + ny * normals[:, 1]
+    assert np.quantile(cosines, 0.1) > 0.99  # but for corners
+    assert r == pytest.approx(np.hypot(x - pose[0], y - pose[1]))
+    fan = model.fan
+    angles = np.arctan2(y - pose[1], x - pose[0]) - pose[2] - fan.first
+    rays = np.flatnonzero(model.points[:, 4] > 0.0)
+    assert np.sin(angles - rays * fan.gap) == pytest.approx(np.zeros(len(r)), abs=1e-9)
+
+
+def test_the_model_scan_shows_the_front_of_what_is_near():
+    plate = np.array([*box(1.0, -0.3, 1.02, 0.3), *box(-3.0, -3.0, 3.0, 3.0)])
+    slam = default()
+    slam.update(scan_at((0.0, 0.0, 0.0), laser(721), plate))
+    slam.insert_at(scan_at((2.2, 0.0, np.pi), laser(721), plate), Pose2(2.2, 0.0, np.pi))
+    for base, sees in ((Pose2(0.0, 0.0, 0.0), 1.0), (Pose2(2.2, 0.0, np.pi), 1.02)):
+        model = slam._registration.cast(base)
+        ahead = np.abs(model.fan.first + np.arange(model.fan.rays) * model.fan.gap) < 0.15
+        assert model.points[ahead, 0] == pytest.approx(np.full(ahead.sum(), sees), abs=2e-3)
+
+
+def icp_by_hand(model, elements, pose, gate, rule):
+    """Pairs and normal equations of point to line, the plain way."""
+    H, b, pairs = np.zeros((3, 3)), np.zeros(3), 0
+    hit = model.points[:, 4] > 0.0
+    for x, y, nx, ny, information, _ in elements:
+        p = Pose2(*pose).transform(np.array([[x, y]]))[0]
+        n = Pose2(0.0, 0.0, pose[2]).transform(np.array([[nx, ny]]))[0]
+        d = np.hypot(*(model.points[:, :2] - p).T)
+        d[~hit | (model.points[:, 2:4] @ n <= 0.7)] = np.inf
+        m = int(d.argmin())
+        if not np.isfinite(d[m]):
+            continue
+        n, d = model.points[m, 2:4], p - model.points[m, :2]
+        off, r = d @ n, model.points[m, 4]
+        front = abs(n @ (p - (model.x, model.y))) + 0.1 * r
+        if (
+            abs(off) >= gate
+            or abs(n[0] * d[1] - n[1] * d[0]) >= gate + model.fan.gap * r * r / front
+        ):
+            continue
+        lever = p - pose[:2]
+        J = np.array([n[0], n[1], n[1] * lever[0] - n[0] * lever[1]])
+        w = (1.0 - (off / gate) ** 2) ** 2 / (1.0 / information + rule.map_noise**2)
+        H, b, pairs = H + w * np.outer(J, J), b - w * J * off, pairs + 1
+    return pairs, H, b
+
+
+def test_icp_sums_the_nearest_pairs_point_to_line():
+    slam, elements = scanned()
+    pose = np.array(slam._track.pose) + np.array([0.02, -0.01, 0.01])
+    model = slam._registration.cast(Pose2(*pose))
+    rule = IcpRule(1, 1e-4, 1e-5, 0.1, 0.05, model.fan.rays, 0.01)
+    room = np.zeros((4, 3))
+    pairs, _ = sum_pairs(model, elements, len(elements), pose, rule, 0.1, room)
+    count, H, b = icp_by_hand(model, elements, pose, 0.1, rule)
+    assert pairs == count > 0.8 * len(elements)
+    assert room[:3] == pytest.approx(H) and room[3] == pytest.approx(b)
+
+
+def test_pairs_are_found_across_the_seam_of_a_full_circle():
+    slam, lidar = default(), laser(720, fov=2.0 * math.pi * 719 / 720)
+    slam.update(scan_at((0.0, 0.0, 0.0), lidar, np.array(box(-3.0, -2.0, 2.5, 2.2))))
+    model = slam._registration.cast(IDENTITY)
+    assert model.fan.around == model.fan.rays == 180
+    for y in (0.02, -0.02):  # astern, on either side of the seam
+        found = find_pair(model, -3.0, y, 1.0, 0.0, 2)
+        assert np.hypot(*(model.points[found, :2] - (-3.0, y))) < 0.06
+    assert find_pair(model, -3.0, 0.0, -1.0, 0.0, 2) == -1  # the back of the wall
+
+
+@pytest.mark.parametrize("label", ["tsd", "tsd@paper"])
+def test_the_mechanism_poses_every_scan(label):
+    log = drive(n=60, odometry=False, gyro=False)
+    truth, slam = log.truth_at(log.t), create(label)
+    for p, scan in zip(truth, log, strict=True):
+        distance, turn = error(Pose2(*truth[0]).between(Pose2(*p)), slam.update(scan))
+        assert distance < 0.012 and turn < 0.006
+    report = slam.report()
+    assert report["posed"] == report["kept"] == 59
+    assert report["refined"] == (59 if label == "tsd" else 0)
+    assert report["rejected"] == report["searched"] == 0
+
+
+def test_icp_comes_back_from_farther_than_the_field_reaches():
+    slam = default(refine=False)
+    slam.update(scan_at((0.0, 0.0, 0.0)))
+    slam._view.see(scan_at((0.0, 0.0, 0.0)), IDENTITY)
+    slam._track.prior = lambda pose: np.zeros((3, 3))
+    off = Pose2(0.3, -0.28, 0.1)  # the field reaches 0.15 m
+    found = slam._registration.icp(off, off)
+    assert error(IDENTITY, found.pose)[0] < 0.005 and error(IDENTITY, found.pose)[1] < 0.003
+    narrow = default(refine=False, widest_gate=0.02)
+    narrow.update(scan_at((0.0, 0.0, 0.0)))
+    narrow._view.see(scan_at((0.0, 0.0, 0.0)), IDENTITY)
+    narrow._track.prior = lambda pose: np.zeros((3, 3))
+    astray = narrow._registration.icp(off, off)
+    assert astray is None or error(IDENTITY, astray.pose)[0] > 0.05
+
+
+def test_what_icp_finds_elsewhere_is_refined_and_both_compete():
+    slam, _ = scanned()
+    pose = slam._track.pose
+    slam._posed, slam._refined = [], []
+    refined, posed = slam._candidates(pose @ Pose2(0.05, 0.03, 0.02), pose)
+    assert refined is slam._refined[0] and posed is slam._posed[0]
+    assert slam._candidates(pose, pose) == slam._posed[1:]  # leads to what was refined already

@@ -1,0 +1,183 @@
+"""tsd: from ranges to surface elements."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from slams.types import IDENTITY, Pose2
+from tests.rooms import ROOM, box, cast, laser, scan_at
+from tests.tsd import naive as naive_tsd
+from tests.tsd.cases import RULE, default, hits_of
+from tsd.map import TileField
+from tsd.map_kernels import (
+    PushRule,
+    list_rows,
+    place_lines,
+)
+from tsd.scan_kernels import (
+    Beams,
+    Twist,
+    drop_specks,
+    find_hits,
+    find_runs,
+    fit_best_line,
+    fit_line,
+    fit_surfaces,
+    sum_moments,
+)
+
+
+def test_line_fit_is_total_least_squares():
+    rng = np.random.default_rng(0)
+    for turn in np.linspace(0.0, 3.0, 7):
+        t = np.linspace(-0.2, 0.3, 20)
+        points = np.stack([t * math.cos(turn) + 2.0, t * math.sin(turn) - 1.0], axis=1)
+        points += rng.normal(0.0, 0.005, points.shape)
+        sums = np.zeros((21, 5))
+        sum_moments(np.column_stack([points, np.zeros((20, 2))]), 20, sums)
+        x, y, nx, ny, variance = fit_line(sums, 0, 20)
+        center, normal = naive_tsd.line_of(points)
+        assert (x, y) == pytest.approx(tuple(center))
+        assert abs(nx * normal[0] + ny * normal[1]) == pytest.approx(1.0, abs=1e-6)
+        offsets = (points - center) @ normal
+        assert variance == pytest.approx((offsets**2).sum() / 18, rel=1e-6)
+
+
+def test_hits_of_a_moving_laser_lie_on_the_walls():
+    lidar = laser(181, time_increment=0.1 / 181)
+    twist, walls = Twist(0.6, -0.2, 0.9), np.array(box(-3.0, -2.0, 2.0, 3.0))
+    ranges = np.empty(181, np.float32)
+    for i in range(181):
+        t = (i - 90) * lidar.time_increment
+        turn = twist.omega * t
+        pose = Pose2(twist.vx * t, twist.vy * t, turn)
+        one = laser(1)
+        ranges[i] = cast(walls, pose @ Pose2(0.0, 0.0, lidar.angles[i] - one.angles[0]), one)[0]
+    ranges.flags.writeable = False
+    beams = Beams(
+        lidar.directions,
+        0.0,
+        0.0,
+        0.0,
+        lidar.angle_increment,
+        0.1,
+        30.0,
+        lidar.time_increment,
+    )
+    hits = np.zeros((181, 4))
+    assert find_hits(ranges, beams, twist, hits) == 181
+    x, y = hits[:, 0], hits[:, 1]
+    off = np.min(np.abs([x + 3.0, x - 2.0, y + 2.0, y - 3.0]), axis=0)
+    assert off.max() < 1e-5
+    find_hits(ranges, beams, Twist(0.0, 0.0, 0.0), hits)
+    x, y = hits[:, 0], hits[:, 1]
+    assert np.min(np.abs([x + 3.0, x - 2.0, y + 2.0, y - 3.0]), axis=0).max() > 0.02
+
+
+def test_runs_equal_the_naive_twin():
+    lidar = laser(361)
+    ranges = cast(ROOM, (0.3, -0.2, 0.5), lidar).copy()
+    ranges[100:106] = np.inf
+    ranges[200] = np.inf
+    beams, hits, count = hits_of(ranges, lidar)
+    runs = np.zeros((361, 2))
+    find_runs(hits, count, beams, RULE, runs)
+    x_y, r, i = hits[:count, :2], hits[:count, 2], hits[:count, 3]
+    twin = naive_tsd.runs_of(x_y, r, i, lidar.angle_increment, 8.0, 0.01)
+    assert runs[:count].tolist() == [list(map(float, run)) for run in twin]
+    assert len({tuple(run) for run in twin}) > 3
+
+
+def test_the_best_of_three_windows_lies_on_one_wall_only():
+    t = np.arange(20) * 0.02
+    points = np.concatenate(
+        [np.stack([t - 0.4, 0.0 * t], axis=1), np.stack([0.0 * t, -t - 0.02], axis=1)]
+    )
+    sums = np.zeros((41, 5))
+    sum_moments(np.column_stack([points, np.zeros((40, 2))]), 40, sums)
+    for k, normal in ((17, (0.0, 1.0)), (18, (0.0, 1.0)), (21, (1.0, 0.0)), (22, (1.0, 0.0))):
+        *_, nx, ny, variance = fit_best_line(sums, k, 4, 0, 40)
+        assert abs(nx * normal[0] + ny * normal[1]) == pytest.approx(1.0, abs=1e-6)
+        assert variance < 1e-10
+
+
+def test_surface_elements_stand_for_their_beams():
+    lidar = laser(1081)
+    room = np.array(box(-2.0, -3.0, 4.0, 2.5))
+    beams, hits, count = hits_of(cast(room, (0.0, 0.0, 0.0), lidar), lidar)
+    runs, sums, out = np.zeros((1081, 2)), np.zeros((1082, 5)), np.zeros((1081, 6))
+    find_runs(hits, count, beams, RULE, runs)
+    sum_moments(hits, count, sums)
+    n = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.05, out)
+    x, y, nx, ny, information, index = out[:n].T
+    assert np.min(np.abs([x + 2.0, x - 4.0, y + 3.0, y - 2.5]), axis=0).max() < 1e-3
+    assert (nx * x + ny * y < 0.0).all()  # towards the laser
+    assert np.abs(np.hypot(nx, ny) - 1.0).max() < 1e-9
+    assert (np.diff(index) > 0).all()
+    wall = (np.abs(x - 4.0) < 1e-3) & (np.abs(y) < 1.0)  # at 4 m: a beam every 1.7 cm
+    step = np.hypot(x, y) * lidar.angle_increment
+    stride = np.maximum((0.05 / step).astype(int), 1)
+    cosine = 4.0 / np.hypot(x, y)
+    expected = stride / ((0.01 * cosine) ** 2 + (0.2 * step) ** 2)
+    assert information[wall] == pytest.approx(expected[wall], rel=0.05)
+    dense = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.0, out)
+    assert dense > 0.97 * count
+
+
+def test_range_noise_is_measured():
+    walls, rng = np.array(box(-3.0, -2.0, 2.5, 2.2)), np.random.default_rng(8)
+    for sigma in (0.003, 0.05):
+        slam = default()
+        for i in range(30):
+            slam.update(scan_at((0.0, 0.0, 0.0), laser(721), walls, sigma, rng, 0.1 * i))
+        assert slam._view.noise == pytest.approx(max(sigma, 0.01), rel=0.15)
+
+
+def test_a_hit_alone_between_far_beams_has_no_normal():
+    for n_beams, alone in ((41, True), (1081, False)):
+        lidar = laser(n_beams)
+        ranges = np.full(n_beams, np.inf, np.float32)
+        ranges[n_beams // 2] = 6.0
+        beams, hits, count = hits_of(ranges, lidar)
+        runs, sums, out = np.zeros((count, 2)), np.zeros((count + 1, 5)), np.zeros((count, 6))
+        rule = RULE._replace(widest=0.5)
+        find_runs(hits, count, beams, rule, runs)
+        sum_moments(hits, count, sums)
+        assert fit_surfaces(hits, count, runs, sums, beams, rule, 0.05, out) == (not alone)
+        assert fit_surfaces(hits, count, runs, sums, beams, rule, 0.0, out) == 1
+        assert np.hypot(*out[0, 2:4]) == pytest.approx(0.0 if alone else 1.0)
+        line = out.copy()
+        lines = np.zeros((1, 7))
+        place_lines(line, 1, runs, beams, np.zeros(3), lines)
+        field, rows = TileField(0.05, 0.15, 100.0).kernel, np.zeros((999, 4))
+        rule = PushRule(0.15, 100.0, lidar.angle_increment)
+        assert not alone or list_rows(field, lines, 1, rule, rows) == 0
+
+
+def test_hits_that_nothing_is_seen_beside_are_left_out():
+    lidar, rng = laser(1081), np.random.default_rng(4)
+    corridor = np.array([(-40.0, 1.0, 40.0, 1.0), (-40.0, -1.0, 40.0, -1.0)])
+    for segments in (ROOM, corridor):  # far along a corridor hits are a meter apart
+        beams, hits, count = hits_of(cast(segments, (0.3, -0.2, 0.5), lidar), lidar)
+        assert drop_specks(hits, count, beams, RULE) >= count - 2
+    clean = cast(ROOM, (0.3, -0.2, 0.5), lidar)
+    struck = rng.random(1081) < 0.3
+    beams, hits, count = hits_of(np.where(struck, rng.uniform(0.1, clean), clean), lidar)
+    left = drop_specks(hits, count, beams, RULE)
+    kept = hits[:left, 3].astype(int)
+    assert (np.diff(kept) > 0).all()
+    assert struck[kept].sum() < 0.3 * struck.sum()
+    assert (~struck[kept]).sum() > 0.95 * (~struck).sum()
+    whole = ~struck[kept]
+    assert hits[:left, 2][whole] == pytest.approx(clean[kept][whole])
+
+
+def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():
+    clean, dusty, rng = default(), default(), np.random.default_rng(5)
+    scan = scan_at((0.3, -0.2, 0.5), laser(1081), noise=0.01, rng=rng)
+    struck = rng.random(1081) < 0.3
+    short = np.where(struck, rng.uniform(0.1, scan.ranges), scan.ranges).astype(np.float32)
+    few = clean._view.see(scan, IDENTITY)
+    assert dusty._view.see(dataclasses.replace(scan, ranges=short), IDENTITY) < 1.5 * few
