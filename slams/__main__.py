@@ -17,6 +17,7 @@ COMMANDS = {
     "play": "slams.play",
     "compare": "bench.compare",
     "sweep": "bench.sweep",
+    "localize": "bench.localize",
     "simulate": "bench.simulate",
     "convert": "slams.convert",
     "check": "slams.check",

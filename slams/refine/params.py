@@ -49,7 +49,12 @@ class RefineParams(ScanParams):
         low=0.001,
     )
     line_steps: int = param(
-        12, "1", "Gauss-Newton steps on the lines, at most", source="ours: 3 are usual", low=1
+        12,
+        "1",
+        "Gauss-Newton steps on the lines, at most",
+        source="ours: 3 are usual",
+        low=1,
+        high=1000,
     )
     converged: float = param(
         2e-4,

@@ -102,7 +102,9 @@ def test_what_tells_of_the_machine_is_said_and_not_kept(tmp_path):
 
 def test_other_code_than_the_sweep_was_started_with_is_no_result():
     task = toy("run", n=1)
-    with pytest.raises(RuntimeError, match=r"has not the code .*tests\.bench\.toy_runs.* start again"):
+    with pytest.raises(
+        RuntimeError, match=r"has not the code .*tests\.bench\.toy_runs.* start again"
+    ):
         perform(task, task.key_for("older code"))
     absent = Task("absent:run", {}, ("absent_package",))
     with pytest.raises(RuntimeError, match="has not the code"):
