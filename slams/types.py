@@ -193,7 +193,8 @@ class Confident(Protocol):
     Attributes:
         state: "matched", the map explains the scan; "predicted", it does not, and the pose is the
             prediction; "lost", nothing was matched for a second and no wheels hold the pose to 0.5
-            m and 0.3 rad. Nothing enters the map while lost; `report()["lost"]` counts such scans.
+            m and 0.3 rad (then nothing enters the map), or along a corridor scans leave the place
+            open by more than that (the map goes on). `report()["lost"]` counts such scans.
         quality: share of the scan that the map explains, 0..1.
         covariance: of the pose against the map, (3, 3) [m, rad]; inf where unknown, never 0.
     """
