@@ -8,6 +8,14 @@ import pytest  # noqa: E402
 from tests.places import SHARED  # noqa: E402
 
 
+def pytest_collection_modifyitems(items):
+    """By the files' names, whatever the folder: the accuracy of all algorithms comes first.
+
+    It compiles the kernels; else many processes of the benchmark's tests do so at once.
+    """
+    items.sort(key=lambda item: item.path.name)
+
+
 @pytest.fixture
 def shared_data():
     """A file of the measured logs; skips where they are not at hand."""

@@ -92,6 +92,8 @@ class DaskWorkers:
 def _connected(address: str, time_out: float) -> Client:
     try:
         from distributed import Client
+        from distributed.comm.addressing import parse_address
+        from distributed.comm.registry import get_backend
     except ImportError:
         raise LookupError(
             "--dask needs dask.distributed, which is not installed: pip install 'slams[cluster]'"
@@ -100,6 +102,7 @@ def _connected(address: str, time_out: float) -> Client:
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
+        get_backend(parse_address(address)[0])  # a client of no known scheme leaves a thread behind
         return _within(time_out, lambda: Client(address, timeout=time_out, set_as_default=False))
     except ValueError as error:
         raise ValueError(
