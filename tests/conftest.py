@@ -1,7 +1,11 @@
 import os
+import signal
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell; what
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # tests start would inherit it
 
 import pytest  # noqa: E402
 

@@ -2,8 +2,34 @@
 
 import contextlib
 import os
+import signal
+import subprocess
 import time
 from pathlib import Path
+
+OPEN = []  # commands in sessions of their own that no test has seen the end of
+
+
+def in_session(words, **more):
+    """A command in a session of its own, which `close_sessions` ends with all that it started."""
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(
+        [*map(str, words)], start_new_session=True, stdout=pipe, stderr=pipe, text=True, **more
+    )
+    OPEN.append(process)
+    return process
+
+
+def close_sessions():
+    """Kill what is left of every session, also what begins meanwhile."""
+    while OPEN:
+        process = OPEN.pop()
+        while left := processes_of(process.pid):
+            for pid in left:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            process.poll()  # a parent has to ask, or it stays for dead
+        process.communicate()
 
 
 def is_alive(pid):

@@ -1,9 +1,9 @@
 """The sweep: what it counts, what it shows, and that it is the same wherever it is done."""
 
 import json
-import os
-import subprocess
+import signal
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -19,6 +19,7 @@ from bench.run import plan
 from bench.run.trial import judged
 from slams import Params, Pose2
 from slams.player import Run, replay
+from tests.processes import ends, in_session, processes_of, signal_one
 from tests.rooms import drive
 
 
@@ -261,9 +262,7 @@ def test_what_is_done_is_not_done_again(log, tmp_path, monkeypatch):
 
 def test_a_sweep_killed_goes_on_where_it_was(log, tmp_path):
     words = arguments_of(log, tmp_path / "out", "--jobs", "1")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "bench.sweep", *words], stderr=subprocess.DEVNULL
-    )
+    process = in_session([sys.executable, "-m", "bench.sweep", *words])
     runs = tmp_path / "out" / "runs"
     try:
         while process.poll() is None and len(list(runs.rglob("*.cost.json"))) < 3:
@@ -339,26 +338,11 @@ def test_damaged_sweeps_are_refused(tmp_path):
 
 
 def test_no_worker_survives_an_interrupt(log, tmp_path):
-    import signal
-    import time
-
     words = arguments_of(log, tmp_path / "out", "--jobs", "2")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "bench.sweep", *words],
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    process = in_session([sys.executable, "-m", "bench.sweep", *words])
     runs = tmp_path / "out" / "runs"
     while process.poll() is None and not list(runs.rglob("*.cost.json")):
         time.sleep(0.02)
-    process.send_signal(signal.SIGTERM)
-    process.wait(20)
-    deadline = time.monotonic() + 10.0
-    while time.monotonic() < deadline:
-        try:
-            os.killpg(process.pid, 0)
-        except ProcessLookupError:
-            break
-        time.sleep(0.1)
-    else:
-        pytest.fail("a worker is left")
+    signal_one(process, signal.SIGTERM)
+    process.communicate(timeout=20.0)
+    assert ends(processes_of(process.pid)), "a worker is left"

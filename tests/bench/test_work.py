@@ -23,7 +23,7 @@ from bench.run.store import Store
 from bench.run.work import Task, perform, run_all
 from tests.bench.toy_runs import Here
 from tests.places import ROOT
-from tests.processes import ends, processes_of, signal_group, signal_one
+from tests.processes import ends, in_session, processes_of, signal_group, signal_one
 
 TOY = ("tests.bench.toy_runs",)
 
@@ -247,14 +247,7 @@ for _ in work:
 def driver(folder, count, seconds, log, who=0, jobs=2, then="pass"):
     """A sweep in a session of its own, past its imports."""
     words = [folder, count, seconds, log, who, jobs]
-    process = subprocess.Popen(
-        [sys.executable, "-c", DRIVER + then, *map(str, words)],
-        cwd=ROOT,
-        start_new_session=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = in_session([sys.executable, "-c", DRIVER + then, *words], cwd=ROOT)
     assert process.stdout.readline() == "ready\n"
     return process
 
