@@ -45,7 +45,7 @@ class Climber:
         return Prior(*pose, information, 2.0 * doubt / rays)
 
     def climb(self, walls: WallGrid, view: ScanReader, prior: Prior, uncertain: float) -> Climbed:
-        """Step 2 from the prediction alone; `uncertain` [m] is its deviation."""
+        """Step 3 from the prediction alone; `uncertain` [m] is its deviation."""
         start = Pose2(prior.x, prior.y, prior.theta)
         return self._climb(walls, view, prior, start, uncertain)
 
@@ -57,7 +57,7 @@ class Climber:
         others: list[Pose2],
         best: Climbed,
     ) -> Climbed:
-        """Step 2, restarts: from the `others` first, then drawn; ends when one is good enough."""
+        """Step 3, restarts: from the `others` first, then drawn; ends when one is good enough."""
         p, rays = self.params, view.ends
         drawn = self._draws(prior, p.restarts)
         starts = np.concatenate((np.array(others).reshape(-1, 3), drawn))

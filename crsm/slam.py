@@ -3,14 +3,19 @@
 [Tsardoulias13] E. Tsardoulias, L. Petrou: "Critical Rays Scan Match SLAM", Journal of Intelligent
 & Robotic Systems 72, 2013. One scan after the other:
 
-1. clean the ranges and choose the critical rays: few beams that fix x, y and theta;
-2. climb from the predicted pose to where the map under the ends of these rays is darkest; where
+1. predict the pose; ours: with a covariance;
+2. clean the ranges and choose the critical rays: few beams that fix x, y and theta; ours: seen from
+   where the base is in the middle of the sweep;
+3. climb from the predicted pose to where the map under the ends of these rays is darkest; where
    that is less dark than usual, restart at random;
-3. ours: fit all beams to the walls inside the cells, from there; evidence decides;
-4. take the pose, or the prediction if the map does not explain the scan;
-5. draw the scan into the global map.
+4. ours: fit all beams to the walls inside the cells, from there; evidence decides;
+5. ours: free a slow sweep from the motion that was found, and match it once more;
+6. take the pose, or the prediction if the map does not explain the scan;
+7. draw the scan into the global map;
+8. ours: look for a robot that is lost in all of its map;
+9. ours: go from the middle of the sweep back to its stamp, the first beam's.
 
-The preset `paper` leaves out step 3. The published program as it was, `crsm@original`, stands in
+The preset `paper` leaves out step 4. The published program as it was, `crsm@original`, stands in
 `original`.
 """
 
@@ -81,19 +86,19 @@ class Crsm:
 
     def update(self, scan: Scan) -> Pose2:
         """Take the next scan; return the base's pose in the map, T_map_base."""
-        start = self._track.predict(scan)
-        view = self._reader.take(scan, start.velocity)  # 1.
+        start = self._track.predict(scan)  # 1.
+        view = self._reader.take(scan, start.velocity)  # 2.
         match = None
         if view.is_usable and not self._map.is_empty:
-            climbed = self._climbed(view, start)  # 2.
-            match = self._chosen(view, start.pose, climbed)  # 3.
-            if view.sweeps:
+            climbed = self._climbed(view, start)  # 3.
+            match = self._chosen(view, start.pose, climbed)  # 4.
+            if view.sweeps:  # 5.
                 self._reader.take(scan, self._track.motion.velocity_to(match.fit.pose))
                 match = self._again(view, start.pose, match)
-        self._settle(scan, view, match)  # 4.
-        self._draw(view)  # 5.
-        self._relocator.update(scan, self.map)
-        return view.at_stamp(self._track.pose)
+        self._settle(scan, view, match)  # 6.
+        self._draw(view)  # 7.
+        self._relocator.update(scan, self.map)  # 8.
+        return view.at_stamp(self._track.pose)  # 9.
 
     def map(self) -> OccupancyGrid:
         """The grey levels of the map as probabilities."""
@@ -134,7 +139,7 @@ class Crsm:
             self._insert(view, pose, True)
 
     def _climbed(self, view: ScanReader, start: Prediction) -> Climbed:
-        """Step 2: random restart hill climbing within what is expected."""
+        """Step 3: random restart hill climbing within what is expected."""
         climber, track = self._climber, self._track
         prior = climber.prior(start.pose, track.prior(start.pose), len(view.rays))
         found = climber.climb(self._map, view, prior, track.uncertain)
@@ -150,7 +155,7 @@ class Crsm:
         return climber.restart(self._map, view, prior, others, found)
 
     def _chosen(self, view: ScanReader, expected: Pose2, climbed: Climbed) -> Match:
-        """Step 3: of the climb and the fits behind it, the one with the most evidence."""
+        """Step 4: of the climb and the fits behind it, the one with the most evidence."""
         seen = self._lines.seen_from(view, climbed.pose)
         if not self.params.refine:
             self._counts["kept"] += 1
@@ -166,7 +171,7 @@ class Crsm:
         return best
 
     def _again(self, view: ScanReader, expected: Pose2, match: Match) -> Match:
-        """The same match of the scan as it is without the motion that was found."""
+        """Step 5: the same match of the scan as it is without the motion that was found."""
         at = match.fit.pose
         if match.refined:
             fit = self._lines.fit(view, at, self._prior(expected))
@@ -190,7 +195,7 @@ class Crsm:
         return Match(fit, explained, worth, value, refined)
 
     def _settle(self, scan: Scan, view: ScanReader, match: Match | None) -> None:
-        """Step 4: tell the track what was found, learn what is usual."""
+        """Step 6: tell the track what was found, learn what is usual."""
         track = self._track
         if match is None:
             if view.is_usable:
@@ -212,7 +217,7 @@ class Crsm:
         self._climber.learn(self._map, view, match.fit.pose)
 
     def _draw(self, view: ScanReader) -> None:
-        """Step 5: a scan that is explained, or of ground that wheels alone have led to."""
+        """Step 7: a scan that is explained, or of ground that wheels alone have led to."""
         track = self._track
         known = track.state == "matched" or track.held or track.adrift
         if not (view.is_usable and known):

@@ -4,12 +4,16 @@
 System with Full 3D Motion Estimation. IEEE SSRR 2011. Per scan:
 
 1. A start for the pose; ours: with a covariance.
-2. End points of the beams in the base frame (sec. IV-A).
+2. End points of the beams in the base frame (sec. IV-A); ours: as it is in the middle of the sweep.
 3. Scan matching (sec. IV-B): Gauss-Newton on the occupancy, coarse to fine (sec. IV-C).
 4. ours: from there straight on the lines inside the finest cells; where other starts end elsewhere
-   the beams decide. A sweep is freed from its motion and matched again.
-5. ours: if the map contradicts the scan, a search; refuse what stays bad.
-6. If the robot has moved, insert the scan into every level (sec. IV-A).
+   the beams decide.
+5. ours: a slow sweep is freed from the motion that was found, and matched again.
+6. ours: if the map contradicts the scan, a search.
+7. The pose is the match's; ours: what stays bad is refused, and the prediction stands.
+8. If the robot has moved, insert the scan into every level (sec. IV-A).
+9. ours: a robot that is lost is looked for in all of its map.
+10. ours: from the middle of the sweep back to its stamp, the first beam's.
 
 The published program, `hector@original`, stands in `original`; `hector@paper` ends with step 3.
 """
@@ -66,18 +70,18 @@ class Hector:
         self._often.wait(start.dt)
         points = self._scan.take(scan, start.velocity)  # 2.
         match = self._matched(points, start)  # 3., 4.
-        if points.sweeps:
+        if points.sweeps:  # 5.
             points = self._scan.take(scan, self._track.motion.velocity_to(match.pose))
             match = self._matched(points, start)
-        if self._doubtful(points, match, start.dt):  # 5.
+        if self._doubtful(points, match, start.dt):  # 6.
             match, accepted = self._recovered(points, start, match)
         else:
             accepted = points.n > 0
-        self._settle(scan, points, match, accepted)
-        if self._due(points):  # 6.
+        self._settle(scan, points, match, accepted)  # 7.
+        if self._due(points):  # 8.
             self._insert(points)
-        self._relocator.update(scan, self.map)
-        return points.at_stamp(self._track.pose)
+        self._relocator.update(scan, self.map)  # 9.
+        return points.at_stamp(self._track.pose)  # 10.
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Let a scan enter the map at a known pose, without matching."""
@@ -166,7 +170,7 @@ class Hector:
         return doubtful
 
     def _recovered(self, points: EndPoints, start: Prediction, match: Match) -> tuple[Match, bool]:
-        """Step 5: what a search finds if the map contradicts the match; whether that is good."""
+        """Step 6: what a search finds if the map contradicts the match; whether that is good."""
         best, clear = self._matcher.best(points, [match], self._track)
         if clear < self.params.lost and self._patience.over:
             self._patience.tried()
@@ -181,7 +185,7 @@ class Hector:
         return [match for start in starts for match in self._tried(points, start, prior)]
 
     def _settle(self, scan: Scan, points: EndPoints, match: Match, accepted: bool) -> None:
-        """Tell the track what was found."""
+        """Step 7: tell the track what was found."""
         self._match = match
         self._count(points, match, accepted)
         if accepted:
@@ -202,7 +206,7 @@ class Hector:
         counts["refused"] += known and not accepted
 
     def _due(self, points: EndPoints) -> bool:
-        """Step 6: far enough from the last insertion, or much that the map did not explain."""
+        """Step 8: far enough from the last insertion, or much that the map did not explain."""
         track, key = self._track, self._key
         if self.frozen or points.n == 0:
             return False

@@ -8,14 +8,19 @@ J. Martin, A. Nuechter: Multi-Robot Localization and Mapping Based on Signed Dis
 ICARSC 2015.
 
 1. Predict: odometry, gyro or the last motion, with a covariance.
-2. See: surface elements of the scan, with their normals.
+2. See: surface elements of the scan, with their normals; ours: from where the base is in the middle
+   of the sweep.
 3. Ray cast: the model scan that the map would show from there [May14].
 4. RANSAC where the prediction or the last fit leaves doubt: poses to begin with [Koch15].
 5. ICP: scan to model scan, point to line [May14].
 6. Refine, ours: Gauss-Newton on the field itself, from ICP's poses and the prediction.
 7. Decide: the pose that explains most of the scan.
-8. Accept it, or refuse it: then the prediction stands.
-9. Push the scan into the field when the robot has moved.
+8. Look again, ours: see a slow sweep with the motion that was found, and pose it once more.
+9. Accept the pose, ours: with what it slipped along a corridor; or refuse it: then the prediction
+   stands.
+10. Push the scan into the field when the robot has moved.
+11. Find again, ours: a robot that is lost is looked for in all of its map.
+12. Return, ours: from the middle of the sweep to its stamp, the first beam's.
 
 The preset `paper` leaves out 6. The published program, `tsd@original`, stands in `original`.
 """
@@ -89,12 +94,12 @@ class Tsd:
             self._track.missed(scan)
         elif self._counts["pushed"] == 0:
             self._track.matched(start.pose, NOTHING, scan)
-            self._push(start.pose)
+            self._push(start.pose)  # 10
         else:
-            self._register(scan, start)
-        self._relocator.update(scan, self.map)
-        half = 0.5 * scan.laser.sweep_time  # registered at its middle; the stamp is its start's
-        return self._track.pose @ travelled(self._velocity, -half)
+            self._register(scan, start)  # 3 to 10
+        self._relocator.update(scan, self.map)  # 11
+        half = 0.5 * scan.laser.sweep_time
+        return self._track.pose @ travelled(self._velocity, -half)  # 12
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Enter a scan into the map as seen from a pose of the base; nothing is matched."""
@@ -105,17 +110,17 @@ class Tsd:
     def _register(self, scan: Scan, start: Prediction) -> None:
         self._search.begin(start.dt)
         match = self._pose(start.pose, start)  # 3 to 7
-        if self._evidence.good(match) and self._looks_again(scan, match.pose):
+        if self._evidence.good(match) and self._looks_again(scan, match.pose):  # 8
             match = self._pose(match.pose, start)
         self._count(match)
         self._quality = match.close
         if self._evidence.good(match):
-            self._accept(scan, match, start)  # 8
+            self._accept(scan, match, start)  # 9
             known = self._track.state == "matched" or self._track.adrift
             if known and self._moved():
-                self._push(self._track.pose)  # 9
+                self._push(self._track.pose)  # 10
         else:
-            self._refuse(scan)
+            self._refuse(scan)  # 9
 
     def _pose(self, start: Pose2, known: Prediction) -> Match:
         """The pose that explains most of the scan; looked for elsewhere where that is doubtful."""
