@@ -36,6 +36,7 @@ from slams.localize.relocator import Relocator
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.params import Params
+from slams.patience import Patience
 from slams.refine.lines import Match as Fit
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
@@ -79,7 +80,7 @@ class Crsm:
         self._relocator = Relocator(self._track, params.relocate)
         self._reader = ScanReader(params)
         self._quality, self._usual = 0.0, 0.0
-        self._unsearched = PAUSE  # s
+        self._patience = Patience(PAUSE, PAUSE)
         self._inserted = Pace(params.insert_step, params.insert_rest)
         names = ("posed", "kept", "refined", "searched", "refused", "inserted", "rejected", "faded")
         self._counts = dict.fromkeys(names, 0)
@@ -144,11 +145,11 @@ class Crsm:
         prior = climber.prior(start.pose, track.prior(start.pose), len(view.rays))
         found = climber.climb(self._map, view, prior, track.uncertain)
         self._counts["posed"] += 1
-        self._unsearched += start.dt
-        pauses = track.state != "matched" and self._unsearched < PAUSE
+        self._patience.wait(start.dt)
+        pauses = track.state != "matched" and not self._patience.over
         if climber.is_enough(found) or pauses:
             return found
-        self._unsearched = 0.0
+        self._patience.tried()
         self._counts["searched"] += 1
         before = track.pose
         others = [before @ start.continued, before]

@@ -26,12 +26,12 @@ from typing import Any, ClassVar
 from hector.map import LogOddsPyramid
 from hector.matcher import FIRST, Matcher, gap
 from hector.params import HectorParams
-from hector.patience import Patience
 from slams.geometry import Prior
 from slams.localize.relocator import Relocator
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.params import Params
+from slams.patience import Patience
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State

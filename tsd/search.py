@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from slams.motion.track import Track
+from slams.patience import Patience
 from tsd.evidence import Evidence, Match
 
 UNCERTAIN = 0.15  # m, deviation of a prediction beyond what ICP comes back from surely
@@ -20,17 +21,17 @@ class Search:
 
     def __init__(self, track: Track, evidence: Evidence) -> None:
         self._track, self._evidence = track, evidence
-        self._rest = self._pause = 0.0
+        self._patience = Patience(SHORTEST, LONGEST)
         self._poor = False
         self.fruitless = False  # the last scan was searched for in vain
 
     def begin(self, dt: float) -> None:
         """The next scan, `dt` [s] later."""
-        self._rest -= dt
+        self._patience.wait(dt)
 
     def wanted(self, match: Match, width: float) -> bool:
         """Whether a search as wide as that is due, after what was found so far."""
-        if self._rest > 0.0:
+        if not self._patience.over:
             return False
         if width > WIDTHS[0]:
             return not self._evidence.plausible(match)
@@ -41,8 +42,7 @@ class Search:
         """What came of it: `better`, something was found that nothing else had led to."""
         self._poor = not self._evidence.as_usual(match)
         self.fruitless = searched and not better
-        if better or not (searched or self._rest > 0.0 or self._poor):
-            self._rest = self._pause = 0.0
+        if better or not (searched or self._poor or not self._patience.over):
+            self._patience.forget()
         elif searched:
-            self._pause = min(max(2.0 * self._pause, SHORTEST), LONGEST)
-            self._rest = self._pause
+            self._patience.tried()

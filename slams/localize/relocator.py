@@ -8,6 +8,7 @@ from slams.localize.finder import Finder
 from slams.localize.places import ends_of
 from slams.localize.search import LEAST_VIEW, Atlas, Candidate, is_same
 from slams.motion.track import Track
+from slams.patience import Patience
 from slams.types import OccupancyGrid, Pose2, Scan
 
 LOOKS = 3  # scans that a place is looked for with: it has to stand in two of them
@@ -30,7 +31,7 @@ class Relocator:
         self._atlas: Atlas | None = None
         self._finder: Finder | None = None
         self._before: float | None = None
-        self._rest = 0.0
+        self._patience = Patience(FIRST, LONGEST)
         self._proves = False  # looks whether a match after a gap is right
         self._finish()
 
@@ -42,17 +43,18 @@ class Relocator:
         if not self._on or track.state != "lost" or track.adrift:
             self._finish()
             return
-        self._rest -= dt
+        self._patience.wait(dt)
         if track.unproven and not self._proves:
-            self._finder, self._looks, self._rest = None, 0, 0.0
+            self._finder, self._looks = None, 0
+            self._patience.again(0.0)
         self._proves = track.unproven
-        if self._rest <= 0.0 and len(ends_of(scan)) >= LEAST_VIEW:
+        if self._patience.over and len(ends_of(scan)) >= LEAST_VIEW:
             self._look(scan, draw)
 
     def _finish(self) -> None:
         self._atlas = self._finder = None
-        self._looks, self._rest, self._pause = 0, 0.0, FIRST
-        self._proves = False
+        self._looks, self._proves = 0, False
+        self._patience.forget()
 
     def _look(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
         finder = self._ready(draw)
@@ -61,10 +63,10 @@ class Relocator:
         if found and found.evidence >= EXPLAINED and (self._looks > 1 or self._agrees(found)):
             self._return(found, scan)
         elif finder and self._looks < LOOKS and finder.candidates:
-            self._rest = APART
+            self._patience.again(APART)
         else:
-            self._finder, self._looks, self._rest = None, 0, self._pause
-            self._pause = min(2.0 * self._pause, LONGEST)
+            self._finder, self._looks = None, 0
+            self._patience.tried()
 
     def _agrees(self, found: Candidate) -> bool:
         """Whether the algorithm has matched the scan there, too."""

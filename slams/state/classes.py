@@ -20,6 +20,7 @@ SHARED = (
     "motion",
     "extent",
     "cells",
+    "patience",
     "scan",
     "refine",
     "localize",

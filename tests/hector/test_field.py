@@ -8,7 +8,6 @@ import pytest
 from hector import Hector, HectorParams, match_kernels
 from hector.map import LogOddsPyramid
 from hector.matcher import Matcher
-from hector.patience import Patience
 from slams.motion.track import Track
 from slams.player import replay
 from slams.refine import line_kernels, surface_kernels
@@ -177,24 +176,6 @@ def test_few_beams_do_not_outvote_a_prediction_by_chance():
     assert judged(40, 0.05, lead) == 0.0
     assert judged(40, 0.0, lead) == 1.0  # the prediction has nothing to say
     assert judged(40, 0.05, np.full(40, 0.1)) == 1.0  # all of one mind
-
-
-def test_patience_doubles_until_scans_are_quiet():
-    patience, tries = Patience(0.1, 1.0), []
-    for k in range(100):
-        patience.wait(0.1)
-        if patience.over:
-            patience.tried()
-            tries.append(k)
-    gaps = np.diff(tries)
-    assert gaps[0] <= 2
-    assert gaps[-1] >= 10
-    assert (np.diff(gaps) >= 0).all()
-    for _ in range(60):
-        patience.wait(0.1, quiet=True)
-    patience.tried()
-    patience.wait(0.15)
-    assert patience.over
 
 
 # the whole
