@@ -12,8 +12,9 @@ from crsm.map import WallGrid
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
 from slams.types import Floats, Pose2
+from slams.usual import Usual
 
-MEMORY = 0.05  # weight of one scan in the usual fitness
+MEMORY = 2.0  # s over which the fitness is usual: the way through a room
 LEAST_DOUBT = 0.05  # of a perfect fitness: what a prior counts at least
 FIRST_STEPS = (0.004, 0.064)  # m, least and most: a power of two times the last
 
@@ -36,12 +37,12 @@ class Climber:
     def __init__(self, params: CrsmParams) -> None:
         self.params = params
         self._rng = np.random.default_rng(params.seed)
-        self.usual = 0.0
+        self.usual = Usual(MEMORY)
         self.restarts = 0
 
     def prior(self, pose: Pose2, information: Floats, rays: int) -> Prior:
         """What is expected, weighed so that rays which the map explains badly say less."""
-        doubt = max(1.0 - self.usual, LEAST_DOUBT)
+        doubt = max(1.0 - self.usual.value, LEAST_DOUBT)
         return Prior(*pose, information, 2.0 * doubt / rays)
 
     def climb(self, walls: WallGrid, view: ScanReader, prior: Prior, uncertain: float) -> Climbed:
@@ -74,12 +75,11 @@ class Climber:
 
     def is_enough(self, found: Climbed) -> bool:
         """Whether the search may end."""
-        return found.fitness >= self.params.enough * self.usual
+        return found.fitness >= self.params.enough * self.usual.value
 
-    def learn(self, walls: WallGrid, view: ScanReader, pose: Pose2) -> None:
-        """Take the fitness of this pose for usual."""
-        here = fitness(walls.cells, view.ends, tuple(pose))
-        self.usual += (MEMORY if self.usual else 1.0) * (here - self.usual)
+    def learn(self, walls: WallGrid, view: ScanReader, pose: Pose2, t: float) -> None:
+        """Take the fitness of the pose at time `t` [s] for usual."""
+        self.usual.learn(fitness(walls.cells, view.ends, tuple(pose)), t)
 
     def _climb(
         self, walls: WallGrid, view: ScanReader, prior: Prior, start: Pose2, uncertain: float

@@ -8,21 +8,20 @@ from slams.types import Pose2
 
 
 class Pace:
-    """Something is due at once, then again after `step` [m or rad] or after `rest` scans."""
+    """Something is due at once, then again after `step` [m or rad] or after `rest` [s]."""
 
-    def __init__(self, step: float, rest: int) -> None:
+    def __init__(self, step: float, rest: float) -> None:
         self._step, self._rest = step, rest
         self._at: Pose2 | None = None
-        self._scans = 0
+        self._t = 0.0
 
-    def is_due(self, pose: Pose2) -> bool:
-        """Whether it is due at this scan, taken at `pose`."""
-        self._scans += 1
-        if self._at is None or self._scans >= self._rest:
+    def is_due(self, pose: Pose2, t: float) -> bool:
+        """Whether it is due at the scan of time `t` [s], taken at `pose`."""
+        if self._at is None or abs(t - self._t) >= self._rest:
             return True
         step = self._at.between(pose)
         return max(math.hypot(step.x, step.y), abs(step.theta)) >= self._step
 
-    def done(self, pose: Pose2) -> None:
-        """It was done at `pose`."""
-        self._at, self._scans = pose, 0
+    def done(self, pose: Pose2, t: float) -> None:
+        """It was done at `pose`, at time `t` [s]."""
+        self._at, self._t = pose, t

@@ -86,13 +86,12 @@ class CrsmParams(RefineParams):
         source="ours: a map that learns from every scan drifts with the pose",
         low=0.0,
     )
-    insert_rest: int = param(
-        10,
-        "1",
-        "a scan enters the map after so many, also when the robot stands",
+    insert_rest: float = param(
+        2.0,
+        "s",
+        "a scan enters the map after so long, also when the robot stands",
         source="ours: standing still helps the map; people pass",
-        low=1,
-        high=10_000,
+        low=0.0,
     )
     fade: float = param(
         0.2,

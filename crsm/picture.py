@@ -78,7 +78,7 @@ def _rays(axes: Axes, view: ScanReader) -> None:
 
 def _search(axes: Axes, view: ScanReader, grid: WallGrid) -> None:
     climber, ends, cells = Climber(CrsmParams(critical_rays=COUNT)), view.ends, grid.cells
-    climber.learn(grid, view, IDENTITY)
+    climber.learn(grid, view, IDENTITY, 0.0)
     prior = climber.prior(OFF, np.eye(3) / DOUBT**2, len(ends))
     best = climber.climb(grid, view, prior, DOUBT)
     if not climber.is_enough(best):

@@ -39,8 +39,9 @@ from slams.params import Params
 from slams.patience import Patience
 from slams.refine.lines import Match as Fit
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
+from slams.usual import Usual
 
-MEMORY = 0.05  # weight of one scan in the usual quality
+MEMORY = 2.0  # s over which the evidence is usual: the way through a room
 NEAR, NEAR_TURN = 0.05, 0.02  # m, rad: a fit from the prediction ends where one from there does
 CELL = 0.1  # m and rad, within which a refined pose is still the climb's
 WEIGHED = 360  # points that evidence is taken of
@@ -79,7 +80,7 @@ class Crsm:
         self._track = Track(params)
         self._relocator = Relocator(self._track, params.relocate)
         self._reader = ScanReader(params)
-        self._quality, self._usual = 0.0, 0.0
+        self._quality, self._usual = 0.0, Usual(MEMORY)
         self._patience = Patience(PAUSE, PAUSE)
         self._inserted = Pace(params.insert_step, params.insert_rest)
         names = ("posed", "kept", "refined", "searched", "refused", "inserted", "rejected", "faded")
@@ -97,7 +98,7 @@ class Crsm:
                 self._reader.take(scan, self._track.motion.velocity_to(match.fit.pose))
                 match = self._again(view, start.pose, match)
         self._settle(scan, view, match)  # 6.
-        self._draw(view)  # 7.
+        self._draw(view, scan.t)  # 7.
         self._relocator.update(scan, self.map)  # 8.
         return view.at_stamp(self._track.pose)  # 9.
 
@@ -137,7 +138,7 @@ class Crsm:
         self._track.placed(pose, scan)
         view = self._reader.take(scan, IDENTITY)
         if view.is_usable and not self.frozen:
-            self._insert(view, pose, True)
+            self._insert(view, pose, scan.t, True)
 
     def _climbed(self, view: ScanReader, start: Prediction) -> Climbed:
         """Step 3: random restart hill climbing within what is expected."""
@@ -206,18 +207,18 @@ class Crsm:
             self._quality = 0.0
             return
         self._quality = match.quality
-        explains = match.evidence >= self.params.lost_below * self._usual
+        explains = match.evidence >= self.params.lost_below * self._usual.value
         if not (explains and track.reachable(match.fit.pose)):
             self._counts["refused"] += 1
             track.missed(scan)
             return
         track.matched(match.fit.pose, match.fit.seen, scan)
         self._counts["refined"] += match.refined
-        self._usual += (MEMORY if self._usual else 1.0) * (match.evidence - self._usual)
+        self._usual.learn(match.evidence, scan.t)
         self._lines.learn(match.fit, view)
-        self._climber.learn(self._map, view, match.fit.pose)
+        self._climber.learn(self._map, view, match.fit.pose, scan.t)
 
-    def _draw(self, view: ScanReader) -> None:
+    def _draw(self, view: ScanReader, t: float) -> None:
         """Step 7: a scan that is explained, or of ground that wheels alone have led to."""
         track = self._track
         known = track.state == "matched" or track.held or track.adrift
@@ -225,16 +226,16 @@ class Crsm:
             self._counts["rejected"] += 1
             return
         if not self.frozen:
-            self._insert(view, track.pose, False)
+            self._insert(view, track.pose, t, False)
 
-    def _insert(self, view: ScanReader, pose: Pose2, at_once: bool) -> None:
+    def _insert(self, view: ScanReader, pose: Pose2, t: float, at_once: bool) -> None:
         """Walls, lines and grey levels, where the robot has moved on or waited."""
-        if not (self._inserted.is_due(pose) or at_once):
+        if not (self._inserted.is_due(pose, t) or at_once):
             return
         if not self._map.insert(view, pose):
             self._counts["rejected"] += 1
             return
-        self._inserted.done(pose)
+        self._inserted.done(pose, t)
         self._counts["inserted"] += 1
         self._counts["faded"] += self._map.draw(view, pose)
 

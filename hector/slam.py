@@ -35,8 +35,10 @@ from slams.patience import Patience
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
+from slams.usual import Usual
 
 OFTEN = 0.08  # s between scans with other starts: every scan at 10 Hz, one in four at 40
+MEMORY = 0.1  # s over which the share explained is usual: what is doubtful comes suddenly
 SAME = 0.25  # of a cell, within which two fits are one
 
 
@@ -60,7 +62,7 @@ class Hector:
         self._often = Patience(OFTEN, OFTEN)
         self._match = self._key = FIRST
         self._posed = IDENTITY
-        self._usual = 1.0
+        self._usual = Usual(MEMORY, 1.0)
         names = "empty posed kept refined doubted searched refused inserted"
         self._counts = dict.fromkeys(names.split(), 0)
 
@@ -163,7 +165,7 @@ class Hector:
     def _doubtful(self, points: EndPoints, match: Match, dt: float) -> bool:
         """Whether the map explains less than usual, or no robot can be there."""
         known = self._map.insertions > 0 and points.n > 0
-        less = match.share < self.params.convincing * self._usual
+        less = match.share < self.params.convincing * self._usual.value
         doubtful = known and (less or not self._track.reachable(match.pose))
         self._counts["doubted"] += doubtful
         self._patience.wait(dt, quiet=not doubtful)
@@ -192,7 +194,7 @@ class Hector:
             if self.params.refine:
                 self._map.lines.learn(match, points)
             self._track.matched(match.pose, match.seen, scan, match.rough)
-            self._usual = match.share
+            self._usual.learn(match.share, scan.t)
         else:
             self._track.missed(scan)
 

@@ -92,6 +92,7 @@ def test_an_algorithm_imports_only_itself_and_the_interface(name):
     parts = ("types", "params", "jit", "geometry", "motion", "extent", "cells", "scan", "refine")
     parts += (
         "patience",
+        "usual",
         "scan.end_points",
         "scan.params",
         "scan.scan_kernels",

@@ -9,6 +9,7 @@ import numpy as np
 
 from slams.motion.track import Track
 from slams.types import Floats, Pose2
+from slams.usual import Usual
 from tsd.map import TileField
 from tsd.match_kernels import explain
 from tsd.params import TsdParams
@@ -18,6 +19,8 @@ from tsd.view import View
 GAIN = 0.02  # another pose must explain this share of the elements more: less is noise
 ENOUGH = 300  # elements of which that holds; the noise of fewer is larger by the root
 
+MEMORY = 1.0  # s over which agreement is usual: some steps of the robot
+AT_ONCE = 0.5  # share that a match counts by when nothing better was found
 CHANCE = 2.0  # deviations of a share that elements agree with by chance
 SURE = 0.1  # m, deviation of a prediction from which registrations do not go astray
 
@@ -50,7 +53,7 @@ class Evidence:
 
     def __init__(self, params: TsdParams, view: View, field: TileField, track: Track) -> None:
         self._params, self._view, self._field, self._track = params, view, field, track
-        self.usual, self.residual = 0.7, params.range_noise
+        self.usual, self.residual = Usual(MEMORY, 0.7), Usual(2.0 * MEMORY, params.range_noise)
 
     @property
     def robust(self) -> float:
@@ -61,7 +64,7 @@ class Evidence:
     @property
     def map_noise(self) -> float:
         """Error [m] of the field, by the usual residual."""
-        return max(self._params.map_noise * self.residual, 0.001)
+        return max(self._params.map_noise * self.residual.value, 0.001)
 
     @property
     def gain(self) -> float:
@@ -105,22 +108,22 @@ class Evidence:
 
         Where the prediction is sure, what may be chance is no reason to look elsewhere.
         """
-        usual = self.usual
+        usual = self.usual.value
         chance = CHANCE * math.sqrt(usual * (1.0 - usual) / max(self._view.count, 1))
         less = (1.0 - self._params.convincing) * usual
         if self._track.uncertain < SURE:
             less = max(less, chance)
         return match.close > usual - less and self.plausible(match)
 
-    def learn(self, match: Match, searched: bool) -> None:
-        """The usual agreement, and the usual residual.
+    def learn(self, match: Match, searched: bool, t: float) -> None:
+        """The usual agreement and the usual residual, from a match at time `t` [s].
 
         Where a search found nothing better the usual falls at once: the scans after are alike, and
         searching at each of them finds no more.
         """
-        share = 0.5 if searched and match.close < self.usual else 0.1
-        self.usual += share * (match.close - self.usual)
-        self.residual += 0.05 * (match.residual - self.residual)
+        at_once = searched and match.close < self.usual.value
+        self.usual.learn(match.close, t, AT_ONCE if at_once else 0.0)
+        self.residual.learn(match.residual, t)
 
 
 SAME = 0.03, 0.02  # a pose so near [m], [rad] is no other answer: only noise prefers it

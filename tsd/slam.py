@@ -218,7 +218,7 @@ class Tsd:
         self._counts["searched"] += self._searched
 
     def _accept(self, scan: Scan, match: Match, start: Prediction) -> None:
-        self._evidence.learn(match, self._search.fruitless)
+        self._evidence.learn(match, self._search.fruitless, scan.t)
         self._counts["recovered"] += self._track.state != "matched"
         self._track.matched(match.pose, match.information, scan)
         if self.params.refine:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from slams.extent import Box
-from slams.types import Floats, Laser, Pose2, Ranges, Scan
+from slams.types import Floats, Laser, Pose2, Scan
 from tsd.map_kernels import place_lines
 from tsd.params import TsdParams
 from tsd.scan_kernels import (
@@ -25,7 +25,7 @@ from tsd.scan_kernels import (
 QUARTILE = 0.319  # of the size of a normal deviate
 FROM_THREE = math.sqrt(1.5)  # deviation of a range from the mean of its neighbors, in deviations
 SPARSE = 10.0  # cells between beams, beyond which a hit alone is no surface
-STEP = 1.02  # factor by which a scan moves the noise: its median over scans is what is learned
+RATE = 0.2  # 1/s, of the noise, by which a scan moves it: its median over scans is what is learned
 FEW = 20  # triples of hits that tell no noise
 CLUTTER = 2.0  # times the declared noise, which rough surfaces alone can look like
 LEAST, MOST = 1e-4, 0.2  # m; a perfect laser, and one of no use
@@ -41,7 +41,7 @@ class View:
     def __init__(self, params: TsdParams) -> None:
         p = self._params = params
         self.noise = p.range_noise
-        self._level = 0.0  # of the noise, over the scans so far
+        self._level, self._t = 0.0, 0.0  # of the noise, over the scans so far; s, the last of them
         self._rule = SurfaceRule(p.window, 0.0, p.max_slope, 0.0, p.beam_width, SPARSE * p.cell)
         self._laser: Laser | None = None
         self.count = 0
@@ -52,7 +52,7 @@ class View:
             self._take(scan.laser)
         found = find_hits(scan.ranges, self.beams, Twist(*twist), self._hits)
         self._n_hits = drop_specks(self._hits, found, self.beams, self._rule)
-        rule = self._measured(scan.ranges)
+        rule = self._measured(scan.t)
         find_runs(self._hits, self._n_hits, self.beams, rule, self._runs)
         sum_moments(self._hits, self._n_hits, self._sums)
         self.count = self._fit(self._params.spacing, self.elements)
@@ -72,23 +72,25 @@ class View:
             raise LookupError("no scan was seen yet; call see() first")
         return self._laser
 
-    def _measured(self, ranges: Ranges) -> SurfaceRule:
-        """What counts as a surface, at the noise of these ranges."""
+    def _measured(self, t: float) -> SurfaceRule:
+        """What counts as a surface, at the noise of the hits at time `t` [s]."""
         p, n = self._params, off_neighbors(self._hits, self._n_hits, self.beams, self._off)
         if n >= FEW:
             quartile = float(np.partition(self._off[:n], n // 4)[n // 4])
-            self._level = self._middle(quartile / (QUARTILE * FROM_THREE))
+            self._level = self._middle(quartile / (QUARTILE * FROM_THREE), t)
         self.noise = self._level if self._level > CLUTTER * p.range_noise else p.range_noise
         rough = (p.roughness * self.noise) ** 2
         window = p.window * math.sqrt(self.noise / p.range_noise)
         self._rule = self._rule._replace(window=window, noise=self.noise, rough=rough)
         return self._rule
 
-    def _middle(self, seen: float) -> float:
+    def _middle(self, seen: float, t: float) -> float:
         """The median of what scans show of the noise; where nothing was learned, the first."""
+        dt, self._t = max(t - self._t, 0.0), t
         if self._level == 0.0:
             return min(max(seen, LEAST), MOST)
-        level = self._level * (STEP if seen > self._level else 1.0 / STEP)
+        step = math.exp(RATE * min(dt, 1.0))
+        level = self._level * (step if seen > self._level else 1.0 / step)
         return min(max(level, LEAST), MOST)
 
     def _take(self, laser: Laser) -> None:

@@ -23,7 +23,7 @@ from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 SURE = 0.95  # odds from which a place is found
 EXPLAINED = 0.5  # evidence from which a map is believed to have the place at all
 WAY, TURN = 0.3, 0.3  # m, rad: after so much a scan tells something new
-STILL = 20  # scans after which there is a look without any way, too: slip, or no wheels
+STILL = 2.0  # s after which there is a look without any way, too: slip, or no wheels
 SURPRISE = 1e-2  # odds of a place that was not among those kept
 
 
@@ -46,8 +46,7 @@ class Finder:
         self.candidates: list[Candidate] = []
         self._before: Scan | None = None
         self._steps: list[Pose2] = []
-        self._way = self._turn = 0.0
-        self._scans = 0
+        self._way = self._turn = self._seconds = 0.0
 
     def add(self, scan: Scan) -> Candidate | None:
         """Take the next scan; the place of the base, once it is sure, else None."""
@@ -66,7 +65,7 @@ class Finder:
 
     def _is_due(self) -> bool:
         far = self._way >= WAY or self._turn >= TURN
-        return not self.candidates or far or self._scans >= STILL
+        return not self.candidates or far or self._seconds >= STILL
 
     def _follow(self, scan: Scan) -> None:
         """Move every candidate by the wheels, or once more by its last step, then to where it fits.
@@ -81,7 +80,7 @@ class Finder:
             moved.append(seen._replace(odds=candidate.odds))
             self._steps[number] = candidate.pose.between(seen.pose)
         self.candidates = moved
-        self._scans += 1
+        self._seconds += 0.0 if self._before is None else max(scan.t - self._before.t, 0.0)
         if moved:
             self._way += math.hypot(*self._steps[0][:2])
             self._turn += abs(self._steps[0].theta)
@@ -96,8 +95,7 @@ class Finder:
         steps = {id(c.pose): step for c, step in kept}
         self.candidates = with_odds(places, np.array(before))
         self._steps = [steps.get(id(c.pose), IDENTITY) for c in self.candidates]
-        self._way = self._turn = 0.0
-        self._scans = 0
+        self._way = self._turn = self._seconds = 0.0
 
 
 def _driven(before: Scan | None, scan: Scan) -> Pose2 | None:

@@ -11,6 +11,7 @@ from slams.scan import scan_kernels as kernels
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import Grain, Limits, Points, Twist
 from slams.types import IDENTITY, Laser, Pose2, Scan
+from slams.usual import Usual
 
 NEAR = 0.1  # m, between two beams with a straight wall between them
 SLACK = 0.1  # m, between neighbors of one surface
@@ -19,7 +20,7 @@ SMOOTH = 6.0  # deviations of the noise in half a window, for a normal good to a
 SAMPLES = 10  # triples of beams, fewer tell nothing of the noise
 NORMAL_MEDIAN = 0.6745  # of the absolute value of a normal deviate
 TRIPLE = math.sqrt(1.5)  # deviation of a beam less the mean of two others, of one beam's
-MEMORY = 10  # scans that the noise is a mean of
+MEMORY = 1.0  # s over which the noise is a mean: five scans of a slow laser, and a robot's length
 
 
 class EndPoints:
@@ -28,17 +29,15 @@ class EndPoints:
     There a velocity that is not quite right does least harm: what it bends before the middle, it
     bends the other way behind it. `at_stamp` goes back to the scan's stamp, that of its first beam.
 
-    `points` (3, >= n): x, y [m], number of the beam; `far` [m] the farthest from the base; `noise`
-    [m] of the ranges as the last scans show it; `moments` (6, n + 1) of `scan_moments`, with the
-    normals. The buffers serve every scan.
+    `points` (3, >= n): x, y [m], number of the beam; `far` [m] the farthest from the base;
+    `moments` (6, n + 1) of `scan_moments`, with the normals. The buffers serve every scan.
     """
 
     def __init__(self, params: ScanParams) -> None:
         self.params = params
         self.n = 0
         self.far = 0.0
-        self.noise = params.range_noise
-        self._noises = 0
+        self._noise = Usual(MEMORY, params.range_noise)
         self._known = False  # whether the normals are
         self.mount = IDENTITY
         self.step = 0.0
@@ -56,7 +55,7 @@ class EndPoints:
         self.n, self.far = kernels.end_points(
             scan.ranges, self._directions, laser.mount, self._limits, self.points
         )
-        self._measure_noise()
+        self._measure_noise(scan.t)
         self.n = kernels.drop_lone(
             self.points, self.n, self.mount, self.step, self.grain.slack, self._room
         )
@@ -71,6 +70,11 @@ class EndPoints:
         if not self.sweeps or self._laser is None:
             return pose
         return pose @ travelled(self._velocity, -0.5 * self._laser.sweep_time)
+
+    @property
+    def noise(self) -> float:
+        """Of the ranges [m], as the last scans show it."""
+        return self._noise.value
 
     @property
     def normals(self) -> Points:
@@ -88,16 +92,14 @@ class EndPoints:
         window = max(self.params.normal_window, SMOOTH * self.noise)
         return Grain(self.noise, window, max(SLACK, STRAY * self.noise))
 
-    def _measure_noise(self) -> None:
+    def _measure_noise(self, t: float) -> None:
         """Where beams are so close together that a wall between them is straight."""
         room = self._room[0]
         count = kernels.beyond_chords(self.points, self.n, self.mount, NEAR, room)
         if count >= SAMPLES:
             half = count // 2
             found = float(np.partition(room[:count], half)[half]) / (NORMAL_MEDIAN * TRIPLE)
-            found = min(max(found, self.params.quietest), self.params.noisiest)
-            self._noises = min(self._noises + 1, MEMORY)
-            self.noise += (found - self.noise) / self._noises
+            self._noise.learn(min(max(found, self.params.quietest), self.params.noisiest), t)
 
     def _adopt(self, laser: Laser, n_beams: int) -> None:
         self._laser, self.mount, self.step = laser, laser.mount, abs(laser.angle_increment)

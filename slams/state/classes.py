@@ -21,6 +21,7 @@ SHARED = (
     "extent",
     "cells",
     "patience",
+    "usual",
     "scan",
     "refine",
     "localize",

@@ -474,7 +474,7 @@ def test_score_charges_for_leaving_the_prediction():
 
 def mapped(poses=4):
     """A map of the room, and a scan of it from the start."""
-    slam, _ = run(scans_of(drive(poses)), insert_rest=1)
+    slam, _ = run(scans_of(drive(poses)), insert_rest=0.0)
     return slam, noisy_view(9)
 
 
@@ -510,7 +510,7 @@ def test_climb_is_exact_to_millimeters():
 def test_restarts_find_what_one_climb_does_not():
     slam, view = mapped()
     climber = Climber(Parameters())
-    climber.learn(slam._map, view, IDENTITY)
+    climber.learn(slam._map, view, IDENTITY, 0.0)
     expected = Pose2(0.33, -0.3, 0.4)
     prior = climber.prior(expected, np.diag([25.0, 25.0, 25.0]), len(view.rays))
     first = climber.climb(slam._map, view, prior, 0.1)
@@ -560,7 +560,7 @@ def test_a_single_short_beam_does_not_tear_a_wall():
 
 def test_what_stands_where_beams_went_through_is_no_wall():
     slam, _ = run(
-        [Scan(0.1 * i, cast(IDENTITY), LASER) for i in range(8)], insert_rest=1, max_cells=1 << 20
+        [Scan(0.1 * i, cast(IDENTITY), LASER) for i in range(8)], insert_rest=0.0, max_cells=1 << 20
     )
     box = np.array([(2.0, -0.5, 2.0, 0.0)])
     view, grid = reader_of(), slam._map
@@ -706,7 +706,7 @@ def test_a_ghost_fades():
         Scan(0.1 * i, cast(IDENTITY, walls=np.vstack((ROOM, box))), LASER) for i in range(3)
     ]
     after = [Scan(1.0 + 0.1 * i, cast(IDENTITY), LASER) for i in range(12)]
-    slam, _ = run(with_box + after, insert_rest=1)
+    slam, _ = run(with_box + after, insert_rest=0.0)
     assert slam.report()["faded"] >= 3
     assert slam.report()["lost"] == 0
 
@@ -723,16 +723,16 @@ def test_grey_steps_shrink_outward_only():
     assert grid.cells.grey[10, 10:15] == pytest.approx([-0.1, 0.71, -0.82, -0.1, 0.0])
 
 
-def test_pace_is_by_way_turn_or_scans():
-    pace = Pace(0.1, 3)
-    assert pace.is_due(IDENTITY)
-    pace.done(IDENTITY)
-    assert not pace.is_due(Pose2(0.09, 0.0, 0.0))
-    assert pace.is_due(Pose2(0.08, 0.08, 0.0))
-    pace.done(IDENTITY)
-    assert pace.is_due(Pose2(0.0, 0.0, -0.11))
-    pace.done(IDENTITY)
-    assert [pace.is_due(IDENTITY) for _ in range(3)] == [False, False, True]
+def test_pace_is_by_way_turn_or_time():
+    pace = Pace(0.1, 3.0)
+    assert pace.is_due(IDENTITY, 0.0)
+    pace.done(IDENTITY, 0.0)
+    assert not pace.is_due(Pose2(0.09, 0.0, 0.0), 1.0)
+    assert pace.is_due(Pose2(0.08, 0.08, 0.0), 1.0)
+    pace.done(IDENTITY, 1.0)
+    assert pace.is_due(Pose2(0.0, 0.0, -0.11), 1.5)
+    pace.done(IDENTITY, 2.0)
+    assert [pace.is_due(IDENTITY, t) for t in (2.5, 4.9, 5.0)] == [False, False, True]
 
 
 def test_map_grows_and_keeps_its_content():

@@ -95,9 +95,9 @@ def test_a_beam_counts_half_where_the_noise_makes_that_usual():
     params = HectorParams()
     lines, points = LogOddsPyramid(params).lines, EndPoints(params)
     assert lines._softness(points) == pytest.approx(0.06)  # of the noise that is assumed, 0.02
-    points.noise = 0.05
+    points._noise.value = 0.05
     assert lines._softness(points) == pytest.approx(0.15)
-    points.noise = 0.001
+    points._noise.value = 0.001
     assert lines._softness(points) == params.softness
 
 

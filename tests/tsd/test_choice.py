@@ -1,5 +1,6 @@
 """tsd: what poses are believed, and when others are looked for."""
 
+import copy
 import math
 
 import numpy as np
@@ -90,12 +91,16 @@ def test_what_is_usual_falls_faster_when_nothing_better_was_found():
     slam, _ = scanned()
     evidence = slam._evidence
     poor = Match(IDENTITY, 1.0, 0.5, 0.5, 0.01, np.zeros((3, 3)))
-    usual = evidence.usual
-    evidence.learn(poor, searched=False)
-    slowly = usual - evidence.usual
-    evidence.usual = usual
-    evidence.learn(poor, searched=True)
-    assert usual - evidence.usual == pytest.approx(5.0 * slowly)
+    for k in range(100):
+        evidence.learn(poor._replace(close=0.7), searched=False, t=0.1 * k)
+    usual, falls = evidence.usual.value, []
+    for searched in (False, True):
+        after = copy.deepcopy(evidence.usual)
+        evidence.usual, kept = after, evidence.usual
+        evidence.learn(poor, searched, t=10.0)
+        falls.append(usual - after.value)
+        evidence.usual = kept
+    assert falls == pytest.approx([0.2 * (1.0 - math.exp(-0.1)), 0.1], rel=1e-3)
 
 
 def test_a_noisy_laser_is_followed_without_searching():
@@ -129,7 +134,7 @@ def test_a_fruitless_search_rests_longer_each_time_and_success_ends_that():
 def test_what_may_be_chance_is_no_reason_to_search_where_the_prediction_is_sure():
     slam, _ = scanned()
     evidence, track = slam._evidence, slam._track
-    evidence.usual = 0.7
+    evidence.usual.value = 0.7
     chance = math.sqrt(0.7 * 0.3 / slam._view.count)
     for less, sure, usual in (
         (0.015, False, True),

@@ -1,0 +1,35 @@
+"""Usual: what scans were like in the last seconds."""
+
+from __future__ import annotations
+
+import math
+
+
+class Usual:
+    """A mean that forgets in seconds, not in scans: at 5 and at 40 Hz the same is usual.
+
+    Of the first scans it is the plain mean.
+
+    Args:
+        seconds: after which what was seen counts by the e-th part [s].
+        value: what is usual until something was seen.
+    """
+
+    def __init__(self, seconds: float, value: float = 0.0) -> None:
+        self.value = value
+        self._seconds = seconds
+        self._t = -math.inf
+        self._scans = 0
+
+    def learn(self, value: float, t: float, least: float = 0.0) -> None:
+        """Take in what the scan of time `t` [s] shows, unless it was looked at before.
+
+        `least` is the share that it counts by at least.
+        """
+        if t == self._t:
+            return
+        self._scans += 1
+        forgotten = 1.0 - math.exp(min(self._t - t, 0.0) / self._seconds)
+        share = 1.0 if self._scans == 1 else max(forgotten, least, 1.0 / self._scans)
+        self.value += share * (value - self.value)
+        self._t = t

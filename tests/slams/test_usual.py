@@ -1,0 +1,48 @@
+"""A mean that forgets in seconds."""
+
+import math
+
+import pytest
+
+from slams.usual import Usual
+
+
+def learned(values, rate, seconds=2.0):
+    usual = Usual(seconds, 7.0)
+    for k, value in enumerate(values):
+        usual.learn(value, k / rate)
+    return usual.value
+
+
+def test_of_the_first_scans_it_is_the_plain_mean():
+    assert Usual(2.0, 7.0).value == 7.0
+    assert learned([1.0], 10) == 1.0
+    assert learned([1.0, 2.0, 6.0], 10) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("rate", [5, 40])
+def test_at_any_rate_a_second_is_forgotten_as_fast(rate):
+    values = [0.0] * 20 * rate + [1.0] * rate
+    assert learned(values, rate) == pytest.approx(1.0 - math.exp(-0.5), rel=0.02)
+
+
+def test_a_scan_that_is_looked_at_twice_counts_once():
+    usual = Usual(2.0)
+    for value, t in ((1.0, 0.0), (5.0, 0.0), (3.0, 0.1), (9.0, 0.1)):
+        usual.learn(value, t)
+    assert usual.value == pytest.approx(2.0)
+
+
+def test_what_is_to_count_at_once_does():
+    usual = Usual(100.0)
+    for k in range(50):
+        usual.learn(1.0, 0.1 * k)
+    usual.learn(0.0, 5.0, least=0.5)
+    assert usual.value == pytest.approx(0.5)
+
+
+def test_a_clock_that_goes_back_is_no_end_of_learning():
+    usual = Usual(1.0)
+    for t in (100.0, 101.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0):
+        usual.learn(0.0 if t > 50.0 else 1.0, t)
+    assert usual.value > 0.9
