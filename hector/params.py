@@ -82,7 +82,7 @@ class HectorParams(RefineParams):
         10,
         "1",
         "scans at the start that all enter the map",
-        source="ours: the first scan's noise would stay in every later pose; by scans, as noise averages",
+        source="ours: or the first scan's noise stays in every later pose; noise averages by scans",
         low=1,
         high=10_000,
     )
