@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from slams.extent import max_cells
-from slams.motion.params import MotionParams
 from slams.params import RosNames, param
+from slams.scan.params import ScanParams
 from tsd.ros import ROS as ROS_NAMES
 
 ORIGINAL = "original code"
 
 
 @dataclass(frozen=True)
-class TsdParams(MotionParams):
+class TsdParams(ScanParams):
     """Parameters of the default, `Tsd`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
@@ -57,10 +57,21 @@ class TsdParams(MotionParams):
         0.03, "rad", "push again after this turn", source=ORIGINAL, low=0.0
     )
 
+    min_range: float = param(
+        0.1,
+        "m",
+        "nearer ends are not used",
+        source="ours: the laser's own",
+        low=0.0,
+        ros=("las_min_range", "laser_min_range"),
+    )
+    max_range: float = param(
+        30.0, "m", "farther ends are not used", source=ORIGINAL, low=0.5, ros=("max_range",)
+    )
     range_noise: float = param(
         0.01, "m", "standard deviation of a range", source="ours: UTM-30LX data sheet", low=1e-4
     )
-    window: float = param(
+    normal_window: float = param(
         0.12,
         "m",
         "half length of the window a surface line is fitted in",

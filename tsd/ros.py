@@ -62,9 +62,6 @@ ROS = dataclasses.replace(
     original_only={
         "registration_mode": "the default runs ICP always, RANSAC where in doubt",
         "map_size": "the map grows as needed",
-        "laser_min_range": "the laser's own limit holds",
-        "las_min_range": "the laser's own limit holds",
-        "max_range": "the laser's own limit holds",
         "low_reflectivity_range": "the default frees nothing without a return",
         "footprint_width": "the default frees nothing unseen",
         "footprint_x_offset": "the default frees nothing unseen",

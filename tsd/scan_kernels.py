@@ -1,4 +1,4 @@
-"""From ranges to surfaces: hits in the base frame and the line through each hit's neighbourhood."""
+"""From end points to surfaces: the line through each hit's neighborhood."""
 
 from __future__ import annotations
 
@@ -6,30 +6,18 @@ import math
 from typing import NamedTuple
 
 from slams.jit import FAST, njit
-from slams.types import Floats, Ranges
+from slams.scan.scan_kernels import Points
+from slams.types import Floats
 
 GAP = 3.0  # beams from hit to hit, beyond which a surface ends
 
 
 class Beams(NamedTuple):
-    """A laser as the kernels see it; `directions` (n, 2) are unit vectors in the base frame."""
+    """A laser as the kernels see it: where it is on the base [m], angle between beams [rad]."""
 
-    directions: Floats
     mount_x: float
     mount_y: float
-    mount_theta: float
     angle_increment: float
-    range_min: float
-    range_max: float
-    time_increment: float
-
-
-class Twist(NamedTuple):
-    """Velocity of the base in its own frame [m/s, rad/s]."""
-
-    vx: float
-    vy: float
-    omega: float
 
 
 class SurfaceRule(NamedTuple):
@@ -48,48 +36,16 @@ class SurfaceRule(NamedTuple):
 
 
 @njit
-def find_hits(ranges: Ranges, beams: Beams, twist: Twist, out_hits: Floats) -> int:
-    """End points of all valid beams, moved to the middle of the scan (deskew).
+def hits_of(points: Points, n: int, beams: Beams, out_hits: Floats) -> None:
+    """End points (3, >= n) with how far they are from the laser.
 
-    ours: A4, D9. out_hits (n, 4): x, y [m] in the base frame, range [m], beam index.
+    ours: D9. out_hits (>= n, 4): x, y [m] in the base frame, range [m], number of the beam.
     """
-    count = 0
-    moving = beams.time_increment > 0.0
-    middle = 0.5 * (ranges.shape[0] - 1)
-    for i in range(ranges.shape[0]):
-        r = float(ranges[i])
-        if not (beams.range_min <= r < beams.range_max):
-            continue
-        x = beams.mount_x + r * beams.directions[i, 0]
-        y = beams.mount_y + r * beams.directions[i, 1]
-        if moving:
-            t = (i - middle) * beams.time_increment
-            c, s = math.cos(twist.omega * t), math.sin(twist.omega * t)
-            x, y = c * x - s * y + twist.vx * t, s * x + c * y + twist.vy * t
-        out_hits[count, 0] = x
-        out_hits[count, 1] = y
-        out_hits[count, 2] = r
-        out_hits[count, 3] = i
-        count += 1
-    return count
-
-
-@njit
-def off_neighbors(hits: Floats, count: int, beams: Beams, out: Floats) -> int:
-    """How far hits are from the wall through their two neighbors, along the beam.
-
-    ours: on a wall 1 / range follows a cosine, whatever the angle between beams, so this is zero
-    but for the noise of three ranges. out (n,) [m]; returns how many triples of beams side by side
-    there are.
-    """
-    n = 0
-    twice = 2.0 * math.cos(beams.angle_increment)
-    for k in range(1, count - 1):
-        if hits[k + 1, 3] - hits[k - 1, 3] == 2.0:
-            expected = twice / (1.0 / hits[k - 1, 2] + 1.0 / hits[k + 1, 2])
-            out[n] = abs(hits[k, 2] - expected)
-            n += 1
-    return n
+    for k in range(n):
+        x, y = points[0, k], points[1, k]
+        dx, dy = x - beams.mount_x, y - beams.mount_y
+        out_hits[k, 0], out_hits[k, 1] = x, y
+        out_hits[k, 2], out_hits[k, 3] = math.sqrt(dx * dx + dy * dy), points[2, k]
 
 
 @njit(inner=True)
@@ -122,32 +78,6 @@ def side_by_side(hits: Floats, a: int, b: int, beams: Beams, rule: SurfaceRule) 
     spacing = min(hits[b, 2], hits[a, 2]) * abs(beams.angle_increment) * steps
     jump = abs(hits[b, 2] - hits[a, 2])
     return bool(steps <= GAP and jump <= rule.max_slope * spacing + 4.0 * rule.noise)
-
-
-@njit
-def drop_specks(hits: Floats, count: int, beams: Beams, rule: SurfaceRule) -> int:
-    """Leave out hits that nothing was seen beside; returns how many are left.
-
-    ours: rain, dust and beams that meet two things at once end anywhere. They would cut the surface
-    behind them into pieces, and fill the map.
-    """
-    left = 0
-    for k in range(count):
-        seen = False
-        for j in range(1, int(GAP) + 1):
-            seen = seen or (left >= j and side_by_side(hits, left - j, k, beams, rule))
-            seen = seen or (k + j < count and side_by_side(hits, k, k + j, beams, rule))
-        if not seen and left > 1:
-            seen = in_line(hits, left - 2, left - 1, k, beams, rule.noise)
-        if not seen and left > 0 and k + 1 < count:
-            seen = in_line(hits, left - 1, k, k + 1, beams, rule.noise)
-        if not seen and k + 2 < count:
-            seen = in_line(hits, k, k + 1, k + 2, beams, rule.noise)
-        if seen:
-            for i in range(4):
-                hits[left, i] = hits[k, i]
-            left += 1
-    return left
 
 
 @njit

@@ -36,7 +36,6 @@ from numpy.typing import NDArray
 
 from slams.extent import Box, Extent
 from slams.localize.relocator import Relocator
-from slams.motion.chord import travelled
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
@@ -89,7 +88,7 @@ class Tsd:
         """Take the next scan; return the base's pose in the map."""
         start = self._track.predict(scan)  # 1
         self._velocity = start.velocity
-        if self._view.see(scan, self._velocity) == 0:  # 2
+        if self._view.take(scan, self._velocity).count == 0:  # 2
             self._counts["empty"] += 1
             self._track.missed(scan)
         elif self._counts["pushed"] == 0:
@@ -98,13 +97,12 @@ class Tsd:
         else:
             self._register(scan, start)  # 3 to 10
         self._relocator.update(scan, self.map)  # 11
-        half = 0.5 * scan.laser.sweep_time
-        return self._track.pose @ travelled(self._velocity, -half)  # 12
+        return self._view.at_stamp(self._track.pose)  # 12
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Enter a scan into the map as seen from a pose of the base; nothing is matched."""
         self._track.placed(pose, scan)
-        if self._view.see(scan, IDENTITY) > 0:
+        if self._view.take(scan, IDENTITY).count > 0:
             self._push(pose)
 
     def _register(self, scan: Scan, start: Prediction) -> None:
@@ -202,13 +200,15 @@ class Tsd:
 
     def _looks_again(self, scan: Scan, pose: Pose2) -> bool:
         """See the scan anew with the velocity that was found, where that moves its points."""
+        if not self._view.sweeps:
+            return False
         found, seconds = self._track.motion.velocity_to(pose), scan.laser.sweep_time
         expected = self._velocity
         blur = seconds * math.hypot(found.x - expected.x, found.y - expected.y)
         if blur < BLUR and seconds * abs(found.theta - expected.theta) < BLUR_TURN:
             return False
         self._velocity = found
-        return self._view.see(scan, found) > 0
+        return self._view.take(scan, found).count > 0
 
     def _count(self, match: Match) -> None:
         cell = self.params.cell, self.params.cell

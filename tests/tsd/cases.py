@@ -4,12 +4,14 @@ import math
 
 import numpy as np
 
-from slams.types import Pose2
+from slams.scan.scan_kernels import Limits, end_points
+from slams.types import IDENTITY, Pose2
 from tests.rooms import drive
 from tsd import Tsd, TsdParams
 from tsd.map_kernels import facing, read_field
 from tsd.original import Original, OriginalParams
-from tsd.scan_kernels import Beams, SurfaceRule, Twist, find_hits
+from tsd.scan_kernels import Beams, SurfaceRule
+from tsd.scan_kernels import hits_of as hits_of_points
 
 PLANE = np.array([(-50.0, 2.0, 50.0, 2.0)])
 CORNER = np.array([(-3.0, 2.0, 3.0, 2.0), (3.0, 2.0, 3.0, -2.0), (3.0, -2.0, -3.0, -2.0)])
@@ -50,9 +52,10 @@ def scanned(n=10, **changes):
 
 def hits_of(ranges, lidar):
     """Hits (n, 4) of a standing laser."""
-    beams = Beams(lidar.directions, 0.0, 0.0, 0.0, lidar.angle_increment, 0.1, 30.0, 0.0)
-    hits = np.zeros((lidar.n_beams, 4))
-    count = find_hits(ranges, beams, Twist(0.0, 0.0, 0.0), hits)
+    beams = Beams(0.0, 0.0, lidar.angle_increment)
+    points, hits = np.zeros((3, lidar.n_beams)), np.zeros((lidar.n_beams, 4))
+    count, _ = end_points(ranges, lidar.directions, IDENTITY, Limits(0.1, 30.0), points)
+    hits_of_points(points, count, beams, hits)
     return beams, hits, count
 
 

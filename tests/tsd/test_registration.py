@@ -198,14 +198,14 @@ def test_the_mechanism_poses_every_scan(label):
 def test_icp_comes_back_from_farther_than_the_field_reaches():
     slam = default(refine=False)
     slam.update(scan_at((0.0, 0.0, 0.0)))
-    slam._view.see(scan_at((0.0, 0.0, 0.0)), IDENTITY)
+    slam._view.take(scan_at((0.0, 0.0, 0.0)), IDENTITY)
     slam._track.prior = lambda pose: np.zeros((3, 3))
     off = Pose2(0.3, -0.28, 0.1)  # the field reaches 0.15 m
     found = slam._registration.icp(off, off)
     assert error(IDENTITY, found.pose)[0] < 0.005 and error(IDENTITY, found.pose)[1] < 0.003
     narrow = default(refine=False, widest_gate=0.02)
     narrow.update(scan_at((0.0, 0.0, 0.0)))
-    narrow._view.see(scan_at((0.0, 0.0, 0.0)), IDENTITY)
+    narrow._view.take(scan_at((0.0, 0.0, 0.0)), IDENTITY)
     narrow._track.prior = lambda pose: np.zeros((3, 3))
     astray = narrow._registration.icp(off, off)
     assert astray is None or error(IDENTITY, astray.pose)[0] > 0.05

@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from slams.types import IDENTITY, Pose2
+from slams.motion.chord import travelled
+from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import ROOM, box, cast, laser, scan_at
 from tests.tsd import naive as naive_tsd
 from tests.tsd.cases import RULE, default, hits_of
@@ -16,17 +17,15 @@ from tsd.map_kernels import (
     list_rows,
     place_lines,
 )
+from tsd.params import TsdParams
 from tsd.scan_kernels import (
-    Beams,
-    Twist,
-    drop_specks,
-    find_hits,
     find_runs,
     fit_best_line,
     fit_line,
     fit_surfaces,
     sum_moments,
 )
+from tsd.view import View
 
 
 def test_line_fit_is_total_least_squares():
@@ -47,33 +46,20 @@ def test_line_fit_is_total_least_squares():
 
 def test_hits_of_a_moving_laser_lie_on_the_walls():
     lidar = laser(181, time_increment=0.1 / 181)
-    twist, walls = Twist(0.6, -0.2, 0.9), np.array(box(-3.0, -2.0, 2.0, 3.0))
+    velocity, walls = Pose2(0.6, -0.2, 0.9), np.array(box(-3.0, -2.0, 2.0, 3.0))
     ranges = np.empty(181, np.float32)
     for i in range(181):
-        t = (i - 90) * lidar.time_increment
-        turn = twist.omega * t
-        pose = Pose2(twist.vx * t, twist.vy * t, turn)
+        pose = travelled(velocity, (i - 90) * lidar.time_increment)
         one = laser(1)
         ranges[i] = cast(walls, pose @ Pose2(0.0, 0.0, lidar.angles[i] - one.angles[0]), one)[0]
-    ranges.flags.writeable = False
-    beams = Beams(
-        lidar.directions,
-        0.0,
-        0.0,
-        0.0,
-        lidar.angle_increment,
-        0.1,
-        30.0,
-        lidar.time_increment,
-    )
-    hits = np.zeros((181, 4))
-    assert find_hits(ranges, beams, twist, hits) == 181
-    x, y = hits[:, 0], hits[:, 1]
-    off = np.min(np.abs([x + 3.0, x - 2.0, y + 2.0, y - 3.0]), axis=0)
-    assert off.max() < 1e-5
-    find_hits(ranges, beams, Twist(0.0, 0.0, 0.0), hits)
-    x, y = hits[:, 0], hits[:, 1]
-    assert np.min(np.abs([x + 3.0, x - 2.0, y + 2.0, y - 3.0]), axis=0).max() > 0.02
+    scan, off = Scan(0.0, ranges, lidar), []
+    for known in (velocity, IDENTITY):
+        view = View(TsdParams()).take(scan, known)
+        assert view.count > 30
+        x, y = view.elements[: view.count, :2].T
+        off.append(np.min(np.abs([x + 3.0, x - 2.0, y + 2.0, y - 3.0]), axis=0).max())
+    assert off[0] < 1e-5
+    assert off[1] > 0.02
 
 
 def test_runs_equal_the_naive_twin():
@@ -160,18 +146,17 @@ def test_hits_that_nothing_is_seen_beside_are_left_out():
     lidar, rng = laser(1081), np.random.default_rng(4)
     corridor = np.array([(-40.0, 1.0, 40.0, 1.0), (-40.0, -1.0, 40.0, -1.0)])
     for segments in (ROOM, corridor):  # far along a corridor hits are a meter apart
-        beams, hits, count = hits_of(cast(segments, (0.3, -0.2, 0.5), lidar), lidar)
-        assert drop_specks(hits, count, beams, RULE) >= count - 2
-    clean = cast(ROOM, (0.3, -0.2, 0.5), lidar)
+        scan = scan_at((0.3, -0.2, 0.5), lidar, segments)
+        count = ((scan.ranges > 0.1) & (scan.ranges < 30.0)).sum()
+        assert View(TsdParams()).take(scan, IDENTITY).n >= count - 2
+    clean = scan_at((0.3, -0.2, 0.5), lidar)
     struck = rng.random(1081) < 0.3
-    beams, hits, count = hits_of(np.where(struck, rng.uniform(0.1, clean), clean), lidar)
-    left = drop_specks(hits, count, beams, RULE)
-    kept = hits[:left, 3].astype(int)
+    short = np.where(struck, rng.uniform(0.1, clean.ranges), clean.ranges).astype(np.float32)
+    view = View(TsdParams()).take(dataclasses.replace(clean, ranges=short), IDENTITY)
+    kept = view.points[2, : view.n].astype(int)
     assert (np.diff(kept) > 0).all()
     assert struck[kept].sum() < 0.3 * struck.sum()
     assert (~struck[kept]).sum() > 0.95 * (~struck).sum()
-    whole = ~struck[kept]
-    assert hits[:left, 2][whole] == pytest.approx(clean[kept][whole])
 
 
 def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():
@@ -179,5 +164,5 @@ def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():
     scan = scan_at((0.3, -0.2, 0.5), laser(1081), noise=0.01, rng=rng)
     struck = rng.random(1081) < 0.3
     short = np.where(struck, rng.uniform(0.1, scan.ranges), scan.ranges).astype(np.float32)
-    few = clean._view.see(scan, IDENTITY)
-    assert dusty._view.see(dataclasses.replace(scan, ranges=short), IDENTITY) < 1.5 * few
+    few = clean._view.take(scan, IDENTITY).count
+    assert dusty._view.take(dataclasses.replace(scan, ranges=short), IDENTITY).count < 1.5 * few
