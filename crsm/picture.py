@@ -12,7 +12,8 @@ from crsm.climber import Climber
 from crsm.map import WallGrid
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
-from slams.types import IDENTITY, Floats, Laser, Pose2, Ranges, Scan
+from slams.room import scan_at
+from slams.types import IDENTITY, Floats, Laser, Pose2
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +42,7 @@ def draw(path: Path) -> None:
     params = CrsmParams(critical_rays=COUNT)
     view, grid = ScanReader(params), WallGrid(params)
     for seed in (1, 2):
-        view.take(Scan(0.0, _ranges(np.random.default_rng(seed)), LASER), IDENTITY)
+        view.take(scan_at(IDENTITY, LASER, WALLS, 0.01, np.random.default_rng(seed)), IDENTITY)
         grid.insert(view, IDENTITY)
     figure = Figure(figsize=(12, 4.7), layout="constrained")
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -49,20 +50,6 @@ def draw(path: Path) -> None:
     _search(right, view, grid)
     left.set(xlim=VIEW[:2], ylim=VIEW[2:], aspect="equal", ylabel="y [m]")
     FigureCanvasAgg(figure).print_figure(path, dpi=80)
-
-
-def _ranges(rng: np.random.Generator) -> Ranges:
-    """What the laser sees from the origin, with 1 cm of noise."""
-    d = LASER.directions[:, None]
-    p, e = WALLS[:, :2], WALLS[:, 2:] - WALLS[:, :2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        across = d[..., 0] * e[:, 1] - d[..., 1] * e[:, 0]
-        r = (p[:, 0] * e[:, 1] - p[:, 1] * e[:, 0]) / across
-        u = (p[:, 0] * d[..., 1] - p[:, 1] * d[..., 0]) / across
-    nearest = np.where((r > 0) & (u >= 0) & (u <= 1), r, np.inf).min(axis=1)
-    ranges: Ranges = (nearest + rng.normal(0.0, 0.01, len(nearest))).astype(np.float32)
-    ranges.flags.writeable = False
-    return ranges
 
 
 def _rays(axes: Axes, view: ScanReader) -> None:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from slams.types import Floats, Laser, Pose2, Ranges, Scan
+from slams.room import cast, scan_at
+from slams.types import Floats, Laser, Pose2, Ranges
 from tsd.image import colored
 from tsd.params import TsdParams
 from tsd.slam import Tsd
@@ -42,27 +43,12 @@ def draw(path: Path) -> None:
     rng = np.random.default_rng(1)
     slam = Tsd(TsdParams(cell=0.025, truncation=0.1))
     for i, pose in enumerate(PATH):
-        found = slam.update(Scan(0.1 * i, _ranges(pose, rng), LASER))
+        found = slam.update(scan_at(pose, LASER, WALLS, 0.01, rng, 0.1 * i))
     figure = Figure(figsize=(12, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1, 1))
     _field(left, slam, PATH[0])
-    _residuals(right, slam, found, _ranges(PATH[-1], rng))
+    _residuals(right, slam, found, scan_at(PATH[-1], LASER, WALLS, 0.01, rng).ranges)
     FigureCanvasAgg(figure).print_figure(path, dpi=75)
-
-
-def _ranges(pose: Pose2, rng: np.random.Generator) -> Ranges:
-    """What the laser sees from a pose, with 1 cm of noise."""
-    angles = LASER.angles + pose.theta
-    d = np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None]
-    p, e = WALLS[:, :2] - np.array(pose[:2]), WALLS[:, 2:] - WALLS[:, :2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        across = d[..., 0] * e[:, 1] - d[..., 1] * e[:, 0]
-        r = (p[:, 0] * e[:, 1] - p[:, 1] * e[:, 0]) / across
-        u = (p[:, 0] * d[..., 1] - p[:, 1] * d[..., 0]) / across
-    nearest = np.where((r > 0) & (u >= 0) & (u <= 1), r, np.inf).min(axis=1)
-    ranges: Ranges = (nearest + rng.normal(0.0, 0.01, len(nearest))).astype(np.float32)
-    ranges.flags.writeable = False
-    return ranges
 
 
 def _show(axes: Axes, slam: Tsd) -> None:
@@ -78,7 +64,7 @@ def _show(axes: Axes, slam: Tsd) -> None:
 
 def _field(axes: Axes, slam: Tsd, start: Pose2) -> None:
     _show(axes, slam)
-    reach = float(_ranges(start, np.random.default_rng(0))[round((RAY + 2.35) / (4.7 / 720))])
+    reach = float(cast(WALLS, start, LASER)[round((RAY + 2.35) / (4.7 / 720))])
     end = (reach * math.cos(RAY), reach * math.sin(RAY))
     axes.plot([0, end[0]], [0, end[1]], color="black", linewidth=1)
     axes.plot(*end, "o", color="black", markersize=5)

@@ -36,7 +36,7 @@ class Group(NamedTuple):
     `ate_m` and `worst_ate_m` are median and greatest error of the runs that survived, None without
     any; `worse_than_wheels` counts runs with odometry that were further off than the wheels alone;
     `right_again` the lost runs that were right at their end; `cpu` CPU seconds per second of log,
-    median, and `cpu_worst` the greatest.
+    median.
     """
 
     survived: Share
@@ -50,7 +50,6 @@ class Group(NamedTuple):
     posed: float | None
     refined: float | None
     cpu: float | None
-    cpu_worst: float | None
 
 
 class Survivors(NamedTuple, Generic[K]):
@@ -99,7 +98,6 @@ def weigh(judged: list[Judged]) -> Group:
         posed=_mean(t["posed"] for t in done if t["posed"] is not None),
         refined=_mean(t["refined"] for t in done if t["refined"] is not None),
         cpu=_median(spent),
-        cpu_worst=max(spent, default=None),
     )
 
 

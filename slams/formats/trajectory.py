@@ -117,16 +117,6 @@ def read(path: str | Path) -> tuple[Floats, Floats]:
     return t, poses
 
 
-def read_tum(path: str | Path) -> tuple[Floats, Floats]:
-    """Read `t x y z qx qy qz qw` lines: t (n,) and the poses (n, 3) in the plane.
-
-    Raises:
-        OSError: the file cannot be opened.
-        ValueError: the file has other columns.
-    """
-    return pose_tables.tum(path, pose_tables.lines_of(path))
-
-
 def read_csv(path: str | Path) -> tuple[Floats, Floats]:
     """Read what `write_csv` wrote, or a csv whose header names such columns otherwise.
 
