@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
+LONGEST = 0.1  # s that one scan counts for: what two or three scans say is chance
+
 
 class Usual:
-    """A mean that forgets in seconds, not in scans: at 5 and at 40 Hz the same is usual.
+    """A mean that forgets in seconds, not in scans: at 10 and at 40 Hz the same is usual.
 
-    Of the first scans it is the plain mean.
+    Where scans are rarer it is of as many as at 10 Hz; of the first it is the plain mean.
 
     Args:
         seconds: after which what was seen counts by the e-th part [s].
@@ -29,7 +31,7 @@ class Usual:
         if t == self._t:
             return
         self._scans += 1
-        forgotten = 1.0 - math.exp(min(self._t - t, 0.0) / self._seconds)
+        forgotten = 1.0 - math.exp(-min(max(t - self._t, 0.0), LONGEST) / self._seconds)
         share = 1.0 if self._scans == 1 else max(forgotten, least, 1.0 / self._scans)
         self.value += share * (value - self.value)
         self._t = t
