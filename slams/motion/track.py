@@ -30,6 +30,7 @@ GAP = 3.0  # usual intervals; a longer one is a gap in the log
 FAR = 100.0  # m, deviation of a pose that is anywhere: it grows no more
 WIDEST = 1e3  # variance, times the expected one
 SEEN = 0.9  # share of what a match says along a corridor, below which slips are looked for
+GAPLESS = 360  # hits of a scan, below which the map that is made of them has gaps
 EVEN = 0.2  # ratio of variances of x and y above which a scan sees all directions: no corridor
 
 
@@ -76,7 +77,7 @@ class Track:
         if "wheels" not in now.used:
             before = self._carried_on(before, now)
         known = self.state == "matched"
-        scale, caution = (self._scale, self._caution()) if known else (1.0, 1.0)
+        scale, caution = (self._scale, self._caution(scan)) if known else (1.0, 1.0)
         self.predicted = self._widened(now.pose_covariance(before), scale)
         self.expected = caution * self.predicted
         self._information = inverse3(self.expected)
@@ -88,13 +89,18 @@ class Track:
         wide: Floats = scale * covariance
         return self._sight.stretched(wide, scale ** (-0.5 * blind)) if scale > 1.0 else wide
 
-    def _caution(self) -> float:
+    def _caution(self, scan: Scan) -> float:
         """Times what is expected where scans see all directions: there the map is to be believed.
 
         In a bare corridor what a scan seems to say along it is mostly noise, as [Zhang16] has it;
-        there the prediction counts as much as it is worth.
+        there the prediction counts as much as it is worth. So do wheels where few beams make a map
+        with gaps: those that end where others did before hold the robot back, the rest is silent.
+        (Without wheels the prediction has been held back, too.)
         """
         sees = min(self._even / EVEN, 1.0)
+        if "wheels" in self._prediction.used:
+            hits = np.count_nonzero(scan.ranges < scan.laser.range_max)
+            sees *= min(float(hits) / GAPLESS, 1.0)
         return 1.0 + (self._params.caution - 1.0) * sees**2
 
     def prior(self, start: Pose2) -> Floats:
