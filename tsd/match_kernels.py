@@ -148,8 +148,20 @@ def explain(
     return known, close, against, math.sqrt(squares / max(known, 1.0))
 
 
+@njit(inner=True)
+def agreement(field: Field, layer: int, x: float, y: float, scale: float) -> float:
+    """How well an element at (x, y) agrees, 0 to 1; -1 where nothing was ever seen. ours.
+
+    Where beams passed and there is no surface it disagrees; scale [1/m2].
+    """
+    v, _, _ = read_field(field, layer, x, y)
+    if v == v:
+        return 1.0 / (1.0 + v * v * scale)
+    return 0.0 if was_seen(field, x, y) else -1.0
+
+
 @njit
-def agreement_along(
+def leads_along(
     field: Field,
     surfaces: Floats,
     count: int,
@@ -158,14 +170,17 @@ def agreement_along(
     offsets: Floats,
     rule: MatchRule,
     out: Floats,
-) -> None:
-    """How many elements lie where beams were before, and how many of those agree. ours.
+) -> tuple[float, float]:
+    """How much better a scan agrees with the field at a pose moved by offsets (n, 2) [m]. ours.
 
-    At a pose moved by offsets (n, 2) [m]; out (n, 2). Where nothing was ever seen an element says
-    nothing; where beams passed and there is no surface it disagrees. Hits so sparse that the map
-    has gaps between them are left out: gaps move with the robot.
+    out (n, 2): the sum over the elements of what each agrees more there than at the pose, and of
+    the squares of that. Where nothing was ever seen an element says nothing. Hits so sparse that
+    the map has gaps between them are left out: gaps move with the robot. Returns how many elements
+    lie where beams were before, at the pose itself, and how many of those agree.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
+    scale = 1.0 / (rule.robust * rule.robust)
+    seen, agree = 0.0, 0.0
     for i in range(offsets.shape[0]):
         out[i, 0], out[i, 1] = 0.0, 0.0
     for k in range(count):
@@ -178,11 +193,13 @@ def agreement_along(
         layer = facing(nx, ny)
         x0 = pose[0] + c * surfaces[k, 0] - s * surfaces[k, 1]
         y0 = pose[1] + s * surfaces[k, 0] + c * surfaces[k, 1]
+        here = agreement(field, layer, x0, y0, scale)
+        if here < 0.0:
+            continue
+        seen, agree = seen + 1.0, agree + here
         for i in range(offsets.shape[0]):
-            x, y = x0 + offsets[i, 0], y0 + offsets[i, 1]
-            v, _, _ = read_field(field, layer, x, y)
-            if v == v:
-                out[i, 0] += 1.0
-                out[i, 1] += 1.0 / (1.0 + v * v / (rule.robust * rule.robust))
-            elif was_seen(field, x, y):
-                out[i, 0] += 1.0
+            there = agreement(field, layer, x0 + offsets[i, 0], y0 + offsets[i, 1], scale)
+            if there >= 0.0:
+                out[i, 0] += there - here
+                out[i, 1] += (there - here) * (there - here)
+    return seen, agree

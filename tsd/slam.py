@@ -113,7 +113,7 @@ class Tsd:
         self._count(match)
         self._quality = match.close
         if self._evidence.good(match):
-            self._accept(scan, match, start)  # 9
+            self._accept(scan, match)  # 9
             known = self._track.state == "matched" or self._track.adrift
             if known and self._moved():
                 self._push(self._track.pose)  # 10
@@ -217,13 +217,11 @@ class Tsd:
         self._counts["refined"] += any(match is other for other in self._refined)
         self._counts["searched"] += self._searched
 
-    def _accept(self, scan: Scan, match: Match, start: Prediction) -> None:
+    def _accept(self, scan: Scan, match: Match) -> None:
         self._evidence.learn(match, self._search.fruitless, scan.t)
         self._counts["recovered"] += self._track.state != "matched"
-        self._track.matched(match.pose, match.information, scan)
-        if self.params.refine:
-            by_wheels = "wheels" in start.used
-            self._track.slipped(*self._direct.slipped(match, by_wheels))
+        leads = self._direct.leads if self.params.refine else None
+        self._track.matched(match.pose, match.information, scan, leads=leads)
 
     def _refuse(self, scan: Scan) -> None:
         """Stay with the prediction; where wheels alone have held it for long, map on from there."""

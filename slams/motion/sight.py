@@ -76,10 +76,10 @@ class Sight(NamedTuple):
         xx, xy, yy = of[0, 0], of[0, 1], of[1, 1]
         return float(self.x * self.x * xx + 2.0 * self.x * self.y * xy + self.y * self.y * yy)
 
-    def widened(self, covariance: Floats, variance: float) -> Floats:
-        """A covariance (3, 3) with `variance` [m^2] more in that direction."""
+    def widened(self, of: Floats, more: float) -> Floats:
+        """A covariance or information (3, 3) with so much [m^2], [1/m^2] more in that direction."""
         axis = np.array((self.x, self.y, 0.0))
-        return np.asarray(covariance + variance * np.outer(axis, axis))
+        return np.asarray(of + more * np.outer(axis, axis))
 
 
 CLEAR = Sight(1.0, 0.0, 1.0, 1.0, 0.0)

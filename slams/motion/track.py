@@ -15,6 +15,7 @@ from slams.motion.chord import FLOOR
 from slams.motion.model import Motion, Prediction
 from slams.motion.params import MotionParams
 from slams.motion.sight import CLEAR, sight
+from slams.motion.slip import SHIFTS, Leads, slip
 from slams.motion.trust import Limits
 from slams.types import IDENTITY, Floats, Pose2, Scan, State, wrap_angle
 
@@ -28,6 +29,8 @@ MOST = 10.0  # that one surprise counts
 GAP = 3.0  # usual intervals; a longer one is a gap in the log
 FAR = 100.0  # m, deviation of a pose that is anywhere: it grows no more
 WIDEST = 1e3  # variance, times the expected one
+SEEN = 0.9  # share of what a match says along a corridor, below which slips are looked for
+GAPLESS = 360  # hits of a scan, below which the map that is made of them has gaps
 EVEN = 0.2  # ratio of variances of x and y above which a scan sees all directions: no corridor
 
 
@@ -59,7 +62,6 @@ class Track:
         self._even = 1.0  # of the last match: how alike it saw the two directions
         self._sight = CLEAR  # of the last match
         self._seeing = CLEAR  # of its scan by itself
-        self._given = IDENTITY  # by the last match, before noise was taken off
         self._by_wheels = True  # all that time
         self._missed = False  # the last scan
         self._unproven = 0.0  # s for which matches have to stand before they are believed
@@ -73,8 +75,9 @@ class Track:
         self._by_wheels &= "wheels" in now.used
         before = self.covariance
         if "wheels" not in now.used:
-            before = self._with_the_same_error(before, now)
-        scale, caution = (self._scale, self._caution()) if self.state == "matched" else (1.0, 1.0)
+            before = self._carried_on(before, now)
+        known = self.state == "matched"
+        scale, caution = (self._scale, self._caution(scan)) if known else (1.0, 1.0)
         self.predicted = self._widened(now.pose_covariance(before), scale)
         self.expected = caution * self.predicted
         self._information = inverse3(self.expected)
@@ -86,13 +89,19 @@ class Track:
         wide: Floats = scale * covariance
         return self._sight.stretched(wide, scale ** (-0.5 * blind)) if scale > 1.0 else wide
 
-    def _caution(self) -> float:
+    def _caution(self, scan: Scan) -> float:
         """Times what is expected where scans see all directions: there the map is to be believed.
 
         In a bare corridor what a scan seems to say along it is mostly noise, as [Zhang16] has it;
-        there the prediction counts as much as it is worth.
+        there the prediction counts as much as it is worth. So do wheels where few beams make a map
+        with gaps: those that end where others did before hold the robot back, the rest is silent.
+        (Without wheels the prediction has been held back, too.)
         """
-        return 1.0 + (self._params.caution - 1.0) * min(self._even / EVEN, 1.0) ** 2
+        sees = min(self._even / EVEN, 1.0)
+        if "wheels" in self._prediction.used:
+            hits = np.count_nonzero(scan.ranges < scan.laser.range_max)
+            sees *= min(float(hits) / GAPLESS, 1.0)
+        return 1.0 + (self._params.caution - 1.0) * sees**2
 
     def prior(self, start: Pose2) -> Floats:
         """Information (3, 3) [1/m^2, 1/(m rad), 1/rad^2] of a start for a matcher.
@@ -121,18 +130,27 @@ class Track:
         xx, yy, turn = np.diagonal(told).tolist()
         return math.sqrt(xx + yy + turn)
 
-    def matched(self, pose: Pose2, seen: Floats, scan: Scan, rough: bool = False) -> None:
+    def matched(
+        self,
+        pose: Pose2,
+        seen: Floats,
+        scan: Scan,
+        rough: bool = False,
+        leads: Leads | None = None,
+    ) -> None:
         """The map explains the scan at `pose`; `seen` (3, 3) is the information of the scan.
 
-        `rough`: by cells alone, whose steps look like walls that face any way.
+        `rough`: by cells alone, whose steps look like walls that face any way. `leads`: what the
+        map says of places along a corridor.
         """
         if self._begun:
             self._look(scan, pose, seen, rough)
         else:  # the first pose is the map's origin
             seen, self._begun = np.eye(3) / FLOOR, True
-        self._given, honest = pose, self._sight.of(seen)
-        by_scan = self._by_scan(pose, seen)
+        honest, by_scan = self._sight.of(seen), self._by_scan(pose, seen)
         pose = self._fused(pose, seen, honest)
+        if leads is not None and self._sight.share < SEEN:
+            pose, honest = self._looked_along(pose, honest, leads)
         alone = inverse3(honest + LEAST)
         self._even = evenness(alone)
         learns = self._widen_wheels or not self._by_wheels
@@ -175,7 +193,15 @@ class Track:
         back = (keep - 1.0) * (sees.x * off[0] + sees.y * off[1])
         return Pose2(pose.x + back * sees.x, pose.y + back * sees.y, pose.theta)
 
-    def _with_the_same_error(self, before: Floats, now: Prediction) -> Floats:
+    def _looked_along(self, pose: Pose2, honest: Floats, leads: Leads) -> tuple[Pose2, Floats]:
+        """A match and what it is worth, with the slip that the map proves made good."""
+        sees = self._sight
+        doubt = sees.along(inverse3(honest + self.prior(pose)))
+        found = slip(leads(pose, SHIFTS[:, None] * np.array((sees.x, sees.y))), doubt)
+        x, y = pose.x + found.moved * sees.x, pose.y + found.moved * sees.y
+        return Pose2(x, y, pose.theta), sees.widened(honest, found.information)
+
+    def _carried_on(self, before: Floats, now: Prediction) -> Floats:
         """`before`, so that its sum with a step covers errors of both that are one and the same.
 
         A velocity that is wrong makes every step wrong to the same side: deviations add, not
@@ -219,23 +245,6 @@ class Track:
         seconds = min(self._seconds, 1.0)
         growth = (surprise - 1.0) * seconds / (RISE if surprise > 1.0 else FALL)
         self._scale = min(max(self._scale * math.exp(growth), 1.0), WIDEST)
-
-    def slipped(self, pose: Pose2, doubt: Floats) -> None:
-        """An earlier slip was made good: no motion; `doubt` (2, 2) [m^2] is its variance.
-
-        Along a corridor wheels leave little doubt but of slips, and scans that follow each other
-        err alike: each takes half of the doubt. Without wheels a scan that does not see along it
-        cannot tell a slip either.
-        """
-        given, at, share = self._given, self.pose, self._sight.share
-        if "wheels" in self._prediction.used and doubt.any():
-            left = float(np.trace(doubt)) / self._sight.along(self.covariance)
-            self.covariance = self._sight.stretched(self.covariance, min(left, 1.0) ** 0.25)
-            share = 1.0
-        else:
-            self.covariance[:2, :2] += share * share * doubt
-        x, y = at.x + share * (pose.x - given.x), at.y + share * (pose.y - given.y)
-        self.pose = self._matched_at = Pose2(x, y, at.theta)
 
     def missed(self, scan: Scan) -> None:
         """The map does not explain the scan: the pose is the prediction."""

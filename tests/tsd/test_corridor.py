@@ -9,19 +9,23 @@ from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import box, laser, scan_at
 from tests.tsd import naive as naive_tsd
 from tests.tsd.cases import HALLWAY, NICHES, default, scanned
-from tsd.match_kernels import MatchRule, agreement_along
+from tsd.match_kernels import MatchRule, leads_along
 
 
-def test_agreement_along_equals_the_naive_twin():
+def test_leads_along_equal_the_naive_twin():
     slam, elements = scanned()
     offsets = np.array([(0.0, 0.0), (0.1, 0.0), (-0.3, 0.2)])
     pose, rule = np.array(slam._track.pose), MatchRule(1, 1e-4, 1e-5, 0.03, 0.01)
     out = np.zeros((3, 2))
     kernel = slam._field.kernel
-    agreement_along(kernel, elements, len(elements), slam._view.beams, pose, offsets, rule, out)
-    twin = naive_tsd.agreement(kernel, elements, pose, offsets, 0.03)
-    assert out == pytest.approx(np.array(twin), rel=1e-4, abs=1e-3)
-    assert out[0, 1] > 0.9 * out[0, 0] and out[2, 1] < 0.8 * out[2, 0]
+    counts = leads_along(
+        kernel, elements, len(elements), slam._view.beams, pose, offsets, rule, out
+    )
+    twin, here = naive_tsd.leads(kernel, elements, pose, offsets, 0.03)
+    assert out == pytest.approx(twin, rel=1e-4, abs=1e-3)
+    seen = ~np.isnan(here)
+    assert counts == pytest.approx((seen.sum(), here[seen].sum()), rel=1e-4)
+    assert counts[1] > 0.9 * counts[0] and out[2, 0] < -0.1 * counts[0]
 
 
 def driven(segments, n_beams, with_odometry, slip=0.0, step=0.03, seed=3):

@@ -8,6 +8,7 @@ import pytest
 from slams.motion.params import MotionParams
 from slams.motion.sight import CLEAR, UNKNOWN, Sight, noise_of, sight
 from slams.motion.sight_kernels import N_FACES, bends, faces
+from slams.motion.slip import SHIFTS, slip
 from slams.motion.track import LOST_XY, Track
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import box, laser, scan_at
@@ -159,11 +160,37 @@ def test_noise_does_not_slow_the_robot_down():
     assert expected.step.x == pytest.approx(STEP, rel=0.1)
 
 
-def test_a_slip_in_doubt_counts_as_far_as_it_is_seen_or_wheels_leave_nothing_else():
-    for wheels, moved in ((False, 0.0), (True, 0.1)):
+def leads_of(slipped, things):
+    """So many things of a scan agree only where the robot is, `slipped` [m] further along x."""
+
+    def leads(pose, offsets):
+        there = np.abs(offsets[:, 0] - slipped) < 0.03
+        return np.stack([things * there, things * there], axis=1)
+
+    return leads
+
+
+@pytest.mark.parametrize("wheels", [False, True])
+def test_a_slip_counts_as_far_as_the_map_proves_it(wheels):
+    moved, deviation = [], []
+    for things in (0.0, 9.0, 25.0):
         track, _ = drive(6.0, wheels=wheels)
-        x, before = track.pose.x, track.covariance[0, 0]
-        given = track._given
-        track.slipped(Pose2(given.x + 0.1, given.y, given.theta), np.diag([0.25 * before, 0.0]))
-        assert track.pose.x - x == pytest.approx(moved, abs=1e-6)
-        assert track.covariance[0, 0] == pytest.approx(before * (0.5 if wheels else 1.0), rel=0.01)
+        track.covariance = track._sight.widened(track.covariance, 0.04)  # m^2
+        scan = seen_from(Pose2(60 * STEP, 0.0, 0.0), seed=60)
+        scan = Scan(6.0, scan.ranges, scan.laser, Pose2(60 * STEP, 0.0, 0.0) if wheels else None)
+        pose = track.predict(scan).pose
+        track.matched(pose, ACROSS, scan, leads=leads_of(0.1, things))
+        moved.append(track.pose.x - pose.x)
+        deviation.append(math.sqrt(track.covariance[0, 0]))
+    assert moved[0] == pytest.approx(0.0, abs=0.003) and moved[2] == pytest.approx(0.1, abs=0.005)
+    assert moved[0] < moved[1] < moved[2]
+    assert deviation[0] > 0.15 > deviation[1] > deviation[2]
+
+
+def test_a_lead_within_chance_proves_nothing():
+    noise = np.random.default_rng(1).standard_normal((400, len(SHIFTS)))
+    for row in noise:
+        found = slip(np.stack([0.7 * row, np.ones(len(SHIFTS))], axis=1), 0.01)
+        assert abs(found.moved) < 0.1 and found.information < 1.0 / 0.05**2
+    flat = slip(np.zeros((len(SHIFTS), 2)), 0.01)
+    assert flat == pytest.approx((0.0, 0.0), abs=1e-12)

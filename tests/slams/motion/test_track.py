@@ -12,7 +12,8 @@ from slams.motion.track import LOST_AFTER, Track, evenness
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import laser
 
-BEAM = (np.zeros(1, np.float32), laser(1))
+CLUTTER = np.random.default_rng(4).uniform(1.0, 9.0, 400).astype(np.float32)
+BEAM = (CLUTTER, laser(400))  # no walls: what is seen is what the matcher says
 ROOM = np.diag([1e6, 1e6, 1e7])  # 1/m^2, 1/rad^2: what a scan says that sees all directions
 CORRIDOR = np.diag([1e2, 1e6, 1e7])
 STEP = 0.05  # m in 0.1 s
@@ -44,6 +45,15 @@ def test_a_prediction_counts_less_where_the_scan_sees_all_directions():
     for seen, times in ((ROOM, 50.0), (CORRIDOR, 1.0)):
         careful, plain = twins(seen)
         assert careful.expected == pytest.approx(times * plain.expected, rel=0.01)
+
+
+def test_wheels_count_as_they_are_where_few_beams_make_a_map_with_gaps():
+    few = np.where(np.arange(400) % 9 == 0, CLUTTER, np.inf).astype(np.float32)
+    for wheels, least, most in ((True, 1.5, 2.0), (False, 49.0, 51.0)):
+        track = driven(ROOM, wheels=wheels)
+        full = stamped(30, wheels)
+        track.predict(Scan(full.t, few, full.laser, full.odometry))
+        assert least < track.expected[0, 0] / track.predicted[0, 0] < most
 
 
 @pytest.mark.parametrize(("share", "times"), [(1.0, 4.0), (0.0, 1.0)])
