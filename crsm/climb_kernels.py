@@ -29,22 +29,24 @@ class Prior(NamedTuple):
     weight: float
 
 
-@njit(fastmath=FAST, inner=True)
+@njit(fastmath=FAST)
 def fitness(grid: WallMap, rays: Any, pose: Any) -> float:
     """[Tsardoulias13] fitness: mean darkness of the map under the ends (k, 2) of rays."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y, theta = pose
+    c, s = math.cos(theta), math.sin(theta)
     k: int = rays.shape[0]
     total: float = 0.0
     for j in range(k):
         px, py = rays[j, 0], rays[j, 1]
-        total += darkness(grid, c * px - s * py + pose[0], s * px + c * py + pose[1])
+        total += darkness(grid, c * px - s * py + x, s * px + c * py + y)
     return total / k
 
 
 @njit(inner=True)
 def score(grid: WallMap, rays: Any, prior: Prior, pose: Any) -> float:
     """ours: fitness less what it costs to be elsewhere than expected (Student's tails)."""
-    dx, dy, turn = pose[0] - prior.x, pose[1] - prior.y, wrap_angle(pose[2] - prior.theta)
+    x, y, theta = pose
+    dx, dy, turn = x - prior.x, y - prior.y, wrap_angle(theta - prior.theta)
     k = prior.information
     distance = k[0, 0] * dx * dx + k[1, 1] * dy * dy + k[2, 2] * turn * turn
     distance += 2.0 * (k[0, 1] * dx * dy + k[0, 2] * dx * turn + k[1, 2] * dy * turn)
@@ -60,7 +62,8 @@ def middle_of(rays: Any) -> Any:
     for j in range(k):
         mx, my = mx + rays[j, 0] / k, my + rays[j, 1] / k
     for j in range(k):
-        square += ((rays[j, 0] - mx) ** 2 + (rays[j, 1] - my) ** 2) / k
+        dx, dy = rays[j, 0] - mx, rays[j, 1] - my
+        square += (dx * dx + dy * dy) / k
     return mx, my, math.sqrt(square)
 
 
@@ -99,7 +102,8 @@ def climb(grid: WallMap, rays: Any, prior: Prior, start: Any, length: float) -> 
             if best == before:
                 break
         if length <= FINEST and angle <= FINEST_TURN:
-            return pose[0], pose[1], wrap_angle(pose[2]), best
+            x, y, theta = pose
+            return x, y, wrap_angle(theta), best
         length, angle = max(0.5 * length, FINEST), 0.5 * angle
 
 

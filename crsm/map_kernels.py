@@ -58,7 +58,8 @@ class WallMap(NamedTuple):
 def add_blot(grid: WallMap, x: float, y: float, sign: float) -> None:
     """ours: add (or take away) a Gaussian around the point (x, y) [m] to the dark field."""
     step, dark = grid.cell / grid.fine, grid.dark
-    u, v = (x - grid.corner[0]) / step, (y - grid.corner[1]) / step
+    x0, y0 = grid.corner
+    u, v = (x - x0) / step, (y - y0) / step
     ix, iy = math.floor(u), math.floor(v)
     for jy in range(max(iy - HALO, 0), min(iy + HALO + 1, dark.shape[0])):
         dy = jy + 0.5 - v
@@ -93,17 +94,19 @@ def darkness(grid: WallMap, x: float, y: float) -> float:
     Quadratic splines over the 3 x 3 fine cells around it; blots upon each other count less.
     """
     step, dark = grid.cell / grid.fine, grid.dark
-    u, v = (x - grid.corner[0]) / step, (y - grid.corner[1]) / step
+    x0, y0 = grid.corner
+    u, v = (x - x0) / step, (y - y0) / step
     ix, iy = math.floor(u), math.floor(v)
     if min(ix, iy) < 1 or ix >= dark.shape[1] - 1 or iy >= dark.shape[0] - 1:
         return 0.0
     s, t = u - ix, v - iy
-    x0, x1, x2 = 0.5 * (1.0 - s) ** 2, 0.5 + s - s * s, 0.5 * s * s
+    s1, t1 = 1.0 - s, 1.0 - t
+    a, b, c = 0.5 * (s1 * s1), 0.5 + s - s * s, 0.5 * s * s
     total = 0.0
     for j in range(3):
-        row = 0.5 * (1.0 - t) ** 2 if j == 0 else (0.5 + t - t * t if j == 1 else 0.5 * t * t)
+        row = 0.5 * (t1 * t1) if j == 0 else (0.5 + t - t * t if j == 1 else 0.5 * t * t)
         i = iy - 1 + j
-        total += row * (x0 * dark[i, ix - 1] + x1 * dark[i, ix] + x2 * dark[i, ix + 1])
+        total += row * (a * dark[i, ix - 1] + b * dark[i, ix] + c * dark[i, ix + 1])
     return (1.0 + HALF) * total / (HALF * FULL + total)
 
 

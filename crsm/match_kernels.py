@@ -17,14 +17,16 @@ def evidence(grid: WallMap, points: Points, m: int, pose: Any, every: int) -> An
     Explained: the map is dark there; contradicted: it is white.
     """
     step = grid.cell / grid.fine
-    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x0, y0, theta = pose
+    left, low = grid.corner
+    c, s = math.cos(theta), math.sin(theta)
     dark = white = 0.0
     for i in range(0, m, every):
         px, py = points[0, i], points[1, i]
-        x, y = c * px - s * py + pose[0], s * px + c * py + pose[1]
+        x, y = c * px - s * py + x0, s * px + c * py + y0
         here = min(darkness(grid, x, y), 1.0)
         dark += here
-        ix, iy = math.floor((x - grid.corner[0]) / step), math.floor((y - grid.corner[1]) / step)
+        ix, iy = math.floor((x - left) / step), math.floor((y - low) / step)
         if 0 <= ix < grid.grey.shape[1] and 0 <= iy < grid.grey.shape[0]:
             white += (1.0 - here) * max(-grid.grey[iy, ix], 0.0)
     n = max((m + every - 1) // every, 1)

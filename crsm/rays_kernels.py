@@ -22,20 +22,23 @@ def measured(normals: Points, i: int, noise: Any) -> Any:
 
     (1, 1) for a lone point, which measures both; noise: variances (of a range, of a lone point).
     """
+    of_range, of_lone = noise
     nx, ny = normals[0, i], normals[1, i]
     if nx == 0.0 and ny == 0.0:
-        return 1.0, 1.0, noise[1], True
-    return nx, ny, noise[0], False
+        return 1.0, 1.0, of_lone, True
+    return nx, ny, of_range, False
 
 
-@njit
+@njit(inner=True)
 def leverage(points: Points, normals: Points, m: int, noise: Any, out: Any) -> None:
     """ours: share (m,) of each point in fixing the pose, w c' H^-1 c; together they are 3.
 
     noise: variances [m2] of a range and of a lone point, which measures x and y alike.
     """
-    H = np.zeros((3, 3))
-    H[0, 0] = H[1, 1] = H[2, 2] = LEAST
+    H = np.empty((3, 3))
+    for i in range(3):
+        for k in range(3):
+            H[i, k] = LEAST if i == k else 0.0
     for i in range(m):
         cx, cy, variance, lone = measured(normals, i, noise)
         w = 1.0 / variance
@@ -45,7 +48,7 @@ def leverage(points: Points, normals: Points, m: int, noise: Any, out: Any) -> N
         if lone:
             H[0, 2] -= w * points[1, i]
             H[1, 2] += w * points[0, i]
-            H[2, 2] += w * (points[0, i] ** 2 + points[1, i] ** 2)
+            H[2, 2] += w * (points[0, i] * points[0, i] + points[1, i] * points[1, i])
         else:
             H[0, 1] += w * cx * cy
             H[0, 2] += w * cx * turn
@@ -83,7 +86,10 @@ def critical_rays(
     of the rest goes to those with the greatest share in x, y and theta; chosen by error diffusion
     along the scan, without a draw. moments as of `scan_moments`; noise as in `leverage`.
     """
-    shares, edge, far = np.empty(m), np.zeros(m), np.empty(m)
+    room = np.empty((3, m))
+    shares, edge, far = room[0], room[1], room[2]
+    for i in range(m):
+        edge[i] = 0.0
     for i in range(m):
         far[i] = math.hypot(points[0, i] - laser.x, points[1, i] - laser.y)
         if moments[5, i + 1] != moments[5, i]:

@@ -109,7 +109,8 @@ def surfaces(points: Floats, beams: Beams, walls: Walls, out: Floats) -> int:
         vxx, vxy, vyy = sxx - sx * sx / w, sxy - sx * sy / w, syy - sy * sy / w
         spread = math.hypot(0.5 * (vxx - vyy), vxy) / w
         mean = 0.5 * (vxx + vyy) / w
-        flat = mean - spread <= min(walls.ratio * (mean + spread), walls.flatness**2)
+        flatness = walls.flatness * walls.flatness
+        flat = mean - spread <= min(walls.ratio * (mean + spread), flatness)
         if flat and count > NEIGHBORS:
             along = 0.5 * math.atan2(2.0 * vxy, vxx - vyy)
             wx, wy = -math.sin(along), math.cos(along)

@@ -104,7 +104,8 @@ def gauss_newton(
     whose H is left in `H`.
     """
     x, y, theta = start
-    b, step, total = np.zeros(3), np.zeros(3), np.zeros((3, 3))
+    room = np.empty((5, 3))
+    b, step, total = room[3], room[4], room
     score = square = 0.0
     for _ in range(solver.steps):
         pose = Pose2(x, y, theta)

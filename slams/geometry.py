@@ -95,11 +95,11 @@ def inverse3(A: Floats) -> Floats:
     aa, bb, cc = d * f - e * e, c * e - b * f, b * e - c * d
     scale = 1.0 / (a * aa + b * bb + c * cc)
     out = np.empty((3, 3))
-    out[0, 0], out[1, 1], out[2, 2] = aa, a * f - c * c, a * d - b * b
-    out[0, 1] = out[1, 0] = bb
-    out[0, 2] = out[2, 0] = cc
-    out[1, 2] = out[2, 1] = b * c - a * e
-    out *= scale
+    out[0, 0], out[1, 1] = aa * scale, (a * f - c * c) * scale
+    out[2, 2] = (a * d - b * b) * scale
+    out[0, 1] = out[1, 0] = bb * scale
+    out[0, 2] = out[2, 0] = cc * scale
+    out[1, 2] = out[2, 1] = (b * c - a * e) * scale
     return out
 
 
@@ -109,13 +109,15 @@ def widened(information: Floats, off: Floats) -> tuple[Floats, float]:
 
     ours: by Sherman and Morrison.
     """
-    told = np.zeros(3)
+    out, room = np.empty((3, 3)), np.empty((1, 3))
+    distance = 0.0
+    for i in range(3):
+        told = 0.0
+        for k in range(3):
+            told += information[i, k] * off[k]
+        room[0, i] = told
+        distance += off[i] * told
     for i in range(3):
         for k in range(3):
-            told[i] += information[i, k] * off[k]
-    distance = off[0] * told[0] + off[1] * told[1] + off[2] * told[2]
-    out = np.empty((3, 3))
-    for i in range(3):
-        for k in range(3):
-            out[i, k] = information[i, k] - told[i] * told[k] / (1.0 + distance)
+            out[i, k] = information[i, k] - room[0, i] * room[0, k] / (1.0 + distance)
     return out, distance

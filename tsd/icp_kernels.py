@@ -53,7 +53,7 @@ def find_pair(model: Model, x: float, y: float, nx: float, ny: float, window: in
     return found
 
 
-@njit
+@njit(inner=True)
 def sum_pairs(
     model: Model,
     surfaces: Floats,
@@ -127,7 +127,7 @@ def icp(
     see. out_H (5, 3) is room to work; its first three rows are left as what the pairs know.
     """
     b, dx = out_H[3], out_H[4]
-    total = np.zeros((3, 3))
+    total = np.empty((3, 3))
     gate, pairs, rms, used = rule.widest, 0.0, 0.0, 0
     for _ in range(rule.iterations):
         pairs, rms = sum_pairs(model, surfaces, count, out_pose, rule, gate, out_H)

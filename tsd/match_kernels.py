@@ -99,7 +99,7 @@ def align(
     b, dx = out_H[3], out_H[4]
     known, close, residual = 0.0, 0.0, 0.0
     used = 0
-    total = np.zeros((3, 3))
+    total = np.empty((3, 3))
     robust = 3.0 * rule.robust
     for _ in range(rule.iterations):
         known, close, residual = accumulate(

@@ -9,7 +9,7 @@ import numpy as np
 
 from slams.jit import njit
 from slams.types import Floats
-from tsd.map_kernels import SIDE, Field, read_field
+from tsd.map_kernels import LAYERS, SIDE, Field, read_field
 
 FRONT = 0.71  # cosine between a ray and a layer's axis: a layer beyond shows it only backs
 LEAST_SLOPE, MOST_SLOPE = 0.6, 1.5  # of one surface; borders between two have others
@@ -136,7 +136,7 @@ def cast_rays(field: Field, model: Model) -> int:
     the layers that a ray can see from the front. Writes model.points.
     """
     n_hits = 0
-    fan, out, before = model.fan, model.points, np.empty(4)
+    fan, out, before = model.fan, model.points, np.empty((1, LAYERS))[0]
     for k in range(fan.rays):
         angle = model.heading + fan.first + k * fan.gap
         dx, dy = math.cos(angle), math.sin(angle)

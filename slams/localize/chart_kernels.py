@@ -129,7 +129,8 @@ def fit(cells: Cells, points: Floats, soft: float, steps: int, pose: Floats) -> 
             gx = (1.0 - fy) * (d10 - d00) + fy * (d11 - d01)
             gy = (1.0 - fx) * (d01 - d00) + fx * (d11 - d10)
             gt = gy * qx - gx * qy
-            w = 1.0 / (1.0 + (e / soft) ** 2)
+            share = e / soft
+            w = 1.0 / (1.0 + share * share)
             gradient = (gx, gy, gt)
             for j in range(3):
                 b[j] -= w * w * e * gradient[j]

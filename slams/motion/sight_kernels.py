@@ -14,6 +14,7 @@ STRAIGHT, BULGE, ROUGH = 4.0, 0.02, 0.003  # deviations, share of a piece's way,
 NEAR = 3.0  # pieces within which what is bent is a thing, not two walls
 CLUTTER = 0.25  # of a beam is told of each direction by one on such a thing
 N_FACES = 5
+ONE = np.float32(1.0)  # as precise as ranges are
 
 
 @njit
@@ -29,7 +30,9 @@ def bends(ranges: Ranges, every: int, turn: float, far: float, out: Floats) -> i
         a, b, c = float(ranges[i - every]), float(ranges[i]), float(ranges[i + every])
         if 0.0 < a < far and 0.0 < b < far and 0.0 < c < far:
             error = abs(1.0 / a + 1.0 / c - twice / b)
-            out[m] = error / math.sqrt(a**-4 + c**-4 + twice * twice * b**-4)
+            aa, bb, cc = a * a, b * b, c * c
+            spread = ONE / (aa * aa) + ONE / (cc * cc) + twice * twice * (ONE / (bb * bb))
+            out[m] = error / math.sqrt(spread)
             m += 1
     return m
 
@@ -47,7 +50,7 @@ def faces(
     """
     n, count = len(ranges), 0
     pieces = np.empty((n // every + 1, 3))
-    x0 = y0 = hits = 0.0
+    x0 = y0 = sx = sy = m = hits = told = xx = xy = yy = 0.0
     extent = max(PIECE, PIECE_NOISE * noise)
     for i in range(0, n, every):
         r = float(ranges[i])
@@ -55,38 +58,36 @@ def faces(
             continue
         hits += 1.0
         x, y = r * directions[i, 0], r * directions[i, 1]
-        if count == 0 or (x - x0) ** 2 + (y - y0) ** 2 > extent * extent:
+        dx, dy = x - x0, y - y0
+        if count == 0 or dx * dx + dy * dy > extent * extent:
             x0, y0 = x, y
-            pieces[count] = 0.0
+            sx = sy = m = 0.0
             count += 1
-        piece = pieces[count - 1]
-        piece[0], piece[1], piece[2] = piece[0] + x, piece[1] + y, piece[2] + 1.0
-    for i in range(count):
-        pieces[i, 0] /= pieces[i, 2]
-        pieces[i, 1] /= pieces[i, 2]
-    out[:] = 0.0
-    out[4] = hits
+        sx, sy, m = sx + x, sy + y, m + 1.0
+        k = count - 1
+        pieces[k, 0], pieces[k, 1], pieces[k, 2] = sx / m, sy / m, m
     for i in range(1, count - 1):
-        before, piece, after = pieces[i - 1], pieces[i], pieces[i + 1]
-        dx, dy = after[0] - before[0], after[1] - before[1]
+        x0, y0, before = pieces[i - 1, 0], pieces[i - 1, 1], pieces[i - 1, 2]
+        dx, dy, after = pieces[i + 1, 0] - x0, pieces[i + 1, 1] - y0, pieces[i + 1, 2]
         way = math.sqrt(dx * dx + dy * dy)
         if way == 0.0:
             continue
         tx, ty = dx / way, dy / way
-        ax, ay, m = piece[0] - before[0], piece[1] - before[1], piece[2]
+        ax, ay, m = pieces[i, 0] - x0, pieces[i, 1] - y0, pieces[i, 2]
         along, bend = ax * tx + ay * ty, abs(ax * ty - ay * tx)
         if not 0.0 < along < way:
             continue
-        share = along / way
-        spread = 1.0 / m + (1.0 - share) ** 2 / before[2] + share * share / after[2]
+        share, rest = along / way, 1.0 - along / way
+        spread = 1.0 / m + rest * rest / before + share * share / after
         straight = STRAIGHT * noise * math.sqrt(spread) + BULGE * min(along, way - along) + ROUGH
         if bend < straight:
-            tilt = noise * noise * (1.0 / before[2] + 1.0 / after[2]) / (way * way)
-            out[0] += m * (ty * ty - tilt * tx * tx)
-            out[1] -= m * (1.0 + tilt) * tx * ty
-            out[2] += m * (tx * tx - tilt * ty * ty)
-            out[3] += m
+            tilt = noise * noise * (1.0 / before + 1.0 / after) / (way * way)
+            xx += m * (ty * ty - tilt * tx * tx)
+            xy -= m * (1.0 + tilt) * tx * ty
+            yy += m * (tx * tx - tilt * ty * ty)
+            told += m
         elif max(along, way - along) < NEAR * extent:
-            out[0] += CLUTTER * m
-            out[2] += CLUTTER * m
-            out[3] += m
+            xx += CLUTTER * m
+            yy += CLUTTER * m
+            told += m
+    out[0], out[1], out[2], out[3], out[4] = xx, xy, yy, told, hits

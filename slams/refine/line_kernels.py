@@ -142,7 +142,8 @@ def fit(
     the mean square distance of those [m^2].
     """
     x, y, theta = start
-    b, step, total_H = np.zeros(3), np.zeros(3), np.zeros((3, 3))
+    room = np.empty((5, 3))
+    b, step, total_H = room[3], room[4], room
     soft = 1.0 / (how.softness * how.softness)
     share = square = 0.0
     for k in range(how.steps + 1):

@@ -147,7 +147,8 @@ def push_partition(
             b = beam_of(x, y, pose, sensor, ranges.shape[0])
             if b < 0 or not mask[b]:
                 continue
-            d = math.sqrt((x - pose[0]) ** 2 + (y - pose[1]) ** 2)
+            dx, dy = x - pose[0], y - pose[1]
+            d = math.sqrt(dx * dx + dy * dy)
             sd = ranges[b] - d
             if ranges[b] == math.inf:
                 if d >= sensor.low_reflectivity:

@@ -117,10 +117,12 @@ def pair_up(buckets: Buckets, scene: Floats, count: int, gate2: float, links: Li
     reach = math.sqrt(gate2)
     for k in range(count):
         x, y, m = scene[k, 0], scene[k, 1], links.nearest_of[k]
-        moved = math.sqrt((x - links.at[k, 0]) ** 2 + (y - links.at[k, 1]) ** 2)
+        dx, dy = x - links.at[k, 0], y - links.at[k, 1]
+        moved = math.sqrt(dx * dx + dy * dy)
         d2 = gate2
         if m >= 0:
-            d2 = (x - buckets.points[m, 0]) ** 2 + (y - buckets.points[m, 1]) ** 2
+            dx, dy = x - buckets.points[m, 0], y - buckets.points[m, 1]
+            d2 = dx * dx + dy * dy
         if not math.sqrt(d2) + moved < links.second[k]:
             m, d2, second = nearest(buckets, x, y, reach, m)
             links.nearest_of[k], links.second[k] = m, math.sqrt(second)

@@ -103,7 +103,7 @@ def oriented_normals(points: Floats, mask: Mask, out_phi: Floats) -> None:
                 a = c * points[j, 0] + s * points[j, 1]
                 b = c * points[j, 1] - s * points[j, 0]
                 a0, a1, b0, b1 = min(a0, a), max(a1, a), min(b0, b), max(b1, b)
-        long2, short2 = (a1 - a0) ** 2, (b1 - b0) ** 2
+        long2, short2 = (a1 - a0) * (a1 - a0), (b1 - b0) * (b1 - b0)
         if short2 == 0.0 or (short2 > 1e-6 and long2 < 4.0 * short2):
             continue
         toward = -s * points[i, 0] + c * points[i, 1] < 0.0
