@@ -105,6 +105,9 @@ def njit(
         "no_rewrites": True,  # of powers and sums of arrays, which no kernel has: a twentieth
     }
 
+    if inner and fastmath:  # else a kernel just compiled and one from the cache may sum otherwise
+        options["forceinline"] = True
+
     def decorate(function: Any) -> Any:
         if inner and not getattr(numba.config, "DISABLE_JIT", False):
             return InnerKernel(function, options)
