@@ -1,0 +1,99 @@
+"""The default's matcher: Gauss-Newton on the distances to surfaces."""
+
+from __future__ import annotations
+
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmapping import match_kernels as kernels
+from gmapping.map import TileMap
+from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
+from gmapping.match import Match, Proposals, lattice
+from gmapping.match_kernels import Climb
+from gmapping.params import GMappingParams
+from gmapping.scan import View
+from slams.geometry import FREEDOM, Prior
+from slams.types import Floats, Pose2, wrap_angle
+
+SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
+SPARSE = 100  # pieces that the search looks at
+STEP = np.array([0.1, 0.1, 0.03])  # m, m, rad, of the search; within the reach of Gauss-Newton
+
+
+class SurfaceMatcher:
+    """Distances of a scan's pieces from the mean lines in the cells; `variance` [m^2] is usual."""
+
+    layers, depth = LAYERS, DEPTH
+
+    def __init__(self, params: GMappingParams, tiles: TileMap) -> None:
+        self._params, self._tiles = params, tiles
+        self._number = 0
+        self.variance = params.range_noise**2
+
+    def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
+        """The peak near `start` in the map of one particle."""
+        poses = np.array([start])
+        means = kernels.Prior(np.array([prior.pose]), prior.information[None])
+        h, out = self._climb(view.pieces, np.array([owner]), means, poses, self._how(view))
+        variance = max(float(out[0, 5]), view.noise**2)
+        x, y, theta = poses[0].tolist()
+        pose = Pose2(x, y, float(wrap_angle(theta)))
+        return Match(pose, float(out[0, 4]) / view.beams, variance, h[0] / variance)
+
+    def search(self, view: View, owner: int, center: Pose2, half: Floats) -> Pose2:
+        """The best pose of a lattice, after one step of Gauss-Newton from each of its points."""
+        starts = np.array(center) + lattice(half, STEP)
+        n, known = len(starts), np.diag(1.0 / np.maximum(half, STEP) ** 2)
+        means = kernels.Prior(np.tile(np.array(center), (n, 1)), np.tile(known, (n, 1, 1)))
+        sparse = np.ascontiguousarray(view.pieces[:: max(1, view.n // SPARSE)])
+        how = self._how(view)._replace(steps=2)
+        _, out = self._climb(sparse, np.full(n, owner), means, starts, how)
+        x, y, theta = starts[np.argmin(out[:, 3])].tolist()
+        return Pose2(x, y, theta)
+
+    def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
+        """[Grisetti07] improved proposal; ours: Laplace's at the peak instead of a fit to samples.
+
+        The weight is the peak's posterior times its volume. Of the beams only some are
+        `independent`: the others say the same, and share the errors of the same walls.
+        """
+        n, peaks = len(means), means.copy()
+        prior = kernels.Prior(means, information)
+        h, out = self._climb(view.pieces, np.arange(n), prior, peaks, self._how(view))
+        temper = min(1.0, self._params.independent / view.beams)
+        worth = temper / self.variance
+        factors = np.linalg.cholesky(worth * h + information)
+        off = peaks - means
+        from_motion = np.einsum("ki,kij,kj->k", off, information, off)
+        cost = 0.5 * worth * out[:, 3] + 0.5 * (FREEDOM + 3.0) * np.log1p(from_motion / FREEDOM)
+        log_w: Floats = -cost - np.log(np.diagonal(factors, 0, 1, 2)).sum(axis=1)
+        return Proposals(peaks, factors, log_w)
+
+    def insert(self, view: View, poses: Floats) -> bool:
+        """Write the scan into the particles' maps, at these poses; False if there was no room."""
+        self._number += 1
+        splat = Splat(self._params.band, self._params.cap, self._number)
+        return insert(self._tiles.tiles, poses, view.pieces, splat) == 0
+
+    def learn(self, match: Match, view: View) -> None:
+        """This match is right: its distances are the usual ones."""
+        self.variance = match.square
+
+    def _how(self, view: View) -> Climb:
+        p = self._params
+        width = max(p.width, SOFT * view.noise)
+        return Climb(max(p.wide, width), width, p.steps, self.variance)
+
+    def _climb(
+        self,
+        pieces: Floats,
+        owners: NDArray[np.int64],
+        prior: kernels.Prior,
+        poses: Floats,
+        how: Climb,
+    ) -> tuple[Floats, Floats]:
+        """Poses (k, 3) climb to their peaks in place; information (k, 3, 3), out (k, 6) there."""
+        h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 6))
+        kernels.register(self._tiles.tiles, owners, pieces, prior, how, poses, h, out)
+        return h, out
