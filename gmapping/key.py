@@ -11,10 +11,14 @@ from slams.types import IDENTITY, Floats, Pose2
 
 
 class KeyScans:
-    """When the next one is due, and how sure the tracked way there is; `n` so far."""
+    """When the next one is due, and how sure the tracked way there is.
+
+    `n` so far; `driven` [m] the way along them, a millimeter more at each.
+    """
 
     def __init__(self, params: GMappingParams) -> None:
         self.n = 0
+        self.driven = 1.0
         self._params = params
         self._at = IDENTITY
         self._blind = False  # a scan since then was not matched
@@ -47,6 +51,8 @@ class KeyScans:
     def done(self, pose: Pose2) -> None:
         """The scan at hand is a key scan; the reported particle is at `pose`."""
         self.n += 1
+        way = self._at.between(pose)
+        self.driven += math.hypot(way.x, way.y) + 0.001
         self.place(pose)
 
     def place(self, pose: Pose2) -> None:

@@ -17,12 +17,12 @@ ONCE = 0.1  # trust in a surface that one scan alone has seen
 class Splat(NamedTuple):
     """How points enter: `band` cells on either side of a surface, `cap` on a cell's weight.
 
-    `number` counts the scans that have entered.
+    `driven` [m] is the way so far, a little more at every scan that enters.
     """
 
     band: int
     cap: float
-    number: int
+    driven: float
 
 
 @njit(inner=True)
@@ -49,7 +49,7 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, splat: Splat) -> int:
     ours: a cell keeps the means over lines of the signed distance d = n . (cell - point) and of
     the normal n, so (d, n) is the mean line as seen from the cell's center, and the weight. A
     line counts less the farther along the wall its point lies. Beside them how many scans have seen
-    it, and the last of them. poses (particles, 3) m, rad;
+    it, and the way at which the last did. poses (particles, 3) m, rad;
     surface (n, 5) x, y [m], nx, ny in the base frame, beams; returns how many cells had no room.
     """
     edge = tiles.resolution
@@ -85,6 +85,6 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, splat: Splat) -> int:
                     cell[1] += gain * (wx - cell[1])
                     cell[2] += gain * (wy - cell[2])
                     cell[3] = min(total, splat.cap)
-                    if cell[5] != splat.number:
-                        cell[4], cell[5] = cell[4] + 1.0, splat.number
+                    if cell[5] != splat.driven:
+                        cell[4], cell[5] = cell[4] + 1.0, splat.driven
     return lacking

@@ -42,6 +42,7 @@ class Matcher(Protocol):
 
     layers: int
     depth: int
+    driven: float
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
         """The peak near `start` in the map of one particle."""

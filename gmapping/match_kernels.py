@@ -28,13 +28,15 @@ class Climb(NamedTuple):
     """How a peak is climbed to.
 
     `wide` and `width` [m] from where a distance counts as an outlier, at the first step and at the
-    last; `steps` of Gauss-Newton at most; `variance` [m^2] of a beam's distance, against the prior.
+    last; `steps` of Gauss-Newton at most; `variance` [m^2] of a beam's distance, against the prior;
+    surfaces last seen before the way `old` [m] are of old ground.
     """
 
     wide: float
     width: float
     steps: int
     variance: float
+    old: float
 
 
 @njit(inner=True)
@@ -44,18 +46,20 @@ def linearize(
     pose: Floats,
     surface: Floats,
     width: float,
+    old: float,
     out_h: Floats,
     out: Floats,
 ) -> None:
     """Normal equations of the distances between a scan and a map, robustly weighted.
 
     ours: residual r = distance of the point from the mean line of its cell, Geman-McClure weights
-    of scale `width` [m]. pose (3,); surface (n, 5); out_h (3, 3) J^T W J; out (6,): -J^T W r (3),
-    the cost [m^2], how many beams lie within `width`, their mean square distance [m^2].
+    of scale `width` [m]. pose (3,); surface (n, 5); out_h (3, 3) J^T W J; out (7,): -J^T W r (3),
+    the cost [m^2], how many beams lie within `width`, their mean square distance [m^2], and what of
+    the cost surfaces have spared that were last seen before the way `old` [m].
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     edge, k2 = tiles.resolution, width * width
-    hxx = hxy = hxt = hyy = hyt = htt = gx = gy = gt = cost = close = total = squares = 0.0
+    hxx = hxy = hxt = hyy = hyt = htt = gx = gy = gt = cost = close = total = squares = spared = 0.0
     for i in range(surface.shape[0]):
         x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
         rx, ry = c * x - s * y, s * x + c * y
@@ -74,6 +78,8 @@ def linearize(
         if r * r < k2:
             close += surface[i, 4]
         cost -= surface[i, 4] * q * k2
+        if cell[5] < old:
+            spared += surface[i, 4] * q * k2
         w = surface[i, 4] * q * q * trust(cell[4])
         total += w
         squares += w * r * r
@@ -87,6 +93,7 @@ def linearize(
     out_h[2, 1] = out_h[1, 2] = hyt
     out[0], out[1], out[2], out[3], out[4] = gx, gy, gt, cost, close
     out[5] = squares / total if total > 0.0 else 0.0
+    out[6] = spared
 
 
 @njit
@@ -104,7 +111,7 @@ def register(
 
     [Grisetti07] scan matcher in front of the improved proposal; ours: Gauss-Newton in place of a
     hill climb, and a prior with heavy tails. owners (k,) the particle in whose map; poses (k, 3)
-    starts in, peaks out; out_h (k, 3, 3), out (k, 6) of `linearize` at the last step.
+    starts in, peaks out; out_h (k, 3, 3), out (k, 7) of `linearize` at the last step.
     """
     step, both = np.empty(3), np.empty((3, 3))
     for k in range(poses.shape[0]):
@@ -112,7 +119,7 @@ def register(
         mean = Pose2(prior.poses[k, 0], prior.poses[k, 1], prior.poses[k, 2])
         width = how.wide
         for _ in range(how.steps):
-            linearize(tiles, owners[k], pose, surface, width, h, g)
+            linearize(tiles, owners[k], pose, surface, width, how.old, h, g)
             off = offset(Pose2(pose[0], pose[1], pose[2]), mean)
             add_prior(h, prior.information[k], how.variance, off, both, g)
             if not solve3(both, g, step):

@@ -227,6 +227,7 @@ class GMapping:
 
     def _insert(self, view: View) -> None:
         self.tiles.cover(*self.particles.extent(view.far))
+        self._matcher.driven = self._keys.driven
         if not self._matcher.insert(view, self.particles.poses):
             self._share_one_map()  # out of tiles
             self._counts["collapsed"] += 1

@@ -13,10 +13,11 @@ from gmapping.match import Match, Proposals, lattice
 from gmapping.match_kernels import Climb
 from gmapping.params import GMappingParams
 from gmapping.scan import View
-from slams.geometry import FREEDOM, Prior
+from slams.geometry import Prior
 from slams.types import Floats, Pose2, wrap_angle
 
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
+OLD = 15.0  # m of way, after which ground is old
 SPARSE = 100  # pieces that the search looks at
 STEP = np.array([0.1, 0.1, 0.03])  # m, m, rad, of the search; within the reach of Gauss-Newton
 
@@ -28,7 +29,7 @@ class SurfaceMatcher:
 
     def __init__(self, params: GMappingParams, tiles: TileMap) -> None:
         self._params, self._tiles = params, tiles
-        self._number = 0
+        self.driven = 1.0
         self.variance = params.range_noise**2
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
@@ -64,16 +65,12 @@ class SurfaceMatcher:
         temper = min(1.0, self._params.independent / view.beams)
         worth = temper / self.variance
         factors = np.linalg.cholesky(worth * h + information)
-        off = peaks - means
-        from_motion = np.einsum("ki,kij,kj->k", off, information, off)
-        cost = 0.5 * worth * out[:, 3] + 0.5 * (FREEDOM + 3.0) * np.log1p(from_motion / FREEDOM)
-        log_w: Floats = -cost - np.log(np.diagonal(factors, 0, 1, 2)).sum(axis=1)
+        log_w: Floats = 0.5 * worth * out[:, 6]
         return Proposals(peaks, factors, log_w)
 
     def insert(self, view: View, poses: Floats) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""
-        self._number += 1
-        splat = Splat(self._params.band, self._params.cap, self._number)
+        splat = Splat(self._params.band, self._params.cap, self.driven)
         return insert(self._tiles.tiles, poses, view.pieces, splat) == 0
 
     def learn(self, match: Match, view: View) -> None:
@@ -83,7 +80,7 @@ class SurfaceMatcher:
     def _how(self, view: View) -> Climb:
         p = self._params
         width = max(p.width, SOFT * view.noise)
-        return Climb(max(p.wide, width), width, p.steps, self.variance)
+        return Climb(max(p.wide, width), width, p.steps, self.variance, self.driven - OLD)
 
     def _climb(
         self,
@@ -93,7 +90,7 @@ class SurfaceMatcher:
         poses: Floats,
         how: Climb,
     ) -> tuple[Floats, Floats]:
-        """Poses (k, 3) climb to their peaks in place; information (k, 3, 3), out (k, 6) there."""
-        h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 6))
+        """Poses (k, 3) climb to their peaks in place; information (k, 3, 3), out (k, 7) there."""
+        h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
         kernels.register(self._tiles.tiles, owners, pieces, prior, how, poses, h, out)
         return h, out
