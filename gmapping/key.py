@@ -19,6 +19,8 @@ class KeyScans:
     def __init__(self, params: GMappingParams) -> None:
         self.n = 0
         self.driven = 1.0
+        self._places: list[tuple[float, float, float]] = []
+        self._looked = 0.0
         self._params = params
         self._at = IDENTITY
         self._blind = False  # a scan since then was not matched
@@ -53,7 +55,21 @@ class KeyScans:
         self.n += 1
         way = self._at.between(pose)
         self.driven += math.hypot(way.x, way.y) + 0.001
+        self._places.append((pose.x, pose.y, self.driven))
         self.place(pose)
+
+    def returns(self, pose: Pose2) -> bool:
+        """Whether the robot may be on ground that it left long ago."""
+        places = np.array(self._places)
+        if self.driven - self._looked < 1.0 or len(places) == 0:
+            return False
+        long_ago = places[places[:, 2] < self.driven - 15.0]
+        if len(long_ago) == 0:
+            return False
+        near = float(np.hypot(long_ago[:, 0] - pose.x, long_ago[:, 1] - pose.y).min()) < 3.0
+        if near:
+            self._looked = self.driven
+        return near
 
     def place(self, pose: Pose2) -> None:
         """Measure the way to the next one from here."""

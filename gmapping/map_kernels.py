@@ -10,7 +10,7 @@ from slams.jit import njit
 from slams.types import Floats
 
 LAYERS = 4
-DEPTH = 6  # numbers of a cell
+DEPTH = 7  # numbers of a cell
 ONCE = 0.1  # trust in a surface that one scan alone has seen
 
 
@@ -85,6 +85,8 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, splat: Splat) -> int:
                     cell[1] += gain * (wx - cell[1])
                     cell[2] += gain * (wy - cell[2])
                     cell[3] = min(total, splat.cap)
+                    if cell[4] == 0.0:
+                        cell[6] = splat.driven
                     if cell[5] != splat.driven:
                         cell[4], cell[5] = cell[4] + 1.0, splat.driven
     return lacking

@@ -10,7 +10,7 @@ from gmapping.scan import View
 from slams.geometry import Prior
 from slams.types import Floats, Pose2
 
-HALF_STEPS = 6  # of a search to either side, at most
+HALF_STEPS = 8  # of a search to either side, at most
 
 
 class Match(NamedTuple):

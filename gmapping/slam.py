@@ -21,6 +21,7 @@ The published program, `gmapping@original`, stands in `original`.
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import Any, ClassVar
 
@@ -43,7 +44,7 @@ from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
 WIDEST = np.array([0.6, 0.6, 0.3])  # m, m, rad; a search goes no farther
 PAUSE = 0.5  # s between two searches of a robot that is not matched
-COUNTS = "posed searched recovered refused inserted rejected resampled switched collapsed"
+COUNTS = "posed searched recovered refused inserted rejected resampled switched collapsed closed"
 
 
 class GMapping:
@@ -209,7 +210,7 @@ class GMapping:
             if particles.n_eff < self.params.resample_threshold * len(particles):
                 self._follow(particles.draw_ancestors(self._rng.random()))  # 5
                 self._counts["resampled"] += 1
-            self._counts["switched"] += particles.elect(self.params.switch_margin)  # 6
+            self._elect()  # 6
         self._insert(view)  # 7
 
     def _propose(self, view: View) -> None:
@@ -219,11 +220,23 @@ class GMapping:
         if self._track.state != "matched":
             return
         information = self._keys.information(way, particles.poses[:, 2], self._track.predicted)
+        self._matcher.returns = self._keys.returns(self._track.pose)
         found = self._matcher.propose(view, particles.poses, information)
         draws = self.params.spread * self._rng.standard_normal((len(particles), 3))[..., None]
         off: Floats = np.linalg.solve(found.factors.transpose(0, 2, 1), draws)[..., 0]
         particles.poses[:] = found.peaks + off
         particles.weigh(found.log_w, 1.0)
+        self._peaks = found.peaks
+
+    def _elect(self) -> None:
+        particles = self.particles
+        switched = particles.elect(self.params.switch_margin)
+        self._counts["switched"] += switched
+        best = particles.best_pose
+        gap = best.between(self._track.pose)
+        if math.hypot(gap.x, gap.y) > 0.05 or abs(gap.theta) > 0.02:
+            self._counts["closed"] += 1
+            self._track.corrected(best)
 
     def _insert(self, view: View) -> None:
         self.tiles.cover(*self.particles.extent(view.far))

@@ -19,6 +19,7 @@ from slams.types import Floats, Pose2, wrap_angle
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 OLD = 15.0  # m of way, after which ground is old
 SPARSE = 100  # pieces that the search looks at
+OLD_STEP = np.array([0.15, 0.15, 0.04])
 STEP = np.array([0.1, 0.1, 0.03])  # m, m, rad, of the search; within the reach of Gauss-Newton
 
 
@@ -30,6 +31,8 @@ class SurfaceMatcher:
     def __init__(self, params: GMappingParams, tiles: TileMap) -> None:
         self._params, self._tiles = params, tiles
         self.driven = 1.0
+        self.returns = False
+        self.moved, self.log = 0, []
         self.variance = params.range_noise**2
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
@@ -60,13 +63,33 @@ class SurfaceMatcher:
         `independent`: the others say the same, and share the errors of the same walls.
         """
         n, peaks = len(means), means.copy()
-        prior = kernels.Prior(means, information)
-        h, out = self._climb(view.pieces, np.arange(n), prior, peaks, self._how(view))
+        prior, how = kernels.Prior(means, information), self._how(view)
+        h, out = self._climb(view.pieces, np.arange(n), prior, peaks, how)
+        if self.returns:
+            self._from_old_ground(view, how, prior, peaks, h, out)
         temper = min(1.0, self._params.independent / view.beams)
         worth = temper / self.variance
         factors = np.linalg.cholesky(worth * h + information)
         log_w: Floats = 0.5 * worth * out[:, 6]
         return Proposals(peaks, factors, log_w)
+
+    def _from_old_ground(
+        self, view: View, how: Climb, prior: kernels.Prior, peaks: Floats, h: Floats, out: Floats
+    ) -> None:
+        """Let particles whose ground of old explains more of the scan elsewhere go there."""
+        n, others = len(peaks), peaks.copy()
+        share = np.zeros(n)
+        off = lattice(np.array([1.0, 1.0, 0.08]), OLD_STEP)
+        price = 0.05 * (off**2 / np.array([1.0, 1.0, 0.1]) ** 2).sum(axis=1)
+        every = max(1, view.n // 60)
+        kernels.search_old(self._tiles.tiles, view.pieces, every, off, price, how, others, share)
+        known = kernels.Prior(others.copy(), np.tile(np.diag([25.0, 25.0, 400.0]), (n, 1, 1)))
+        h2, out2 = self._climb(view.pieces, np.arange(n), known, others, how)
+        k2 = how.width**2 * view.beams
+        self.log.append((out[:, 6].mean() / k2, out[:, 6].max() / k2, out2[:, 6].mean() / k2, out2[:, 6].max() / k2))
+        better = out2[:, 6] / k2 > np.maximum(out[:, 6] / k2 + 0.1, 0.4)
+        self.moved += int(better.sum())
+        peaks[better], h[better], out[better] = others[better], h2[better], out2[better]
 
     def insert(self, view: View, poses: Floats) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""

@@ -237,6 +237,10 @@ class Track:
         x, y = at.x + share * (pose.x - given.x), at.y + share * (pose.y - given.y)
         self.pose = self._matched_at = Pose2(x, y, at.theta)
 
+    def corrected(self, pose: Pose2) -> None:
+        """The last pose was elsewhere all along, as another map has it: no motion."""
+        self.pose = self._matched_at = pose
+
     def missed(self, scan: Scan) -> None:
         """The map does not explain the scan: the pose is the prediction."""
         self.motion.missed(scan)
