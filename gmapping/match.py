@@ -24,6 +24,7 @@ class Match(NamedTuple):
     quality: float
     square: float
     seen: Floats
+    cost: float
 
 
 class Proposals(NamedTuple):

@@ -134,6 +134,7 @@ def register(
 @njit
 def search_old(
     tiles: Tiles,
+    owners: NDArray[np.int64],
     surface: Floats,
     every: int,
     offsets: Floats,
@@ -145,11 +146,12 @@ def search_old(
     """Where around its pose each particle's ground of old explains most of a scan.
 
     ours: share of the beams by robust weight, less the price of the offset. offsets (k, 3), prices
-    (k,); poses (particles, 3) in, the best out; out (particles,) that share.
+    (k,); owners (n,) the particles; poses (n, 3) in, the best out; out (n,) that share.
     """
     edge, k2 = tiles.resolution, how.wide * how.wide
-    for particle in range(poses.shape[0]):
-        best, value, x0, y0, t0 = -1, 0.0, poses[particle, 0], poses[particle, 1], poses[particle, 2]
+    for j in range(poses.shape[0]):
+        particle, best, value = owners[j], -1, 0.0
+        x0, y0, t0 = poses[j, 0], poses[j, 1], poses[j, 2]
         for k in range(offsets.shape[0]):
             pose_x, pose_y = x0 + offsets[k, 0], y0 + offsets[k, 1]
             c, s = math.cos(t0 + offsets[k, 2]), math.sin(t0 + offsets[k, 2])
@@ -170,7 +172,7 @@ def search_old(
                 spared += surface[i, 4] * k2 / (k2 + r * r)
             share = spared / beams
             if share - prices[k] > value:
-                best, value, out[particle] = k, share - prices[k], share
+                best, value, out[j] = k, share - prices[k], share
         if best >= 0:
-            for j in range(3):
-                poses[particle, j] += offsets[best, j]
+            for i in range(3):
+                poses[j, i] += offsets[best, i]

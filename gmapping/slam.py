@@ -35,12 +35,12 @@ from gmapping.particles import Particles
 from gmapping.render import Renderer, ray
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
-from slams.geometry import Prior
+from slams.geometry import Prior, inverse3
 from slams.localize.relocator import Relocator
 from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.params import Params
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State, wrap_angle
 
 WIDEST = np.array([0.6, 0.6, 0.3])  # m, m, rad; a search goes no farther
 PAUSE = 0.5  # s between two searches of a robot that is not matched
@@ -60,7 +60,7 @@ class GMapping:
         self.frozen = False
         self._rng = np.random.default_rng(p.seed)
         self._view = View(p)
-        self._track = Track(p, widen_wheels=True)
+        self._track = Track(p)
         self._relocator = Relocator(self._track, p.relocate)
         self._renderer = Renderer(p.resolution, p.occupied)
         self.particles = Particles(p.n_particles)
@@ -140,13 +140,14 @@ class GMapping:
             return match
         self._unsearched = 0.0
         self._counts["searched"] += 1
-        half = np.minimum(self._doubt(start.dt), WIDEST)
+        slip = (self.params.slip * start.dt) ** 2 * np.eye(3)
+        wide = Prior(start.pose, inverse3(self._track.expected + slip))
+        half = np.minimum(2.0 * np.sqrt(np.diagonal(self._track.expected + slip)), WIDEST)
         before = self._track.pose
         starts = [before, before @ start.continued]
         starts += [matcher.search(view, best, at, half) for at in (start.pose, starts[1])]
-        prior = self._prior(start.pose)
-        tried = [match, *(matcher.match(view, best, prior, at) for at in starts)]
-        chosen = max(tried, key=self._value)
+        tried = [match, *(matcher.match(view, best, wide, at) for at in starts)]
+        chosen = min(tried, key=lambda match: self._price(match, wide))
         self._counts["recovered"] += chosen is not match
         return chosen
 
@@ -158,15 +159,12 @@ class GMapping:
     def _prior(self, expected: Pose2) -> Prior:
         return Prior(expected, self._track.prior(expected))
 
-    def _doubt(self, dt: float) -> Floats:
-        """How far (3,) [m, m, rad] to either side of the prediction the robot may be."""
-        deviation = np.sqrt(np.diagonal(self._track.expected))
-        return np.asarray(2.0 * (deviation + self.params.slip * dt))
-
-    def _value(self, match: Match) -> float:
-        """The share explained, less the price of contradicting the prediction."""
-        charge = self._track.charge(match.pose)
-        return match.quality - charge - (not self._track.reachable(match.pose))
+    def _price(self, match: Match, wide: Prior) -> float:
+        """What is against a match: its beams, and how far wheels would have slipped."""
+        off = np.array(match.pose) - np.array(wide.pose)
+        off[2] = wrap_angle(off[2])
+        far = 0.0 if self._track.reachable(match.pose) else math.inf
+        return match.cost + 0.5 * float(off @ wide.information @ off) + far
 
     def _settle(self, scan: Scan, view: View, match: Match | None, dt: float) -> None:
         """Tell the track what was found, learn what is usual."""

@@ -19,6 +19,9 @@ from slams.types import Floats, Pose2, wrap_angle
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 OLD = 15.0  # m of way, after which ground is old
 SPARSE = 100  # pieces that the search looks at
+KNOWN = 0.5
+GAIN, FOUND = 0.2, 0.6
+OLD_PIECES = 60
 OLD_STEP = np.array([0.15, 0.15, 0.04])
 STEP = np.array([0.1, 0.1, 0.03])  # m, m, rad, of the search; within the reach of Gauss-Newton
 
@@ -43,7 +46,8 @@ class SurfaceMatcher:
         variance = max(float(out[0, 5]), view.noise**2)
         x, y, theta = poses[0].tolist()
         pose = Pose2(x, y, float(wrap_angle(theta)))
-        return Match(pose, float(out[0, 4]) / view.beams, variance, h[0] / variance)
+        cost = 0.5 * self._worth(view) * float(out[0, 3])
+        return Match(pose, float(out[0, 4]) / view.beams, variance, h[0] / variance, cost)
 
     def search(self, view: View, owner: int, center: Pose2, half: Floats) -> Pose2:
         """The best pose of a lattice, after one step of Gauss-Newton from each of its points."""
@@ -67,8 +71,7 @@ class SurfaceMatcher:
         h, out = self._climb(view.pieces, np.arange(n), prior, peaks, how)
         if self.returns:
             self._from_old_ground(view, how, prior, peaks, h, out)
-        temper = min(1.0, self._params.independent / view.beams)
-        worth = temper / self.variance
+        worth = self._worth(view)
         factors = np.linalg.cholesky(worth * h + information)
         log_w: Floats = 0.5 * worth * out[:, 6]
         return Proposals(peaks, factors, log_w)
@@ -77,19 +80,22 @@ class SurfaceMatcher:
         self, view: View, how: Climb, prior: kernels.Prior, peaks: Floats, h: Floats, out: Floats
     ) -> None:
         """Let particles whose ground of old explains more of the scan elsewhere go there."""
-        n, others = len(peaks), peaks.copy()
-        share = np.zeros(n)
+        k2 = how.width**2 * view.beams
+        owners = np.flatnonzero(out[:, 6] < KNOWN * k2)
+        n, others = len(owners), peaks[owners]
+        if n == 0:
+            return
+        share, every = np.zeros(n), max(1, view.n // OLD_PIECES)
         off = lattice(np.array([1.0, 1.0, 0.08]), OLD_STEP)
         price = 0.05 * (off**2 / np.array([1.0, 1.0, 0.1]) ** 2).sum(axis=1)
-        every = max(1, view.n // 60)
-        kernels.search_old(self._tiles.tiles, view.pieces, every, off, price, how, others, share)
+        tiles = self._tiles.tiles
+        kernels.search_old(tiles, owners, view.pieces, every, off, price, how, others, share)
         known = kernels.Prior(others.copy(), np.tile(np.diag([25.0, 25.0, 400.0]), (n, 1, 1)))
-        h2, out2 = self._climb(view.pieces, np.arange(n), known, others, how)
-        k2 = how.width**2 * view.beams
-        self.log.append((out[:, 6].mean() / k2, out[:, 6].max() / k2, out2[:, 6].mean() / k2, out2[:, 6].max() / k2))
-        better = out2[:, 6] / k2 > np.maximum(out[:, 6] / k2 + 0.1, 0.4)
-        self.moved += int(better.sum())
-        peaks[better], h[better], out[better] = others[better], h2[better], out2[better]
+        h2, out2 = self._climb(view.pieces, owners, known, others, how)
+        better = out2[:, 6] / k2 > np.maximum(out[owners, 6] / k2 + GAIN, FOUND)
+        moved = owners[better]
+        self.moved += len(moved)
+        peaks[moved], h[moved], out[moved] = others[better], h2[better], out2[better]
 
     def insert(self, view: View, poses: Floats) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""
@@ -98,7 +104,11 @@ class SurfaceMatcher:
 
     def learn(self, match: Match, view: View) -> None:
         """This match is right: its distances are the usual ones."""
-        self.variance = match.square
+        self.variance = max(self._params.range_noise, view.noise) ** 2
+
+    def _worth(self, view: View) -> float:
+        """Of a square distance [1/m^2]: only some beams are `independent`, others say the same."""
+        return min(1.0, self._params.independent / view.beams) / self.variance
 
     def _how(self, view: View) -> Climb:
         p = self._params
