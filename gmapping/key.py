@@ -9,6 +9,10 @@ import numpy as np
 from gmapping.params import GMappingParams
 from slams.types import IDENTITY, Floats, Pose2
 
+OLD = 15.0  # m of way, after which ground is old
+NEAR = 3.0  # m, from where the robot was then
+SELDOM = 1.0  # m of way between two looks for ground of old
+
 
 class KeyScans:
     """When the next one is due, and how sure the tracked way there is.
@@ -60,13 +64,13 @@ class KeyScans:
 
     def returns(self, pose: Pose2) -> bool:
         """Whether the robot may be on ground that it left long ago."""
-        places = np.array(self._places)
-        if self.driven - self._looked < 1.0 or len(places) == 0:
+        if self.driven - self._looked < SELDOM:
             return False
-        long_ago = places[places[:, 2] < self.driven - 15.0]
+        places = np.array(self._places)
+        long_ago = places[places[:, 2] < self.driven - OLD]
         if len(long_ago) == 0:
             return False
-        near = float(np.hypot(long_ago[:, 0] - pose.x, long_ago[:, 1] - pose.y).min()) < 3.0
+        near = float(np.hypot(long_ago[:, 0] - pose.x, long_ago[:, 1] - pose.y).min()) < NEAR
         if near:
             self._looked = self.driven
         return near

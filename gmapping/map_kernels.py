@@ -11,7 +11,7 @@ from slams.types import Floats
 
 LAYERS = 4
 DEPTH = 7  # numbers of a cell
-ONCE = 0.1  # trust in a surface that one scan alone has seen
+ONCE = 0.5  # trust in a surface that one scan alone has seen
 
 
 class Splat(NamedTuple):
@@ -39,7 +39,7 @@ def trust(scans: float) -> float:
 
     ours.
     """
-    return ONCE if scans < 2.0 else 1.0 - 1.0 / scans
+    return ONCE if scans < 2.0 else 1.0
 
 
 @njit

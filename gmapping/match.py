@@ -39,11 +39,16 @@ class Proposals(NamedTuple):
 
 
 class Matcher(Protocol):
-    """Matches scans to the particles' maps and writes into them."""
+    """Matches scans to the particles' maps and writes into them.
+
+    `layers` of a map, `depth` numbers in a cell; `driven` [m] is the way so far, `returns`: the
+    robot may be on ground of old.
+    """
 
     layers: int
     depth: int
     driven: float
+    returns: bool
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
         """The peak near `start` in the map of one particle."""

@@ -10,7 +10,6 @@ from gmapping.scan_kernels import Walls, merged, surfaces
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, Pose2, Scan
 
-
 GRAZING = 0.1  # cosine; walls seen more edge-on say nothing
 RATIO = 0.1  # thickness over length of a wall, squared
 SOFT = 3.0  # deviations of the noise that a wall may be thick
@@ -81,5 +80,3 @@ class View:
     def at_stamp(self, pose: Pose2) -> Pose2:
         """The base's pose at the stamp of the scan that was matched at `pose`."""
         return self._points.at_stamp(pose)
-
-

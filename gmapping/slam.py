@@ -43,6 +43,7 @@ from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State, wrap_angle
 
 WIDEST = np.array([0.6, 0.6, 0.3])  # m, m, rad; a search goes no farther
+LEAP, LEAP_TURN = 0.05, 0.02  # m, rad: no draw goes so far
 PAUSE = 0.5  # s between two searches of a robot that is not matched
 COUNTS = "posed searched recovered refused inserted rejected resampled switched collapsed closed"
 
@@ -221,18 +222,16 @@ class GMapping:
         self._matcher.returns = self._keys.returns(self._track.pose)
         found = self._matcher.propose(view, particles.poses, information)
         draws = self.params.spread * self._rng.standard_normal((len(particles), 3))[..., None]
-        off: Floats = np.linalg.solve(found.factors.transpose(0, 2, 1), draws)[..., 0]
+        off = np.linalg.solve(found.factors.transpose(0, 2, 1), draws)[..., 0]
         particles.poses[:] = found.peaks + off
         particles.weigh(found.log_w, 1.0)
-        self._peaks = found.peaks
 
     def _elect(self) -> None:
-        particles = self.particles
-        switched = particles.elect(self.params.switch_margin)
-        self._counts["switched"] += switched
-        best = particles.best_pose
+        """Step 6; where the reported particle is elsewhere all at once, a loop was closed."""
+        self._counts["switched"] += self.particles.elect(self.params.switch_margin)
+        best = self.particles.best_pose
         gap = best.between(self._track.pose)
-        if math.hypot(gap.x, gap.y) > 0.05 or abs(gap.theta) > 0.02:
+        if math.hypot(gap.x, gap.y) > LEAP or abs(gap.theta) > LEAP_TURN:
             self._counts["closed"] += 1
             self._track.corrected(best)
 

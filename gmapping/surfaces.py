@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gmapping import match_kernels as kernels
+from gmapping.key import OLD
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
 from gmapping.match import Match, Proposals, lattice
@@ -17,17 +17,24 @@ from slams.geometry import Prior
 from slams.types import Floats, Pose2, wrap_angle
 
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
-OLD = 15.0  # m of way, after which ground is old
 SPARSE = 100  # pieces that the search looks at
-KNOWN = 0.5
-GAIN, FOUND = 0.2, 0.6
-OLD_PIECES = 60
-OLD_STEP = np.array([0.15, 0.15, 0.04])
 STEP = np.array([0.1, 0.1, 0.03])  # m, m, rad, of the search; within the reach of Gauss-Newton
+
+KNOWN = 0.5  # share of the beams on it from which a particle need not look around
+GAIN, FOUND = 0.2, 0.6  # share that a place explains more than that, and at least
+DRIFT = np.array([1.0, 1.0, 0.08])  # m, m, rad that it looks to either side
+PRICE = 0.05  # share of the beams that the farthest offset has to explain more
+OLD_STEP = np.array([0.15, 0.15, 0.04])  # m, m, rad
+OLD_PIECES = 60  # pieces that it looks at
+FOUND_THERE = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found so
 
 
 class SurfaceMatcher:
-    """Distances of a scan's pieces from the mean lines in the cells; `variance` [m^2] is usual."""
+    """Distances of a scan's pieces from the mean lines in the cells.
+
+    `variance` [m^2] of such a distance; `driven` [m] the way so far; `returns`: the robot may be on
+    ground of old.
+    """
 
     layers, depth = LAYERS, DEPTH
 
@@ -35,7 +42,6 @@ class SurfaceMatcher:
         self._params, self._tiles = params, tiles
         self.driven = 1.0
         self.returns = False
-        self.moved, self.log = 0, []
         self.variance = params.range_noise**2
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
@@ -63,21 +69,22 @@ class SurfaceMatcher:
     def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
         """[Grisetti07] improved proposal; ours: Laplace's at the peak instead of a fit to samples.
 
-        The weight is the peak's posterior times its volume. Of the beams only some are
-        `independent`: the others say the same, and share the errors of the same walls.
+        Of the beams only some are `independent`: the others say the same, and share the errors of
+        the same walls. The weight is the likelihood of the beams on ground of old: where a particle
+        has just come from its scan fits whatever the way before, and chance alone would choose.
         """
         n, peaks = len(means), means.copy()
         prior, how = kernels.Prior(means, information), self._how(view)
         h, out = self._climb(view.pieces, np.arange(n), prior, peaks, how)
         if self.returns:
-            self._from_old_ground(view, how, prior, peaks, h, out)
+            self._from_old_ground(view, how, peaks, h, out)
         worth = self._worth(view)
-        factors = np.linalg.cholesky(worth * h + information)
+        factors = np.asarray(np.linalg.cholesky(worth * h + information), np.float64)
         log_w: Floats = 0.5 * worth * out[:, 6]
         return Proposals(peaks, factors, log_w)
 
     def _from_old_ground(
-        self, view: View, how: Climb, prior: kernels.Prior, peaks: Floats, h: Floats, out: Floats
+        self, view: View, how: Climb, peaks: Floats, h: Floats, out: Floats
     ) -> None:
         """Let particles whose ground of old explains more of the scan elsewhere go there."""
         k2 = how.width**2 * view.beams
@@ -86,15 +93,13 @@ class SurfaceMatcher:
         if n == 0:
             return
         share, every = np.zeros(n), max(1, view.n // OLD_PIECES)
-        off = lattice(np.array([1.0, 1.0, 0.08]), OLD_STEP)
-        price = 0.05 * (off**2 / np.array([1.0, 1.0, 0.1]) ** 2).sum(axis=1)
-        tiles = self._tiles.tiles
+        off = lattice(DRIFT, OLD_STEP)
+        price, tiles = PRICE * ((off / DRIFT) ** 2).sum(axis=1), self._tiles.tiles
         kernels.search_old(tiles, owners, view.pieces, every, off, price, how, others, share)
-        known = kernels.Prior(others.copy(), np.tile(np.diag([25.0, 25.0, 400.0]), (n, 1, 1)))
+        known = kernels.Prior(others.copy(), np.tile(FOUND_THERE, (n, 1, 1)))
         h2, out2 = self._climb(view.pieces, owners, known, others, how)
         better = out2[:, 6] / k2 > np.maximum(out[owners, 6] / k2 + GAIN, FOUND)
         moved = owners[better]
-        self.moved += len(moved)
         peaks[moved], h[moved], out[moved] = others[better], h2[better], out2[better]
 
     def insert(self, view: View, poses: Floats) -> bool:

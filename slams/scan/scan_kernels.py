@@ -142,7 +142,8 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
         spacing = step * math.sqrt(rx * rx + ry * ry)
         gap = slack + 4.0 * spacing
         company = spacing > 0.5 * slack
-        company = company or 0 < i < n - 1 and abs(beyond_chord(out, i - 1, i, i + 1, mount)) < slack
+        if 0 < i < n - 1:
+            company = company or abs(beyond_chord(out, i - 1, i, i + 1, mount)) < slack
         for k in range(max(i - 2, 0), min(i + 3, n)):
             company = company or (k != i and square_gap(out, i, k) < gap * gap)
         if company:
