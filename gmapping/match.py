@@ -59,7 +59,7 @@ class Matcher(Protocol):
         ...
 
     def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
-        """[Grisetti07] improved proposal for every particle; means (n, 3), information (n, 3, 3)."""
+        """[Grisetti07] improved proposal of every particle; means (n, 3), information (n, 3, 3)."""
         ...
 
     def insert(self, view: View, poses: Floats) -> bool:

@@ -147,7 +147,7 @@ class GMappingParams(ScanParams):
         low=1.0,
     )
     spread: float = param(
-        0.2,
+        0.1,
         "1",
         "draws from the proposal, in its standard deviations",
         source="[Grisetti07] improved proposal, which has 1",
@@ -192,7 +192,7 @@ class GMappingParams(ScanParams):
         3.0,
         "1",
         "times the variance of a prediction, as a prior of a scan that sees all directions",
-        source="ours: every particle's map is drawn by key scans alone, whose errors are drawn anew",
+        source="ours: a particle's map is drawn by key scans alone, their errors drawn anew",
         low=1.0,
     )
     max_cells: int = max_cells()
