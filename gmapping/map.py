@@ -28,12 +28,13 @@ class TileMap:
         resolution: float,
         max_tiles: int,
         max_cells: int = USUAL_CELLS,
+        depth: int = 4,
     ) -> None:
         most = MOST_POINTERS * CELLS // (n_particles * layers)
         self.extent = Extent(min(max_cells, most), resolution)
         self._peak = 0
         self.tiles = Tiles(
-            cells=np.empty((max_tiles, CELLS, 4), np.float32),
+            cells=np.empty((max_tiles, CELLS, depth), np.float32),
             tables=np.full((n_particles, layers, 2 * MARGIN, 2 * MARGIN), -1, np.int32),
             references=np.zeros(max_tiles, np.int32),
             free=np.concatenate([[max_tiles], np.arange(max_tiles)[::-1]]).astype(np.int32),
@@ -58,10 +59,9 @@ class TileMap:
         pointers = int((self.tiles.tables >= 0).sum())
         return 1.0 - self.used / pointers if pointers else 0.0
 
-    def admits(self, pose: Pose2, points: Floats) -> bool:
-        """Whether the maps may grow to points (n, 2 or more) in the base frame, seen at `pose`."""
-        radius = float(np.hypot(points[:, 0], points[:, 1]).max())
-        return self.extent.admits(Box.around(pose.x, pose.y, radius))
+    def admits(self, pose: Pose2, far: float) -> bool:
+        """Whether the maps may grow to what is at most `far` [m] away from `pose`."""
+        return self.extent.admits(Box.around(pose.x, pose.y, far))
 
     def cover(self, low: Floats, high: Floats) -> None:
         """Let the tables reach from `low` to `high`, (x, y) [m] each, if they may grow so far."""

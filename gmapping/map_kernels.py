@@ -10,24 +10,19 @@ from slams.jit import njit
 from slams.types import Floats
 
 LAYERS = 4
+DEPTH = 7  # numbers of a cell
+ONCE = 0.5  # trust in a surface that one scan alone has seen
 
 
-class SurfaceModel(NamedTuple):
-    """What matcher and map know of walls and beams.
+class Splat(NamedTuple):
+    """How points enter: `band` cells on either side of a surface, `cap` on a cell's weight.
 
-    `band` cells kept on either side of a surface; `cap` greatest weight of a cell; `sigma` [m]
-    deviation of a point from its surface; `wide` and `width` [m] from where a deviation counts as
-    an outlier, at the first step and at the last; `steps` of Gauss-Newton at most; `independent`
-    beams in a scan.
+    `driven` [m] is the way so far, a little more at every scan that enters.
     """
 
     band: int
     cap: float
-    sigma: float
-    wide: float
-    width: float
-    steps: int
-    independent: float
+    driven: float
 
 
 @njit(inner=True)
@@ -38,17 +33,27 @@ def facing(nx: float, ny: float) -> int:
     return 1 if ny >= 0.0 else 3
 
 
+@njit(inner=True)
+def trust(scans: float) -> float:
+    """How far a surface is believed that so many scans have seen: once, it may have been a leg.
+
+    ours.
+    """
+    return ONCE if scans < 2.0 else 1.0
+
+
 @njit
-def insert(tiles: Tiles, poses: Floats, surface: Floats, model: SurfaceModel) -> int:
+def insert(tiles: Tiles, poses: Floats, surface: Floats, splat: Splat) -> int:
     """Average the line through every point into the cells around it, in every particle's map.
 
     ours: a cell keeps the means over lines of the signed distance d = n . (cell - point) and of
     the normal n, so (d, n) is the mean line as seen from the cell's center, and the weight. A
-    line counts less the farther along the wall its point lies. poses (particles, 3) m, rad;
+    line counts less the farther along the wall its point lies. Beside them how many scans have seen
+    it, and the way at which the last did. poses (particles, 3) m, rad;
     surface (n, 5) x, y [m], nx, ny in the base frame, beams; returns how many cells had no room.
     """
     edge = tiles.resolution
-    reach, along = (model.band + 0.5) * edge, 1.5 * edge
+    reach, along = (splat.band + 0.5) * edge, 1.5 * edge
     lacking = 0
     for particle in range(poses.shape[0]):
         x0, y0, theta = poses[particle, 0], poses[particle, 1], poses[particle, 2]
@@ -60,8 +65,8 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, model: SurfaceModel) ->
             wx, wy = c * nx - s * ny, s * nx + c * ny
             layer = facing(wx, wy)
             ix, iy = cell_of(px, edge), cell_of(py, edge)
-            for jy in range(iy - model.band, iy + model.band + 1):
-                for jx in range(ix - model.band, ix + model.band + 1):
+            for jy in range(iy - splat.band, iy + splat.band + 1):
+                for jx in range(ix - splat.band, ix + splat.band + 1):
                     ox, oy = jx * edge - px, jy * edge - py
                     weight = surface[i, 4] * (1.0 - abs(wx * oy - wy * ox) / along)
                     distance = wx * ox + wy * oy
@@ -79,5 +84,9 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, model: SurfaceModel) ->
                     cell[0] += gain * (distance - cell[0])
                     cell[1] += gain * (wx - cell[1])
                     cell[2] += gain * (wy - cell[2])
-                    cell[3] = min(total, model.cap)
+                    cell[3] = min(total, splat.cap)
+                    if cell[4] == 0.0:
+                        cell[6] = splat.driven
+                    if cell[5] != splat.driven:
+                        cell[4], cell[5] = cell[4] + 1.0, splat.driven
     return lacking

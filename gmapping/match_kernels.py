@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.map_kernels import SurfaceModel, facing
+from gmapping.map_kernels import facing, trust
 from gmapping.tile_kernels import Tiles, cell_of, inside_tile, slot_of
-from slams.geometry import solve3
+from slams.geometry import add_prior, offset, solve3
 from slams.jit import njit
-from slams.types import Floats
+from slams.types import Floats, Pose2
 
 STILL = 1e-5  # a step [m, rad] below which the peak is found
 
@@ -24,6 +24,21 @@ class Prior(NamedTuple):
     information: Floats
 
 
+class Climb(NamedTuple):
+    """How a peak is climbed to.
+
+    `wide` and `width` [m] from where a distance counts as an outlier, at the first step and at the
+    last; `steps` of Gauss-Newton at most; `variance` [m^2] of a beam's distance, against the prior;
+    surfaces last seen before the way `old` [m] are of old ground.
+    """
+
+    wide: float
+    width: float
+    steps: int
+    variance: float
+    old: float
+
+
 @njit(inner=True)
 def linearize(
     tiles: Tiles,
@@ -31,18 +46,20 @@ def linearize(
     pose: Floats,
     surface: Floats,
     width: float,
+    old: float,
     out_h: Floats,
     out: Floats,
 ) -> None:
     """Normal equations of the distances between a scan and a map, robustly weighted.
 
     ours: residual r = distance of the point from the mean line of its cell, Geman-McClure weights
-    of scale `width` [m]. pose (3,); surface (n, 5); out_h (3, 3) lower triangle of J^T W J; out
-    (5,): -J^T W r (3), the cost [m^2], how many beams lie within `width`.
+    of scale `width` [m]. pose (3,); surface (n, 5); out_h (3, 3) J^T W J; out (7,): -J^T W r (3),
+    the cost [m^2], how many beams lie within `width`, their mean square distance [m^2], and what of
+    the cost surfaces have spared that were last seen before the way `old` [m].
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     edge, k2 = tiles.resolution, width * width
-    hxx = hxy = hxt = hyy = hyt = htt = gx = gy = gt = cost = close = 0.0
+    hxx = hxy = hxt = hyy = hyt = htt = gx = gy = gt = cost = close = total = squares = spared = 0.0
     for i in range(surface.shape[0]):
         x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
         rx, ry = c * x - s * y, s * x + c * y
@@ -61,14 +78,22 @@ def linearize(
         if r * r < k2:
             close += surface[i, 4]
         cost -= surface[i, 4] * q * k2
-        w = surface[i, 4] * q * q * cell[3] / (cell[3] + 1.0)
+        if cell[6] < old:
+            spared += surface[i, 4] * q * k2
+        w = surface[i, 4] * q * q * trust(cell[4])
+        total += w
+        squares += w * r * r
         at = ay * rx - ax * ry
         hxx, hxy, hxt = hxx + w * ax * ax, hxy + w * ax * ay, hxt + w * ax * at
         hyy, hyt, htt = hyy + w * ay * ay, hyt + w * ay * at, htt + w * at * at
         gx, gy, gt = gx - w * ax * r, gy - w * ay * r, gt - w * at * r
-    out_h[0, 0], out_h[1, 0], out_h[2, 0] = hxx, hxy, hxt
-    out_h[1, 1], out_h[2, 1], out_h[2, 2] = hyy, hyt, htt
+    out_h[0, 0], out_h[1, 1], out_h[2, 2] = hxx, hyy, htt
+    out_h[1, 0] = out_h[0, 1] = hxy
+    out_h[2, 0] = out_h[0, 2] = hxt
+    out_h[2, 1] = out_h[1, 2] = hyt
     out[0], out[1], out[2], out[3], out[4] = gx, gy, gt, cost, close
+    out[5] = squares / total if total > 0.0 else 0.0
+    out[6] = spared
 
 
 @njit
@@ -77,7 +102,7 @@ def register(
     owners: NDArray[np.int64],
     surface: Floats,
     prior: Prior,
-    model: SurfaceModel,
+    how: Climb,
     poses: Floats,
     out_h: Floats,
     out: Floats,
@@ -85,30 +110,69 @@ def register(
     """Climb from every start to a peak of likelihood x prior by Gauss-Newton.
 
     [Grisetti07] scan matcher in front of the improved proposal; ours: Gauss-Newton in place of a
-    hill climb. owners (k,) the particle in whose map; poses (k, 3) starts in, peaks out; out_h
-    (k, 3, 3) the information there, the prior in it; out (k, 5) of `linearize`.
+    hill climb, and a prior with heavy tails. owners (k,) the particle in whose map; poses (k, 3)
+    starts in, peaks out; out_h (k, 3, 3), out (k, 7) of `linearize` at the last step.
     """
-    step = np.empty(3)
-    scale = 1.0 / (model.sigma * model.sigma)
+    step, both = np.empty(3), np.empty((3, 3))
     for k in range(poses.shape[0]):
         pose, h, g = poses[k], out_h[k], out[k]
-        width = model.wide
-        for _ in range(model.steps):
-            linearize(tiles, owners[k], pose, surface, width, h, g)
-            for i in range(3):
-                g[i] *= scale
-                for j in range(3):
-                    b = prior.information[k, i, j]
-                    g[i] -= b * (pose[j] - prior.poses[k, j])
-                    if j <= i:
-                        h[i, j] = h[i, j] * scale + b
-            if not solve3(h, g, step):
+        mean = Pose2(prior.poses[k, 0], prior.poses[k, 1], prior.poses[k, 2])
+        width = how.wide
+        for _ in range(how.steps):
+            linearize(tiles, owners[k], pose, surface, width, how.old, h, g)
+            off = offset(Pose2(pose[0], pose[1], pose[2]), mean)
+            add_prior(h, prior.information[k], how.variance, off, both, g)
+            if not solve3(both, g, step):
                 break
             for i in range(3):
                 pose[i] += step[i]
-            if width == model.width and max(abs(step[0]), abs(step[1]), abs(step[2])) < STILL:
+            if width == how.width and max(abs(step[0]), abs(step[1]), abs(step[2])) < STILL:
                 break
-            width = max(model.width, 0.5 * width)
-        for i in range(3):
-            for j in range(i):
-                h[j, i] = h[i, j]
+            width = max(how.width, 0.5 * width)
+
+
+@njit
+def search_old(
+    tiles: Tiles,
+    owners: NDArray[np.int64],
+    surface: Floats,
+    every: int,
+    offsets: Floats,
+    prices: Floats,
+    how: Climb,
+    poses: Floats,
+    out: Floats,
+) -> None:
+    """Where around its pose each particle's ground of old explains most of a scan.
+
+    ours: share of the beams by robust weight, less the price of the offset. offsets (k, 3), prices
+    (k,); owners (n,) the particles; poses (n, 3) in, the best out; out (n,) that share.
+    """
+    edge, k2 = tiles.resolution, how.wide * how.wide
+    for j in range(poses.shape[0]):
+        particle, best, value = owners[j], -1, 0.0
+        x0, y0, t0 = poses[j, 0], poses[j, 1], poses[j, 2]
+        for k in range(offsets.shape[0]):
+            pose_x, pose_y = x0 + offsets[k, 0], y0 + offsets[k, 1]
+            c, s = math.cos(t0 + offsets[k, 2]), math.sin(t0 + offsets[k, 2])
+            spared = beams = 0.0
+            for i in range(0, surface.shape[0], every):
+                x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
+                beams += surface[i, 4]
+                px, py = pose_x + c * x - s * y, pose_y + s * x + c * y
+                ix, iy = cell_of(px, edge), cell_of(py, edge)
+                layer = facing(c * nx - s * ny, s * nx + c * ny)
+                slot = slot_of(tiles, particle, layer, ix, iy)
+                if slot < 0:
+                    continue
+                cell = tiles.cells[slot, inside_tile(ix, iy)]
+                if cell[3] <= 0.0 or cell[6] >= how.old:
+                    continue
+                r = cell[0] + cell[1] * (px - ix * edge) + cell[2] * (py - iy * edge)
+                spared += surface[i, 4] * k2 / (k2 + r * r)
+            share = spared / beams
+            if share - prices[k] > value:
+                best, value, out[j] = k, share - prices[k], share
+        if best >= 0:
+            for i in range(3):
+                poses[j, i] += offsets[best, i]

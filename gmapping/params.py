@@ -8,32 +8,21 @@ from typing import Any, ClassVar
 
 from gmapping.ros import ROS as ROS_NAMES
 from slams.extent import max_cells
-from slams.params import Params, RosNames, param
+from slams.params import RosNames, param
+from slams.scan.params import ScanParams
 
 ORIGINAL = "original code"
 
 
 @dataclass(frozen=True)
-class GMappingParams(Params):
+class GMappingParams(ScanParams):
     """Parameters of the default, `GMapping`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
-    # Ranges deviate by 1 to 3 cm: a wider sigma lowers the error over 1 s by 2 % (RPLIDAR) to 17 %
-    # (LDS-01).
-    SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        laser: {"sigma": 0.05} for laser in ("rplidar-a1", "lds01", "lds02")
-    }
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "gmapping.original:Original"
     }
 
-    odometry: str = param(
-        "auto",
-        "1",
-        "what predicts the motion: auto takes what a scan brings",
-        source="ours: README, Departure 6",
-        choices=("auto", "odometry", "odometry+gyro", "gyro", "none"),
-    )
     n_particles: int = param(
         30, "1", "number of particles", source=ORIGINAL, low=1, high=20_000, ros=("particles",)
     )
@@ -92,9 +81,6 @@ class GMappingParams(Params):
         low=0.0,
         ros=("stt",),
     )
-    rest_noise: float = param(
-        0.0005, "m", "noise [m, rad] of a step at rest", source="ours: Departure 5", low=1e-6
-    )
     tracked_noise: float = param(
         0.1,
         "1",
@@ -108,16 +94,6 @@ class GMappingParams(Params):
         "noise [m, rad] between key scans beside that of the motion",
         source="ours: Departure 5",
         low=1e-5,
-    )
-    acceleration: float = param(
-        2.0,
-        "1",
-        "noise of the velocity without odometry [m/s^2]; twice that in rad/s^2",
-        source="ours: a walking robot's",
-        low=0.01,
-    )
-    gyro_noise: float = param(
-        0.02, "rad/s", "noise of the gyro with its bias", source="ours: a MEMS gyro's", low=1e-5
     )
     slip: float = param(
         0.7,
@@ -134,6 +110,17 @@ class GMappingParams(Params):
         low=0.0,
         high=1.0,
     )
+    lost_below: float = param(
+        0.5,
+        "1",
+        "share of the usual quality below which not even a new room explains a scan",
+        source="ours: Departure 7",
+        low=0.0,
+        high=1.0,
+    )
+    usual_time: float = param(
+        2.0, "s", "over which the usual quality is a mean", source="ours: a room", low=0.01
+    )
     band: int = param(
         2,
         "cell",
@@ -144,13 +131,6 @@ class GMappingParams(Params):
     )
     cap: float = param(
         100.0, "1", "greatest weight of a cell: the map can follow changes", source="ours", low=1.0
-    )
-    sigma: float = param(
-        0.02,
-        "m",
-        "deviation of a point from its surface",
-        source="ours: range noise and clutter",
-        low=0.001,
     )
     wide: float = param(
         0.1, "m", "deviation of an outlier at the first step", source="ours: the band", low=0.001
@@ -167,7 +147,7 @@ class GMappingParams(Params):
         low=1.0,
     )
     spread: float = param(
-        0.2,
+        0.1,
         "1",
         "draws from the proposal, in its standard deviations",
         source="[Grisetti07] improved proposal, which has 1",
@@ -193,9 +173,6 @@ class GMappingParams(Params):
         source="ours: Departure 4",
         low=0.0,
     )
-    deskew: bool = param(
-        True, "1", "take the motion during a scan out of it", source="ours: Departure 8"
-    )
     max_range: float = param(
         80.0,
         "m",
@@ -203,6 +180,20 @@ class GMappingParams(Params):
         source=ORIGINAL,
         low=0.1,
         ros=("maxRange", "maxUrange"),
+    )
+    acceleration: float = param(
+        0.5,
+        "m/s^2",
+        "deviation ahead, to begin with",
+        source="ours: a robot that starts to drive along a corridor after a long rest",
+        low=1e-4,
+    )
+    caution: float = param(
+        3.0,
+        "1",
+        "times the variance of a prediction, as a prior of a scan that sees all directions",
+        source="ours: a particle's map is drawn by key scans alone, their errors drawn anew",
+        low=1.0,
     )
     max_cells: int = max_cells()
     max_tiles: int = param(

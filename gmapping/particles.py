@@ -60,10 +60,9 @@ class Particles:
         self.poses[:, 1] += s * steps[:, 0] + c * steps[:, 1]
         self.poses[:, 2] += steps[:, 2]
 
-    def extent(self, points: Floats) -> tuple[Floats, Floats]:
-        """Lowest and highest x, y [m] that points (n, 2 or more) around the particles can have."""
-        radius = float(np.hypot(points[:, 0], points[:, 1]).max())
-        return self.poses[:, :2].min(axis=0) - radius, self.poses[:, :2].max(axis=0) + radius
+    def extent(self, far: float) -> tuple[Floats, Floats]:
+        """Lowest and highest x, y [m] of what is at most `far` [m] away from a particle."""
+        return self.poses[:, :2].min(axis=0) - far, self.poses[:, :2].max(axis=0) + far
 
     def weigh(self, log_w: Floats, temper: float) -> None:
         """Multiply the weights by the likelihood of a scan."""

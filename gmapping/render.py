@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmapping.render_kernels import draw
 from slams.types import Floats, OccupancyGrid, Pose2
@@ -24,6 +25,11 @@ class Ray(NamedTuple):
     def seen_from(self, pose: Pose2) -> Ray:
         """The same in the frame that `pose` stands in."""
         return Ray(pose.transform(self.points[:, :2]), pose.transform(self.sensor))
+
+
+def ray(ends: NDArray[np.float32], mount: Pose2) -> Ray:
+    """A ray of kept end points (n, 2) [m] and of the laser's mount."""
+    return Ray(ends.astype(np.float64), np.array([[mount.x, mount.y]]))
 
 
 class Counts:

@@ -1,58 +1,82 @@
-"""End points of a scan."""
+"""View: what of a scan the particles' maps are made of and matched with."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
+from numpy.typing import NDArray
 
-from gmapping.motion import Step
 from gmapping.params import GMappingParams
-from gmapping.render import Ray
-from gmapping.scan_kernels import Beams, end_points
-from slams.types import Floats, Laser, Pose2, Scan
+from gmapping.scan_kernels import Walls, merged, surfaces
+from slams.scan.end_points import EndPoints
+from slams.types import Floats, Pose2, Scan
+
+GRAZING = 0.1  # cosine; walls seen more edge-on say nothing
+RATIO = 0.1  # thickness over length of a wall, squared
+SOFT = 3.0  # deviations of the noise that a wall may be thick
 
 
-class Track(NamedTuple):
-    """A scan that was tracked: the pose, its points in the base frame, the step as it was seen."""
+class View:
+    """The pieces of surface of the scan at hand; the buffers serve every scan.
 
-    pose: Pose2
-    points: Floats
-    step: Step
-
-
-class EndPoints:
-    """Turns ranges into points of the base frame; buffers are kept from scan to scan.
-
-    Beams that end within `grain` [m] of each other become one point; `sweeps` if the beams of the
-    last scan follow one another in time.
+    `pieces` (n, 5): x, y [m], nx, ny in the base frame at the middle of the sweep, how many beams;
+    `beams` of all of them together; `noise` [m] of the ranges; `sweeps` if the beams follow one
+    another in time; `mount` of the laser.
     """
 
-    def __init__(self, params: GMappingParams, grain: float = 0.0) -> None:
+    def __init__(self, params: GMappingParams) -> None:
+        self._points = EndPoints(params)
         self._params = params
-        self._grain = grain
-        self.sweeps = False
-        self._laser: Laser | None = None
-        self._buffer = np.zeros((0, 3))
+        self._means, self._buffer = np.zeros((0, 3)), np.zeros((0, 5))
+        self._n = 0
+        self.beams = 0.0
 
-    def __call__(self, scan: Scan, step: Step) -> tuple[Floats, Beams]:
-        """Points (n, 3) x, y [m], beams, valid until the next call; the geometry behind them."""
-        if scan.laser is not self._laser:
-            self._laser = scan.laser
-            self._buffer = np.zeros((scan.laser.n_beams, 3))
-        beams = self._geometry(scan.laser, step)
-        n = end_points(scan.ranges, scan.laser.directions, beams, self._buffer)
-        return self._buffer[:n], beams
+    def take(self, scan: Scan, velocity: Pose2) -> View:
+        """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
+        ends, p = self._points.take(scan, velocity), self._params
+        if ends.n > len(self._buffer):
+            self._means, self._buffer = np.zeros((ends.n, 3)), np.zeros((ends.n, 5))
+        n = merged(ends.points, ends.n, p.grain, self._means)
+        flatness = max(p.flatness, SOFT * ends.noise)
+        walls = Walls(max(p.reach, 2.0 * flatness), flatness, RATIO, GRAZING)
+        self._n = surfaces(self._means, n, ends.mount, ends.step, walls, self._buffer)
+        self.beams = float(self.pieces[:, 4].sum())
+        return self
 
-    def ray(self, scan: Scan, step: Step) -> Ray:
-        """For the picture of the map: the points and where the laser was."""
-        points, beams = self(scan, step)
-        return Ray(points, np.array([[beams.x, beams.y]]))
+    @property
+    def pieces(self) -> Floats:
+        """The pieces of surface (n, 5), valid until the next scan."""
+        return self._buffer[: self._n]
 
-    def _geometry(self, laser: Laser, step: Step) -> Beams:
-        self.sweeps = self._params.deskew and laser.time_increment > 0.0 and step.seconds > 0.0
-        share = laser.time_increment / step.seconds if self.sweeps else 0.0
-        x, y, turn = (share * value for value in step.sweep)
-        far = min(laser.range_max, self._params.max_range)
-        between = abs(laser.angle_increment)
-        return Beams(*laser.mount, x, y, turn, between, laser.range_min, far, self._grain)
+    @property
+    def ends(self) -> NDArray[np.float32]:
+        """A copy of the pieces' x, y [m] (n, 2), for the picture of the map."""
+        return self.pieces[:, :2].astype(np.float32)
+
+    @property
+    def n(self) -> int:
+        """How many pieces."""
+        return self._n
+
+    @property
+    def far(self) -> float:
+        """The farthest end from the base [m]."""
+        return self._points.far
+
+    @property
+    def noise(self) -> float:
+        """Noise of the ranges [m]."""
+        return self._points.noise
+
+    @property
+    def sweeps(self) -> bool:
+        """Whether the beams follow one another in time."""
+        return self._points.sweeps
+
+    @property
+    def mount(self) -> Pose2:
+        """Where the laser is on the base."""
+        return self._points.mount
+
+    def at_stamp(self, pose: Pose2) -> Pose2:
+        """The base's pose at the stamp of the scan that was matched at `pose`."""
+        return self._points.at_stamp(pose)

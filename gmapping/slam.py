@@ -3,156 +3,266 @@
 [Grisetti07] G. Grisetti, C. Stachniss, W. Burgard, "Improved Techniques for Grid Mapping with
 Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007.
 
-1. Motion: odometry, a gyro or the last motion predicts the step since the last scan.
-2. Tracking (ours): every scan is matched to the best particle's map.
+1. Motion: odometry, a gyro or the motion so far predicts the step since the last scan.
+2. Tracking (ours): every scan is matched to the reported particle's map, a slow sweep twice; where
+   the map explains less than usual, other starts are tried.
 3. At a key scan every particle is matched to its own map and drawn from a Gaussian around the
    peak (the improved proposal); its weight grows by the scan's likelihood.
 4. The number of effective particles n_eff = 1 / sum w^2 follows from the weights.
 5. Below a share of the particles they are resampled (adaptive resampling): maps are shared, not
    copied.
-6. The scan is written into every particle's map.
-7. The particle of greatest weight over its life is the one that is reported.
+6. The particle of greatest weight over its life is the one that is reported.
+7. The scan is written into every particle's map.
+8. ours: a lost robot is looked for in all of the reported map.
 
+The preset `paper` matches by hill climbing on the likelihood of the end points, and leaves out 8.
 The published program, `gmapping@original`, stands in `original`.
 """
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 
+from gmapping.key import KeyScans
 from gmapping.map import TileMap
-from gmapping.motion import Motion, Step
+from gmapping.match import Match, Matcher
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
-from gmapping.render import Renderer
-from gmapping.scan import EndPoints
-from gmapping.surface import SurfaceMatcher
+from gmapping.render import Renderer, ray
+from gmapping.scan import View
+from gmapping.surfaces import SurfaceMatcher
+from slams.geometry import Prior, inverse3
+from slams.localize.relocator import Relocator
+from slams.motion.model import Prediction
+from slams.motion.track import Track
 from slams.params import Params
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
+from slams.patience import Patience
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State, wrap_angle
+from slams.usual import Usual
+
+WIDEST = np.array([0.6, 0.6, 0.3])  # m, m, rad; a search goes no farther
+LEAP, LEAP_TURN = 0.05, 0.02  # m, rad: no draw goes so far
+PAUSE = 0.5  # s between two searches of a robot that is not matched
+COUNTS = "posed searched recovered refused inserted rejected resampled switched collapsed closed"
 
 
 class GMapping:
-    """The particle filter; parameters say what predicts motion.
+    """The particle filter; see the module for the steps.
 
-    `pose` is the last pose, `covariance` (3, 3) [m, rad] its uncertainty, `quality` the share of
-    the last scan that lies where the map has surfaces; `frozen`: nothing enters the map;
-    `particles` and `tiles` the filter's state.
+    `frozen`: nothing enters the map; `particles` and `tiles` the filter's state.
     """
 
     Params: ClassVar[type[Params]] = GMappingParams
 
     def __init__(self, params: GMappingParams) -> None:
-        self.params = params
-        self.pose = IDENTITY
+        p = self.params = params
         self.frozen = False
-        self._rng = np.random.default_rng(params.seed)
-        self._motion = Motion(params)
-        self._renderer = Renderer(params.resolution, params.occupied)
-        self._rays = EndPoints(params)
-        self._counts = {"scans": 0, "inserted": 0, "rejected": 0, "resampled": 0, "switched": 0}
-        self._counts |= {"collapsed": 0}
-        self.particles = Particles(params.n_particles)
-        layers = SurfaceMatcher.layers
-        tiles = params.max_tiles, params.max_cells
-        self.tiles = TileMap(params.n_particles, layers, params.resolution, *tiles)
-        self._matcher = SurfaceMatcher(params, self._motion, self.particles, self.tiles)
+        self._rng = np.random.default_rng(p.seed)
+        self._view = View(p)
+        self._track = Track(p)
+        self._relocator = Relocator(self._track, p.relocate)
+        self._renderer = Renderer(p.resolution, p.occupied)
+        self.particles = Particles(p.n_particles)
+        layers, depth = SurfaceMatcher.layers, SurfaceMatcher.depth
+        self.tiles = TileMap(p.n_particles, layers, p.resolution, p.max_tiles, p.max_cells, depth)
+        self._matcher: Matcher = SurfaceMatcher(p, self.tiles)
+        self._keys = KeyScans(p)
+        self._quality, self._usual = 1.0, Usual(p.usual_time)
+        self._patience = Patience(PAUSE, PAUSE)
+        self._counts = dict.fromkeys(COUNTS.split(), 0)
 
     def update(self, scan: Scan) -> Pose2:
-        """Track a scan; at key scans run the filter. Returns the best particle's pose."""
-        before = self.pose
-        step = self._motion.step(scan)  # 1
-        if self._counts["scans"] == 0:
-            points = self._matcher.points(scan, step)
-        else:
-            self.pose, points, step = self._matcher.track(before, step, scan, self._rng)  # 2
-        if len(points) == 0:
-            self._counts["rejected"] += 1
-        elif self._enters(step, points):
-            self._filter(points)
-            self._keep(scan, step)
-        self._counts["scans"] += 1
-        self._motion.learn(before.between(self.pose))
-        return self.pose
+        """Track a scan; at key scans run the filter. Returns T_map_base."""
+        start = self._track.predict(scan)  # 1
+        view = self._view.take(scan, start.velocity)
+        match = None
+        if view.n > 0 and self._keys.n > 0:
+            match = self._tracked(view, start)  # 2
+            if view.sweeps:
+                view.take(scan, self._track.motion.velocity_to(match.pose))
+                match = self._tracked(view, start)
+        self._settle(scan, view, match, start.dt)
+        if self._due(view):
+            self._filter(view)
+        self._look_for(scan)  # 8
+        return view.at_stamp(self._track.pose)
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Take a scan whose pose is known, at rest; it enters the maps unless `frozen`."""
-        step = self._motion.rest(scan)
-        points = self._matcher.points(scan, step)
-        self.pose = pose
-        self._share_one_map()
-        self.particles.poses[:] = pose
-        self._matcher.place(pose)
-        if len(points) > 0 and not self.frozen and self.tiles.admits(pose, points):
-            self._insert(points)
-            self._keep(scan, step)
-        self._counts["scans"] += 1
+        self._track.placed(pose, scan)
+        view = self._view.take(scan, IDENTITY)
+        self._place(pose)
+        if view.n > 0 and not self.frozen and self.tiles.admits(pose, view.far):
+            self._insert(view)
 
     def map(self) -> OccupancyGrid:
-        """The best particle's map, drawn from its history of key scans."""
+        """The reported particle's map, drawn from its history of key scans."""
         return self._renderer.grid(self.trajectory())
 
     def trajectory(self) -> Floats:
-        """The best particle's poses (k, 3) x, y [m], theta [rad] at the key scans."""
+        """The reported particle's poses (k, 3) x, y [m], theta [rad] at the key scans."""
         return self.particles.history(self.particles.best)
 
     @property
+    def pose(self) -> Pose2:
+        """The base's last pose in the map."""
+        return self._track.pose
+
+    @property
+    def state(self) -> State:
+        """How the last pose came about."""
+        return self._track.state
+
+    @property
     def covariance(self) -> Floats:
-        """Covariance (3, 3) of the last pose [m, rad], in the map frame."""
-        return self._matcher.covariance
+        """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
+        return self._track.covariance
 
     @property
     def quality(self) -> float:
-        """How well the last scan fitted, 0 to 1."""
-        return self._matcher.quality
+        """Share of the last scan that lies on known surfaces, 0 to 1."""
+        return self._quality
 
     def report(self) -> dict[str, Any]:
         """Counts, and what the particles' maps take."""
         tiles = {"tiles": self.tiles.used, "tiles_peak": self.tiles.peak}
         shared = {"tiles_shared": round(self.tiles.shared, 3), "particles": len(self.particles)}
-        counts = self._counts | self._matcher.counts | self._motion.used
+        lost = {"lost": self._track.lost, "found_again": self._relocator.found}
+        counts = self._counts | lost | self._track.motion.counts
         return counts | tiles | shared | self.tiles.extent.counts
 
-    def _filter(self, points: Floats) -> None:
-        if self._counts["inserted"] == 0:
-            self.particles.poses[:] = self.pose
+    def _tracked(self, view: View, start: Prediction) -> Match:
+        """Step 2: from the prediction; from other starts if it explains less than usual."""
+        matcher, best = self._matcher, self.particles.best
+        match = matcher.match(view, best, self._prior(start.pose), start.pose)
+        if match.quality >= self.params.poor_match * self._usual.value or self._pauses:
+            return match
+        self._patience.tried()
+        self._counts["searched"] += 1
+        slip = (self.params.slip * start.dt) ** 2 * np.eye(3)
+        wide = Prior(start.pose, inverse3(self._track.expected + slip))
+        half = np.minimum(2.0 * np.sqrt(np.diagonal(self._track.expected + slip)), WIDEST)
+        before = self._track.pose
+        starts = [before, before @ start.continued]
+        starts += [matcher.search(view, best, at, half) for at in (start.pose, starts[1])]
+        tried = [match, *(matcher.match(view, best, wide, at) for at in starts)]
+        chosen = min(tried, key=lambda match: self._price(match, wide))
+        self._counts["recovered"] += chosen is not match
+        return chosen
+
+    @property
+    def _pauses(self) -> bool:
+        """A search in vain is not repeated at once."""
+        return self._track.state != "matched" and not self._patience.over
+
+    def _prior(self, expected: Pose2) -> Prior:
+        return Prior(expected, self._track.prior(expected))
+
+    def _price(self, match: Match, wide: Prior) -> float:
+        """What is against a match: its beams, and how far wheels would have slipped."""
+        off = np.array(match.pose) - np.array(wide.pose)
+        off[2] = wrap_angle(off[2])
+        far = 0.0 if self._track.reachable(match.pose) else math.inf
+        return match.cost + 0.5 * float(off @ wide.information @ off) + far
+
+    def _settle(self, scan: Scan, view: View, match: Match | None, dt: float) -> None:
+        """Tell the track what was found, learn what is usual."""
+        track = self._track
+        self._patience.wait(dt)
+        if match is None:
+            if view.n > 0 or self._keys.n == 0:
+                track.matched(track.pose, np.eye(3), scan)  # the map begins here
+            else:
+                track.missed(scan)
+            return
+        self._counts["posed"] += 1
+        self._quality = match.quality
+        explains = match.quality >= self.params.lost_below * self._usual.value
+        if not (explains and track.reachable(match.pose)):
+            self._counts["refused"] += 1
+            self._keys.missed()
+            track.missed(scan)
+            return
+        track.matched(match.pose, match.seen, scan)
+        self._matcher.learn(match, view)
+        self._usual.learn(match.quality, scan.t)
+
+    def _due(self, view: View) -> bool:
+        """Whether this is a key scan that the map has room for."""
+        track = self._track
+        known = track.state == "matched" or track.held or track.adrift
+        if self.frozen or view.n == 0 or not known:
+            self._counts["rejected"] += not known
+            return False
+        return self._keys.due(track.pose) and self.tiles.admits(track.pose, view.far)
+
+    def _filter(self, view: View) -> None:
+        """Steps 3 to 7."""
+        particles, track = self.particles, self._track
+        if self._keys.n == 0:
+            particles.poses[:] = track.pose
         else:
-            log_w = self._matcher.propose(self.pose, points, self._rng)  # 3
-            self.particles.weigh(log_w, self._matcher.temper)  # 4
-            if self.particles.n_eff < self.params.resample_threshold * len(self.particles):
-                self._resample()  # 5
-            self._counts["switched"] += self.particles.elect(self.params.switch_margin)  # 7
-        self._insert(points)  # 6
-        self.pose = self.particles.best_pose
-        self._matcher.start_way(self.pose)
+            self._propose(view)
+            if particles.n_eff < self.params.resample_threshold * len(particles):
+                self._follow(particles.draw_ancestors(self._rng.random()))  # 5
+                self._counts["resampled"] += 1
+            self._elect()  # 6
+        self._insert(view)  # 7
 
-    def _resample(self) -> None:
-        ancestors = self.particles.draw_ancestors(self._rng.random())
-        self.particles.follow(ancestors)
-        self.tiles.inherit(ancestors)
-        self._counts["resampled"] += 1
+    def _propose(self, view: View) -> None:
+        """Steps 3 and 4; where the map says nothing, the particles just go along."""
+        particles, way = self.particles, self._keys.way(self._track.pose)
+        particles.move(np.array(way))
+        if self._track.state != "matched":
+            return
+        information = self._keys.information(way, particles.poses[:, 2], self._track.predicted)
+        self._matcher.returns = self._keys.returns(self._track.pose)
+        found = self._matcher.propose(view, particles.poses, information)
+        draws = self.params.spread * self._rng.standard_normal((len(particles), 3))[..., None]
+        off = np.linalg.solve(found.factors.transpose(0, 2, 1), draws)[..., 0]
+        particles.poses[:] = found.peaks + off
+        particles.weigh(found.log_w, 1.0)
 
-    def _insert(self, points: Floats) -> None:
-        self.tiles.cover(*self.particles.extent(points))
-        if not self._matcher.insert(points, self.particles.poses):
+    def _elect(self) -> None:
+        """Step 6; where the reported particle is elsewhere all at once, a loop was closed."""
+        self._counts["switched"] += self.particles.elect(self.params.switch_margin)
+        best = self.particles.best_pose
+        gap = best.between(self._track.pose)
+        if math.hypot(gap.x, gap.y) > LEAP or abs(gap.theta) > LEAP_TURN:
+            self._counts["closed"] += 1
+            self._track.corrected(best)
+
+    def _insert(self, view: View) -> None:
+        self.tiles.cover(*self.particles.extent(view.far))
+        self._matcher.driven = self._keys.driven
+        if not self._matcher.insert(view, self.particles.poses):
             self._share_one_map()  # out of tiles
             self._counts["collapsed"] += 1
         self._counts["inserted"] += 1
+        self._keys.done(self.particles.best_pose)
+        self._renderer.keep(partial(ray, view.ends, view.mount))
         self.particles.remember()
 
-    def _enters(self, step: Step, points: Floats) -> bool:
-        """Whether the scan is a key scan that the map has room for."""
-        due = self._matcher.due(self.pose, step)
-        return due and not self.frozen and self.tiles.admits(self.pose, points)
+    def _look_for(self, scan: Scan) -> None:
+        """Step 8; where it is found all particles go on, with the map it was found in."""
+        found = self._relocator.found
+        self._relocator.update(scan, self.map)
+        if self._relocator.found > found:
+            self._place(self._track.pose)
 
-    def _keep(self, scan: Scan, step: Step) -> None:
-        """Remember a key scan, to draw the map from."""
-        self._renderer.keep(partial(self._rays.ray, scan, step))
+    def _place(self, pose: Pose2) -> None:
+        """All particles go on from here with the reported one's map."""
+        self._share_one_map()
+        self.particles.poses[:] = pose
+        self._keys.place(pose)
 
     def _share_one_map(self) -> None:
-        """All particles go on from the best one, with one map between them."""
-        ancestors = np.full(len(self.particles), self.particles.best)
+        self._follow(np.full(len(self.particles), self.particles.best))
+
+    def _follow(self, ancestors: Any) -> None:
         self.particles.follow(ancestors)
         self.tiles.inherit(ancestors)

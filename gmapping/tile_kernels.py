@@ -19,7 +19,7 @@ LAST = SIDE - 1
 class Tiles(NamedTuple):
     """The maps of all particles: tables of slots in one pool.
 
-    `cells` (slots, CELLS, 4) four numbers a cell, whatever the matcher keeps there; `tables`
+    `cells` (slots, CELLS, k) k numbers a cell, whatever the matcher keeps there; `tables`
     (particles, layers, ny, nx) slot of each tile, -1 = never touched; `references` (slots,) how
     many tables point at a slot; `free` (slots + 1,) how many slots are free, then these slots;
     `corner_x`, `corner_y` tile index of tables[..., 0, 0]; `resolution` [m].
@@ -77,7 +77,7 @@ def own_slot(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
     if old >= 0:
         tiles.references[old] -= 1
     for k in range(CELLS):  # loops: assigning slices takes numba seconds to compile
-        for j in range(4):
+        for j in range(tiles.cells.shape[2]):
             tiles.cells[new, k, j] = tiles.cells[old, k, j] if old >= 0 else 0.0
     return new
 

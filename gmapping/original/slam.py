@@ -63,7 +63,7 @@ class Original:
         points = self._points(scan, step)
         if len(points) == 0:
             self._counts["rejected"] += 1
-        elif self._due(step) and self.tiles.admits(self.pose, points):
+        elif self._due(step) and self.tiles.admits(self.pose, _farthest(points)):
             self._filter(points)
             self._keep(partial(self._rays.ray, scan, step))
         self._counts["scans"] += 1
@@ -121,7 +121,7 @@ class Original:
             self._renderer.keep(scan)
 
     def _insert(self, points: Floats) -> None:
-        self.tiles.cover(*self.particles.extent(points))
+        self.tiles.cover(*self.particles.extent(_farthest(points)))
         if not self.tiles.insert(points, self.particles.poses):  # all go on from the best one
             self._follow(np.full(len(self.particles), self.particles.best), "collapsed")
         self._counts["inserted"] += 1
@@ -134,3 +134,8 @@ class Original:
     def _populate(self, n_particles: int) -> None:
         self.particles = Particles(n_particles)
         self.tiles = HitMap(self.params, n_particles)
+
+
+def _farthest(points: Floats) -> float:
+    """The greatest distance [m] of points (n, 2 or more) from the base."""
+    return float(np.hypot(points[:, 0], points[:, 1]).max())

@@ -77,11 +77,14 @@ class Prediction(NamedTuple):
 class Motion:
     """Predicts each scan's pose; is told what the match found, or that there was none.
 
-    Per scan: `predict`, then `moved` or `missed`.
+    Per scan: `predict`, then `moved` or `missed`. `counted`: what one before it has counted.
     """
 
-    def __init__(self, params: MotionParams | None = None) -> None:
+    def __init__(
+        self, params: MotionParams | None = None, counted: dict[str, int] | None = None
+    ) -> None:
         p = self._params = params or MotionParams()
+        self._counted = counted or {}
         accelerations = (p.acceleration, p.acceleration_aside, p.turn_acceleration)
         self._unknown = (0.5 * p.top_speed, 0.5 * p.top_speed, 0.5 * p.top_turn_rate)
         self._axes = [
@@ -102,7 +105,8 @@ class Motion:
     def counts(self) -> dict[str, int]:
         """Scans that used wheels and gyro; those whose wheels leapt or contradicted the match."""
         wheels = self._wheels
-        return {"odometry": wheels.used, "gyro": self._gyro.used, "odometry_faults": wheels.faults}
+        now = {"odometry": wheels.used, "gyro": self._gyro.used, "odometry_faults": wheels.faults}
+        return {name: n + self._counted.get(name, 0) for name, n in now.items()}
 
     @property
     def interval(self) -> float:

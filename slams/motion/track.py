@@ -69,7 +69,7 @@ class Track:
     def predict(self, scan: Scan) -> Prediction:
         """What is known of the pose at `scan` before it is looked at."""
         if not self._begun and scan.odometry is None:
-            self.motion = Motion(_without_wheels(self._params))
+            self.motion = Motion(_without_wheels(self._params), self.motion.counts)
         now = self._prediction = self.motion.predict(self.pose, scan)
         self._seconds += now.dt
         self._by_wheels &= "wheels" in now.used
@@ -167,7 +167,7 @@ class Track:
 
     def placed(self, pose: Pose2, scan: Scan) -> None:
         """The pose of a scan is given, at rest: what was known of the motion means nothing."""
-        self.motion, self._begun = Motion(self._params), False
+        self.motion, self._begun = Motion(self._params, self.motion.counts), False
         self._seconds, self._missed, self._unproven = 0.0, False, 0.0
         self.pose, self.covariance, self.state = pose, FLOOR * np.eye(3), "matched"
         self.predict(scan)
@@ -246,6 +246,10 @@ class Track:
         growth = (surprise - 1.0) * seconds / (RISE if surprise > 1.0 else FALL)
         self._scale = min(max(self._scale * math.exp(growth), 1.0), WIDEST)
 
+    def corrected(self, pose: Pose2) -> None:
+        """The last pose was elsewhere all along, as another map has it: no motion."""
+        self.pose = self._matched_at = pose
+
     def missed(self, scan: Scan) -> None:
         """The map does not explain the scan: the pose is the prediction."""
         self.motion.missed(scan)
@@ -276,10 +280,7 @@ class Track:
 
 
 def _with_the_same_error(before: Floats, step: Floats) -> Floats:
-    """`before`, so that the sum with `step` covers errors of both that are one and the same.
-
-    A velocity that is wrong makes every step wrong to the same side: deviations add, not variances.
-    """
+    """`before`, so that the sum with `step` covers errors of both that are one and the same."""
     if float(np.trace(before)) > FAR**2:
         return before
     share = math.sqrt(float(np.trace(step)) / float(np.trace(before)))

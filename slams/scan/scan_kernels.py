@@ -131,15 +131,19 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
 
     ours: rain, mixed pixels and faults are one beam each, a surface is several. Company is another
     end point among the two beams to either side within `slack` [m] and four beams' spacing, or
-    both neighbors' line within `slack` along the beam. points, out (3, >= n).
+    both neighbors' line within `slack` along the beam. Where beams are farther apart than half of
+    `slack`, a post is one beam, too. points, out (3, >= n).
     """
     for i in range(n):  # by hand: an assignment of slices takes two seconds to compile
         out[0, i], out[1, i], out[2, i] = points[0, i], points[1, i], points[2, i]
     kept = 0
     for i in range(n):
         rx, ry = out[0, i] - mount.x, out[1, i] - mount.y
-        gap = slack + 4.0 * step * math.sqrt(rx * rx + ry * ry)
-        company = 0 < i < n - 1 and abs(beyond_chord(out, i - 1, i, i + 1, mount)) < slack
+        spacing = step * math.sqrt(rx * rx + ry * ry)
+        gap = slack + 4.0 * spacing
+        company = spacing > 0.5 * slack
+        if 0 < i < n - 1:
+            company = company or abs(beyond_chord(out, i - 1, i, i + 1, mount)) < slack
         for k in range(max(i - 2, 0), min(i + 3, n)):
             company = company or (k != i and square_gap(out, i, k) < gap * gap)
         if company:

@@ -1,0 +1,98 @@
+"""KeyScans: the scans at which the filter runs, and the noise of the way between two of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gmapping.params import GMappingParams
+from slams.types import IDENTITY, Floats, Pose2
+
+OLD = 15.0  # m of way, after which ground is old
+NEAR = 3.0  # m, from where the robot was then
+SELDOM = 1.0  # m of way between two looks for ground of old
+
+
+class KeyScans:
+    """When the next one is due, and how sure the tracked way there is.
+
+    `n` so far; `driven` [m] the way along them, a millimeter more at each.
+    """
+
+    def __init__(self, params: GMappingParams) -> None:
+        self.n = 0
+        self.driven = 1.0
+        self._places: list[tuple[float, float, float]] = []
+        self._looked = 0.0
+        self._params = params
+        self._at = IDENTITY
+        self._blind = False  # a scan since then was not matched
+
+    def due(self, pose: Pose2) -> bool:
+        """Whether the tracked pose has left the last key scan far enough behind."""
+        way = self._at.between(pose)
+        far = math.hypot(way.x, way.y) >= self._params.linear_update
+        return far or abs(way.theta) >= self._params.angular_update or self.n == 0
+
+    def way(self, pose: Pose2) -> Pose2:
+        """The tracked way since the last key scan, in the reported particle's map."""
+        return self._at.between(pose)
+
+    def information(self, way: Pose2, headings: Floats, predicted: Floats) -> Floats:
+        """Of particles moved by `way`, with headings (n,): (n, 3, 3) [1/m^2, 1/(m rad), 1/rad^2].
+
+        One noise for the whole way, whatever the rate of the scans; after scans that were not
+        matched also that of the prediction (3, 3).
+        """
+        covariance = _turned(self._deviation(way), headings - way.theta)
+        if self._blind:
+            covariance += predicted
+        return np.asarray(np.linalg.inv(covariance), np.float64)
+
+    def missed(self) -> None:
+        """A scan was not matched: the way is not tracked."""
+        self._blind = True
+
+    def done(self, pose: Pose2) -> None:
+        """The scan at hand is a key scan; the reported particle is at `pose`."""
+        self.n += 1
+        way = self._at.between(pose)
+        self.driven += math.hypot(way.x, way.y) + 0.001
+        self._places.append((pose.x, pose.y, self.driven))
+        self.place(pose)
+
+    def returns(self, pose: Pose2) -> bool:
+        """Whether the robot may be on ground that it left long ago."""
+        if self.driven - self._looked < SELDOM:
+            return False
+        places = np.array(self._places)
+        long_ago = places[places[:, 2] < self.driven - OLD]
+        if len(long_ago) == 0:
+            return False
+        near = float(np.hypot(long_ago[:, 0] - pose.x, long_ago[:, 1] - pose.y).min()) < NEAR
+        if near:
+            self._looked = self.driven
+        return near
+
+    def place(self, pose: Pose2) -> None:
+        """Measure the way to the next one from here."""
+        self._at, self._blind = pose, False
+
+    def _deviation(self, way: Pose2) -> Floats:
+        """Of a tracked way ahead, aside [m] and of its turn [rad], after odometry's of old."""
+        p, far, turn = self._params, math.hypot(way.x, way.y), abs(way.theta)
+        xy = p.tracked_noise * (p.way_per_way * far + p.way_per_turn * turn) + p.key_noise
+        theta = p.tracked_noise * (p.turn_per_way * far + p.turn_per_turn * turn) + p.key_noise
+        return np.array([xy, xy, theta])
+
+
+def _turned(deviation: Floats, headings: Floats) -> Floats:
+    """Covariances (n, 3, 3) in the map of a way with deviations (3,) along the body's axes."""
+    c, s = np.cos(headings), np.sin(headings)
+    turned = np.zeros((len(headings), 3, 3))
+    turned[:, 0, 0] = turned[:, 1, 1] = c
+    turned[:, 0, 1], turned[:, 1, 0], turned[:, 2, 2] = -s, s, 1.0
+    turned *= deviation
+    covariances: Floats = turned @ turned.transpose(0, 2, 1)
+    return covariances

@@ -1,0 +1,79 @@
+"""What a matcher finds: the pose of one scan, or the peaks around all particles."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from gmapping.scan import View
+from slams.geometry import Prior
+from slams.types import Floats, Pose2
+
+HALF_STEPS = 8  # of a search to either side, at most
+
+
+class Match(NamedTuple):
+    """A pose in the reported particle's map.
+
+    `quality` is the share of the beams that lie on its surfaces, `square` [m^2] their mean square
+    distance, `seen` (3, 3) the information of the scan.
+    """
+
+    pose: Pose2
+    quality: float
+    square: float
+    seen: Floats
+    cost: float
+
+
+class Proposals(NamedTuple):
+    """The Gaussians that particles are drawn from, and what they make of the weights.
+
+    Peaks (n, 3), lower triangles L (n, 3, 3) of their information L L^T, log weights (n,).
+    """
+
+    peaks: Floats
+    factors: Floats
+    log_w: Floats
+
+
+class Matcher(Protocol):
+    """Matches scans to the particles' maps and writes into them.
+
+    `layers` of a map, `depth` numbers in a cell; `driven` [m] is the way so far, `returns`: the
+    robot may be on ground of old.
+    """
+
+    layers: int
+    depth: int
+    driven: float
+    returns: bool
+
+    def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
+        """The peak near `start` in the map of one particle."""
+        ...
+
+    def search(self, view: View, owner: int, center: Pose2, half: Floats) -> Pose2:
+        """The best pose of a lattice as wide as `half` (3,) [m, m, rad] to either side."""
+        ...
+
+    def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
+        """[Grisetti07] improved proposal of every particle; means (n, 3), information (n, 3, 3)."""
+        ...
+
+    def insert(self, view: View, poses: Floats) -> bool:
+        """Write a scan into the particles' maps, at these poses; False if there was no room."""
+        ...
+
+    def learn(self, match: Match, view: View) -> None:
+        """This match is right: its distances are the usual ones."""
+        ...
+
+
+def lattice(half: Floats, step: Floats) -> Floats:
+    """Offsets (k, 3) of a lattice around 0, steps (3,), not beyond `half` (3,)."""
+    counts = np.minimum(half // step, HALF_STEPS)
+    x, y, theta = (np.arange(-n, n + 1) for n in counts)
+    cells = np.stack(np.meshgrid(x, y, theta, indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.asarray(cells * step, np.float64)

@@ -1,0 +1,134 @@
+"""The default's matcher: Gauss-Newton on the distances to surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmapping import match_kernels as kernels
+from gmapping.key import OLD
+from gmapping.map import TileMap
+from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
+from gmapping.match import Match, Proposals, lattice
+from gmapping.match_kernels import Climb
+from gmapping.params import GMappingParams
+from gmapping.scan import View
+from slams.geometry import Prior
+from slams.types import Floats, Pose2, wrap_angle
+
+SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
+SPARSE = 100  # pieces that the search looks at
+STEP = np.array([0.1, 0.1, 0.03])  # m, m, rad, of the search; within the reach of Gauss-Newton
+
+KNOWN = 0.5  # share of the beams on it from which a particle need not look around
+GAIN, FOUND = 0.2, 0.6  # share that a place explains more than that, and at least
+DRIFT = np.array([1.0, 1.0, 0.08])  # m, m, rad that it looks to either side
+PRICE = 0.05  # share of the beams that the farthest offset has to explain more
+OLD_STEP = np.array([0.15, 0.15, 0.04])  # m, m, rad
+OLD_PIECES = 60  # pieces that it looks at
+FOUND_THERE = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found so
+
+
+class SurfaceMatcher:
+    """Distances of a scan's pieces from the mean lines in the cells.
+
+    `variance` [m^2] of such a distance; `driven` [m] the way so far; `returns`: the robot may be on
+    ground of old.
+    """
+
+    layers, depth = LAYERS, DEPTH
+
+    def __init__(self, params: GMappingParams, tiles: TileMap) -> None:
+        self._params, self._tiles = params, tiles
+        self.driven = 1.0
+        self.returns = False
+        self.variance = params.range_noise**2
+
+    def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
+        """The peak near `start` in the map of one particle."""
+        poses = np.array([start])
+        means = kernels.Prior(np.array([prior.pose]), prior.information[None])
+        h, out = self._climb(view.pieces, np.array([owner]), means, poses, self._how(view))
+        variance = max(float(out[0, 5]), view.noise**2)
+        x, y, theta = poses[0].tolist()
+        pose = Pose2(x, y, float(wrap_angle(theta)))
+        cost = 0.5 * self._worth(view) * float(out[0, 3])
+        return Match(pose, float(out[0, 4]) / view.beams, variance, h[0] / variance, cost)
+
+    def search(self, view: View, owner: int, center: Pose2, half: Floats) -> Pose2:
+        """The best pose of a lattice, after one step of Gauss-Newton from each of its points."""
+        starts = np.array(center) + lattice(half, STEP)
+        n, known = len(starts), np.diag(1.0 / np.maximum(half, STEP) ** 2)
+        means = kernels.Prior(np.tile(np.array(center), (n, 1)), np.tile(known, (n, 1, 1)))
+        sparse = np.ascontiguousarray(view.pieces[:: max(1, view.n // SPARSE)])
+        how = self._how(view)._replace(steps=2)
+        _, out = self._climb(sparse, np.full(n, owner), means, starts, how)
+        x, y, theta = starts[np.argmin(out[:, 3])].tolist()
+        return Pose2(x, y, theta)
+
+    def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
+        """[Grisetti07] improved proposal; ours: Laplace's at the peak instead of a fit to samples.
+
+        Of the beams only some are `independent`: the others say the same, and share the errors of
+        the same walls. The weight is the likelihood of the beams on ground of old: where a particle
+        has just come from its scan fits whatever the way before, and chance alone would choose.
+        """
+        n, peaks = len(means), means.copy()
+        prior, how = kernels.Prior(means, information), self._how(view)
+        h, out = self._climb(view.pieces, np.arange(n), prior, peaks, how)
+        if self.returns:
+            self._from_old_ground(view, how, peaks, h, out)
+        worth = self._worth(view)
+        factors = np.asarray(np.linalg.cholesky(worth * h + information), np.float64)
+        log_w: Floats = 0.5 * worth * out[:, 6]
+        return Proposals(peaks, factors, log_w)
+
+    def _from_old_ground(
+        self, view: View, how: Climb, peaks: Floats, h: Floats, out: Floats
+    ) -> None:
+        """Let particles whose ground of old explains more of the scan elsewhere go there."""
+        k2 = how.width**2 * view.beams
+        owners = np.flatnonzero(out[:, 6] < KNOWN * k2)
+        n, others = len(owners), peaks[owners]
+        if n == 0:
+            return
+        share, every = np.zeros(n), max(1, view.n // OLD_PIECES)
+        off = lattice(DRIFT, OLD_STEP)
+        price, tiles = PRICE * ((off / DRIFT) ** 2).sum(axis=1), self._tiles.tiles
+        kernels.search_old(tiles, owners, view.pieces, every, off, price, how, others, share)
+        known = kernels.Prior(others.copy(), np.tile(FOUND_THERE, (n, 1, 1)))
+        h2, out2 = self._climb(view.pieces, owners, known, others, how)
+        better = out2[:, 6] / k2 > np.maximum(out[owners, 6] / k2 + GAIN, FOUND)
+        moved = owners[better]
+        peaks[moved], h[moved], out[moved] = others[better], h2[better], out2[better]
+
+    def insert(self, view: View, poses: Floats) -> bool:
+        """Write the scan into the particles' maps, at these poses; False if there was no room."""
+        splat = Splat(self._params.band, self._params.cap, self.driven)
+        return insert(self._tiles.tiles, poses, view.pieces, splat) == 0
+
+    def learn(self, match: Match, view: View) -> None:
+        """This match is right: its distances are the usual ones."""
+        self.variance = max(self._params.range_noise, view.noise) ** 2
+
+    def _worth(self, view: View) -> float:
+        """Of a square distance [1/m^2]: only some beams are `independent`, others say the same."""
+        return min(1.0, self._params.independent / view.beams) / self.variance
+
+    def _how(self, view: View) -> Climb:
+        p = self._params
+        width = max(p.width, SOFT * view.noise)
+        return Climb(max(p.wide, width), width, p.steps, self.variance, self.driven - OLD)
+
+    def _climb(
+        self,
+        pieces: Floats,
+        owners: NDArray[np.int64],
+        prior: kernels.Prior,
+        poses: Floats,
+        how: Climb,
+    ) -> tuple[Floats, Floats]:
+        """Poses (k, 3) climb to their peaks in place; information (k, 3, 3), out (k, 7) there."""
+        h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
+        kernels.register(self._tiles.tiles, owners, pieces, prior, how, poses, h, out)
+        return h, out
