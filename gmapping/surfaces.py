@@ -109,7 +109,7 @@ class SurfaceMatcher:
 
     def learn(self, match: Match, view: View) -> None:
         """This match is right: its distances are the usual ones."""
-        self.variance = max(self._params.range_noise, view.noise) ** 2
+        self.variance = view.noise**2
 
     def _worth(self, view: View) -> float:
         """Of a square distance [1/m^2]: only some beams are `independent`, others say the same."""
