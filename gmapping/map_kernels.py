@@ -11,7 +11,7 @@ from slams.types import Floats
 
 LAYERS = 4
 DEPTH = 7  # numbers of a cell
-ONCE = 0.5  # trust in a surface that one scan alone has seen
+ONCE = 0.2  # trust in a surface that one scan alone has seen
 
 
 class Splat(NamedTuple):

@@ -181,13 +181,6 @@ class GMappingParams(ScanParams):
         low=0.1,
         ros=("maxRange", "maxUrange"),
     )
-    acceleration: float = param(
-        0.5,
-        "m/s^2",
-        "deviation ahead, to begin with",
-        source="ours: a robot that starts to drive along a corridor after a long rest",
-        low=1e-4,
-    )
     caution: float = param(
         3.0,
         "1",

@@ -15,7 +15,6 @@ Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007.
 7. The scan is written into every particle's map.
 8. ours: a lost robot is looked for in all of the reported map.
 
-The preset `paper` matches by hill climbing on the likelihood of the end points, and leaves out 8.
 The published program, `gmapping@original`, stands in `original`.
 """
 
