@@ -83,7 +83,7 @@ class GMapping:
             if view.sweeps:
                 view.take(scan, self._track.motion.velocity_to(match.pose))
                 match = self._tracked(view, start)
-        self._settle(scan, view, match, start.dt)
+        self._settle(scan, view, match, start)
         if self._due(view):
             self._filter(view)
         self._look_for(scan)  # 8
@@ -167,13 +167,13 @@ class GMapping:
         far = 0.0 if self._track.reachable(match.pose) else math.inf
         return match.cost + 0.5 * float(off @ wide.information @ off) + far
 
-    def _settle(self, scan: Scan, view: View, match: Match | None, dt: float) -> None:
+    def _settle(self, scan: Scan, view: View, match: Match | None, start: Prediction) -> None:
         """Tell the track what was found, learn what is usual."""
-        track = self._track
+        track, dt = self._track, start.dt
         self._unsearched += dt
         if match is None:
-            if view.n > 0 or self._keys.n == 0:
-                track.matched(track.pose, np.eye(3), scan)  # the map begins here
+            if view.n > 0:
+                track.matched(start.pose, np.eye(3), scan)  # the map begins here
             else:
                 track.missed(scan)
             return
