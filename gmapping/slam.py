@@ -22,7 +22,6 @@ The published program, `gmapping@original`, stands in `original`.
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -32,7 +31,7 @@ from gmapping.map import TileMap
 from gmapping.match import Match, Matcher
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
-from gmapping.render import Renderer, ray
+from gmapping.render import Ends, Renderer
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
 from slams.geometry import Prior, inverse3
@@ -243,7 +242,7 @@ class GMapping:
             self._counts["collapsed"] += 1
         self._counts["inserted"] += 1
         self._keys.done(self.particles.best_pose)
-        self._renderer.keep(partial(ray, view.ends, view.mount))
+        self._renderer.keep(Ends(view.ends, view.mount).ray)
         self.particles.remember()
 
     def _look_for(self, scan: Scan) -> None:

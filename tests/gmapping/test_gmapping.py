@@ -1,5 +1,4 @@
 import math
-from functools import partial
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from gmapping.original.match_kernels import ClimbModel, hill_climb, log_likeliho
 from gmapping.original.motion import Step as OriginalStep
 from gmapping.original.scan import EndPoints as OriginalPoints
 from gmapping.particles import Particles, normalize, systematic
-from gmapping.render import ray
+from gmapping.render import Ends
 from gmapping.render_kernels import draw
 from gmapping.scan import View
 from gmapping.scan_kernels import Walls, merged, surfaces
@@ -862,7 +861,7 @@ def there_and_back(looks):
             slam.particles.poses[:, 0] += apart
             slam.particles.move(np.array(slam.particles.best_pose.between(here)))
             slam.particles.remember()
-            slam._renderer.keep(partial(ray, slam._view.ends, slam._view.mount))
+            slam._renderer.keep(Ends(slam._view.ends, slam._view.mount).ray)
             slam._track.corrected(here)
             slam._keys.done(here)
             generation = len(slam.trajectory()) - 1
