@@ -49,7 +49,7 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, splat: Splat) -> int:
     ours: a cell keeps the means over lines of the signed distance d = n . (cell - point) and of
     the normal n, so (d, n) is the mean line as seen from the cell's center, and the weight. A
     line counts less the farther along the wall its point lies. Beside them how many scans have seen
-    it, and the way at which the last did. poses (particles, 3) m, rad;
+    it, and the ways at which the last and the first did. poses (particles, 3) m, rad;
     surface (n, 5) x, y [m], nx, ny in the base frame, beams; returns how many cells had no room.
     """
     edge = tiles.resolution

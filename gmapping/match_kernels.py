@@ -29,7 +29,7 @@ class Climb(NamedTuple):
 
     `wide` and `width` [m] from where a distance counts as an outlier, at the first step and at the
     last; `steps` of Gauss-Newton at most; `variance` [m^2] of a beam's distance, against the prior;
-    surfaces last seen before the way `old` [m] are of old ground.
+    surfaces first seen before the way `old` [m] are of old ground.
     """
 
     wide: float
@@ -55,7 +55,7 @@ def linearize(
     ours: residual r = distance of the point from the mean line of its cell, Geman-McClure weights
     of scale `width` [m]. pose (3,); surface (n, 5); out_h (3, 3) J^T W J; out (7,): -J^T W r (3),
     the cost [m^2], how many beams lie within `width`, their mean square distance [m^2], and what of
-    the cost surfaces have spared that were last seen before the way `old` [m].
+    the cost surfaces have spared that were first seen before the way `old` [m].
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     edge, k2 = tiles.resolution, width * width

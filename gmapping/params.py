@@ -192,10 +192,10 @@ class GMappingParams(ScanParams):
     max_tiles: int = param(
         200_000,
         "1",
-        "tiles of 4 kB at most, over all particles",
+        "tiles of 7 kB at most, over all particles",
         source="ours: memory",
         low=100,
-        high=1 << 20,
+        high=1 << 19,
     )
     occupied: float = param(
         0.25,

@@ -27,9 +27,15 @@ class Ray(NamedTuple):
         return Ray(pose.transform(self.points[:, :2]), pose.transform(self.sensor))
 
 
-def ray(ends: NDArray[np.float32], mount: Pose2) -> Ray:
-    """A ray of kept end points (n, 2) [m] and of the laser's mount."""
-    return Ray(ends.astype(np.float64), np.array([[mount.x, mount.y]]))
+class Ends(NamedTuple):
+    """What of a key scan is kept: end points (n, 2) x, y [m], and the laser's mount."""
+
+    points: NDArray[np.float32]
+    mount: Pose2
+
+    def ray(self) -> Ray:
+        """What is drawn of it."""
+        return Ray(self.points.astype(np.float64), np.array([[self.mount.x, self.mount.y]]))
 
 
 class Counts:

@@ -21,7 +21,6 @@ The published program, `gmapping@original`, stands in `original`.
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -31,7 +30,7 @@ from gmapping.map import TileMap
 from gmapping.match import Match, Matcher
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
-from gmapping.render import Renderer, ray
+from gmapping.render import Ends, Renderer
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
 from slams.geometry import Prior, inverse3
@@ -84,7 +83,7 @@ class GMapping:
             if view.sweeps:
                 view.take(scan, self._track.motion.velocity_to(match.pose))
                 match = self._tracked(view, start)
-        self._settle(scan, view, match, start.dt)
+        self._settle(scan, view, match, start)
         if self._due(view):
             self._filter(view)
         self._look_for(scan)  # 8
@@ -168,13 +167,13 @@ class GMapping:
         far = 0.0 if self._track.reachable(match.pose) else math.inf
         return match.cost + 0.5 * float(off @ wide.information @ off) + far
 
-    def _settle(self, scan: Scan, view: View, match: Match | None, dt: float) -> None:
+    def _settle(self, scan: Scan, view: View, match: Match | None, start: Prediction) -> None:
         """Tell the track what was found, learn what is usual."""
         track = self._track
-        self._patience.wait(dt)
+        self._patience.wait(start.dt)
         if match is None:
-            if view.n > 0 or self._keys.n == 0:
-                track.matched(track.pose, np.eye(3), scan)  # the map begins here
+            if view.n > 0:
+                track.matched(start.pose, np.eye(3), scan)  # the map begins here
             else:
                 track.missed(scan)
             return
@@ -243,7 +242,7 @@ class GMapping:
             self._counts["collapsed"] += 1
         self._counts["inserted"] += 1
         self._keys.done(self.particles.best_pose)
-        self._renderer.keep(partial(ray, view.ends, view.mount))
+        self._renderer.keep(Ends(view.ends, view.mount).ray)
         self.particles.remember()
 
     def _look_for(self, scan: Scan) -> None:

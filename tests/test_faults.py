@@ -17,7 +17,7 @@ from slams.scanlog import Track
 from slams.types import Pose2, Scan
 from tests.rooms import box, drive, laser, scan_at
 
-ALGORITHMS = ("hector", "tsd", "crsm")
+ALGORITHMS = ("hector", "tsd", "crsm", "gmapping")
 ALLOWED = 1.5  # times the error without odometry
 FLOOR = 0.005  # m: below this two errors are the same
 
