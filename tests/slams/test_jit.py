@@ -92,3 +92,25 @@ def test_what_is_no_folder_of_ours_is_not_used(what, name_in_temp, tmp_path, mon
     else:
         monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "file"))
     assert jit._cache_folder() is None
+
+
+POSES = """
+import numpy as np
+from slams.registry import find
+from slams.room import drive
+entry = find("hector")
+slam = entry.cls(entry.params())
+print(np.array([slam.update(scan) for scan in drive(n=40, rate=10.0)]).tobytes().hex())
+"""
+
+
+def test_kernels_just_compiled_give_the_bits_of_kernels_that_were_kept(tmp_path):
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", POSES], cwd=ROOT, env=env, capture_output=True, text=True
+        )
+        for _ in range(2)
+    ]
+    assert runs[0].stdout, runs[0].stderr
+    assert runs[0].stdout == runs[1].stdout
