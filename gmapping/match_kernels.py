@@ -39,6 +39,18 @@ class Climb(NamedTuple):
     old: float
 
 
+class Around(NamedTuple):
+    """Where `search_old` looks.
+
+    `offsets` (k, 3) m, m, rad from a pose; `prices` (k,) what share of the beams each of them has
+    to explain more; of the scan's pieces one in `every`.
+    """
+
+    offsets: Floats
+    prices: Floats
+    every: int
+
+
 @njit(inner=True)
 def linearize(
     tiles: Tiles,
@@ -136,19 +148,17 @@ def search_old(
     tiles: Tiles,
     owners: NDArray[np.int64],
     surface: Floats,
-    every: int,
-    offsets: Floats,
-    prices: Floats,
+    around: Around,
     how: Climb,
     poses: Floats,
     out: Floats,
 ) -> None:
     """Where around its pose each particle's ground of old explains most of a scan.
 
-    ours: share of the beams by robust weight, less the price of the offset. offsets (k, 3), prices
-    (k,); owners (n,) the particles; poses (n, 3) in, the best out; out (n,) that share.
+    ours: share of the beams by robust weight, less the price of the offset. owners (n,) the
+    particles; poses (n, 3) in, the best out; out (n,) that share.
     """
-    edge, k2 = tiles.resolution, how.wide * how.wide
+    edge, k2, offsets = tiles.resolution, how.wide * how.wide, around.offsets
     for j in range(poses.shape[0]):
         particle, best, value = owners[j], -1, 0.0
         x0, y0, t0 = poses[j, 0], poses[j, 1], poses[j, 2]
@@ -156,7 +166,7 @@ def search_old(
             pose_x, pose_y = x0 + offsets[k, 0], y0 + offsets[k, 1]
             c, s = math.cos(t0 + offsets[k, 2]), math.sin(t0 + offsets[k, 2])
             spared = beams = 0.0
-            for i in range(0, surface.shape[0], every):
+            for i in range(0, surface.shape[0], around.every):
                 x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
                 beams += surface[i, 4]
                 px, py = pose_x + c * x - s * y, pose_y + s * x + c * y
@@ -171,8 +181,8 @@ def search_old(
                 r = cell[0] + cell[1] * (px - ix * edge) + cell[2] * (py - iy * edge)
                 spared += surface[i, 4] * k2 / (k2 + r * r)
             share = spared / beams
-            if share - prices[k] > value:
-                best, value, out[j] = k, share - prices[k], share
+            if share - around.prices[k] > value:
+                best, value, out[j] = k, share - around.prices[k], share
         if best >= 0:
             for i in range(3):
                 poses[j, i] += offsets[best, i]

@@ -136,8 +136,10 @@ class GMapping:
     def _tracked(self, view: View, start: Prediction) -> Match:
         """Step 2: from the prediction; from other starts if it explains less than usual."""
         matcher, best = self._matcher, self.particles.best
-        match = matcher.match(view, best, self._prior(start.pose), start.pose)
-        if match.quality >= self.params.poor_match * self._usual.value or self._pauses:
+        known = Prior(start.pose, self._track.prior(start.pose))
+        match = matcher.match(view, best, known, start.pose)
+        in_vain = self._track.state != "matched" and not self._patience.over
+        if match.quality >= self.params.poor_match * self._usual.value or in_vain:
             return match
         self._patience.tried()
         self._counts["searched"] += 1
@@ -151,14 +153,6 @@ class GMapping:
         chosen = min(tried, key=lambda match: self._price(match, wide))
         self._counts["recovered"] += chosen is not match
         return chosen
-
-    @property
-    def _pauses(self) -> bool:
-        """A search in vain is not repeated at once."""
-        return self._track.state != "matched" and not self._patience.over
-
-    def _prior(self, expected: Pose2) -> Prior:
-        return Prior(expected, self._track.prior(expected))
 
     def _price(self, match: Match, wide: Prior) -> float:
         """What is against a match: its beams, and how far wheels would have slipped."""

@@ -92,10 +92,10 @@ class SurfaceMatcher:
         n, others = len(owners), peaks[owners]
         if n == 0:
             return
-        share, every = np.zeros(n), max(1, view.n // OLD_PIECES)
-        off = lattice(DRIFT, OLD_STEP)
-        price, tiles = PRICE * ((off / DRIFT) ** 2).sum(axis=1), self._tiles.tiles
-        kernels.search_old(tiles, owners, view.pieces, every, off, price, how, others, share)
+        off, share, tiles = lattice(DRIFT, OLD_STEP), np.zeros(n), self._tiles.tiles
+        price = PRICE * ((off / DRIFT) ** 2).sum(axis=1)
+        around = kernels.Around(off, price, max(1, view.n // OLD_PIECES))
+        kernels.search_old(tiles, owners, view.pieces, around, how, others, share)
         known = kernels.Prior(others.copy(), np.tile(FOUND_THERE, (n, 1, 1)))
         h2, out2 = self._climb(view.pieces, owners, known, others, how)
         better = out2[:, 6] / k2 > np.maximum(out[owners, 6] / k2 + GAIN, FOUND)

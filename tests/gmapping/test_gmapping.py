@@ -9,7 +9,7 @@ from gmapping.key import OLD, SELDOM, KeyScans
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, ONCE, Splat, insert
 from gmapping.match import lattice
-from gmapping.match_kernels import Climb, Prior, linearize, register, search_old
+from gmapping.match_kernels import Around, Climb, Prior, linearize, register, search_old
 from gmapping.original import Original, OriginalParams
 from gmapping.original.map import HitMap
 from gmapping.original.match_kernels import ClimbModel, hill_climb, log_likelihood, score
@@ -413,8 +413,8 @@ def test_search_old_finds_a_shifted_old_map():
     tiles, off = mapped(surface).tiles, lattice(DRIFT, OLD_STEP)
     for old, expected in ((2.0, np.zeros((1, 3))), (0.5, far)):
         poses, share = far.copy(), np.zeros(1)
-        how, free = HOW._replace(old=old), np.zeros(len(off))
-        search_old(tiles, np.zeros(1, np.int64), surface, 3, off, free, how, poses, share)
+        how, around = HOW._replace(old=old), Around(off, np.zeros(len(off)), 3)
+        search_old(tiles, np.zeros(1, np.int64), surface, around, how, poses, share)
         assert (np.abs(poses - expected) <= 0.5 * OLD_STEP + 1e-9).all()
         assert share[0] > 0.6 if old > 1.0 else share[0] == 0.0
 
