@@ -112,8 +112,12 @@ class SurfaceMatcher:
         self.variance = view.noise**2
 
     def _worth(self, view: View) -> float:
-        """Of a square distance [1/m^2]: only some beams are `independent`, others say the same."""
-        return min(1.0, self._params.independent / view.beams) / self.variance
+        """Of a square distance [1/m^2]: only some beams are `independent`, others say the same.
+
+        However quiet the beams: walls are not straight, and maps were drawn by poses that err.
+        """
+        deviation = max(self._params.range_noise, view.noise)
+        return min(1.0, self._params.independent / view.beams) / deviation**2
 
     def _how(self, view: View) -> Climb:
         p = self._params

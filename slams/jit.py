@@ -108,12 +108,12 @@ def njit(
     if inner and fastmath:  # else a kernel just compiled and one from the cache may sum otherwise
         options["forceinline"] = True
 
-    def decorate(function: Any) -> Any:
+    def _decorate(function: Any) -> Any:
         if inner and not getattr(numba.config, "DISABLE_JIT", False):
             return InnerKernel(function, options)
         return numba.njit(cache=KEPT and not inner, **options)(function)
 
-    return decorate if function is None else decorate(function)
+    return _decorate if function is None else _decorate(function)
 
 
 class InnerKernel(CPUDispatcher):

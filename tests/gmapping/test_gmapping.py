@@ -856,7 +856,8 @@ def there_and_back(looks):
     for i, pose in enumerate(truth):
         poses.append(slam.update(make_scan(pose, 0.1 * i, laser, rng, pose, walls=walls)))
         if i == 200:
-            apart, best = 0.6 * (np.arange(24) % 3 - 1), slam.particles.best
+            apart, best = 0.6 * (np.arange(24) % 3 - 1), 0  # which is reported, and astray
+            slam.particles.best = best
             here = slam.pose._replace(x=slam.pose.x + apart[best])
             slam.particles.poses[:, 0] += apart
             slam.particles.move(np.array(slam.particles.best_pose.between(here)))

@@ -38,10 +38,7 @@ class Grid(NamedTuple):
 
 @njit(inner=True)
 def beam_of(x: float, y: float, pose: Floats, sensor: Sensor, n_beams: int) -> int:
-    """Index of the beam that looks at a point; -1 beyond the last, -2 before the first.
-
-    [May14] back-projection.
-    """
+    """Index of the beam that looks at a point; -1 beyond, -2 before. [May14] back-projection."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = x - pose[0], y - pose[1]
     phi = math.atan2(c * dy - s * dx, c * dx + s * dy)
