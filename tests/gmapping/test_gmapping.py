@@ -850,7 +850,7 @@ def there_and_back(looks):
     laser, rng = Laser(-math.pi, math.radians(1.0), 360, 0.1, 3.0), np.random.default_rng(8)
     way = 10.0 - np.hypot(0.05 * np.arange(400) - 10.0, 0.5)  # it brakes before it turns back
     truth = [Pose2(x, 0.0, 0.0) for x in (way - way[0]).tolist()]
-    slam, poses = GMapping(GMappingParams(n_particles=24)), []
+    slam, poses = GMapping(GMappingParams(n_particles=24, linear_update=0.4)), []
     if not looks:
         slam._keys.returns = lambda pose: False
     for i, pose in enumerate(truth):
