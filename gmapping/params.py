@@ -190,7 +190,7 @@ class GMappingParams(ScanParams):
     )
     max_cells: int = max_cells()
     max_tiles: int = param(
-        200_000,
+        100_000,
         "1",
         "tiles of 7 kB at most, over all particles",
         source="ours: memory",
