@@ -9,22 +9,23 @@ import numpy as np
 from gmapping.params import GMappingParams
 from slams.types import IDENTITY, Floats, Pose2
 
-OLD = 15.0  # m of way, after which ground is old
-NEAR = 3.0  # m, from where the robot was then
-SELDOM = 1.0  # m of way between two looks for ground of old
+OLD = 15.0  # m of way, after which ground is old: no robot sees a room that long without a loop
+NEAR = 3.0  # m from where the robot was then: what it saw there, it sees from here
+SELDOM = 1.0  # m of way between two places that are noted, and between two looks for them
+MARK = 0.001  # m by which two key scans differ in `driven`, however near they are
 
 
 class KeyScans:
     """When the next one is due, and how sure the tracked way there is.
 
-    `n` so far; `driven` [m] the way along them, a millimeter more at each.
+    `n` so far; `driven` [m] the way along them, a millimeter more at each; never 0, which is
+    what cells have that nobody saw.
     """
 
     def __init__(self, params: GMappingParams) -> None:
         self.n = 0
         self.driven = 1.0
-        self._places: list[tuple[float, float, float]] = []
-        self._looked = 0.0
+        self._places: list[tuple[float, float, float]] = []  # x, y, driven
         self._params = params
         self._at = IDENTITY
         self._blind = False  # a scan since then was not matched
@@ -57,23 +58,24 @@ class KeyScans:
     def done(self, pose: Pose2) -> None:
         """The scan at hand is a key scan; the reported particle is at `pose`."""
         self.n += 1
-        way = self._at.between(pose)
-        self.driven += math.hypot(way.x, way.y) + 0.001
-        self._places.append((pose.x, pose.y, self.driven))
+        noted, way = self._looks, self._at.between(pose)
+        self.driven += math.hypot(way.x, way.y) + MARK
+        if noted:
+            self._places.append((pose.x, pose.y, self.driven))
         self.place(pose)
 
     def returns(self, pose: Pose2) -> bool:
-        """Whether the robot may be on ground that it left long ago."""
-        if self.driven - self._looked < SELDOM:
+        """Whether the robot may be on ground that it left long ago, and this is a scan to look."""
+        if not self._looks:
             return False
-        places = np.array(self._places)
+        places = np.array(self._places).reshape(-1, 3)
         long_ago = places[places[:, 2] < self.driven - OLD]
-        if len(long_ago) == 0:
-            return False
-        near = float(np.hypot(long_ago[:, 0] - pose.x, long_ago[:, 1] - pose.y).min()) < NEAR
-        if near:
-            self._looked = self.driven
-        return near
+        return bool((np.hypot(long_ago[:, 0] - pose.x, long_ago[:, 1] - pose.y) < NEAR).any())
+
+    @property
+    def _looks(self) -> bool:
+        """Whether the last place that was noted is far enough behind."""
+        return not self._places or self.driven - self._places[-1][2] >= SELDOM
 
     def place(self, pose: Pose2) -> None:
         """Measure the way to the next one from here."""

@@ -6,6 +6,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from gmapping.key import KeyScans
+from gmapping.map import TileMap
+from gmapping.params import GMappingParams
 from gmapping.scan import View
 from slams.geometry import Prior
 from slams.types import Floats, Pose2
@@ -16,13 +19,12 @@ HALF_STEPS = 8  # of a search to either side, at most
 class Match(NamedTuple):
     """A pose in the reported particle's map.
 
-    `quality` is the share of the beams that lie on its surfaces, `square` [m^2] their mean square
-    distance, `seen` (3, 3) the information of the scan.
+    `quality` is the share of the beams that lie where the map has something, `seen` (3, 3) the
+    information of the scan, `cost` what of its negative log likelihood depends on the pose.
     """
 
     pose: Pose2
     quality: float
-    square: float
     seen: Floats
     cost: float
 
@@ -41,14 +43,13 @@ class Proposals(NamedTuple):
 class Matcher(Protocol):
     """Matches scans to the particles' maps and writes into them.
 
-    `layers` of a map, `depth` numbers in a cell; `driven` [m] is the way so far, `returns`: the
-    robot may be on ground of old.
+    `layers` of a map, `depth` numbers in a cell.
     """
 
     layers: int
     depth: int
-    driven: float
-    returns: bool
+
+    def __init__(self, params: GMappingParams, tiles: TileMap, keys: KeyScans) -> None: ...
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
         """The peak near `start` in the map of one particle."""
@@ -64,10 +65,6 @@ class Matcher(Protocol):
 
     def insert(self, view: View, poses: Floats) -> bool:
         """Write a scan into the particles' maps, at these poses; False if there was no room."""
-        ...
-
-    def learn(self, match: Match, view: View) -> None:
-        """This match is right: its distances are the usual ones."""
         ...
 
 

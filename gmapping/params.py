@@ -20,9 +20,16 @@ class GMappingParams(ScanParams):
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
-        "original": "gmapping.original:Original"
+        "original": "gmapping.original:Original",
+        "paper": {"refine": False, "relocate": False, "spread": 1.0},
     }
 
+    refine: bool = param(
+        True,
+        "1",
+        "match to surfaces inside the cells, in place of the end points' climb",
+        source="ours: exact to below a cell",
+    )
     n_particles: int = param(
         30, "1", "number of particles", source=ORIGINAL, low=1, high=20_000, ros=("particles",)
     )
@@ -139,6 +146,18 @@ class GMappingParams(ScanParams):
         0.03, "m", "deviation of an outlier at the last step", source="ours", low=0.001
     )
     steps: int = param(8, "1", "Gauss-Newton steps at most", source="ours", low=1, high=1_000)
+    climb_way: float = param(
+        0.01, "m", "first step of the climb, without `refine`", source="ours", low=0.001
+    )
+    climb_turn: float = param(
+        0.005, "rad", "first step of the climb, without `refine`", source="ours", low=0.001
+    )
+    climb_halvings: int = param(
+        3, "1", "halvings of the step of the climb", source="ours: a millimeter", low=0, high=20
+    )
+    soft: float = param(
+        0.1, "m", "from where an end is off every wall, without `refine`", source="ours", low=0.001
+    )
     independent: float = param(
         100.0,
         "1",

@@ -24,7 +24,9 @@ import math
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gmapping.end_points import EndPointMatcher
 from gmapping.key import KeyScans
 from gmapping.map import TileMap
 from gmapping.match import Match, Matcher
@@ -64,11 +66,13 @@ class GMapping:
         self._track = Track(p)
         self._relocator = Relocator(self._track, p.relocate)
         self._renderer = Renderer(p.resolution, p.occupied)
-        self.particles = Particles(p.n_particles)
-        layers, depth = SurfaceMatcher.layers, SurfaceMatcher.depth
-        self.tiles = TileMap(p.n_particles, layers, p.resolution, p.max_tiles, p.max_cells, depth)
-        self._matcher: Matcher = SurfaceMatcher(p, self.tiles)
         self._keys = KeyScans(p)
+        self.particles = Particles(p.n_particles)
+        matcher: type[Matcher] = SurfaceMatcher if p.refine else EndPointMatcher
+        self.tiles = TileMap(
+            p.n_particles, matcher.layers, p.resolution, p.max_tiles, p.max_cells, matcher.depth
+        )
+        self._matcher = matcher(p, self.tiles, self._keys)
         self._quality, self._usual = 1.0, Usual(p.usual_time)
         self._patience = Patience(PAUSE, PAUSE)
         self._counts = dict.fromkeys(COUNTS.split(), 0)
@@ -78,7 +82,7 @@ class GMapping:
         start = self._track.predict(scan)  # 1
         view = self._view.take(scan, start.velocity)
         match = None
-        if view.n > 0 and self._keys.n > 0:
+        if view.is_usable and self._keys.n > 0:
             match = self._tracked(view, start)  # 2
             if view.sweeps:
                 view.take(scan, self._track.motion.velocity_to(match.pose))
@@ -94,7 +98,7 @@ class GMapping:
         self._track.placed(pose, scan)
         view = self._view.take(scan, IDENTITY)
         self._place(pose)
-        if view.n > 0 and not self.frozen and self.tiles.admits(pose, view.far):
+        if view.is_usable and not self.frozen and self.tiles.admits(pose, view.far):
             self._insert(view)
 
     def map(self) -> OccupancyGrid:
@@ -166,7 +170,7 @@ class GMapping:
         track = self._track
         self._patience.wait(start.dt)
         if match is None:
-            if view.n > 0:
+            if view.is_usable:
                 track.matched(start.pose, np.eye(3), scan)  # the map begins here
             else:
                 track.missed(scan)
@@ -180,14 +184,13 @@ class GMapping:
             track.missed(scan)
             return
         track.matched(match.pose, match.seen, scan)
-        self._matcher.learn(match, view)
         self._usual.learn(match.quality, scan.t)
 
     def _due(self, view: View) -> bool:
         """Whether this is a key scan that the map has room for."""
         track = self._track
         known = track.state == "matched" or track.held or track.adrift
-        if self.frozen or view.n == 0 or not known:
+        if self.frozen or not view.is_usable or not known:
             self._counts["rejected"] += not known
             return False
         return self._keys.due(track.pose) and self.tiles.admits(track.pose, view.far)
@@ -212,7 +215,6 @@ class GMapping:
         if self._track.state != "matched":
             return
         information = self._keys.information(way, particles.poses[:, 2], self._track.predicted)
-        self._matcher.returns = self._keys.returns(self._track.pose)
         found = self._matcher.propose(view, particles.poses, information)
         draws = self.params.spread * self._rng.standard_normal((len(particles), 3))[..., None]
         off = np.linalg.solve(found.factors.transpose(0, 2, 1), draws)[..., 0]
@@ -230,7 +232,6 @@ class GMapping:
 
     def _insert(self, view: View) -> None:
         self.tiles.cover(*self.particles.extent(view.far))
-        self._matcher.driven = self._keys.driven
         if not self._matcher.insert(view, self.particles.poses):
             self._share_one_map()  # out of tiles
             self._counts["collapsed"] += 1
@@ -255,6 +256,6 @@ class GMapping:
     def _share_one_map(self) -> None:
         self._follow(np.full(len(self.particles), self.particles.best))
 
-    def _follow(self, ancestors: Any) -> None:
+    def _follow(self, ancestors: NDArray[np.int64]) -> None:
         self.particles.follow(ancestors)
         self.tiles.inherit(ancestors)

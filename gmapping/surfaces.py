@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping import match_kernels as kernels
-from gmapping.key import OLD
+from gmapping.key import OLD, KeyScans
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
 from gmapping.match import Match, Proposals, lattice
@@ -30,19 +30,12 @@ FOUND_THERE = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a
 
 
 class SurfaceMatcher:
-    """Distances of a scan's pieces from the mean lines in the cells.
-
-    `variance` [m^2] of such a distance; `driven` [m] the way so far; `returns`: the robot may be on
-    ground of old.
-    """
+    """Distances of a scan's pieces from the mean lines in the cells."""
 
     layers, depth = LAYERS, DEPTH
 
-    def __init__(self, params: GMappingParams, tiles: TileMap) -> None:
-        self._params, self._tiles = params, tiles
-        self.driven = 1.0
-        self.returns = False
-        self.variance = params.range_noise**2
+    def __init__(self, params: GMappingParams, tiles: TileMap, keys: KeyScans) -> None:
+        self._params, self._tiles, self._keys = params, tiles, keys
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
         """The peak near `start` in the map of one particle."""
@@ -53,14 +46,14 @@ class SurfaceMatcher:
         x, y, theta = poses[0].tolist()
         pose = Pose2(x, y, float(wrap_angle(theta)))
         cost = 0.5 * self._worth(view) * float(out[0, 3])
-        return Match(pose, float(out[0, 4]) / view.beams, variance, h[0] / variance, cost)
+        return Match(pose, float(out[0, 4]) / view.beams, h[0] / variance, cost)
 
     def search(self, view: View, owner: int, center: Pose2, half: Floats) -> Pose2:
         """The best pose of a lattice, after one step of Gauss-Newton from each of its points."""
         starts = np.array(center) + lattice(half, STEP)
         n, known = len(starts), np.diag(1.0 / np.maximum(half, STEP) ** 2)
         means = kernels.Prior(np.tile(np.array(center), (n, 1)), np.tile(known, (n, 1, 1)))
-        sparse = np.ascontiguousarray(view.pieces[:: max(1, view.n // SPARSE)])
+        sparse = np.ascontiguousarray(view.pieces[:: max(1, len(view.pieces) // SPARSE)])
         how = self._how(view)._replace(steps=2)
         _, out = self._climb(sparse, np.full(n, owner), means, starts, how)
         x, y, theta = starts[np.argmin(out[:, 3])].tolist()
@@ -76,7 +69,7 @@ class SurfaceMatcher:
         n, peaks = len(means), means.copy()
         prior, how = kernels.Prior(means, information), self._how(view)
         h, out = self._climb(view.pieces, np.arange(n), prior, peaks, how)
-        if self.returns:
+        if self._keys.returns(Pose2(*means.mean(axis=0).tolist())):
             self._from_old_ground(view, how, peaks, h, out)
         worth = self._worth(view)
         factors = np.asarray(np.linalg.cholesky(worth * h + information), np.float64)
@@ -94,7 +87,7 @@ class SurfaceMatcher:
             return
         off, share, tiles = lattice(DRIFT, OLD_STEP), np.zeros(n), self._tiles.tiles
         price = PRICE * ((off / DRIFT) ** 2).sum(axis=1)
-        around = kernels.Around(off, price, max(1, view.n // OLD_PIECES))
+        around = kernels.Around(off, price, max(1, len(view.pieces) // OLD_PIECES))
         kernels.search_old(tiles, owners, view.pieces, around, how, others, share)
         known = kernels.Prior(others.copy(), np.tile(FOUND_THERE, (n, 1, 1)))
         h2, out2 = self._climb(view.pieces, owners, known, others, how)
@@ -104,12 +97,8 @@ class SurfaceMatcher:
 
     def insert(self, view: View, poses: Floats) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""
-        splat = Splat(self._params.band, self._params.cap, self.driven)
+        splat = Splat(self._params.band, self._params.cap, self._keys.driven)
         return insert(self._tiles.tiles, poses, view.pieces, splat) == 0
-
-    def learn(self, match: Match, view: View) -> None:
-        """This match is right: its distances are the usual ones."""
-        self.variance = view.noise**2
 
     def _worth(self, view: View) -> float:
         """Of a square distance [1/m^2]: only some beams are `independent`, others say the same.
@@ -122,7 +111,8 @@ class SurfaceMatcher:
     def _how(self, view: View) -> Climb:
         p = self._params
         width = max(p.width, SOFT * view.noise)
-        return Climb(max(p.wide, width), width, p.steps, self.variance, self.driven - OLD)
+        old = self._keys.driven - OLD
+        return Climb(max(p.wide, width), width, p.steps, view.noise**2, old)
 
     def _climb(
         self,

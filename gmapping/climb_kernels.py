@@ -1,0 +1,211 @@
+"""The paper's matcher: end points near mean hits, a hill climb, a Gaussian of samples."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmapping.match_kernels import Prior
+from gmapping.tile_kernels import Tiles, cell_of, inside_tile, slot_of
+from slams.geometry import FREEDOM, offset
+from slams.jit import njit
+from slams.types import Floats, Pose2
+
+DROP = 1.0  # of the log posterior from the peak to a sample beside it: about a deviation
+LOOKS = 2  # for that step
+WIDER = 2.0  # at most, from look to look
+FAINT = 7.0  # of the log posterior below the peak, from where a sample weighs nothing
+LEAST = 1e-12  # variance [m^2, rad^2] that samples leave at least
+
+
+class Field(NamedTuple):
+    """How likely an end point is, by its distance from the nearest mean hit.
+
+    `worth` [1/m^2] of its square; `soft` [m] from where it counts as an outlier; `way` [m] and
+    `turn` [rad] the first step of the climb, halved `halvings` times.
+    """
+
+    worth: float
+    soft: float
+    way: float
+    turn: float
+    halvings: int
+
+
+@njit(inner=True)
+def distances(
+    tiles: Tiles, particle: int, pose: Floats, ends: Floats, soft: float, most: float, near: float
+) -> tuple[float, float]:
+    """Sum of the end points' squared distances [m^2] from the nearest mean hits; how many are near.
+
+    [Grisetti07] beam end point model; ours: a distance beyond `soft` [m] counts less (Geman and
+    McClure), one without a hit near as `soft`. Given up beyond `most` [m^2].
+    pose (3,); ends (n, 5) x, y [m], two unused, beams; `near` [m].
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    edge, k2, total, close = tiles.resolution, soft * soft, 0.0, 0.0
+    for i in range(ends.shape[0]):
+        x = pose[0] + c * ends[i, 0] - s * ends[i, 1]
+        y = pose[1] + s * ends[i, 0] + c * ends[i, 1]
+        ix, iy = cell_of(x, edge), cell_of(y, edge)
+        slot, beams = slot_of(tiles, particle, 0, ix, iy), ends[i, 4]
+        square = -1.0
+        if slot >= 0:
+            cell = tiles.cells[slot, inside_tile(ix, iy)]
+            if cell[5] > 0.0:
+                square = (x - cell[3]) ** 2 + (y - cell[4]) ** 2
+        total += beams * (k2 * square / (k2 + square) if square >= 0.0 else k2)
+        if 0.0 <= square < near * near:
+            close += beams
+        if total > most:
+            break
+    return total, close
+
+
+@njit(inner=True)
+def log_prior(pose: Floats, mean: Floats, information: Floats) -> float:
+    """Log of what is believed of a pose before the scan, by Student's law as in `add_prior`. ours.
+
+    pose, mean (3,); information (3, 3).
+    """
+    off = offset(Pose2(pose[0], pose[1], pose[2]), Pose2(mean[0], mean[1], mean[2]))
+    distance = 0.0
+    for i in range(3):
+        told = information[i, 0] * off.x + information[i, 1] * off.y + information[i, 2] * off.theta
+        distance += told * (off.x if i == 0 else off.y if i == 1 else off.theta)
+    return -0.5 * (FREEDOM + 3.0) * math.log1p(distance / FREEDOM)
+
+
+@njit
+def log_posterior(
+    tiles: Tiles,
+    particle: int,
+    pose: Floats,
+    ends: Floats,
+    field: Field,
+    mean: Floats,
+    information: Floats,
+    floor: float,
+) -> float:
+    """Log of likelihood x prior of a pose; where it does not exceed `floor`, anything below that.
+
+    [Grisetti07] the target of the improved proposal. pose, mean (3,); information (3, 3).
+    """
+    prior = log_prior(pose, mean, information)
+    most = 2.0 * (prior - floor) / field.worth
+    if most <= 0.0:
+        return floor
+    total, _ = distances(tiles, particle, pose, ends, field.soft, most, 0.0)
+    return prior - 0.5 * field.worth * total
+
+
+@njit
+def climb(
+    tiles: Tiles,
+    owners: NDArray[np.int64],
+    ends: Floats,
+    field: Field,
+    prior: Prior,
+    poses: Floats,
+    out: Floats,
+) -> None:
+    """Move to a better one of six neighbors; where none is, halve the step.
+
+    [Grisetti07] scan matching in front of the proposal; ours: with the prior. owners (k,) the
+    particle in whose map; poses (k, 3) starts in, peaks out; out (k,) the log posterior there.
+    """
+    for k in range(poses.shape[0]):
+        pose, mean, information = poses[k], prior.poses[k], prior.information[k]
+        best = log_posterior(tiles, owners[k], pose, ends, field, mean, information, -math.inf)
+        way, turn, halvings = field.way, field.turn, 0
+        while halvings <= field.halvings:
+            moved = False
+            for move in range(6):
+                axis = move >> 1
+                before = pose[axis]
+                step = turn if axis == 2 else way
+                pose[axis] = before + (step if move & 1 else -step)
+                value = log_posterior(tiles, owners[k], pose, ends, field, mean, information, best)
+                if value > best:
+                    best, moved = value, True
+                else:
+                    pose[axis] = before
+            if not moved:
+                way, turn, halvings = 0.5 * way, 0.5 * turn, halvings + 1
+        out[k] = best
+
+
+@njit
+def sample(
+    tiles: Tiles,
+    owners: NDArray[np.int64],
+    ends: Floats,
+    field: Field,
+    prior: Prior,
+    poses: Floats,
+    out_covariance: Floats,
+    out: Floats,
+) -> None:
+    """The Gaussian of 27 samples around each peak, weighed by likelihood x prior.
+
+    [Grisetti07] improved proposal: mean, covariance and eta, the sum of the weights. ours: the
+    samples lie on a lattice, as far apart as the posterior is wide. poses (k, 3) peaks in, means
+    out; out_covariance (k, 3, 3); out (k,) the log posterior at the peaks in, log eta out.
+    """
+    reach, trial = np.empty(3), np.empty(3)
+    mean, square = np.empty(3), np.empty((3, 3))
+    for k in range(poses.shape[0]):
+        pose, known, information = poses[k], prior.poses[k], prior.information[k]
+        peak = out[k]
+        for axis in range(3):
+            reach[axis] = field.turn if axis == 2 else field.way
+            for i in range(3):
+                trial[i] = pose[i]
+            for _ in range(LOOKS):
+                drop = 2.0 * peak
+                for side in (-1.0, 1.0):
+                    trial[axis] = pose[axis] + side * reach[axis]
+                    drop -= log_posterior(
+                        tiles, owners[k], trial, ends, field, known, information, -math.inf
+                    )
+                least = DROP / (WIDER * WIDER)
+                reach[axis] *= math.sqrt(DROP / max(0.5 * drop, least))
+        total = 0.0
+        for i in range(3):
+            mean[i] = 0.0
+            for j in range(3):
+                square[i, j] = 0.0
+        for number in range(27):
+            off = (number // 9 - 1.0, number // 3 % 3 - 1.0, number % 3 - 1.0)
+            for i in range(3):
+                trial[i] = pose[i] + off[i] * reach[i]
+            value = log_posterior(
+                tiles, owners[k], trial, ends, field, known, information, peak - FAINT
+            )
+            weight = math.exp(value - peak)
+            total += weight
+            for i in range(3):
+                mean[i] += weight * off[i]
+                for j in range(3):
+                    square[i, j] += weight * off[i] * off[j]
+        for i in range(3):
+            pose[i] += reach[i] * mean[i] / total
+            for j in range(3):
+                spread = square[i, j] / total - mean[i] * mean[j] / (total * total)
+                out_covariance[k, i, j] = reach[i] * reach[j] * spread
+            out_covariance[k, i, i] += LEAST
+        out[k] = peak + math.log(total * reach[0] * reach[1] * reach[2])
+
+
+@njit
+def explained(
+    tiles: Tiles, owner: int, ends: Floats, pose: Floats, field: Field
+) -> tuple[float, float]:
+    """Of a scan at a pose (3,): squared distances [m^2] as in `distances`, how many ends are near.
+
+    ours: near is within a cell's edge.
+    """
+    return distances(tiles, owner, pose, ends, field.soft, math.inf, tiles.resolution)
