@@ -15,8 +15,8 @@ from slams.jit import njit
 from slams.types import Floats, Pose2
 
 DROP = 1.0  # of the log posterior from the peak to a sample beside it: about a deviation
-LOOKS = 2  # for that step
-WIDER = 2.0  # at most, from look to look
+LOOKS = 6  # for a step at which it drops by DROP, less or more by CLOSE times
+CLOSE, WIDER = 2.0, 3.0  # WIDER at most, from look to look
 FAINT = 7.0  # of the log posterior below the peak, from where a sample weighs nothing
 LEAST = 1e-12  # variance [m^2, rad^2] that samples leave at least
 
@@ -139,6 +139,39 @@ def climb(
 
 
 @njit
+def widths(
+    tiles: Tiles,
+    particle: int,
+    peak: Floats,
+    ends: Floats,
+    field: Field,
+    mean: Floats,
+    information: Floats,
+    reach: Floats,
+) -> None:
+    """How far from a peak the log posterior has dropped by `DROP`, along x, y, theta.
+
+    ours: in place of the paper's fixed interval. peak, mean (3,); information (3, 3); reach (3,)
+    [m, m, rad] a guess in, that out.
+    """
+    trial = peak.copy()
+    best = log_posterior(tiles, particle, trial, ends, field, mean, information, -math.inf)
+    for axis in range(3):
+        for _ in range(LOOKS):
+            drop = best
+            for side in (-1.0, 1.0):
+                trial[axis] = peak[axis] + side * reach[axis]
+                drop -= 0.5 * log_posterior(
+                    tiles, particle, trial, ends, field, mean, information, -math.inf
+                )
+            drop = max(drop, DROP / (WIDER * WIDER))
+            if CLOSE * drop > DROP and drop < CLOSE * DROP:
+                break
+            reach[axis] *= math.sqrt(DROP / drop)
+        trial[axis] = peak[axis]
+
+
+@njit
 def sample(
     tiles: Tiles,
     owners: NDArray[np.int64],
@@ -153,39 +186,22 @@ def sample(
 
     [Grisetti07] improved proposal: mean, covariance and eta, the sum of the weights. ours: the
     samples lie on a lattice, as far apart as the posterior is wide. poses (k, 3) peaks in, means
-    out; out_covariance (k, 3, 3); out (k,) the log posterior at the peaks in, log eta out.
+    out; out_covariance (k, 3, 3), zeros in; out (k,) log posterior of the peaks in, log eta out.
     """
-    reach, trial = np.empty(3), np.empty(3)
-    mean, square = np.empty(3), np.empty((3, 3))
+    trial, mean = np.empty(3), np.empty(3)
+    reach = np.array((field.way, field.way, field.turn))  # of one particle the guess for the next
     for k in range(poses.shape[0]):
-        pose, known, information = poses[k], prior.poses[k], prior.information[k]
-        peak = out[k]
-        for axis in range(3):
-            reach[axis] = field.turn if axis == 2 else field.way
-            for i in range(3):
-                trial[i] = pose[i]
-            for _ in range(LOOKS):
-                drop = 2.0 * peak
-                for side in (-1.0, 1.0):
-                    trial[axis] = pose[axis] + side * reach[axis]
-                    drop -= log_posterior(
-                        tiles, owners[k], trial, ends, field, known, information, -math.inf
-                    )
-                least = DROP / (WIDER * WIDER)
-                reach[axis] *= math.sqrt(DROP / max(0.5 * drop, least))
-        total = 0.0
-        for i in range(3):
-            mean[i] = 0.0
-            for j in range(3):
-                square[i, j] = 0.0
+        pose, square = poses[k], out_covariance[k]
+        known, information = prior.poses[k], prior.information[k]
+        widths(tiles, owners[k], pose, ends, field, known, information, reach)
+        total, mean[0], mean[1], mean[2] = 0.0, 0.0, 0.0, 0.0
         for number in range(27):
             off = (number // 9 - 1.0, number // 3 % 3 - 1.0, number % 3 - 1.0)
             for i in range(3):
                 trial[i] = pose[i] + off[i] * reach[i]
-            value = log_posterior(
-                tiles, owners[k], trial, ends, field, known, information, peak - FAINT
-            )
-            weight = math.exp(value - peak)
+            faint = out[k] - FAINT
+            value = log_posterior(tiles, owners[k], trial, ends, field, known, information, faint)
+            weight = math.exp(value - out[k])
             total += weight
             for i in range(3):
                 mean[i] += weight * off[i]
@@ -195,9 +211,9 @@ def sample(
             pose[i] += reach[i] * mean[i] / total
             for j in range(3):
                 spread = square[i, j] / total - mean[i] * mean[j] / (total * total)
-                out_covariance[k, i, j] = reach[i] * reach[j] * spread
-            out_covariance[k, i, i] += LEAST
-        out[k] = peak + math.log(total * reach[0] * reach[1] * reach[2])
+                square[i, j] = reach[i] * reach[j] * spread
+            square[i, i] += LEAST
+        out[k] += math.log(total * reach[0] * reach[1] * reach[2])
 
 
 @njit

@@ -26,18 +26,17 @@ SPARSE = 100  # pieces that the search looks at
 class EndPointMatcher:
     """Distances of a scan's end points from the mean hits in the cells."""
 
-    layers, depth = 1, HIT_DEPTH
-
-    def __init__(self, params: GMappingParams, tiles: TileMap, keys: KeyScans) -> None:
-        self._params, self._tiles = params, tiles
-        self._cell = tiles.tiles.resolution / math.sqrt(12.0)  # m, how far a mean hit is off
+    def __init__(self, params: GMappingParams, keys: KeyScans) -> None:
+        p = self._params = params
+        self._cell = params.resolution / math.sqrt(12.0)  # m, how far a mean hit is off
+        self.tiles = TileMap(p.n_particles, 1, p.resolution, p.max_tiles, p.max_cells, HIT_DEPTH)
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
         """The mean of the Gaussian around the peak near `start`, in the map of one particle."""
         poses, owners, field = np.array([start]), np.array([owner]), self._field(view)
         known = Priors(np.array([prior.pose]), prior.information[None])
         covariances, _ = self._gaussians(view, owners, known, poses)
-        total, near = kernels.explained(self._tiles.tiles, owner, view.pieces, poses[0], field)
+        total, near = kernels.explained(self.tiles.tiles, owner, view.pieces, poses[0], field)
         x, y, theta = poses[0].tolist()
         seen = positive(inverse3(covariances[0]) - prior.information)
         pose, cost = Pose2(x, y, float(wrap_angle(theta))), 0.5 * field.worth * total
@@ -50,7 +49,7 @@ class EndPointMatcher:
         prior = Priors(np.tile(np.array(center), (n, 1)), np.tile(known, (n, 1, 1)))
         sparse = np.ascontiguousarray(view.pieces[:: max(1, len(view.pieces) // SPARSE)])
         value, field = np.zeros(n), self._field(view)._replace(halvings=1)
-        kernels.climb(self._tiles.tiles, np.full(n, owner), sparse, field, prior, starts, value)
+        kernels.climb(self.tiles.tiles, np.full(n, owner), sparse, field, prior, starts, value)
         return Pose2(*starts[np.argmax(value)].tolist())
 
     def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
@@ -62,13 +61,13 @@ class EndPointMatcher:
 
     def insert(self, view: View, poses: Floats) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""
-        return insert_ends(self._tiles.tiles, poses, view.pieces, self._params.cap) == 0
+        return insert_ends(self.tiles.tiles, poses, view.pieces, self._params.cap) == 0
 
     def _gaussians(
         self, view: View, owners: NDArray[np.int64], prior: Priors, poses: Floats
     ) -> tuple[Floats, Floats]:
         """Poses (k, 3) become the samples' means; covariances (k, 3, 3), log eta (k,)."""
-        field, tiles = self._field(view), self._tiles.tiles
+        field, tiles = self._field(view), self.tiles.tiles
         covariances, values = np.zeros((len(poses), 3, 3)), np.zeros(len(poses))
         kernels.climb(tiles, owners, view.pieces, field, prior, poses, values)
         kernels.sample(tiles, owners, view.pieces, field, prior, poses, covariances, values)

@@ -6,9 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from gmapping.key import KeyScans
 from gmapping.map import TileMap
-from gmapping.params import GMappingParams
 from gmapping.scan import View
 from slams.geometry import Prior
 from slams.types import Floats, Pose2
@@ -41,15 +39,9 @@ class Proposals(NamedTuple):
 
 
 class Matcher(Protocol):
-    """Matches scans to the particles' maps and writes into them.
+    """Matches scans to the particles' maps, `tiles`, and writes into them."""
 
-    `layers` of a map, `depth` numbers in a cell.
-    """
-
-    layers: int
-    depth: int
-
-    def __init__(self, params: GMappingParams, tiles: TileMap, keys: KeyScans) -> None: ...
+    tiles: TileMap
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
         """The peak near `start` in the map of one particle."""

@@ -15,7 +15,8 @@ Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007.
 7. The scan is written into every particle's map.
 8. ours: a lost robot is looked for in all of the reported map.
 
-The published program, `gmapping@original`, stands in `original`.
+The preset `paper` climbs in maps of end points in steps 2 and 3, and has no step 8. The published
+program, `gmapping@original`, stands in `original`.
 """
 
 from __future__ import annotations
@@ -28,7 +29,6 @@ from numpy.typing import NDArray
 
 from gmapping.end_points import EndPointMatcher
 from gmapping.key import KeyScans
-from gmapping.map import TileMap
 from gmapping.match import Match, Matcher
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
@@ -68,11 +68,8 @@ class GMapping:
         self._renderer = Renderer(p.resolution, p.occupied)
         self._keys = KeyScans(p)
         self.particles = Particles(p.n_particles)
-        matcher: type[Matcher] = SurfaceMatcher if p.refine else EndPointMatcher
-        self.tiles = TileMap(
-            p.n_particles, matcher.layers, p.resolution, p.max_tiles, p.max_cells, matcher.depth
-        )
-        self._matcher = matcher(p, self.tiles, self._keys)
+        self._matcher: Matcher = (SurfaceMatcher if p.refine else EndPointMatcher)(p, self._keys)
+        self.tiles = self._matcher.tiles
         self._quality, self._usual = 1.0, Usual(p.usual_time)
         self._patience = Patience(PAUSE, PAUSE)
         self._counts = dict.fromkeys(COUNTS.split(), 0)

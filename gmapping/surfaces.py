@@ -32,10 +32,10 @@ FOUND_THERE = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a
 class SurfaceMatcher:
     """Distances of a scan's pieces from the mean lines in the cells."""
 
-    layers, depth = LAYERS, DEPTH
-
-    def __init__(self, params: GMappingParams, tiles: TileMap, keys: KeyScans) -> None:
-        self._params, self._tiles, self._keys = params, tiles, keys
+    def __init__(self, params: GMappingParams, keys: KeyScans) -> None:
+        p = self._params = params
+        self._keys = keys
+        self.tiles = TileMap(p.n_particles, LAYERS, p.resolution, p.max_tiles, p.max_cells, DEPTH)
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
         """The peak near `start` in the map of one particle."""
@@ -85,7 +85,7 @@ class SurfaceMatcher:
         n, others = len(owners), peaks[owners]
         if n == 0:
             return
-        off, share, tiles = lattice(DRIFT, OLD_STEP), np.zeros(n), self._tiles.tiles
+        off, share, tiles = lattice(DRIFT, OLD_STEP), np.zeros(n), self.tiles.tiles
         price = PRICE * ((off / DRIFT) ** 2).sum(axis=1)
         around = kernels.Around(off, price, max(1, len(view.pieces) // OLD_PIECES))
         kernels.search_old(tiles, owners, view.pieces, around, how, others, share)
@@ -98,7 +98,7 @@ class SurfaceMatcher:
     def insert(self, view: View, poses: Floats) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""
         splat = Splat(self._params.band, self._params.cap, self._keys.driven)
-        return insert(self._tiles.tiles, poses, view.pieces, splat) == 0
+        return insert(self.tiles.tiles, poses, view.pieces, splat) == 0
 
     def _worth(self, view: View) -> float:
         """Of a square distance [1/m^2]: only some beams are `independent`, others say the same.
@@ -124,5 +124,5 @@ class SurfaceMatcher:
     ) -> tuple[Floats, Floats]:
         """Poses (k, 3) climb to their peaks in place; information (k, 3, 3), out (k, 7) there."""
         h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
-        kernels.register(self._tiles.tiles, owners, pieces, prior, how, poses, h, out)
+        kernels.register(self.tiles.tiles, owners, pieces, prior, how, poses, h, out)
         return h, out

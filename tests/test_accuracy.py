@@ -43,6 +43,25 @@ def test_default_is_accurate(name, case):
     assert metrics.relative_errors(run.poses, truth, 40)[0].mean() < bound_1_s
 
 
+# ATE, error over 1 s [m]; measured: 2.2 and 2.6 mm, 0.7 and 0.8, 2.3 and 2.5, 3.1 and 3.6
+PAPERS = {
+    "hector": (0.0035, 0.004),
+    "tsd": (0.0012, 0.0013),
+    "crsm": (0.0035, 0.004),
+    "gmapping": (0.0048, 0.0055),
+}
+
+
+@pytest.mark.parametrize("name", PAPERS)
+def test_the_papers_idea_alone_is_accurate(name):
+    bound, bound_1_s = PAPERS[name]
+    log = log_of("utm30lx with odometry")
+    run = replay(create(f"{name}@paper"), log)
+    truth = log.truth_at(run.t)
+    assert metrics.ate(run.poses, truth) < bound
+    assert metrics.relative_errors(run.poses, truth, 40)[0].mean() < bound_1_s
+
+
 @pytest.mark.parametrize("sensor", ["rplidar-a1", "lds02"])
 def test_hector_with_a_slow_turning_laser(sensor):
     log = simulate(Setting(size=9.0, duration=30.0, seed=4, sensor=sensor, sweep=True))

@@ -1,0 +1,158 @@
+"""A room, scans in it, and maps of it."""
+
+import math
+
+import numpy as np
+
+from gmapping import GMappingParams
+from gmapping.key import KeyScans
+from gmapping.map import TileMap
+from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
+from gmapping.match_kernels import Climb, Prior, linearize, register
+from gmapping.original.match_kernels import ClimbModel
+from gmapping.scan import View
+from gmapping.scan_kernels import Walls, merged, surfaces
+from gmapping.surfaces import SurfaceMatcher
+from slams.registry import find
+from slams.types import IDENTITY, Laser, Pose2, Scan
+from tests.places import SHARED
+
+DATA = SHARED / "data"
+LASER = Laser(-0.75 * math.pi, math.radians(0.75), 361, 0.1, 30.0)
+ROOM = np.array(  # segments x0, y0, x1, y1 [m]
+    [
+        [-2.0, -1.5, 4.0, -1.5],
+        [4.0, -1.5, 4.0, 2.5],
+        [4.0, 2.5, -2.0, 2.5],
+        [-2.0, 2.5, -2.0, -1.5],
+        [1.5, 0.8, 2.2, 1.2],
+        [2.2, 1.2, 1.9, 1.8],
+        [1.9, 1.8, 1.5, 0.8],
+    ]
+)
+SPLAT = Splat(2, 100.0, 1.0)
+HOW = Climb(0.1, 0.03, 12, 0.02**2, 0.0)  # nothing is old
+WALLS = Walls(0.12, 0.03, 0.1, 0.1)
+CLIMB = ClimbModel(0.05, 0.075, 0.05, 0.05, 5, 0.5)
+
+
+def cast(pose, laser=LASER, walls=ROOM):
+    """Exact ranges of a laser among segments."""
+    sensor = pose @ laser.mount
+    angles = laser.angles + sensor.theta
+    d = np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None]
+    a, b = walls[:, :2] - [sensor.x, sensor.y], walls[:, 2:] - walls[:, :2]
+    det = d[..., 0] * b[:, 1] - d[..., 1] * b[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / det
+        u = (a[:, 0] * d[..., 1] - a[:, 1] * d[..., 0]) / det
+    r = np.where((r > 0) & (u >= 0) & (u <= 1), r, np.inf)
+    return r.min(axis=1)
+
+
+def make_scan(pose, t=0.0, laser=LASER, rng=None, odometry=None, yaw=None, walls=ROOM, sd=0.01):
+    ranges = cast(pose, laser, walls)
+    if rng is not None:
+        ranges = ranges + rng.normal(0.0, sd, len(ranges))
+    ranges = ranges.astype(np.float32)
+    ranges.flags.writeable = False
+    return Scan(t, ranges, laser, odometry, yaw)
+
+
+def drive(n, laser=LASER, odometry=True, gyro=False, noise=True, drift=0.05):
+    """True poses on an arc and their scans; odometry stretches every step."""
+    rng = np.random.default_rng(7)
+    truth, wheels = [IDENTITY], [Pose2(5.0, -3.0, 1.0)]
+    for i in range(n - 1):
+        step = Pose2(0.02, 0.0, 0.03 * math.cos(0.05 * i))
+        truth.append(truth[-1] @ step)
+        wheels.append(wheels[-1] @ Pose2(step.x * (1 + drift), 0.0, step.theta * (1 - drift)))
+    return truth, [
+        make_scan(
+            p,
+            0.1 * i,
+            laser,
+            rng if noise else None,
+            wheels[i] if odometry else None,
+            p.theta + 2.0 if gyro else None,
+        )
+        for i, p in enumerate(truth)
+    ]
+
+
+def run(scans, preset="default", **changes):
+    entry = find(f"gmapping@{preset}")
+    slam = entry.cls(entry.params().replace(**changes))
+    return slam, np.array([slam.update(scan) for scan in scans])
+
+
+def position_error(poses, truth):
+    return np.hypot(*(poses[:, :2] - np.array(truth)[:, :2]).T)
+
+
+def points_of(points, grain=0.0):
+    """Rows x, y, beams of `merged` of points (n, 2)."""
+    out = np.zeros((len(points), 3))
+    return out[: merged(np.ascontiguousarray(points.T), len(points), grain, out)]
+
+
+def pieces_of(points, mount=IDENTITY, increment=0.01, walls=WALLS):
+    out = np.zeros((len(points), 5))
+    return out[: surfaces(points, len(points), mount, increment, walls, out)]
+
+
+def surface_of(pose, laser=LASER, walls=ROOM):
+    ranges = cast(pose, laser, walls)
+    seen = ranges < laser.range_max
+    ends = laser.mount.transform(ranges[seen, None] * laser.directions[seen])
+    return pieces_of(points_of(ends), laser.mount, laser.angle_increment)
+
+
+def view_of(pose, **changes):
+    return View(GMappingParams(**changes)).take(make_scan(pose), IDENTITY)
+
+
+def mapped(surface, pose=(0.0, 0.0, 0.0), n=1):
+    tiles, poses = (
+        TileMap(n, LAYERS, 0.05, 5000, depth=DEPTH),
+        np.tile(np.array(pose, float), (n, 1)),
+    )
+    assert insert(tiles.tiles, poses, surface, SPLAT) == 0
+    return tiles
+
+
+def linearized(tiles, pose, surface, width=0.1, old=0.0):
+    """H (3, 3), gradient (3,), cost, beams close by, square distance, what old surfaces spared."""
+    h, out = np.zeros((3, 3)), np.zeros(7)
+    linearize(tiles, 0, np.array(pose, float), surface, width, old, h, out)
+    return h, -out[:3], *out[3:]
+
+
+def climb(tiles, surface, prior, starts, how=HOW, owners=(0,)):
+    """Peaks (k, 3), information (k, 3, 3) and `linearize`'s numbers (k, 7) there."""
+    poses = np.array(starts, float)
+    h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
+    register(tiles, np.array(owners), surface, prior, how, poses, h, out)
+    return poses, h, out
+
+
+def one(pose, information):
+    """The prior of one start."""
+    return Prior(np.array(pose, float)[None], information * np.eye(3)[None])
+
+
+def matcher_of(*poses, **changes):
+    """A matcher of as many particles; each has in its map what is seen from 0, put at its pose."""
+    params = GMappingParams(n_particles=len(poses), max_tiles=5000, **changes)
+    matcher = SurfaceMatcher(params, KeyScans(params))
+    assert matcher.insert(view_of(IDENTITY), np.array(poses, float))
+    return matcher
+
+
+def references_add_up(tiles):
+    pointers = np.bincount(
+        tiles.tables[tiles.tables >= 0].astype(int), minlength=len(tiles.references)
+    )
+    np.testing.assert_array_equal(pointers, tiles.references)
+    free = tiles.free[1 : tiles.free[0] + 1]
+    assert sorted(free) == sorted(np.flatnonzero(pointers == 0))

@@ -1,0 +1,210 @@
+"""The preset `paper`: maps of mean hits, the climb, the Gaussian of samples."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gmapping import GMappingParams
+from gmapping.climb_kernels import FAINT, Field, climb, distances, log_posterior, log_prior, sample
+from gmapping.end_points import EndPointMatcher, positive
+from gmapping.hit_kernels import HIT_DEPTH, insert_ends
+from gmapping.key import KeyScans
+from gmapping.map import TileMap
+from gmapping.match_kernels import Prior
+from gmapping.tile_kernels import cell_of, inside_tile, slot_of
+from slams import geometry
+from slams.types import IDENTITY, Pose2
+from tests.gmapping.scenes import drive, position_error, run, surface_of, view_of
+
+EDGE = 0.05
+FIELD = Field(4000.0, 0.1, 0.01, 0.005, 3)
+THERE = np.array([0.012, -0.008, 0.006])
+
+
+def tiles_of(ends, n=1, poses=None, cap=100.0):
+    tiles = TileMap(n, 1, EDGE, 5000, depth=HIT_DEPTH).tiles
+    poses = np.zeros((n, 3)) if poses is None else np.array(poses, float)
+    assert insert_ends(tiles, poses, ends, cap) == 0
+    return tiles
+
+
+def ends_of(points, beams=1.0):
+    """Rows x, y, two that are not used, beams."""
+    points = np.asarray(points, float)
+    return np.column_stack([points, np.full((len(points), 2), np.nan), np.full(len(points), beams)])
+
+
+def cell(tiles, x, y, particle=0):
+    ix, iy = cell_of(x, EDGE), cell_of(y, EDGE)
+    return tiles.cells[slot_of(tiles, particle, 0, ix, iy), inside_tile(ix, iy)]
+
+
+def matched(tiles, ends, start, information, field=FIELD, mean=(0.0, 0.0, 0.0)):
+    """Peak (3,), log posterior there, mean (3,), covariance (3, 3), log eta."""
+    prior = Prior(np.array([mean], float), np.array([information], float))
+    poses, owners = np.array([start], float), np.zeros(1, np.int64)
+    value, covariance = np.zeros(1), np.zeros((1, 3, 3))
+    climb(tiles, owners, ends, field, prior, poses, value)
+    peak, best = poses[0].copy(), value[0]
+    sample(tiles, owners, ends, field, prior, poses, covariance, value)
+    return peak, best, poses[0], covariance[0], value[0]
+
+
+def test_a_cell_keeps_the_weighted_mean_of_its_hits():
+    tiles = tiles_of(ends_of([[0.31, 0.02], [0.29, -0.02]], beams=2.0))
+    insert_ends(tiles, np.array([[0.01, 0.0, 0.0]]), ends_of([[0.3, 0.0]], beams=4.0), 5.0)
+    np.testing.assert_allclose(cell(tiles, 0.3, 0.0)[:3], [0.305, 0.0, 5.0], atol=1e-6)
+    insert_ends(tiles, np.zeros((1, 3)), ends_of([[0.315, 0.0]], beams=5.0), 5.0)
+    np.testing.assert_allclose(cell(tiles, 0.3, 0.0)[:2], [0.31, 0.0], atol=1e-6)  # capped: half
+
+
+def test_every_cell_knows_the_nearest_mean_hit_around_it():
+    rng = np.random.default_rng(3)
+    ix, iy = np.divmod(rng.choice(400, 80, replace=False), 20)
+    points = EDGE * np.column_stack([ix, iy]) + rng.uniform(-0.02, 0.02, (80, 2))
+    tiles = tiles_of(ends_of(points))
+    for jx in range(-1, 21):
+        for jy in range(-1, 21):
+            center, around = EDGE * np.array([jx, jy]), (abs(ix - jx) < 2) & (abs(iy - jy) < 2)
+            here = cell(tiles, *center)
+            if not around.any():
+                assert here[5] == 0.0
+            else:
+                expected = np.hypot(*(points[around] - center).T).min()
+                assert math.hypot(*(here[3:5] - center)) == pytest.approx(expected, abs=1e-5)
+
+
+def test_the_nearest_mean_moves_with_the_cell_it_is_of():
+    tiles = tiles_of(ends_of([[0.30, 0.0]]))
+    insert_ends(tiles, np.zeros((1, 3)), ends_of([[0.32, 0.01]]), 100.0)
+    for x, y in ((0.3, 0.0), (0.25, 0.05), (0.35, -0.05)):
+        np.testing.assert_allclose(cell(tiles, x, y)[3:5], [0.31, 0.005], atol=1e-6)
+    assert slot_of(tiles, 0, 0, cell_of(0.45, EDGE), 0) < 0 or cell(tiles, 0.45, 0.0)[5] == 0.0
+
+
+def test_distances_are_those_to_mean_hits_and_what_has_none_is_charged_in_full():
+    tiles, far = tiles_of(ends_of([[1.0, 0.0]])), ends_of([[5.0, 5.0]], beams=3.0)
+    near = ends_of([[1.01, 0.02]], beams=2.0)
+    total, close = distances(tiles, 0, np.zeros(3), near, 0.1, math.inf, EDGE)
+    assert total == pytest.approx(2.0 * 0.01 * 5e-4 / (0.01 + 5e-4), rel=1e-4) and close == 2.0
+    moved = distances(tiles, 0, np.array([-0.01, -0.02, 0.0]), near, 0.1, math.inf, EDGE)
+    assert moved[0] == pytest.approx(0.0, abs=1e-9)
+    assert distances(tiles, 0, np.zeros(3), far, 0.1, math.inf, EDGE) == (pytest.approx(0.03), 0.0)
+    assert distances(tiles, 0, np.zeros(3), near, 0.1, math.inf, 0.02)[1] == 0.0
+
+
+def test_a_posterior_is_prior_and_likelihood_and_given_up_below_a_floor():
+    ends = surface_of(IDENTITY)
+    tiles, mean, known = tiles_of(ends), np.array([0.02, 0.0, 0.01]), np.diag([1e3, 2e3, 3e3])
+    off = THERE - mean
+    prior = -0.5 * (geometry.FREEDOM + 3.0) * math.log1p(off @ known @ off / geometry.FREEDOM)
+    assert log_prior(THERE, mean, known) == pytest.approx(prior)
+    total, _ = distances(tiles, 0, THERE, ends, FIELD.soft, math.inf, 0.0)
+    exact = prior - 0.5 * FIELD.worth * total
+    args = tiles, 0, THERE, ends, FIELD, mean, known
+    assert log_posterior(*args, -math.inf) == pytest.approx(exact)
+    assert log_posterior(*args, exact - 1.0) == pytest.approx(exact)
+    assert log_posterior(*args, exact + 1.0) <= exact + 1.0
+    assert log_posterior(*args, 0.0) <= 0.0
+
+
+def test_the_climb_finds_the_peak_to_its_last_step():
+    ends = surface_of(IDENTITY)
+    peak, best, mean, *_ = matched(tiles_of(ends), ends, THERE, np.eye(3))
+    assert np.abs(peak).max() <= 0.01 / 2**3 + 1e-9
+    np.testing.assert_allclose(mean, 0.0, atol=1e-3)
+    coarse = matched(tiles_of(ends), ends, THERE, np.eye(3), FIELD._replace(halvings=0))
+    assert coarse[1] < best and np.abs(coarse[0] - THERE).max() > 0.0
+
+
+def test_each_particle_climbs_in_its_own_map():
+    ends = surface_of(IDENTITY)
+    tiles = tiles_of(ends, 2, [[0.0, 0.0, 0.0], [0.01, -0.01, 0.0]])
+    prior = Prior(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
+    poses, value = np.zeros((2, 3)), np.zeros(2)
+    climb(tiles, np.array([1, 0]), ends, FIELD, prior, poses, value)
+    np.testing.assert_allclose(poses, [[0.01, -0.01, 0.0], [0.0, 0.0, 0.0]], atol=1.3e-3)
+
+
+def test_where_nothing_is_seen_the_samples_have_the_prior():
+    known = np.linalg.inv(np.diag([0.02, 0.01, 0.03]) ** 2)
+    tiles = tiles_of(ends_of([[0.0, 0.0]]))
+    mean = (0.1, -0.2, 0.05)
+    far = ends_of([[50.0, 0.0]])
+    _, best, found, covariance, eta = matched(tiles, far, mean, known, mean=mean)
+    np.testing.assert_allclose(found, mean, atol=1e-4)
+    # Student's law of the prior is narrower at its middle than its covariance: 6 / 3 of it
+    np.testing.assert_allclose(covariance @ known, 0.5 * np.eye(3), atol=0.05)
+    wide = matched(tiles, far, mean, known / 4.0, mean=mean)
+    assert wide[4] - eta == pytest.approx(math.log(8.0), abs=0.5)  # the prior is not normalized
+    assert best == pytest.approx(-0.5 * FIELD.worth * 0.01)
+
+
+def test_samples_tell_the_curvature_of_the_posterior():
+    ends, known = surface_of(IDENTITY), np.diag([1e4, 1e4, 1e4])
+    tiles = tiles_of(ends)
+    field = FIELD._replace(worth=20.0)  # so wide that no cell's border is felt
+    peak, best, _, covariance, eta = matched(tiles, ends, np.zeros(3), known, field)
+    for axis in range(3):
+        off = np.zeros(3)
+        off[axis] = math.sqrt(1.0 / np.linalg.inv(covariance)[axis, axis])
+        drop = best - np.mean(
+            [
+                log_posterior(tiles, 0, peak + s * off, ends, field, np.zeros(3), known, -math.inf)
+                for s in (-1.0, 1.0)
+            ]
+        )
+        assert drop == pytest.approx(0.5, abs=0.3)
+    volume = 0.5 * math.log(np.linalg.det(2.0 * math.pi * covariance))
+    assert eta - best == pytest.approx(volume, abs=0.2)  # Laplace's, but for lattice and tails
+
+
+def matcher_of_room():
+    """A matcher whose one particle has the room, and what is seen of it from 0."""
+    params = GMappingParams(refine=False, n_particles=1, max_tiles=5000)
+    matcher, view = EndPointMatcher(params, KeyScans(params)), view_of(IDENTITY)
+    assert matcher.insert(view, np.zeros((1, 3)))
+    return matcher, view
+
+
+def test_a_match_tells_quality_information_and_cost():
+    matcher, view = matcher_of_room()
+    weak, strong = (
+        matcher.match(view, 0, geometry.Prior(IDENTITY, k * np.eye(3)), Pose2(*THERE))
+        for k in (1.0, 1e7)
+    )
+    np.testing.assert_allclose(weak.pose, 0.0, atol=1e-3)
+    assert weak.quality == pytest.approx(1.0, abs=0.02) and weak.cost >= 0.0
+    assert (np.linalg.eigvalsh(weak.seen) > 1e3).all()
+    assert (np.linalg.eigvalsh(strong.seen) >= -1e-6).all()
+    elsewhere = matcher.match(
+        view, 0, geometry.Prior(Pose2(0.7, 0.4, 0.3), 1e9 * np.eye(3)), Pose2(0.7, 0.4, 0.3)
+    )
+    assert elsewhere.quality < 0.5 and elsewhere.cost > weak.cost + 10.0
+
+
+def test_the_search_finds_what_the_climb_cannot():
+    matcher, view = matcher_of_room()
+    far = Pose2(0.6, 0.5, -0.29)
+    prior = geometry.Prior(far, np.eye(3))
+    assert np.abs(matcher.match(view, 0, prior, far).pose).max() > 0.1
+    found = matcher.search(view, 0, far, np.array([0.6, 0.6, 0.3]))
+    np.testing.assert_allclose(found, 0.0, atol=0.06)
+
+
+def test_what_is_negative_of_an_information_is_left_out():
+    made = positive(np.array([[2.0, 0.0, 0.0], [0.0, -3.0, 1.0], [0.0, 1.0, 4.0]]))
+    values = np.linalg.eigvalsh(made)
+    assert values.min() >= -1e-12 and values.max() == pytest.approx(0.5 + math.sqrt(13.25))
+    np.testing.assert_allclose(positive(np.diag([1.0, 2.0, 3.0])), np.diag([1.0, 2.0, 3.0]))
+
+
+def test_the_preset_tracks_resamples_and_has_nothing_of_ours_behind():
+    truth, scans = drive(120)
+    slam, poses = run(scans, "paper", n_particles=8)
+    assert position_error(poses, truth).max() < 0.04
+    assert slam.params.spread == 1.0 and not slam.params.refine and not slam.params.relocate
+    assert slam.report()["resampled"] > 0
+    assert isinstance(slam._matcher, EndPointMatcher)
+    assert FAINT > 0.0

@@ -1,0 +1,169 @@
+import math
+
+import numpy as np
+import pytest
+
+from gmapping import GMapping, GMappingParams
+from gmapping.map_kernels import insert
+from gmapping.particles import Particles, normalize, systematic
+from slams.types import IDENTITY, Laser, Pose2
+from tests.gmapping.scenes import (
+    LASER,
+    SPLAT,
+    drive,
+    linearized,
+    make_scan,
+    mapped,
+    position_error,
+    references_add_up,
+    run,
+    surface_of,
+)
+
+
+def test_weights_and_n_eff_by_hand():
+    w, n_eff = normalize(np.log([1.0, 2.0, 1.0]) - 900.0, 1.0)
+    np.testing.assert_allclose(w, [0.25, 0.5, 0.25])
+    assert n_eff == pytest.approx(1.0 / (0.0625 + 0.25 + 0.0625))
+    assert normalize(np.full(3, -5.0), 1.0)[1] == pytest.approx(3.0)
+    np.testing.assert_allclose(normalize(np.log([1.0, 16.0]), 4.0)[0], [1 / 3, 2 / 3])
+
+
+def test_mean_offspring_is_n_times_the_weight():
+    rng = np.random.default_rng(11)
+    w, count = np.array([0.05, 0.4, 0.0, 0.22, 0.33]), np.zeros(5)
+    for _ in range(20_000):
+        count += np.bincount(systematic(w, rng.random()), minlength=5)
+    np.testing.assert_allclose(count / 20_000, 5 * w, atol=0.015)
+
+
+def test_systematic_resampling_with_a_known_draw():
+    out = systematic(np.array([0.1, 0.2, 0.3, 0.4]), 0.5)
+    np.testing.assert_array_equal(out, [1, 2, 3, 3])
+    out = systematic(np.array([0.0, 1.0 - 1e-9, 0.0, 0.0]), 0.999999999999)
+    assert (out == 1).all()
+    assert systematic(np.array([0.0, 0.5, 0.5]), 0.0)[0] == 1
+
+
+def test_histories_follow_ancestors_and_the_reported_particle_has_a_margin():
+    particles = Particles(3)
+    particles.poses[:, 0] = [1.0, 2.0, 3.0]
+    particles.remember()
+    particles.weigh(np.array([-1.0, 0.0, -6.0]), 1.0)
+    assert not particles.elect(2.0)
+    assert particles.elect(0.5)
+    assert particles.best == 1
+    particles.follow(np.array([1, 1, 0]))
+    assert particles.best == 0
+    particles.poses[:, 0] += 10.0
+    particles.remember()
+    np.testing.assert_array_equal(particles.history(1)[:, 0], [2.0, 12.0])
+    np.testing.assert_array_equal(particles.history(2)[:, 0], [1.0, 11.0])
+
+
+# tiles
+
+
+def test_writing_to_one_particle_never_shows_in_another():
+    surface = surface_of(IDENTITY)
+    tiles = mapped(surface, n=3)
+    tiles.inherit(np.array([0, 0, 2]))
+    assert tiles.shared == pytest.approx(1 / 3)
+    before = [
+        tiles.tiles.cells[tiles.tiles.tables[i]][tiles.tiles.tables[i] >= 0] for i in range(3)
+    ]
+    insert(tiles.tiles, np.array([[0.01, 0.0, 0.0]]), surface, SPLAT)  # particle 0 alone
+    after = [tiles.tiles.cells[tiles.tiles.tables[i]][tiles.tiles.tables[i] >= 0] for i in range(3)]
+    assert not np.array_equal(before[0], after[0])
+    np.testing.assert_array_equal(before[1], after[1])
+    np.testing.assert_array_equal(before[2], after[2])
+    references_add_up(tiles.tiles)
+
+
+def test_a_copied_tile_keeps_what_it_held():
+    surface = surface_of(IDENTITY)
+    tiles = mapped(surface, n=2)
+    tiles.inherit(np.zeros(2, np.int64))
+    close = linearized(tiles.tiles, np.zeros(3), surface)[3]
+    assert insert(tiles.tiles, np.zeros((1, 3)), surface[:1], SPLAT) == 0
+    assert tiles.shared < 0.5  # the tile around that point was copied
+    assert linearized(tiles.tiles, np.zeros(3), surface)[3] == close
+
+
+def test_nothing_leaks_in_ten_thousand_resamplings():
+    rng = np.random.default_rng(2)
+    surface = surface_of(IDENTITY)[::40]
+    tiles = mapped(surface, n=5)
+    alone = tiles.used // 5
+    for i in range(10_000):
+        tiles.inherit(rng.integers(0, 5, 5))
+        if i % 100 == 0:
+            poses = rng.normal(0.0, 0.01, (5, 3))
+            assert insert(tiles.tiles, poses, surface, SPLAT) == 0
+    references_add_up(tiles.tiles)
+    tiles.inherit(np.zeros(5, np.int64))
+    assert tiles.used <= 2 * alone
+
+
+def test_growth_keeps_every_cell_where_it_was():
+    surface = surface_of(IDENTITY)
+    tiles, away = mapped(surface), np.array([[-30.0, 20.0, 0.0]])
+    before, used = linearized(tiles.tiles, np.zeros(3), surface), tiles.used
+    assert insert(tiles.tiles, away, surface, SPLAT) > 0  # outside the tables
+    assert tiles.used == used
+    tiles.cover(np.array([-40.0, -3.0]), np.array([2.0, 25.0]))
+    after = linearized(tiles.tiles, np.zeros(3), surface)
+    for a, b in zip(before, after, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert insert(tiles.tiles, away, surface, SPLAT) == 0
+
+
+def test_memory_is_bounded_by_sharing_one_map():
+    truth, scans = drive(60)
+    free, _ = run(scans, n_particles=6)
+    assert free.report()["tiles_peak"] > 200
+    slam, poses = run(scans, n_particles=6, max_tiles=200)
+    report = slam.report()
+    assert report["tiles_peak"] <= 200
+    assert report["collapsed"] > 0
+    assert position_error(poses, truth).max() < 0.05
+
+
+def test_after_the_pool_was_full_all_particles_have_the_same_map():
+    slam = GMapping(GMappingParams(n_particles=6, max_tiles=200))
+    for scan in drive(60)[1]:
+        slam.update(scan)
+        if slam.report()["collapsed"]:
+            break
+    tables = slam.tiles.tiles.tables
+    assert (tables == tables[0]).all()
+    references_add_up(slam.tiles.tiles)
+
+
+def test_resampled_particles_go_on_with_pose_and_map_of_their_ancestor():
+    slam, _ = run(drive(20)[1], n_particles=4, spread=1.0)
+    pose, table = slam.particles.poses[1].copy(), slam.tiles.tiles.tables[1].copy()
+    assert not np.array_equal(table, slam.tiles.tiles.tables[2])
+    slam.particles.weigh(np.array([-90.0, 0.0, -90.0, -90.0]), 1.0)
+    slam._follow(slam.particles.draw_ancestors(0.5))
+    np.testing.assert_array_equal(slam.particles.poses, np.tile(pose, (4, 1)))
+    np.testing.assert_array_equal(slam.tiles.tiles.tables, np.tile(table, (4, 1, 1, 1)))
+    references_add_up(slam.tiles.tiles)
+
+
+def test_a_loop_closes_for_every_particle():
+    rng = np.random.default_rng(4)
+    truth, wheels, scans = IDENTITY, IDENTITY, []
+    short = Laser(LASER.angle_min, LASER.angle_increment, 361, 0.1, 2.5)
+    for i in range(210):  # a circle and a bit, walls in sight only when near
+        scans.append(make_scan(truth, 0.1 * i, short, rng, wheels))
+        truth = truth @ Pose2(0.03, 0.0, 2.0 * math.pi / 200)
+        wheels = wheels @ Pose2(0.0315, 0.0, 2.0 * math.pi / 200 + rng.normal(0.001, 0.002))
+    slam, poses = run(scans, n_particles=10, spread=1.0)
+    expected = Pose2(0.0, 0.0, 0.0)
+    for _ in range(209):
+        expected = expected @ Pose2(0.03, 0.0, 2.0 * math.pi / 200)
+    assert math.hypot(poses[-1, 0] - expected.x, poses[-1, 1] - expected.y) < 0.03
+    ends = np.array([slam.particles.history(i)[-1] for i in range(10)])
+    assert ends.std(axis=0).max() < 0.02
+    assert len(slam.trajectory()) == slam.report()["inserted"]

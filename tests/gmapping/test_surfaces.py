@@ -1,0 +1,235 @@
+import math
+
+import numpy as np
+import pytest
+
+from gmapping import GMapping, GMappingParams
+from gmapping.key import OLD
+from gmapping.map import TileMap
+from gmapping.map_kernels import DEPTH, LAYERS, ONCE, insert
+from gmapping.match import lattice
+from gmapping.match_kernels import Around, Prior, search_old
+from gmapping.surfaces import DRIFT, OLD_STEP
+from slams import geometry
+from slams.types import IDENTITY, Laser, Pose2
+from tests.gmapping import naive
+from tests.gmapping.scenes import (
+    HOW,
+    SPLAT,
+    climb,
+    linearized,
+    mapped,
+    matcher_of,
+    one,
+    surface_of,
+    view_of,
+)
+
+
+def test_insert_and_residuals_equal_the_naive_twin():
+    surface = surface_of(Pose2(0.3, 0.2, 0.4))[::3]
+    pose = np.array([0.31, -0.12, 0.37])
+    tiles = mapped(surface, pose)
+    points, normals = surface[:, :2], surface[:, 2:4]
+    twin = naive.surface_map(
+        naive.moved(pose, points), naive.moved((0, 0, pose[2]), normals), 0.05, 2, 100.0
+    )
+    near = pose + np.array([0.02, -0.03, 0.01])
+    _, _, mine, close, *_ = linearized(tiles.tiles, near, surface)
+    r = naive.residuals(twin, near, points, normals, 0.05)
+    known = r[np.isfinite(r)]
+    cost = np.sum(known**2 * 0.01 / (0.01 + known**2)) + 0.01 * (len(r) - len(known))
+    np.testing.assert_allclose(mine, cost, rtol=1e-4)
+    assert close == np.sum(np.abs(known) < 0.1)
+
+
+def test_the_gradient_is_that_of_the_robust_cost():
+    surface = surface_of(IDENTITY)
+    tiles, gradient = mapped(surface), np.zeros(3)
+    tiles.tiles.cells[tiles.tiles.references > 0, :, 4] = 2.0  # so that all is trusted
+    pose = np.array([0.011, -0.007, 0.004])
+    expected = linearized(tiles.tiles, pose, surface)[1]
+    for j in range(3):
+        side = []
+        for sign in (1, -1):
+            near = pose.copy()
+            near[j] += sign * 1e-6
+            side.append(linearized(tiles.tiles, near, surface)[2])
+        gradient[j] = (side[0] - side[1]) / 4e-6
+    np.testing.assert_allclose(gradient, expected, rtol=0.02, atol=1e-3)
+
+
+@pytest.mark.parametrize("offset", [(0.05, -0.04, 0.03), (-0.06, 0.03, -0.04)])
+def test_register_finds_a_known_motion_both_ways(offset):
+    there = Pose2(*offset)
+    for a, b in ((IDENTITY, there), (there, IDENTITY)):
+        tiles, surface = mapped(surface_of(a), a), surface_of(b)
+        poses, _, _ = climb(tiles.tiles, surface, one(a, 1.0), [a])
+        np.testing.assert_allclose(poses[0], b, atol=2e-3)
+
+
+def test_the_prior_holds_what_the_scan_leaves_open():
+    corridor = np.array([[-50.0, 1.0, 50.0, 1.0], [50.0, -1.0, -50.0, -1.0]])
+    laser = Laser(-math.pi, math.radians(1.0), 360, 0.1, 5.0)
+    surface, start = surface_of(IDENTITY, laser, corridor), np.array([[0.2, 0.03, 0.01]])
+    poses, h, _ = climb(mapped(surface).tiles, surface, one(start[0], 1e4), start)
+    np.testing.assert_allclose(poses, [[0.2, 0.0, 0.0]], atol=2e-3)
+    assert abs(h[0, 0, 0]) < 1e-9 * h[0, 1, 1]
+
+
+def test_a_prior_that_is_far_off_lets_go():
+    surface = surface_of(IDENTITY)
+    poses, _, _ = climb(
+        mapped(surface).tiles, surface, one([1.0, -1.0, 0.5], 1e4), np.zeros((1, 3))
+    )
+    np.testing.assert_allclose(poses, 0.0, atol=2e-3)
+
+
+def test_one_step_weighs_scan_and_prior_as_by_hand():
+    surface, start = surface_of(IDENTITY), np.array([0.02, 0.01, -0.01])
+    tiles = mapped(surface).tiles
+    known = np.array([[40.0, 3.0, 5.0], [3.0, 30.0, 2.0], [5.0, 2.0, 20.0]])
+    prior = Prior(np.array([[0.1, -0.2, 0.3]]), known[None])
+    poses, _, _ = climb(tiles, surface, prior, [start], HOW._replace(steps=1, wide=0.03))
+    h, gradient, *_ = linearized(tiles, start, surface, 0.03)
+    off = prior.poses[0] - start
+    w = HOW.variance * (geometry.FREEDOM + 3.0) / (geometry.FREEDOM + off @ known @ off)
+    step = np.linalg.solve(h + w * known, w * known @ off - gradient)
+    np.testing.assert_allclose(poses[0], start + step, atol=1e-12)
+
+
+def test_a_surface_seen_once_is_trusted_by_once():
+    surface = surface_of(IDENTITY)
+    tiles, pose = mapped(surface).tiles, [0.02, 0.01, 0.01]
+    h, gradient, cost, *_ = linearized(tiles, pose, surface)
+    assert insert(tiles, np.zeros((1, 3)), surface, SPLAT) == 0
+    np.testing.assert_allclose(linearized(tiles, pose, surface)[0], h, rtol=1e-5)  # the same scan
+    assert insert(tiles, np.zeros((1, 3)), surface, SPLAT._replace(driven=1.2)) == 0
+    h2, gradient2, cost2, *_ = linearized(tiles, pose, surface)
+    np.testing.assert_allclose(h, ONCE * h2, rtol=1e-5)
+    np.testing.assert_allclose(gradient, ONCE * gradient2, rtol=1e-3)
+    assert cost == pytest.approx(cost2, rel=1e-5)
+
+
+def test_cells_know_how_many_scans_saw_them_and_the_way_then():
+    tiles, surface = mapped(surface_of(IDENTITY)).tiles, surface_of(IDENTITY)
+    for driven in (7.0, 9.0):
+        insert(tiles, np.zeros((1, 3)), surface, SPLAT._replace(driven=driven))
+    insert(tiles, np.array([[0.3, 0.0, 0.0]]), surface, SPLAT._replace(driven=11.0))
+    seen = tiles.cells[tiles.references > 0].reshape(-1, DEPTH)
+    seen = {tuple(row) for row in seen[seen[:, 3] > 0.0, 4:].tolist()}
+    assert seen == {(3.0, 9.0, 1.0), (4.0, 11.0, 1.0), (1.0, 11.0, 11.0)}
+
+
+def test_search_finds_the_start_gauss_newton_cannot():
+    matcher, view, far = matcher_of(IDENTITY), view_of(IDENTITY), Pose2(0.6, 0.5, -0.29)
+    prior = geometry.Prior(far, np.eye(3) / 0.3**2)
+    assert np.abs(matcher.match(view, 0, prior, far).pose).max() > 0.1
+    found = matcher.search(view, 0, far, np.array([0.6, 0.6, 0.3]))
+    np.testing.assert_allclose(found, 0.0, atol=0.06)
+
+
+def test_a_match_tells_quality_noise_and_cost():
+    matcher, there = matcher_of(IDENTITY), Pose2(0.03, -0.02, 0.02)
+    view = view_of(there)
+    match = matcher.match(view, 0, geometry.Prior(IDENTITY, np.eye(3)), IDENTITY)
+    np.testing.assert_allclose(match.pose, there, atol=2e-3)
+    h, _, cost, close, squares, _ = linearized(
+        matcher.tiles.tiles, match.pose, view.pieces, GMappingParams().width
+    )
+    assert match.quality == pytest.approx(close / view.beams) and match.quality > 0.9
+    np.testing.assert_allclose(match.seen, h / max(squares, view.noise**2), rtol=1e-3)
+    worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
+    assert match.cost == pytest.approx(0.5 * worth * cost, rel=1e-3)
+
+
+def test_many_starts_climb_as_each_alone_in_the_map_of_its_owner():
+    tiles = TileMap(3, LAYERS, 0.05, 5000, depth=DEPTH).tiles
+    surface = surface_of(IDENTITY)
+    insert(tiles, np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.2]]), surface, SPLAT)
+    starts = np.array([[0.52, 0.03, 0.01], [-0.03, 0.02, 0.01]])
+    prior = Prior(starts, np.tile(np.eye(3), (2, 1, 1)))
+    poses, _, out = climb(tiles, surface, prior, starts, owners=(1, 0))
+    np.testing.assert_allclose(poses, [[0.5, 0, 0], [0, 0, 0]], atol=2e-3)
+    for k, owner in enumerate((1, 0)):
+        alone = climb(tiles, surface, one(starts[k], 1.0), starts[[k]], owners=(owner,))
+        np.testing.assert_array_equal(alone[0][0], poses[k])
+        np.testing.assert_array_equal(alone[2][0], out[k])
+
+
+def proposals(n, spread):
+    """Particles with one map after their draws, and the one proposal they are drawn from."""
+    slam = GMapping(GMappingParams(n_particles=n, spread=spread, max_tiles=5000))
+    view, way = view_of(IDENTITY), Pose2(0.03, 0.02, 0.01)
+    tiles = mapped(surface_of(IDENTITY)).tiles
+    slam.tiles.tiles = tiles._replace(tables=np.repeat(tiles.tables, n, axis=0))
+    slam._keys.done(IDENTITY)
+    slam._track.pose = way
+    slam._propose(view)
+    information = slam._keys.information(way, np.array([way.theta]), np.eye(3))
+    return slam.particles, slam._matcher.propose(view, np.array([way]), information)
+
+
+def test_draws_have_the_covariance_of_their_proposal_and_new_ground_weighs_none():
+    particles, found = proposals(4000, 1.0)
+    information = found.factors[0] @ found.factors[0].T
+    np.testing.assert_allclose(particles.poses.mean(axis=0), found.peaks[0], atol=3e-4)
+    np.testing.assert_allclose(np.cov(particles.poses.T) @ information, np.eye(3), atol=0.15)
+    np.testing.assert_array_equal(particles.log_w, 0.0)
+
+
+def test_a_proposal_has_the_information_of_scan_and_way():
+    matcher, view, known = matcher_of(IDENTITY), view_of(IDENTITY), np.diag([400.0, 300.0, 900.0])
+    found = matcher.propose(view, np.zeros((1, 3)), known[None])
+    h = linearized(matcher.tiles.tiles, found.peaks[0], view.pieces, GMappingParams().width)[0]
+    worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
+    information = found.factors[0] @ found.factors[0].T
+    np.testing.assert_allclose(information, worth * h + known, rtol=1e-3, atol=1.0)
+
+
+def test_without_spread_a_proposal_is_the_peak():
+    particles, found = proposals(3, 0.0)
+    np.testing.assert_allclose(particles.poses, np.repeat(found.peaks, 3, axis=0), atol=1e-12)
+
+
+# ground of old
+
+
+def test_only_ground_of_old_weighs_a_particle():
+    matcher, view = matcher_of([0.0, 0.0, 0.0], [0.06, 0.0, 0.0]), view_of(IDENTITY, quietest=0.01)
+    matcher._keys.driven = 9.0
+    assert matcher.insert(view, np.array([[0.0, 0.0, 0.0], [0.06, 0.0, 0.0]]))  # seen again: as old
+    sure, at = np.tile(4e7 * np.eye(3), (2, 1, 1)), np.zeros((2, 3))
+    matcher._keys.driven = 1.0 + OLD - 0.1
+    np.testing.assert_array_equal(matcher.propose(view, at, sure).log_w, 0.0)
+    matcher._keys.driven = 1.0 + OLD + 0.1
+    found = matcher.propose(view, at, sure)
+    old = matcher._keys.driven - OLD
+    spared = linearized(
+        matcher.tiles.tiles, found.peaks[0], view.pieces, GMappingParams().width, old
+    )[5]
+    worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
+    assert found.log_w[0] == pytest.approx(0.5 * worth * spared, rel=1e-3)
+    assert found.log_w[0] > found.log_w[1] + 5.0  # its map is elsewhere
+
+
+def test_search_old_finds_a_shifted_old_map():
+    surface, far = surface_of(IDENTITY), np.array([[0.55, -0.5, 0.05]])
+    tiles, off = mapped(surface).tiles, lattice(DRIFT, OLD_STEP)
+    for old, expected in ((2.0, np.zeros((1, 3))), (0.5, far)):
+        poses, share = far.copy(), np.zeros(1)
+        how, around = HOW._replace(old=old), Around(off, np.zeros(len(off)), 3)
+        search_old(tiles, np.zeros(1, np.int64), surface, around, how, poses, share)
+        assert (np.abs(poses - expected) <= 0.5 * OLD_STEP + 1e-9).all()
+        assert share[0] > 0.6 if old > 1.0 else share[0] == 0.0
+
+
+@pytest.mark.parametrize("returns", [True, False])
+def test_a_particle_that_may_be_on_ground_of_old_looks_for_it(returns):
+    matcher, view, far = matcher_of(IDENTITY), view_of(IDENTITY), np.array([[0.55, -0.5, 0.05]])
+    matcher._keys.driven, matcher._keys.returns = 2.0 + OLD, lambda pose: returns
+    peak = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None]).peaks[0]
+    if returns:
+        np.testing.assert_allclose(peak, 0.0, atol=5e-3)
+    else:
+        assert math.hypot(*peak[:2]) > 0.3
