@@ -16,10 +16,13 @@ from gmapping.match import Match, Proposals, lattice
 from gmapping.match_kernels import Prior as Priors
 from gmapping.params import GMappingParams
 from gmapping.scan import View
-from slams.geometry import Prior, inverse3
+from slams.geometry import FREEDOM, Prior, inverse3
 from slams.types import Floats, Pose2, wrap_angle
 
 STEP = np.array([0.1, 0.1, 0.05])  # m, m, rad, of the search; the climb bridges what is between
+MIDDLE = (
+    FREEDOM + 3.0
+) / FREEDOM  # by which Student's law is narrower there than by its covariance
 SPARSE = 100  # pieces that the search looks at
 
 
@@ -38,7 +41,7 @@ class EndPointMatcher:
         covariances, _ = self._gaussians(view, owners, known, poses)
         total, near = kernels.explained(self.tiles.tiles, owner, view.pieces, poses[0], field)
         x, y, theta = poses[0].tolist()
-        seen = positive(inverse3(covariances[0]) - prior.information)
+        seen = positive(inverse3(covariances[0]) - MIDDLE * prior.information)
         pose, cost = Pose2(x, y, float(wrap_angle(theta))), 0.5 * field.worth * total
         return Match(pose, near / view.beams, seen, cost)
 

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from gmapping import GMappingParams
-from gmapping.climb_kernels import FAINT, Field, climb, distances, log_posterior, log_prior, sample
+from gmapping.climb_kernels import (
+    CLOSE,
+    DROP,
+    Field,
+    climb,
+    distances,
+    log_posterior,
+    log_prior,
+    sample,
+    widths,
+)
 from gmapping.end_points import EndPointMatcher, positive
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
 from gmapping.key import KeyScans
@@ -141,6 +151,27 @@ def test_where_nothing_is_seen_the_samples_have_the_prior():
     assert best == pytest.approx(-0.5 * FIELD.worth * 0.01)
 
 
+def test_samples_beside_the_peak_have_their_own_mean_and_spread():
+    deviation = np.array([0.02, 0.01, 0.03])
+    known, tiles = np.diag(deviation**-2.0), tiles_of(ends_of([[0.0, 0.0]]))
+    prior = Prior(np.zeros((2, 3)), np.tile(known, (2, 1, 1)))
+    poses = np.array([np.zeros(3), 0.5 * deviation])
+    value, covariance = np.zeros(2), np.zeros((2, 3, 3))
+    far, owners = ends_of([[50.0, 0.0]]), np.zeros(2, np.int64)
+    sample(tiles, owners, far, FIELD, prior, poses, covariance, value)
+    assert (poses[1] < 0.4 * deviation).all()  # back to the middle
+    np.testing.assert_allclose(covariance[1] @ known, covariance[0] @ known, atol=0.1)
+    reach = np.array([0.01, 0.01, 0.01])
+    widths(tiles, 0, 0.5 * deviation, far, FIELD, np.zeros(3), known, reach)
+    drops = [
+        log_prior(0.5 * deviation, np.zeros(3), known)
+        - log_prior(0.5 * deviation + side * np.array([reach[0], 0.0, 0.0]), np.zeros(3), known)
+        for side in (-1.0, 1.0)
+    ]
+    assert DROP / CLOSE <= np.mean(drops) <= DROP * CLOSE
+    assert not DROP / CLOSE <= drops[0] <= DROP * CLOSE
+
+
 def test_samples_tell_the_curvature_of_the_posterior():
     ends, known = surface_of(IDENTITY), np.diag([1e4, 1e4, 1e4])
     tiles = tiles_of(ends)
@@ -178,6 +209,16 @@ def test_a_match_tells_quality_information_and_cost():
     assert weak.quality == pytest.approx(1.0, abs=0.02) and weak.cost >= 0.0
     assert (np.linalg.eigvalsh(weak.seen) > 1e3).all()
     assert (np.linalg.eigvalsh(strong.seen) >= -1e-6).all()
+    assert strong.seen[0, 0] < 1.2 * weak.seen[0, 0]  # the prior is not what was seen
+    total, _ = distances(
+        matcher.tiles.tiles, 0, np.array(weak.pose), view.pieces, 0.1, math.inf, EDGE
+    )
+    deviation = math.hypot(view.noise, EDGE / math.sqrt(12.0))
+    worth = matcher._params.independent / view.beams / deviation**2
+    assert view.beams > matcher._params.independent
+    assert weak.cost == pytest.approx(0.5 * worth * total)
+    matcher._params = matcher._params.replace(independent=1e6)
+    assert matcher._field(view).worth == pytest.approx(1.0 / deviation**2)  # no beam counts twice
     elsewhere = matcher.match(
         view, 0, geometry.Prior(Pose2(0.7, 0.4, 0.3), 1e9 * np.eye(3)), Pose2(0.7, 0.4, 0.3)
     )
@@ -207,4 +248,3 @@ def test_the_preset_tracks_resamples_and_has_nothing_of_ours_behind():
     assert slam.params.spread == 1.0 and not slam.params.refine and not slam.params.relocate
     assert slam.report()["resampled"] > 0
     assert isinstance(slam._matcher, EndPointMatcher)
-    assert FAINT > 0.0
