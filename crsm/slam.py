@@ -97,7 +97,7 @@ class Crsm:
             if view.sweeps:  # 5.
                 self._reader.take(scan, self._track.motion.velocity_to(match.fit.pose))
                 match = self._again(view, start.pose, match)
-        self._settle(scan, view, match)  # 6.
+        self._settle(scan, view, match, start.pose)  # 6.
         self._draw(view, scan.t)  # 7.
         self._relocator.update(scan, self.map)  # 8.
         return view.at_stamp(self._track.pose)  # 9.
@@ -196,12 +196,14 @@ class Crsm:
             value -= 1.0
         return Match(fit, explained, worth, value, refined)
 
-    def _settle(self, scan: Scan, view: ScanReader, match: Match | None) -> None:
+    def _settle(
+        self, scan: Scan, view: ScanReader, match: Match | None, expected: Pose2
+    ) -> None:
         """Step 6: tell the track what was found, learn what is usual."""
         track = self._track
         if match is None:
             if view.is_usable:
-                track.matched(track.pose, np.eye(3), scan)  # the map begins here
+                track.matched(expected, np.eye(3), scan)  # the map begins here
             else:
                 track.missed(scan)
             self._quality = 0.0

@@ -22,29 +22,33 @@ ALLOWED = 1.5  # times the error without odometry
 FLOOR = 0.005  # m: below this two errors are the same
 
 
+SEEDS = (3, 4, 5, 6)  # drives: one alone is a matter of luck
+
+
 @cache
-def slow_sweep():
-    return simulate(Setting(sensor="lds01", sweep=True, duration=20.0, seed=3))
+def slow_sweep(seed):
+    return simulate(Setting(sensor="lds01", sweep=True, duration=20.0, seed=seed))
 
 
 @cache
 def alone(algorithm):
-    """Error without odometry, or with all of it where that is the greater one [m]."""
-    return max(
-        error(algorithm, slow_sweep().select(odometry=False)), error(algorithm, slow_sweep())
-    )
+    """Error without odometry [m]."""
+    return error(algorithm, [slow_sweep(seed).select(odometry=False) for seed in SEEDS])
 
 
-def error(algorithm, log):
+def error(algorithm, logs):
     entry = find(algorithm)
-    run = replay(entry.cls(entry.params().for_sensor("lds01")), log)
-    assert np.isfinite(run.poses).all()
-    return metrics.ate(run.poses, log.truth_at(run.t))
+    errors = []
+    for log in logs:
+        run = replay(entry.cls(entry.params().for_sensor("lds01")), log)
+        assert np.isfinite(run.poses).all()
+        errors.append(metrics.ate(run.poses, log.truth_at(run.t)))
+    return np.mean(errors)
 
 
-def jumped(*jumps):
+def jumped(seed, *jumps):
     """The log with odometry moved by (x, y, theta) from a share of the log on."""
-    log = slow_sweep()
+    log = slow_sweep(seed)
     odom = log.odom.values.copy()
     for share, motion in jumps:
         first = int(share * len(odom))
@@ -67,7 +71,8 @@ FAULTS = {
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_odometry_that_jumps_does_no_harm(algorithm, fault):
-    assert error(algorithm, jumped(*FAULTS[fault])) < max(ALLOWED * alone(algorithm), FLOOR)
+    logs = [jumped(seed, *FAULTS[fault]) for seed in SEEDS]
+    assert error(algorithm, logs) < max(ALLOWED * alone(algorithm), FLOOR)
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
@@ -151,3 +156,17 @@ def test_scans_of_another_place_are_called_lost_and_leave_the_map_alone(algorith
     assert slam.report()["lost"] == said.count("lost")
     assert set(said[61:]) == {"matched"}
     assert pose == pytest.approx((0.15, 0.0, 0.0), abs=0.01)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_a_log_that_begins_blind_goes_on_where_the_wheels_say(algorithm):
+    lidar = laser(181)
+    slam, start = new(algorithm), None
+    for k in range(40):
+        at = Pose2(0.02 * k, 0.0, 0.0)
+        scan = scan_at(at, lidar, t=0.1 * k, odometry=at)
+        if k < 20:
+            scan = dataclasses.replace(scan, ranges=np.full_like(scan.ranges, np.nan))
+        start = start or at
+        pose = slam.update(scan)
+        assert pose == pytest.approx(start.between(at), abs=0.004)
