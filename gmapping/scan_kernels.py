@@ -57,8 +57,9 @@ def surfaces(
     ours: the normal is the direction of least variance among the neighbors along the scan within
     reach, at least two to either side. A point that lies on nothing flat looks at the laser: a
     post, or the frame of a door, tells along a corridor what its walls do not. One on a wall seen
-    edge-on is left out. points (>= n, 3) of `merged`; `increment` [rad] between two beams; out
-    (>= n, 5) rows x, y [m], nx, ny, how many beams; returns how many.
+    edge-on is left out, also where beams are so far apart on it that it has no neighbors: of those
+    beside it one is nearer then, the other farther. points (>= n, 3) of `merged`; `increment` [rad]
+    between two beams; out (>= n, 5) rows x, y [m], nx, ny, how many beams; returns how many.
     """
     count = 0
     for i in range(n):
@@ -68,11 +69,14 @@ def surfaces(
             continue
         widest = max(walls.reach, GAP * away * increment)
         near, w, sx, sy, sxx, sxy, syy = 1, points[i, 2], 0.0, 0.0, 0.0, 0.0, 0.0
+        farther = 0  # sides on which what lies beyond the neighbors is farther, less those nearer
         for side in (-1, 1):
             j, last_x, last_y = i + side, 0.0, 0.0
             while 0 <= j < n:
                 x, y, m = points[j, 0] - px, points[j, 1] - py, points[j, 2]
                 if math.hypot(x - last_x, y - last_y) > widest:
+                    beyond = math.hypot(mount.x - px - x, mount.y - py - y) - away
+                    farther += int(beyond > walls.reach) - int(beyond < -walls.reach)
                     break
                 if abs(j - i) > NEIGHBORS and math.hypot(x, y) > walls.reach:
                     break
@@ -80,6 +84,8 @@ def surfaces(
                 sxx, sxy, syy = sxx + m * x * x, sxy + m * x * y, syy + m * y * y
                 last_x, last_y = x, y
                 j += side
+        if near <= NEIGHBORS and farther <= 0:
+            continue
         nx, ny = (mount.x - px) / away, (mount.y - py) / away
         vxx, vxy, vyy = sxx - sx * sx / w, sxy - sx * sy / w, syy - sy * sy / w
         spread = math.hypot(0.5 * (vxx - vyy), vxy) / w

@@ -15,7 +15,7 @@ from slams.player import replay
 from slams.registry import find
 from slams.scanlog import Track
 from slams.types import Pose2, Scan
-from tests.rooms import box, drive, laser, scan_at
+from tests.rooms import CORRIDOR, box, drive, laser, scan_at
 
 ALGORITHMS = ("hector", "tsd", "crsm", "gmapping")
 ALLOWED = 1.5  # times the error without odometry
@@ -170,3 +170,13 @@ def test_a_log_that_begins_blind_goes_on_where_the_wheels_say(algorithm):
         start = start or at
         pose = slam.update(scan)
         assert pose == pytest.approx(start.between(at), abs=0.004)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_a_robot_that_reverses_at_once_in_a_bare_corridor_is_followed(algorithm):
+    """Only the wheels know, and the motion so far contradicts them."""
+    slam, at, rng = new(algorithm), Pose2(0.0, 0.0, 0.0), np.random.default_rng(1)
+    for k in range(60):
+        pose = slam.update(scan_at(at, laser(361), CORRIDOR, 0.01, rng, 0.1 * k, odometry=at))
+        assert pose == pytest.approx(at, abs=0.08)
+        at = at @ Pose2(0.05 if k < 30 else -0.05, 0.0, 0.0)

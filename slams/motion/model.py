@@ -206,7 +206,7 @@ class Motion:
         self._correct(step, Chord(match.ahead, match.aside + swing, match.turn))
 
     def _correct(self, step: Chord, match: Chord) -> None:
-        """Learn the velocity from the match; where that is blind, from wheels and gyro."""
+        """Learn the velocity from the match; where that tells nothing, from wheels and gyro."""
         dt, said, variance = self._expected.dt, self._wheels.step or NOTHING, self._wheels.variance
         if dt <= 0.0:
             return
@@ -215,10 +215,14 @@ class Motion:
             variance = Chord(variance.ahead, variance.aside, self._gyro.variance)
         for i, axis in enumerate(self._axes):
             axis.pass_over(self._over)
+            doubted = self._wheels.doubted[i]
+            unsettled = 0.0 < self._params.doubt**2 * doubted < match[i]  # the match says nothing
+            if unsettled:
+                axis.contradict(doubted, dt)
             if match[i] < math.inf:
                 axis.correct(step[i], match[i], dt)
             blind = match[i] > (self._unknown[i] * dt) ** 2  # no more than is known of all robots
-            if blind and variance[i] < math.inf:
+            if (blind or unsettled) and variance[i] < math.inf:
                 axis.correct_velocity(said[i] / dt, variance[i] / (dt * dt), dt)
             axis.report(step[i])
 

@@ -95,6 +95,12 @@ class Velocity:
         self.xa, self.va = e * xa + q * over.qxa, e * va + q * over.qva
         self.aa = e * e * aa + q * over.qaa
 
+    def contradict(self, variance: float, dt: float) -> None:
+        """Wheels spoke against the step of the last `dt` [s]: it may have been as wrong as they."""
+        self.xx += variance
+        self.xv += variance / dt
+        self.vv += variance / (dt * dt)
+
     def correct(self, found: float, variance: float, dt: float) -> None:
         """The robot was found `found` from the pose last reported, with a variance."""
         s, y = self.xx + variance, found - self.x

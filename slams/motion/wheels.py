@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slams.motion.chord import FLOOR, UNKNOWN, Chord, chord_of
+from slams.motion.chord import FLOOR, NOTHING, UNKNOWN, Chord, chord_of
 from slams.motion.params import MotionParams
 from slams.motion.trust import Doubt, Expected, Limits, Scale
 from slams.types import Pose2, Scan
@@ -17,7 +17,8 @@ class Wheels:
     """Odometry: the whole step.
 
     `step` and `variance` are its last word (None and inf: none, or a leap), `contradicts` whether
-    all else spoke against it. `used` and `faults` count scans.
+    all else spoke against it, `doubted` the variances that the velocity has from that. `used` and
+    `faults` count scans.
     """
 
     def __init__(self, params: MotionParams) -> None:
@@ -25,6 +26,7 @@ class Wheels:
         self.step: Chord | None = None
         self.variance = self._own = UNKNOWN
         self.contradicts = False
+        self.doubted = NOTHING
         self._p, self._limits = params, Limits(params)
         tops = (params.top_speed, params.top_speed, params.top_turn_rate)
         self._doubts = [Doubt(params, top) for top in tops]
@@ -36,6 +38,7 @@ class Wheels:
         self.contradicts = step is not None and not self._limits.allow_step(step, known)
         self.faults += self.contradicts
         self.step, self.variance = None if self.contradicts else step, UNKNOWN
+        self.doubted = NOTHING
         if self.step is None:
             return known
         self.used += 1
@@ -77,6 +80,7 @@ class Wheels:
         b = _weighed(step.aside, said, was.aside, spread.aside, limit, caught[1])
         self.variance = Chord(a.said, b.said, t.said)
         self.contradicts = a.gap2 + b.gap2 + t.gap2 > 0.0
+        self.doubted = Chord(a.doubted, b.doubted, t.doubted)
         mean, variance = Chord(a.mean, b.mean, t.mean), Chord(a.var, b.var, t.var)
         return Expected(mean, variance, known.dt, known.reach, True)
 
@@ -164,13 +168,15 @@ class Weighed(NamedTuple):
     """Two opinions on one number, as one: its mean and variance.
 
     `said` is the variance that the new opinion was given in the end, `gap2` the squared gap
-    between the two where they contradict each other, else 0.
+    between the two where they contradict each other, else 0; `doubted` what of it the other was
+    given, too.
     """
 
     mean: float
     var: float
     said: float
     gap2: float
+    doubted: float
 
 
 def _weighed(
@@ -182,10 +188,10 @@ def _weighed(
     counts as the new one's error. Unless the other is `sure` it may be the wrong one as well: the
     result then lies midway, and its deviation covers both.
     """
-    gap, gap2 = value - known, 0.0
+    gap, gap2, doubted = value - known, 0.0, 0.0
     if gap * gap > limit * (said + var):
         gap2 = gap * gap
-        said += gap2
-        var += 0.0 if sure else gap2
+        doubted = 0.0 if sure else gap2
+        said, var = said + gap2, var + doubted
     share = var / (said + var)
-    return Weighed(known + share * gap, share * said, said, gap2)
+    return Weighed(known + share * gap, share * said, said, gap2, doubted)

@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+from gmapping import GMappingParams
+from gmapping.scan import View
 from gmapping.scan_kernels import Walls
 from slams.types import IDENTITY, Pose2
 from tests.gmapping.scenes import (
@@ -14,6 +16,7 @@ from tests.gmapping.scenes import (
     surface_of,
     view_of,
 )
+from tests.rooms import CORRIDOR, laser, scan_at
 
 
 def test_beams_that_end_close_together_become_their_mean():
@@ -43,11 +46,19 @@ def test_normals_are_those_of_the_walls_and_face_the_laser():
     assert (np.sum(surface[:, :2] * surface[:, 2:4], axis=1) < 0.0).all()
 
 
-def test_a_point_on_nothing_flat_looks_at_the_laser():
-    points = np.array([[1.0, 0.0, 1.0], [3.0, 0.0, 2.0], [1.0, 0.1, 1.0]])
-    out = pieces_of(points, increment=0.005)
-    assert len(out) == 3
-    np.testing.assert_allclose(out[1], [3.0, 0.0, -1.0, 0.0, 2.0])
+def test_a_post_looks_at_the_laser_and_what_is_no_post_is_left_out():
+    post = np.array([[3.0, -0.3, 1.0], [1.0, 0.0, 2.0], [3.0, 0.3, 1.0]])
+    np.testing.assert_allclose(pieces_of(post, increment=0.005), [[1.0, 0.0, -1.0, 0.0, 2.0]])
+    gap = np.array([[1.0, -0.2, 1.0], [3.0, 0.0, 2.0], [1.0, 0.2, 1.0]])
+    found = pieces_of(gap, increment=0.005)
+    np.testing.assert_allclose(found[:, :2], gap[[0, 2], :2])
+
+
+def test_the_far_end_of_a_bare_corridor_tells_nothing_along_it():
+    """Beams there are meters apart and move with the robot."""
+    scan = scan_at(IDENTITY, laser(361), CORRIDOR, 0.01, np.random.default_rng(1))
+    pieces = View(GMappingParams()).take(scan, IDENTITY).pieces
+    assert len(pieces) > 150 and np.abs(pieces[:, 2]).max() < 0.5
 
 
 def test_a_mean_of_beams_counts_as_many_in_normals_and_maps():
