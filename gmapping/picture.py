@@ -27,7 +27,7 @@ def draw(path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    params = GMappingParams(n_particles=PARTICLES, linear_update=0.5, spread=1.0)
+    params = GMappingParams.preset("paper").replace(n_particles=PARTICLES, linear_update=0.5)
     slam = GMapping(params)
     truth = _drive(slam)
     figure = Figure(figsize=(10, 4.5), layout="constrained")
