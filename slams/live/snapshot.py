@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 import warnings
 from contextlib import suppress
 from multiprocessing.connection import Connection, Pipe
@@ -24,11 +25,14 @@ LONGEST = 60.0  # [s] that a map may take
 class Snapshot:
     """An algorithm as it stands now, to draw from.
 
+    `seconds` is the CPU time that drawing took, once there is a map.
+
     Raises:
         OSError: the system has no room for another process.
     """
 
     def __init__(self, slam: Slam) -> None:
+        self.seconds = 0.0
         self._maps, sending = Pipe(duplex=False)
         with sending, warnings.catch_warnings():
             # of threads that the copy does not have: it only draws
@@ -54,7 +58,8 @@ class Snapshot:
             self._end()
         if isinstance(drawn, str):
             raise RuntimeError(drawn)
-        return OccupancyGrid(*drawn)
+        *grid, self.seconds = drawn
+        return OccupancyGrid(*grid)
 
     def _end(self) -> None:
         self._maps.close()
@@ -68,8 +73,10 @@ def _draw(slam: Slam, sending: Connection) -> NoReturn:
     try:
         os.nice(POLITE)
         try:
+            begun = time.process_time()
             grid = slam.map()
-            sending.send((grid.p, grid.resolution, grid.origin))
+            seconds = time.process_time() - begun
+            sending.send((grid.p, grid.resolution, grid.origin, seconds))
         except Exception as error:  # whatever it is, the node is to tell it
             sending.send(f"{type(error).__name__}: {error}")
     finally:
