@@ -20,7 +20,7 @@ from slams import cli
 if TYPE_CHECKING:
     from slams.registry import Entry
     from slams.scanlog import ScanLog
-    from slams.types import Scan, Slam
+    from slams.types import OccupancyGrid, Scan, Slam
 
 PROGRAM = "slams.check"
 SHORT = 12
@@ -260,16 +260,29 @@ def _takes_a_changing_laser(entry: Entry) -> None:
     _expect_finite(entry, scans, "181 and 361 beams by turns")
 
 
-def _maps_in_the_first_frame(entry: Entry) -> None:
+def _map_after(entry: Entry, scans: Iterable[Scan], kind: str = "") -> OccupancyGrid:
+    """The map, which has to have cells."""
     import numpy as np
 
     slam = _new(entry)
-    _poses(slam, _log())
+    _poses(slam, scans)
     grid = slam.map()
     p = grid.p
     whole = p.ndim == 2 and p.size > 0 and p.dtype == np.float32
-    _expect(whole, f"map().p is {p.dtype} {p.shape}, expected float32 (ny, nx) with cells")
+    _expect(whole, f"map().p is {p.dtype} {p.shape}, expected float32 (ny, nx) with cells{kind}")
+    return grid
+
+
+def _maps_in_the_first_frame(entry: Entry) -> None:
+    import numpy as np
+
+    from slams.room import odd_scans
+
+    grid = _map_after(entry, _log())
+    p = grid.p
     _expect(grid.resolution > 0.0, f"map().resolution is {grid.resolution}")
+    for kind in ("nothing but inf", "nothing but nan"):
+        _map_after(entry, [odd_scans()[kind]], f" [scans: {kind}]")
     known = p[~np.isnan(p)]
     if not known.size:
         return
