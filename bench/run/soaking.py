@@ -12,7 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from bench.run.code import package_of, sources_with
 from bench.run.timing import resident_mb
+from bench.run.trial import content_of
+from bench.run.work import Result, Task
 from slams.metrics import ate
 from slams.player import WARM_UP_SCANS, warm_up
 from slams.registry import find
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Slam
 
+HERE = "bench.run.soaking"
 BEAMS, PERIOD, NOISE = 360, 0.1, 0.01  # [1, s, m] of the laser at rest
 SAMPLE = 50  # scans between two looks at the memory
 EARLY = 500.0  # [m] of the way with which its end is compared
@@ -37,6 +41,37 @@ class Timed(NamedTuple):
     seconds: Floats
     poses: Floats
     resident: Floats
+
+
+def tasks(
+    labels: list[str], log: ScanLog | None, scans: int, machine: dict[str, Any]
+) -> dict[tuple[str, str], Task]:
+    """What there is to run: the way and the scans at rest of each algorithm.
+
+    What a run costs is part of its result here, so the machine is part of its name.
+    """
+    found = {}
+    content = None if log is None else content_of(log)
+    for label in labels:
+        packages = sources_with(package_of(find(label).cls))
+        what = {"algorithm": label, "machine": machine}
+        if log is not None:
+            where = {"given": log}
+            function = f"{HERE}:way_run"
+            found["way", label] = Task(function, what | {"log": content}, packages, where)
+        if scans:
+            found["rest", label] = Task(f"{HERE}:rest_run", what | {"scans": scans}, packages)
+    return found
+
+
+def rest_run(algorithm: str, scans: int, **_: Any) -> Result:
+    """Do a task of scans at rest."""
+    return Result(rest(algorithm, scans))
+
+
+def way_run(algorithm: str, given: ScanLog, **_: Any) -> Result:
+    """Do a task of a way."""
+    return Result(way(algorithm, given))
 
 
 def rest(label: str, scans: int) -> dict[str, Any]:

@@ -96,6 +96,19 @@ def test_the_command_prints_and_writes_a_tiny_soak(tmp_path, capsys):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out"]
 
 
+def test_what_was_done_is_not_done_again(tmp_path, capsys):
+    words = ["--algorithms", "odometry", "--rest", "150", "--length", "0", "--jobs", "1"]
+    words += ["--out", str(tmp_path / "out")]
+    assert soak.main(words) == 0
+    first = (tmp_path / "out" / "soak.json").read_bytes()
+    assert "kept" not in capsys.readouterr().err
+    assert soak.main(words) == 0
+    assert (tmp_path / "out" / "soak.json").read_bytes() == first
+    assert "1 of 1 runs are kept from before" in capsys.readouterr().err
+    assert soak.main([*words, "--rest", "151"]) == 0
+    assert "kept" not in capsys.readouterr().err
+
+
 def test_a_run_that_fails_is_told_and_the_others_count(tmp_path, capsys):
     words = ["--algorithms", "tests.bench.test_soak:Broken", "odometry", "--rest", "20"]
     words += ["--length", "0", "--jobs", "1", "--out", str(tmp_path / "out")]
