@@ -6,6 +6,7 @@ import math
 
 from slams.motion.chord import Chord
 
+SHORTEST = 1e-6  # s; a shorter interval is none
 LONGEST = 10.0  # usual intervals; a longer one is a break, however ragged the stamps
 BETTER = 0.8  # times the error by stamps, below which the usual interval predicts better
 MEMORY = 5.0  # s, of both errors
@@ -34,7 +35,7 @@ class Clock:
 
     def elapsed(self, stamped: float) -> float:
         """Time to reckon with, for an interval by the stamps; never negative."""
-        if not math.isfinite(stamped):
+        if not math.isfinite(stamped) or abs(stamped) < SHORTEST:
             stamped = 0.0
         self._scans += 1
         share = max(1.0 / self._scans, 1.0 - math.exp(-self.usual / USUAL))
