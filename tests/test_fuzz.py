@@ -10,6 +10,8 @@ KEPT = [  # these once broke a property
     ("live", 81, "odometry"),
     ("live", 86, "odometry"),
     ("live", 37, "hector"),
+    ("live", 40, "crsm"),
+    ("live", 114, "crsm"),
 ]
 
 
