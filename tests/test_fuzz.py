@@ -5,6 +5,7 @@ import pytest
 from tests.fuzz.campaign import one, run
 
 CASES = {"npz": 900, "live": 700, "bag": 400}
+EACH = 12  # pushes into each algorithm
 KEPT = [  # these once broke a property
     ("npz", 153, "odometry"),
     ("live", 81, "odometry"),
@@ -20,6 +21,13 @@ def test_wrong_numbers_are_survived_or_refused(family):
     taken, broken = run(family, CASES[family])
     assert broken == []
     assert 0 < taken < CASES[family]
+
+
+@pytest.mark.parametrize("algorithm", ["hector", "tsd", "crsm", "gmapping"])
+def test_an_algorithm_survives_wrong_pushes(algorithm):
+    taken, broken = run("live", EACH, algorithm, first=CASES["live"])
+    assert broken == []
+    assert taken > 0
 
 
 @pytest.mark.parametrize(("family", "case", "algorithm"), KEPT)
