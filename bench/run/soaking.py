@@ -108,8 +108,8 @@ def way(label: str, log: ScanLog) -> dict[str, Any]:
         raise ValueError(f"{log.name}: expected a log with a truth")
     slam = _warm(label, log.select(WARM_UP_SCANS))
     run = timed(slam, log, len(log))
-    holding = _held(slam, len(log))
     grid, drawing = _drawn(slam)
+    holding = _held(slam, len(log))
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(truth[:, :2], axis=0).T))])
     seen = float(np.isfinite(grid.p).sum()) * grid.resolution**2
     return {

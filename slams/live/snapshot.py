@@ -11,9 +11,10 @@ import os
 import sys
 import time
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection, Pipe
-from typing import NoReturn
+from typing import NoReturn, Protocol, runtime_checkable
 
 from slams.types import OccupancyGrid, Slam
 
@@ -22,10 +23,27 @@ POLITE = 10  # niceness of the copy: scans come first
 LONGEST = 60.0  # [s] that a map may take
 
 
+@runtime_checkable
+class Sketched(Protocol):
+    """An algorithm that can say quickly what its map is to be drawn from."""
+
+    def sketch(self) -> Callable[[], OccupancyGrid]:
+        """What draws the map as it stands now, in any thread, while updates go on."""
+        ...
+
+
+def sketch(slam: Slam) -> Callable[[], OccupancyGrid]:
+    """What draws the map as it stands now; where the algorithm has no such, the map is drawn."""
+    if isinstance(slam, Sketched):
+        return slam.sketch()
+    grid = slam.map()
+    return lambda: grid
+
+
 class Snapshot:
     """An algorithm as it stands now, to draw from.
 
-    `seconds` is the CPU time that drawing took, once there is a map.
+    `seconds` is the CPU time that its sketch took, once there is a map.
 
     Raises:
         OSError: the system has no room for another process.
@@ -74,8 +92,9 @@ def _draw(slam: Slam, sending: Connection) -> NoReturn:
         os.nice(POLITE)
         try:
             begun = time.process_time()
-            grid = slam.map()
+            draw = sketch(slam)
             seconds = time.process_time() - begun
+            grid = draw()
             sending.send((grid.p, grid.resolution, grid.origin, seconds))
         except Exception as error:  # whatever it is, the node is to tell it
             sending.send(f"{type(error).__name__}: {error}")

@@ -199,7 +199,7 @@ def test_a_good_one_passes():
         (MapInPercent, "9", "map().p is not in 0..1"),
         (DoubleMap, "9", "map().p is float64"),
         (NoMap, "9", "map().p is float32 (0, 0), expected float32 (ny, nx) with cells"),
-        (NoMapOfNothing, "9", "with cells [scans: nothing but inf]"),
+        (NoMapOfNothing, "2", "map() has no cell [scans: nothing but inf alone]"),
     ],
 )
 def test_each_clause_finds_what_breaks_it(cls, number, sentence):

@@ -42,6 +42,8 @@ class Sketches(Waits):
 def test_a_scan_goes_on_while_a_map_is_drawn(kind):
     live = LiveSlam(ODOMETRY, warm_up=False)
     live._slam = kind(live.params)
+    if kind is Sketches:
+        live._drawer._in_place = 0.0  # as if its sketch took no time
     grids = []
     thread = threading.Thread(target=lambda: grids.append(live.map()))
     thread.start()
@@ -66,9 +68,10 @@ class Clocked:
         self.done, self.now = [], 0.0
         self.map_time, self.apart_time = map_time, apart_time
         self.drawer, self.lock = Drawer(), threading.RLock()
-        monkeypatch.setattr(snapshot, "Snapshot", self.copied)
+        monkeypatch.setattr("slams.live.drawing.Snapshot", self.copied)
         monkeypatch.setattr(snapshot, "AT_HAND", True)
-        monkeypatch.setattr("slams.live.drawing.time.perf_counter", lambda: self.now)
+        for clock in ("perf_counter", "thread_time"):
+            monkeypatch.setattr(f"slams.live.drawing.time.{clock}", lambda: self.now)
 
     def map(self):
         self.done.append("map")
@@ -86,6 +89,27 @@ class Clocked:
         for n in scans:
             self.drawer.draw(self, self.lock, n)
         return self.done
+
+
+class LongSketch(Sketches):
+    """It copies a lot."""
+
+    def sketch(self):
+        end = time.thread_time() + 0.05
+        while time.thread_time() < end:
+            pass
+        return lambda: GRID
+
+
+@needs_fork
+def test_a_sketch_that_takes_long_is_made_by_a_copy_of_the_process():
+    live = LiveSlam(ODOMETRY, warm_up=False)
+    live._slam = LongSketch(live.params)
+    spent = []
+    for _ in range(3):
+        assert live.map().p.shape == GRID.p.shape
+        spent.append(live._drawer._spent)
+    assert max(spent) < 0.05 <= live._drawer._in_place
 
 
 class Copied:
