@@ -74,13 +74,7 @@ def _run(planned: Plan, arguments: argparse.Namespace) -> list[LogResult]:
     from bench.run.store import Store
 
     store = cli.refusing(lambda: Store(Path(arguments.out) / "runs"))
-    keys = {task.key for task in planned.tasks.values()}
-    there = len(keys) - len(store.missing(keys))
-    if there and not arguments.quiet:
-        sys.stderr.write(
-            f"{PROGRAM}: {there} of {len(keys)} runs are kept from before, costs too; "
-            f"delete {store.folder} to measure them again\n"
-        )
+    store.tell_kept(PROGRAM, {task.key for task in planned.tasks.values()}, arguments.quiet)
     return compared(planned, store, LocalWorkers(arguments.jobs, fresh=True), arguments.quiet)
 
 

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slams import cli
 from slams.registry import BASELINES, names
 
 if TYPE_CHECKING:
+    from bench.run.store import Store
     from slams.scanlog import ScanLog
 
 PROGRAM = "bench.soak"
@@ -27,7 +29,8 @@ def parser() -> argparse.ArgumentParser:
         prog=f"python -m {PROGRAM}",
         description="Run algorithms for long: many scans at rest, and a long way through a large "
         "office floor; time per scan and memory at the beginning and at the end.",
-        epilog="Writes soak.json and soak.md. With all defaults at most 20 minutes on two cores.",
+        epilog="Writes soak.json and soak.md, and runs/, from which it goes on if ended. With all "
+        "defaults at most 20 minutes on two cores.",
     )
     p.add_argument("--algorithms", metavar="NAME", nargs="+", help="default: all but baselines")
     p.add_argument(
@@ -60,10 +63,12 @@ def main(argv: list[str] | None = None) -> int:
 def _command(arguments: argparse.Namespace) -> int:
     from bench.report.soak_tables import as_markdown, as_text
     from bench.results import write_figures
+    from bench.run.store import Store
     from slams.formats import files
 
     labels, log = cli.refusing(lambda: _checked(arguments))
-    found = _run_all(labels, log, arguments)
+    store = cli.refusing(lambda: Store(Path(arguments.out) / "runs"))
+    found = _run_all(labels, log, store, arguments)
     with files.complete_folder(arguments.out) as folder:
         write_figures(folder / "soak.json", found)
         (folder / "soak.md").write_text(as_markdown(found), encoding="utf-8")
@@ -105,40 +110,30 @@ def _simulated(arguments: argparse.Namespace) -> ScanLog:
 
 
 def _run_all(
-    labels: list[str], log: ScanLog | None, arguments: argparse.Namespace
+    labels: list[str], log: ScanLog | None, store: Store, arguments: argparse.Namespace
 ) -> dict[str, Any]:
-    """Every run in a process of its own: its memory is its own."""
+    """Every run in a process of its own, as its memory is; those in the store are done already."""
     from bench.run import soaking, timing
-    from bench.run.pool import finished
+    from bench.run.local import LocalWorkers
+    from bench.run.work import run_all
     from slams.summary import versions
 
-    tasks: dict[tuple[str, str], Any] = {}
-    for label in labels:
-        if log is not None:
-            tasks["way", label] = soaking.way, (label, log)
-        if arguments.rest:
-            tasks["rest", label] = soaking.rest, (label, arguments.rest)
-    work = finished(tasks, arguments.jobs)
+    machine = timing.machine() | {"processes": arguments.jobs}
+    tasks = soaking.tasks(labels, log, arguments.rest, machine)
+    keys = {task: key for key, task in tasks.items()}
+    store.tell_kept(PROGRAM, {task.key for task in keys}, arguments.quiet)
+    work = run_all(keys, store, LocalWorkers(arguments.jobs, fresh=True))
     shown = cli.progress(work, len(tasks), "soaking", arguments.quiet, unit="run")
-    found = {key: _rows(key[1], future) for key, future in shown}
+    found = {keys[task]: {"algorithm": keys[task][1]} | row for task, row in shown}
     return {
         "format": FORMAT,
         "way": [found["way", label] for label in labels if ("way", label) in found],
         "rest": [found["rest", label] for label in labels if ("rest", label) in found],
         "failed": sum("failed" in row for row in found.values()),
         "log": None if log is None else log.name,
-        "machine": timing.machine() | {"processes": arguments.jobs},
+        "machine": machine,
         "versions": versions(),
     }
-
-
-def _rows(label: str, future: Any) -> dict[str, Any]:
-    """The figures of a run; one that failed has the reason instead."""
-    error = future.exception()
-    if error is not None:
-        return {"algorithm": label, "failed": f"{type(error).__name__}: {cli.sentence(error)}"}
-    row: dict[str, Any] = future.result()
-    return row
 
 
 if __name__ == "__main__":

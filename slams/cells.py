@@ -133,7 +133,8 @@ class Room:
         return below, left
 
     def _cut(self, low: float, high: float, first: int, n: int) -> tuple[int, int]:
-        begin, end = math.floor(low / self._cell) - first, math.ceil(high / self._cell) - first
+        begin = math.floor(low / self._cell) - first
+        end = max(math.ceil(high / self._cell) - first, begin + 1)  # a point is in a cell, too
         return min(max(begin, 0), n), min(max(end, 0), n)
 
     def _missing(self, low: float, high: float, first: int, n: int) -> tuple[int, int]:

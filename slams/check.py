@@ -162,8 +162,9 @@ def _stays_finite(entry: Entry) -> None:
         **{k: [scan] for k, scan in odd.items()},
         "all": list(odd.values()),
     }.items():
-        for stream in ([*good, *scans, *good], [*scans, *good]):
-            _expect_finite(entry, stream, f"{kind} {'later' if stream[0] is good[0] else 'first'}")
+        streams = {"later": [*good, *scans, *good], "first": [*scans, *good], "alone": scans}
+        for when, stream in streams.items():
+            _expect_finite(entry, stream, f"{kind} {when}")
 
 
 def _expect_finite(entry: Entry, scans: list[Scan], kind: str) -> None:
@@ -179,7 +180,9 @@ def _expect_finite(entry: Entry, scans: list[Scan], kind: str) -> None:
             raise BrokenContractError(f"{_raised(error)} [scans: {kind}]") from error
         _expect(all(map(math.isfinite, pose)), f"the pose is {pose} [scans: {kind}]")
         _expect_confidence(slam, kind)
-    _expect(isinstance(slam.map(), OccupancyGrid), f"map() is no OccupancyGrid [scans: {kind}]")
+    grid = slam.map()
+    _expect(isinstance(grid, OccupancyGrid), f"map() is no OccupancyGrid [scans: {kind}]")
+    _expect(grid.p.size > 0, f"map() has no cell [scans: {kind}]")
 
 
 def _expect_confidence(slam: Slam, kind: str) -> None:

@@ -239,7 +239,7 @@ def _laser(data: dict[str, Any], n_beams: int) -> Laser:
 def _meta(data: dict[str, Any]) -> dict[str, Any]:
     try:
         meta = json.loads(str(data.get("meta", "{}")))
-    except json.JSONDecodeError:
+    except (json.JSONDecodeError, RecursionError):
         meta = None
     expect(isinstance(meta, dict), "meta", "other text", "a JSON object")
     return dict(meta)

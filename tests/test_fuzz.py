@@ -5,7 +5,15 @@ import pytest
 from tests.fuzz.campaign import one, run
 
 CASES = {"npz": 900, "live": 700, "bag": 400}
-KEPT = [("npz", 153), ("live", 81), ("live", 86)]  # these once broke a property
+EACH = 12  # pushes into each algorithm
+KEPT = [  # these once broke a property
+    ("npz", 153, "odometry"),
+    ("live", 81, "odometry"),
+    ("live", 86, "odometry"),
+    ("live", 37, "hector"),
+    ("live", 40, "crsm"),
+    ("live", 114, "crsm"),
+]
 
 
 @pytest.mark.parametrize("family", CASES)
@@ -15,6 +23,13 @@ def test_wrong_numbers_are_survived_or_refused(family):
     assert 0 < taken < CASES[family]
 
 
-@pytest.mark.parametrize(("family", "case"), KEPT)
-def test_what_once_broke(family, case):
-    one(family, case)
+@pytest.mark.parametrize("algorithm", ["hector", "tsd", "crsm", "gmapping"])
+def test_an_algorithm_survives_wrong_pushes(algorithm):
+    taken, broken = run("live", EACH, algorithm, first=CASES["live"])
+    assert broken == []
+    assert taken > 0
+
+
+@pytest.mark.parametrize(("family", "case", "algorithm"), KEPT)
+def test_what_once_broke(family, case, algorithm):
+    one(family, case, algorithm)

@@ -30,6 +30,7 @@ WAY = {
     "memory_mb": "memory [MB]",
     "seen_m2": "seen [m2]",
     "map_ms": "map [ms]",
+    "hold_ms": "held for it [ms]",
     "ate_m": "ATE [m]",
 }
 
@@ -65,7 +66,9 @@ def _table(rows: list[dict[str, Any]], columns: dict[str, str]) -> pd.DataFrame:
     return pd.DataFrame.from_dict(lines, orient="index", columns=list(columns.values()))
 
 
-def _rounded(value: float) -> str:
+def _rounded(value: float | None) -> str:
+    if value is None:
+        return "-"
     return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
 
 

@@ -116,7 +116,7 @@ def read_figures(path: str | Path, expected: str | None = None) -> Line:
     """
     try:
         found = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"{path}: damaged ({error}); run it again") from error
     if not isinstance(found, dict):
         raise ValueError(f"{path}: got {type(found).__name__}, expected an object of results")

@@ -12,7 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from bench.run.code import package_of, sources_with
 from bench.run.timing import resident_mb
+from bench.run.trial import content_of
+from bench.run.work import Result, Task
 from slams.metrics import ate
 from slams.player import WARM_UP_SCANS, warm_up
 from slams.registry import find
@@ -23,10 +26,12 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Slam
 
+HERE = "bench.run.soaking"
 BEAMS, PERIOD, NOISE = 360, 0.1, 0.01  # [1, s, m] of the laser at rest
 SAMPLE = 50  # scans between two looks at the memory
 EARLY = 500.0  # [m] of the way with which its end is compared
 STRETCH = 100.0  # [m] over which the time per scan is averaged
+HOLDS = 3  # maps for which a live run is held
 SHARE = 0.1  # of the scans at rest, the same
 
 
@@ -36,6 +41,37 @@ class Timed(NamedTuple):
     seconds: Floats
     poses: Floats
     resident: Floats
+
+
+def tasks(
+    labels: list[str], log: ScanLog | None, scans: int, machine: dict[str, Any]
+) -> dict[tuple[str, str], Task]:
+    """What there is to run: the way and the scans at rest of each algorithm.
+
+    What a run costs is part of its result here, so the machine is part of its name.
+    """
+    found = {}
+    content = None if log is None else content_of(log)
+    for label in labels:
+        packages = sources_with(package_of(find(label).cls))
+        what = {"algorithm": label, "machine": machine}
+        if log is not None:
+            where = {"given": log}
+            function = f"{HERE}:way_run"
+            found["way", label] = Task(function, what | {"log": content}, packages, where)
+        if scans:
+            found["rest", label] = Task(f"{HERE}:rest_run", what | {"scans": scans}, packages)
+    return found
+
+
+def rest_run(algorithm: str, scans: int, **_: Any) -> Result:
+    """Do a task of scans at rest."""
+    return Result(rest(algorithm, scans))
+
+
+def way_run(algorithm: str, given: ScanLog, **_: Any) -> Result:
+    """Do a task of a way."""
+    return Result(way(algorithm, given))
 
 
 def rest(label: str, scans: int) -> dict[str, Any]:
@@ -73,6 +109,7 @@ def way(label: str, log: ScanLog) -> dict[str, Any]:
     slam = _warm(label, log.select(WARM_UP_SCANS))
     run = timed(slam, log, len(log))
     grid, drawing = _drawn(slam)
+    holding = _held(slam, len(log))
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(truth[:, :2], axis=0).T))])
     seen = float(np.isfinite(grid.p).sum()) * grid.resolution**2
     return {
@@ -87,6 +124,7 @@ def way(label: str, log: ScanLog) -> dict[str, Any]:
         "memory_mb": float(run.resident.max()),
         "seen_m2": seen,
         "map_ms": 1e3 * drawing,
+        "hold_ms": 1e3 * holding,
         "ate_m": ate(run.poses, truth),
         "report": slam.report(),
     }
@@ -119,6 +157,29 @@ def _warm(label: str, scans: Iterable[Scan]) -> Slam:
     params = entry.params()
     warm_up(entry.cls, params, scans)
     return entry.cls(params)
+
+
+class Stopwatch:
+    """A lock that only tells for how long it was held at most, in CPU time [s]."""
+
+    def __init__(self) -> None:
+        self.longest = self._begun = 0.0
+
+    def __enter__(self) -> None:
+        self._begun = time.process_time()
+
+    def __exit__(self, *_: object) -> None:
+        self.longest = max(self.longest, time.process_time() - self._begun)
+
+
+def _held(slam: Slam, scans: int) -> float:
+    """For how long [s] a `LiveSlam` at the end of its way would hold scans for a map, at most."""
+    from slams.live.drawing import Drawer
+
+    drawer, lock = Drawer(), Stopwatch()
+    for _ in range(HOLDS):
+        drawer.draw(slam, lock, scans)
+    return lock.longest
 
 
 def _drawn(slam: Slam) -> tuple[OccupancyGrid, float]:

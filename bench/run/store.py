@@ -6,8 +6,9 @@ import hashlib
 import json
 import os
 import platform
+import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -93,6 +94,15 @@ class Store:
     def missing(self, keys: Iterable[str]) -> list[str]:
         """Those of the names that have no result yet."""
         return [key for key in keys if self.read(key) is None]
+
+    def tell_kept(self, program: str, keys: Collection[str], quiet: bool) -> None:
+        """Say, unless quiet, how many of some results need not be made, and how to make them."""
+        there = len(keys) - len(self.missing(keys))
+        if there and not quiet:
+            sys.stderr.write(
+                f"{program}: {there} of {len(keys)} runs are kept from before, costs too; "
+                f"delete {self.folder} to measure them again\n"
+            )
 
     def _put(self, path: Path, key: str, value: Any) -> None:
         text = canonical(_signed(key, plain(value))) + "\n"

@@ -3,65 +3,61 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable
-from typing import Protocol, TypeVar, runtime_checkable
+from contextlib import AbstractContextManager
+from typing import Any, TypeVar
 
 from slams.live import snapshot
+from slams.live.snapshot import Snapshot, sketch
 from slams.types import OccupancyGrid, Slam
 
 T = TypeVar("T")
+Lock = AbstractContextManager[Any]
 
 LONG = 0.005  # [s] that a scan may well be held for a map
-
-
-@runtime_checkable
-class Sketched(Protocol):
-    """An algorithm that can say quickly what its map is to be drawn from."""
-
-    def sketch(self) -> Callable[[], OccupancyGrid]:
-        """What draws the map as it stands now, in any thread, while updates go on."""
-        ...
 
 
 class Drawer:
     """Draws maps of one algorithm that other threads update under a lock.
 
-    The lock is held for the sketch, where the algorithm has one; else for the drawing; or, where
-    that is long, for a `Snapshot` of the process, where the system has such. `held` [s] is for how
-    long the lock was held last.
-
-    Args:
-        large: whether the first map may be a large one already.
+    The lock is held for the sketch, where the algorithm has one, else for the drawing; or, where
+    that may be long, for a `Snapshot` of the process, where the system has such. How long it takes
+    is not known before a copy of the process has tried it, and it may grow as the number of scans
+    does. `held` [s] is for how long the lock was held last.
     """
 
-    def __init__(self, large: bool = False) -> None:
+    def __init__(self) -> None:
         self.held = 0.0
-        self._in_place = math.inf if large else 0.0  # what they took last
+        self._spent = 0.0  # [s] of CPU: what else the machine does is no reason to draw otherwise
+        self._in_place = math.inf  # of that, what each took last
         self._by_snapshot = 0.0 if snapshot.AT_HAND else math.inf
+        self._at = 1  # scans, when that was
 
-    def draw(self, slam: Slam, lock: threading.RLock) -> OccupancyGrid:
-        """The map as it stands when the lock is taken."""
-        if isinstance(slam, Sketched):
-            return self._timed(lock, slam.sketch)()
-        if self._in_place > max(LONG, self._by_snapshot):
+    def draw(self, slam: Slam, lock: Lock, scans: int) -> OccupancyGrid:
+        """The map as it stands when the lock is taken, after so many scans."""
+        expected = self._in_place * max(scans / self._at, 1.0)
+        self._at = max(scans, 1)
+        if expected > max(LONG, self._by_snapshot):
             try:
                 return self._apart(slam, lock)
             except OSError:  # no room for another process: not tried again
                 self._by_snapshot = math.inf
-        grid = self._timed(lock, slam.map)
-        self._in_place = self.held
+        draw = self._timed(lock, lambda: sketch(slam))
+        self._in_place = self._spent
+        return draw()
+
+    def _apart(self, slam: Slam, lock: Lock) -> OccupancyGrid:
+        taken = self._timed(lock, lambda: Snapshot(slam))
+        self._by_snapshot = self._spent
+        grid = taken.map()
+        self._in_place = taken.seconds
         return grid
 
-    def _apart(self, slam: Slam, lock: threading.RLock) -> OccupancyGrid:
-        taken = self._timed(lock, lambda: snapshot.Snapshot(slam))
-        self._by_snapshot = self.held
-        return taken.map()
-
-    def _timed(self, lock: threading.RLock, work: Callable[[], T]) -> T:
+    def _timed(self, lock: Lock, work: Callable[[], T]) -> T:
         with lock:
-            start = time.perf_counter()
+            start, spent = time.perf_counter(), time.thread_time()
             done = work()
             self.held = time.perf_counter() - start
+            self._spent = time.thread_time() - spent
         return done

@@ -106,7 +106,7 @@ class LiveSlam:
             self._slam, self.seam = slam, seam
             self._confidence = Confidence()
             self._confidence.state(slam)  # what it counted before is not of the next scan
-            self._drawer = Drawer(large=not math.isnan(seam.t))
+            self._drawer = Drawer()
             self._yaw = Heading(seam.heading)
             self._scan: Scan | None = None
             self._last: Estimate | None = None
@@ -219,7 +219,7 @@ class LiveSlam:
 
     def map(self) -> OccupancyGrid:
         """The map as it stands now; drawn when asked for, and pushes wait as little as can be."""
-        return self._drawer.draw(self._slam, self._lock)
+        return self._drawer.draw(self._slam, self._lock, self._counts["scans"])
 
     def save(self, path: str | Path, **beside: Any) -> None:
         """Keep all that is known in one file, whole or not at all, to go on from by `state=`.

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection, Pipe
-from typing import NoReturn
+from typing import NoReturn, Protocol, runtime_checkable
 
 from slams.types import OccupancyGrid, Slam
 
@@ -21,14 +23,34 @@ POLITE = 10  # niceness of the copy: scans come first
 LONGEST = 60.0  # [s] that a map may take
 
 
+@runtime_checkable
+class Sketched(Protocol):
+    """An algorithm that can say quickly what its map is to be drawn from."""
+
+    def sketch(self) -> Callable[[], OccupancyGrid]:
+        """What draws the map as it stands now, in any thread, while updates go on."""
+        ...
+
+
+def sketch(slam: Slam) -> Callable[[], OccupancyGrid]:
+    """What draws the map as it stands now; where the algorithm has no such, the map is drawn."""
+    if isinstance(slam, Sketched):
+        return slam.sketch()
+    grid = slam.map()
+    return lambda: grid
+
+
 class Snapshot:
     """An algorithm as it stands now, to draw from.
+
+    `seconds` is the CPU time that its sketch took, once there is a map.
 
     Raises:
         OSError: the system has no room for another process.
     """
 
     def __init__(self, slam: Slam) -> None:
+        self.seconds = 0.0
         self._maps, sending = Pipe(duplex=False)
         with sending, warnings.catch_warnings():
             # of threads that the copy does not have: it only draws
@@ -54,7 +76,8 @@ class Snapshot:
             self._end()
         if isinstance(drawn, str):
             raise RuntimeError(drawn)
-        return OccupancyGrid(*drawn)
+        *grid, self.seconds = drawn
+        return OccupancyGrid(*grid)
 
     def _end(self) -> None:
         self._maps.close()
@@ -68,8 +91,11 @@ def _draw(slam: Slam, sending: Connection) -> NoReturn:
     try:
         os.nice(POLITE)
         try:
-            grid = slam.map()
-            sending.send((grid.p, grid.resolution, grid.origin))
+            begun = time.process_time()
+            draw = sketch(slam)
+            seconds = time.process_time() - begun
+            grid = draw()
+            sending.send((grid.p, grid.resolution, grid.origin, seconds))
         except Exception as error:  # whatever it is, the node is to tell it
             sending.send(f"{type(error).__name__}: {error}")
     finally:

@@ -6,6 +6,8 @@ import math
 
 from slams.motion.chord import Chord
 
+SHORTEST = 1e-6  # s; a shorter interval is none
+BREAK = 3600.0  # s; after a longer one no more is unknown, and sums of variances stay exact
 LONGEST = 10.0  # usual intervals; a longer one is a break, however ragged the stamps
 BETTER = 0.8  # times the error by stamps, below which the usual interval predicts better
 MEMORY = 5.0  # s, of both errors
@@ -34,8 +36,9 @@ class Clock:
 
     def elapsed(self, stamped: float) -> float:
         """Time to reckon with, for an interval by the stamps; never negative."""
-        if not math.isfinite(stamped):
+        if not math.isfinite(stamped) or abs(stamped) < SHORTEST:
             stamped = 0.0
+        stamped = min(stamped, BREAK)
         self._scans += 1
         share = max(1.0 / self._scans, 1.0 - math.exp(-self.usual / USUAL))
         usual = self.usual = max(self.usual + share * (stamped - self.usual), 0.0)

@@ -22,6 +22,8 @@ from tests.rooms import drive
 
 LONG = 60.0  # s, for what happens in moments on a machine with nothing else to do
 
+SOAKED = ("--algorithms", "odometry", "hector")
+
 PLUGIN = """
 import time
 from pathlib import Path
@@ -123,6 +125,7 @@ def test_a_comparison_that_was_ended_goes_on_where_it_was(tmp_path):
     [
         ["bench.ranking", "--arenas", "4", "--duration", "3600", "--jobs", "2", "--out", "out"],
         ["bench.sweep", "--duration", "14400", "--seeds", "1", "--jobs", "2", "--out", "out"],
+        ["bench.soak", *SOAKED, "--rest", "100000000", "--length", "0", "--out", "out"],
         ["bench.simulate", "log.npz", "--duration", "14400"],
     ],
     ids=lambda words: words[0],

@@ -1,6 +1,7 @@
 """The soak, scaled down: figures of long runs, and the command."""
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from bench import soak
 from bench.report.soak_tables import as_markdown
 from bench.run import soaking
 from slams.baselines import Odometry
+from slams.live import snapshot
 from slams.registry import find
 from tests.rooms import drive
 
@@ -56,7 +58,25 @@ def test_a_way_has_its_error_its_area_and_its_memory():
     assert found["seen_m2"] == pytest.approx(np.isfinite(grid.p).sum() * grid.resolution**2)
     assert 0.0 < found["ate_m"] < 0.1
     assert found["early_ms"] > 0.0 < found["late_ms"]
+    assert found["hold_ms"] > 0.0
     assert found["scans"] == 60
+
+
+class SlowMap(Odometry):
+    """Its map takes a tenth of a second."""
+
+    def map(self):
+        end = time.process_time() + 0.1
+        while time.process_time() < end:
+            pass
+        return super().map()
+
+
+@pytest.mark.skipif(not snapshot.AT_HAND, reason="no fork on this system")
+def test_a_map_that_takes_long_holds_a_live_run_for_less():
+    found = soaking.way("tests.bench.test_soak:SlowMap", drive(n=60))
+    assert found["map_ms"] > 99.0
+    assert 0.0 < found["hold_ms"] < 50.0
 
 
 def test_the_command_prints_and_writes_a_tiny_soak(tmp_path, capsys):
@@ -74,6 +94,19 @@ def test_the_command_prints_and_writes_a_tiny_soak(tmp_path, capsys):
     assert found["way"][0]["way_m"] == pytest.approx(3.0, abs=0.5)
     assert (tmp_path / "out" / "soak.md").read_text() == as_markdown(found)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out"]
+
+
+def test_what_was_done_is_not_done_again(tmp_path, capsys):
+    words = ["--algorithms", "odometry", "--rest", "150", "--length", "0", "--jobs", "1"]
+    words += ["--out", str(tmp_path / "out")]
+    assert soak.main(words) == 0
+    first = (tmp_path / "out" / "soak.json").read_bytes()
+    assert "kept" not in capsys.readouterr().err
+    assert soak.main(words) == 0
+    assert (tmp_path / "out" / "soak.json").read_bytes() == first
+    assert "1 of 1 runs are kept from before" in capsys.readouterr().err
+    assert soak.main([*words, "--rest", "151"]) == 0
+    assert "kept" not in capsys.readouterr().err
 
 
 def test_a_run_that_fails_is_told_and_the_others_count(tmp_path, capsys):

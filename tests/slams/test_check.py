@@ -132,6 +132,19 @@ class NoMap(Good):
         return OccupancyGrid(np.zeros((0, 0), np.float32), 0.1, (0.0, 0.0))
 
 
+class NoMapOfNothing(Good):
+    """It has one of what was seen."""
+
+    seen = False
+
+    def update(self, scan):
+        self.seen = self.seen or bool(np.isfinite(scan.ranges).any())
+        return super().update(scan)
+
+    def map(self):
+        return super().map() if self.seen else NoMap.map(self)
+
+
 class DoubleMap(Good):
     def map(self):
         return OccupancyGrid(np.zeros((2, 2)), 0.1, (-0.1, -0.1))
@@ -186,6 +199,7 @@ def test_a_good_one_passes():
         (MapInPercent, "9", "map().p is not in 0..1"),
         (DoubleMap, "9", "map().p is float64"),
         (NoMap, "9", "map().p is float32 (0, 0), expected float32 (ny, nx) with cells"),
+        (NoMapOfNothing, "2", "map() has no cell [scans: nothing but inf alone]"),
     ],
 )
 def test_each_clause_finds_what_breaks_it(cls, number, sentence):

@@ -67,6 +67,12 @@ def test_an_array_that_claims_another_size_than_it_has(shape, log):
     refused(slams.load, log)
 
 
+def test_a_text_that_is_nested_deep(log):
+    deep = np.array(100_000 * "[" + 100_000 * "]")
+    replace_member(log, "meta.npy", [header((), f"<U{200_000}"), deep.tobytes()])
+    assert "meta: got other text, expected a JSON object" in refused(slams.load, log)
+
+
 def test_a_text_that_claims_a_hundred_gigabytes(log):
     replace_member(log, "meta.npy", [header((), "<U25000000000"), bytes(100)])
     refused(slams.load, log)

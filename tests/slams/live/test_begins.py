@@ -148,9 +148,6 @@ def test_what_was_lost_before_is_not_lost_now(monkeypatch):
     live = LiveSlam("odometry", warm_up=False)
     live._begin(Counted(live.params), Seam())
     assert live.push_scan(scan_at((0.0, 0.0, 0.0))).state == "matched"
-    assert live._drawer._in_place == 0.0
-    live._begin(Counted(live.params), Seam(5.0))
-    assert live._drawer._in_place == np.inf  # the map of a state may be a large one
 
 
 def test_what_stands_beside_a_state_of_others_is_left_alone():

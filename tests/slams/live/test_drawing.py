@@ -42,7 +42,8 @@ class Sketches(Waits):
 def test_a_scan_goes_on_while_a_map_is_drawn(kind):
     live = LiveSlam(ODOMETRY, warm_up=False)
     live._slam = kind(live.params)
-    live._drawer._in_place = 1.0  # as if drawing had held scans for a second
+    if kind is Sketches:
+        live._drawer._in_place = 0.0  # as if its sketch took no time
     grids = []
     thread = threading.Thread(target=lambda: grids.append(live.map()))
     thread.start()
@@ -60,44 +61,89 @@ def test_a_scan_goes_on_while_a_map_is_drawn(kind):
         os.close(end)
 
 
+class Clocked:
+    """A map and a copy of the process that take as long as is said, on a clock of their own."""
+
+    def __init__(self, monkeypatch, map_time, apart_time):
+        self.done, self.now = [], 0.0
+        self.map_time, self.apart_time = map_time, apart_time
+        self.drawer, self.lock = Drawer(), threading.RLock()
+        monkeypatch.setattr("slams.live.drawing.Snapshot", self.copied)
+        monkeypatch.setattr(snapshot, "AT_HAND", True)
+        for clock in ("perf_counter", "thread_time"):
+            monkeypatch.setattr(f"slams.live.drawing.time.{clock}", lambda: self.now)
+
+    def map(self):
+        self.done.append("map")
+        self.now += self.map_time
+        return GRID
+
+    def copied(self, slam):
+        self.done.append("apart")
+        self.now += self.apart_time
+        return Copied(self.map_time)
+
+    def drawn(self, *scans):
+        """How maps are drawn after so many scans each."""
+        del self.done[:]
+        for n in scans:
+            self.drawer.draw(self, self.lock, n)
+        return self.done
+
+
+class LongSketch(Sketches):
+    """It copies a lot."""
+
+    def sketch(self):
+        end = time.thread_time() + 0.05
+        while time.thread_time() < end:
+            pass
+        return lambda: GRID
+
+
+@needs_fork
+def test_a_sketch_that_takes_long_is_made_by_a_copy_of_the_process():
+    live = LiveSlam(ODOMETRY, warm_up=False)
+    live._slam = LongSketch(live.params)
+    spent = []
+    for _ in range(3):
+        assert live.map().p.shape == GRID.p.shape
+        spent.append(live._drawer._spent)
+    assert max(spent) < 0.05 <= live._drawer._in_place
+
+
+class Copied:
+    """Nobody waits for what it does."""
+
+    def __init__(self, seconds):
+        self.seconds = seconds
+
+    def map(self):
+        return GRID
+
+
 def test_what_takes_less_time_is_done(monkeypatch):
-    done, clock, times = [], [0.0], {"map": 0.001, "apart": 0.008}
+    run = Clocked(monkeypatch, map_time=0.001, apart_time=0.008)
+    # how long a map takes is not known at first, and one that is drawn at once needs no process
+    assert run.drawn(100, 101, 102) == ["apart", "map", "map"]
+    run.map_time = 0.01
+    assert run.drawn(103, 104, 105) == ["map", "apart", "apart"]
+    assert run.drawer.held == pytest.approx(0.008)
+    run.apart_time = 0.02  # the process has grown
+    assert run.drawn(106, 107, 108) == ["apart", "map", "map"]
+    assert run.drawer.held == pytest.approx(0.01)
 
-    class Slam:
-        def map(self):
-            done.append("map")
-            clock[0] += times["map"]
-            return GRID
 
-    class Snapshot:
-        def __init__(self, slam):
-            done.append("apart")
-            clock[0] += times["apart"]
-
-        def map(self):
-            clock[0] += 5.0  # in which nobody waits
-            return GRID
-
-    monkeypatch.setattr(snapshot, "Snapshot", Snapshot)
-    monkeypatch.setattr(snapshot, "AT_HAND", True)
-    monkeypatch.setattr("slams.live.drawing.time.perf_counter", lambda: clock[0])
-    drawer, lock, slam = Drawer(), threading.RLock(), Slam()
-    for _ in range(3):
-        drawer.draw(slam, lock)
-    assert done == ["map"] * 3  # a map that is drawn at once needs no process
-    times["map"] = 0.01
-    for _ in range(3):
-        drawer.draw(slam, lock)
-    assert done[3:] == ["map", "apart", "apart"]
-    assert drawer.held == pytest.approx(0.008)
-    times["apart"] = 0.02  # the process has grown
-    for _ in range(3):
-        drawer.draw(slam, lock)
-    assert done[6:] == ["apart", "map", "map"]
-    assert drawer.held == pytest.approx(0.01)
-    del done[:]
-    Drawer(large=True).draw(slam, lock)  # as after a state
-    assert done == ["apart"]
+def test_a_map_that_may_have_grown_holds_no_scan(monkeypatch):
+    """The first one is asked for after hours, or the next one after a long way."""
+    run = Clocked(monkeypatch, map_time=0.9, apart_time=0.008)
+    assert run.drawn(16_000) == ["apart"]
+    assert run.drawer.held == pytest.approx(0.008)
+    run = Clocked(monkeypatch, map_time=0.001, apart_time=0.008)
+    assert run.drawn(100, 110) == ["apart", "map"]
+    run.map_time = 0.9
+    assert run.drawn(16_000, 16_010) == ["apart", "apart"]
+    assert run.drawer.held == pytest.approx(0.008)
 
 
 @needs_fork
@@ -110,6 +156,7 @@ def test_a_snapshot_is_the_map_of_then():
         slam.update(scan)
     drawn = taken.map()
     assert np.array_equal(drawn.p, before.p, equal_nan=True)
+    assert taken.seconds > 0.0
     assert (drawn.resolution, drawn.origin) == (before.resolution, before.origin)
     assert not np.array_equal(drawn.p, slam.map().p, equal_nan=True)
     with pytest.raises(ChildProcessError):
@@ -130,7 +177,6 @@ HERE = os.getpid()
 def test_a_process_that_is_ended_is_done_without():
     live = LiveSlam(ODOMETRY, warm_up=False)
     live._slam = Fails(live.params)
-    live._drawer._in_place = 1.0
     assert live.map() is GRID  # drawn here
     assert live._drawer._by_snapshot == np.inf
 

@@ -560,3 +560,13 @@ def test_an_interval_is_singers_model(dt):
     got = [axis.xx, axis.xv, axis.xa, axis.vv, axis.va, axis.aa]
     assert got == pytest.approx(expected[np.triu_indices(3)], rel=0.01)
     assert (axis.x, axis.v, axis.a) == pytest.approx(phi @ [0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize("dt", [5e-324, 1e-310, 1e-160, 1e-12])
+def test_an_interval_that_is_as_good_as_none_counts_as_none(dt):
+    motion, blind = Motion(), np.diag([math.inf, math.inf, 1e-6])
+    still = Pose2(0.0, 0.0, 0.0)
+    for t in (0.0, dt, 0.1):
+        said = motion.predict(still, stamped(t, still))
+        assert np.isfinite(said.pose).all() and np.isfinite(said.variance).all()
+        motion.moved(still, blind, stamped(t, still))

@@ -126,3 +126,15 @@ def test_a_prior_has_the_tails_of_students_law(deviations):
     assert out == pytest.approx(w * prior)
     assert b == pytest.approx([w * 4.0 * off.x, 0.0, 0.0])
     assert off != IDENTITY
+
+
+@pytest.mark.parametrize("years", [0.0, 0.3, 54.0])
+def test_a_covariance_stays_one_after_a_break_of_years(years):
+    """A scan of one wall, whose information is not quite singular, as sums are rounded."""
+    track, wall = driven(ROOM, wheels=False), np.diag([-3e-14, 10.0, 400.0])
+    later = Scan(3.0 + years * 3e7, *BEAM)
+    track.predict(later)
+    track.matched(track._prediction.pose, wall, later)
+    assert np.linalg.eigvalsh(track.covariance).min() > 0.0
+    track.predict(Scan(later.t + 0.1, *BEAM))
+    assert np.linalg.eigvalsh(track.expected).min() > 0.0
