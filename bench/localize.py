@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from slams import cli
 
 if TYPE_CHECKING:
+    from bench.judge.mapped import Mapped
     from bench.sim.world import World
     from slams.localize.source import Prepared
     from slams.scanlog import ScanLog
-    from slams.types import OccupancyGrid, Pose2
+    from slams.types import OccupancyGrid
 
 PROGRAM = "bench.localize"
 FORMAT = "localize-1"
@@ -44,7 +45,8 @@ def parser() -> argparse.ArgumentParser:
     p = cli.Parser(
         prog=f"python -m {PROGRAM}",
         description="Localize in simulated arenas: a second drive in the map of a first one, in "
-        f"the arena's floor plan of {PLAN:g} m, and single scans found from nothing.",
+        "a map of the first one's scans at their true poses, in the arena's floor plan of "
+        f"{PLAN:g} m, and single scans found from nothing.",
         epilog="Writes localize.json.",
     )
     usual = ["hector", "tsd"]
@@ -166,35 +168,34 @@ def _searched(place: Place, n: int) -> Iterator[dict[str, Any]]:
 
 
 def _driven(place: Place, label: str) -> Iterator[dict[str, Any]]:
-    """The second drive, in the algorithm's own map of the first one and in the floor plan."""
+    """The second drive, in two maps that the algorithm made of the first, and in the floor plan."""
+    from bench.judge.mapped import Mapped, own_map, true_map
     from slams.localize import prepare
     from slams.localize.source import Given
-    from slams.player import replay
-    from slams.registry import find, label_of
-    from slams.types import IDENTITY, Pose2
+    from slams.registry import find
+    from slams.types import IDENTITY
 
     entry = find(label)
-    slam, log = entry.cls(entry.params()), place.second
-    replay(slam, place.first)
-    began = place.first.truth_at(place.first.t[:1])
-    assert began is not None
-    own = Given(slam.map(), slam, label_of(entry.cls))
-    for given, kind, frame in (
-        (own, "first drive", Pose2(*began[0])),
-        (Given(place.plan, None, ""), "floor plan", IDENTITY),
+    plan = Given(place.plan, None, "")
+    for made in (
+        own_map(place.first, entry),
+        true_map(place.first, entry),
+        Mapped("floor plan", plan, IDENTITY, IDENTITY, 0.0),
     ):
-        ready = prepare(entry, entry.params(), given)
-        row = {"place": place.name, "algorithm": label, "map": kind}
+        ready = prepare(entry, entry.params(), made.given)
+        row = {"place": place.name, "algorithm": label, "map": made.kind}
         try:
-            yield row | _figures(ready, log, frame) | {"bound_m": place.bound}
+            yield row | _figures(ready, place.second, made) | {"bound_m": place.bound}
         except RuntimeError as error:
             yield row | {"failed": cli.sentence(error)}
 
 
-def _figures(ready: Prepared, log: ScanLog, frame: Pose2) -> dict[str, float]:
+def _figures(ready: Prepared, log: ScanLog, made: Mapped) -> dict[str, float]:
     """Errors of the absolute pose [m]: where it was found, and once it has settled.
 
-    `aligned_m` without what the whole map is shifted and turned, which no localizer can know.
+    `framed_m` in the frame that all of the first drive has, `aligned_m` in the one that suits the
+    second drive best: no localizer can know what the whole map is shifted and turned. `map_m` is
+    the map's own error.
 
     Raises:
         RuntimeError: the place is not found.
@@ -204,20 +205,23 @@ def _figures(ready: Prepared, log: ScanLog, frame: Pose2) -> dict[str, float]:
     from slams.localize.source import find_start
     from slams.metrics import absolute_errors
     from slams.player import replay
-    from slams.types import Pose2
 
     start = find_start(ready.atlas, log)
     rest = log.from_scan(start.scan)
     run, truth = replay(ready.at(start.pose), rest), rest.truth_at(rest.t)
     assert truth is not None
-    poses = np.array([frame @ Pose2(*pose) for pose in run.poses])
-    errors = np.hypot(*(poses - truth)[:, :2].T)
+    errors, framed = (
+        np.hypot(*(frame.transform(run.poses[:, :2]) - truth[:, :2]).T)
+        for frame in (made.began, made.fitted)
+    )
     later = rest.t >= rest.t[0] + SETTLING
     return {
         "first_m": float(errors[0]),
         "mean_m": float(errors[later].mean()),
         "p95_m": float(np.percentile(errors[later], 95)),
-        "aligned_m": float(absolute_errors(poses[later], truth[later]).mean()),
+        "framed_m": float(framed[later].mean()),
+        "aligned_m": float(absolute_errors(run.poses[later], truth[later]).mean()),
+        "map_m": made.off,
     }
 
 
@@ -243,15 +247,18 @@ def _drive_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
         these = [row for row in rows if (row["algorithm"], row["map"]) == kind]
         good = [row for row in these if "failed" not in row]
         if good:
-            first, mean, p95, aligned, least = (
+            first, mean, p95, framed, aligned, least, off = (
                 1e3 * np.array([row[f"{name}_m"] for row in good])
-                for name in ("first", "mean", "p95", "aligned", "bound")
+                for name in ("first", "mean", "p95", "framed", "aligned", "bound", "map")
             )
             yield (
                 f"{kind[0]} in the {kind[1]}: mean {np.median(mean):.1f} mm in the median arena, "
-                f"{mean.max():.1f} in the worst, 95 % below {p95.max():.1f}; aligned "
-                f"{np.median(aligned):.1f} mm, the bound {np.median(least):.1f} mm; where it was "
-                f"found {np.median(first):.0f} mm; {len(good)} of {len(these)} arenas"
+                f"{mean.max():.1f} in the worst, 95 % below {p95.max():.1f}; in the frame of the "
+                f"whole drive {np.median(framed):.1f} mm ({framed.max():.1f}), aligned "
+                f"{np.median(aligned):.1f} ({aligned.max():.1f}), the map itself "
+                f"{np.median(off):.1f}, the bound {np.median(least):.2f}; "
+                f"{np.median(framed / least):.1f} times the bound; where it was found "
+                f"{np.median(first):.0f} mm; {len(good)} of {len(these)} arenas"
             )
         for row in these:
             if "failed" in row:

@@ -11,10 +11,13 @@ from slams.motion.track import Track
 from slams.patience import Patience
 from slams.types import OccupancyGrid, Pose2, Scan
 
-LOOKS = 3  # scans that a place is looked for with: it has to stand in two of them
-APART = 0.1  # s between two of them
+STAYS = 8.0  # s that a place is looked for, on the way: alike ones differ a bit farther on
+APART = 0.1  # s between two looks; a place has to stand in two of them
 FIRST, LONGEST = 0.5, 8.0  # s of rest after looking in vain, doubled each time
-EXPLAINED = 0.7  # evidence of a place: a wrong one is worse than none
+EXPLAINED = 0.8  # evidence of a place: a wrong one is worse than none
+SOON, EARLY = 0.6, 3.0  # the same in the first seconds [s]: the robot has hardly left the map
+REFUTED = 0.1  # share of beams through walls from which a place is wrong, however much is alike
+BETTER = 0.1  # evidence that another place has more, from which a match is in doubt
 
 
 class Relocator:
@@ -29,10 +32,12 @@ class Relocator:
         self.found = 0
         self._track, self._on = track, on
         self._atlas: Atlas | None = None
-        self._finder: Finder | None = None
         self._before: float | None = None
         self._patience = Patience(FIRST, LONGEST)
-        self._proves = False  # looks whether a match after a gap is right
+        self._lost = False
+        self._proves = False  # looks whether matches after a gap are right
+        self._finder: Finder | None = None
+        self._seconds = self._began = 0.0  # since the first lost scan; when it began to look
         self._finish()
 
     def update(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
@@ -44,29 +49,59 @@ class Relocator:
             self._finish()
             return
         self._patience.wait(dt)
-        if track.unproven and not self._proves:
-            self._finder, self._looks = None, 0
-            self._patience.again(0.0)
-        self._proves = track.unproven
-        if self._patience.over and len(ends_of(scan)) >= LEAST_VIEW:
+        self._seconds += dt if self._lost else 0.0
+        self._lost = True
+        if track.proving and not self._proves:
+            self._anew()
+        self._proves = track.proving
+        if len(ends_of(scan)) < LEAST_VIEW:
+            return
+        if track.unproven and self._refutes(scan, draw):
+            track.refuted()
+        if self._patience.over:
             self._look(scan, draw)
 
     def _finish(self) -> None:
-        self._atlas = self._finder = None
-        self._looks, self._proves = 0, False
+        self._atlas = None
+        self._seconds, self._lost, self._proves = 0.0, False, False
+        self._anew()
         self._patience.forget()
 
+    def _anew(self) -> None:
+        """Look anew, at once."""
+        self._finder = None
+        self._patience.again(0.0)
+
+    def _refutes(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> bool:
+        """Whether the map speaks against the place where the algorithm has matched the scan."""
+        atlas = self._chart(draw)
+        if atlas is None:
+            return False
+        here = atlas.look(scan, self._track.pose)
+        others = self._finder.candidates if self._finder else []
+        best = max((c.evidence for c in others if c.refuted < REFUTED), default=0.0)
+        return here.refuted >= REFUTED or here.evidence < best - BETTER
+
     def _look(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
-        finder = self._ready(draw)
-        found = finder.add(scan) if finder else None
-        self._looks += 1
-        if found and found.evidence >= EXPLAINED and (self._looks > 1 or self._agrees(found)):
+        atlas = self._chart(draw)
+        if atlas is None:
+            self._patience.tried()
+            return
+        first = self._finder is None
+        if self._finder is None:
+            self._finder, self._began = Finder(atlas), self._seconds
+        found = self._finder.add(scan)
+        if found and self._convinces(found) and (not first or self._agrees(found)):
             self._return(found, scan)
-        elif finder and self._looks < LOOKS and finder.candidates:
+        elif self._finder.candidates and self._seconds < self._began + STAYS:
             self._patience.again(APART)
         else:
-            self._finder, self._looks = None, 0
+            self._finder = None
             self._patience.tried()
+
+    def _convinces(self, found: Candidate) -> bool:
+        enough = SOON if self._seconds < EARLY else EXPLAINED
+        return found.evidence >= enough and found.refuted < REFUTED
 
     def _agrees(self, found: Candidate) -> bool:
         """Whether the algorithm has matched the scan there, too."""
@@ -81,13 +116,11 @@ class Relocator:
             self.found += 1
         self._finish()
 
-    def _ready(self, draw: Callable[[], OccupancyGrid]) -> Finder | None:
-        """A finder in the map as it was when the robot was lost; None if that is no floor yet."""
+    def _chart(self, draw: Callable[[], OccupancyGrid]) -> Atlas | None:
+        """The map as it was when the robot was lost; None if that is no floor yet."""
         if self._atlas is None:
             try:
                 self._atlas = Atlas(draw())
             except ValueError:
                 return None
-        if self._finder is None:
-            self._finder = Finder(self._atlas)
-        return self._finder
+        return self._atlas

@@ -159,3 +159,8 @@ class MotionParams(Params):
         source="ours: a wheel that spins does so for seconds",
         low=0.1,
     )
+
+
+def without_wheels(params: MotionParams) -> MotionParams:
+    """The same, but nothing says that it cannot go sideways: a laser alone may be carried."""
+    return params.replace(acceleration_aside=params.acceleration)

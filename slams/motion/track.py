@@ -13,8 +13,8 @@ import numpy as np
 from slams.geometry import FREEDOM, inverse3, widened
 from slams.motion.chord import FLOOR
 from slams.motion.model import Motion, Prediction
-from slams.motion.params import MotionParams
-from slams.motion.sight import CLEAR, sight
+from slams.motion.params import MotionParams, without_wheels
+from slams.motion.sight import CLEAR, evenness, sight
 from slams.motion.slip import SHIFTS, Leads, slip
 from slams.motion.trust import Limits
 from slams.types import IDENTITY, Floats, Pose2, Scan, State, wrap_angle
@@ -69,7 +69,7 @@ class Track:
     def predict(self, scan: Scan) -> Prediction:
         """What is known of the pose at `scan` before it is looked at."""
         if not self._begun and scan.odometry is None:
-            self.motion = Motion(_without_wheels(self._params), self.motion.counts)
+            self.motion = Motion(without_wheels(self._params), self.motion.counts)
         now = self._prediction = self.motion.predict(self.pose, scan)
         self._seconds += now.dt
         self._by_wheels &= "wheels" in now.used
@@ -227,13 +227,22 @@ class Track:
         return (self._missed or gap) and not self._sure(self.predicted)
 
     @property
+    def proving(self) -> bool:
+        """Whether the robot, matched again after a gap, may still be elsewhere."""
+        return self._unproven > 0.0
+
+    @property
     def unproven(self) -> bool:
-        """Whether the last scan matched, but after a gap: it may be elsewhere."""
-        return self._unproven > 0.0 and self._seconds == 0.0
+        """The same, and the last scan was matched."""
+        return self.proving and self._seconds == 0.0
 
     def proven(self) -> None:
         """The last match is right: the whole map has no better place."""
         self._unproven, self.state = 0.0, "matched"
+
+    def refuted(self) -> None:
+        """The last match, unproven, goes through walls: those before it prove nothing."""
+        self._unproven = LOST_AFTER
 
     def _learn(self, by_scan: Floats, alone: Floats) -> None:
         """Widen what is expected where matches, good to `alone` (3, 3), surprise too often.
@@ -259,7 +268,10 @@ class Track:
         overdue = self._seconds >= LOST_AFTER
         self.held = overdue and self._by_wheels and self._sure(self.predicted)
         self.adrift = False
-        self._call("lost" if overdue and not self.held else "predicted")
+        if self.proving:  # a match that does not stand, or none at all any more
+            self._unproven = 0.0 if overdue else LOST_AFTER
+        lost = (overdue or self.proving) and not self.held
+        self._call("lost" if lost else "predicted")
 
     def _call(self, state: State) -> None:
         self.state = state
@@ -285,15 +297,3 @@ def _with_the_same_error(before: Floats, step: Floats) -> Floats:
         return before
     share = math.sqrt(float(np.trace(step)) / float(np.trace(before)))
     return np.asarray((1.0 + share) * before + step / share)
-
-
-def _without_wheels(params: MotionParams) -> MotionParams:
-    """The same, but nothing says that it cannot go sideways: a laser alone may be carried."""
-    return params.replace(acceleration_aside=params.acceleration)
-
-
-def evenness(covariance: Floats) -> float:
-    """Ratio of the least to the largest variance of x and y, of a covariance (3, 3): 0 to 1."""
-    xx, xy, yy = covariance[0, 0], covariance[0, 1], covariance[1, 1]
-    half, spread = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
-    return float(max(half - spread, 0.0) / (half + spread))

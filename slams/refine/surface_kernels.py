@@ -130,6 +130,21 @@ def spread(surface: Surface, hits: Hits, gap: float, splat: Splat) -> None:
                 add_to_cell(surface, ix, iy, hits, splat)
 
 
+@njit(inner=True)
+def wall_behind(surface: Surface, x: float, y: float, nx: float, ny: float) -> bool:
+    """Whether one cell against the normal (nx, ny) of a hit at (x, y) [m] stands a wall.
+
+    ours: noise brings hits of a wall near its cell's border into the cell in front, which is mostly
+    seen free. Without them the line would be the mean of the farther hits, millimeters too far.
+    """
+    height, width = surface.seen.shape
+    scale = 1.0 / surface.resolution
+    length = math.sqrt(nx * nx + ny * ny)
+    ix = math.floor((x - surface.x0) * scale - nx / length + 0.5)
+    iy = math.floor((y - surface.y0) * scale - ny / length + 0.5)
+    return bool(0 <= ix < width and 0 <= iy < height and surface.seen[iy, ix] > 0.0)
+
+
 @njit
 def add_scan(
     surface: Surface, points: Points, normals: Points, n: int, pose: Pose2, splat: Splat
@@ -137,7 +152,7 @@ def add_scan(
     """Add every end point that has a normal; points (2, >= n), normals (3, >= n) in the base frame.
 
     ours: neighbors that fall into one cell with like normals are added together. What stands where
-    it was free most of the time is no wall.
+    it was free most of the time is no wall, unless the next cell behind it is one.
     """
     height, width = surface.slot.shape
     scale = 1.0 / surface.resolution
@@ -153,7 +168,9 @@ def add_scan(
         py = pose.y + s * points[0, i] + c * points[1, i]
         ix = math.floor((px - surface.x0) * scale + 0.5)
         iy = math.floor((py - surface.y0) * scale + 0.5)
-        if not (0 <= ix < width and 0 <= iy < height) or surface.seen[iy, ix] < 0.0:
+        if not (0 <= ix < width and 0 <= iy < height):
+            continue
+        if surface.seen[iy, ix] < 0.0 and not wall_behind(surface, px, py, bx, by):
             continue
         alike = nx * bx + ny * by > 0.9 * count
         if count > 0.0 and not (ix == cell_x and iy == cell_y and alike):

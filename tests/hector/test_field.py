@@ -124,6 +124,18 @@ def test_what_stands_where_it_was_free_is_no_wall():
     assert lines.used[0] > 0
 
 
+def test_a_wall_near_its_cells_border_is_not_pushed_away():
+    lines, border = surface(), 60 * CELL - 2.5 + 0.5 * CELL
+    lines.seen[:] = -1.0
+    lines.seen[:, 61] = 1.0  # the wall's cells; noise puts a third of the hits in front of them
+    x = border + np.array([-0.004, 0.004, 0.012] * 10)
+    hits = np.stack([x, np.linspace(-0.1, 0.1, 30)])
+    normals = np.stack([np.full(30, -1.0), np.zeros(30), np.zeros(30)])
+    surface_kernels.add_scan(lines, hits, normals, 30, IDENTITY, Splat(2, 0, 1e6, 1))
+    found = lines.lines[lines.slot[50, 61]]
+    assert -found[2] == pytest.approx(border + 0.004, abs=5e-4)
+
+
 def test_each_beam_says_whether_it_is_explained_contradicted_or_neither():
     lines, out = surface(), np.zeros(3)
     surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1))

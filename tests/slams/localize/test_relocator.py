@@ -101,7 +101,7 @@ def test_it_looks_ever_more_seldom_and_draws_the_map_once(monkeypatch):
     class Vain:
         candidates = ()
 
-        def __init__(self, atlas):
+        def __init__(self, *_):
             pass
 
         def add(self, scan):
@@ -111,6 +111,69 @@ def test_it_looks_ever_more_seldom_and_draws_the_map_once(monkeypatch):
     draw = Drawn()
     run(lost_track(), draw, [stamped(15 + k) for k in range(200)])
     assert looked == [0.0, 0.5, 1.5, 3.5, 7.5, 15.5] and draw.times == 1
+
+
+def matched_after_a_gap(pose):
+    """A track that a scan after a gap of 9 s has been matched at `pose` by; the next scan."""
+    track = Track(MotionParams())
+    for k in range(15):
+        scan = stamped(k)
+        track.predict(scan)
+        track.matched(Pose2(0.0, 0.0, 0.0), 1e6 * np.eye(3), scan)
+    scan = stamped(105)
+    track.predict(scan)
+    track.matched(pose, 1e6 * np.eye(3), scan)
+    assert track.state == "lost" and track.unproven
+    return track, scan
+
+
+def test_a_match_after_a_gap_that_does_not_stand_proves_nothing():
+    track, _ = matched_after_a_gap(Pose2(2.0, 1.0, 0.5))
+    for k in range(106, 130):  # every other scan is matched
+        scan = stamped(k)
+        track.predict(scan)
+        if k % 2:
+            track.matched(Pose2(2.0, 1.0, 0.5), 1e6 * np.eye(3), scan)
+        else:
+            track.missed(scan)
+        assert track.state == "lost" and track.proving
+    for k in range(130, 142):
+        scan = stamped(k)
+        track.predict(scan)
+        track.matched(Pose2(2.0, 1.0, 0.5), 1e6 * np.eye(3), scan)
+    assert track.state == "matched" and not track.proving
+    track, _ = matched_after_a_gap(Pose2(2.0, 1.0, 0.5))
+    for k in range(106, 120):
+        scan = stamped(k)
+        track.predict(scan)
+        track.missed(scan)
+    assert track.state == "lost" and not track.proving  # lost as ever
+
+
+def test_who_matches_now_and_then_after_a_gap_is_found_elsewhere():
+    wrong = Pose2(2.0, 1.0, 0.5)
+    track, scan = matched_after_a_gap(wrong)
+    relocator, draw = Relocator(track, True), Drawn()
+    relocator.update(scan, draw)
+    scan = stamped(106)
+    track.predict(scan)
+    track.missed(scan)
+    relocator.update(scan, draw)
+    assert relocator.found == 1 and track.state == "matched"
+    assert track.pose == pytest.approx(HERE, abs=0.05)
+
+
+def test_a_match_after_a_gap_that_goes_through_walls_does_not_become_right(monkeypatch):
+    wrong = Pose2(2.0, 1.0, 0.5)
+    track, scan = matched_after_a_gap(wrong)
+    relocator = Relocator(track, True)
+    monkeypatch.setattr(relocator, "_look", lambda *_: None)
+    for k in range(106, 125):
+        scan = stamped(k)
+        track.predict(scan)
+        track.matched(wrong, 1e6 * np.eye(3), scan)
+        relocator.update(scan, Drawn())
+    assert track.state == "lost" and track.unproven
 
 
 def test_a_map_without_walls_is_no_reason_to_break():

@@ -7,8 +7,8 @@ import pytest
 
 from slams.geometry import FREEDOM, add_prior
 from slams.motion.params import MotionParams
-from slams.motion.sight import CLEAR
-from slams.motion.track import LOST_AFTER, Track, evenness
+from slams.motion.sight import CLEAR, evenness
+from slams.motion.track import LOST_AFTER, Track
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import laser
 
