@@ -21,6 +21,11 @@ def sensors(row: Row) -> str | None:
     return None if used is None else " + ".join(used) or "nothing"
 
 
+def listed(words: list[str], last: str = "and") -> str:
+    """As "a, b and c"."""
+    return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
 def scaled(value: float | None, scale: float) -> float | None:
     """A value in another unit; nothing stays nothing."""
     return None if value is None else scale * value

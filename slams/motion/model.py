@@ -181,10 +181,7 @@ class Motion:
         # their variance, which is half of what the step has; the rest is the rate's
         bent = ahead[0] ** 2 * turn[1] + turn[0] ** 2 * ahead[1] + ahead[1] * turn[1]
         aside = (aside[0], aside[1] + bent / 80.0)
-        means, spreads = (
-            Chord(ahead[0], aside[0], turn[0]),
-            Chord(ahead[1], aside[1], turn[1]),
-        )
+        means, spreads = (Chord(ahead[0], aside[0], turn[0]), Chord(ahead[1], aside[1], turn[1]))
         return Expected(means, spreads, dt, max(dt, self._clock.usual))
 
     def _can_be(self, step: Chord) -> bool:
