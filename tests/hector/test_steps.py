@@ -5,7 +5,7 @@ import pytest
 
 from hector import Hector, HectorParams
 from hector.match_kernels import Solver, gauss_newton, normal_equations
-from hector.matcher import Matcher
+from hector.matcher import BLUR, Matcher
 from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
@@ -235,6 +235,19 @@ def test_one_step_of_gauss_newton_is_damped_and_limited():
     short = Solver(1, 0.5 * np.hypot(*step[:2]), 0.5 * abs(step[2]), 0.0, damping, 1)
     pose, _, _ = gauss_newton(level, points.points, points.n, start, nothing, short, 0.0 * H)
     assert np.array(pose) - np.array(start) == pytest.approx(0.5 * step, rel=1e-6)
+
+
+def test_what_cells_say_is_never_surer_than_their_ridges_are_exact():
+    slam = settled(12)
+    prior = Prior(IDENTITY, 1e4 * np.eye(3))
+    points, matcher = slam._scan, slam._matcher
+    found = matcher.climb(points, IDENTITY, prior)
+    level = slam._map.levels[0]
+    solver = matcher._solver(0, points.n)
+    H = np.zeros((3, 3))
+    _, _, square = gauss_newton(level, points.points, points.n, found.pose, prior, solver, H)
+    assert found.seen == pytest.approx(H / max(square, BLUR), rel=0.05, abs=1.0)
+    assert found.seen[0, 0] > 5.0 * H[0, 0]
 
 
 # what speaks for a pose

@@ -335,3 +335,14 @@ def test_hits_with_gaps_between_do_not_tell_of_a_slip():
         told.append(slam._direct._along(IDENTITY, np.zeros((0, 2)), np.zeros((0, 2)))[0])
         view.beams = kept
     assert told[0] > 0.9 * view.count and told[1] < 0.1 * view.count
+
+
+def test_things_that_moved_are_left_out_as_the_gate_closes():
+    slam = settled(refine=False)
+    view = slam._view
+    slam._track.prior = lambda pose: np.zeros((3, 3))
+    elements = view.elements[: view.count]
+    moved = np.arange(view.count) % 10 == 0
+    elements[moved, :2] += 0.3 * elements[moved, 2:4]  # toward the laser
+    found = slam._registration.icp(IDENTITY, IDENTITY)
+    assert math.hypot(found.pose.x, found.pose.y) < 1e-3

@@ -182,3 +182,8 @@ def test_far_ranges_may_differ_by_more(monkeypatch):
     places.rank(view, 1)
     expected = 100.0 * 0.8 * places.pitch + 0.03 * view.ranges  # cm
     assert np.abs(told[0] - expected).max() <= 1.0
+
+
+def test_walls_farther_than_a_meter_do_not_pull():
+    chart = Chart(grid_of(ROOM))
+    assert chart.cells.distance.max() == pytest.approx(1.0 / chart.resolution)

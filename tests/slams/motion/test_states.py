@@ -305,3 +305,13 @@ def test_what_noise_turns_a_wall_by_is_taken_off():
     assert seen[0][0] == pytest.approx(0.0, abs=1e-3) and seen[0][2] > 100.0
     assert seen[2][0] == pytest.approx(4.0 * seen[1][0], rel=1e-2)
     assert seen[2][0] < -0.1
+
+
+def test_a_scan_alone_has_the_pose_farther_off_than_what_lies_between_it_and_the_prediction():
+    track = driven(wheels=False)
+    track.predict(stamped(30, wheels=False))
+    known = track._information
+    pose = track._prediction.pose @ Pose2(0.02, -0.01, 0.0)
+    off = track._off(pose)
+    assert track._by_scan(pose, known) == pytest.approx(2.0 * off, rel=1e-2, abs=1e-6)
+    assert track._by_scan(pose, 1e6 * known) == pytest.approx(off, rel=1e-3, abs=1e-6)
