@@ -38,10 +38,14 @@ def frame_of(lines: dict[str, Line]) -> pd.DataFrame:
     return frame.dropna(axis=1, how="all").dropna(axis=0, how="all")
 
 
+def spans_of(row: Row) -> dict[str, Line]:
+    """The moments of a run's errors over each span; none without a truth."""
+    return (row["errors"] or {"spans": {}})["spans"]
+
+
 def span_of(row: Row, name: str) -> Line | None:
     """The moments of a run's errors over a span, by kind of error."""
-    found: Line | None = (row["errors"] or {"spans": {}})["spans"].get(name)
-    return found
+    return spans_of(row).get(name)
 
 
 def mean_of(found: Line, key: str) -> float | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bench.judge.verdicts import SPANS
-from bench.report.lines import BOUND, label, listed, sensors
+from bench.report.lines import BOUND, label, listed, sensors, spans_of
 from bench.report.numbers import cell
 from bench.results import Line, Row, Rows
 from slams.registry import BASELINES
@@ -204,7 +204,7 @@ def _kept(row: Row) -> bool:
 
 
 def _means(row: Row, span: str) -> Ranked:
-    errors = (row["errors"] or {"spans": {}})["spans"][span]
+    errors = spans_of(row)[span]
     translation, rotation = errors["se2_translation_m"], errors["orientation_rad"]
     return Ranked(row["algorithm"], float(translation["mean"]), float(rotation["mean"]))
 

@@ -1,5 +1,7 @@
 """The steps of `Crsm.update`, one by one: each is taken where it is due, and only there."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -179,6 +181,16 @@ def test_the_climb_alone_says_as_much_as_its_rays(monkeypatch):
     fitted = calls(monkeypatch, slam._lines, "fit")
     slam.update(still(6))
     assert not fitted
+
+
+@pytest.mark.parametrize(("hits", "state"), [(9, "predicted"), (12, "matched")])
+def test_a_scan_of_too_few_points_is_not_matched(hits, state):
+    slam = settled()
+    scan = still(6)
+    ranges = np.where(np.abs(np.arange(181) - 90) <= hits // 2, scan.ranges, np.inf)
+    slam.update(dataclasses.replace(scan, ranges=ranges.astype(np.float32)))
+    assert slam._reader.n in (hits, hits + 1)
+    assert slam.state == state
 
 
 # the climber

@@ -5,7 +5,7 @@ import pytest
 
 from hector import Hector, HectorParams
 from hector.match_kernels import Solver, gauss_newton, normal_equations
-from hector.matcher import BLUR, Matcher
+from hector.matcher import BLUR, Matcher, gap
 from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
@@ -248,6 +248,15 @@ def test_what_cells_say_is_never_surer_than_their_ridges_are_exact():
     _, _, square = gauss_newton(level, points.points, points.n, found.pose, prior, solver, H)
     assert found.seen == pytest.approx(H / max(square, BLUR), rel=0.05, abs=1.0)
     assert found.seen[0, 0] > 5.0 * H[0, 0]
+
+
+def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
+    points = settled(1)._scan
+    points.far = 8.0
+    for other, apart in ((Pose2(0.3, 0.4, 0.0), 0.5), (Pose2(0.0, 0.0, -0.1), 0.4)):
+        assert gap(points, IDENTITY, other) == pytest.approx(apart)
+    across = gap(points, Pose2(0.0, 0.0, 3.1), Pose2(0.0, 0.0, -3.1))
+    assert across == pytest.approx(4.0 * (2.0 * np.pi - 6.2))
 
 
 # what speaks for a pose
