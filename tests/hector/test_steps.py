@@ -215,7 +215,12 @@ def test_lines_are_fitted_from_the_pyramid_and_where_it_went_far_from_the_start(
 
 def test_what_the_pyramid_found_from_the_prediction_is_what_counts_as_kept(monkeypatch):
     slam = settled(3)
-    monkeypatch.setattr(slam, "_others", lambda points, start: [Pose2(1.0, 0.0, 0.0)])
+
+    def other(starts, points, expected):
+        slam._posed = Pose2(1.0, 0.0, 0.0)
+        return []
+
+    monkeypatch.setattr(slam, "_from", other)
     before = slam.report()["kept"]
     slam.update(still(3))
     assert slam.report()["kept"] == before + 1
