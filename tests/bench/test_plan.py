@@ -2,6 +2,7 @@
 
 import pytest
 
+from bench import sweep
 from bench.run import plan
 from bench.run.store import Store
 
@@ -37,3 +38,20 @@ def test_a_trial_that_nobody_could_do_says_so(tmp_path):
     cases = made.cases(tmp_path)
     found = made.gathered(cases, Store(tmp_path / "runs"), {})
     assert [trial["failed"] for trial in found.trials] == 2 * ["its process died"]
+
+
+@pytest.mark.parametrize(
+    ("words", "rate", "drives"),
+    [([], 10.0, 2), (["--full"], None, 3), (["--rate", "0"], None, 2), (["--rate", "5"], 5.0, 2)],
+)
+def test_a_full_sweep_takes_every_scan_and_more_drives(words, rate, drives):
+    arguments = sweep.parser().parse_args(["--arenas", "rescue", "--algorithms", "hector", *words])
+    made = sweep._plan(arguments)
+    assert (made.rate, len(made.logs)) == (rate, drives)
+    assert made.sensor is None and made.odometry == (False, True)
+
+
+def test_parameters_are_those_for_the_sensor_unless_it_is_the_usual_one():
+    words = ["--arenas", "rescue", "--algorithms", "hector", "--sensor"]
+    for name, sensor in (("utm30lx", None), ("rplidar-a1", "rplidar-a1")):
+        assert sweep._plan(sweep.parser().parse_args([*words, name])).sensor == sensor

@@ -264,6 +264,18 @@ def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
     assert across == pytest.approx(4.0 * (2.0 * np.pi - 6.2))
 
 
+@pytest.mark.parametrize(
+    ("level", "n", "stride"), [(0, 1080, 1), (2, 1080, 4), (2, 400, 2), (2, 90, 1)]
+)
+def test_coarse_levels_take_fewer_beams_where_there_are_many(level, n, stride):
+    matcher = Matcher(HectorParams(), None)
+    solver = matcher._solver(level, n)
+    assert solver.stride == stride
+    assert solver.tolerance == pytest.approx(0.02 * 0.05 * 2**level)
+    alone = Matcher(HectorParams(refine=False), None)._solver(level, n)
+    assert (alone.tolerance == HectorParams().converged) == (level == 0)
+
+
 # what speaks for a pose
 
 
