@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hector import Hector, HectorParams
+from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from hector.matcher import BLUR, Matcher, gap
 from slams.geometry import Prior
@@ -274,6 +275,28 @@ def test_coarse_levels_take_fewer_beams_where_there_are_many(level, n, stride):
     assert solver.tolerance == pytest.approx(0.02 * 0.05 * 2**level)
     alone = Matcher(HectorParams(refine=False), None)._solver(level, n)
     assert (alone.tolerance == HectorParams().converged) == (level == 0)
+
+
+def test_a_search_looks_at_the_coarsest_level_and_gives_the_best_first(monkeypatch):
+    slam, told = settled(3), []
+
+    def search(level, points, n, stride, center, window, out):
+        told.append((level, window))
+        out[:, 3] = np.arange(len(out))
+        out[:, 0] = 10.0 * out[:, 3]
+
+    monkeypatch.setattr("hector.map.match_kernels.search", search)
+    found = slam._map.search(slam._scan, IDENTITY)
+    (level, window), params = told[0], slam.params
+    assert level is slam._map.levels[-1]
+    assert window.shifts == round(params.search_distance / level.resolution)
+    assert window.turns * window.turn_step == pytest.approx(params.search_angle, abs=0.1)
+    last = 2 * window.turns
+    assert [pose.x for pose in found] == [10.0 * (last - k) for k in range(params.search_tries)]
+
+
+def test_what_was_never_seen_has_no_probability():
+    assert [round(float(probability(x)), 4) for x in (0.0, 1.0, -1.0)] == [0.0, 0.7311, 0.2689]
 
 
 # what speaks for a pose

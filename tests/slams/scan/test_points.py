@@ -139,7 +139,7 @@ def test_only_a_sweep_that_takes_time_is_freed_of_its_motion(on, seconds):
 
 
 def test_ranges_below_the_lasers_own_limit_or_ours_are_not_used():
-    ranges = np.array([0.3, 0.6, 2.0] * 9, np.float32)
+    ranges = np.repeat(np.float32([0.3, 0.6, 2.0]), 9)
     for low, least in ((0.1, 0.5), (0.5, 0.1)):
         lidar = Laser(0.0, 0.001, 27, low, 30.0)
         ends = EndPoints(ScanParams(min_range=least))
