@@ -11,6 +11,7 @@ from slams.localize.finder import STILL, Finder
 from slams.localize.localizer import Localizer
 from slams.localize.places import TURNS, Places, view_of
 from slams.localize.search import TIE, Atlas, Candidate, is_same, with_odds
+from slams.localize.virtual import stations
 from slams.types import IDENTITY, Laser, Pose2, Scan
 from tests.floors import grid_of
 from tests.rooms import ROOM, laser, scan_at
@@ -187,3 +188,9 @@ def test_far_ranges_may_differ_by_more(monkeypatch):
 def test_walls_farther_than_a_meter_do_not_pull():
     chart = Chart(grid_of(ROOM))
     assert chart.cells.distance.max() == pytest.approx(1.0 / chart.resolution)
+
+
+def test_a_virtual_drive_stands_in_the_middle_of_cells():
+    chart = Chart(grid_of(ROOM))
+    cells = (stations(chart) - chart.origin) / chart.resolution
+    assert len(cells) > 20 and cells % 1.0 == pytest.approx(0.5, abs=1e-6)
