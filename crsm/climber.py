@@ -51,12 +51,7 @@ class Climber:
         return self._climb(walls, view, prior, start, uncertain)
 
     def restart(
-        self,
-        walls: WallGrid,
-        view: ScanReader,
-        prior: Prior,
-        others: list[Pose2],
-        best: Climbed,
+        self, walls: WallGrid, view: ScanReader, prior: Prior, others: list[Pose2], best: Climbed
     ) -> Climbed:
         """Step 3, restarts: from the `others` first, then drawn; ends when one is good enough."""
         p, rays = self.params, view.ends

@@ -72,21 +72,12 @@ def cell_value(field: Field, layer: int, iy: int, ix: int) -> float:
 
 
 @njit(inner=True)
-def was_seen(field: Field, x: float, y: float) -> bool:
-    """Whether beams passed the cell at a point, or a surface stood before it. ours."""
+def seen_at(field: Field, x: float, y: float) -> int:
+    """Bits PASSED and BEHIND of the cell at a point, 0 outside. ours."""
     ix = math.floor((x - field.corner[0]) / field.cell)
     iy = math.floor((y - field.corner[1]) / field.cell)
     inside = 0 <= iy < field.seen.shape[0] and 0 <= ix < field.seen.shape[1]
-    return bool(inside and field.seen[iy, ix] != 0)
-
-
-@njit(inner=True)
-def was_passed(field: Field, x: float, y: float) -> bool:
-    """Whether beams passed the cell at a point and it never lay behind a surface. ours."""
-    ix = math.floor((x - field.corner[0]) / field.cell)
-    iy = math.floor((y - field.corner[1]) / field.cell)
-    inside = 0 <= iy < field.seen.shape[0] and 0 <= ix < field.seen.shape[1]
-    return bool(inside and field.seen[iy, ix] == PASSED)
+    return int(field.seen[iy, ix]) if inside else 0
 
 
 @njit(inner=True)

@@ -10,7 +10,7 @@ import numpy as np
 from slams.geometry import add_prior, solve3, wrap_angle
 from slams.jit import njit
 from slams.types import Floats, Pose2
-from tsd.map_kernels import Field, facing, read_field, was_passed, was_seen
+from tsd.map_kernels import PASSED, Field, facing, read_field, seen_at
 from tsd.scan_kernels import Beams
 
 FLAT = 0.3  # least slope of the field for a direction of its own
@@ -143,7 +143,7 @@ def explain(
             known += 1.0
             squares += v * v
             close += 1.0 / (1.0 + v * v * scale)
-        elif was_passed(field, x, y):
+        elif seen_at(field, x, y) == PASSED:
             against += 1.0
     return known, close, against, math.sqrt(squares / max(known, 1.0))
 
@@ -157,7 +157,7 @@ def agreement(field: Field, layer: int, x: float, y: float, scale: float) -> flo
     v, _, _ = read_field(field, layer, x, y)
     if v == v:
         return 1.0 / (1.0 + v * v * scale)
-    return 0.0 if was_seen(field, x, y) else -1.0
+    return 0.0 if seen_at(field, x, y) else -1.0
 
 
 @njit

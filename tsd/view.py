@@ -87,13 +87,6 @@ class View(EndPoints):
     def _fit(self, spacing: float, out: Floats) -> int:
         return int(
             fit_surfaces(
-                self._hits,
-                self.n,
-                self._runs,
-                self._sums,
-                self.beams,
-                self._rule,
-                spacing,
-                out,
+                self._hits, self.n, self._runs, self._sums, self.beams, self._rule, spacing, out
             )
         )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bench.report.lines import BOUND, FILTER, frame_of, label, span_of
+from bench.report.lines import BOUND, FILTER, frame_of, label, span_of, spans_of
 from bench.results import Line, Row, Rows
 
 PUBLISHED = Path(__file__).with_name("published.csv")
@@ -65,7 +65,7 @@ def bound_table(log: Line, rows: Rows) -> pd.DataFrame:
     lines: dict[str, Line] = {}
     for row in rows:
         line: Line = {}
-        for span, found in (row["errors"] or {"spans": {}})["spans"].items():
+        for span, found in spans_of(row).items():
             for key, ours in BOUND_KEYS.values():
                 limit = _bound(log, span, key)
                 if limit:
@@ -144,7 +144,7 @@ def _relation_line(row: Row, length: str, turn: str, parts: tuple[str, ...]) -> 
 
 def _span_line(row: Row, key: str, rotation: bool) -> Line:
     line: Line = {}
-    for span, found in (row["errors"] or {"spans": {}})["spans"].items():
+    for span, found in spans_of(row).items():
         line[f"{span} [mm]"] = 1e3 * found[key]["mean"]
         if rotation:
             line[f"{span} [mrad]"] = 1e3 * found["orientation_rad"]["mean"]

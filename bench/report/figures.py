@@ -28,11 +28,7 @@ def colors(names: list[str]) -> dict[str, str]:
 
 
 def histograms(
-    errors: dict[str, Floats],
-    kind: str,
-    limit: float | None,
-    color_of: dict[str, str],
-    path: Path,
+    errors: dict[str, Floats], kind: str, limit: float | None, color_of: dict[str, str], path: Path
 ) -> None:
     """[Kuehn] Fig. 2 (kind "translation") or 3 ("orientation"): shares of updates per class.
 
@@ -40,51 +36,25 @@ def histograms(
     logarithmic scale: good algorithms never leave the first class. `limit` is the mean error of two
     fixes at the Cramer-Rao bound. Writes `path` with the endings png and pdf.
     """
-    width, unit, scale = (
-        (TRANSLATION_CLASS, "mm", 1e3)
-        if kind == "translation"
-        else (ORIENTATION_CLASS, "mrad", 1e3)
-    )
+    width, unit = (TRANSLATION_CLASS, "m") if kind == "translation" else (ORIENTATION_CLASS, "rad")
     figure = Figure(figsize=(11, 4), layout="constrained")
     bars, curves = figure.subplots(1, 2)
     edges = width * np.arange(CLASSES)
     thickness = 0.8 * width / max(len(errors), 1)
     for k, (name, values) in enumerate(errors.items()):
-        color = color_of[name]
-        line, hatch = AGAIN[k // len(COLORS) % len(AGAIN)]
+        color, (line, hatch) = color_of[name], AGAIN[k // len(COLORS) % len(AGAIN)]
+        middle = edges + (k + 0.5) * thickness + 0.1 * width
         shares = class_shares(values, width, CLASSES)
-        bars.bar(
-            edges + (k + 0.5) * thickness + 0.1 * width,
-            shares,
-            thickness,
-            color=color,
-            hatch=hatch,
-            label=name,
-        )
-        ordered = np.sort(values) * scale
-        curves.plot(
-            np.maximum(ordered, 1e-3),
-            (np.arange(len(ordered)) + 1) / len(ordered),
-            color=color,
-            linestyle=line,
-            label=name,
-        )
-    labels = [f"{edge:g}" for edge in edges[:-1]] + [f"≥ {edges[-1]:g}"]
-    bars.set_xticks(edges, labels)
-    short = "m" if kind == "translation" else "rad"
-    bars.set(
-        xlabel=f"error of {kind} per update, classes of {width:g} {short}",
-        ylabel="relative frequency",
-        ylim=(0, 1),
-    )
-    curves.set(
-        xscale="log",
-        xlabel=f"error of {kind} per update [{unit}]",
-        ylabel="share of updates below",
-        ylim=(0, 1),
-    )
+        bars.bar(middle, shares, thickness, color=color, hatch=hatch, label=name)
+        ordered, below = np.sort(values) * 1e3, (np.arange(len(values)) + 1) / len(values)
+        curves.plot(np.maximum(ordered, 1e-3), below, color=color, linestyle=line, label=name)
+    bars.set_xticks(edges, [f"{edge:g}" for edge in edges[:-1]] + [f"≥ {edges[-1]:g}"])
+    classes = f"error of {kind} per update, classes of {width:g} {unit}"
+    bars.set(xlabel=classes, ylabel="relative frequency", ylim=(0, 1))
+    small = f"error of {kind} per update [m{unit}]"
+    curves.set(xscale="log", xlabel=small, ylabel="share of updates below", ylim=(0, 1))
     if limit:
-        curves.axvline(limit * scale, color="0.3", linestyle=":", label="Cramer-Rao bound, mean")
+        curves.axvline(limit * 1e3, color="0.3", linestyle=":", label="Cramer-Rao bound, mean")
     curves.grid(visible=True, which="both", alpha=0.25)
     curves.legend(loc="upper left", fontsize=8)
     _save(figure, path)

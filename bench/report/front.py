@@ -10,6 +10,7 @@ import pandas as pd
 from bench.judge import survival
 from bench.judge.survival import Group
 from bench.report import run_tables, sweep_tables
+from bench.report.lines import listed
 from bench.report.sweep_tables import MODES
 from bench.report.text import head, markdown_table
 from bench.results.sweep import Sweep
@@ -114,14 +115,10 @@ def _pick(own: Groups) -> str:
     order = sorted(own, key=lambda name: -own[name].survived.k)
     near = [f"{name} {own[name].survived.k}" for name in order if name in {*alike} - {*best}]
     far = [f"{name} {own[name].survived.k}" for name in order if name not in alike]
-    words = [f"{_or(equals)} {most}"]
+    words = [f"{listed(equals, 'or')} {most}"]
     words += [f"then {', '.join(near)}"] if near else []
     words += [f"far behind {', '.join(far)}"] if far else []
     return ", ".join(words)
-
-
-def _or(words: list[str]) -> str:
-    return " or ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def _groups(sweep: Sweep, odometry: bool) -> Groups:

@@ -21,6 +21,11 @@ def sensors(row: Row) -> str | None:
     return None if used is None else " + ".join(used) or "nothing"
 
 
+def listed(words: list[str], last: str = "and") -> str:
+    """As "a, b and c"."""
+    return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
 def scaled(value: float | None, scale: float) -> float | None:
     """A value in another unit; nothing stays nothing."""
     return None if value is None else scale * value
@@ -33,10 +38,14 @@ def frame_of(lines: dict[str, Line]) -> pd.DataFrame:
     return frame.dropna(axis=1, how="all").dropna(axis=0, how="all")
 
 
+def spans_of(row: Row) -> dict[str, Line]:
+    """The moments of a run's errors over each span; none without a truth."""
+    return (row["errors"] or {"spans": {}})["spans"]
+
+
 def span_of(row: Row, name: str) -> Line | None:
     """The moments of a run's errors over a span, by kind of error."""
-    found: Line | None = (row["errors"] or {"spans": {}})["spans"].get(name)
-    return found
+    return spans_of(row).get(name)
 
 
 def mean_of(found: Line, key: str) -> float | None:

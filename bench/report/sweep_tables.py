@@ -9,6 +9,7 @@ import pandas as pd
 
 from bench.judge import survival, verdicts
 from bench.judge.survival import CLEAN, Group, Share
+from bench.report.lines import listed
 from bench.report.text import text_table
 from bench.results.sweep import Sweep, Trial
 
@@ -161,7 +162,7 @@ def _answer(own: dict[str, Group], sweep: Sweep, odometry: bool) -> str:
     most, best, alike = survival.survivors(own)
     errors = survival.clean_errors(sweep, odometry)
     means = {name: sum(e.values()) / len(e) for name, e in errors.items() if name in own and e}
-    words = [f"{_listed(best)} survived most, {most}"]
+    words = [f"{listed(best)} survived most, {most}"]
     if means:
         sharpest = min(means, key=lambda name: means[name])
         words.append(f"{sharpest} is the most accurate, {1e3 * means[sharpest]:.2f} mm over 1 s")
@@ -169,13 +170,9 @@ def _answer(own: dict[str, Group], sweep: Sweep, odometry: bool) -> str:
     if cheapest is not None:
         words.append(
             f"{cheapest} is the cheapest of those that survive as much as can be told apart "
-            f"({_listed(alike)}), {_digits(own[cheapest].cpu)} ms per second"
+            f"({listed(alike)}), {_digits(own[cheapest].cpu)} ms per second"
         )
     return "; ".join(words) + "."
-
-
-def _listed(words: list[str]) -> str:
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def _by_condition(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bench.judge.verdicts import SPANS
-from bench.report.lines import BOUND, label, sensors
+from bench.report.lines import BOUND, label, listed, sensors, spans_of
 from bench.report.numbers import cell
 from bench.results import Line, Row, Rows
 from slams.registry import BASELINES
@@ -83,7 +83,7 @@ def _survivors(comparison: Comparison, survived: dict[str, int], most: int) -> l
     best = [name for name, n in survived.items() if n == most]
     if len(best) == len(survived) and most == logs:
         return [f"Survives most: none was lost on {_counted(logs)}; the sweep tells them apart."]
-    return [f"Survives most: {_listed(best)}, {most} of {_counted(logs)}."]
+    return [f"Survives most: {listed(best)}, {most} of {_counted(logs)}."]
 
 
 def _counted(logs: int) -> str:
@@ -142,7 +142,7 @@ def _followers(others: list[Ranked], limit: Line | None) -> list[str]:
         + (f" ({run.translation / limit['translation_m']:.1f} times the bound)" if limit else "")
         for run in others
     ]
-    return [f"It is followed by {_listed(words)}."]
+    return [f"It is followed by {listed(words)}."]
 
 
 def _how_sure(entry: Line, best: Ranked) -> list[str]:
@@ -163,7 +163,7 @@ def _by_relations(rows: Rows) -> list[str]:
     errors = {name: _mm(known[name]["translation_m"]["mean"]) for name in order}
     best = f"By the log's relations {order[0]} is the most accurate: {errors[order[0]]} mean error"
     others = [f"{name} with {errors[name]}" for name in order[1:]]
-    return [best + (f", followed by {_listed(others)}." if others else ".")]
+    return [best + (f", followed by {listed(others)}." if others else ".")]
 
 
 def _failures(rows: Rows, done: Rows) -> list[str]:
@@ -192,7 +192,7 @@ def _cost(rows: Rows) -> list[str]:
     words = f"{label(fastest)} is the fastest with {cell('[ms]', cost['mean_ms'])} ms per scan"
     slow = [label(row) for row, cost in timed if 0.0 < cost["real_time_factor"] < 1.0]
     too = (
-        f"slower than the scans came: {_listed(slow)}"
+        f"slower than the scans came: {listed(slow)}"
         if slow
         else "every run kept up with the scans"
     )
@@ -204,7 +204,7 @@ def _kept(row: Row) -> bool:
 
 
 def _means(row: Row, span: str) -> Ranked:
-    errors = (row["errors"] or {"spans": {}})["spans"][span]
+    errors = spans_of(row)[span]
     translation, rotation = errors["se2_translation_m"], errors["orientation_rad"]
     return Ranked(row["algorithm"], float(translation["mean"]), float(rotation["mean"]))
 
@@ -224,8 +224,3 @@ def _mm(meters: float) -> str:
 def _multiples(run: Ranked, limit: Line) -> str:
     shares = (run.translation / limit["translation_m"], run.rotation / limit["rotation_rad"])
     return " and ".join(f"{share:.1f}" for share in shares)
-
-
-def _listed(words: list[str]) -> str:
-    """a, b and c."""
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -99,14 +99,7 @@ class Original:
         start = (float(self._x), float(self._y), self._theta, *grid.origin.tolist())
         kernels.score_table(grid.cells, self._box(view), grid.scores)
         self.score = kernels.hill_climb(
-            grid.scores,
-            view.rays,
-            view.n_rays,
-            start,
-            draws,
-            p.disparity,
-            self._memory,
-            self._step,
+            grid.scores, view.rays, view.n_rays, start, draws, p.disparity, self._memory, self._step
         )
         self._x += round(self._step[0])
         self._y += round(self._step[1])

@@ -63,10 +63,8 @@ class Prediction(NamedTuple):
 
         This is a matcher's prior: an error of the heading before swings the step.
         """
-        c, s = (
-            math.cos(self.pose.theta - self.step.theta),
-            math.sin(self.pose.theta - self.step.theta),
-        )
+        heading = self.pose.theta - self.step.theta
+        c, s = math.cos(heading), math.sin(heading)
         x, y, _ = self.step
         lever, turned = np.eye(3), np.eye(3)
         lever[0, 2], lever[1, 2] = -s * x - c * y, c * x - s * y
@@ -124,15 +122,8 @@ class Motion:
         believed = known if self._wheels.contradicts else expected
         self._velocity = _per_second(believed.step, expected.dt)
         step = expected.step.step()
-        return Prediction(
-            pose @ step,
-            step,
-            expected.variance,
-            expected.dt,
-            self._velocity,
-            known.step.step(),
-            self._used(),
-        )
+        variance, dt, goes_on = expected.variance, expected.dt, known.step.step()
+        return Prediction(pose @ step, step, variance, dt, self._velocity, goes_on, self._used())
 
     def moved(self, pose: Pose2, covariance: Floats | None, scan: Scan) -> None:
         """The match found `pose`, with a covariance (3, 3) in the map frame (inf: not known).
@@ -181,10 +172,7 @@ class Motion:
         # their variance, which is half of what the step has; the rest is the rate's
         bent = ahead[0] ** 2 * turn[1] + turn[0] ** 2 * ahead[1] + ahead[1] * turn[1]
         aside = (aside[0], aside[1] + bent / 80.0)
-        means, spreads = (
-            Chord(ahead[0], aside[0], turn[0]),
-            Chord(ahead[1], aside[1], turn[1]),
-        )
+        means, spreads = (Chord(ahead[0], aside[0], turn[0]), Chord(ahead[1], aside[1], turn[1]))
         return Expected(means, spreads, dt, max(dt, self._clock.usual))
 
     def _can_be(self, step: Chord) -> bool:

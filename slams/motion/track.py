@@ -131,12 +131,7 @@ class Track:
         return math.sqrt(xx + yy + turn)
 
     def matched(
-        self,
-        pose: Pose2,
-        seen: Floats,
-        scan: Scan,
-        rough: bool = False,
-        leads: Leads | None = None,
+        self, pose: Pose2, seen: Floats, scan: Scan, rough: bool = False, leads: Leads | None = None
     ) -> None:
         """The map explains the scan at `pose`; `seen` (3, 3) is the information of the scan.
 

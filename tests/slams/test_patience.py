@@ -60,3 +60,14 @@ def test_a_try_that_goes_on_makes_no_pause_longer():
     assert not patience.over
     patience.wait(0.02)
     assert patience.over
+
+
+def test_after_a_success_the_first_pause_is_the_shortest_again():
+    patience = Patience(0.1, 1.0)
+    for _ in range(3):
+        patience.tried()
+    patience.forget()
+    assert patience.over
+    patience.tried()
+    patience.wait(0.11)
+    assert patience.over

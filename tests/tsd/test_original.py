@@ -220,7 +220,7 @@ def test_beam_score_equals_the_naive_twin():
     beam_model = BeamModel(0.2, 0.2, 0.2, 0.05, 0.1, 0.08, 30.0, 0.0262, 0.6, 0.15)
     control = np.column_stack([model[::9], np.zeros(21)])
     for motion in ((0.0, 0.0, 0.0), (0.05, -0.03, 0.02), (0.8, 0.5, 0.3)):
-        score = score_beams(closest, angles, control, 21, np.array(motion), beam_model, 0.0)
+        score = score_beams(closest, angles, control, 21, np.array(motion), beam_model)
         twin = naive_tsd.beam_score(closest, angles, control[:, :2], motion, beam_model)
         assert score == pytest.approx(twin, rel=1e-9)
 

@@ -27,12 +27,7 @@ class TsdGrid:
     """
 
     def __init__(
-        self,
-        cell: float,
-        truncation: float,
-        side: int,
-        grows: bool,
-        max_cells: int = USUAL_CELLS,
+        self, cell: float, truncation: float, side: int, grows: bool, max_cells: int = USUAL_CELLS
     ) -> None:
         n = max(side // SIDE, 1)
         cells = n * SIDE
@@ -103,10 +98,7 @@ class TsdGrid:
 def zero_crossings(tsd: Image) -> Mask:
     """Cells that hold the zero between two neighbors of opposite signs, to a fraction of a cell."""
     occupied = np.zeros(tsd.shape, np.bool_)
-    for first, second in (
-        (np.s_[:, :-1], np.s_[:, 1:]),
-        (np.s_[:-1, :], np.s_[1:, :]),
-    ):
+    for first, second in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :])):
         a, b = tsd[first], tsd[second]
         crossing = (a > 0.0) & (b <= 0.0) | (a <= 0.0) & (b > 0.0)
         closer = np.abs(a) <= np.abs(b)

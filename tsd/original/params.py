@@ -56,10 +56,7 @@ class OriginalParams(Params):
     )
     max_cells: int = max_cells(1 << 27)
     grows: bool = param(
-        True,
-        "1",
-        "whether the grid may grow at its edge",
-        source="ours: the program ends there",
+        True, "1", "whether the grid may grow at its edge", source="ours: the program ends there"
     )
     weight_unit: float = param(
         0.01, "1", "weight of a measured cell", source="original code", low=1e-6

@@ -62,7 +62,6 @@ def score_beams(
     n_control: int,
     motion: Floats,
     beam_model: BeamModel,
-    best: float,
 ) -> float:
     """Product of beam probabilities. Original code: PDFMatching.
 
@@ -214,9 +213,7 @@ def ransac_pdf(
                 scans.phi_max,
                 motion,
             ):
-                score = score_beams(
-                    model_range, angles, control, len(control), motion, beam_model, best
-                )
+                score = score_beams(model_range, angles, control, len(control), motion, beam_model)
                 if score > best:
                     best = score
                     keep(motion, out_motion)

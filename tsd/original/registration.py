@@ -116,14 +116,7 @@ class Registration:
         control = np.column_stack([view.scene[index], self._scene_phi[index]])
         span = max(int(p.phi_max / view.sensor.angle_increment), 1)
         scans = Scans(
-            self._model,
-            self._model_phi,
-            view.scene,
-            self._scene_phi,
-            kept,
-            trials,
-            span,
-            p.phi_max,
+            self._model, self._model_phi, view.scene, self._scene_phi, kept, trials, span, p.phi_max
         )
         return scans, np.ascontiguousarray(control)
 

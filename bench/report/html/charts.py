@@ -87,8 +87,7 @@ def latency(shown: Sequence[Run]) -> Markup | None:
             _cumulative("CPU time per scan [ms]", spent, limit),
         ),
         figure(
-            f"CPU time per scan as it came{words}",
-            _bands("CPU time per scan [ms]", series, limit),
+            f"CPU time per scan as it came{words}", _bands("CPU time per scan [ms]", series, limit)
         ),
     )
 

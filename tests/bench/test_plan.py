@@ -1,0 +1,57 @@
+"""The plan of a sweep: what is tried by chance, how long it is, what became of it."""
+
+import pytest
+
+from bench import sweep
+from bench.run import plan
+from bench.run.store import Store
+
+
+def planned(chosen, rate=None, full=False):
+    drives = plan.Drives(["rescue"], 2, 10.0, "utm30lx")
+    logs = plan.logs_of([], drives, None)
+    return plan.Plan(["hector"], plan.conditions_of(chosen, full), logs, (False,), rate, None)
+
+
+def test_each_drive_has_its_own_mishap_and_a_clean_one_none(tmp_path):
+    for chosen, seeds in (("clean", [0, 0]), ("noise=0.05", [0, 1])):
+        cases = planned([chosen]).cases(tmp_path)
+        assert [case.known["seed"] for case in cases] == [0, 1]
+        assert [case.task.what["condition"]["seed"] for case in cases] == seeds
+
+
+def test_scans_are_as_many_as_the_rate_leaves(tmp_path):
+    whole = [case.scans for case in planned(["clean"]).cases(tmp_path)]
+    thin = [case.scans for case in planned(["clean"], rate=10.0).cases(tmp_path)]
+    assert whole == [400, 400] and thin == pytest.approx([100, 100])
+    fast = [case.scans for case in planned(["clean"], rate=1000.0).cases(tmp_path)]
+    assert fast == whole
+
+
+def test_all_levels_of_a_degradation_are_more_than_the_usual_ones():
+    usual, full = (plan.conditions_of(["noise"], full) for full in (False, True))
+    assert {level.level for level in usual} < {level.level for level in full}
+
+
+def test_a_trial_that_nobody_could_do_says_so(tmp_path):
+    made = planned(["clean"])
+    cases = made.cases(tmp_path)
+    found = made.gathered(cases, Store(tmp_path / "runs"), {})
+    assert [trial["failed"] for trial in found.trials] == 2 * ["its process died"]
+
+
+@pytest.mark.parametrize(
+    ("words", "rate", "drives"),
+    [([], 10.0, 2), (["--full"], None, 3), (["--rate", "0"], None, 2), (["--rate", "5"], 5.0, 2)],
+)
+def test_a_full_sweep_takes_every_scan_and_more_drives(words, rate, drives):
+    arguments = sweep.parser().parse_args(["--arenas", "rescue", "--algorithms", "hector", *words])
+    made = sweep._plan(arguments)
+    assert (made.rate, len(made.logs)) == (rate, drives)
+    assert made.sensor is None and made.odometry == (False, True)
+
+
+def test_parameters_are_those_for_the_sensor_unless_it_is_the_usual_one():
+    words = ["--arenas", "rescue", "--algorithms", "hector", "--sensor"]
+    for name, sensor in (("utm30lx", None), ("rplidar-a1", "rplidar-a1")):
+        assert sweep._plan(sweep.parser().parse_args([*words, name])).sensor == sensor

@@ -1,0 +1,96 @@
+"""When a lost robot is brought back: how well its place is explained, how often it is sought."""
+
+import numpy as np
+import pytest
+
+from slams.localize import relocator
+from slams.localize.relocator import Relocator
+from slams.localize.search import Atlas, Candidate
+from slams.motion.params import MotionParams
+from slams.motion.track import Track
+from slams.types import IDENTITY, Pose2
+from tests.rooms import laser, scan_at
+
+LIDAR, PLACE = laser(181), Pose2(3.0, 2.0, 1.0)
+
+
+class Guide(Atlas):
+    """An atlas that has one place, explained by so much; it counts the searches."""
+
+    def __init__(self, explained):
+        self.explained, self.searches = explained, []
+
+    def search(self, scan):
+        self.searches.append(scan.t)
+        return [self.look(scan, PLACE)]
+
+    def look(self, scan, pose):
+        return Candidate(pose, self.explained, 0.0, 1.0)
+
+
+def stamped(k):
+    return scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k)
+
+
+def sought(monkeypatch, explained, scans=30, adrift=False):
+    """A track that is lost, and looked for in so many scans."""
+    guide, track = Guide(explained), Track(MotionParams())
+    monkeypatch.setattr(relocator, "Atlas", lambda grid: guide)
+    for k in range(15):
+        track.predict(stamped(k))
+        if k == 0:
+            track.matched(IDENTITY, 1e6 * np.eye(3), stamped(k))
+        else:
+            track.missed(stamped(k))
+    assert track.state == "lost"
+    seeker, looked = Relocator(track, True), []
+    for k in range(15, 15 + scans):
+        track.predict(stamped(k))
+        track.missed(stamped(k))
+        track.adrift = adrift
+        before = track.lost
+        seeker.update(stamped(k), lambda: None)
+        looked.append(track.lost - before)
+        if track.state == "matched":
+            break
+    return track, seeker, guide, looked
+
+
+def test_a_place_is_taken_in_the_second_look_and_its_scan_was_not_lost(monkeypatch):
+    track, seeker, guide, looked = sought(monkeypatch, 0.8)
+    assert (track.state, track.pose, seeker.found) == ("matched", PLACE, 1)
+    assert looked == [0, -1]
+    assert len(guide.searches) == 1
+
+
+def test_a_place_that_is_explained_too_little_is_not_taken(monkeypatch):
+    track, seeker, _, _ = sought(monkeypatch, 0.6)  # a finder would be sure from 0.5 on
+    assert (track.state, seeker.found) == ("lost", 0)
+
+
+def test_it_is_looked_for_ever_more_seldom(monkeypatch):
+    _, _, guide, _ = sought(monkeypatch, 0.6, scans=200)
+    pauses = np.diff(guide.searches)
+    assert 4 <= len(guide.searches) <= 8
+    assert (np.diff(pauses) > 0.0).all()
+
+
+def test_who_is_adrift_is_not_looked_for(monkeypatch):
+    track, _, guide, _ = sought(monkeypatch, 0.9, adrift=True)
+    assert track.state == "lost" and guide.searches == []
+
+
+@pytest.mark.parametrize(("agrees", "looks"), [(True, 1), (False, 2)])
+def test_a_match_after_a_gap_that_the_map_confirms_is_believed_at_once(agrees, looks, monkeypatch):
+    guide, track = Guide(0.9), Track(MotionParams())
+    monkeypatch.setattr(relocator, "Atlas", lambda grid: guide)
+    track.predict(stamped(0))
+    track.matched(PLACE if agrees else IDENTITY, 1e6 * np.eye(3), stamped(0))
+    seeker = Relocator(track, True)
+    for k in range(1, 4):
+        track.state, track._unproven, track._seconds = "lost", 1.0, 0.0
+        seeker.update(stamped(k), lambda: None)
+        if track.state == "matched":
+            break
+    assert k == looks
+    assert seeker.found == (not agrees) and track.pose == PLACE

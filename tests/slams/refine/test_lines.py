@@ -1,0 +1,161 @@
+"""Lines in the cells: which hits count, how far they reach, and what is learned of them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.geometry import Prior
+from slams.refine.lines import LineMap
+from slams.refine.params import RefineParams
+from slams.refine.surface_kernels import Hits, Splat, add_to_cell, spread
+from slams.scan.end_points import EndPoints
+from slams.types import IDENTITY, Pose2
+from tests.rooms import laser, scan_at
+
+LIDAR = laser(721)
+SIZE, CELL = 240, 0.05
+FIRST = (-6.0, -6.0)
+NOTHING = Prior(IDENTITY, np.zeros((3, 3)))
+
+
+def blank(**changes):
+    seen = np.ones((SIZE, SIZE), np.float32)
+    return LineMap(RefineParams(**changes), seen, FIRST, CELL)
+
+
+def seen_at(pose=IDENTITY):
+    return EndPoints(RefineParams()).take(scan_at(pose, LIDAR), IDENTITY)
+
+
+def mapped(times=3):
+    lines, points = blank(), seen_at()
+    for _ in range(times):
+        lines.insert(points, IDENTITY)
+    return lines, points
+
+
+def hit(n=1.0, x=0.0, y=0.0, nx=0.0, ny=1.0):
+    return Hits(n, x, y, nx, ny)
+
+
+def row_of(lines, ix, iy):
+    return lines.surface.lines[lines.surface.slot[iy, ix]]
+
+
+def test_a_hit_whose_wall_looks_another_way_is_not_used():
+    lines, points = mapped()
+    assert lines.seen_from(points, IDENTITY).share > 0.8
+    normals = points.normals[:2].copy()
+    points.normals[0], points.normals[1] = -normals[1], normals[0]  # a quarter turn
+    none = lines.seen_from(points, IDENTITY)
+    assert none.share < 0.05
+    points.normals[:2] = 0.0  # one that has no normal is used
+    assert lines.seen_from(points, IDENTITY).share > 0.8
+
+
+def test_a_prior_counts_by_the_variance_of_a_beam():
+    lines, points = mapped()
+    there, held = Pose2(0.02, 0.0, 0.0), []
+    for variance in (1e-8, 1e2):
+        lines.variance = variance
+        held.append(lines.fit(points, there, Prior(there, 1e6 * np.eye(3))).pose.x)
+    assert held[0] == pytest.approx(0.0, abs=2e-3)
+    assert held[1] == pytest.approx(0.02, abs=1e-4)
+
+
+def test_what_is_seen_is_in_units_of_the_variance_that_is_learned():
+    lines, points = mapped()
+    match = lines.seen_from(points, Pose2(0.01, 0.01, 0.0))
+    assert match.seen == pytest.approx(lines._H / match.square)
+    lines.learn(match, points)
+    assert lines.variance == match.square > points.noise**2
+    lines.learn(match._replace(square=0.0), points)
+    assert lines.variance == points.noise**2
+
+
+def test_an_end_is_contradicted_only_where_a_cell_was_seen_free_more_than_once():
+    lines, points = blank(), seen_at()
+    for level, said in ((-0.4, 0.0), (-0.6, -1.0)):
+        lines.surface.seen[:] = level
+        assert (lines.evidence(points, IDENTITY) == said).all()
+    lines, points = mapped()
+    lines.surface.seen[:] = -0.6
+    assert np.mean(lines.evidence(points, IDENTITY) > 0.9) > 0.9
+
+
+def test_a_line_that_one_scan_alone_has_seen_is_hardly_trusted():
+    lines, trusts = blank(), []
+    for number in (1, 1, 2, 3, 4):
+        add_to_cell(lines.surface, 120, 120, hit(), Splat(1, 3, 200.0, number))
+        trusts.append(float(row_of(lines, 120, 120)[3]))
+    shares = [w / (w + 2.0) for w in (1.0, 2.0, 3.0, 4.0, 5.0)]
+    expected = np.multiply(shares, [0.1, 0.1, 1.0 / 2.0, 2.0 / 3.0, 3.0 / 4.0])
+    assert trusts == pytest.approx(expected, rel=1e-5)
+
+
+def test_beyond_its_cap_a_line_follows_slowly():
+    lines, splat = blank(), Splat(1, 3, 10.0, 1)
+    for y in (0.0, 0.02):
+        add_to_cell(lines.surface, 120, 120, hit(8.0, 0.0, y), splat)
+    weight = lines.surface.sums[lines.surface.slot[120, 120], 0]
+    assert weight == pytest.approx(10.0)
+    assert row_of(lines, 120, 120)[2] == pytest.approx(0.8 * 0.02)
+
+
+def test_faces_of_a_thin_wall_and_walls_of_a_corner_have_a_layer_each():
+    lines, splat = blank(), Splat(1, 3, 200.0, 1)
+    for nx, ny in ((0.0, 1.0), (0.0, -1.0)):
+        add_to_cell(lines.surface, 120, 120, hit(1.0, 0.0, 0.0, nx, ny), splat)
+    both = row_of(lines, 120, 120)
+    assert both[:2] == pytest.approx([0.0, 1.0]) and both[4:6] == pytest.approx([0.0, -1.0])
+
+
+def touched(lines):
+    iy, ix = np.nonzero(lines.surface.slot)
+    return sorted(zip((ix - 120).tolist(), (iy - 120).tolist(), strict=True))
+
+
+@pytest.mark.parametrize(("gap", "side"), [(0.04, 0), (0.06, 1), (0.16, 2), (9.0, 3)])
+def test_a_hit_reaches_across_its_wall_and_half_way_to_the_next_along_it(gap, side):
+    lines = blank()
+    spread(lines.surface, hit(), gap, Splat(1, 3, 200.0, 1))
+    assert touched(lines) == sorted((i, j) for i in range(-side, side + 1) for j in (-1, 0, 1))
+    lines = blank()
+    spread(lines.surface, hit(1.0, 0.0, 0.0, 1.0, 0.0), gap, Splat(2, 3, 200.0, 1))
+    assert touched(lines) == sorted((i, j) for i in range(-2, 3) for j in range(-side, side + 1))
+
+
+def test_along_a_slanted_wall_a_hit_reaches_along_the_wall():
+    lines, c = blank(), math.sqrt(0.5)
+    spread(lines.surface, hit(1.0, 0.0, 0.0, -c, c), 0.3, Splat(0, 3, 200.0, 1))
+    assert touched(lines)[0][0] < 0 and all(abs(ix - iy) <= 1 for ix, iy in touched(lines))
+
+
+def test_hits_of_a_noisy_laser_reach_as_many_cells_as_their_noise(monkeypatch):
+    told = []
+    monkeypatch.setattr("slams.refine.lines.add_scan", lambda *args: told.append(args[-1]))
+    lines, points = blank(), seen_at()
+    for noise in (0.01, 0.06):
+        points._noise.value = noise
+        lines.insert(points, IDENTITY)
+    assert [splat.reach for splat in told] == [1, 3]
+    assert [splat.number for splat in told] == [1, 2]
+
+
+def test_what_stands_where_it_was_free_is_no_wall():
+    lines = blank()
+    lines.surface.seen[:] = -0.1
+    lines.insert(seen_at(), IDENTITY)
+    assert not lines.surface.slot.any()
+
+
+def test_a_map_that_has_grown_keeps_its_lines_where_they_were():
+    lines, points = mapped()
+    before = lines.seen_from(points, IDENTITY)
+    larger, cells = np.ones((SIZE + 40, SIZE + 60), np.float32), (30, 50)  # below, left
+    first = FIRST[0] - cells[1] * CELL, FIRST[1] - cells[0] * CELL
+    lines.move(larger, first, *cells)
+    after = lines.seen_from(points, IDENTITY)
+    assert after.share == pytest.approx(before.share, abs=1e-3)
+    assert after.seen == pytest.approx(before.seen, rel=1e-2, abs=1.0)

@@ -1,0 +1,147 @@
+"""End points: which are kept, how noisy they are, where their normals point, when they were."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.scan.end_points import EndPoints
+from slams.scan.params import ScanParams
+from slams.scan.scan_kernels import (
+    Grain,
+    Limits,
+    Twist,
+    beyond_chords,
+    deskew,
+    drop_lone,
+    end_points,
+    scan_normals,
+)
+from slams.types import IDENTITY, Laser, Pose2, Scan
+from tests.rooms import laser, scan_at
+
+SLACK = 0.1
+
+
+def points_of(*xy):
+    return np.ascontiguousarray(np.array([(x, y, k) for k, (x, y) in enumerate(xy)], float).T)
+
+
+def kept(points, step):
+    """The numbers of the beams that have company."""
+    n = drop_lone(points, points.shape[1], IDENTITY, step, SLACK, np.zeros_like(points))
+    return points[2, :n].astype(int).tolist()
+
+
+def test_a_beam_without_company_is_left_out_unless_beams_are_far_apart():
+    post = points_of((5.0, 0.0), (5.0, 0.02), (2.0, 0.05), (5.0, 0.06), (5.0, 0.08))
+    assert kept(post.copy(), 0.004) == [0, 1, 3, 4]
+    assert kept(post.copy(), 0.026) == [0, 1, 2, 3, 4]  # 0.052 m between two beams at 2 m
+
+
+def test_company_may_be_two_beams_away_but_not_three():
+    for away, both in ((2, True), (3, False)):
+        xy = [(5.0 + 3.0 * k, 0.0) for k in range(1, 6)]
+        xy[0] = (2.0, 0.0)
+        xy[away] = (2.05, 0.0)
+        found = kept(points_of(*xy), 0.004)
+        assert (0 in found and away in found) == both
+
+
+def test_a_wall_seen_aslant_is_company_by_the_line_through_both_neighbors():
+    wall = [(2.0, 1.0), (4.0, 1.0), (8.0, 1.0)]
+    assert kept(points_of((1.0, 3.0), *wall, (3.0, 9.0)), 0.001) == [2]
+    off = [(2.0, 1.0), (4.0, 1.3), (8.0, 1.0)]
+    assert kept(points_of((1.0, 3.0), *off, (3.0, 9.0)), 0.001) == []
+
+
+def test_ranges_count_between_both_limits_and_carry_the_number_of_their_beam():
+    lidar = Laser(0.0, 0.1, 5, 0.1, 30.0, Pose2(1.0, 2.0, 0.5 * math.pi))
+    ranges, out = np.array([0.4, 0.6, np.nan, 4.9, 5.1], np.float32), np.zeros((3, 5))
+    n, far = end_points(ranges, lidar.directions, lidar.mount, Limits(0.5, 5.0), out)
+    assert (n, out[2, :2].tolist()) == (2, [1.0, 3.0])
+    expected = lidar.mount.transform((ranges[:, None] * lidar.directions)[[1, 3]].astype(float))
+    assert pytest.approx(expected, rel=1e-6) == out[:2, :2].T
+    assert far == pytest.approx(np.hypot(*expected.T).max())
+
+
+def test_a_point_is_brought_along_the_arc_to_the_middle_of_the_sweep():
+    points = points_of((2.0, 0.0), (2.0, 1.0), (2.0, 2.0))
+    before = points.copy()
+    deskew(points, 3, Twist(1.0, 0.2, 0.8, 0.05, 1.0))
+    for k in range(3):
+        t = 0.05 * (k - 1)
+        half = Pose2(0.0, 0.0, 0.5 * 0.8 * t)
+        x, y = half.transform(np.array([[1.0 * t, 0.2 * t]]))[0]
+        there = Pose2(x, y, 0.8 * t).transform(before[:2, k][None])[0]
+        assert points[:2, k] == pytest.approx(there)
+
+
+def test_noise_is_what_is_left_of_straight_walls():
+    rng, wall = np.random.default_rng(0), np.linspace(-1.0, 1.0, 301)
+    points = np.stack([np.full(301, 2.0), wall, np.arange(301.0)])
+    assert beyond_chords(points.copy(), 301, IDENTITY, 0.1, np.zeros(301)) == 100
+    assert beyond_chords(points.copy(), 301, IDENTITY, 0.01, np.zeros(301)) == 0
+    out = np.zeros(301)
+    beyond_chords(points, 301, Pose2(0.5, 0.3, 0.0), 0.1, out)
+    assert np.abs(out).max() < 1e-12
+    lidar = laser(1441)
+    for noise, found in ((0.02, 0.02), (0.3, 0.15), (0.0, 0.001)):
+        ends = EndPoints(ScanParams())
+        for k in range(30):
+            ends.take(scan_at((0.0, 0.0, 0.0), lidar, noise=noise, rng=rng, t=0.1 * k), IDENTITY)
+        assert ends.noise == pytest.approx(found, rel=0.15)
+
+
+def test_the_window_of_a_normal_and_what_is_one_surface_grow_with_the_noise():
+    ends = EndPoints(ScanParams(normal_window=0.05))
+    for noise, window, slack in ((0.005, 0.05, 0.1), (0.02, 0.12, 0.12)):
+        ends._noise.value = noise
+        assert ends.grain == pytest.approx((noise, window, slack))
+
+
+def normals_of(points, noise=0.0):
+    n = points.shape[1]
+    out, moments = np.zeros((3, n)), np.zeros((6, n + 1))
+    scan_normals(points, n, IDENTITY, 0.02, Grain(noise, 0.05, SLACK), moments, out)
+    return out
+
+
+def test_normals_face_the_laser_and_the_gap_is_that_between_two_beams():
+    y = np.arange(-10, 11) * 0.04
+    for x in (2.0, -2.0):
+        out = normals_of(points_of(*((x, float(v)) for v in y)))
+        assert out[0] == pytest.approx(-np.sign(x)) and out[1] == pytest.approx(0.0, abs=1e-9)
+        assert out[2] == pytest.approx(0.04)
+
+
+def test_a_corner_has_no_normal_unless_noise_may_have_bent_it():
+    corner = [(2.0, 0.04 * k) for k in range(-6, 1)] + [(2.0 + 0.04 * k, 0.0) for k in range(1, 7)]
+    sharp, blurred = normals_of(points_of(*corner)), normals_of(points_of(*corner), noise=0.05)
+    assert not sharp[:2, 6].any() and sharp[:2, 0].any()
+    assert blurred[:2, 6].any()
+
+
+def test_a_surface_ends_at_a_jump_for_those_before_and_behind_it():
+    xy = [(2.0, 0.04 * k) for k in range(6)] + [(3.0, 0.3 + 0.04 * k) for k in range(6)]
+    out = normals_of(points_of(*xy))
+    assert out[0] == pytest.approx(-1.0) and out[1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("on", "seconds"), [(True, 0.02), (False, 0.02), (True, 0.0)])
+def test_only_a_sweep_that_takes_time_is_freed_of_its_motion(on, seconds):
+    lidar = laser(181, time_increment=seconds / 180)
+    ends = EndPoints(ScanParams(deskew=on))
+    ends.take(scan_at((0.0, 0.0, 0.0), lidar), Pose2(1.0, 0.0, 0.0))
+    back = 0.01 if on and seconds else 0.0
+    assert ends.sweeps == (back > 0.0)
+    assert ends.at_stamp(IDENTITY).x == pytest.approx(-back)
+
+
+def test_ranges_below_the_lasers_own_limit_or_ours_are_not_used():
+    ranges = np.repeat(np.float32([0.3, 0.6, 2.0]), 9)
+    for low, least in ((0.1, 0.5), (0.5, 0.1)):
+        lidar = Laser(0.0, 0.001, 27, low, 30.0)
+        ends = EndPoints(ScanParams(min_range=least))
+        ends.take(Scan(0.0, ranges, lidar), IDENTITY)
+        assert np.hypot(*ends.points[:2, : ends.n]).min() == pytest.approx(0.6)

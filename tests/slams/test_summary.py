@@ -1,0 +1,113 @@
+"""The summary of a run: every figure is what its name says."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from slams import Params, metrics
+from slams.player import Run
+from slams.scanlog import ScanLog, Track
+from slams.summary import Span, as_json, as_text, cost, moments, span_pairs, summarize, truth_errors
+from slams.types import Pose2
+from tests.rooms import laser
+
+T = np.arange(20) * 0.5
+
+
+def poses_of(off=0.0):
+    """A way to the side of the truth by `off` [m] in the middle of it."""
+    x = 0.3 * np.arange(20)
+    return np.stack([x, np.where((x > 2.0) & (x < 4.0), off, 0.0), 0.0 * x], axis=1)
+
+
+def log_of(truth=None, covered=None):
+    ranges = np.ones((20, 5), np.float32)
+    ranges[3] = np.inf
+    ranges[4, :3] = np.nan  # some beams return
+    covered = slice(None) if covered is None else covered
+    track = None if truth is None else Track(T[covered], truth[covered])
+    return ScanLog(T, ranges, laser(5), None, track, None, {"name": "by hand"})
+
+
+def run_of(poses, report=None):
+    seconds = np.linspace(0.001, 0.02, 20)
+    return Run(T, poses, seconds, 2.0, report or {"lost": 0})
+
+
+def summary_of(poses, log, report=None):
+    return summarize(run_of(poses, report), log, "mine", Params(), 3.0)
+
+
+def test_the_figures_of_a_run_by_hand():
+    found = summary_of(poses_of(), log_of())
+    assert (found["scans"], found["beams"], found["scans_without_return"]) == (20, 5, 1)
+    assert (found["duration_s"], found["path_length_m"]) == (9.5, pytest.approx(5.7))
+    assert found["compile_s"] == 5.0
+    assert found["cpu_ms_per_scan"] == pytest.approx(10.5)
+    assert found["cpu_ms"] == pytest.approx({"p50": 10.5, "p95": 19.05, "max": 20.0})
+    assert found["real_time_factor"] == pytest.approx(9.5 / 0.21)
+    assert found["errors"] is None
+    assert "no truth in the log" in as_text(found)
+
+
+def test_costs_by_hand():
+    found = cost(0.001 * np.arange(1, 102), 10.0)
+    assert [found[f"{name}_ms"] for name in ("mean", "p50", "p95", "p99", "max")] == pytest.approx(
+        [51.0, 51.0, 96.0, 100.0, 101.0]
+    )
+
+
+def test_errors_against_the_truth_by_hand():
+    moved = Pose2(4.0, -3.0, 1.0)  # another frame
+    truth = np.array([moved @ Pose2(*pose) for pose in poses_of()])
+    estimate = poses_of(off=0.1)
+    estimate[-1, 0] += 0.4
+    errors = truth_errors(run_of(estimate), log_of(truth))
+    assert errors["per_update"]["translation_m"]["max"] == pytest.approx(0.4)
+    assert errors["per_update"]["translation_m"]["mean"] == pytest.approx((0.4 + 0.2) / 19)
+    assert errors["end_m"] == pytest.approx(0.4)
+    assert errors["ate_m"] == pytest.approx(metrics.ate(estimate, truth)) and errors["ate_m"] > 0.05
+    assert errors["not_covered"] == 0
+    assert set(errors) == {"per_update", "per_1_s", "not_covered", "ate_m", "end_m"}
+
+
+def test_poses_without_a_truth_do_not_count():
+    truth, estimate = poses_of(), poses_of()
+    estimate[:4, 1] = 9.0
+    errors = truth_errors(run_of(estimate), log_of(truth, slice(4, None)))
+    assert errors["not_covered"] == 4
+    assert errors["ate_m"] == pytest.approx(0.0, abs=1e-9)
+    assert "4 poses lie outside the truth" in as_text(
+        summary_of(estimate, log_of(truth, slice(4, None)))
+    )
+
+
+def test_spans_are_updates_seconds_or_meters():
+    truth = poses_of()
+    for span, first, apart in (
+        (Span("update"), 19, 1),
+        (Span("1 s", seconds=1.0), 18, 2),
+        (Span("1 m", meters=1.0), 16, 4),
+    ):
+        a, b = span_pairs(T, truth, span)
+        assert len(a) == first and set((b - a).tolist()) == {apart}, span
+
+
+def test_moments_are_those_of_the_values_themselves():
+    assert moments(np.array([1.0, 3.0])) == {"mean": 2.0, "std": 1.0, "min": 1.0, "max": 3.0}
+
+
+def test_what_is_odd_is_told_with_its_number():
+    report = {"lost": 0, "too_far": 7}
+    found = summary_of(poses_of(), log_of(), report) | {"stamps_back": 3}
+    (note,) = [line for line in as_text(found).splitlines() if line.startswith("note")]
+    assert "3 stamps jump back" in note
+    assert "1 scans have no return at all" in note
+    assert "7 scans not entered into the map" in note
+
+
+def test_what_is_not_finite_becomes_null():
+    text = as_json({"a": math.nan, "b": [math.inf, 1.0], "c": np.float64(-math.inf), "d": "nan"})
+    assert json.loads(text) == {"a": None, "b": [None, 1.0], "c": None, "d": "nan"}
