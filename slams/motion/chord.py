@@ -46,9 +46,13 @@ def travelled(velocity: Pose2, seconds: float) -> Pose2:
     return Chord(*(v * seconds for v in velocity)).step()
 
 
-def covariance(step: Pose2, variance: Chord) -> Floats:
-    """Covariance (3, 3) of a step, seen from the pose before it, of x, y [m], theta [rad]."""
-    c, s = math.cos(0.5 * step.theta), math.sin(0.5 * step.theta)
+def covariance(step: Pose2, variance: Chord, heading: float = 0.0) -> Floats:
+    """Covariance (3, 3) of a step of x, y [m], theta [rad], in the frame that x and y are told in.
+
+    In that frame the robot's `heading` [rad] before the step is 0, unless another is given.
+    """
+    half = heading + 0.5 * step.theta
+    c, s = math.cos(half), math.sin(half)
     ahead, aside, turn = variance
     x_turn, y_turn = -0.5 * step.y, 0.5 * step.x  # an error of the turn turns the chord by half
     xy = c * s * (ahead - aside) + x_turn * y_turn * turn

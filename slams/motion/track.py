@@ -147,7 +147,7 @@ class Track:
             self._look(scan, pose, seen, rough)
         else:  # the first pose is the map's origin
             seen, self._begun = np.eye(3) / FLOOR, True
-        honest, by_scan = self._sight.of(seen), self._by_scan(pose, seen)
+        honest, found = self._sight.of(seen), pose
         pose = self._fused(pose, seen, honest)
         if leads is not None and self._sight.share < SEEN:
             pose, honest = self._looked_along(pose, honest, leads)
@@ -155,7 +155,7 @@ class Track:
         self._even = evenness(alone)
         learns = self._widen_wheels or not self._by_wheels
         if learns and self.state == "matched":  # a blind drive tells of the wheels, not of one step
-            self._learn(by_scan, alone)
+            self._learn(self._by_scan(found, seen), alone)
         self.motion.moved(pose, alone, scan)
         self.covariance = inverse3(honest + self.prior(pose))
         self.pose = self._matched_at = pose
@@ -266,7 +266,7 @@ class Track:
         self.lost += state == "lost"
 
     def _sure(self, covariance: Floats) -> bool:
-        xx, yy, turn = np.diagonal(covariance).tolist()
+        (xx, _, _), (_, yy, _), (_, _, turn) = covariance.tolist()
         return bool(xx + yy < LOST_XY**2 and turn < LOST_TURN**2)
 
     def _off(self, pose: Pose2) -> Floats:
@@ -294,6 +294,6 @@ def _without_wheels(params: MotionParams) -> MotionParams:
 
 def evenness(covariance: Floats) -> float:
     """Ratio of the least to the largest variance of x and y, of a covariance (3, 3): 0 to 1."""
-    xx, xy, yy = covariance[0, 0], covariance[0, 1], covariance[1, 1]
+    (xx, xy, _), (_, yy, _), _ = covariance.tolist()
     half, spread = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
     return float(max(half - spread, 0.0) / (half + spread))
