@@ -15,10 +15,10 @@ from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Pose2
 
-FINE = 0.02  # of a cell: a step below it is the last on a level that lines come after
+ROUGH, FINE = 0.05, 0.02  # of a cell: a step below is the last, before lines or a finer level
 SURE = 2.0  # standard errors of its lead by which another start has to win
 DEAR = 3.0  # times the price of a contradiction, at most, for the chance of few beams
-ENOUGH = 180  # beams for a coarse level
+THINNED, ENOUGH = 4, 180  # every fourth beam where lines come after, if they are so many
 BLUR = 0.01  # least variance of 1 - M: a wall's ridge of cells is never exact
 
 
@@ -63,10 +63,12 @@ class Matcher:
 
     def _solver(self, level: int, n: int) -> Solver:
         p = self.params
-        steps = p.steps_coarse if level else p.steps_fine
-        last = level == 0 and not p.refine
-        tolerance = p.converged if last else FINE * p.resolution * 2**level
-        stride = max(min(2**level, n // ENOUGH), 1)  # several beams end in one coarse cell
+        steps, cell = p.steps_coarse if level else p.steps_fine, p.resolution * 2**level
+        if p.refine:
+            tolerance, thinned = ROUGH * cell, THINNED
+        else:
+            tolerance, thinned = FINE * cell if level else p.converged, 2**level
+        stride = max(min(thinned, n // ENOUGH), 1)  # several beams end in one coarse cell
         return Solver(steps, p.max_shift, p.max_turn, tolerance, p.damping, stride)
 
 

@@ -57,9 +57,9 @@ class RefineParams(ScanParams):
         high=1000,
     )
     converged: float = param(
-        2e-4,
+        1e-3,
         "m",
         "a step below this (and this times 1 rad/m) is the last",
-        source="ours: a tenth of what the pose is good to",
+        source="ours: the next would be a tenth of it, and the pose is good to 0.7 mm",
         low=0.0,
     )
