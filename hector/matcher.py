@@ -35,11 +35,8 @@ class Matcher:
 
     def climb(self, points: EndPoints, start: Pose2, prior: Prior) -> Match:
         """Gauss-Newton on the occupancy, coarse to fine: [Kohlbrecher11] sec. IV-C."""
-        pose, share, square = start, 0.0, 0.0
-        for level in reversed(range(self.params.levels)):
-            pose, share, square = self._map.match(
-                level, points, pose, prior, self._solver(level, points.n), self._H
-            )
+        solvers = [self._solver(level, points.n) for level in range(self.params.levels)]
+        pose, share, square = self._map.match(points, start, prior, solvers, self._H)
         variance = self._map.lines.variance
         rough = self.params.refine
         return Match(pose, share, variance, self._H / max(square, BLUR), rough)
@@ -64,11 +61,12 @@ class Matcher:
     def _solver(self, level: int, n: int) -> Solver:
         p = self.params
         steps, cell = p.steps_coarse if level else p.steps_fine, p.resolution * 2**level
+        thinned = THINNED if p.refine else 2**level  # several beams end in one coarse cell
+        stride = max(min(thinned, n // ENOUGH), 1)
         if p.refine:
-            tolerance, thinned = ROUGH * cell, THINNED
+            tolerance = (ROUGH if stride > 1 else FINE) * cell
         else:
-            tolerance, thinned = FINE * cell if level else p.converged, 2**level
-        stride = max(min(thinned, n // ENOUGH), 1)  # several beams end in one coarse cell
+            tolerance = FINE * cell if level else p.converged
         return Solver(steps, p.max_shift, p.max_turn, tolerance, p.damping, stride)
 
 

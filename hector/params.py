@@ -22,7 +22,7 @@ class HectorParams(RefineParams):
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "hector.original:Original",
-        "paper": {"refine": False, "relocate": False, "converged": 2e-4},
+        "paper": {"refine": False, "relocate": False},
     }
 
     resolution: float = param(

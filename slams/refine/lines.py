@@ -97,7 +97,7 @@ class LineMap:
     def _fitted(self, points: EndPoints, start: Pose2, prior: Prior, steps: int) -> Match:
         stride = max(min(THINNED, points.n // ENOUGH), 1)
         near, soft = NEAR * self.surface.resolution, self._softness(points)
-        how = Fit(steps, self.params.converged, near, stride, soft, self.variance)
+        how = Fit(steps, stride * self.params.converged, near, stride, soft, self.variance)
         view, H = View(points.points, points.normals, points.n, points.mount), self._H
         pose, share, square = fit(self.surface, view, start, prior, how, H)
         variance = max(square, points.noise**2)

@@ -57,9 +57,9 @@ class RefineParams(ScanParams):
         high=1000,
     )
     converged: float = param(
-        1e-3,
+        2e-4,
         "m",
-        "a step below this (and this times 1 rad/m) is the last",
-        source="ours: the next would be a tenth of it, and the pose is good to 0.7 mm",
+        "a step below this (and this times 1 rad/m) is the last; with many beams four times this",
+        source="ours: a tenth of what the pose is good to; of many beams the next step is a tenth",
         low=0.0,
     )
