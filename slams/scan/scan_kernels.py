@@ -127,28 +127,30 @@ def beyond_chords(points: Points, n: int, mount: Pose2, near: float, out: Floats
 
 @njit
 def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, out: Points) -> int:
-    """Leave out end points that have no company, in place; how many are left.
+    """Leave out end points that have no company, in place; how many are left. `out` is room.
 
     ours: rain, mixed pixels and faults are one beam each, a surface is several. Company is another
     end point among the two beams to either side within `slack` [m] and four beams' spacing, or
     both neighbors' line within `slack` along the beam. Where beams are farther apart than half of
     `slack`, a post is one beam, too. points, out (3, >= n).
     """
-    for i in range(n):  # by hand: an assignment of slices takes two seconds to compile
-        out[0, i], out[1, i], out[2, i] = points[0, i], points[1, i], points[2, i]
-    kept = 0
     for i in range(n):
-        rx, ry = out[0, i] - mount.x, out[1, i] - mount.y
+        rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
         spacing = step * math.sqrt(rx * rx + ry * ry)
         gap = slack + 4.0 * spacing
         company = spacing > 0.5 * slack
-        if 0 < i < n - 1:
-            company = company or abs(beyond_chord(out, i - 1, i, i + 1, mount)) < slack
-        for k in range(max(i - 2, 0), min(i + 3, n)):
-            company = company or (k != i and square_gap(out, i, k) < gap * gap)
-        if company:
+        for k in (i - 1, i + 1, i - 2, i + 2):
+            if company:
+                break
+            company = 0 <= k < n and square_gap(points, i, k) < gap * gap
+        if 0 < i < n - 1 and not company:
+            company = abs(beyond_chord(points, i - 1, i, i + 1, mount)) < slack
+        out[0, i] = 1.0 if company else 0.0
+    kept = 0
+    for i in range(n):
+        if out[0, i] > 0.0:
             for row in range(3):
-                points[row, kept] = out[row, i]
+                points[row, kept] = points[row, i]
             kept += 1
     return kept
 
