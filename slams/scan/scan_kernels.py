@@ -13,6 +13,8 @@ from slams.types import Floats, Pose2, Ranges
 
 Points = NDArray[np.float64]
 
+DENSE = 4  # beams in half a window of a normal: a quarter of it does not matter
+
 
 class Limits(NamedTuple):
     """Which end points are used: least and greatest distance [m]."""
@@ -182,6 +184,36 @@ def scan_moments(
     out[5, n] = n
 
 
+@njit(inner=True)
+def window_normal(
+    points: Points, moments: Floats, a: int, b: int, rx: float, ry: float, blur: float
+) -> tuple[float, float, float]:
+    """Normal of the end points a to b against the beam rx, ry [m], and their mean gap [m].
+
+    ours: total least squares; 0, 0, 0 where there are too few of them, and where they are bent by
+    more than noise of the variance `blur` [m^2].
+    """
+    m = b - a + 1
+    if m < 3:
+        return 0.0, 0.0, 0.0
+    sx, sy = moments[0, b + 1] - moments[0, a], moments[1, b + 1] - moments[1, a]
+    cxx = moments[2, b + 1] - moments[2, a] - sx * sx / m
+    cxy = moments[3, b + 1] - moments[3, a] - sx * sy / m
+    cyy = moments[4, b + 1] - moments[4, a] - sy * sy / m
+    split = math.sqrt(0.25 * (cxx - cyy) * (cxx - cyy) + cxy * cxy)
+    mean = 0.5 * (cxx + cyy)
+    if mean - split - m * blur > 0.1 * (mean + split):
+        return 0.0, 0.0, 0.0
+    nx, ny = (cxy, mean - split - cxx) if cyy < cxx else (mean - split - cyy, cxy)
+    length = math.sqrt(nx * nx + ny * ny)
+    if not length > 0.0:
+        return 0.0, 0.0, 0.0
+    if nx * rx + ny * ry > 0.0:
+        length = -length
+    dx, dy = points[0, b] - points[0, a], points[1, b] - points[1, a]
+    return nx / length, ny / length, math.sqrt(dx * dx + dy * dy) / (m - 1)
+
+
 @njit
 def scan_normals(
     points: Points, n: int, mount: Pose2, step: float, grain: Grain, moments: Floats, out: Points
@@ -189,38 +221,25 @@ def scan_normals(
     """Normal of the scan at each end point, toward the sensor, and the gap to its neighbors.
 
     ours: total least squares over the beams within about `grain.window`, two at least, up to the
-    next jump; places bent by more than the noise (a corner in the window) get no normal. points
-    (2, >= n), out (3, >= n): normal (0, 0 where none), mean gap [m].
+    next jump; places bent by more than the noise (a corner in the window) get no normal. Where
+    half a window has `DENSE` beams, two neighbors share the normal of one. points (2, >= n), out
+    (3, >= n): normal (0, 0 where none), mean gap [m].
     """
     scan_moments(points, n, mount, step, grain.slack, moments)
     window, blur = grain.window, grain.noise * grain.noise
-    last = n - 1
+    last, shares = n - 1, False
     for i in range(n - 1, -1, -1):
         if i + 1 < n and moments[5, i] != moments[5, i + 1]:
-            last = i
+            last, shares = i, False
+        if shares:
+            out[0, i], out[1, i], out[2, i] = out[0, i + 1], out[1, i + 1], out[2, i + 1]
+            shares = False
+            continue
         rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
         half = 2 + int(window / (step * math.sqrt(rx * rx + ry * ry) + 1e-6))
         first = int(moments[5, i])
         a = first if first > i - half else i - half
         b = last if last < i + half else i + half
-        out[0, i] = out[1, i] = out[2, i] = 0.0
-        m = b - a + 1
-        if m < 3:
-            continue
-        sx, sy = moments[0, b + 1] - moments[0, a], moments[1, b + 1] - moments[1, a]
-        cxx = moments[2, b + 1] - moments[2, a] - sx * sx / m
-        cxy = moments[3, b + 1] - moments[3, a] - sx * sy / m
-        cyy = moments[4, b + 1] - moments[4, a] - sy * sy / m
-        split = math.sqrt(0.25 * (cxx - cyy) * (cxx - cyy) + cxy * cxy)
-        mean = 0.5 * (cxx + cyy)
-        if mean - split - m * blur > 0.1 * (mean + split):
-            continue
-        nx, ny = (cxy, mean - split - cxx) if cyy < cxx else (mean - split - cyy, cxy)
-        length = math.sqrt(nx * nx + ny * ny)
-        if not length > 0.0:
-            continue
-        if nx * rx + ny * ry > 0.0:
-            length = -length
-        out[0, i], out[1, i] = nx / length, ny / length
-        dx, dy = points[0, b] - points[0, a], points[1, b] - points[1, a]
-        out[2, i] = math.sqrt(dx * dx + dy * dy) / (m - 1)
+        nx, ny, gap = window_normal(points, moments, a, b, rx, ry, blur)
+        out[0, i], out[1, i], out[2, i] = nx, ny, gap
+        shares = half >= DENSE
