@@ -97,7 +97,9 @@ def _deepcopy(value: Any, memo: dict[int, Any]) -> Any:
 class Room:
     """The rectangle of cells that a map's arrays have, as numbers of cells from the map's origin.
 
-    It begins as a square around the origin that has `max_cells`, in whole blocks.
+    It begins as a square around the origin that has `max_cells`, in whole blocks; a block wider
+    where rows would be whole pages: cells above each other would all want the same few lines of the
+    cache, and scans would enter a map five times as slowly.
 
     Args:
         max_cells: cells of the largest map.
@@ -110,6 +112,8 @@ class Room:
         half = max(math.isqrt(max_cells) // (2 * block), 1) * block
         self.x0 = self.y0 = -half
         self.width = self.height = 2 * half
+        if self.width % PAGE == 0:
+            self.width += block
 
     @property
     def corner(self) -> tuple[float, float]:
