@@ -28,6 +28,7 @@ PAGEMAP = Path("/proc/self/pagemap")  # a word for every page of the address spa
 GIVEN = np.uint64(3 << 62)  # of such a word: in memory, swapped
 SMALL = 1 << 16  # bytes that may lie anywhere
 NORESERVE = 0x4000  # Linux: no promise of memory; Python has a name for it from 3.13 on
+EVEN = 1 << 10  # cells: of four bytes a page, and as many as the sets of a cache share
 SPARE = 0.5  # of its edge that a room which is too small grows at least
 
 
@@ -112,7 +113,7 @@ class Room:
         half = max(math.isqrt(max_cells) // (2 * block), 1) * block
         self.x0 = self.y0 = -half
         self.width = self.height = 2 * half
-        if self.width % PAGE == 0:
+        if self.width % EVEN == 0:
             self.width += block
 
     @property

@@ -112,6 +112,8 @@ class Track:
         That of the prediction; if the prediction errs by as much as the start is elsewhere, its
         deviation is at least that: C + d d^T (its inverse by Sherman and Morrison).
         """
+        if start == self._prediction.pose:
+            return self._information
         return widened(self._information, self._off(start))[0]
 
     def charge(self, pose: Pose2) -> float:

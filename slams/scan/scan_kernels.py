@@ -13,7 +13,7 @@ from slams.types import Floats, Pose2, Ranges
 
 Points = NDArray[np.float64]
 
-DENSE = 4  # beams in half a window of a normal: a quarter of it does not matter
+DENSE = 4  # part of half a window that a normal may be beside its beam
 
 
 class Limits(NamedTuple):
@@ -221,19 +221,19 @@ def scan_normals(
     """Normal of the scan at each end point, toward the sensor, and the gap to its neighbors.
 
     ours: total least squares over the beams within about `grain.window`, two at least, up to the
-    next jump; places bent by more than the noise (a corner in the window) get no normal. Where
-    half a window has `DENSE` beams, two neighbors share the normal of one. points (2, >= n), out
+    next jump; places bent by more than the noise (a corner in the window) get no normal. Beams
+    within a `DENSE`-th of half a window have the normal of one of them. points (2, >= n), out
     (3, >= n): normal (0, 0 where none), mean gap [m].
     """
     scan_moments(points, n, mount, step, grain.slack, moments)
     window, blur = grain.window, grain.noise * grain.noise
-    last, shares = n - 1, False
+    last, shares = n - 1, 0
     for i in range(n - 1, -1, -1):
         if i + 1 < n and moments[5, i] != moments[5, i + 1]:
-            last, shares = i, False
-        if shares:
+            last, shares = i, 0
+        if shares > 0:
             out[0, i], out[1, i], out[2, i] = out[0, i + 1], out[1, i + 1], out[2, i + 1]
-            shares = False
+            shares -= 1
             continue
         rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
         half = 2 + int(window / (step * math.sqrt(rx * rx + ry * ry) + 1e-6))
@@ -242,4 +242,4 @@ def scan_normals(
         b = last if last < i + half else i + half
         nx, ny, gap = window_normal(points, moments, a, b, rx, ry, blur)
         out[0, i], out[1, i], out[2, i] = nx, ny, gap
-        shares = half >= DENSE
+        shares = half // DENSE
