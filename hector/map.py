@@ -56,7 +56,7 @@ class LogOddsPyramid:
         return True
 
     def match(
-        self, scan: EndPoints, start: Pose2, prior: Prior, solvers: list[Solver], H: Floats
+        self, scan: EndPoints, start: Pose2, prior: Prior, solvers: tuple[Solver, ...], H: Floats
     ) -> tuple[Pose2, float, float]:
         """Gauss-Newton on the occupancy, coarse to fine; pose, mean value, mean square residual.
 

@@ -32,10 +32,11 @@ class Matcher:
         self.params = params
         self._map = grids
         self._H = np.zeros((3, 3))
+        self._made: dict[int, tuple[Solver, ...]] = {}
 
     def climb(self, points: EndPoints, start: Pose2, prior: Prior) -> Match:
         """Gauss-Newton on the occupancy, coarse to fine: [Kohlbrecher11] sec. IV-C."""
-        solvers = [self._solver(level, points.n) for level in range(self.params.levels)]
+        solvers = self._solvers(points.n // ENOUGH)
         pose, share, square = self._map.match(points, start, prior, solvers, self._H)
         variance = self._map.lines.variance
         rough = self.params.refine
@@ -58,11 +59,17 @@ class Matcher:
         best = int(np.argmax(leads))
         return possible[best], float(np.mean(said[best]))
 
-    def _solver(self, level: int, n: int) -> Solver:
+    def _solvers(self, most: int) -> tuple[Solver, ...]:
+        """How each level is solved if not more than every `most`-th beam may be left out."""
+        if most not in self._made:
+            self._made[most] = tuple(self._solver(k, most) for k in range(self.params.levels))
+        return self._made[most]
+
+    def _solver(self, level: int, most: int) -> Solver:
         p = self.params
         steps, cell = p.steps_coarse if level else p.steps_fine, p.resolution * 2**level
         thinned = THINNED if p.refine else 2**level  # several beams end in one coarse cell
-        stride = max(min(thinned, n // ENOUGH), 1)
+        stride = max(min(thinned, most), 1)
         if p.refine:
             tolerance = (ROUGH if stride > 1 else FINE) * cell
         else:
