@@ -222,8 +222,8 @@ def scan_normals(
 
     ours: total least squares over the beams within about `grain.window`, two at least, up to the
     next jump; places bent by more than the noise (a corner in the window) get no normal. Beams
-    within a `DENSE`-th of half a window have the normal of one of them. points (2, >= n), out
-    (3, >= n): normal (0, 0 where none), mean gap [m].
+    within a `DENSE`-th of half a window that is whole have the normal of one of them. points
+    (2, >= n), out (3, >= n): normal (0, 0 where none), mean gap [m].
     """
     scan_moments(points, n, mount, step, grain.slack, moments)
     window, blur = grain.window, grain.noise * grain.noise
@@ -242,4 +242,4 @@ def scan_normals(
         b = last if last < i + half else i + half
         nx, ny, gap = window_normal(points, moments, a, b, rx, ry, blur)
         out[0, i], out[1, i], out[2, i] = nx, ny, gap
-        shares = half // DENSE
+        shares = half // DENSE if b - a == 2 * half else 0
