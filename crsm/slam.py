@@ -196,9 +196,7 @@ class Crsm:
             value -= 1.0
         return Match(fit, explained, worth, value, refined)
 
-    def _settle(
-        self, scan: Scan, view: ScanReader, match: Match | None, expected: Pose2
-    ) -> None:
+    def _settle(self, scan: Scan, view: ScanReader, match: Match | None, expected: Pose2) -> None:
         """Step 6: tell the track what was found, learn what is usual."""
         track = self._track
         if match is None:

@@ -56,11 +56,15 @@ class LogOddsPyramid:
         return True
 
     def match(
-        self, level: int, scan: EndPoints, start: Pose2, prior: Prior, solver: Solver, H: Floats
+        self, scan: EndPoints, start: Pose2, prior: Prior, solvers: tuple[Solver, ...], H: Floats
     ) -> tuple[Pose2, float, float]:
-        """Gauss-Newton on the occupancy of one level; pose, mean value, mean square residual."""
-        grid = self.levels[level]
-        return match_kernels.gauss_newton(grid, scan.points, scan.n, start, prior, solver, H)
+        """Gauss-Newton on the occupancy, coarse to fine; pose, mean value, mean square residual.
+
+        `solvers`: how, on each level, finest first.
+        """
+        levels, hows = tuple(map(tuple, self.levels)), tuple(map(tuple, solvers))
+        known = tuple(prior.pose), prior.information
+        return match_kernels.climb(levels, scan.points, scan.n, tuple(start), known, hows, H)
 
     def evidence(self, scan: EndPoints, pose: Pose2) -> Floats:
         """What each beam says for `pose`: (n,), 1 explained, -1 contradicted, 0 nothing."""

@@ -15,10 +15,10 @@ from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Pose2
 
-FINE = 0.02  # of a cell: a step below it is the last on a level that lines come after
+ROUGH, FINE = 0.05, 0.02  # of a cell: a step below is the last, before lines or a finer level
 SURE = 2.0  # standard errors of its lead by which another start has to win
 DEAR = 3.0  # times the price of a contradiction, at most, for the chance of few beams
-ENOUGH = 180  # beams for a coarse level
+THINNED, ENOUGH = 4, 180  # every fourth beam where lines come after, if they are so many
 BLUR = 0.01  # least variance of 1 - M: a wall's ridge of cells is never exact
 
 
@@ -32,14 +32,12 @@ class Matcher:
         self.params = params
         self._map = grids
         self._H = np.zeros((3, 3))
+        self._made: dict[int, tuple[Solver, ...]] = {}
 
     def climb(self, points: EndPoints, start: Pose2, prior: Prior) -> Match:
         """Gauss-Newton on the occupancy, coarse to fine: [Kohlbrecher11] sec. IV-C."""
-        pose, share, square = start, 0.0, 0.0
-        for level in reversed(range(self.params.levels)):
-            pose, share, square = self._map.match(
-                level, points, pose, prior, self._solver(level, points.n), self._H
-            )
+        solvers = self._solvers(points.n // ENOUGH)
+        pose, share, square = self._map.match(points, start, prior, solvers, self._H)
         variance = self._map.lines.variance
         rough = self.params.refine
         return Match(pose, share, variance, self._H / max(square, BLUR), rough)
@@ -61,12 +59,21 @@ class Matcher:
         best = int(np.argmax(leads))
         return possible[best], float(np.mean(said[best]))
 
-    def _solver(self, level: int, n: int) -> Solver:
+    def _solvers(self, most: int) -> tuple[Solver, ...]:
+        """How each level is solved if not more than every `most`-th beam may be left out."""
+        if most not in self._made:
+            self._made[most] = tuple(self._solver(k, most) for k in range(self.params.levels))
+        return self._made[most]
+
+    def _solver(self, level: int, most: int) -> Solver:
         p = self.params
-        steps = p.steps_coarse if level else p.steps_fine
-        last = level == 0 and not p.refine
-        tolerance = p.converged if last else FINE * p.resolution * 2**level
-        stride = max(min(2**level, n // ENOUGH), 1)  # several beams end in one coarse cell
+        steps, cell = p.steps_coarse if level else p.steps_fine, p.resolution * 2**level
+        thinned = THINNED if p.refine else 2**level  # several beams end in one coarse cell
+        stride = max(min(thinned, most), 1)
+        if p.refine:
+            tolerance = (ROUGH if stride > 1 else FINE) * cell
+        else:
+            tolerance = FINE * cell if level else p.converged
         return Solver(steps, p.max_shift, p.max_turn, tolerance, p.damping, stride)
 
 

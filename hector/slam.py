@@ -40,6 +40,7 @@ from slams.usual import Usual
 OFTEN = 0.08  # s between scans with other starts: every scan at 10 Hz, one in four at 40
 MEMORY = 0.1  # s over which the share explained is usual: what is doubtful comes suddenly
 SAME = 0.25  # of a cell, within which two fits are one
+ONE_PLACE = 0.5  # of a cell, within which two climbs are
 
 
 class Hector:
@@ -126,19 +127,21 @@ class Hector:
         expected = start.pose
         if self._map.insertions == 0 or points.n == 0:
             return self._match._replace(pose=expected)
-        tried = self._tried(points, expected, self._prior(expected))
-        posed = self._posed
-        tried += self._from(self._others(points, start), points, expected)
-        self._posed = posed
+        prior = self._prior(expected)
+        posed = self._matcher.climb(points, expected, prior)
+        tried = self._tried(points, expected, posed, prior)
+        self._posed = posed.pose
+        for other in self._others(points, start):
+            climbed = self._matcher.climb(points, other, prior)
+            if gap(points, climbed.pose, posed.pose) > ONE_PLACE * self.params.resolution:
+                tried += self._tried(points, other, climbed, prior)
         return self._matcher.best(points, tried, self._track)[0] if len(tried) > 1 else tried[0]
 
     def _prior(self, expected: Pose2) -> Prior:
         return Prior(expected, self._track.prior(expected))
 
-    def _tried(self, points: EndPoints, start: Pose2, prior: Prior) -> list[Match]:
+    def _tried(self, points: EndPoints, start: Pose2, posed: Match, prior: Prior) -> list[Match]:
         """The pyramid's pose, the lines' from there and, if that is far off, from the start."""
-        posed = self._matcher.climb(points, start, prior)
-        self._posed = posed.pose
         if not self.params.refine:
             return [posed]
         cell = self.params.resolution
@@ -183,8 +186,12 @@ class Hector:
         return best, clear >= self.params.lost and self._track.reachable(best.pose)
 
     def _from(self, starts: list[Pose2], points: EndPoints, expected: Pose2) -> list[Match]:
-        prior = self._prior(expected)
-        return [match for start in starts for match in self._tried(points, start, prior)]
+        prior, tried = self._prior(expected), list[Match]()
+        for start in starts:
+            posed = self._matcher.climb(points, start, prior)
+            tried += self._tried(points, start, posed, prior)
+            self._posed = posed.pose
+        return tried
 
     def _settle(self, scan: Scan, points: EndPoints, match: Match, accepted: bool) -> None:
         """Step 7: tell the track what was found."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 LONGEST = 0.1  # s that one scan counts for: what two or three scans say is chance
+FRESH = 0.08  # s for which what a scan showed need not be looked at again: of 40 Hz one in four
 
 
 class Usual:
@@ -22,6 +23,10 @@ class Usual:
         self._seconds = seconds
         self._t = -math.inf
         self._scans = 0
+
+    def is_fresh(self, t: float) -> bool:
+        """Whether a scan has been looked at so shortly before the time `t` [s] that it will do."""
+        return 0.0 <= t - self._t < FRESH
 
     def learn(self, value: float, t: float, least: float = 0.0) -> None:
         """Take in what the scan of time `t` [s] shows, unless it was looked at before.

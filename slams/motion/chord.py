@@ -29,6 +29,7 @@ class Chord(NamedTuple):
         return Pose2(c * ahead - s * aside, s * ahead + c * aside, wrap_angle(turn))
 
 
+FAR = 100.0  # m, deviation of a pose that is anywhere: it grows no more
 FLOOR = 2.5e-13  # m^2, rad^2: half a micrometer, rounding of what is logged; no variance is less
 NOTHING = Chord(0.0, 0.0, 0.0)
 CERTAIN = Chord(FLOOR, FLOOR, FLOOR)
@@ -46,9 +47,13 @@ def travelled(velocity: Pose2, seconds: float) -> Pose2:
     return Chord(*(v * seconds for v in velocity)).step()
 
 
-def covariance(step: Pose2, variance: Chord) -> Floats:
-    """Covariance (3, 3) of a step, seen from the pose before it, of x, y [m], theta [rad]."""
-    c, s = math.cos(0.5 * step.theta), math.sin(0.5 * step.theta)
+def covariance(step: Pose2, variance: Chord, heading: float = 0.0) -> Floats:
+    """Covariance (3, 3) of a step of x, y [m], theta [rad], in the frame that x and y are told in.
+
+    In that frame the robot's `heading` [rad] before the step is 0, unless another is given.
+    """
+    half = heading + 0.5 * step.theta
+    c, s = math.cos(half), math.sin(half)
     ahead, aside, turn = variance
     x_turn, y_turn = -0.5 * step.y, 0.5 * step.x  # an error of the turn turns the chord by half
     xy = c * s * (ahead - aside) + x_turn * y_turn * turn
@@ -73,3 +78,11 @@ def variances(found: Floats | None, heading: float, match: float) -> Chord:
     c, s = math.cos(heading), math.sin(heading)
     ahead = c * c * xx + 2.0 * c * s * xy + s * s * yy
     return Chord(max(ahead, FLOOR), max(xx + yy - ahead, FLOOR), turn)
+
+
+def with_the_same_error(before: Floats, step: Floats) -> Floats:
+    """`before`, so that the sum with `step` covers errors of both that are one and the same."""
+    if float(np.trace(before)) > FAR**2:
+        return before
+    share = math.sqrt(float(np.trace(step)) / float(np.trace(before)))
+    return np.asarray((1.0 + share) * before + step / share)

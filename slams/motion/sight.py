@@ -62,9 +62,18 @@ class Sight(NamedTuple):
         """A covariance or information (3, 3), so many times as long in that direction."""
         if by == 1.0:
             return of
-        axis = np.array((self.x, self.y, 0.0))
-        stretch = np.eye(3) + (by - 1.0) * np.outer(axis, axis)
-        return np.asarray(stretch @ of @ stretch)
+        x, y, more = self.x, self.y, by - 1.0
+        (xx, xy, xt), (_, yy, yt), _ = of.tolist()
+        to_x, to_y, turn = x * xx + y * xy, x * xy + y * yy, x * xt + y * yt
+        square = more * (x * to_x + y * to_y)  # S M S with S = I + more a a^T
+        ax, ay = to_x + 0.5 * square * x, to_y + 0.5 * square * y
+        mixed = more * (x * ay + y * ax)
+        added = (
+            (2.0 * more * x * ax, mixed, more * x * turn),
+            (mixed, 2.0 * more * y * ay, more * y * turn),
+            (more * x * turn, more * y * turn, 0.0),
+        )
+        return np.asarray(of + np.array(added))
 
     def after(self, before: Sight) -> Sight:
         """The same, but no better than the one before: what one scan alone sees may be noise."""
@@ -78,8 +87,9 @@ class Sight(NamedTuple):
 
     def widened(self, of: Floats, more: float) -> Floats:
         """A covariance or information (3, 3) with so much [m^2], [1/m^2] more in that direction."""
-        axis = np.array((self.x, self.y, 0.0))
-        return np.asarray(of + more * np.outer(axis, axis))
+        x, y = self.x, self.y
+        xx, xy, yy = more * x * x, more * x * y, more * y * y
+        return np.asarray(of + np.array(((xx, xy, 0.0), (xy, yy, 0.0), (0.0, 0.0, 0.0))))
 
 
 CLEAR = Sight(1.0, 0.0, 1.0, 1.0, 0.0)
@@ -113,6 +123,6 @@ def noise_of(scan: Scan, every: int = 1) -> float:
 
 def evenness(covariance: Floats) -> float:
     """Ratio of the least to the largest variance of x and y, of a covariance (3, 3): 0 to 1."""
-    xx, xy, yy = covariance[0, 0], covariance[0, 1], covariance[1, 1]
+    (xx, xy, _), (_, yy, _), _ = covariance.tolist()
     half, spread = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
     return float(max(half - spread, 0.0) / (half + spread))

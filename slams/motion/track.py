@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from slams.geometry import FREEDOM, inverse3, widened
-from slams.motion.chord import FLOOR
+from slams.motion.chord import FLOOR, with_the_same_error
 from slams.motion.model import Motion, Prediction
 from slams.motion.params import MotionParams, without_wheels
 from slams.motion.sight import CLEAR, evenness, sight
@@ -27,10 +27,10 @@ DEGREES = 3.0  # of freedom of a pose
 RISE, FALL = 1.0, 10.0  # s, in which what is expected becomes wider and narrower
 MOST = 10.0  # that one surprise counts
 GAP = 3.0  # usual intervals; a longer one is a gap in the log
-FAR = 100.0  # m, deviation of a pose that is anywhere: it grows no more
 WIDEST = 1e3  # variance, times the expected one
 SEEN = 0.9  # share of what a match says along a corridor, below which slips are looked for
 GAPLESS = 360  # hits of a scan, below which the map that is made of them has gaps
+LOOK = 0.08  # s between looks at how walls face: on the way of some cm they stay as they are
 EVEN = 0.2  # ratio of variances of x and y above which a scan sees all directions: no corridor
 
 
@@ -61,7 +61,9 @@ class Track:
         self._seconds = 0.0  # since the last match
         self._even = 1.0  # of the last match: how alike it saw the two directions
         self._sight = CLEAR  # of the last match
-        self._seeing = CLEAR  # of its scan by itself
+        self._seeing = CLEAR  # of the last scan that was looked at, by itself
+        self._seen_twice = CLEAR  # of that one and the one before
+        self._looked = math.inf  # s ago
         self._by_wheels = True  # all that time
         self._missed = False  # the last scan
         self._unproven = 0.0  # s for which matches have to stand before they are believed
@@ -109,6 +111,8 @@ class Track:
         That of the prediction; if the prediction errs by as much as the start is elsewhere, its
         deviation is at least that: C + d d^T (its inverse by Sherman and Morrison).
         """
+        if start == self._prediction.pose:
+            return self._information
         return widened(self._information, self._off(start))[0]
 
     def charge(self, pose: Pose2) -> float:
@@ -142,7 +146,7 @@ class Track:
             self._look(scan, pose, seen, rough)
         else:  # the first pose is the map's origin
             seen, self._begun = np.eye(3) / FLOOR, True
-        honest, by_scan = self._sight.of(seen), self._by_scan(pose, seen)
+        honest, found = self._sight.of(seen), pose
         pose = self._fused(pose, seen, honest)
         if leads is not None and self._sight.share < SEEN:
             pose, honest = self._looked_along(pose, honest, leads)
@@ -150,7 +154,7 @@ class Track:
         self._even = evenness(alone)
         learns = self._widen_wheels or not self._by_wheels
         if learns and self.state == "matched":  # a blind drive tells of the wheels, not of one step
-            self._learn(by_scan, alone)
+            self._learn(self._by_scan(found, seen), alone)
         self.motion.moved(pose, alone, scan)
         self.covariance = inverse3(honest + self.prior(pose))
         self.pose = self._matched_at = pose
@@ -169,9 +173,13 @@ class Track:
         self.matched(pose, self._information, scan)
 
     def _look(self, scan: Scan, pose: Pose2, seen: Floats, rough: bool) -> None:
-        """Which direction is seen badly, by this scan, the one before and the matcher."""
-        seeing = sight(scan, pose) or self._seeing
-        self._sight, self._seeing = seeing.after(self._seeing).judging(seen, rough), seeing
+        """Which direction is seen badly, by the last two scans looked at and the matcher."""
+        dt = self._prediction.dt
+        self._looked += dt if dt > 0.0 else LOOK
+        if self._looked >= LOOK:
+            seeing, self._looked = sight(scan, pose) or self._seeing, 0.0
+            self._seen_twice, self._seeing = seeing.after(self._seeing), seeing
+        self._sight = self._seen_twice.judging(seen, rough)
 
     def _fused(self, pose: Pose2, seen: Floats, honest: Floats) -> Pose2:
         """A match of what was `seen`, without what noise says: there the prediction stands.
@@ -203,7 +211,7 @@ class Track:
         variances; while nothing is matched, and in the direction that no match sees.
         """
         if self.state != "matched":
-            return _with_the_same_error(before, now.covariance)
+            return with_the_same_error(before, now.covariance)
         sees = self._sight
         blind = 2.0 * (1.0 - sees.share)
         both = now.pose_covariance(np.zeros((3, 3)))
@@ -258,7 +266,8 @@ class Track:
         """The map does not explain the scan: the pose is the prediction."""
         self.motion.missed(scan)
         self._missed = True
-        self._sight = self._seeing = CLEAR
+        self._sight = self._seeing = self._seen_twice = CLEAR
+        self._looked = math.inf
         self.pose, self.covariance = self._prediction.pose, self.predicted
         overdue = self._seconds >= LOST_AFTER
         self.held = overdue and self._by_wheels and self._sure(self.predicted)
@@ -273,7 +282,7 @@ class Track:
         self.lost += state == "lost"
 
     def _sure(self, covariance: Floats) -> bool:
-        xx, yy, turn = np.diagonal(covariance).tolist()
+        (xx, _, _), (_, yy, _), (_, _, turn) = covariance.tolist()
         return bool(xx + yy < LOST_XY**2 and turn < LOST_TURN**2)
 
     def _off(self, pose: Pose2) -> Floats:
@@ -284,11 +293,3 @@ class Track:
     def _distance(self, pose: Pose2) -> float:
         """Squared distance from the prediction, in units of its covariance."""
         return widened(self._information, self._off(pose))[1]
-
-
-def _with_the_same_error(before: Floats, step: Floats) -> Floats:
-    """`before`, so that the sum with `step` covers errors of both that are one and the same."""
-    if float(np.trace(before)) > FAR**2:
-        return before
-    share = math.sqrt(float(np.trace(step)) / float(np.trace(before)))
-    return np.asarray((1.0 + share) * before + step / share)

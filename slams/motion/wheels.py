@@ -43,7 +43,10 @@ class Wheels:
             return known
         self.used += 1
         own = wheel_variance(self._p, self.step, known.dt)
-        self._own = Chord(*(v * s.variance for v, s in zip(own, self._scales, strict=True)))
+        ahead, aside, turn = self._scales
+        self._own = Chord(
+            own.ahead * ahead.variance, own.aside * aside.variance, own.turn * turn.variance
+        )
         return self._fused(self.step, known)
 
     def compare(self, found: Chord, variance: Chord, dt: float) -> None:
@@ -70,14 +73,13 @@ class Wheels:
         """
         p, dt, own, was, spread = self._p, known.dt, self._own, known.step, known.variance
         limit = p.doubt**2 if 0.0 < dt <= p.witness_time else math.inf
-        doubt = [d.variance * dt * dt for d in self._doubts]
-        caught = [d > o for d, o in zip(doubt, own, strict=True)]  # of late, by the match
-        sure = known.turn_measured or caught[2]
-        t = _weighed(step.turn, own.turn + doubt[2], was.turn, spread.turn, limit, sure)
-        said = own.ahead + doubt[0]
-        a = _weighed(step.ahead, said, was.ahead, spread.ahead, limit, caught[0])
-        said = own.aside + doubt[1]
-        b = _weighed(step.aside, said, was.aside, spread.aside, limit, caught[1])
+        ahead, aside, turn = (doubt.variance * dt * dt for doubt in self._doubts)
+        sure = known.turn_measured or turn > own.turn  # caught of late, by the match
+        t = _weighed(step.turn, own.turn + turn, was.turn, spread.turn, limit, sure)
+        sure = ahead > own.ahead
+        a = _weighed(step.ahead, own.ahead + ahead, was.ahead, spread.ahead, limit, sure)
+        sure = aside > own.aside
+        b = _weighed(step.aside, own.aside + aside, was.aside, spread.aside, limit, sure)
         self.variance = Chord(a.said, b.said, t.said)
         self.contradicts = a.gap2 + b.gap2 + t.gap2 > 0.0
         self.doubted = Chord(a.doubted, b.doubted, t.doubted)

@@ -6,7 +6,7 @@ ours: the last step, exact to below a cell.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,12 +33,14 @@ class Fit(NamedTuple):
     """How a scan is fitted to the lines.
 
     At most `steps` steps (0: the start is only looked at), done below `tolerance` [m] and [rad]
-    times 1 m; `softness` [m] is the residual whose weight is halved; `variance` [m^2] that of a
-    beam, which weighs the prior.
+    times 1 m, on every `stride`-th beam until a step is below `near`, then on all; `softness` [m]
+    is the residual whose weight is halved; `variance` [m^2] that of a beam, which weighs the prior.
     """
 
     steps: int
     tolerance: float
+    near: float
+    stride: int
     softness: float
     variance: float
 
@@ -78,6 +80,7 @@ def facing_line(
 def line_equations(
     surface: Surface,
     view: View,
+    stride: int,
     pose: Pose2,
     soft: float,
     H: Floats,
@@ -85,15 +88,15 @@ def line_equations(
 ) -> tuple[float, float, float]:
     """One linearization of the distances to the lines, [Kohlbrecher11] eq. 8-13 with these as r.
 
-    ours: trust / (1 + soft e^2) of the line that is met is its weight. Returns the sums of
-    weights, of weighted squares [m^2] and of weights without the trust: how many points lie on a
-    line.
+    ours: trust / (1 + soft e^2) of the line that is met is its weight; every `stride`-th beam is
+    used. Returns the sums of weights, of weighted squares [m^2] and of weights without the trust:
+    how many points lie on a line.
     """
     points, normals, n, mount = view
     c, s = math.cos(pose.theta), math.sin(pose.theta)
     sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
     hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = near = 0.0
-    for i in range(n):
+    for i in range(0, n, stride):
         px, py = points[0, i], points[1, i]
         qx, qy = c * px - s * py, s * px + c * py
         e, nx, ny, w = facing_line(surface, pose.x + qx, pose.y + qy, sx, sy)
@@ -128,36 +131,40 @@ def line_equations(
 
 @njit
 def fit(
-    surface: Surface,
-    view: View,
-    start: Pose2,
-    prior: Prior,
-    how: Fit,
-    H: Floats,
+    surface: Any, view: Any, start: Any, prior: Any, how: Any, H: Floats
 ) -> tuple[Pose2, float, float]:
     """Gauss-Newton on the distances to the lines from `start`; the lines' last H is left in `H`.
 
     ours: [Kohlbrecher11] eq. 12, with what is known without the scan, `prior`, which decides where
-    no wall does. Returns the pose, the share of points that lie on a line (by robust weight), and
-    the mean square distance of those [m^2].
+    no wall does. `Surface`, `View`, start, `Prior` and `Fit` are plain tuples: those pass from
+    Python to here in a tenth of the time. Returns the pose, the share of points that lie on a line
+    (by robust weight), and the mean square distance of those [m^2].
     """
+    surface, prior, how = Surface(*surface), Prior(Pose2(*prior[0]), prior[1]), Fit(*how)
+    view = View(view[0], view[1], view[2], Pose2(*view[3]))
     x, y, theta = start
     room = np.empty((5, 3))
     b, step, total_H = room[3], room[4], room
     soft = 1.0 / (how.softness * how.softness)
     share = square = 0.0
+    stride = how.stride
     for k in range(how.steps + 1):
+        stride = stride if k < how.steps - 1 else 1
         pose = Pose2(x, y, theta)
-        total, squares, near = line_equations(surface, view, pose, soft, H, b)
-        share, square = near / max(view.n, 1), squares / max(total, 1e-9)
+        total, squares, near = line_equations(surface, view, stride, pose, soft, H, b)
+        share, square = stride * near / max(view.n, 1), squares / max(total, 1e-9)
         if k == how.steps:
             break
-        add_prior(H, prior.information, how.variance, offset(pose, prior.pose), total_H, b)
+        variance = how.variance / stride  # so many beams are in one
+        add_prior(H, prior.information, variance, offset(pose, prior.pose), total_H, b)
         if not solve3(total_H, b, step):
             break
         x, y, theta = x + step[0], y + step[1], theta + step[2]
-        if math.hypot(step[0], step[1]) < how.tolerance and abs(step[2]) < how.tolerance:
-            break
+        short = how.tolerance if stride == 1 else how.near
+        if math.hypot(step[0], step[1]) < short and abs(step[2]) < short:
+            if stride == 1:
+                break
+            stride = 1
     return Pose2(x, y, wrap_angle(theta)), share, square
 
 

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from slams.cells import move, zeros
 from slams.geometry import Prior
-from slams.refine.line_kernels import Fit, View, evidence, fit
+from slams.refine.line_kernels import evidence, fit
 from slams.refine.params import RefineParams
 from slams.refine.surface_kernels import LAYERS, SUMS, Splat, Surface, add_scan
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Pose2
 
+THINNED, ENOUGH = 4, 180  # a fit begins with every fourth beam, if those are so many
+NEAR = 0.2  # of a cell: a step below it is the last of so few beams
 SOFT = 3.0  # deviations of the noise at which a beam counts half
 BLURRED = 2.0  # deviations of the noise that a hit may lie off the cell of its wall
 LEAST_ROWS, CELLS_PER_ROW = 1 << 18, 16  # of the pool: few cells have a wall
@@ -93,9 +95,12 @@ class LineMap:
         self.variance = max(match.square, points.noise**2)
 
     def _fitted(self, points: EndPoints, start: Pose2, prior: Prior, steps: int) -> Match:
-        how = Fit(steps, self.params.converged, self._softness(points), self.variance)
-        view, H = View(points.points, points.normals, points.n, points.mount), self._H
-        pose, share, square = fit(self.surface, view, start, prior, how, H)
+        stride = max(min(THINNED, points.n // ENOUGH), 1)
+        near, soft = NEAR * self.surface.resolution, self._softness(points)
+        how = (steps, stride * self.params.converged, near, stride, soft, self.variance)
+        view, H = (points.points, points.normals, points.n, tuple(points.mount)), self._H
+        known = tuple(prior.pose), prior.information
+        pose, share, square = fit(tuple(self.surface), view, tuple(start), known, how, H)
         variance = max(square, points.noise**2)
         return Match(pose, share, variance, H / variance)
 

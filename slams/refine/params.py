@@ -59,7 +59,7 @@ class RefineParams(ScanParams):
     converged: float = param(
         2e-4,
         "m",
-        "a step below this (and this times 1 rad/m) is the last",
-        source="ours: a tenth of what the pose is good to",
+        "a step below this (and this times 1 rad/m) is the last; with many beams four times this",
+        source="ours: a tenth of what the pose is good to; of many beams the next step is a tenth",
         low=0.0,
     )

@@ -94,6 +94,8 @@ class EndPoints:
 
     def _measure_noise(self, t: float) -> None:
         """Where beams are so close together that a wall between them is straight."""
+        if self._noise.is_fresh(t):
+            return
         room = self._room[0]
         count = kernels.beyond_chords(self.points, self.n, self.mount, NEAR, room)
         if count >= SAMPLES:

@@ -13,6 +13,8 @@ from slams.types import Floats, Pose2, Ranges
 
 Points = NDArray[np.float64]
 
+DENSE = 4  # part of half a window that a normal may be beside its beam
+
 
 class Limits(NamedTuple):
     """Which end points are used: least and greatest distance [m]."""
@@ -127,28 +129,30 @@ def beyond_chords(points: Points, n: int, mount: Pose2, near: float, out: Floats
 
 @njit
 def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, out: Points) -> int:
-    """Leave out end points that have no company, in place; how many are left.
+    """Leave out end points that have no company, in place; how many are left. `out` is room.
 
     ours: rain, mixed pixels and faults are one beam each, a surface is several. Company is another
     end point among the two beams to either side within `slack` [m] and four beams' spacing, or
     both neighbors' line within `slack` along the beam. Where beams are farther apart than half of
     `slack`, a post is one beam, too. points, out (3, >= n).
     """
-    for i in range(n):  # by hand: an assignment of slices takes two seconds to compile
-        out[0, i], out[1, i], out[2, i] = points[0, i], points[1, i], points[2, i]
-    kept = 0
     for i in range(n):
-        rx, ry = out[0, i] - mount.x, out[1, i] - mount.y
+        rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
         spacing = step * math.sqrt(rx * rx + ry * ry)
         gap = slack + 4.0 * spacing
         company = spacing > 0.5 * slack
-        if 0 < i < n - 1:
-            company = company or abs(beyond_chord(out, i - 1, i, i + 1, mount)) < slack
-        for k in range(max(i - 2, 0), min(i + 3, n)):
-            company = company or (k != i and square_gap(out, i, k) < gap * gap)
-        if company:
+        for k in (i - 1, i + 1, i - 2, i + 2):
+            if company:
+                break
+            company = 0 <= k < n and square_gap(points, i, k) < gap * gap
+        if 0 < i < n - 1 and not company:
+            company = abs(beyond_chord(points, i - 1, i, i + 1, mount)) < slack
+        out[0, i] = 1.0 if company else 0.0
+    kept = 0
+    for i in range(n):
+        if out[0, i] > 0.0:
             for row in range(3):
-                points[row, kept] = out[row, i]
+                points[row, kept] = points[row, i]
             kept += 1
     return kept
 
@@ -180,6 +184,36 @@ def scan_moments(
     out[5, n] = n
 
 
+@njit(inner=True)
+def window_normal(
+    points: Points, moments: Floats, a: int, b: int, rx: float, ry: float, blur: float
+) -> tuple[float, float, float]:
+    """Normal of the end points a to b against the beam rx, ry [m], and their mean gap [m].
+
+    ours: total least squares; 0, 0, 0 where there are too few of them, and where they are bent by
+    more than noise of the variance `blur` [m^2].
+    """
+    m = b - a + 1
+    if m < 3:
+        return 0.0, 0.0, 0.0
+    sx, sy = moments[0, b + 1] - moments[0, a], moments[1, b + 1] - moments[1, a]
+    cxx = moments[2, b + 1] - moments[2, a] - sx * sx / m
+    cxy = moments[3, b + 1] - moments[3, a] - sx * sy / m
+    cyy = moments[4, b + 1] - moments[4, a] - sy * sy / m
+    split = math.sqrt(0.25 * (cxx - cyy) * (cxx - cyy) + cxy * cxy)
+    mean = 0.5 * (cxx + cyy)
+    if mean - split - m * blur > 0.1 * (mean + split):
+        return 0.0, 0.0, 0.0
+    nx, ny = (cxy, mean - split - cxx) if cyy < cxx else (mean - split - cyy, cxy)
+    length = math.sqrt(nx * nx + ny * ny)
+    if not length > 0.0:
+        return 0.0, 0.0, 0.0
+    if nx * rx + ny * ry > 0.0:
+        length = -length
+    dx, dy = points[0, b] - points[0, a], points[1, b] - points[1, a]
+    return nx / length, ny / length, math.sqrt(dx * dx + dy * dy) / (m - 1)
+
+
 @njit
 def scan_normals(
     points: Points, n: int, mount: Pose2, step: float, grain: Grain, moments: Floats, out: Points
@@ -187,38 +221,25 @@ def scan_normals(
     """Normal of the scan at each end point, toward the sensor, and the gap to its neighbors.
 
     ours: total least squares over the beams within about `grain.window`, two at least, up to the
-    next jump; places bent by more than the noise (a corner in the window) get no normal. points
+    next jump; places bent by more than the noise (a corner in the window) get no normal. Beams
+    within a `DENSE`-th of half a window that is whole have the normal of one of them. points
     (2, >= n), out (3, >= n): normal (0, 0 where none), mean gap [m].
     """
     scan_moments(points, n, mount, step, grain.slack, moments)
     window, blur = grain.window, grain.noise * grain.noise
-    last = n - 1
+    last, shares = n - 1, 0
     for i in range(n - 1, -1, -1):
         if i + 1 < n and moments[5, i] != moments[5, i + 1]:
-            last = i
+            last, shares = i, 0
+        if shares > 0:
+            out[0, i], out[1, i], out[2, i] = out[0, i + 1], out[1, i + 1], out[2, i + 1]
+            shares -= 1
+            continue
         rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
         half = 2 + int(window / (step * math.sqrt(rx * rx + ry * ry) + 1e-6))
         first = int(moments[5, i])
         a = first if first > i - half else i - half
         b = last if last < i + half else i + half
-        out[0, i] = out[1, i] = out[2, i] = 0.0
-        m = b - a + 1
-        if m < 3:
-            continue
-        sx, sy = moments[0, b + 1] - moments[0, a], moments[1, b + 1] - moments[1, a]
-        cxx = moments[2, b + 1] - moments[2, a] - sx * sx / m
-        cxy = moments[3, b + 1] - moments[3, a] - sx * sy / m
-        cyy = moments[4, b + 1] - moments[4, a] - sy * sy / m
-        split = math.sqrt(0.25 * (cxx - cyy) * (cxx - cyy) + cxy * cxy)
-        mean = 0.5 * (cxx + cyy)
-        if mean - split - m * blur > 0.1 * (mean + split):
-            continue
-        nx, ny = (cxy, mean - split - cxx) if cyy < cxx else (mean - split - cyy, cxy)
-        length = math.sqrt(nx * nx + ny * ny)
-        if not length > 0.0:
-            continue
-        if nx * rx + ny * ry > 0.0:
-            length = -length
-        out[0, i], out[1, i] = nx / length, ny / length
-        dx, dy = points[0, b] - points[0, a], points[1, b] - points[1, a]
-        out[2, i] = math.sqrt(dx * dx + dy * dy) / (m - 1)
+        nx, ny, gap = window_normal(points, moments, a, b, rx, ry, blur)
+        out[0, i], out[1, i], out[2, i] = nx, ny, gap
+        shares = half // DENSE if b - a == 2 * half else 0

@@ -35,7 +35,7 @@ FREE, OCCUPIED = math.log(0.4 / 0.6), math.log(0.9 / 0.1)
 UPDATE = Update(FREE, OCCUPIED, 50.0)
 NOTHING = Prior(IDENTITY, np.zeros((3, 3)))  # is known before the scan
 GRAIN = Grain(0.0, 0.05, 0.1)
-FIT = Fit(20, 1e-6, 0.05, 1e-4)
+FIT = Fit(20, 1e-6, 0.01, 1, 0.05, 1e-4)
 both_maps = pytest.mark.parametrize("kernels", [map_kernels, original_map])
 
 
@@ -65,8 +65,11 @@ def seen(points):
     return View(points.points, points.normals, points.n, points.mount)
 
 
-def fitted(pyramid, points, start, H):
-    return line_kernels.fit(pyramid.lines.surface, seen(points), start, NOTHING, FIT, H)
+def fitted(pyramid, points, start, H, how=FIT):
+    ends = (points.points, points.normals, points.n, tuple(points.mount))
+    known = (tuple(NOTHING.pose), NOTHING.information)
+    surface = tuple(pyramid.lines.surface)
+    return line_kernels.fit(surface, ends, tuple(start), known, tuple(how), H)
 
 
 # scan preparation
@@ -351,7 +354,7 @@ def test_a_wall_is_not_met_from_behind():
     for sensor, met in ((0.0, True), (2.0, False)):
         ends = points - np.array([[sensor], [0.0]])
         pose = Pose2(sensor, 0.0, 0.0)
-        total, _, near = line_kernels.line_equations(surface, view(ends), pose, 400.0, H, b)
+        total, _, near = line_kernels.line_equations(surface, view(ends), 1, pose, 400.0, H, b)
         assert (total > 0.0) == met
         assert (near > 0.0) == met
 
@@ -426,7 +429,7 @@ def test_line_equations_equal_their_twin():
         return [row for row in rows if row[3] > 0.0]
 
     H, b = np.zeros((3, 3)), np.zeros(3)
-    line_kernels.line_equations(surface, seen(points), pose, 400.0, H, b)
+    line_kernels.line_equations(surface, seen(points), 1, pose, 400.0, H, b)
     used = points.points[:2, : points.n]
     expected_H, expected_b = naive.line_sums(lines_at, used, IDENTITY, np.array(pose), 400.0)
     assert pytest.approx(expected_H, rel=1e-4, abs=1e-6) == H

@@ -75,6 +75,12 @@ def test_a_room_is_a_square_around_the_origin():
     assert room.window(Box(-4.75, -0.05, 0.25, 9.0)) == (slice(47, 96), slice(0, 51))
 
 
+def test_rows_of_a_large_room_are_no_whole_pages():
+    room = Room(1 << 26, 0.05, block=4)
+    assert (room.width, room.height) == (8196, 8192)
+    assert room.corner == pytest.approx((-204.8, -204.8))
+
+
 @pytest.mark.parametrize(
     ("box", "added"),
     [

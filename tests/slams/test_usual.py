@@ -51,3 +51,10 @@ def test_a_clock_that_goes_back_is_no_end_of_learning():
     for t in (100.0, 101.0, *range(3, 40)):
         usual.learn(0.0 if t > 50.0 else 1.0, t)
     assert usual.value > 0.9
+
+
+def test_what_was_just_looked_at_is_fresh_unless_the_clock_went_back():
+    usual = Usual(1.0)
+    assert not usual.is_fresh(3.0)
+    usual.learn(1.0, 3.0)
+    assert [usual.is_fresh(t) for t in (3.0, 3.05, 3.1, 2.9)] == [True, True, False, False]

@@ -5,18 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from slams.motion.params import MotionParams
+from slams.motion.chord import FAR, with_the_same_error
+from slams.motion.params import MotionParams, without_wheels
 from slams.motion.sight import CLEAR
 from slams.motion.sight_kernels import N_FACES, faces
 from slams.motion.slip import BETWEEN, SHIFTS, slip
 from slams.motion.track import (
-    FAR,
     FREEDOM,
     INDEPENDENT,
     LOST_AFTER,
     Track,
-    _with_the_same_error,
-    _without_wheels,
 )
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import CORRIDOR, cast, laser
@@ -138,14 +136,14 @@ def test_a_laser_that_begins_without_wheels_may_be_carried_sideways():
         track.predict(stamped(0, wheels))
         aside = P.acceleration_aside if wheels else P.acceleration
         assert track.motion._params.acceleration_aside == aside
-    assert _without_wheels(P).acceleration == P.acceleration
+    assert without_wheels(P).acceleration == P.acceleration
 
 
 def test_the_same_error_adds_deviations_until_the_pose_is_anywhere():
     a, b = 4.0 * np.eye(3), 1.0 * np.eye(3)
-    assert _with_the_same_error(a, b) + b == pytest.approx((2.0 + 1.0) ** 2 * np.eye(3))
+    assert with_the_same_error(a, b) + b == pytest.approx((2.0 + 1.0) ** 2 * np.eye(3))
     anywhere = FAR**2 * np.eye(3)
-    assert _with_the_same_error(anywhere, b) is anywhere
+    assert with_the_same_error(anywhere, b) is anywhere
 
 
 def after_a_gap(wheels, missed):

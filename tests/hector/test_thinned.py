@@ -1,0 +1,138 @@
+"""What hector leaves out where beams are many and scans come fast, and that it does no harm."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hector import Hector, HectorParams, match_kernels
+from hector.map import LogOddsPyramid
+from hector.matcher import Matcher
+from slams.geometry import Prior
+from slams.motion import track
+from slams.refine.line_kernels import View, line_equations
+from slams.refine.lines import LineMap
+from slams.scan import scan_kernels
+from slams.scan.end_points import EndPoints
+from slams.scan.scan_kernels import DENSE, Grain
+from slams.types import IDENTITY, Pose2
+from tests.rooms import drive, laser, scan_at
+
+LOOSE = Prior(IDENTITY, 1e-3 * np.eye(3))
+MOVED = Pose2(0.03, -0.02, 0.01)
+
+
+def mapped(beams):
+    """A map of the room from its middle, and a scan that is taken a little off it."""
+    params = HectorParams()
+    grids, points = LogOddsPyramid(params), EndPoints(params)
+    points.take(scan_at(IDENTITY, laser(beams)), IDENTITY)
+    for _ in range(3):
+        grids.insert(points, IDENTITY)
+    return grids, points.take(scan_at(MOVED, laser(beams)), IDENTITY)
+
+
+def test_the_pyramid_is_climbed_from_coarse_to_fine():
+    grids, points = mapped(361)
+    solvers = Matcher(HectorParams(), grids)._solvers(1)
+    H, last, pose = np.zeros((3, 3)), np.zeros((3, 3)), IDENTITY
+    for level, solver in zip(grids.levels[::-1], solvers[::-1], strict=True):
+        pose, score, square = match_kernels.gauss_newton(
+            level, points.points, points.n, pose, LOOSE, solver, last
+        )
+    found = grids.match(points, IDENTITY, LOOSE, solvers, H)
+    assert found[0] == pytest.approx(pose, abs=1e-9)
+    assert found[1:] == pytest.approx((score, square))
+    assert pytest.approx(last) == H
+
+
+@pytest.mark.parametrize(("most", "strides"), [(0, [1, 1, 1]), (2, [2, 2, 2]), (6, [4, 4, 4])])
+def test_a_quarter_of_the_beams_leads_to_the_lines_where_that_is_enough(most, strides):
+    grids = LogOddsPyramid(HectorParams())
+    solvers = Matcher(HectorParams(), grids)._solvers(most)
+    assert [solver.stride for solver in solvers] == strides
+
+
+def test_the_paper_alone_leaves_no_beam_out_on_its_finest_level():
+    params = HectorParams.preset("paper")
+    solvers = Matcher(params, LogOddsPyramid(params))._solvers(6)
+    assert [solver.stride for solver in solvers] == [1, 2, 4]
+    assert solvers[0].tolerance == params.converged
+
+
+def test_every_few_beams_are_enough_for_a_first_step_on_the_lines():
+    grids, points = mapped(1081)
+    sums = []
+    for stride in (1, 4):
+        ends, normals = points.points[:, ::stride].copy(), points.normals[:, ::stride].copy()
+        H, b = np.zeros((3, 3)), np.zeros(3)
+        view = View(ends, normals, ends.shape[1], IDENTITY)
+        line_equations(grids.lines.surface, view, 1, IDENTITY, 400.0, H, b)
+        sums.append((H, b))
+    H, b = np.zeros((3, 3)), np.zeros(3)
+    view = View(points.points, points.normals, points.n, IDENTITY)
+    line_equations(grids.lines.surface, view, 4, IDENTITY, 400.0, H, b)
+    assert pytest.approx(sums[1][0], rel=1e-6) == H
+    assert b == pytest.approx(sums[1][1], rel=1e-6)
+    assert np.linalg.solve(*sums[0]) == pytest.approx(np.linalg.solve(H, b), abs=2e-3)
+
+
+def test_in_the_end_all_beams_count(monkeypatch):
+    grids, points = mapped(1081)
+    quick = grids.lines.fit(points, IDENTITY, LOOSE)
+    monkeypatch.setattr("slams.refine.lines.THINNED", 1)
+    thorough = grids.lines.fit(points, IDENTITY, LOOSE)
+    assert quick.pose == pytest.approx(thorough.pose, abs=2e-4)
+    assert quick.share == pytest.approx(thorough.share, abs=0.01)
+    assert quick.seen == pytest.approx(thorough.seen, rel=0.05, abs=0.05 * thorough.seen[2, 2])
+
+
+def test_a_normal_is_shared_within_a_part_of_its_window():
+    points, n = np.stack([np.full(400, 1.0), np.linspace(-0.5, 0.5, 400)]), 400
+    points[0] += np.random.default_rng(0).normal(0.0, 0.002, n)
+    out, moments, step = np.zeros((3, n)), np.zeros((6, n + 1)), 0.0025
+    scan_kernels.scan_normals(points, n, IDENTITY, step, Grain(0.002, 0.05, 0.1), moments, out)
+    half = 2 + int(0.05 / (step * math.hypot(0.5, 1.0)))
+    ends, middle = out[0, n - half :], out[0, 200 : 200 + half]
+    assert len(np.unique(ends)) == half  # at the end of a wall a window is half a one
+    assert len(np.unique(middle)) <= 2 + half / (1 + half // DENSE)
+    assert np.abs(out[1, half:-half]).max() < 0.05
+
+
+def test_another_start_that_leads_to_the_same_place_is_not_fitted(monkeypatch):
+    fits, fit = [], LineMap.fit
+    monkeypatch.setattr(LineMap, "fit", lambda *given: fits.append(given[2]) or fit(*given))
+    slam, scans = Hector(HectorParams()), list(drive(n=40, rate=10.0))
+    climbed, climb = [], Matcher.climb
+    monkeypatch.setattr(Matcher, "climb", lambda *a: climbed.append(a[2]) or climb(*a))
+    for scan in scans:
+        slam.update(scan)
+    assert len(climbed) > len(scans)
+    assert len(fits) == len(scans) - 1
+
+
+@pytest.mark.parametrize(("rate", "looks"), [(10.0, 40), (40.0, 10)])
+def test_walls_and_noise_are_looked_at_every_tenth_of_a_second(rate, looks, monkeypatch):
+    seen, sight = [], track.sight
+    monkeypatch.setattr(track, "sight", lambda *given: seen.append(given) or sight(*given))
+    slam, learned = Hector(HectorParams()), []
+    noise = slam._scan._noise
+    learn = noise.learn
+    monkeypatch.setattr(noise, "learn", lambda *given: learned.append(given) or learn(*given))
+    for scan in drive(n=41, rate=rate):
+        slam.update(scan)
+    assert len(seen) == pytest.approx(looks, abs=1)
+    assert len(learned) == pytest.approx(looks, abs=1)
+
+
+def test_after_a_scan_that_was_not_matched_walls_are_looked_at_at_once(monkeypatch):
+    slam, scans = Hector(HectorParams()), list(drive(n=9, rate=40.0))
+    for scan in scans[:7]:
+        slam.update(scan)
+    seen, sight = [], track.sight
+    monkeypatch.setattr(track, "sight", lambda *given: seen.append(given) or sight(*given))
+    slam._track.predict(scans[7])
+    slam._track.missed(scans[7])
+    slam._track.predict(scans[8])
+    slam._track.matched(slam._track.pose, np.eye(3), scans[8])
+    assert len(seen) == 1
