@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from slams.motion.chord import CERTAIN, NOTHING
+from slams.motion.clock import MEMORY, Clock
 from slams.motion.model import Motion
 from slams.motion.params import MotionParams
 from slams.motion.trust import Doubt, Expected, Limits, Scale
@@ -138,3 +139,21 @@ def test_a_scale_of_three_may_be_chance_and_more_counts():
     for learned, times in ((3.0, 1.0), (10.0, 3.0)):
         scale._learned = learned
         assert scale.variance == pytest.approx(times)
+
+
+def test_what_stamps_and_their_number_foretell_is_remembered_apart():
+    clock = Clock()
+    for stamped in (0.1, 0.1, 0.2):
+        clock.elapsed(stamped)
+        clock.found(NOTHING._replace(ahead=stamped))
+    share = 1.0 - math.exp(-clock.usual / MEMORY)
+    assert clock._error_by_stamps == pytest.approx(0.0, abs=1e-12)
+    assert clock._error_by_count == pytest.approx(share * 0.1)
+    before = clock._error_by_count
+    clock.elapsed(0.2)
+    clock.found(NOTHING._replace(ahead=0.2))  # as long again
+    assert clock._error_by_count == pytest.approx(before * math.exp(-clock.usual / MEMORY))
+    clock._error_by_stamps = 2.0 * clock._error_by_count
+    clock.usual, clock._scans = 0.1, 1000
+    assert clock.ragged and clock.elapsed(0.5) == clock.usual
+    assert clock.elapsed(2.0) == 2.0  # a break, however ragged the stamps
