@@ -61,14 +61,16 @@ def test_an_arc_whose_speed_and_turn_change_ends_aside():
 
 
 def test_a_heading_that_is_unsure_swings_the_step():
-    motion, told = Motion(P), []
+    motion, told, corrected = Motion(P), [], []
     motion._wheels.compare = lambda step, both, dt: told.append(both)
+    motion._correct = lambda step, match: corrected.append(match)
     for k in range(3):
         motion.predict(Pose2(k, 0.0, 0.0), stamped(k))
         covariance = np.diag([1e-4, 1e-4, 1e-2])
         motion.moved(Pose2(k + 1.0, 0.0, 0.0), covariance, stamped(k))
     assert told[-1].aside == pytest.approx(2e-4 + 1e-2 * 1.0)
     assert told[-1].ahead == pytest.approx(2e-4) and told[-1].turn == pytest.approx(2e-2)
+    assert corrected[-1] == pytest.approx((1e-4, 1e-4 + 1e-2, 1e-2))
 
 
 def test_without_a_match_doubt_and_velocity_fade():
