@@ -5,6 +5,7 @@ import pytest
 from bench import sweep
 from bench.run import plan
 from bench.run.store import Store
+from slams import cli
 
 
 def planned(chosen, rate=None, full=False):
@@ -55,3 +56,20 @@ def test_parameters_are_those_for_the_sensor_unless_it_is_the_usual_one():
     words = ["--arenas", "rescue", "--algorithms", "hector", "--sensor"]
     for name, sensor in (("utm30lx", None), ("rplidar-a1", "rplidar-a1")):
         assert sweep._plan(sweep.parser().parse_args([*words, name])).sensor == sensor
+
+
+def test_a_sweep_of_which_nothing_came_fails(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep, "_all_done", lambda *_: True)  # and yet nothing is in the store
+    words = [
+        "--arenas",
+        "rescue",
+        "--algorithms",
+        "hector",
+        "--degradations",
+        "clean",
+        "--seeds",
+        "1",
+        "-q",
+        "--out",
+    ]
+    assert sweep.main([*words, str(tmp_path / "out")]) == cli.FAILED

@@ -71,3 +71,19 @@ def test_after_a_success_the_first_pause_is_the_shortest_again():
     patience.tried()
     patience.wait(0.11)
     assert patience.over
+
+
+def test_quiet_scans_shorten_the_pause_that_is_left_as_much_as_the_next():
+    patience = Patience(0.5, 2.0)
+    for _ in range(3):
+        patience.tried()  # 2 s
+    patience.wait(0.2, quiet=True)
+    shorter = 2.0 * np.exp(-0.1)
+    left = 2.0 - 0.2 - (2.0 - shorter)
+    patience.wait(left - 1e-6)
+    assert not patience.over
+    patience.wait(2e-6)
+    assert patience.over
+    patience.tried()
+    patience.wait(2.0 - 1e-6)
+    assert not patience.over

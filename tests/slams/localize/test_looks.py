@@ -9,12 +9,12 @@ from slams.localize.chart import Chart
 from slams.localize.chart_kernels import TURN, fit
 from slams.localize.finder import STILL, Finder
 from slams.localize.localizer import Localizer
-from slams.localize.places import TURNS, Places, view_of
+from slams.localize.places import TURNS, Places, _lattice, view_of
 from slams.localize.search import TIE, Atlas, Candidate, is_same, with_odds
 from slams.localize.virtual import stations
 from slams.types import IDENTITY, Laser, Pose2, Scan
 from tests.floors import grid_of
-from tests.rooms import ROOM, laser, scan_at
+from tests.rooms import ROOM, box, laser, scan_at
 
 LIDAR = laser(181)
 HERE, THERE = Pose2(0.0, 0.0, 0.0), Pose2(5.0, 1.0, 0.0)
@@ -194,3 +194,15 @@ def test_a_virtual_drive_stands_in_the_middle_of_cells():
     chart = Chart(grid_of(ROOM))
     cells = (stations(chart) - chart.origin) / chart.resolution
     assert len(cells) > 20 and cells % 1.0 == pytest.approx(0.5, abs=1e-6)
+
+
+def test_a_virtual_drive_goes_from_place_to_place_without_leaps():
+    places = stations(Chart(grid_of(np.array(box(0.0, 0.0, 8.0, 5.0)), inside=(1.0, 1.0))))
+    assert np.hypot(*np.diff(places, axis=0).T).max() < 2.0
+
+
+def test_the_places_of_a_lattice_are_half_a_pitch_from_the_edge_and_one_apart():
+    chart = Chart(grid_of(np.array(box(0.0, 0.0, 8.0, 5.0)), inside=(1.0, 1.0)))
+    cells = _lattice(chart, 0.5)
+    assert cells % 10.0 == pytest.approx(5.0)
+    assert len(cells) == pytest.approx(8.0 * 5.0 / 0.25, rel=0.15)

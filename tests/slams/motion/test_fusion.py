@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from slams.motion.chord import CERTAIN, NOTHING
+from slams.motion.clock import MEMORY, Clock
 from slams.motion.model import Motion
 from slams.motion.params import MotionParams
 from slams.motion.trust import Doubt, Expected, Limits, Scale
@@ -60,14 +61,16 @@ def test_an_arc_whose_speed_and_turn_change_ends_aside():
 
 
 def test_a_heading_that_is_unsure_swings_the_step():
-    motion, told = Motion(P), []
+    motion, told, corrected = Motion(P), [], []
     motion._wheels.compare = lambda step, both, dt: told.append(both)
+    motion._correct = lambda step, match: corrected.append(match)
     for k in range(3):
         motion.predict(Pose2(k, 0.0, 0.0), stamped(k))
         covariance = np.diag([1e-4, 1e-4, 1e-2])
         motion.moved(Pose2(k + 1.0, 0.0, 0.0), covariance, stamped(k))
     assert told[-1].aside == pytest.approx(2e-4 + 1e-2 * 1.0)
     assert told[-1].ahead == pytest.approx(2e-4) and told[-1].turn == pytest.approx(2e-2)
+    assert corrected[-1] == pytest.approx((1e-4, 1e-4 + 1e-2, 1e-2))
 
 
 def test_without_a_match_doubt_and_velocity_fade():
@@ -138,3 +141,21 @@ def test_a_scale_of_three_may_be_chance_and_more_counts():
     for learned, times in ((3.0, 1.0), (10.0, 3.0)):
         scale._learned = learned
         assert scale.variance == pytest.approx(times)
+
+
+def test_what_stamps_and_their_number_foretell_is_remembered_apart():
+    clock = Clock()
+    for stamped in (0.1, 0.1, 0.2):
+        clock.elapsed(stamped)
+        clock.found(NOTHING._replace(ahead=stamped))
+    share = 1.0 - math.exp(-clock.usual / MEMORY)
+    assert clock._error_by_stamps == pytest.approx(0.0, abs=1e-12)
+    assert clock._error_by_count == pytest.approx(share * 0.1)
+    before = clock._error_by_count
+    clock.elapsed(0.2)
+    clock.found(NOTHING._replace(ahead=0.2))  # as long again
+    assert clock._error_by_count == pytest.approx(before * math.exp(-clock.usual / MEMORY))
+    clock._error_by_stamps = 2.0 * clock._error_by_count
+    clock.usual, clock._scans = 0.1, 1000
+    assert clock.ragged and clock.elapsed(0.5) == clock.usual
+    assert clock.elapsed(2.0) == 2.0  # a break, however ragged the stamps

@@ -9,7 +9,7 @@ from slams.motion.chord import FAR, with_the_same_error
 from slams.motion.params import MotionParams, without_wheels
 from slams.motion.sight import CLEAR
 from slams.motion.sight_kernels import N_FACES, faces
-from slams.motion.slip import BETWEEN, SHIFTS, slip
+from slams.motion.slip import BETWEEN, SHIFTS, Slip, slip
 from slams.motion.track import (
     FREEDOM,
     INDEPENDENT,
@@ -213,3 +213,18 @@ def test_a_slip_is_the_mean_of_all_places_by_what_leads_beyond_chance():
     found = slip(leads, variance)
     assert found.moved == pytest.approx(means[1])
     assert found.information == pytest.approx(1.0 / doubts[1] - 1.0 / doubts[0])
+
+
+def test_a_slip_is_looked_for_as_far_as_scan_and_prediction_leave_it_open(monkeypatch):
+    track, told = driven(wheels=False), []
+    track.predict(stamped(30, wheels=False))
+    track._sight = CLEAR._replace(x=0.6, y=0.8, share=0.1)
+    monkeypatch.setattr(
+        "slams.motion.track.slip", lambda leads, doubt: told.append(doubt) or Slip(0.1, 7.0)
+    )
+    honest, pose = np.diag([4.0, 9.0, 1.0]), track._prediction.pose
+    moved, worth = track._looked_along(pose, honest, lambda pose, offsets: offsets)
+    axis = np.array([0.6, 0.8, 0.0])
+    assert told[0] == pytest.approx(axis @ np.linalg.inv(honest + track.prior(pose)) @ axis)
+    assert moved == pytest.approx(Pose2(pose.x + 0.06, pose.y + 0.08, pose.theta))
+    assert worth == pytest.approx(honest + 7.0 * np.outer(axis, axis))
