@@ -36,9 +36,10 @@ def test_the_pyramid_is_climbed_from_coarse_to_fine():
     grids, points = mapped(361)
     solvers = Matcher(HectorParams(), grids)._solvers(1)
     H, last, pose = np.zeros((3, 3)), np.zeros((3, 3)), IDENTITY
+    known = tuple(LOOSE.pose), LOOSE.information
     for level, solver in zip(grids.levels[::-1], solvers[::-1], strict=True):
         pose, score, square = match_kernels.gauss_newton(
-            level, points.points, points.n, pose, LOOSE, solver, last
+            level, points.points, points.n, tuple(pose), known, tuple(solver), last
         )
     found = grids.match(points, IDENTITY, LOOSE, solvers, H)
     assert found[0] == pytest.approx(pose, abs=1e-9)
