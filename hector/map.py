@@ -62,9 +62,14 @@ class LogOddsPyramid:
 
         `solvers`: how, on each level, finest first.
         """
-        levels, hows = tuple(map(tuple, self.levels)), tuple(map(tuple, solvers))
+        pose, score, square = start, 0.0, 0.0
         known = tuple(prior.pose), prior.information
-        return match_kernels.climb(levels, scan.points, scan.n, tuple(start), known, hows, H)
+        for level, solver in zip(reversed(self.levels), reversed(solvers), strict=True):
+            at, how = tuple(pose), tuple(solver)
+            pose, score, square = match_kernels.gauss_newton(
+                level, scan.points, scan.n, at, known, how, H
+            )
+        return pose, score, square
 
     def evidence(self, scan: EndPoints, pose: Pose2) -> Floats:
         """What each beam says for `pose`: (n,), 1 explained, -1 contradicted, 0 nothing."""

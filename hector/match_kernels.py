@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hector.map_kernels import Level
-from slams.geometry import Prior, add_prior, offset, solve3, wrap_angle
+from slams.geometry import add_prior, offset, solve3, wrap_angle
 from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
@@ -94,51 +94,38 @@ def normal_equations(
 
 
 @njit
-def climb(
-    levels: Any, points: Points, n: int, start: Any, prior: Any, solvers: Any, H: Floats
-) -> tuple[Pose2, float, float]:
-    """Gauss-Newton on all levels, coarse to fine: [Kohlbrecher11] sec. IV-C.
-
-    The levels and how each is solved, finest first, `start` and `prior` as plain tuples: those pass
-    from Python to here in a tenth of the time. Returns what `gauss_newton` does on the finest.
-    """
-    pose, known = Pose2(*start), Prior(Pose2(*prior[0]), prior[1])
-    score = square = 0.0
-    for k in range(len(levels) - 1, -1, -1):
-        level, solver = Level(*levels[k]), Solver(*solvers[k])
-        pose, score, square = gauss_newton(level, points, n, pose, known, solver, H)
-    return pose, score, square
-
-
-@njit(inner=True)
 def gauss_newton(
-    level: Level, points: Points, n: int, start: Pose2, prior: Prior, solver: Solver, H: Floats
+    level: Level, points: Points, n: int, start: Any, prior: Any, solver: Any, H: Floats
 ) -> tuple[Pose2, float, float]:
     """Match end points to one level: steps of [Kohlbrecher11] eq. 12 from `start`.
 
-    ours: what is known without the scan, `prior`, is weighed against the residuals' mean square.
+    The start, `Prior` and `Solver` are plain tuples: those pass from Python to here in a tenth of
+    the time. ours: what is known without the scan is weighed against the residuals' mean square.
     Returns the pose, the mean map value and the residuals' mean square at the last linearization,
     whose H is left in `H`.
     """
     x, y, theta = start
+    (expected_x, expected_y, expected_theta), information = prior
+    expected = Pose2(expected_x, expected_y, expected_theta)
+    steps, longest, largest, tolerance, damping, stride = solver
     room = np.empty((5, 3))
     b, step, total = room[3], room[4], room
     score = square = 0.0
-    for _ in range(solver.steps):
+    for _ in range(steps):
         pose = Pose2(x, y, theta)
-        score, square = normal_equations(level, points, n, solver.stride, pose, H, b)
-        add_prior(H, prior.information, square, offset(pose, prior.pose), total, b)
+        score, square = normal_equations(level, points, n, stride, pose, H, b)
+        add_prior(H, information, square, offset(pose, expected), total, b)
         for k in range(3):
-            total[k, k] += solver.damping * H[k, k]
+            total[k, k] += damping * H[k, k]
         if not solve3(total, b, step):
             break
         length = math.hypot(step[0], step[1])
-        if length > solver.shift:
-            step[0] *= solver.shift / length
-            step[1] *= solver.shift / length
+        if length > longest:
+            step[0] *= longest / length
+            step[1] *= longest / length
         x, y = x + step[0], y + step[1]
-        theta += max(-solver.turn, min(solver.turn, step[2]))
-        if length < solver.tolerance and abs(step[2]) < solver.tolerance:
+        theta += max(-largest, min(largest, step[2]))
+        if length < tolerance and abs(step[2]) < tolerance:
             break
     return Pose2(x, y, wrap_angle(theta)), score, square
 

@@ -30,7 +30,6 @@ GAP = 3.0  # usual intervals; a longer one is a gap in the log
 WIDEST = 1e3  # variance, times the expected one
 SEEN = 0.9  # share of what a match says along a corridor, below which slips are looked for
 GAPLESS = 360  # hits of a scan, below which the map that is made of them has gaps
-LOOK = 0.08  # s between looks at how walls face: on the way of some cm they stay as they are
 EVEN = 0.2  # ratio of variances of x and y above which a scan sees all directions: no corridor
 
 
@@ -61,9 +60,7 @@ class Track:
         self._seconds = 0.0  # since the last match
         self._even = 1.0  # of the last match: how alike it saw the two directions
         self._sight = CLEAR  # of the last match
-        self._seeing = CLEAR  # of the last scan that was looked at, by itself
-        self._seen_twice = CLEAR  # of that one and the one before
-        self._looked = math.inf  # s ago
+        self._seeing = CLEAR  # of its scan by itself
         self._by_wheels = True  # all that time
         self._missed = False  # the last scan
         self._unproven = 0.0  # s for which matches have to stand before they are believed
@@ -173,13 +170,9 @@ class Track:
         self.matched(pose, self._information, scan)
 
     def _look(self, scan: Scan, pose: Pose2, seen: Floats, rough: bool) -> None:
-        """Which direction is seen badly, by the last two scans looked at and the matcher."""
-        dt = self._prediction.dt
-        self._looked += dt if dt > 0.0 else LOOK
-        if self._looked >= LOOK:
-            seeing, self._looked = sight(scan, pose) or self._seeing, 0.0
-            self._seen_twice, self._seeing = seeing.after(self._seeing), seeing
-        self._sight = self._seen_twice.judging(seen, rough)
+        """Which direction is seen badly, by this scan, the one before and the matcher."""
+        seeing = sight(scan, pose) or self._seeing
+        self._sight, self._seeing = seeing.after(self._seeing).judging(seen, rough), seeing
 
     def _fused(self, pose: Pose2, seen: Floats, honest: Floats) -> Pose2:
         """A match of what was `seen`, without what noise says: there the prediction stands.
@@ -266,8 +259,7 @@ class Track:
         """The map does not explain the scan: the pose is the prediction."""
         self.motion.missed(scan)
         self._missed = True
-        self._sight = self._seeing = self._seen_twice = CLEAR
-        self._looked = math.inf
+        self._sight = self._seeing = CLEAR
         self.pose, self.covariance = self._prediction.pose, self.predicted
         overdue = self._seconds >= LOST_AFTER
         self.held = overdue and self._by_wheels and self._sure(self.predicted)

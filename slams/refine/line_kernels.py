@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slams.geometry import Prior, add_prior, offset, solve3, wrap_angle
+from slams.geometry import add_prior, offset, solve3, wrap_angle
 from slams.jit import FAST, njit
 from slams.refine.surface_kernels import Surface
 from slams.scan.scan_kernels import Points
@@ -96,7 +96,8 @@ def line_equations(
     c, s = math.cos(pose.theta), math.sin(pose.theta)
     sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
     hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = near = 0.0
-    for i in range(0, n, stride):
+    for k in range((n + stride - 1) // stride):
+        i = k * stride
         px, py = points[0, i], points[1, i]
         qx, qy = c * px - s * py, s * px + c * py
         e, nx, ny, w = facing_line(surface, pose.x + qx, pose.y + qy, sx, sy)
@@ -131,36 +132,36 @@ def line_equations(
 
 @njit
 def fit(
-    surface: Any, view: Any, start: Any, prior: Any, how: Any, H: Floats
+    surface: Surface, view: View, start: Any, prior: Any, how: Any, H: Floats
 ) -> tuple[Pose2, float, float]:
     """Gauss-Newton on the distances to the lines from `start`; the lines' last H is left in `H`.
 
     ours: [Kohlbrecher11] eq. 12, with what is known without the scan, `prior`, which decides where
-    no wall does. `Surface`, `View`, start, `Prior` and `Fit` are plain tuples: those pass from
-    Python to here in a tenth of the time. Returns the pose, the share of points that lie on a line
-    (by robust weight), and the mean square distance of those [m^2].
+    no wall does. The start, `Prior` and `Fit` are plain tuples: those pass from Python to here in a
+    tenth of the time. Returns the pose, the share of points that lie on a line (by robust weight),
+    and the mean square distance of those [m^2].
     """
-    surface, prior, how = Surface(*surface), Prior(Pose2(*prior[0]), prior[1]), Fit(*how)
-    view = View(view[0], view[1], view[2], Pose2(*view[3]))
     x, y, theta = start
+    (expected_x, expected_y, expected_theta), information = prior
+    expected = Pose2(expected_x, expected_y, expected_theta)
+    steps, tolerance, near_enough, stride, softness, usual = how
     room = np.empty((5, 3))
     b, step, total_H = room[3], room[4], room
-    soft = 1.0 / (how.softness * how.softness)
+    soft = 1.0 / (softness * softness)
     share = square = 0.0
-    stride = how.stride
-    for k in range(how.steps + 1):
-        stride = stride if k < how.steps - 1 else 1
+    for k in range(steps + 1):
+        stride = stride if k < steps - 1 else 1
         pose = Pose2(x, y, theta)
         total, squares, near = line_equations(surface, view, stride, pose, soft, H, b)
         share, square = stride * near / max(view.n, 1), squares / max(total, 1e-9)
-        if k == how.steps:
+        if k == steps:
             break
-        variance = how.variance / stride  # so many beams are in one
-        add_prior(H, prior.information, variance, offset(pose, prior.pose), total_H, b)
+        variance = usual / stride  # so many beams are in one
+        add_prior(H, information, variance, offset(pose, expected), total_H, b)
         if not solve3(total_H, b, step):
             break
         x, y, theta = x + step[0], y + step[1], theta + step[2]
-        short = how.tolerance if stride == 1 else how.near
+        short = tolerance if stride == 1 else near_enough
         if math.hypot(step[0], step[1]) < short and abs(step[2]) < short:
             if stride == 1:
                 break

@@ -66,10 +66,9 @@ def seen(points):
 
 
 def fitted(pyramid, points, start, H, how=FIT):
-    ends = (points.points, points.normals, points.n, tuple(points.mount))
-    known = (tuple(NOTHING.pose), NOTHING.information)
-    surface = tuple(pyramid.lines.surface)
-    return line_kernels.fit(surface, ends, tuple(start), known, tuple(how), H)
+    known = tuple(NOTHING.pose), NOTHING.information
+    surface = pyramid.lines.surface
+    return line_kernels.fit(surface, seen(points), tuple(start), known, tuple(how), H)
 
 
 # scan preparation
@@ -209,7 +208,9 @@ def test_a_step_is_limited_the_originals_in_angle_only():
     assert turned == (free.x, free.y, math.copysign(0.02, free.theta))
     assert math.hypot(free.x, free.y) > 0.01
     short = Solver(1, 0.01, 0.2, 0.0, 0.0, 1)
-    pose, *_ = match_kernels.gauss_newton(grid, points, 3, IDENTITY, NOTHING, short, H)
+    pose, *_ = match_kernels.gauss_newton(
+        grid, points, 3, tuple(IDENTITY), (tuple(IDENTITY), np.zeros((3, 3))), tuple(short), H
+    )
     assert math.hypot(pose.x, pose.y) == pytest.approx(0.01)
 
 
