@@ -379,18 +379,19 @@ def test_beams_on_both_sides_of_a_wall_element_are_asked():
     grid = WallGrid(Parameters())
     iy, ix = 256, 266
     grid.cells.wall[iy, ix] = 1.05, 0.05, -1.0, 0.0, 5.0
-    redraw(grid.cells, np.array([iy * 512 + ix]))
+    cell = iy * grid.cells.wall.shape[1] + ix
+    redraw(grid.cells, np.array([cell]))
     for lengths in ([1.05, 3.0], [3.0, 1.05], [1.05, 1.05]):
         bearings = math.atan2(0.05, 1.05) + np.array([-0.01, 0.01])
         seen = np.array(lengths) * (np.cos(bearings), np.sin(bearings))
         passed = grid._passed(IDENTITY, seen)
-        assert passed.tolist() == ([] if max(lengths) < 2.0 else [iy * 512 + ix])
+        assert passed.tolist() == ([] if max(lengths) < 2.0 else [cell])
 
 
 def test_a_wall_loses_a_share_and_one_point_of_its_weight():
     grid = WallGrid(Parameters(fade=0.2))
     grid.cells.wall[3, 4, WEIGHT] = 10.0
-    assert grid._weaken(np.array([3 * 512 + 4])) == 0
+    assert grid._weaken(np.array([3 * grid.cells.wall.shape[1] + 4])) == 0
     assert grid.cells.wall[3, 4, WEIGHT] == pytest.approx(7.0)
 
 
