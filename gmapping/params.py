@@ -209,7 +209,7 @@ class GMappingParams(ScanParams):
     )
     max_cells: int = max_cells()
     max_tiles: int = param(
-        100_000,
+        50_000,
         "1",
         "tiles of 7 kB at most, over all particles",
         source="ours: memory",

@@ -109,3 +109,6 @@ def inherit(tiles: Tiles, ancestors: NDArray[np.int64], out_tables: NDArray[np.i
                     if tiles.references[slot] == 0:
                         tiles.free[0] += 1
                         tiles.free[tiles.free[0]] = slot
+                        for k in range(CELLS):  # what is zero takes no room in a saved state
+                            for j in range(tiles.cells.shape[2]):
+                                tiles.cells[slot, k, j] = 0.0

@@ -6,7 +6,7 @@ import pytest
 from hector import Hector, HectorParams
 from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
-from hector.matcher import BLUR, Matcher, gap
+from hector.matcher import BLUR, ENOUGH, FINE, ROUGH, Matcher, gap
 from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
@@ -204,14 +204,15 @@ def test_lines_are_fitted_from_the_pyramid_and_where_it_went_far_from_the_start(
     def match(x):
         return slam._match._replace(pose=Pose2(x, 0.0, 0.0))
 
-    monkeypatch.setattr(slam._matcher, "climb", lambda points, start, prior: match(climbed))
     monkeypatch.setattr(
         slam._map.lines, "fit", lambda points, start, prior: match(fits[round(start.x, 3)])
     )
-    tried = slam._tried(slam._scan, IDENTITY, Prior(IDENTITY, np.eye(3)))
+    prior = Prior(IDENTITY, np.eye(3))
+    tried = slam._tried(slam._scan, IDENTITY, match(climbed), prior)
     assert [one.pose.x for one in tried] == found
     slam.params = slam.params.replace(refine=False)
-    assert [one.pose.x for one in slam._tried(slam._scan, IDENTITY, None)] == [climbed]
+    tried = slam._tried(slam._scan, IDENTITY, match(climbed), prior)
+    assert [one.pose.x for one in tried] == [climbed]
 
 
 def test_what_the_pyramid_found_from_the_prediction_is_what_counts_as_kept(monkeypatch):
@@ -249,7 +250,7 @@ def test_what_cells_say_is_never_surer_than_their_ridges_are_exact():
     points, matcher = slam._scan, slam._matcher
     found = matcher.climb(points, IDENTITY, prior)
     level = slam._map.levels[0]
-    solver = matcher._solver(0, points.n)
+    solver = matcher._solvers(points.n // ENOUGH)[0]
     H = np.zeros((3, 3))
     _, _, square = gauss_newton(level, points.points, points.n, found.pose, prior, solver, H)
     assert found.seen == pytest.approx(H / max(square, BLUR), rel=0.05, abs=1.0)
@@ -266,15 +267,22 @@ def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
 
 
 @pytest.mark.parametrize(
-    ("level", "n", "stride"), [(0, 1080, 1), (2, 1080, 4), (2, 400, 2), (2, 90, 1)]
+    ("level", "n", "stride"), [(0, 1080, 4), (2, 1080, 4), (2, 400, 2), (0, 90, 1), (2, 90, 1)]
 )
-def test_coarse_levels_take_fewer_beams_where_there_are_many(level, n, stride):
-    matcher = Matcher(HectorParams(), None)
-    solver = matcher._solver(level, n)
+def test_fewer_beams_are_climbed_with_where_there_are_many(level, n, stride):
+    solver = Matcher(HectorParams(), None)._solvers(n // ENOUGH)[level]
     assert solver.stride == stride
-    assert solver.tolerance == pytest.approx(0.02 * 0.05 * 2**level)
-    alone = Matcher(HectorParams(refine=False), None)._solver(level, n)
-    assert (alone.tolerance == HectorParams().converged) == (level == 0)
+    cell = 0.05 * 2**level
+    assert solver.tolerance == pytest.approx((ROUGH if stride > 1 else FINE) * cell)
+
+
+@pytest.mark.parametrize(("level", "n", "stride"), [(0, 1080, 1), (1, 1080, 2), (2, 90, 1)])
+def test_the_pyramid_alone_takes_all_beams_at_its_finest_level(level, n, stride):
+    params = HectorParams(refine=False)
+    solver = Matcher(params, None)._solvers(n // ENOUGH)[level]
+    assert solver.stride == stride
+    cell = 0.05 * 2**level
+    assert solver.tolerance == pytest.approx(FINE * cell if level else params.converged)
 
 
 def test_a_search_looks_at_the_coarsest_level_and_gives_the_best_first(monkeypatch):

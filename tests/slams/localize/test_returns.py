@@ -64,15 +64,18 @@ def test_a_place_is_taken_in_the_second_look_and_its_scan_was_not_lost(monkeypat
 
 
 def test_a_place_that_is_explained_too_little_is_not_taken(monkeypatch):
-    track, seeker, _, _ = sought(monkeypatch, 0.6)  # a finder would be sure from 0.5 on
+    track, seeker, _, _ = sought(monkeypatch, 0.55)  # a finder would be sure from 0.5 on
     assert (track.state, seeker.found) == ("lost", 0)
+    track, seeker, _, _ = sought(monkeypatch, 0.65)  # enough, soon after it was lost
+    assert (track.state, seeker.found) == ("matched", 1)
 
 
 def test_it_is_looked_for_ever_more_seldom(monkeypatch):
-    _, _, guide, _ = sought(monkeypatch, 0.6, scans=200)
-    pauses = np.diff(guide.searches)
-    assert 4 <= len(guide.searches) <= 8
-    assert (np.diff(pauses) > 0.0).all()
+    _, _, guide, _ = sought(monkeypatch, 0.55, scans=1200)
+    searches = np.array(guide.searches) - guide.searches[0]
+    often = [int(((searches >= t) & (searches < t + 40.0)).sum()) for t in (0.0, 40.0, 80.0)]
+    assert often[0] > often[1] > often[2]
+    assert 8 <= often[2] <= 12  # every other 8 s, a search every 2 s
 
 
 def test_who_is_adrift_is_not_looked_for(monkeypatch):
