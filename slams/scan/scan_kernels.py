@@ -13,7 +13,7 @@ from slams.types import Floats, Pose2, Ranges
 
 Points = NDArray[np.float64]
 
-DENSE = 4  # part of half a window that a normal may be beside its beam
+DENSE = 8  # part of half a window that a normal may be beside its beam
 
 
 class Limits(NamedTuple):
