@@ -108,7 +108,7 @@ def gauss_newton(
     (expected_x, expected_y, expected_theta), information = prior
     expected = Pose2(expected_x, expected_y, expected_theta)
     steps, longest, largest, tolerance, damping, stride = solver
-    room = np.empty((5, 3))
+    room = np.empty((5, 3))  # one array: each further kind costs half a second to compile
     b, step, total = room[3], room[4], room
     score = square = 0.0
     for _ in range(steps):

@@ -109,7 +109,7 @@ def widened(information: Floats, off: Floats) -> tuple[Floats, float]:
 
     ours: by Sherman and Morrison.
     """
-    out, room = np.empty((3, 3)), np.empty((1, 3))
+    out, room = np.empty((3, 3)), np.empty((1, 3))  # alike: two kinds compile longer
     distance = 0.0
     for i in range(3):
         told = 0.0

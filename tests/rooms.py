@@ -4,10 +4,41 @@ import numpy as np
 
 from slams.room import ROOM, box, cast, drive, laser, scan_at, way
 
-__all__ = ["CORRIDOR", "ROOM", "box", "cast", "drive", "laser", "mirrored", "scan_at", "way"]
+__all__ = [
+    "CORRIDOR",
+    "LIDAR",
+    "ROOM",
+    "box",
+    "calls",
+    "cast",
+    "drive",
+    "laser",
+    "mirrored",
+    "scan_at",
+    "still",
+    "way",
+]
 
+LIDAR = laser(181)
 CORRIDOR = np.array([(-50.0, -1.0, 50.0, -1.0), (-50.0, 1.0, 50.0, 1.0)])
 
 
 def mirrored(segments):
     return segments * np.array([1.0, -1.0, 1.0, -1.0])
+
+
+def still(k, **more):
+    """The k-th scan of a robot that stands at the origin."""
+    return scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, **more)
+
+
+def calls(monkeypatch, owner, name):
+    """The arguments of every call of a method from now on."""
+    method, made = getattr(owner, name), []
+
+    def noted(*args, **more):
+        made.append((*args, *more.values()))
+        return method(*args, **more)
+
+    monkeypatch.setattr(owner, name, noted)
+    return made

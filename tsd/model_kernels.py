@@ -136,7 +136,8 @@ def cast_rays(field: Field, model: Model) -> int:
     the layers that a ray can see from the front. Writes model.points.
     """
     n_hits = 0
-    fan, out, before = model.fan, model.points, np.empty((1, LAYERS))[0]
+    fan, out = model.fan, model.points
+    before = np.empty((1, LAYERS))[0]  # a kind of array that is compiled already
     for k in range(fan.rays):
         angle = model.heading + fan.first + k * fan.gap
         dx, dy = math.cos(angle), math.sin(angle)

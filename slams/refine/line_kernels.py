@@ -145,7 +145,7 @@ def fit(
     (expected_x, expected_y, expected_theta), information = prior
     expected = Pose2(expected_x, expected_y, expected_theta)
     steps, tolerance, near_enough, stride, softness, usual = how
-    room = np.empty((5, 3))
+    room = np.empty((5, 3))  # one array: each further kind costs half a second to compile
     b, step, total_H = room[3], room[4], room
     soft = 1.0 / (softness * softness)
     share = square = 0.0

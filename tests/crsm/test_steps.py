@@ -9,14 +9,9 @@ from crsm.climber import Climbed, Climber
 from crsm.params import CrsmParams
 from crsm.slam import COARSE, Crsm
 from slams.types import IDENTITY, Pose2
-from tests.rooms import laser, scan_at
+from tests.rooms import calls, laser, scan_at, still
 
-LIDAR = laser(181)
 FAR = Pose2(1.0, 0.0, 0.0)
-
-
-def still(k, **more):
-    return scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, **more)
 
 
 def settled(n=6, **changes):
@@ -25,18 +20,6 @@ def settled(n=6, **changes):
     for k in range(n):
         slam.update(still(k))
     return slam
-
-
-def calls(monkeypatch, owner, name):
-    """The positional arguments of every call of a method from now on."""
-    method, made = getattr(owner, name), []
-
-    def noted(*args, **more):
-        made.append(args)
-        return method(*args, **more)
-
-    monkeypatch.setattr(owner, name, noted)
-    return made
 
 
 def at(slam, pose):

@@ -11,13 +11,7 @@ from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Pose2
-from tests.rooms import laser, scan_at
-
-LIDAR = laser(181)
-
-
-def still(k, **more):
-    return scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, **more)
+from tests.rooms import LIDAR, calls, laser, scan_at, still
 
 
 def settled(n=12, **changes):
@@ -26,18 +20,6 @@ def settled(n=12, **changes):
     for k in range(n):
         slam.update(still(k))
     return slam
-
-
-def calls(monkeypatch, owner, name):
-    """The positional arguments of every call of a method from now on."""
-    method, made = getattr(owner, name), []
-
-    def noted(*args, **more):
-        made.append(args)
-        return method(*args, **more)
-
-    monkeypatch.setattr(owner, name, noted)
-    return made
 
 
 def matched_as(slam, monkeypatch, **changes):

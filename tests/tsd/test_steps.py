@@ -6,19 +6,14 @@ import numpy as np
 import pytest
 
 from slams.types import IDENTITY, Pose2
-from tests.rooms import laser, scan_at
+from tests.rooms import calls, laser, scan_at, still
 from tests.tsd.cases import default
 from tsd.evidence import SAME, Match, near
 from tsd.search import SHORTEST, UNCERTAIN
 
-LIDAR = laser(181)
 FAR = Pose2(1.0, 0.0, 0.0)
 FINE = Match(IDENTITY, 1.0, 1.0, 1.0, 0.01, 1e6 * np.eye(3))
 POOR = Match(IDENTITY, 0.1, 0.02, 0.0, 0.1, np.zeros((3, 3)))
-
-
-def still(k, **more):
-    return scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, **more)
 
 
 def settled(n=5, **changes):
@@ -27,18 +22,6 @@ def settled(n=5, **changes):
     for k in range(n):
         slam.update(still(k))
     return slam
-
-
-def calls(monkeypatch, owner, name):
-    """The positional arguments of every call of a method from now on."""
-    method, made = getattr(owner, name), []
-
-    def noted(*args, **more):
-        made.append((*args, *more.values()))
-        return method(*args, **more)
-
-    monkeypatch.setattr(owner, name, noted)
-    return made
 
 
 def test_only_a_sweep_that_takes_time_is_seen_again(monkeypatch):
