@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from crsm.map_kernels import WallMap, darkness
-from slams.geometry import FREEDOM, wrap_angle
+from slams.geometry import unlikely, wrap_angle
 from slams.jit import FAST, njit
 
 FINEST, FINEST_TURN = 0.001, 1e-4  # m, rad: steps below are not made
@@ -50,8 +50,7 @@ def score(grid: WallMap, rays: Any, prior: Prior, pose: Any) -> float:
     k = prior.information
     distance = k[0, 0] * dx * dx + k[1, 1] * dy * dy + k[2, 2] * turn * turn
     distance += 2.0 * (k[0, 1] * dx * dy + k[0, 2] * dx * turn + k[1, 2] * dy * turn)
-    cost = 0.5 * (FREEDOM + 3.0) * math.log1p(distance / FREEDOM)
-    return fitness(grid, rays, pose) - prior.weight * cost
+    return fitness(grid, rays, pose) - prior.weight * unlikely(distance)
 
 
 @njit(inner=True)

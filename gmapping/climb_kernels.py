@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gmapping.match_kernels import Prior
 from gmapping.tile_kernels import Tiles, cell_of, inside_tile, slot_of
-from slams.geometry import FREEDOM, offset
+from slams.geometry import offset, square_of, unlikely
 from slams.jit import njit
 from slams.types import Floats, Pose2
 
@@ -72,11 +72,7 @@ def log_prior(pose: Floats, mean: Floats, information: Floats) -> float:
     pose, mean (3,); information (3, 3).
     """
     off = offset(Pose2(pose[0], pose[1], pose[2]), Pose2(mean[0], mean[1], mean[2]))
-    distance = 0.0
-    for i in range(3):
-        told = information[i, 0] * off.x + information[i, 1] * off.y + information[i, 2] * off.theta
-        distance += told * (off.x if i == 0 else off.y if i == 1 else off.theta)
-    return -0.5 * (FREEDOM + 3.0) * math.log1p(distance / FREEDOM)
+    return -unlikely(square_of(information, off))
 
 
 @njit

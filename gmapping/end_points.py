@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from gmapping import climb_kernels as kernels
 from gmapping.climb_kernels import Field
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
-from gmapping.key import KeyScans
 from gmapping.map import TileMap
 from gmapping.match import Match, Proposals, lattice
 from gmapping.match_kernels import Prior as Priors
@@ -20,16 +19,15 @@ from slams.geometry import FREEDOM, Prior, inverse3
 from slams.types import Floats, Pose2, wrap_angle
 
 STEP = np.array([0.1, 0.1, 0.05])  # m, m, rad, of the search; the climb bridges what is between
-MIDDLE = (
-    FREEDOM + 3.0
-) / FREEDOM  # by which Student's law is narrower there than by its covariance
+# By which Student's law of the prior is narrower at its middle than by its covariance.
+MIDDLE = (FREEDOM + 3.0) / FREEDOM
 SPARSE = 100  # pieces that the search looks at
 
 
 class EndPointMatcher:
     """Distances of a scan's end points from the mean hits in the cells."""
 
-    def __init__(self, params: GMappingParams, keys: KeyScans) -> None:
+    def __init__(self, params: GMappingParams) -> None:
         p = self._params = params
         self._cell = params.resolution / math.sqrt(12.0)  # m, how far a mean hit is off
         self.tiles = TileMap(p.n_particles, 1, p.resolution, p.max_tiles, p.max_cells, HIT_DEPTH)

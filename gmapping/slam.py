@@ -68,7 +68,7 @@ class GMapping:
         self._renderer = Renderer(p.resolution, p.occupied)
         self._keys = KeyScans(p)
         self.particles = Particles(p.n_particles)
-        self._matcher: Matcher = (SurfaceMatcher if p.refine else EndPointMatcher)(p, self._keys)
+        self._matcher: Matcher = SurfaceMatcher(p, self._keys) if p.refine else EndPointMatcher(p)
         self.tiles = self._matcher.tiles
         self._quality, self._usual = 1.0, Usual(p.usual_time)
         self._patience = Patience(PAUSE, PAUSE)

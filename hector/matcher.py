@@ -11,14 +11,13 @@ from hector.match_kernels import Solver
 from hector.params import HectorParams
 from slams.geometry import Prior
 from slams.motion.track import INDEPENDENT, Track
-from slams.refine.lines import Match
+from slams.refine.lines import ENOUGH, THINNED, Match
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Pose2
 
 ROUGH, FINE = 0.05, 0.02  # of a cell: a step below is the last, before lines or a finer level
 SURE = 2.0  # standard errors of its lead by which another start has to win
 DEAR = 3.0  # times the price of a contradiction, at most, for the chance of few beams
-THINNED, ENOUGH = 4, 180  # every fourth beam where lines come after, if they are so many
 BLUR = 0.01  # least variance of 1 - M: a wall's ridge of cells is never exact
 
 

@@ -65,6 +65,22 @@ def offset(pose: Pose2, to: Pose2) -> Pose2:
 
 
 @njit(inner=True)
+def square_of(information: Floats, off: Pose2) -> float:
+    """Squared distance `off` in units of its covariance, whose inverse is given (3, 3). ours."""
+    distance = 0.0
+    for i in range(3):
+        told = information[i, 0] * off.x + information[i, 1] * off.y + information[i, 2] * off.theta
+        distance += told * (off.x if i == 0 else off.y if i == 1 else off.theta)
+    return distance
+
+
+@njit(inner=True)
+def unlikely(distance: float) -> float:
+    """Negative log of Student's law at so large a squared distance. ours."""
+    return 0.5 * (FREEDOM + 3.0) * math.log1p(distance / FREEDOM)
+
+
+@njit(inner=True)
 def add_prior(
     H: Floats, prior: Floats, variance: float, off: Pose2, out_H: Floats, b: Floats
 ) -> None:
@@ -74,11 +90,7 @@ def add_prior(
     prior, out_H (3, 3); `prior` [1/m^2, 1/(m rad), 1/rad^2]; `variance` [m^2] of the residuals of
     H; `off` leads from the pose to the prior's mean.
     """
-    distance = 0.0
-    for i in range(3):
-        told = prior[i, 0] * off.x + prior[i, 1] * off.y + prior[i, 2] * off.theta
-        distance += told * (off.x if i == 0 else off.y if i == 1 else off.theta)
-    w = variance * (FREEDOM + 3.0) / (FREEDOM + distance)
+    w = variance * (FREEDOM + 3.0) / (FREEDOM + square_of(prior, off))
     for i in range(3):
         for k in range(3):
             out_H[i, k] = H[i, k] + w * prior[i, k]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slams.cells import move, zeros
 from slams.geometry import Prior
-from slams.refine.line_kernels import View, evidence, fit
+from slams.refine.line_kernels import Fit, View, evidence, fit
 from slams.refine.params import RefineParams
 from slams.refine.surface_kernels import LAYERS, SUMS, Splat, Surface, add_scan
 from slams.scan.end_points import EndPoints
@@ -97,10 +97,10 @@ class LineMap:
     def _fitted(self, points: EndPoints, start: Pose2, prior: Prior, steps: int) -> Match:
         stride = max(min(THINNED, points.n // ENOUGH), 1)
         near, soft = NEAR * self.surface.resolution, self._softness(points)
-        how = (steps, stride * self.params.converged, near, stride, soft, self.variance)
+        how = Fit(steps, stride * self.params.converged, near, stride, soft, self.variance)
         view, H = View(points.points, points.normals, points.n, points.mount), self._H
         known = tuple(prior.pose), prior.information
-        pose, share, square = fit(self.surface, view, tuple(start), known, how, H)
+        pose, share, square = fit(self.surface, view, tuple(start), known, tuple(how), H)
         variance = max(square, points.noise**2)
         return Match(pose, share, variance, H / variance)
 

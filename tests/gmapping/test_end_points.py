@@ -19,7 +19,6 @@ from gmapping.climb_kernels import (
 )
 from gmapping.end_points import EndPointMatcher, positive
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
-from gmapping.key import KeyScans
 from gmapping.map import TileMap
 from gmapping.match_kernels import Prior
 from gmapping.tile_kernels import cell_of, inside_tile, slot_of
@@ -194,7 +193,7 @@ def test_samples_tell_the_curvature_of_the_posterior():
 def matcher_of_room():
     """A matcher whose one particle has the room, and what is seen of it from 0."""
     params = GMappingParams(refine=False, n_particles=1, max_tiles=5000)
-    matcher, view = EndPointMatcher(params, KeyScans(params)), view_of(IDENTITY)
+    matcher, view = EndPointMatcher(params), view_of(IDENTITY)
     assert matcher.insert(view, np.zeros((1, 3)))
     return matcher, view
 

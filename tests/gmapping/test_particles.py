@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from gmapping import GMapping, GMappingParams
+from gmapping.map import TileMap
 from gmapping.map_kernels import insert
 from gmapping.particles import Particles, normalize, systematic
+from gmapping.tile_kernels import own_slot
 from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping.scenes import (
     LASER,
@@ -88,6 +90,18 @@ def test_a_copied_tile_keeps_what_it_held():
     assert insert(tiles.tiles, np.zeros((1, 3)), surface[:1], SPLAT) == 0
     assert tiles.shared < 0.5  # the tile around that point was copied
     assert linearized(tiles.tiles, np.zeros(3), surface)[3] == close
+
+
+def test_what_nobody_points_at_is_zero_and_takes_no_room_in_a_state():
+    maps = TileMap(2, 1, 0.05, 50)
+    maps.cover(np.array([0.0, 0.0]), np.array([1.0, 1.0]))
+    for particle in (0, 1):
+        slot = own_slot(maps.tiles, particle, 0, 3, 3)
+        maps.tiles.cells[slot] = 1.0 + particle
+    maps.inherit(np.zeros(2, np.int64))
+    freed = maps.tiles.free[maps.tiles.free[0]]
+    assert freed == slot and not maps.tiles.cells[freed].any()
+    assert maps.tiles.cells[maps.tiles.tables[1, 0].max()].min() == 1.0
 
 
 def test_nothing_leaks_in_ten_thousand_resamplings():

@@ -6,9 +6,9 @@ import pytest
 from hector import Hector, HectorParams
 from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
-from hector.matcher import BLUR, ENOUGH, FINE, ROUGH, Matcher, gap
+from hector.matcher import BLUR, FINE, ROUGH, Matcher, gap
 from slams.geometry import Prior
-from slams.refine.lines import Match
+from slams.refine.lines import ENOUGH, Match
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Pose2
 from tests.rooms import LIDAR, calls, laser, scan_at, still
