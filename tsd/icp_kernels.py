@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slams.geometry import add_prior, solve3, wrap_angle
-from slams.jit import njit
+from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 from tsd.model_kernels import Model
 
@@ -31,7 +31,7 @@ class IcpRule(NamedTuple):
     map_noise: float
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def find_pair(model: Model, x: float, y: float, nx: float, ny: float, window: int) -> int:
     """The nearest model point that faces alike among the rays beside a point; -1 if none.
 

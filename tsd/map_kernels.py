@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.cells import deepcopied
-from slams.jit import njit
+from slams.jit import FAST, njit
 from slams.types import Floats
 from tsd.scan_kernels import Beams
 
@@ -17,6 +17,9 @@ SIDE = 8  # cells per tile edge
 LAYERS = 4  # facings: +x, +y, -x, -y
 SHARED = 0.55  # a surface is written to every layer whose axis is within 57 degrees of its normal
 PASSED, BEHIND = 1, 2  # bits of `seen`: a beam passed the cell; it lies behind some surface
+
+# Kernels of a cell are FAST so that they are inlined: a call that hands over a Field, fifty words,
+# takes longer than reading it.
 
 
 class Field(NamedTuple):
@@ -48,7 +51,7 @@ class PushRule(NamedTuple):
     gap: float
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def facing(nx: float, ny: float) -> int:
     """Layer of a surface with this normal: 0 +x, 1 +y, 2 -x, 3 -y. ours."""
     if abs(nx) >= abs(ny):
@@ -56,7 +59,7 @@ def facing(nx: float, ny: float) -> int:
     return 1 if ny >= 0.0 else 3
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def slot_of(field: Field, layer: int, iy: int, ix: int) -> int:
     """Place in the pool of the tile that a cell lies in, 0 where there is none. ours."""
     ty, tx = iy // SIDE, ix // SIDE
@@ -65,13 +68,13 @@ def slot_of(field: Field, layer: int, iy: int, ix: int) -> int:
     return int(field.slots[ty, tx, layer])
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def cell_value(field: Field, layer: int, iy: int, ix: int) -> float:
     """Signed distance [m] in one cell, nan where unknown or outside. ours."""
     return float(field.tsd[slot_of(field, layer, iy, ix), iy % SIDE, ix % SIDE])
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def seen_at(field: Field, x: float, y: float) -> int:
     """Bits PASSED and BEHIND of the cell at a point, 0 outside. ours."""
     ix = math.floor((x - field.corner[0]) / field.cell)
@@ -80,7 +83,7 @@ def seen_at(field: Field, x: float, y: float) -> int:
     return int(field.seen[iy, ix]) if inside else 0
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def read_field(field: Field, layer: int, x: float, y: float) -> tuple[float, float, float]:
     """Bilinear signed distance [m] and its gradient at a point; nan next to unknown cells.
 
@@ -179,7 +182,7 @@ def list_rows(field: Field, lines: Floats, count: int, rule: PushRule, out_rows:
     return n_rows
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def begin_tile(field: Field) -> int:
     """A tile of the pool that is unknown everywhere; 0 where all are taken. ours."""
     slot = field.used[0]
@@ -228,7 +231,7 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
                 field.seen[iy, ix] |= BEHIND
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def forget(field: Field, layer: int, iy: int, ix: int, share: float, limit: float) -> bool:
     """Leave a cell below `limit` [m] a share of its weight; true when it was its last. ours."""
     ty, tx = iy // SIDE, ix // SIDE

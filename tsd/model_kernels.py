@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slams.jit import njit
+from slams.jit import FAST, njit
 from slams.types import Floats
 from tsd.map_kernels import LAYERS, SIDE, Field, read_field
 
@@ -43,7 +43,7 @@ class Model(NamedTuple):
     heading: float
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def layers_there(field: Field, ty: int, tx: int, dx: float, dy: float) -> int:
     """Bits of the layers that have cells in a tile and show a ray their front. ours: S3."""
     bits = 0
@@ -54,7 +54,7 @@ def layers_there(field: Field, ty: int, tx: int, dx: float, dy: float) -> int:
     return bits
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def way_through(at: float, step: float, size: float) -> float:
     """Way [m] along a ray to the edge of its tile, on one axis; `at` in tiles. ours: S3."""
     if step == 0.0:
@@ -81,14 +81,14 @@ def settle(
     return math.inf
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def forget_last(before: Floats) -> None:
     """No distance is known at the last step. ours: assigning slices compiles for long."""
     for layer in range(4):
         before[layer] = math.nan
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def cast_ray(field: Field, model: Model, dx: float, dy: float, before: Floats) -> tuple[float, int]:
     """Way [m] along a ray to the nearest surface, inf if nowhere, and the layer that has it.
 
