@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slams.geometry import add_prior, solve3, wrap_angle
-from slams.jit import njit
+from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 from tsd.map_kernels import PASSED, Field, facing, read_field, seen_at
 from tsd.scan_kernels import Beams
@@ -148,7 +148,7 @@ def explain(
     return known, close, against, math.sqrt(squares / max(known, 1.0))
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def agreement(field: Field, layer: int, x: float, y: float, scale: float) -> float:
     """How well an element at (x, y) agrees, 0 to 1; -1 where nothing was ever seen. ours.
 

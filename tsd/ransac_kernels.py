@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.jit import njit
+from slams.jit import FAST, njit
 from slams.types import Floats
 from tsd.map_kernels import PASSED, SIDE, Field, facing
 
@@ -24,7 +24,7 @@ class PairRule(NamedTuple):
     truncation: float
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def score_pose(
     field: Field, surfaces: Floats, count: int, pose: Floats, rule: PairRule, best: float
 ) -> float:
