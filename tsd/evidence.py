@@ -110,10 +110,10 @@ class Evidence:
         """
         usual = self.usual.value
         chance = CHANCE * math.sqrt(usual * (1.0 - usual) / max(self._view.count, 1))
-        less = (1.0 - self._params.convincing) * usual
-        if self._track.uncertain < SURE:
-            less = max(less, chance)
-        return match.close > usual - less and self.plausible(match)
+        enough = match.close > self._params.convincing * usual
+        if not enough and match.close > usual - chance:
+            enough = self._track.uncertain < SURE
+        return enough and self.plausible(match)
 
     def learn(self, match: Match, searched: bool, t: float) -> None:
         """The usual agreement and the usual residual, from a match at time `t` [s].

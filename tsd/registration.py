@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from slams.motion.track import Track
-from slams.types import Pose2
-from tsd.evidence import Evidence, Match, near
+from slams.types import Floats, Pose2
+from tsd.evidence import Evidence, near
 from tsd.icp_kernels import IcpRule, icp
 from tsd.map import TileField
 from tsd.model_kernels import Fan, Model, cast_rays
@@ -21,6 +22,16 @@ TAKEN = 3  # hypotheses that ICP starts from
 APART = 0.1, 0.05  # closer hypotheses [m], [rad] are one
 SCORED = 100  # elements that make and score hypotheses
 SLOPPY = 1e-4, 1e-5  # steps of ICP [m], [rad] that are none
+
+
+class Found(NamedTuple):
+    """What ICP found: a pose, and what the pairs know of it (3, 3) [1/m2, 1/(m rad), 1/rad2].
+
+    The information is overwritten by the next ICP.
+    """
+
+    pose: Pose2
+    information: Floats
 
 
 class Registration:
@@ -57,7 +68,7 @@ class Registration:
         self._hits = cast_rays(self._field.kernel, self._model)
         return self._model
 
-    def icp(self, start: Pose2, known: Pose2) -> Match | None:
+    def icp(self, start: Pose2, known: Pose2) -> Found | None:
         """ICP of the scan to the model scan cast from `start`; None if too little of it pairs.
 
         `known` is the pose known beforehand: the prediction, or a hypothesis.
@@ -77,7 +88,7 @@ class Registration:
         pairs, _, _ = icp(model, view.elements, view.count, mean, prior, rule, x, self._room)
         if pairs <= p.min_known * view.count or not np.isfinite(x).all():
             return None
-        return self._evidence.weigh(Pose2(*x.tolist()), self._room[:3])
+        return Found(Pose2(*x.tolist()), self._room[:3])
 
     def ransac(self, start: Pose2, width: float) -> list[Pose2]:
         """Poses near `start` that a pair of oriented points proposes and the field agrees with.

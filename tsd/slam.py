@@ -78,7 +78,7 @@ class Tsd:
         self._registration = Registration(params, view, field, track, evidence, rng)
         self._direct = Direct(params, view, field, track, evidence)
         self._search = Search(track, evidence)
-        self._posed: list[Match] = []
+        self._posed: list[Pose2] = []  # by ICP
         self._refined: list[Match] = []
         self._pushed_at = self._velocity = IDENTITY
         self._quality = 1.0
@@ -108,11 +108,13 @@ class Tsd:
     def _register(self, scan: Scan, start: Prediction) -> None:
         self._search.begin(start.dt)
         match = self._pose(start.pose, start)  # 3 to 7
-        if self._evidence.good(match) and self._looks_again(scan, match.pose):  # 8
+        good = self._evidence.good(match)
+        if good and self._looks_again(scan, match.pose):  # 8
             match = self._pose(match.pose, start)
+            good = self._evidence.good(match)
         self._count(match)
         self._quality = match.close
-        if self._evidence.good(match):
+        if good:
             self._accept(scan, match)  # 9
             known = self._track.state == "matched" or self._track.adrift
             if known and self._moved():
@@ -138,13 +140,14 @@ class Tsd:
         return best
 
     def _candidates(self, start: Pose2, known: Pose2) -> list[Match]:
-        """What ICP makes of a start, and what is ours behind it, if that leads elsewhere."""
-        posed = self._registration.icp(start, known)  # 3, 5
-        if posed is None:
+        """What ICP makes of a start and what is ours behind it, if that is not there already."""
+        found = self._registration.icp(start, known)  # 3, 5
+        if found is None:
             return []
-        self._posed.append(posed)
-        if any(near(posed.pose, other.pose, SAME) for other in self._refined):
-            return [posed]
+        self._posed.append(found.pose)
+        if any(near(found.pose, other.pose, SAME) for other in self._refined):
+            return []  # ICP confirms what competes already
+        posed = self._evidence.weigh(*found)
         return [self._own(posed.pose, known), posed] if self.params.refine else [posed]
 
     def _own(self, start: Pose2, known: Pose2) -> Match:
@@ -213,7 +216,7 @@ class Tsd:
     def _count(self, match: Match) -> None:
         cell = self.params.cell, self.params.cell
         self._counts["posed"] += bool(self._posed)
-        self._counts["kept"] += any(near(match.pose, other.pose, cell) for other in self._posed)
+        self._counts["kept"] += any(near(match.pose, pose, cell) for pose in self._posed)
         self._counts["refined"] += any(match is other for other in self._refined)
         self._counts["searched"] += self._searched
 

@@ -216,5 +216,5 @@ def test_what_icp_finds_elsewhere_is_refined_and_both_compete():
     pose = slam._track.pose
     slam._posed, slam._refined = [], []
     refined, posed = slam._candidates(pose @ Pose2(0.05, 0.03, 0.02), pose)
-    assert refined is slam._refined[0] and posed is slam._posed[0]
-    assert slam._candidates(pose, pose) == slam._posed[1:]  # leads to what was refined already
+    assert refined is slam._refined[0] and [posed.pose] == slam._posed
+    assert slam._candidates(pose, pose) == []  # leads to what was refined already

@@ -9,6 +9,7 @@ from slams.types import IDENTITY, Pose2
 from tests.rooms import calls, laser, scan_at, still
 from tests.tsd.cases import default
 from tsd.evidence import SAME, Match, near
+from tsd.registration import Found
 from tsd.search import SHORTEST, UNCERTAIN
 
 FAR = Pose2(1.0, 0.0, 0.0)
@@ -159,14 +160,14 @@ def test_of_two_that_are_one_the_refined_wins_or_in_preset_paper_that_of_icp(ref
     weighed = calls(monkeypatch, slam._evidence, "best")
     slam.update(still(5))
     first, *_ = weighed[0][0]
-    assert (first is slam._refined[0]) if refine else (first is slam._posed[0])
+    assert (first is slam._refined[0]) if refine else (first.pose is slam._posed[0])
 
 
 def test_what_icp_finds_where_the_field_was_aligned_already_is_not_aligned_again(monkeypatch):
-    slam = settled()
-    for elsewhere, found in ((False, 1), (True, 2)):
+    slam, posed = settled(), Found(FINE.pose, FINE.information)
+    monkeypatch.setattr(slam._registration, "icp", lambda start, known: posed)
+    for elsewhere, found in ((False, 0), (True, 2)):
         slam._posed, slam._refined = [], [FINE._replace(pose=FAR if elsewhere else IDENTITY)]
-        monkeypatch.setattr(slam._registration, "icp", lambda start, known: FINE)
         assert len(slam._candidates(IDENTITY, IDENTITY)) == found
 
 
