@@ -19,7 +19,8 @@ TRIMMED = 3.0  # pairs farther apart than this many of the usual distances are l
 class IcpRule(NamedTuple):
     """Iterations, steps [m, rad] below which to stop, gates [m], rays to search, map's error [m].
 
-    The gate on a pair's distance begins at `widest` and follows what is usual to `narrowest`.
+    The gate on a pair's distance begins at `widest` and follows what is usual to `narrowest`. Of
+    the elements every `stride`-th is paired, and counts for as many.
     """
 
     iterations: int
@@ -29,6 +30,7 @@ class IcpRule(NamedTuple):
     narrowest: float
     window: int
     map_noise: float
+    stride: int
 
 
 @njit(fastmath=FAST, inner=True)
@@ -74,7 +76,7 @@ def sum_pairs(
         for j in range(3):
             out_H[i, j] = 0.0
     pairs, squares, floor = 0.0, 0.0, rule.map_noise * rule.map_noise
-    for k in range(count):
+    for k in range(rule.stride // 2, count, rule.stride):
         rx = c * surfaces[k, 0] - s * surfaces[k, 1]
         ry = s * surfaces[k, 0] + c * surfaces[k, 1]
         nx = c * surfaces[k, 2] - s * surfaces[k, 3]
@@ -92,10 +94,10 @@ def sum_pairs(
         if abs(off) >= gate or beside >= gate + apart:
             continue
         share = 1.0 - off * off / (gate * gate)
-        w = share * share / (1.0 / surfaces[k, 4] + floor)
+        w = rule.stride * share * share / (1.0 / surfaces[k, 4] + floor)
         nt = ny * rx - nx * ry
-        pairs += 1.0
-        squares += off * off
+        pairs += rule.stride
+        squares += rule.stride * off * off
         out_H[0, 0] += w * nx * nx
         out_H[1, 0] += w * nx * ny
         out_H[1, 1] += w * ny * ny

@@ -21,6 +21,7 @@ FARTHEST = 30.0  # m a ray is followed
 TAKEN = 3  # hypotheses that ICP starts from
 APART = 0.1, 0.05  # closer hypotheses [m], [rad] are one
 SCORED = 100  # elements that make and score hypotheses
+ENOUGH = 100  # elements for an ICP that the field itself makes exact
 SLOPPY = 1e-4, 1e-5  # steps of ICP [m], [rad] that are none
 
 
@@ -83,6 +84,7 @@ class Registration:
             p.narrowest_gate * noise,
             p.pair_window,
             self._evidence.map_noise,
+            max(view.count // ENOUGH, 1) if p.refine else 1,
         )
         mean, prior = np.array(known), self._track.prior(known)
         pairs, _, _ = icp(model, view.elements, view.count, mean, prior, rule, x, self._room)
