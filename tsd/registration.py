@@ -23,6 +23,7 @@ APART = 0.1, 0.05  # closer hypotheses [m], [rad] are one
 SCORED = 100  # elements that make and score hypotheses
 ENOUGH = 100  # elements for an ICP that the field itself makes exact
 SLOPPY = 1e-4, 1e-5  # steps of ICP [m], [rad] that are none
+ROUGHLY = 1e-3, 5e-4  # the same of an ICP that the field itself makes exact
 
 
 class Found(NamedTuple):
@@ -79,7 +80,7 @@ class Registration:
         noise = view.noise / p.range_noise
         rule = IcpRule(
             p.icp_iterations,
-            *SLOPPY,
+            *(ROUGHLY if p.refine else SLOPPY),
             p.widest_gate,
             p.narrowest_gate * noise,
             p.pair_window,
