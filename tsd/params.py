@@ -115,10 +115,10 @@ class TsdParams(ScanParams):
         source="ours: A1; the paper ends with ICP",
     )
     rays: int = param(
-        180,
+        90,
         "1",
         "most rays of the model scan",
-        source="ours: a lidar's, as many as beams",
+        source="ours: two elements of the scan to each",
         low=8,
         high=10_000,
     )
@@ -132,7 +132,7 @@ class TsdParams(ScanParams):
         0.05, "m", "least gate", source="ours: 5 range noises; original code: 0.02", low=1e-3
     )
     pair_window: int = param(
-        4,
+        2,
         "1",
         "rays to either side among which a pair is looked for",
         source="ours: A2",
