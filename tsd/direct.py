@@ -12,7 +12,7 @@ from tsd.match_kernels import MatchRule, align, leads_along
 from tsd.params import TsdParams
 from tsd.view import View
 
-STOP = 3e-4, 5e-5  # steps [m], [rad] that are none
+STOP = 1e-4, 1e-5  # steps [m], [rad] that are none
 NOWHERE = np.zeros((0, 2))
 
 

@@ -105,7 +105,7 @@ def align(
         known, close, residual = accumulate(
             field, surfaces, count, out_pose, rule, robust, out_H, b
         )
-        robust = min(max(ANNEAL * residual, rule.robust), robust)
+        tighter = min(max(ANNEAL * residual, rule.robust), robust)
         turn = wrap_angle(mean[2] - out_pose[2])
         off = Pose2(mean[0] - out_pose[0], mean[1] - out_pose[1], turn)
         add_prior(out_H, prior, 1.0, off, total, b)
@@ -116,8 +116,9 @@ def align(
         out_pose[1] += dx[1]
         out_pose[2] += dx[2]
         small = dx[0] * dx[0] + dx[1] * dx[1] < rule.stop_translation * rule.stop_translation
-        if small and abs(dx[2]) < rule.stop_rotation:
+        if small and abs(dx[2]) < rule.stop_rotation and tighter > 0.9 * robust:
             break
+        robust = tighter
     return known, close, residual, used
 
 
