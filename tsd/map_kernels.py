@@ -118,9 +118,10 @@ def place_lines(
 ) -> tuple[float, float, float, float]:
     """Surface elements in the map. ours: A5.
 
-    surfaces (n, 6) as made by `fit_surfaces`; runs (n, 2) as made by `find_runs`; pose (3,) of the
-    base. out_lines (n, 7): x, y [m], normal x, y, cosine of incidence, distance [m], 1 where
-    the surface goes on to the next element. Returns their bounding box x, y, x, y [m].
+    surfaces (n, 7) as made by `fit_surfaces`; runs (n, 2) as made by `find_runs`; pose (3,) of the
+    base. out_lines (n, 7): x, y [m], normal x, y, cosine of incidence, distance [m] times the beams
+    that it stands for, 1 where the surface goes on to the next element. Returns their bounding box
+    x, y, x, y [m].
     """
     x0, y0, x1, y1 = math.inf, math.inf, -math.inf, -math.inf
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -133,7 +134,7 @@ def place_lines(
         out_lines[k, 2] = c * nx - s * ny
         out_lines[k, 3] = s * nx + c * ny
         out_lines[k, 4] = max((rx * nx + ry * ny) / r, 0.1)
-        out_lines[k, 5] = r
+        out_lines[k, 5] = r * surfaces[k, 6]
         out_lines[k, 6] = 0.0
         if k > 0 and runs[int(surfaces[k, 5]), 0] == runs[int(surfaces[k - 1, 5]), 0]:
             out_lines[k - 1, 6] = 1.0
@@ -259,8 +260,9 @@ def carve(field: Field, lines: Floats, count: int, x: float, y: float, rule: Pus
     for k in range(count):
         r = math.hypot(lines[k, 0] - x, lines[k, 1] - y) + 1e-9
         dx, dy = (lines[k, 0] - x) / r, (lines[k, 1] - y) / r
-        shared = k & -k if k > 0 else count  # close by, every second, fourth ... beam is enough
-        first = int(1.0 / (2.0 * abs(rule.gap) * shared + 1e-9)) if shared < count else 0
+        shared = k & -k if k > 0 else count  # close by, every second, fourth ... line is enough
+        apart = abs(rule.gap) * lines[k, 5] / r
+        first = int(1.0 / (2.0 * apart * shared + 1e-9)) if shared < count else 0
         last = int(r / field.cell)
         for step in range(min(first, last), last):
             ix, iy = math.floor(u + step * dx), math.floor(v + step * dy)

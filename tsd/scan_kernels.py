@@ -24,7 +24,8 @@ class SurfaceRule(NamedTuple):
     """What counts as one surface.
 
     Window [m], range noise [m], jump angle's cotangent, variance [m2] of a rough one, blur across
-    in beam spacings, widest gap [m] to the next beam at which a hit alone is a surface.
+    in beam spacings, widest gap [m] to the next beam at which a hit alone is a surface; whether one
+    that is none is kept, without a normal.
     """
 
     window: float
@@ -33,6 +34,7 @@ class SurfaceRule(NamedTuple):
     rough: float
     beam_width: float
     widest: float
+    keeps_alone: bool
 
 
 @njit
@@ -169,10 +171,10 @@ def fit_surfaces(
 ) -> int:
     """Surface elements every `spacing` metres: point on the local line, normal, information.
 
-    ours: A5, A6. out_surfaces (n, 6): x, y [m], normal x, y (towards the laser), information
-    [1/m2] of the beams it stands for, index of its hit. One hit alone where beams are far apart
-    may lie on a wall of any direction: taken to face the laser it would move with the robot. It has
-    no normal (0, 0), and with a spacing it is left out.
+    ours: A5, A6. out_surfaces (n, 7): x, y [m], normal x, y (towards the laser), information
+    [1/m2] of the beams it stands for, index of its hit, how many beams. One hit alone where beams
+    are far apart may lie on a wall of any direction: taken to face the laser it would move with the
+    robot. It has no normal (0, 0), or is left out.
     """
     n_elements = 0
     k = 0
@@ -202,13 +204,14 @@ def fit_surfaces(
         offset = nx * (hits[center, 0] - mx) + ny * (hits[center, 1] - my)
         blur = rule.beam_width * step_length
         floor = rule.noise * rule.noise * max(cosine * cosine, 0.04) + blur * blur
-        if cosine > 0.05 and not (alone and spacing > 0.0):
+        if cosine > 0.05 and (rule.keeps_alone or not alone):
             out_surfaces[n_elements, 0] = hits[center, 0] - offset * nx
             out_surfaces[n_elements, 1] = hits[center, 1] - offset * ny
             out_surfaces[n_elements, 2] = 0.0 if alone else nx
             out_surfaces[n_elements, 3] = 0.0 if alone else ny
             out_surfaces[n_elements, 4] = stride / max(variance, floor)
             out_surfaces[n_elements, 5] = center
+            out_surfaces[n_elements, 6] = stride
             n_elements += 1
         k += stride
     return n_elements

@@ -14,13 +14,14 @@ from tsd.params import TsdParams
 from tsd.scan_kernels import Beams, SurfaceRule, find_runs, fit_surfaces, hits_of, sum_moments
 
 SPARSE = 10.0  # cells between beams, beyond which a hit alone is no surface
+LINES = 0.5  # cells from line to line of a push: each row of cells takes one of them
 CLUTTER = 2.0  # times the declared noise, which rough surfaces alone can look like
 
 
 class View(EndPoints):
     """The last scan: its end points, and its surface elements, thinned for registration.
 
-    `elements` (>= count, 6) of `fit_surfaces`, `beams` as the kernels see them.
+    `elements` (>= count, 7) of `fit_surfaces`, `beams` as the kernels see them.
 
     Args:
         params: parameters.
@@ -30,7 +31,7 @@ class View(EndPoints):
         super().__init__(params)
         p = self._params = params
         self._rule = SurfaceRule(
-            p.normal_window, 0.0, p.max_slope, 0.0, p.beam_width, SPARSE * p.cell
+            p.normal_window, 0.0, p.max_slope, 0.0, p.beam_width, SPARSE * p.cell, False
         )
         self.count = 0
 
@@ -41,12 +42,13 @@ class View(EndPoints):
         hits_of(self.points, self.n, self.beams, self._hits)
         find_runs(self._hits, self.n, self.beams, rule, self._runs)
         sum_moments(self._hits, self.n, self._sums)
-        self.count = self._fit(self._params.spacing, self.elements)
+        self.count = self._fit(rule, self._params.spacing, self.elements)
         return self
 
     def lines(self, pose: Pose2) -> tuple[Floats, Box]:
-        """Every hit's line (n, 7) in the map, for a push, with the box around them."""
-        count = self._fit(0.0, self._dense)
+        """Lines (n, 7) in the map, for a push, with the box around them."""
+        rule = self._rule._replace(keeps_alone=True)
+        count = self._fit(rule, LINES * self._params.cell, self._dense)
         lines = self._lines[:count]
         box = place_lines(self._dense, count, self._runs, self.beams, np.array(pose), lines)
         return lines, Box(*box)
@@ -81,12 +83,10 @@ class View(EndPoints):
             np.zeros((n, 2)),
             np.zeros((n + 1, 5)),
         )
-        self.elements, self._dense = np.zeros((n, 6)), np.zeros((n, 6))
+        self.elements, self._dense = np.zeros((n, 7)), np.zeros((n, 7))
         self._lines = np.zeros((n, 7))
 
-    def _fit(self, spacing: float, out: Floats) -> int:
+    def _fit(self, rule: SurfaceRule, spacing: float, out: Floats) -> int:
         return int(
-            fit_surfaces(
-                self._hits, self.n, self._runs, self._sums, self.beams, self._rule, spacing, out
-            )
+            fit_surfaces(self._hits, self.n, self._runs, self._sums, self.beams, rule, spacing, out)
         )

@@ -59,6 +59,6 @@ def hits_of(ranges, lidar):
     return beams, hits, count
 
 
-RULE = SurfaceRule(0.12, 0.01, 8.0, 0.02**2, 0.2, 0.15)
+RULE = SurfaceRule(0.12, 0.01, 8.0, 0.02**2, 0.2, 0.15, False)
 HALLWAY = [(-60.0, 1.0, 60.0, 1.0), (-60.0, -1.0, 60.0, -1.0)]
 NICHES = [(-6.0, 0.96), (2.1, -1.0), (7.5, 0.96)]

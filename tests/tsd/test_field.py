@@ -165,6 +165,7 @@ def test_carve_marks_what_every_beam_passes():
     angles = -1.0 + gap * np.arange(200)
     ends = laser_at + 4.02 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     lines = np.column_stack([ends, np.zeros((200, 5))])
+    lines[:, 5] = 4.02
     carve(field, lines, 200, *laser_at, PushRule(0.15, 100.0, gap))
     twin = naive_tsd.passed(laser_at, ends, field.corner, 0.05, field.seen.shape)
     seen = (field.seen & PASSED) > 0
