@@ -89,9 +89,10 @@ class Registration:
         )
         mean, prior = np.array(known), self._track.prior(known)
         pairs, _, _ = icp(model, view.elements, view.count, mean, prior, rule, x, self._room)
-        if pairs <= p.min_known * view.count or not np.isfinite(x).all():
+        pose = Pose2(*x.tolist())
+        if pairs <= p.min_known * view.count or not all(map(math.isfinite, pose)):
             return None
-        return Found(Pose2(*x.tolist()), self._room[:3])
+        return Found(pose, self._room[:3])
 
     def ransac(self, start: Pose2, width: float) -> list[Pose2]:
         """Poses near `start` that a pair of oriented points proposes and the field agrees with.
