@@ -22,6 +22,7 @@ from tsd.map_kernels import (
 )
 from tsd.match_kernels import FLAT, MatchRule, align
 from tsd.ransac_kernels import AGAINST, PairRule, score_pose, try_pairs
+from tsd.registration import ENOUGH, ROUGHLY, SLOPPY
 
 
 def test_cholesky_solves():
@@ -159,16 +160,39 @@ def icp_by_hand(model, elements, pose, gate, rule):
     return pairs, H, b
 
 
-def test_icp_sums_the_nearest_pairs_point_to_line():
+@pytest.mark.parametrize("stride", [1, 3])
+def test_icp_sums_the_nearest_pairs_point_to_line(stride):
     slam, elements = scanned()
     pose = np.array(slam._track.pose) + np.array([0.02, -0.01, 0.01])
     model = slam._registration.cast(Pose2(*pose))
-    rule = IcpRule(1, 1e-4, 1e-5, 0.1, 0.05, model.fan.rays, 0.01, 1)
+    rule = IcpRule(1, 1e-4, 1e-5, 0.1, 0.05, model.fan.rays, 0.01, stride)
     room = np.zeros((4, 3))
     pairs, _ = sum_pairs(model, elements, len(elements), pose, rule, 0.1, room)
-    count, H, b = icp_by_hand(model, elements, pose, 0.1, rule)
-    assert pairs == count > 0.8 * len(elements)
-    assert room[:3] == pytest.approx(H) and room[3] == pytest.approx(b)
+    count, H, b = icp_by_hand(model, elements[stride // 2 :: stride], pose, 0.1, rule)
+    assert pairs == stride * count > 0.8 * len(elements)
+    assert room[:3] == pytest.approx(stride * H) and room[3] == pytest.approx(stride * b)
+
+
+@pytest.mark.parametrize("refine", [True, False])
+def test_only_an_icp_that_nothing_follows_pairs_all_elements(refine, monkeypatch):
+    rules = []
+    monkeypatch.setattr("tsd.registration.icp", lambda *args: rules.append(args[5]) or (0, 0, 0))
+    slam, elements = scanned(refine=refine)
+    slam._registration.icp(IDENTITY, IDENTITY)
+    assert len(elements) >= 2 * ENOUGH
+    assert rules[-1].stride == (len(elements) // ENOUGH if refine else 1)
+    assert rules[-1][1:3] == (ROUGHLY if refine else SLOPPY)
+
+
+def test_an_alignment_does_not_end_before_its_robust_scale_does():
+    slam, elements = scanned()
+    free, anything = np.zeros((3, 3)), MatchRule(15, 1.0, 1.0, 0.03, 0.01)
+    found, room = np.array(slam._track.pose), np.zeros((5, 3))
+    known = found.copy()
+    *_, used = align(
+        slam._field.kernel, elements, len(elements), known, free, anything, found, room
+    )
+    assert used == 2  # at three times the scale, and at the last
 
 
 def test_pairs_are_found_across_the_seam_of_a_full_circle():

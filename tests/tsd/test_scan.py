@@ -168,3 +168,20 @@ def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():
     short = np.where(struck, rng.uniform(0.1, scan.ranges), scan.ranges).astype(np.float32)
     few = clean._view.take(scan, IDENTITY).count
     assert dusty._view.take(dataclasses.replace(scan, ranges=short), IDENTITY).count < 1.5 * few
+
+
+def test_lines_half_a_cell_apart_make_the_field_that_every_hit_makes(monkeypatch):
+    pools = []
+    for lines in (0.5, 0.0):
+        monkeypatch.setattr("tsd.view.LINES", lines)
+        slam = default()
+        for k in range(3):
+            slam.update(scan_at((0.0, 0.0, 0.0), laser(1081), ROOM, t=0.1 * k))
+        pools.append(slam.field())
+        counts = slam._view.lines(IDENTITY)[0].shape[0]
+    (few, _, _, a), (all_hits, _, _, b) = pools
+    known = np.isfinite(few) & np.isfinite(all_hits)
+    assert a == b and counts > 1000
+    assert known.sum() > 0.99 * np.isfinite(all_hits).sum()
+    assert np.median(np.abs(few - all_hits)[known]) < 1e-4
+    assert np.percentile(np.abs(few - all_hits)[known], 95) < 0.005
