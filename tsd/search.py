@@ -35,8 +35,7 @@ class Search:
             return False
         if width > WIDTHS[0]:
             return not self._evidence.plausible(match)
-        doubt = self._poor or self._track.uncertain > UNCERTAIN
-        return doubt or not self._evidence.as_usual(match)
+        return self._poor or self._unsure() or not self._evidence.as_usual(match)
 
     def end(self, match: Match, searched: bool, better: bool) -> None:
         """What came of it: `better`, something was found that nothing else had led to."""
@@ -46,3 +45,8 @@ class Search:
             self._patience.forget()
         elif searched:
             self._patience.tried()
+
+    def _unsure(self) -> bool:
+        """Whether ICP may not come back from where the prediction is."""
+        most = float(self._track.expected.trace())  # with what no scan tells: seldom so much
+        return most > UNCERTAIN**2 and self._track.uncertain > UNCERTAIN
