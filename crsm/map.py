@@ -5,7 +5,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from crsm.map_kernels import NX, NY, WEIGHT, Joining, WallMap, X, Y, add_points, redraw, whiten
+from crsm.map_kernels import (
+    BLUR,
+    NX,
+    NY,
+    WEIGHT,
+    WIDTH,
+    Joining,
+    WallMap,
+    X,
+    Y,
+    add_points,
+    redraw,
+    whiten,
+)
 from crsm.params import CrsmParams
 from slams.cells import Room, move, zeros
 from slams.extent import Box, Extent
@@ -29,6 +42,7 @@ class WallGrid:
         self.params = params
         self.extent = Extent(params.max_cells, params.cell / params.fine)
         self._room = Room(params.max_cells, params.cell / params.fine, params.fine)
+        self._width = BLUR
         self.cells = self._blank()
         self._joining = Joining(ONE_WALL * params.cell, params.compat, params.max_weight)
         self._touched = np.zeros(0, np.int64)
@@ -46,7 +60,8 @@ class WallGrid:
         count = add_points(self.cells, scan.points, scan.normals, n, pose, self._joining, touched)
         which = touched[:count]
         self._forget(which[self._stand_in_white(which)])
-        redraw(self.cells, which)
+        self._width = max(BLUR, scan.noise * self.params.sharp / self.params.cell)
+        self._redraw(which)
         self.lines.insert(scan, pose)
         self.is_empty = False
         return True
@@ -58,6 +73,9 @@ class WallGrid:
         ix, iy = (at[X] - x) / step, (at[Y] - y) / step
         white = self.cells.grey[iy.astype(np.int64), ix.astype(np.int64)] < FREE
         return np.asarray(white & (at[WEIGHT] > 0.0))
+
+    def _redraw(self, cells: Cells) -> None:
+        redraw(self.cells, cells, self._width)
 
     def _forget(self, cells: Cells) -> None:
         self.cells.wall.reshape(-1, WEIGHT + 1)[cells, WEIGHT] = 0.0
@@ -87,7 +105,7 @@ class WallGrid:
         near = self._walls_among(seen)
         moved = near[self._stand_in_white(near)]
         self._forget(moved)
-        redraw(cells, moved)
+        self._redraw(moved)
         return gone + len(moved)
 
     def _blacken(self, ix: NDArray[np.int64], iy: NDArray[np.int64]) -> None:
@@ -118,7 +136,7 @@ class WallGrid:
         (x, y), cell = self.cells.corner, self.cells.cell
         x0, x1 = (int((f(seen[X]) - x) / cell) for f in (np.min, np.max))
         y0, y1 = (int((f(seen[Y]) - y) / cell) for f in (np.min, np.max))
-        iy, ix = np.nonzero(self.cells.blot[y0 : y1 + 1, x0 : x1 + 1, 2])
+        iy, ix = np.nonzero(self.cells.blot[y0 : y1 + 1, x0 : x1 + 1, WIDTH])
         return self._flat(ix + x0, iy + y0)
 
     def _weaken(self, cells: Cells) -> int:
@@ -127,7 +145,7 @@ class WallGrid:
         weight = (1.0 - self.params.fade) * flat[cells, WEIGHT] - 1.0
         flat[cells, WEIGHT] = np.maximum(weight, 0.0)
         gone = cells[weight <= 0.0]
-        redraw(self.cells, gone)
+        self._redraw(gone)
         return len(gone)
 
     def occupancy(self) -> OccupancyGrid:
@@ -145,11 +163,12 @@ class WallGrid:
         return OccupancyGrid(p, step, low)
 
     def _blank(self) -> WallMap:
-        room, fine = self._room, self.params.fine
-        coarse, shape = (room.height // fine, room.width // fine), (room.height, room.width)
-        walls, blots = zeros((*coarse, 5), np.float32), zeros((*coarse, 3), np.float32)
-        greys = zeros(shape, np.float32), zeros(shape, np.float32), zeros(shape, np.int32)
-        return WallMap(walls, blots, *greys, room.corner, self.params.cell, fine)
+        room, fine, sharp = self._room, self.params.fine, self.params.sharp
+        rows, columns = room.height // fine, room.width // fine
+        walls, blots = (zeros((rows, columns, 5), np.float32) for _ in range(2))
+        dark, shape = zeros((sharp * rows, sharp * columns), np.float32), (room.height, room.width)
+        greys = zeros(shape, np.float32), zeros(shape, np.int32)
+        return WallMap(walls, blots, dark, *greys, room.corner, self.params.cell, fine, sharp)
 
     def _make_room(self, pose: Pose2, reach: float) -> bool:
         """Grow until everything within `reach` [m] of the pose is inside; False if too large."""
@@ -161,10 +180,10 @@ class WallGrid:
         if added is not None:
             below, left = added
             self.cells = self._blank()
-            for name in ("wall", "blot"):
-                move(getattr(old, name), getattr(self.cells, name), below // fine, left // fine)
-            for name in ("grey", "dark"):
-                move(getattr(old, name), getattr(self.cells, name), below, left)
+            parts = {"wall": 1, "blot": 1, "dark": old.sharp, "grey": fine}
+            for name, k in parts.items():
+                new = getattr(self.cells, name)
+                move(getattr(old, name), new, k * (below // fine), k * (left // fine))
             self.lines.move(self.cells.grey, self._first, below, left)
         return True
 
