@@ -62,7 +62,8 @@ class WallGrid:
         self._forget(which[self._stand_in_white(which)])
         self._width = max(BLUR, scan.noise * self.params.sharp / self.params.cell)
         self._redraw(which)
-        self.lines.insert(scan, pose)
+        if self.params.refine:
+            self.lines.insert(scan, pose)
         self.is_empty = False
         return True
 
@@ -101,8 +102,8 @@ class WallGrid:
         self._blacken(*np.floor(ends).astype(np.int64))
         start = ((laser.x - x) / step, (laser.y - y) / step)
         whiten(cells, start, ends, self._drawings, self.params.density)
-        gone = self._weaken(self._passed(laser, seen))
         near = self._walls_among(seen)
+        gone = self._weaken(near[self._passed(laser, seen, near)])
         moved = near[self._stand_in_white(near)]
         self._forget(moved)
         self._redraw(moved)
@@ -117,19 +118,18 @@ class WallGrid:
         grey[cells] = np.minimum(1.0, old + step * (1.0 - np.sqrt(old.clip(0.0))))
         drawn[cells] = self._drawings
 
-    def _passed(self, laser: Pose2, seen: Floats) -> Cells:
-        """The cells of wall elements which the beams next to them went through."""
+    def _passed(self, laser: Pose2, seen: Floats, cells: Cells) -> NDArray[np.bool_]:
+        """Through which of the wall elements in `cells` the beams next to them went."""
         rays = seen - np.array([[laser.x], [laser.y]])
         bearings = np.arctan2(rays[Y], rays[X])
         order = np.argsort(bearings)
-        cells = self._walls_among(seen)
         elements = self._elements(cells)
         elements[: Y + 1] -= np.array([[laser.x], [laser.y]])
         after = np.searchsorted(bearings[order], np.arctan2(elements[Y], elements[X]))
         through = np.zeros(len(cells), np.bool_)
         for beam in (order[after - 1], order[after % len(order)]):
             through |= went_through(elements, rays[:, beam], self.cells.cell)
-        return cells[through]
+        return through
 
     def _walls_among(self, seen: Floats) -> Cells:
         """The cells with walls in the smallest box around points."""

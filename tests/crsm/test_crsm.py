@@ -384,8 +384,8 @@ def test_beams_on_both_sides_of_a_wall_element_are_asked():
     for lengths in ([1.05, 3.0], [3.0, 1.05], [1.05, 1.05]):
         bearings = math.atan2(0.05, 1.05) + np.array([-0.01, 0.01])
         seen = np.array(lengths) * (np.cos(bearings), np.sin(bearings))
-        passed = grid._passed(IDENTITY, seen)
-        assert passed.tolist() == ([] if max(lengths) < 2.0 else [cell])
+        passed = grid._passed(IDENTITY, seen, np.array([cell]))
+        assert passed.tolist() == [max(lengths) > 2.0]
 
 
 def test_a_wall_loses_a_share_and_one_point_of_its_weight():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from crsm.climber import Climbed, Climber
+from crsm.map_kernels import FULL
 from crsm.params import CrsmParams
 from crsm.slam import COARSE, Crsm
 from slams.types import IDENTITY, Pose2
@@ -154,16 +155,33 @@ def test_a_frozen_map_takes_no_scan_whose_pose_is_given():
         assert slam.report()["inserted"] == before + more
 
 
-def test_the_climb_alone_says_as_much_as_its_rays(monkeypatch):
+def test_the_climb_alone_says_what_its_rays_measure():
     slam = settled(refine=False)
-    view = slam._reader
-    match = slam._chosen(view, IDENTITY, at(slam, IDENTITY))
-    whole = slam._lines.seen_from(view, IDENTITY)
-    assert not match.refined
-    assert match.fit.seen == pytest.approx(len(view.rays) / view.n * whole.seen)
-    fitted = calls(monkeypatch, slam._lines, "fit")
+    view, there = slam._reader, Pose2(0.01, -0.02, 0.3)
+    view.normals[:2, view.rays[:3]] = 0.0  # lone points
+    for dark in (FULL, 0.0):
+        slam._map.cells.dark[:] = dark
+        match = slam._chosen(view, IDENTITY, at(slam, there))
+        assert not match.refined
+        expected = np.zeros((3, 3))
+        c, s = np.cos(there.theta), np.sin(there.theta)
+        turn = np.array([[c, -s], [s, c]])
+        for i in view.rays:
+            (x, y), normal = turn @ view.points[:2, i], turn @ view.normals[:2, i]
+            rows, variance = (normal[None], view.variances[0])
+            if not normal.any():
+                rows, variance = np.eye(2), view.variances[1]
+            jacobian = np.column_stack((rows, rows @ (-y, x)))
+            expected += jacobian.T @ jacobian / variance
+        assert match.fit.seen == pytest.approx(dark / FULL * expected, rel=1e-4)
+
+
+def test_the_climb_alone_keeps_no_lines_and_fits_nothing(monkeypatch):
+    slam = settled(refine=False)
+    assert slam._lines.surface.slot.max() == 0
+    fitted = calls(monkeypatch, slam._lines, "_fitted")
     slam.update(still(6))
-    assert not fitted
+    assert not fitted and slam.state == "matched"
 
 
 @pytest.mark.parametrize(("hits", "state"), [(9, "predicted"), (12, "matched")])
