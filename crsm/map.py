@@ -9,6 +9,7 @@ from crsm.map_kernels import (
     BLUR,
     NX,
     NY,
+    ROUND,
     WEIGHT,
     WIDTH,
     Joining,
@@ -26,6 +27,8 @@ from slams.refine.lines import LineMap
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, OccupancyGrid, Pose2
 
+STROKE = 1.0  # map cells, sigma of a blot along its wall, where a field is sharp: without bumps
+BROAD = 2  # dark cells along a map cell that are climbed from afar
 RIM = 4  # cells around what a scan needs
 KNOWN = 0.1  # grey level, either way, from which a cell counts as seen
 ONE_WALL = 0.6  # cells between an end point and the wall element it joins
@@ -44,6 +47,7 @@ class WallGrid:
         self._room = Room(params.max_cells, params.cell / params.fine, params.fine)
         self._width = BLUR
         self.cells = self._blank()
+        self.broad = self._blank_broad()
         self._joining = Joining(ONE_WALL * params.cell, params.compat, params.max_weight)
         self._touched = np.zeros(0, np.int64)
         self.lines = LineMap(params, self.cells.grey, self._first, params.cell / params.fine)
@@ -77,6 +81,8 @@ class WallGrid:
 
     def _redraw(self, cells: Cells) -> None:
         redraw(self.cells, cells, self._width)
+        if self.broad is not self.cells:
+            redraw(self.broad, cells, BLUR)
 
     def _forget(self, cells: Cells) -> None:
         self.cells.wall.reshape(-1, WEIGHT + 1)[cells, WEIGHT] = 0.0
@@ -168,7 +174,20 @@ class WallGrid:
         walls, blots = (zeros((rows, columns, 5), np.float32) for _ in range(2))
         dark, shape = zeros((sharp * rows, sharp * columns), np.float32), (room.height, room.width)
         greys = zeros(shape, np.float32), zeros(shape, np.int32)
-        return WallMap(walls, blots, dark, *greys, room.corner, self.params.cell, fine, sharp)
+        stroke, cell = ROUND if sharp <= BROAD else STROKE, self.params.cell
+        return WallMap(walls, blots, dark, *greys, room.corner, cell, fine, sharp, stroke)
+
+    def _blank_broad(self) -> WallMap:
+        """The same map with a dark field to climb from afar, where that to end on is sharper."""
+        cells, sharp = self.cells, self.params.sharp
+        if sharp <= BROAD:
+            return cells
+        rows, columns = cells.wall.shape[:2]
+        blots, dark = (
+            zeros((rows, columns, 5), np.float32),
+            zeros((BROAD * rows, BROAD * columns), np.float32),
+        )
+        return cells._replace(blot=blots, dark=dark, sharp=BROAD)
 
     def _make_room(self, pose: Pose2, reach: float) -> bool:
         """Grow until everything within `reach` [m] of the pose is inside; False if too large."""
@@ -184,6 +203,10 @@ class WallGrid:
             for name, k in parts.items():
                 new = getattr(self.cells, name)
                 move(getattr(old, name), new, k * (below // fine), k * (left // fine))
+            old, self.broad = self.broad, self._blank_broad()
+            if self.broad is not self.cells:
+                move(old.blot, self.broad.blot, below // fine, left // fine)
+                move(old.dark, self.broad.dark, BROAD * (below // fine), BROAD * (left // fine))
             self.lines.move(self.cells.grey, self._first, below, left)
         return True
 

@@ -13,7 +13,7 @@ from slams.scan.scan_kernels import Points
 from slams.types import Pose2
 
 BLUR = 1.0  # dark cells, sigma of a blot: the least that is smooth between their middles
-LENGTH = 0.5  # map cells, sigma of a blot along its wall: one in every cell makes an even stroke
+ROUND = 0.5  # map cells: a blot that is so long has 1 in its middle, a longer one less
 EDGE = 3.0  # sigma, beyond which a blot is not drawn
 FULL = 1.1  # sum of the blots on a straight wall that has an element in every cell
 HALF = 2.0  # of FULL, where half of the greatest darkness is reached
@@ -41,7 +41,7 @@ class WallMap(NamedTuple):
     x, y, normal, and its width across the wall (sigma in dark cells, 0: it has none). In `sharp`
     times smaller cells, (sharp ny, sharp nx) float32: dark, the sum of all blots. In `fine` times
     smaller cells: grey, float32, 1 wall .. 0 unknown .. -1 free; drawn, int32: the last drawing
-    that touched a cell.
+    that touched a cell. stroke: sigma of a blot along its wall in map cells.
     """
 
     wall: NDArray[Any]
@@ -53,6 +53,7 @@ class WallMap(NamedTuple):
     cell: float
     fine: int
     sharp: int
+    stroke: float
 
     def __deepcopy__(self, memo: dict[int, Any]) -> WallMap:
         return WallMap(*deepcopied(self, memo))
@@ -62,8 +63,8 @@ class WallMap(NamedTuple):
 def add_blot(grid: WallMap, at: Any, width: float, sign: float) -> None:
     """ours: add (or take away) the blot of the wall element at (x, y, nx, ny) to the dark field.
 
-    A Gaussian of `width` (sigma in dark cells), along the wall of `LENGTH`; a round one of a lone
-    point. Blots that are as wide as long would draw the field of a wall towards others close by.
+    A Gaussian of `width` (sigma in dark cells), along the wall of the map's `stroke`; a round one
+    of a lone point. Straight walls are as dark whatever the stroke.
     """
     step, dark = grid.cell / grid.sharp, grid.dark
     x0, y0 = grid.corner
@@ -73,7 +74,8 @@ def add_blot(grid: WallMap, at: Any, width: float, sign: float) -> None:
     if nx == 0.0 and ny == 0.0:
         nx = 1.0
     else:
-        length = max(LENGTH * grid.sharp, width)
+        length = max(grid.stroke * grid.sharp, width)
+    ink = sign * ROUND / grid.stroke
     reach_x = math.ceil(EDGE * math.hypot(width * nx, length * ny))
     reach_y = math.ceil(EDGE * math.hypot(width * ny, length * nx))
     across, along = 0.5 / (width * width), 0.5 / (length * length)
@@ -85,7 +87,7 @@ def add_blot(grid: WallMap, at: Any, width: float, sign: float) -> None:
             off, by = dx * nx + dy * ny, dy * nx - dx * ny
             square = across * off * off + along * by * by
             if square < 0.5 * EDGE * EDGE:
-                dark[jy, jx] += sign * math.exp(-square)
+                dark[jy, jx] += ink * math.exp(-square)
 
 
 @njit

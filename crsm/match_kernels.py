@@ -41,7 +41,8 @@ def told(
 ) -> None:
     """ours: the information (3, 3) of the points `rays` about the pose they climbed to, into `H`.
 
-    Each tells by how dark the map is at its end; noise as in `leverage`.
+    Each tells by how dark the map is at its end; noise as in `leverage`. Lone points tell nothing:
+    along a corridor most of them lie on its walls, where beams are too far apart for normals.
     """
     x0, y0, theta = pose
     c, s = math.cos(theta), math.sin(theta)
@@ -52,9 +53,8 @@ def told(
         px, py = points[0, i], points[1, i]
         x, y = c * px - s * py, s * px + c * py
         nx, ny, variance, lone = measured(normals, i, noise)
-        if not lone:
-            nx, ny = c * nx - s * ny, s * nx + c * ny
         here = min(darkness(grid, x + x0, y + y0), 1.0)
-        if here > 0.0:
-            add_measured(x, y, (nx, ny, variance / here, lone), H)
+        if here > 0.0 and not lone:
+            normal = c * nx - s * ny, s * nx + c * ny
+            add_measured(x, y, (*normal, variance / here, lone), H)
     H[1, 0], H[2, 0], H[2, 1] = H[0, 1], H[0, 2], H[1, 2]

@@ -486,7 +486,7 @@ LOOSE = Prior(0.0, 0.0, 0.0, np.eye(3), 1e-6)
 def test_climb_ends_where_no_finest_step_gains():
     slam, view = mapped()
     grid, start = slam._map.cells, (0.04, -0.03, 0.03)
-    x, y, theta, top = climb(grid, view.ends, LOOSE, start, 0.032)
+    x, y, theta, top = climb(grid, view.ends, LOOSE, start, 0.032, FINEST)
     assert (abs(x), abs(y), abs(theta)) < (0.02, 0.02, 0.01)
     assert top == pytest.approx(score(grid, view.ends, LOOSE, (x, y, theta)))
     for dx, dy in ((FINEST, 0.0), (-FINEST, 0.0), (0.0, FINEST), (0.0, -FINEST)):
@@ -503,7 +503,7 @@ def test_climb_is_exact_to_millimeters():
     off = []
     for seed in range(6):
         view = noisy_view(20 + seed)
-        *pose, _ = climb(slam._map.cells, view.ends, LOOSE, (0.03, 0.02, -0.02), 0.032)
+        *pose, _ = climb(slam._map.cells, view.ends, LOOSE, (0.03, 0.02, -0.02), 0.032, FINEST)
         off.append(pose)
     assert np.abs(np.mean(off, axis=0)).max() < 0.005
     assert np.std(off, axis=0)[:2].max() < 0.006

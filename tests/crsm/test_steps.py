@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from crsm.climber import Climbed, Climber
+from crsm.climb_kernels import FINEST
+from crsm.climber import NEARBY, Climbed, Climber
 from crsm.map_kernels import FULL
 from crsm.params import CrsmParams
 from crsm.slam import COARSE, Crsm
@@ -163,16 +164,13 @@ def test_the_climb_alone_says_what_its_rays_measure():
         slam._map.cells.dark[:] = dark
         match = slam._chosen(view, IDENTITY, at(slam, there))
         assert not match.refined
-        expected = np.zeros((3, 3))
+        expected = np.zeros((3, 3))  # lone points tell nothing
         c, s = np.cos(there.theta), np.sin(there.theta)
         turn = np.array([[c, -s], [s, c]])
         for i in view.rays:
             (x, y), normal = turn @ view.points[:2, i], turn @ view.normals[:2, i]
-            rows, variance = (normal[None], view.variances[0])
-            if not normal.any():
-                rows, variance = np.eye(2), view.variances[1]
-            jacobian = np.column_stack((rows, rows @ (-y, x)))
-            expected += jacobian.T @ jacobian / variance
+            row = np.array([*normal, normal @ (-y, x)])
+            expected += np.outer(row, row) / view.noise**2
         assert match.fit.seen == pytest.approx(dark / FULL * expected, rel=1e-4)
 
 
@@ -219,12 +217,34 @@ def test_first_steps_are_as_long_as_the_prediction_is_uncertain(monkeypatch):
     slam, steps = settled(), []
     climber = slam._climber
     monkeypatch.setattr(
-        "crsm.climber.climb", lambda *args: steps.append(args[-1]) or (0.0, 0.0, 0.0, 0.0)
+        "crsm.climber.climb", lambda *args: steps.append(args[4]) or (0.0, 0.0, 0.0, 0.0)
     )
     prior = climber.prior(IDENTITY, np.eye(3), 10)
     for uncertain in (0.0, 0.005, 0.03, 9.0):
         climber.climb(slam._map, slam._reader, prior, uncertain)
     assert steps == [0.004, 0.008, 0.032, 0.064]
+
+
+def test_the_broad_field_is_climbed_first_where_steps_are_long(monkeypatch):
+    slam, climbed = settled(refine=False, sharp=5), []
+    climber, walls = slam._climber, slam._map
+
+    def found(grid, rays, prior, at, *steps):
+        climbed.append((grid, at, steps))
+        return (*FAR, 0.5)
+
+    monkeypatch.setattr("crsm.climber.climb", found)
+    prior = climber.prior(IDENTITY, np.eye(3), 10)
+    climber.climb(walls, slam._reader, prior, 0.008)
+    assert [(grid.sharp, at, steps) for grid, at, steps in climbed] == [
+        (5, IDENTITY, (0.008, FINEST))
+    ]
+    climbed.clear()
+    climber.climb(walls, slam._reader, prior, 0.03)
+    assert [(grid.sharp, at, steps) for grid, at, steps in climbed] == [
+        (2, IDENTITY, (0.032, NEARBY)),
+        (5, FAR, (NEARBY, FINEST)),
+    ]
 
 
 def test_restarts_climb_from_what_promises_most_and_keep_the_best(monkeypatch):
