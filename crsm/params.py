@@ -21,7 +21,7 @@ class CrsmParams(RefineParams):
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "crsm.original:Original",
-        # without a fit behind it the climb must see finer and more
+        # without a fit behind it the climb must end on a finer field and see more
         "paper": {"refine": False, "relocate": False, "sharp": 5, "critical_rays": 200},
     }
 
