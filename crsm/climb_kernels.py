@@ -78,11 +78,12 @@ def stepped(pose: Any, axis: int, step: float, mx: float, my: float) -> Any:
 
 
 @njit
-def climb(grid: WallMap, rays: Any, prior: Prior, start: Any, length: float) -> Any:
+def climb(grid: WallMap, rays: Any, prior: Prior, start: Any, length: float, finest: float) -> Any:
     """[Tsardoulias13] hill climbing: steps along x, y, theta while they help, then half as long.
 
-    ours: down to `FINEST` steps, from `length` [m]; a turn is about the middle of the rays and
-    moves them by as much as a step. Returns (x, y, theta, score).
+    ours: from steps of `length` [m] down to `finest`, and to `FINEST_TURN` if that is `FINEST`; a
+    turn is about the middle of the rays and moves them by as much as a step. Returns (x, y, theta,
+    score).
     """
     mx, my, radius = middle_of(rays)
     angle = length / max(radius, LEAST_RADIUS)
@@ -100,10 +101,10 @@ def climb(grid: WallMap, rays: Any, prior: Prior, start: Any, length: float) -> 
                         break
             if best == before:
                 break
-        if length <= FINEST and angle <= FINEST_TURN:
+        if length <= finest and (finest > FINEST or angle <= FINEST_TURN):
             x, y, theta = pose
             return x, y, wrap_angle(theta), best
-        length, angle = max(0.5 * length, FINEST), 0.5 * angle
+        length, angle = max(0.5 * length, finest), 0.5 * angle
 
 
 @njit

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crsm.climb_kernels import Prior, climb, fitness, promising
+from crsm.climb_kernels import FINEST, Prior, climb, fitness, promising
 from crsm.map import WallGrid
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
@@ -16,6 +16,7 @@ from slams.usual import Usual
 
 MEMORY = 2.0  # s over which the fitness is usual: the way through a room
 LEAST_DOUBT = 0.05  # of a perfect fitness: what a prior counts at least
+NEARBY = 0.008  # m, step from which on the field of `cells` is climbed: half a blot of it
 FIRST_STEPS = (0.004, 0.064)  # m, least and most: a power of two times the last
 
 
@@ -58,7 +59,7 @@ class Climber:
         drawn = self._draws(prior, p.restarts)
         starts = np.concatenate((np.array(others).reshape(-1, 3), drawn))
         promises = np.empty(len(starts))
-        promising(walls.cells, rays, prior, starts, promises)
+        promising(walls.broad, rays, prior, starts, promises)
         order = np.argsort(-promises[len(others) :], kind="stable")[: p.climbs] + len(others)
         for i in (*range(len(others)), *order.tolist()):
             self.restarts += 1
@@ -79,11 +80,16 @@ class Climber:
     def _climb(
         self, walls: WallGrid, view: ScanReader, prior: Prior, start: Pose2, uncertain: float
     ) -> Climbed:
+        """With long steps on the broad field, then on the sharp one."""
         low, high = FIRST_STEPS
         step = low
         while step < high and step < uncertain:
             step *= 2.0
-        x, y, theta, score = climb(walls.cells, view.ends, prior, tuple(start), step)
+        at: tuple[float, ...] = tuple(start)
+        if step > NEARBY and walls.broad is not walls.cells:
+            x, y, theta, _ = climb(walls.broad, view.ends, prior, at, step, NEARBY)
+            at, step = (x, y, theta), NEARBY
+        x, y, theta, score = climb(walls.cells, view.ends, prior, at, step, FINEST)
         return Climbed(Pose2(x, y, theta), fitness(walls.cells, view.ends, (x, y, theta)), score)
 
     def _draws(self, prior: Prior, n: int) -> Floats:

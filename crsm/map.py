@@ -5,7 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from crsm.map_kernels import NX, NY, WEIGHT, Joining, WallMap, X, Y, add_points, redraw, whiten
+from crsm.map_kernels import (
+    BLUR,
+    NX,
+    NY,
+    ROUND,
+    WEIGHT,
+    WIDTH,
+    Joining,
+    WallMap,
+    X,
+    Y,
+    add_points,
+    redraw,
+    whiten,
+)
 from crsm.params import CrsmParams
 from slams.cells import Room, move, zeros
 from slams.extent import Box, Extent
@@ -13,6 +27,8 @@ from slams.refine.lines import LineMap
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, OccupancyGrid, Pose2
 
+STROKE = 1.0  # map cells, sigma of a blot along its wall, where a field is sharp: without bumps
+BROAD = 2  # dark cells along a map cell that are climbed from afar
 RIM = 4  # cells around what a scan needs
 KNOWN = 0.1  # grey level, either way, from which a cell counts as seen
 ONE_WALL = 0.6  # cells between an end point and the wall element it joins
@@ -29,7 +45,9 @@ class WallGrid:
         self.params = params
         self.extent = Extent(params.max_cells, params.cell / params.fine)
         self._room = Room(params.max_cells, params.cell / params.fine, params.fine)
+        self._width = BLUR
         self.cells = self._blank()
+        self.broad = self._blank_broad()
         self._joining = Joining(ONE_WALL * params.cell, params.compat, params.max_weight)
         self._touched = np.zeros(0, np.int64)
         self.lines = LineMap(params, self.cells.grey, self._first, params.cell / params.fine)
@@ -46,8 +64,10 @@ class WallGrid:
         count = add_points(self.cells, scan.points, scan.normals, n, pose, self._joining, touched)
         which = touched[:count]
         self._forget(which[self._stand_in_white(which)])
-        redraw(self.cells, which)
-        self.lines.insert(scan, pose)
+        self._width = max(BLUR, scan.noise * self.params.sharp / self.params.cell)
+        self._redraw(which)
+        if self.params.refine:
+            self.lines.insert(scan, pose)
         self.is_empty = False
         return True
 
@@ -58,6 +78,11 @@ class WallGrid:
         ix, iy = (at[X] - x) / step, (at[Y] - y) / step
         white = self.cells.grey[iy.astype(np.int64), ix.astype(np.int64)] < FREE
         return np.asarray(white & (at[WEIGHT] > 0.0))
+
+    def _redraw(self, cells: Cells) -> None:
+        redraw(self.cells, cells, self._width)
+        if self.broad is not self.cells:
+            redraw(self.broad, cells, BLUR)
 
     def _forget(self, cells: Cells) -> None:
         self.cells.wall.reshape(-1, WEIGHT + 1)[cells, WEIGHT] = 0.0
@@ -83,11 +108,11 @@ class WallGrid:
         self._blacken(*np.floor(ends).astype(np.int64))
         start = ((laser.x - x) / step, (laser.y - y) / step)
         whiten(cells, start, ends, self._drawings, self.params.density)
-        gone = self._weaken(self._passed(laser, seen))
         near = self._walls_among(seen)
+        gone = self._weaken(near[self._passed(laser, seen, near)])
         moved = near[self._stand_in_white(near)]
         self._forget(moved)
-        redraw(cells, moved)
+        self._redraw(moved)
         return gone + len(moved)
 
     def _blacken(self, ix: NDArray[np.int64], iy: NDArray[np.int64]) -> None:
@@ -99,26 +124,25 @@ class WallGrid:
         grey[cells] = np.minimum(1.0, old + step * (1.0 - np.sqrt(old.clip(0.0))))
         drawn[cells] = self._drawings
 
-    def _passed(self, laser: Pose2, seen: Floats) -> Cells:
-        """The cells of wall elements which the beams next to them went through."""
+    def _passed(self, laser: Pose2, seen: Floats, cells: Cells) -> NDArray[np.bool_]:
+        """Through which of the wall elements in `cells` the beams next to them went."""
         rays = seen - np.array([[laser.x], [laser.y]])
         bearings = np.arctan2(rays[Y], rays[X])
         order = np.argsort(bearings)
-        cells = self._walls_among(seen)
         elements = self._elements(cells)
         elements[: Y + 1] -= np.array([[laser.x], [laser.y]])
         after = np.searchsorted(bearings[order], np.arctan2(elements[Y], elements[X]))
         through = np.zeros(len(cells), np.bool_)
         for beam in (order[after - 1], order[after % len(order)]):
             through |= went_through(elements, rays[:, beam], self.cells.cell)
-        return cells[through]
+        return through
 
     def _walls_among(self, seen: Floats) -> Cells:
         """The cells with walls in the smallest box around points."""
         (x, y), cell = self.cells.corner, self.cells.cell
         x0, x1 = (int((f(seen[X]) - x) / cell) for f in (np.min, np.max))
         y0, y1 = (int((f(seen[Y]) - y) / cell) for f in (np.min, np.max))
-        iy, ix = np.nonzero(self.cells.blot[y0 : y1 + 1, x0 : x1 + 1, 2])
+        iy, ix = np.nonzero(self.cells.blot[y0 : y1 + 1, x0 : x1 + 1, WIDTH])
         return self._flat(ix + x0, iy + y0)
 
     def _weaken(self, cells: Cells) -> int:
@@ -127,7 +151,7 @@ class WallGrid:
         weight = (1.0 - self.params.fade) * flat[cells, WEIGHT] - 1.0
         flat[cells, WEIGHT] = np.maximum(weight, 0.0)
         gone = cells[weight <= 0.0]
-        redraw(self.cells, gone)
+        self._redraw(gone)
         return len(gone)
 
     def occupancy(self) -> OccupancyGrid:
@@ -145,11 +169,25 @@ class WallGrid:
         return OccupancyGrid(p, step, low)
 
     def _blank(self) -> WallMap:
-        room, fine = self._room, self.params.fine
-        coarse, shape = (room.height // fine, room.width // fine), (room.height, room.width)
-        walls, blots = zeros((*coarse, 5), np.float32), zeros((*coarse, 3), np.float32)
-        greys = zeros(shape, np.float32), zeros(shape, np.float32), zeros(shape, np.int32)
-        return WallMap(walls, blots, *greys, room.corner, self.params.cell, fine)
+        room, fine, sharp = self._room, self.params.fine, self.params.sharp
+        rows, columns = room.height // fine, room.width // fine
+        walls, blots = (zeros((rows, columns, 5), np.float32) for _ in range(2))
+        dark, shape = zeros((sharp * rows, sharp * columns), np.float32), (room.height, room.width)
+        greys = zeros(shape, np.float32), zeros(shape, np.int32)
+        stroke, cell = ROUND if sharp <= BROAD else STROKE, self.params.cell
+        return WallMap(walls, blots, dark, *greys, room.corner, cell, fine, sharp, stroke)
+
+    def _blank_broad(self) -> WallMap:
+        """The same map with a dark field to climb from afar, where that to end on is sharper."""
+        cells, sharp = self.cells, self.params.sharp
+        if sharp <= BROAD:
+            return cells
+        rows, columns = cells.wall.shape[:2]
+        blots, dark = (
+            zeros((rows, columns, 5), np.float32),
+            zeros((BROAD * rows, BROAD * columns), np.float32),
+        )
+        return cells._replace(blot=blots, dark=dark, sharp=BROAD)
 
     def _make_room(self, pose: Pose2, reach: float) -> bool:
         """Grow until everything within `reach` [m] of the pose is inside; False if too large."""
@@ -161,10 +199,14 @@ class WallGrid:
         if added is not None:
             below, left = added
             self.cells = self._blank()
-            for name in ("wall", "blot"):
-                move(getattr(old, name), getattr(self.cells, name), below // fine, left // fine)
-            for name in ("grey", "dark"):
-                move(getattr(old, name), getattr(self.cells, name), below, left)
+            parts = {"wall": 1, "blot": 1, "dark": old.sharp, "grey": fine}
+            for name, k in parts.items():
+                new = getattr(self.cells, name)
+                move(getattr(old, name), new, k * (below // fine), k * (left // fine))
+            old, self.broad = self.broad, self._blank_broad()
+            if self.broad is not self.cells:
+                move(old.blot, self.broad.blot, below // fine, left // fine)
+                move(old.dark, self.broad.dark, BROAD * (below // fine), BROAD * (left // fine))
             self.lines.move(self.cells.grey, self._first, below, left)
         return True
 

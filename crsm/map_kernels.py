@@ -12,12 +12,14 @@ from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
 from slams.types import Pose2
 
-HALO = 3  # fine cells that a wall element darkens around itself
-BLUR = 1.0  # fine cells, sigma of that: the least that is smooth between their middles
+BLUR = 1.0  # dark cells, sigma of a blot: the least that is smooth between their middles
+ROUND = 0.5  # map cells: a blot that is so long has 1 in its middle, a longer one less
+EDGE = 3.0  # sigma, beyond which a blot is not drawn
 FULL = 1.1  # sum of the blots on a straight wall that has an element in every cell
 HALF = 2.0  # of FULL, where half of the greatest darkness is reached
-MOVED = 1e-3  # m that an element may go before its blot follows
+MOVED, TURNED = 1e-3, 0.02  # m, rad that an element may go and turn before its blot follows
 X, Y, NX, NY, WEIGHT = 0, 1, 2, 3, 4
+WIDTH = 4  # of a blot
 
 
 class Joining(NamedTuple):
@@ -35,10 +37,11 @@ class WallMap(NamedTuple):
     """Cells [iy, ix] of edge `cell` [m]; cell [0, 0] has its lower corner at corner (x, y) [m].
 
     wall (ny, nx, 5) float32: mean end point x, y [m], wall normal (0, 0 for a lone point), weight
-    (0: nothing there). blot (ny, nx, 3) float32: where the wall element's blot stands in `dark`,
-    x, y [m], and 1 if it has one. In `fine` times smaller cells, (fine ny, fine nx) float32: dark,
-    the sum of all blots; grey, 1 wall .. 0 unknown .. -1 free; drawn, int32: the last drawing that
-    touched a cell.
+    (0: nothing there). blot (ny, nx, 5) float32: the wall element as its blot stands in `dark`,
+    x, y, normal, and its width across the wall (sigma in dark cells, 0: it has none). In `sharp`
+    times smaller cells, (sharp ny, sharp nx) float32: dark, the sum of all blots. In `fine` times
+    smaller cells: grey, float32, 1 wall .. 0 unknown .. -1 free; drawn, int32: the last drawing
+    that touched a cell. stroke: sigma of a blot along its wall in map cells.
     """
 
     wall: NDArray[Any]
@@ -49,51 +52,76 @@ class WallMap(NamedTuple):
     corner: tuple[float, float]
     cell: float
     fine: int
+    sharp: int
+    stroke: float
 
     def __deepcopy__(self, memo: dict[int, Any]) -> WallMap:
         return WallMap(*deepcopied(self, memo))
 
 
 @njit(inner=True)
-def add_blot(grid: WallMap, x: float, y: float, sign: float) -> None:
-    """ours: add (or take away) a Gaussian around the point (x, y) [m] to the dark field."""
-    step, dark = grid.cell / grid.fine, grid.dark
+def add_blot(grid: WallMap, at: Any, width: float, sign: float) -> None:
+    """ours: add (or take away) the blot of the wall element at (x, y, nx, ny) to the dark field.
+
+    A Gaussian of `width` (sigma in dark cells), along the wall of the map's `stroke`; a round one
+    of a lone point. Straight walls are as dark whatever the stroke.
+    """
+    step, dark = grid.cell / grid.sharp, grid.dark
     x0, y0 = grid.corner
-    u, v = (x - x0) / step, (y - y0) / step
+    u, v = (at[X] - x0) / step, (at[Y] - y0) / step
+    nx, ny = at[NX], at[NY]
+    length = width
+    if nx == 0.0 and ny == 0.0:
+        nx = 1.0
+    else:
+        length = max(grid.stroke * grid.sharp, width)
+    ink = sign * ROUND / grid.stroke
+    reach_x = math.ceil(EDGE * math.hypot(width * nx, length * ny))
+    reach_y = math.ceil(EDGE * math.hypot(width * ny, length * nx))
+    across, along = 0.5 / (width * width), 0.5 / (length * length)
     ix, iy = math.floor(u), math.floor(v)
-    for jy in range(max(iy - HALO, 0), min(iy + HALO + 1, dark.shape[0])):
+    for jy in range(max(iy - reach_y, 0), min(iy + reach_y + 1, dark.shape[0])):
         dy = jy + 0.5 - v
-        for jx in range(max(ix - HALO, 0), min(ix + HALO + 1, dark.shape[1])):
+        for jx in range(max(ix - reach_x, 0), min(ix + reach_x + 1, dark.shape[1])):
             dx = jx + 0.5 - u
-            dark[jy, jx] += sign * math.exp(-(dx * dx + dy * dy) / (2.0 * BLUR * BLUR))
+            off, by = dx * nx + dy * ny, dy * nx - dx * ny
+            square = across * off * off + along * by * by
+            if square < 0.5 * EDGE * EDGE:
+                dark[jy, jx] += ink * math.exp(-square)
 
 
 @njit
-def redraw(grid: WallMap, cells: Any) -> None:
-    """ours: let the blots of the wall elements in these cells, (k,) along the rows, follow them."""
+def redraw(grid: WallMap, cells: Any, width: float) -> None:
+    """ours: let the blots of the wall elements in these cells, (k,) along the rows, follow them.
+
+    Those that are drawn anew are of this width (sigma in dark cells).
+    """
     nx = grid.wall.shape[1]
     for k in range(cells.shape[0]):
         iy, ix = cells[k] // nx, cells[k] % nx
         wall, blot = grid.wall[iy, ix], grid.blot[iy, ix]
-        is_wall, is_drawn = wall[WEIGHT] > 0.0, blot[2] > 0.0
+        is_wall, is_drawn = wall[WEIGHT] > 0.0, blot[WIDTH] > 0.0
         dx, dy = wall[X] - blot[X], wall[Y] - blot[Y]
-        if is_wall and is_drawn and dx * dx + dy * dy < MOVED * MOVED:
+        turn = math.hypot(wall[NX] - blot[NX], wall[NY] - blot[NY])
+        if is_wall and is_drawn and dx * dx + dy * dy < MOVED * MOVED and turn < TURNED:
             continue
         if is_drawn:
-            add_blot(grid, blot[X], blot[Y], -1.0)
+            add_blot(grid, blot, blot[WIDTH], -1.0)
+            blot[WIDTH] = 0.0
         if is_wall:
-            add_blot(grid, wall[X], wall[Y], 1.0)
-            blot[X], blot[Y] = wall[X], wall[Y]
-        blot[2] = 1.0 if is_wall else 0.0
+            for i in range(WIDTH):
+                blot[i] = wall[i]
+            blot[WIDTH] = width
+            add_blot(grid, blot, blot[WIDTH], 1.0)
 
 
 @njit(fastmath=FAST, inner=True)
 def darkness(grid: WallMap, x: float, y: float) -> float:
     """ours: how dark the map is at (x, y) [m]: 0 nothing, about 1 on a wall, smooth.
 
-    Quadratic splines over the 3 x 3 fine cells around it; blots upon each other count less.
+    Quadratic splines over the 3 x 3 dark cells around it; blots upon each other count less.
     """
-    step, dark = grid.cell / grid.fine, grid.dark
+    step, dark = grid.cell / grid.sharp, grid.dark
     x0, y0 = grid.corner
     u, v = (x - x0) / step, (y - y0) / step
     ix, iy = math.floor(u), math.floor(v)

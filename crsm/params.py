@@ -21,8 +21,8 @@ class CrsmParams(RefineParams):
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "crsm.original:Original",
-        # without a fit behind it the climb must see finer and more
-        "paper": {"refine": False, "relocate": False, "fine": 3, "critical_rays": 200},
+        # without a fit behind it the climb must end on a finer field and see more
+        "paper": {"refine": False, "relocate": False, "sharp": 5, "critical_rays": 200},
     }
 
     cell: float = param(
@@ -104,6 +104,14 @@ class CrsmParams(RefineParams):
     max_cells: int = max_cells()
     fine: int = param(
         2, "1", "grey cells along one map cell", source="ours: map to look at", low=1, high=20
+    )
+    sharp: int = param(
+        2,
+        "1",
+        "cells of the field that is climbed, along one map cell",
+        source="ours: wide enough to climb from afar, a fit is behind it",
+        low=1,
+        high=20,
     )
     enough: float = param(
         0.9, "1", "share of the usual fitness that ends a search", source="ours: an early end"

@@ -71,7 +71,7 @@ def _search(axes: Axes, view: ScanReader, grid: WallGrid) -> None:
     if not climber.is_enough(best):
         best = climber.restart(grid, view, prior, [], best)
     rows, columns = cells.dark.shape
-    (x, y), step = cells.corner, cells.cell / cells.fine
+    (x, y), step = cells.corner, cells.cell / cells.sharp
     extent = (x, x + columns * step, y, y + rows * step)
     axes.imshow(cells.dark, cmap="gray_r", origin="lower", extent=extent)
     for at, color, name in ((OFF, "#0072B2", "start"), (best.pose, "#D55E00", "found")):

@@ -30,6 +30,28 @@ def measured(normals: Points, i: int, noise: Any) -> Any:
 
 
 @njit(inner=True)
+def add_measured(x: float, y: float, of_point: Any, H: Any) -> None:
+    """ours: add what a point at (x, y) [m] tells of the pose to the upper half of `H` (3, 3).
+
+    of_point: the normal of its wall, its variance [m^2] and whether it is lone, as of `measured`.
+    """
+    cx, cy, variance, lone = of_point
+    w = 1.0 / variance
+    H[0, 0] += w * cx * cx
+    H[1, 1] += w * cy * cy
+    if lone:
+        H[0, 2] -= w * y
+        H[1, 2] += w * x
+        H[2, 2] += w * (x * x + y * y)
+    else:
+        turn = cy * x - cx * y
+        H[0, 1] += w * cx * cy
+        H[0, 2] += w * cx * turn
+        H[1, 2] += w * cy * turn
+        H[2, 2] += w * turn * turn
+
+
+@njit(inner=True)
 def leverage(points: Points, normals: Points, m: int, noise: Any, out: Any) -> None:
     """ours: share (m,) of each point in fixing the pose, w c' H^-1 c; together they are 3.
 
@@ -40,20 +62,7 @@ def leverage(points: Points, normals: Points, m: int, noise: Any, out: Any) -> N
         for k in range(3):
             H[i, k] = LEAST if i == k else 0.0
     for i in range(m):
-        cx, cy, variance, lone = measured(normals, i, noise)
-        w = 1.0 / variance
-        turn = cy * points[0, i] - cx * points[1, i]
-        H[0, 0] += w * cx * cx
-        H[1, 1] += w * cy * cy
-        if lone:
-            H[0, 2] -= w * points[1, i]
-            H[1, 2] += w * points[0, i]
-            H[2, 2] += w * (points[0, i] * points[0, i] + points[1, i] * points[1, i])
-        else:
-            H[0, 1] += w * cx * cy
-            H[0, 2] += w * cx * turn
-            H[1, 2] += w * cy * turn
-            H[2, 2] += w * turn * turn
+        add_measured(points[0, i], points[1, i], measured(normals, i, noise), H)
     H[1, 0], H[2, 0], H[2, 1] = H[0, 1], H[0, 2], H[1, 2]
     A = inverse3(H)
     for i in range(m):

@@ -44,14 +44,20 @@ class ScanReader(EndPoints):
         return self._ends
 
     @property
+    def variances(self) -> tuple[float, float]:
+        """Of a range and of a lone point [m^2]."""
+        return self.noise**2, self._params.lone_noise**2
+
+    @property
     def is_usable(self) -> bool:
         """There is enough to see to be matched."""
         return self.n >= LEAST_POINTS
 
     def _chosen(self) -> NDArray[np.int64]:
         p, room = self._params, np.empty(self.n, np.int64)
-        noise = self.noise**2, p.lone_noise**2
         count = min(p.critical_rays, max(self.n // 2, LEAST_RAYS))
         normals, at = self.normals, self.mount
-        k = critical_rays(self.points, normals, self.moments, self.n, at, noise, count, room)
+        k = critical_rays(
+            self.points, normals, self.moments, self.n, at, self.variances, count, room
+        )
         return room[:k]

@@ -27,7 +27,7 @@ import numpy as np
 
 from crsm.climber import Climbed, Climber
 from crsm.map import WallGrid
-from crsm.match_kernels import evidence
+from crsm.match_kernels import evidence, told
 from crsm.pace import Pace
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
@@ -158,16 +158,14 @@ class Crsm:
 
     def _chosen(self, view: ScanReader, expected: Pose2, climbed: Climbed) -> Match:
         """Step 4: of the climb and the fits behind it, the one with the most evidence."""
-        seen = self._lines.seen_from(view, climbed.pose)
         if not self.params.refine:
             self._counts["kept"] += 1
-            share = len(view.rays) / view.n
-            return self._weighed(view, seen._replace(seen=share * seen.seen), False)
+            return self._by_rays(view, climbed.pose)
         prior = self._prior(expected)
         starts = [climbed.pose] + ([] if _is_near(expected, climbed.pose) else [expected])
         fits = [self._lines.fit(view, at, prior) for at in starts]
         matches = [self._weighed(view, fit, True) for fit in fits]
-        matches.append(self._weighed(view, seen, False))
+        matches.append(self._weighed(view, self._lines.seen_from(view, climbed.pose), False))
         best = max(matches, key=lambda match: match.value)
         self._counts["kept"] += _is_near(best.fit.pose, climbed.pose, CELL, CELL)
         return best
@@ -181,20 +179,37 @@ class Crsm:
         track, climber = self._track, self._climber
         prior = climber.prior(at, track.prior(expected), len(view.rays))
         pose = climber.climb(self._map, view, prior, 0.0).pose
+        if not self.params.refine:
+            return self._by_rays(view, pose)
         return self._weighed(view, self._lines.seen_from(view, pose), False)
 
     def _prior(self, expected: Pose2) -> Prior:
         return Prior(expected, self._track.prior(expected))
 
+    def _by_rays(self, view: ScanReader, pose: Pose2) -> Match:
+        """A climb without anything behind it: the dark field and the rays tell all."""
+        cells, seen = self._map.cells, np.empty((3, 3))
+        told(cells, view.points, view.normals, view.rays, tuple(pose), view.variances, seen)
+        explained, contradicted = self._evidence(view, pose)
+        return self._judged(
+            Fit(pose, explained, view.noise**2, seen), explained - contradicted, False
+        )
+
     def _weighed(self, view: ScanReader, fit: Fit, refined: bool) -> Match:
-        every, cells = max(1, view.n // WEIGHED), self._map.cells
-        _, contradicted = evidence(cells, view.points, view.n, tuple(fit.pose), every)
-        explained = fit.share
-        worth = explained - contradicted
+        _, contradicted = self._evidence(view, fit.pose)
+        return self._judged(fit, fit.share - contradicted, refined)
+
+    def _evidence(self, view: ScanReader, pose: Pose2) -> tuple[float, float]:
+        """Shares of a scan that the dark field explains at a pose, and grey levels contradict."""
+        every = max(1, view.n // WEIGHED)
+        dark, white = evidence(self._map.cells, view.points, view.n, tuple(pose), every)
+        return dark, white
+
+    def _judged(self, fit: Fit, worth: float, refined: bool) -> Match:
         value = worth - self._track.charge(fit.pose) - (0.0 if refined else COARSE)
         if not self._track.reachable(fit.pose):
             value -= 1.0
-        return Match(fit, explained, worth, value, refined)
+        return Match(fit, fit.share, worth, value, refined)
 
     def _settle(self, scan: Scan, view: ScanReader, match: Match | None, expected: Pose2) -> None:
         """Step 6: tell the track what was found, learn what is usual."""

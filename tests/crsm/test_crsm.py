@@ -9,7 +9,7 @@ import slams
 from crsm.climb_kernels import FINEST, FINEST_TURN, Prior, climb, fitness, score
 from crsm.climber import Climber
 from crsm.map import WallGrid, went_through
-from crsm.map_kernels import WEIGHT, darkness, redraw, whiten
+from crsm.map_kernels import EDGE, WEIGHT, darkness, redraw, whiten
 from crsm.match_kernels import evidence
 from crsm.original import Original, OriginalParams
 from crsm.original import map_kernels as byte_map
@@ -380,12 +380,12 @@ def test_beams_on_both_sides_of_a_wall_element_are_asked():
     iy, ix = 256, 266
     grid.cells.wall[iy, ix] = 1.05, 0.05, -1.0, 0.0, 5.0
     cell = iy * grid.cells.wall.shape[1] + ix
-    redraw(grid.cells, np.array([cell]))
+    redraw(grid.cells, np.array([cell]), 1.0)
     for lengths in ([1.05, 3.0], [3.0, 1.05], [1.05, 1.05]):
         bearings = math.atan2(0.05, 1.05) + np.array([-0.01, 0.01])
         seen = np.array(lengths) * (np.cos(bearings), np.sin(bearings))
-        passed = grid._passed(IDENTITY, seen)
-        assert passed.tolist() == ([] if max(lengths) < 2.0 else [cell])
+        passed = grid._passed(IDENTITY, seen, np.array([cell]))
+        assert passed.tolist() == [max(lengths) > 2.0]
 
 
 def test_a_wall_loses_a_share_and_one_point_of_its_weight():
@@ -396,14 +396,15 @@ def test_a_wall_loses_a_share_and_one_point_of_its_weight():
 
 
 def dark_of(cells):
-    """The dark field anew: a Gaussian of one fine cell around each wall element, 7 cells wide."""
-    step = cells.cell / cells.fine
+    """The dark field anew: a Gaussian of one dark cell around each wall element."""
+    step = cells.cell / cells.sharp
     fresh = np.zeros_like(cells.dark, float)
     for x, y, *_ in cells.wall[cells.wall[..., WEIGHT] > 0].astype(float):
         u, v = (x - cells.corner[0]) / step, (y - cells.corner[1]) / step
         iy, ix = np.mgrid[-3:4, -3:4]
         iy, ix = iy + math.floor(v), ix + math.floor(u)
-        fresh[iy, ix] += np.exp(-0.5 * ((ix + 0.5 - u) ** 2 + (iy + 0.5 - v) ** 2))
+        square = (ix + 0.5 - u) ** 2 + (iy + 0.5 - v) ** 2
+        fresh[iy, ix] += np.where(square < EDGE**2, np.exp(-0.5 * square), 0.0)
     return fresh
 
 
@@ -435,7 +436,7 @@ def one_wall(angle, off):
         cell = grid._flat(*np.floor(at).astype(np.int64)[:, None])
         if grid._elements(cell)[WEIGHT, 0] == 0.0:
             grid.cells.wall.reshape(-1, 5)[cell[0]] = x, y, c, s, 5.0
-            redraw(grid.cells, cell)
+            redraw(grid.cells, cell, 1.0)
     return grid, np.array([c, s])
 
 
@@ -485,7 +486,7 @@ LOOSE = Prior(0.0, 0.0, 0.0, np.eye(3), 1e-6)
 def test_climb_ends_where_no_finest_step_gains():
     slam, view = mapped()
     grid, start = slam._map.cells, (0.04, -0.03, 0.03)
-    x, y, theta, top = climb(grid, view.ends, LOOSE, start, 0.032)
+    x, y, theta, top = climb(grid, view.ends, LOOSE, start, 0.032, FINEST)
     assert (abs(x), abs(y), abs(theta)) < (0.02, 0.02, 0.01)
     assert top == pytest.approx(score(grid, view.ends, LOOSE, (x, y, theta)))
     for dx, dy in ((FINEST, 0.0), (-FINEST, 0.0), (0.0, FINEST), (0.0, -FINEST)):
@@ -502,7 +503,7 @@ def test_climb_is_exact_to_millimeters():
     off = []
     for seed in range(6):
         view = noisy_view(20 + seed)
-        *pose, _ = climb(slam._map.cells, view.ends, LOOSE, (0.03, 0.02, -0.02), 0.032)
+        *pose, _ = climb(slam._map.cells, view.ends, LOOSE, (0.03, 0.02, -0.02), 0.032, FINEST)
         off.append(pose)
     assert np.abs(np.mean(off, axis=0)).max() < 0.005
     assert np.std(off, axis=0)[:2].max() < 0.006

@@ -5,7 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from crsm.climber import Climbed, Climber
+from crsm.climb_kernels import FINEST
+from crsm.climber import NEARBY, Climbed, Climber
+from crsm.map_kernels import FULL
 from crsm.params import CrsmParams
 from crsm.slam import COARSE, Crsm
 from slams.types import IDENTITY, Pose2
@@ -154,16 +156,30 @@ def test_a_frozen_map_takes_no_scan_whose_pose_is_given():
         assert slam.report()["inserted"] == before + more
 
 
-def test_the_climb_alone_says_as_much_as_its_rays(monkeypatch):
+def test_the_climb_alone_says_what_its_rays_measure():
     slam = settled(refine=False)
-    view = slam._reader
-    match = slam._chosen(view, IDENTITY, at(slam, IDENTITY))
-    whole = slam._lines.seen_from(view, IDENTITY)
-    assert not match.refined
-    assert match.fit.seen == pytest.approx(len(view.rays) / view.n * whole.seen)
-    fitted = calls(monkeypatch, slam._lines, "fit")
+    view, there = slam._reader, Pose2(0.01, -0.02, 0.3)
+    view.normals[:2, view.rays[:3]] = 0.0  # lone points
+    for dark in (FULL, 0.0):
+        slam._map.cells.dark[:] = dark
+        match = slam._chosen(view, IDENTITY, at(slam, there))
+        assert not match.refined
+        expected = np.zeros((3, 3))  # lone points tell nothing
+        c, s = np.cos(there.theta), np.sin(there.theta)
+        turn = np.array([[c, -s], [s, c]])
+        for i in view.rays:
+            (x, y), normal = turn @ view.points[:2, i], turn @ view.normals[:2, i]
+            row = np.array([*normal, normal @ (-y, x)])
+            expected += np.outer(row, row) / view.noise**2
+        assert match.fit.seen == pytest.approx(dark / FULL * expected, rel=1e-4)
+
+
+def test_the_climb_alone_keeps_no_lines_and_fits_nothing(monkeypatch):
+    slam = settled(refine=False)
+    assert slam._lines.surface.slot.max() == 0
+    fitted = calls(monkeypatch, slam._lines, "_fitted")
     slam.update(still(6))
-    assert not fitted
+    assert not fitted and slam.state == "matched"
 
 
 @pytest.mark.parametrize(("hits", "state"), [(9, "predicted"), (12, "matched")])
@@ -201,12 +217,34 @@ def test_first_steps_are_as_long_as_the_prediction_is_uncertain(monkeypatch):
     slam, steps = settled(), []
     climber = slam._climber
     monkeypatch.setattr(
-        "crsm.climber.climb", lambda *args: steps.append(args[-1]) or (0.0, 0.0, 0.0, 0.0)
+        "crsm.climber.climb", lambda *args: steps.append(args[4]) or (0.0, 0.0, 0.0, 0.0)
     )
     prior = climber.prior(IDENTITY, np.eye(3), 10)
     for uncertain in (0.0, 0.005, 0.03, 9.0):
         climber.climb(slam._map, slam._reader, prior, uncertain)
     assert steps == [0.004, 0.008, 0.032, 0.064]
+
+
+def test_the_broad_field_is_climbed_first_where_steps_are_long(monkeypatch):
+    slam, climbed = settled(refine=False, sharp=5), []
+    climber, walls = slam._climber, slam._map
+
+    def found(grid, rays, prior, at, *steps):
+        climbed.append((grid, at, steps))
+        return (*FAR, 0.5)
+
+    monkeypatch.setattr("crsm.climber.climb", found)
+    prior = climber.prior(IDENTITY, np.eye(3), 10)
+    climber.climb(walls, slam._reader, prior, 0.008)
+    assert [(grid.sharp, at, steps) for grid, at, steps in climbed] == [
+        (5, IDENTITY, (0.008, FINEST))
+    ]
+    climbed.clear()
+    climber.climb(walls, slam._reader, prior, 0.03)
+    assert [(grid.sharp, at, steps) for grid, at, steps in climbed] == [
+        (2, IDENTITY, (0.032, NEARBY)),
+        (5, FAR, (NEARBY, FINEST)),
+    ]
 
 
 def test_restarts_climb_from_what_promises_most_and_keep_the_best(monkeypatch):
