@@ -19,6 +19,7 @@ from slams.motion.sight import CLEAR, evenness, sight
 from slams.motion.slip import SHIFTS, Leads, slip
 from slams.motion.trust import Limits
 from slams.types import IDENTITY, Floats, Pose2, Scan, State, wrap_angle
+from slams.usual import FRESH
 
 LOST_AFTER = 1.0  # s without a match, after which only wheels still tell where the robot is
 LOST_XY, LOST_TURN = 0.5, 0.3  # m, rad: deviation at which they do not either
@@ -60,7 +61,8 @@ class Track:
         self._seconds = 0.0  # since the last match
         self._even = 1.0  # of the last match: how alike it saw the two directions
         self._sight = CLEAR  # of the last match
-        self._seeing = CLEAR  # of its scan by itself
+        self._seeing = self._walls = CLEAR  # of the last look by itself, and of the last two
+        self._looked = -math.inf  # s, stamp of the last look
         self._by_wheels = True  # all that time
         self._missed = False  # the last scan
         self._unproven = 0.0  # s for which matches have to stand before they are believed
@@ -174,9 +176,12 @@ class Track:
         self.matched(pose, self._information, scan)
 
     def _look(self, scan: Scan, pose: Pose2, seen: Floats, rough: bool) -> None:
-        """Which direction is seen badly, by this scan, the one before and the matcher."""
-        seeing = sight(scan, pose) or self._seeing
-        self._sight, self._seeing = seeing.after(self._seeing).judging(seen, rough), seeing
+        """Which direction is seen badly, by the last two looks and the matcher."""
+        if not 0.0 <= scan.t - self._looked < FRESH:
+            seeing = sight(scan, pose) or self._seeing
+            self._walls, self._seeing = seeing.after(self._seeing), seeing
+            self._looked = scan.t
+        self._sight = self._walls.judging(seen, rough)
 
     def _fused(self, pose: Pose2, seen: Floats, honest: Floats) -> Pose2:
         """A match of what was `seen`, without what noise says: there the prediction stands."""
@@ -240,7 +245,8 @@ class Track:
         """The map does not explain the scan: the pose is the prediction."""
         self.motion.missed(scan)
         self._missed = True
-        self._sight = self._seeing = CLEAR
+        self._sight = self._seeing = self._walls = CLEAR
+        self._looked = -math.inf
         self.pose, self.covariance = self._prediction.pose, self.predicted
         overdue = self._seconds >= LOST_AFTER
         self.held = overdue and self._by_wheels and self._sure(self.predicted)
