@@ -137,6 +137,9 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
     `slack`, a post is one beam, too. points, out (3, >= n).
     """
     for i in range(n):
+        if i > 0 and square_gap(points, i, i - 1) < slack * slack:  # most: no root for them
+            out[0, i] = 1.0
+            continue
         rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
         spacing = step * math.sqrt(rx * rx + ry * ry)
         gap = slack + 4.0 * spacing
@@ -151,8 +154,9 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
     kept = 0
     for i in range(n):
         if out[0, i] > 0.0:
-            for row in range(3):
-                points[row, kept] = points[row, i]
+            if kept < i:
+                for row in range(3):
+                    points[row, kept] = points[row, i]
             kept += 1
     return kept
 
