@@ -25,7 +25,7 @@ def along(of: Floats, x: float, y: float) -> float:
     return what
 
 
-@njit
+@njit(inner=True)
 def raised(of: Floats, x: float, y: float, more: float) -> Floats:
     """A matrix with so much more in a direction: M + more a a^T. ours."""
     out = of.copy()
@@ -58,7 +58,7 @@ def stretched(of: Floats, x: float, y: float, by: float) -> Floats:
     return out
 
 
-@njit
+@njit(inner=True)
 def carried(before: Floats, heading: float, step: Any, variance: Any) -> Floats:
     """Covariance of a pose after a step, from that of the pose before, whose heading [rad] is told.
 

@@ -75,7 +75,9 @@ class Sight(NamedTuple):
 
     def widened(self, of: Floats, more: float) -> Floats:
         """A covariance or information (3, 3) with so much [m^2], [1/m^2] more in that direction."""
-        return kernels.raised(of, self.x, self.y, more)
+        x, y = self.x, self.y
+        xx, xy, yy = more * x * x, more * x * y, more * y * y
+        return np.asarray(of + np.array(((xx, xy, 0.0), (xy, yy, 0.0), (0.0, 0.0, 0.0))))
 
 
 CLEAR = Sight(1.0, 0.0, 1.0, 1.0, 0.0)
