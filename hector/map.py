@@ -62,14 +62,12 @@ class LogOddsPyramid:
 
         `solvers`: how, on each level, finest first.
         """
-        pose, score, square = start, 0.0, 0.0
-        known = tuple(prior.pose), prior.information
-        for level, solver in zip(reversed(self.levels), reversed(solvers), strict=True):
-            at, how = tuple(pose), tuple(solver)
-            pose, score, square = match_kernels.gauss_newton(
-                level, scan.points, scan.n, at, known, how, H
-            )
-        return pose, score, square
+        levels = tuple(tuple(level) for level in self.levels)
+        known, how = (tuple(prior.pose), prior.information), tuple(tuple(one) for one in solvers)
+        pose, score, square = match_kernels.climb(
+            levels, scan.points, scan.n, tuple(start), known, how, H
+        )
+        return Pose2(*pose), score, square
 
     def evidence(self, scan: EndPoints, pose: Pose2) -> Floats:
         """What each beam says for `pose`: (n,), 1 explained, -1 contradicted, 0 nothing."""

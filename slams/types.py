@@ -28,7 +28,10 @@ def wrap_angle(angle: float) -> float: ...
 def wrap_angle(angle: Floats) -> Floats: ...
 def wrap_angle(angle: Any) -> Any:
     """The same direction in (-pi, pi] [rad]; takes a number or an array."""
-    ceil = math.ceil if isinstance(angle, float) else np.ceil  # five times as fast for a number
+    number = isinstance(angle, float)
+    if number and -math.pi < angle <= math.pi:  # nearly all
+        return angle
+    ceil = math.ceil if number else np.ceil  # five times as fast for a number
     return angle - 2.0 * math.pi * ceil((angle - math.pi) / (2.0 * math.pi))
 
 

@@ -20,8 +20,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
+from slams.motion.belief_kernels import carried
 from slams.motion.chord import CERTAIN, NOTHING, UNKNOWN, Chord, chord_of, covariance, variances
 from slams.motion.clock import Clock
 from slams.motion.params import MotionParams
@@ -63,13 +62,12 @@ class Prediction(NamedTuple):
 
         This is a matcher's prior: an error of the heading before swings the step.
         """
-        heading = self.pose.theta - self.step.theta
-        c, s = math.cos(heading), math.sin(heading)
-        step = Pose2(
-            c * self.step.x - s * self.step.y, s * self.step.x + c * self.step.y, self.step.theta
-        )
-        swung = _swung(before, step.x, step.y)
-        return swung + covariance(step, self.variance, heading)
+        return carried(before, self.heading, tuple(self.step), tuple(self.variance))
+
+    @property
+    def heading(self) -> float:
+        """The heading [rad] before the step."""
+        return self.pose.theta - self.step.theta
 
 
 class Motion:
@@ -217,18 +215,6 @@ class Motion:
     def _used(self) -> tuple[str, ...]:
         said = (("wheels", self._wheels.step), ("gyro", self._gyro.turn))
         return (*(name for name, word in said if word is not None), "velocity")
-
-
-def _swung(before: Floats, x: float, y: float) -> Floats:
-    """Covariance (3, 3) of a pose that a lever x, y [m] in the map's frame leads away from.
-
-    By hand: nine numbers, and a product of numpy takes longer than all of them.
-    """
-    (xx, xy, xt), (_, yy, yt), (_, _, turn) = before.tolist()
-    xt_out, yt_out = xt - y * turn, yt + x * turn
-    xy_out = xy + x * xt - y * yt_out
-    xx_out, yy_out = xx - y * (xt + xt_out), yy + x * (yt + yt_out)
-    return np.array(((xx_out, xy_out, xt_out), (xy_out, yy_out, yt_out), (xt_out, yt_out, turn)))
 
 
 def _per_second(step: Chord, dt: float) -> Pose2:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slams.motion import belief_kernels as kernels
 from slams.motion.sight_kernels import N_FACES, bends, faces
 from slams.types import Floats, Pose2, Scan
 
@@ -52,7 +53,8 @@ class Sight(NamedTuple):
         across = float(seen[0, 0] + seen[1, 1]) - said
         by_walls = min(self.share * said, MARGIN * self.even * across)
         by_match = 0.0 if rough else said - self.chance * across
-        return self._replace(share=max(by_walls, by_match, 0.0) / said)
+        share = max(by_walls, by_match, 0.0) / said
+        return Sight(self.x, self.y, share, self.even, self.chance)
 
     def of(self, seen: Floats) -> Floats:
         """What is left of the information (3, 3) of a scan."""
@@ -60,30 +62,16 @@ class Sight(NamedTuple):
 
     def stretched(self, of: Floats, by: float) -> Floats:
         """A covariance or information (3, 3), so many times as long in that direction."""
-        if by == 1.0:
-            return of
-        x, y, more = self.x, self.y, by - 1.0
-        (xx, xy, xt), (_, yy, yt), _ = of.tolist()
-        to_x, to_y, turn = x * xx + y * xy, x * xy + y * yy, x * xt + y * yt
-        square = more * (x * to_x + y * to_y)  # S M S with S = I + more a a^T
-        ax, ay = to_x + 0.5 * square * x, to_y + 0.5 * square * y
-        mixed = more * (x * ay + y * ax)
-        added = (
-            (2.0 * more * x * ax, mixed, more * x * turn),
-            (mixed, 2.0 * more * y * ay, more * y * turn),
-            (more * x * turn, more * y * turn, 0.0),
-        )
-        return np.asarray(of + np.array(added))
+        return of if by == 1.0 else kernels.stretched(of, self.x, self.y, by)
 
     def after(self, before: Sight) -> Sight:
         """The same, but no better than the one before: what one scan alone sees may be noise."""
         share, even = min(self.share, before.share), min(self.even, before.even)
-        return self._replace(share=share, even=even)
+        return Sight(self.x, self.y, share, even, self.chance)
 
     def along(self, of: Floats) -> float:
         """What a covariance or information (3, 3) has in that direction."""
-        xx, xy, yy = of[0, 0], of[0, 1], of[1, 1]
-        return float(self.x * self.x * xx + 2.0 * self.x * self.y * xy + self.y * self.y * yy)
+        return kernels.along(of, self.x, self.y)
 
     def widened(self, of: Floats, more: float) -> Floats:
         """A covariance or information (3, 3) with so much [m^2], [1/m^2] more in that direction."""

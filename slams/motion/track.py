@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from slams.geometry import FREEDOM, inverse3, widened
+from slams.motion import belief_kernels as kernels
 from slams.motion.chord import FLOOR, with_the_same_error
 from slams.motion.model import Motion, Prediction
 from slams.motion.params import MotionParams, without_wheels
@@ -18,11 +19,11 @@ from slams.motion.sight import CLEAR, evenness, sight
 from slams.motion.slip import SHIFTS, Leads, slip
 from slams.motion.trust import Limits
 from slams.types import IDENTITY, Floats, Pose2, Scan, State, wrap_angle
+from slams.usual import FRESH
 
 LOST_AFTER = 1.0  # s without a match, after which only wheels still tell where the robot is
 LOST_XY, LOST_TURN = 0.5, 0.3  # m, rad: deviation at which they do not either
 INDEPENDENT = 50.0  # pieces of wall in a scan whose errors have nothing to do with each other
-LEAST = 1e-4 * np.eye(3)  # 1/m^2, 1/rad^2: of a scan, along what it does not see
 DEGREES = 3.0  # of freedom of a pose
 RISE, FALL = 1.0, 10.0  # s, in which what is expected becomes wider and narrower
 MOST = 10.0  # that one surprise counts
@@ -60,7 +61,8 @@ class Track:
         self._seconds = 0.0  # since the last match
         self._even = 1.0  # of the last match: how alike it saw the two directions
         self._sight = CLEAR  # of the last match
-        self._seeing = CLEAR  # of its scan by itself
+        self._seeing = self._walls = CLEAR  # of the last look by itself, and of the last two
+        self._looked = -math.inf  # s, stamp of the last look
         self._by_wheels = True  # all that time
         self._missed = False  # the last scan
         self._unproven = 0.0  # s for which matches have to stand before they are believed
@@ -72,21 +74,25 @@ class Track:
         now = self._prediction = self.motion.predict(self.pose, scan)
         self._seconds += now.dt
         self._by_wheels &= "wheels" in now.used
-        before = self.covariance
-        if "wheels" not in now.used:
-            before = self._carried_on(before, now)
-        known = self.state == "matched"
-        scale, caution = (self._scale, self._caution(scan)) if known else (1.0, 1.0)
-        self.predicted = self._widened(now.pose_covariance(before), scale)
-        self.expected = caution * self.predicted
-        self._information = inverse3(self.expected)
+        self.predicted, self.expected, self._information = self._foreseen(now, scan)
         return now
 
-    def _widened(self, covariance: Floats, scale: float) -> Floats:
-        """A covariance (3, 3) times a scale, but where nothing was seen that it could come from."""
-        blind = 1.0 - self._sight.share
-        wide: Floats = scale * covariance
-        return self._sight.stretched(wide, scale ** (-0.5 * blind)) if scale > 1.0 else wide
+    def _foreseen(self, now: Prediction, scan: Scan) -> tuple[Floats, Floats, Floats]:
+        """The prediction's covariance, the same with caution, and the inverse of that.
+
+        A velocity that is wrong makes every step wrong to the same side: without wheels deviations
+        of the pose before and of the step add, not variances; in the direction that no match sees,
+        and, while nothing is matched, in all. What is expected is scaled by what was learned.
+        """
+        before, matched, sees = self.covariance, self.state == "matched", self._sight
+        by_velocity = "wheels" not in now.used
+        if by_velocity and not matched:
+            before = with_the_same_error(before, now.covariance)
+        scale, caution = (self._scale, self._caution(scan)) if matched else (1.0, 1.0)
+        learned = (float(by_velocity and matched), scale, caution)
+        step, variance = tuple(now.step), tuple(now.variance)
+        blind = (sees.x, sees.y, 1.0 - sees.share)
+        return kernels.foreseen(before, now.heading, step, variance, blind, learned)
 
     def _caution(self, scan: Scan) -> float:
         """Times what is expected where scans see all directions: there the map is to be believed.
@@ -147,13 +153,13 @@ class Track:
         pose = self._fused(pose, seen, honest)
         if leads is not None and self._sight.share < SEEN:
             pose, honest = self._looked_along(pose, honest, leads)
-        alone = inverse3(honest + LEAST)
+        alone, covariance = kernels.settled(honest, self._information, self._off(pose))
         self._even = evenness(alone)
         learns = self._widen_wheels or not self._by_wheels
         if learns and self.state == "matched":  # a blind drive tells of the wheels, not of one step
             self._learn(self._by_scan(found, seen), alone)
         self.motion.moved(pose, alone, scan)
-        self.covariance = inverse3(honest + self.prior(pose))
+        self.covariance = covariance
         self.pose = self._matched_at = pose
         self._unproven = LOST_AFTER if self._astray() else self._unproven - self._seconds
         self.held, self._seconds, self._by_wheels, self._missed = False, 0.0, True, False
@@ -170,23 +176,18 @@ class Track:
         self.matched(pose, self._information, scan)
 
     def _look(self, scan: Scan, pose: Pose2, seen: Floats, rough: bool) -> None:
-        """Which direction is seen badly, by this scan, the one before and the matcher."""
-        seeing = sight(scan, pose) or self._seeing
-        self._sight, self._seeing = seeing.after(self._seeing).judging(seen, rough), seeing
+        """Which direction is seen badly, by the last two looks and the matcher."""
+        if not 0.0 <= scan.t - self._looked < FRESH:
+            seeing = sight(scan, pose) or self._seeing
+            self._walls, self._seeing = seeing.after(self._seeing), seeing
+            self._looked = scan.t
+        self._sight = self._walls.judging(seen, rough)
 
     def _fused(self, pose: Pose2, seen: Floats, honest: Floats) -> Pose2:
-        """A match of what was `seen`, without what noise says: there the prediction stands.
-
-        As solution remapping in [Zhang16], but gradually: along the direction that is seen worst
-        the match lies between the prediction and where the scan alone would have it, which is
-        fused once more by what it is worth.
-        """
-        sees, off = self._sight, self._off(pose)
-        known, claimed, worth = (sees.along(of) for of in (self.prior(pose), seen, honest))
-        if worth >= claimed:
-            return pose
-        keep = worth * (claimed + known) / (claimed * (worth + known))
-        back = (keep - 1.0) * (sees.x * off[0] + sees.y * off[1])
+        """A match of what was `seen`, without what noise says: there the prediction stands."""
+        sees = self._sight
+        known, off = self._information, self._off(pose)
+        back = kernels.held_back(seen, honest, known, off, sees.x, sees.y)
         return Pose2(pose.x + back * sees.x, pose.y + back * sees.y, pose.theta)
 
     def _looked_along(self, pose: Pose2, honest: Floats, leads: Leads) -> tuple[Pose2, Floats]:
@@ -197,23 +198,9 @@ class Track:
         x, y = pose.x + found.moved * sees.x, pose.y + found.moved * sees.y
         return Pose2(x, y, pose.theta), sees.widened(honest, found.information)
 
-    def _carried_on(self, before: Floats, now: Prediction) -> Floats:
-        """`before`, so that its sum with a step covers errors of both that are one and the same.
-
-        A velocity that is wrong makes every step wrong to the same side: deviations add, not
-        variances; while nothing is matched, and in the direction that no match sees.
-        """
-        if self.state != "matched":
-            return with_the_same_error(before, now.covariance)
-        sees = self._sight
-        blind = 2.0 * (1.0 - sees.share)
-        both = now.pose_covariance(np.zeros((3, 3)))
-        return sees.widened(before, blind * math.sqrt(sees.along(before) * sees.along(both)))
-
     def _by_scan(self, pose: Pose2, seen: Floats) -> Floats:
         """How far (3,) from the prediction the scan alone has a pose that lies between the two."""
-        off = self._off(pose)
-        return off + inverse3(seen + LEAST) @ (self._information @ off)
+        return kernels.by_scan(seen, self._information, self._off(pose))
 
     def _astray(self) -> bool:
         """Whether a match may be anywhere: the first after a second without any, or after a gap."""
@@ -245,8 +232,7 @@ class Track:
 
         The normalized innovation squared, of a mean of 3, tells.
         """
-        told = inverse3(self.expected + alone) @ by_scan
-        surprise = min(float(told @ by_scan) / DEGREES, MOST)
+        surprise = min(kernels.surprise(self.expected, alone, by_scan) / DEGREES, MOST)
         seconds = min(self._seconds, 1.0)
         growth = (surprise - 1.0) * seconds / (RISE if surprise > 1.0 else FALL)
         self._scale = min(max(self._scale * math.exp(growth), 1.0), WIDEST)
@@ -259,7 +245,8 @@ class Track:
         """The map does not explain the scan: the pose is the prediction."""
         self.motion.missed(scan)
         self._missed = True
-        self._sight = self._seeing = CLEAR
+        self._sight = self._seeing = self._walls = CLEAR
+        self._looked = -math.inf
         self.pose, self.covariance = self._prediction.pose, self.predicted
         overdue = self._seconds >= LOST_AFTER
         self.held = overdue and self._by_wheels and self._sure(self.predicted)

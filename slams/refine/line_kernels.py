@@ -132,15 +132,18 @@ def line_equations(
 
 @njit
 def fit(
-    surface: Surface, view: View, start: Any, prior: Any, how: Any, H: Floats
-) -> tuple[Pose2, float, float]:
+    walls: Any, scan: Any, start: Any, prior: Any, how: Any, H: Floats
+) -> tuple[tuple[float, float, float], float, float]:
     """Gauss-Newton on the distances to the lines from `start`; the lines' last H is left in `H`.
 
     ours: [Kohlbrecher11] eq. 12, with what is known without the scan, `prior`, which decides where
-    no wall does. The start, `Prior` and `Fit` are plain tuples: those pass from Python to here in a
-    tenth of the time. Returns the pose, the share of points that lie on a line (by robust weight),
-    and the mean square distance of those [m^2].
+    no wall does. `Surface`, `View`, the start, `Prior`, `Fit` and the pose returned are plain
+    tuples: those pass between Python and here in a tenth of the time. Returns the pose, the share
+    of points that lie on a line (by robust weight), and the mean square distance of those [m^2].
     """
+    surface = Surface(*walls)
+    points, normals, n, mount = scan
+    view = View(points, normals, n, Pose2(*mount))
     x, y, theta = start
     (expected_x, expected_y, expected_theta), information = prior
     expected = Pose2(expected_x, expected_y, expected_theta)
@@ -166,7 +169,7 @@ def fit(
             if stride == 1:
                 break
             stride = 1
-    return Pose2(x, y, wrap_angle(theta)), share, square
+    return (x, y, wrap_angle(theta)), share, square
 
 
 @njit

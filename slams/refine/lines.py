@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slams.cells import move, zeros
 from slams.geometry import Prior
-from slams.refine.line_kernels import Fit, View, evidence, fit
+from slams.refine.line_kernels import Fit, evidence, fit
 from slams.refine.params import RefineParams
 from slams.refine.surface_kernels import LAYERS, SUMS, Splat, Surface, add_scan
 from slams.scan.end_points import EndPoints
@@ -98,11 +98,11 @@ class LineMap:
         stride = max(min(THINNED, points.n // ENOUGH), 1)
         near, soft = NEAR * self.surface.resolution, self._softness(points)
         how = Fit(steps, stride * self.params.converged, near, stride, soft, self.variance)
-        view, H = View(points.points, points.normals, points.n, points.mount), self._H
+        view, H = (points.points, points.normals, points.n, tuple(points.mount)), self._H
         known = tuple(prior.pose), prior.information
-        pose, share, square = fit(self.surface, view, tuple(start), known, tuple(how), H)
+        pose, share, square = fit(tuple(self.surface), view, tuple(start), known, tuple(how), H)
         variance = max(square, points.noise**2)
-        return Match(pose, share, variance, H / variance)
+        return Match(Pose2(*pose), share, variance, H / variance)
 
     def _softness(self, points: EndPoints) -> float:
         return max(self.params.softness, SOFT * points.noise)

@@ -137,6 +137,9 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
     `slack`, a post is one beam, too. points, out (3, >= n).
     """
     for i in range(n):
+        if i > 0 and square_gap(points, i, i - 1) < slack * slack:  # most: no root for them
+            out[0, i] = 1.0
+            continue
         rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
         spacing = step * math.sqrt(rx * rx + ry * ry)
         gap = slack + 4.0 * spacing
@@ -151,8 +154,9 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
     kept = 0
     for i in range(n):
         if out[0, i] > 0.0:
-            for row in range(3):
-                points[row, kept] = points[row, i]
+            if kept < i:
+                for row in range(3):
+                    points[row, kept] = points[row, i]
             kept += 1
     return kept
 
@@ -170,16 +174,19 @@ def scan_moments(
     for k in range(6):
         out[k, 0] = 0.0
     first, last_x, last_y = 0, 0.0, 0.0
+    sx = sy = sxx = sxy = syy = 0.0
     for i in range(n):
         x, y = points[0, i], points[1, i]
-        rx, ry, dx, dy = x - mount.x, y - mount.y, x - last_x, y - last_y
-        gap = slack + 4.0 * step * math.sqrt(rx * rx + ry * ry)
-        if dx * dx + dy * dy > gap * gap:
-            first = i
+        dx, dy = x - last_x, y - last_y
+        square = dx * dx + dy * dy
+        if square > slack * slack:  # most are not: no root for them
+            rx, ry = x - mount.x, y - mount.y
+            gap = slack + 4.0 * step * math.sqrt(rx * rx + ry * ry)
+            first = i if square > gap * gap else first
         last_x, last_y = x, y
-        terms = (x, y, x * x, x * y, y * y)
-        for k in range(5):
-            out[k, i + 1] = out[k, i] + terms[k]
+        sx, sy, sxx, sxy, syy = sx + x, sy + y, sxx + x * x, sxy + x * y, syy + y * y
+        k = i + 1
+        out[0, k], out[1, k], out[2, k], out[3, k], out[4, k] = sx, sy, sxx, sxy, syy
         out[5, i] = first
     out[5, n] = n
 

@@ -159,3 +159,10 @@ def test_what_stamps_and_their_number_foretell_is_remembered_apart():
     clock.usual, clock._scans = 0.1, 1000
     assert clock.ragged and clock.elapsed(0.5) == clock.usual
     assert clock.elapsed(2.0) == 2.0  # a break, however ragged the stamps
+
+
+def test_a_contradicted_step_may_be_wrong_with_the_velocity_that_it_was_told_by():
+    velocity = Velocity(1.0, 1.0, 1.0)
+    velocity.xx, velocity.xv, velocity.vv = 0.5, 0.25, 2.0
+    velocity.contradict(0.08, 0.4)  # an error e of the step is one of e / dt of the velocity
+    assert (velocity.xx, velocity.xv, velocity.vv) == pytest.approx((0.58, 0.45, 2.5))
