@@ -14,6 +14,7 @@ from slams.geometry import offset, square_of, unlikely
 from slams.jit import njit
 from slams.types import Floats, Pose2
 
+GAIN = 1e-6  # of a log posterior; a neighbor that is better by less is so by rounding
 DROP = 1.0  # of the log posterior from the peak to a sample beside it: about a deviation
 LOOKS = 6  # for a step at which it drops by DROP, less or more by CLOSE times
 CLOSE, WIDER = 2.0, 3.0  # WIDER at most, from look to look
@@ -125,7 +126,7 @@ def climb(
                 step = turn if axis == 2 else way
                 pose[axis] = before + (step if move & 1 else -step)
                 value = log_posterior(tiles, owners[k], pose, ends, field, mean, information, best)
-                if value > best:
+                if value > best + GAIN:
                     best, moved = value, True
                 else:
                     pose[axis] = before

@@ -14,6 +14,8 @@ from slams.geometry import add_prior, offset, solve3
 from slams.jit import njit
 from slams.types import Floats, Pose2
 
+BEFORE = 0.25  # m before its end that a beam is followed to, and from the laser
+FRONTAL = 0.3  # cosine from which a beam goes through a wall, not along it
 STILL = 1e-5  # a step [m, rad] below which the peak is found
 
 
@@ -48,6 +50,14 @@ class Around(NamedTuple):
 
     offsets: Floats
     prices: Floats
+    every: int
+
+
+class Beams(NamedTuple):
+    """Where they come from, x, y [m] in the base frame; one piece in `every` is looked at."""
+
+    x: float
+    y: float
     every: int
 
 
@@ -186,3 +196,49 @@ def search_old(
         if best >= 0:
             for i in range(3):
                 poses[j, i] += offsets[best, i]
+
+
+@njit
+def crossed(
+    tiles: Tiles,
+    owners: NDArray[np.int64],
+    surface: Floats,
+    laser: Beams,
+    old: float,
+    poses: Floats,
+    out: Floats,
+) -> None:
+    """How many beams of a scan go through walls of old ground, from these poses.
+
+    ours: a beam is followed in steps of less than the map's band; it is behind a wall that faces
+    the laser where the signed distance is negative. owners (k,) the particle in whose map; poses
+    (k, 3); surface (n, 5); `old` [m] as in `Climb`; out (k,) beams.
+    """
+    edge = tiles.resolution
+    for k in range(poses.shape[0]):
+        c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        through = 0.0
+        for i in range(0, surface.shape[0], laser.every):
+            x, y = surface[i, 0] - laser.x, surface[i, 1] - laser.y
+            far = math.hypot(x, y)
+            if far <= 2.0 * BEFORE:
+                continue
+            dx, dy = (c * x - s * y) / far, (s * x + c * y) / far
+            x0 = poses[k, 0] + c * laser.x - s * laser.y
+            y0 = poses[k, 1] + s * laser.x + c * laser.y
+            layer, way = facing(-dx, -dy), BEFORE
+            while way < far - BEFORE:
+                px, py = x0 + way * dx, y0 + way * dy
+                way += 1.5 * edge
+                ix, iy = cell_of(px, edge), cell_of(py, edge)
+                slot = slot_of(tiles, owners[k], layer, ix, iy)
+                if slot < 0:
+                    continue
+                cell = tiles.cells[slot, inside_tile(ix, iy)]
+                if cell[3] <= 0.0 or cell[6] >= old or trust(cell[4]) < 1.0:
+                    continue
+                r = cell[0] + cell[1] * (px - ix * edge) + cell[2] * (py - iy * edge)
+                if r < -0.5 * edge and cell[1] * dx + cell[2] * dy < -FRONTAL:
+                    through += surface[i, 4]
+                    break
+        out[k] = through * laser.every

@@ -166,7 +166,7 @@ class GMappingParams(ScanParams):
         low=1.0,
     )
     spread: float = param(
-        0.1,
+        0.5,
         "1",
         "draws from the proposal, in its standard deviations",
         source="[Grisetti07] improved proposal, which has 1",
@@ -186,7 +186,7 @@ class GMappingParams(ScanParams):
         0.03, "m", "greatest deviation of neighbors on one wall", source="ours", low=0.001
     )
     switch_margin: float = param(
-        10.0,
+        6.0,
         "1",
         "by how much log weight another particle must lead to be reported",
         source="ours: Departure 4",

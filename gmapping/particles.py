@@ -71,8 +71,15 @@ class Particles:
         self.w, self.n_eff = normalize(self.log_w, temper)
 
     def draw_ancestors(self, u: float) -> NDArray[np.int64]:
-        """Ancestors of the next generation by systematic resampling with one draw u."""
-        return systematic(self.w, u)
+        """Ancestors of the next generation by systematic resampling with one draw u.
+
+        ours: the reported one lives on, in place of a twin, until another leads (`elect`).
+        """
+        ancestors = systematic(self.w, u)
+        if self.best not in ancestors:
+            twins = np.flatnonzero(ancestors == np.bincount(ancestors).argmax())
+            ancestors[twins[-1]] = self.best
+        return ancestors
 
     def follow(self, ancestors: NDArray[np.int64]) -> None:
         """Become the children of these ancestors, all of one weight."""

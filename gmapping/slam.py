@@ -7,7 +7,8 @@ Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007.
 2. Tracking (ours): every scan is matched to the reported particle's map, a slow sweep twice; where
    the map explains less than usual, other starts are tried.
 3. At a key scan every particle is matched to its own map and drawn from a Gaussian around the
-   peak (the improved proposal); its weight grows by the scan's likelihood.
+   peak (the improved proposal); its weight grows by the scan's likelihood. ours: the reported one
+   stays at its peak, so that what the others try costs no accuracy.
 4. The number of effective particles n_eff = 1 / sum w^2 follows from the weights.
 5. Below a share of the particles they are resampled (adaptive resampling): maps are shared, not
    copied.
@@ -214,6 +215,7 @@ class GMapping:
         information = self._keys.information(way, particles.poses[:, 2], self._track.predicted)
         found = self._matcher.propose(view, particles.poses, information)
         draws = self.params.spread * self._rng.standard_normal((len(particles), 3))[..., None]
+        draws[particles.best] *= not self.params.refine  # what is reported is the peak
         off = np.linalg.solve(found.factors.transpose(0, 2, 1), draws)[..., 0]
         particles.poses[:] = found.peaks + off
         particles.weigh(found.log_w, 1.0)

@@ -20,6 +20,10 @@ SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 SPARSE = 100  # pieces that the search looks at
 STEP = np.array([0.1, 0.1, 0.03])  # m, m, rad, of the search; within the reach of Gauss-Newton
 
+PLACES = 0.2  # of the independent beams tell one place from another like it
+CHANCE = 0.2  # share of the beams that fits anywhere in a building of parallel walls
+EXPLAINED = 0.9  # share of the beams on old ground from which none goes through its walls
+AGAINST = 3.0  # beams elsewhere that one through a wall is worth, where a particle looks around
 KNOWN = 0.5  # share of the beams on it from which a particle need not look around
 GAIN, FOUND = 0.2, 0.6  # share that a place explains more than that, and at least
 DRIFT = np.array([1.0, 1.0, 0.08])  # m, m, rad that it looks to either side
@@ -73,8 +77,25 @@ class SurfaceMatcher:
             self._from_old_ground(view, how, peaks, h, out)
         worth = self._worth(view)
         factors = np.asarray(np.linalg.cholesky(worth * h + information), np.float64)
-        log_w: Floats = 0.5 * worth * out[:, 6]
+        log_w: Floats = 0.5 * PLACES * worth * self._for_old_ground(view, how, peaks, out[:, 6])
         return Proposals(peaks, factors, log_w)
+
+    def _for_old_ground(self, view: View, how: Climb, poses: Floats, spared: Floats) -> Floats:
+        """What old ground explains of the scan beyond chance, less what goes through it: (n,)."""
+        full = how.width**2 * view.beams
+        through, owners = np.zeros(len(poses)), np.flatnonzero(spared < EXPLAINED * full)
+        if spared.any():
+            through[owners] = self._through(view, how, owners, poses[owners])
+        most = (EXPLAINED - CHANCE) * full
+        told: Floats = np.clip(spared - CHANCE * full, 0.0, most) - through * full
+        return told
+
+    def _through(self, view: View, how: Climb, owners: NDArray[np.int64], poses: Floats) -> Floats:
+        """Share (k,) of the beams that go through walls of old ground, from poses (k, 3)."""
+        out, every = np.zeros(len(poses)), max(1, len(view.pieces) // OLD_PIECES)
+        laser = kernels.Beams(view.mount.x, view.mount.y, every)
+        kernels.crossed(self.tiles.tiles, owners, view.pieces, laser, how.old, poses, out)
+        return out / view.beams
 
     def _from_old_ground(
         self, view: View, how: Climb, peaks: Floats, h: Floats, out: Floats
@@ -91,7 +112,8 @@ class SurfaceMatcher:
         kernels.search_old(tiles, owners, view.pieces, around, how, others, share)
         known = kernels.Prior(others.copy(), np.tile(FOUND_THERE, (n, 1, 1)))
         h2, out2 = self._climb(view.pieces, owners, known, others, how)
-        better = out2[:, 6] / k2 > np.maximum(out[owners, 6] / k2 + GAIN, FOUND)
+        against = AGAINST * self._through(view, how, owners, others)
+        better = out2[:, 6] / k2 - against > np.maximum(out[owners, 6] / k2 + GAIN, FOUND)
         moved = owners[better]
         peaks[moved], h[moved], out[moved] = others[better], h2[better], out2[better]
 

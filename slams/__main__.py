@@ -18,6 +18,7 @@ COMMANDS = {
     "compare": "bench.compare",
     "sweep": "bench.sweep",
     "localize": "bench.localize",
+    "loops": "bench.loops",
     "simulate": "bench.simulate",
     "convert": "slams.convert",
     "check": "slams.check",

@@ -54,15 +54,19 @@ GYRO = GyroErrors(0.004, 0.002, 1e-4, 0.003)
 
 
 def odometry(true: Drive, t: Floats, rng: Generator) -> Floats:
-    """Poses (m, 3) at stamps t (m,) [s] as the wheels of a skid-steer robot count them.
+    """Poses (m, 3) at stamps t (m,) [s] as the wheels of a skid-steer robot count them."""
+    return counted(true.poses_at(t), t, rng, WHEELS)
+
+
+def counted(poses: Floats, t: Floats, rng: Generator, wheels: WheelErrors) -> Floats:
+    """Poses (m, 3) at stamps t (m,) [s] as wheels count them.
 
     Scale, turning and straightness are a little wrong for the whole drive, turning changes with
-    the floor besides, and every metre and radian adds slip. As large as on a tracked rescue robot:
-    about 1 % of the way and 5 % of the turns.
+    the floor besides, and every metre and radian adds slip. `WHEELS` are as wrong as a tracked
+    rescue robot's: about 1 % of the way and 5 % of the turns.
     """
-    ahead, aside, turn = steps(true.poses_at(t))
+    ahead, aside, turn = steps(poses)
     way, turned, n = np.hypot(ahead, aside), np.abs(turn), len(turn)
-    wheels = WHEELS
     scale, turning, straight = rng.normal(0.0, (wheels.scale, wheels.turning, wheels.straight))
     floor = _wander(np.diff(t), wheels.floor, wheels.floor_memory, rng)
     slip = rng.standard_normal((3, n)) * np.sqrt([way, turned, way])

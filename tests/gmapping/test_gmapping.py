@@ -211,12 +211,26 @@ def test_a_closed_loop_moves_the_track_and_is_no_motion():
 
 def test_same_seed_same_poses_and_instances_do_not_meet():
     _, scans = drive(50)
-    a = GMapping(GMappingParams(n_particles=4, spread=1.0))
-    b = GMapping(GMappingParams(n_particles=4, spread=1.0, seed=9))
+    a = GMapping(GMappingParams(n_particles=4))
+    b = GMapping(GMappingParams(n_particles=4, seed=9))
     mixed = np.array([(a.update(s), b.update(s))[0] for s in scans])
-    alone = run(scans, n_particles=4, spread=1.0)[1]
-    np.testing.assert_array_equal(mixed, alone)
-    assert not np.array_equal(alone, run(scans, n_particles=4, spread=1.0, seed=9)[1])
+    alone, poses = run(scans, n_particles=4)
+    np.testing.assert_array_equal(mixed, poses)
+    np.testing.assert_array_equal(a.particles.poses, alone.particles.poses)
+    assert not np.array_equal(a.particles.poses, b.particles.poses)
+
+
+def test_the_reported_particle_stays_at_its_peak_and_the_others_are_drawn():
+    _, scans = drive(50)
+    one, poses = run(scans, n_particles=1)
+    many, reported = run(scans, n_particles=6)
+    assert many.report()["resampled"] == 0  # no ground of old
+    np.testing.assert_allclose(reported, poses, atol=1e-9)
+    others = np.delete(many.particles.poses, many.particles.best, axis=0)
+    off = np.hypot(*(others[:, :2] - one.particles.poses[0, :2]).T)
+    assert 1e-4 < off.max() < 0.05 and len(np.unique(off)) == len(off)
+    full = run(scans, "paper", n_particles=1)[1]
+    assert not np.array_equal(full, run(scans, "paper", n_particles=1, seed=3)[1])
 
 
 def test_the_odometry_frame_is_arbitrary():

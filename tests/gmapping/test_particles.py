@@ -63,6 +63,17 @@ def test_histories_follow_ancestors_and_the_reported_particle_has_a_margin():
     np.testing.assert_array_equal(particles.history(2)[:, 0], [1.0, 11.0])
 
 
+def test_the_reported_particle_survives_in_place_of_a_twin():
+    particles = Particles(5)
+    particles.best = 3
+    particles.weigh(np.array([0.0, 0.2, -90.0, -90.0, -90.0]), 1.0)
+    ancestors = particles.draw_ancestors(0.5)
+    assert sorted(np.bincount(ancestors, minlength=5).tolist()) == [0, 0, 1, 2, 2]
+    assert np.count_nonzero(ancestors == 3) == 1
+    particles.best = 0
+    assert set(particles.draw_ancestors(0.5).tolist()) == {0, 1}
+
+
 # tiles
 
 
@@ -159,6 +170,7 @@ def test_resampled_particles_go_on_with_pose_and_map_of_their_ancestor():
     pose, table = slam.particles.poses[1].copy(), slam.tiles.tiles.tables[1].copy()
     assert not np.array_equal(table, slam.tiles.tiles.tables[2])
     slam.particles.weigh(np.array([-90.0, 0.0, -90.0, -90.0]), 1.0)
+    slam.particles.best = 1
     slam._follow(slam.particles.draw_ancestors(0.5))
     np.testing.assert_array_equal(slam.particles.poses, np.tile(pose, (4, 1)))
     np.testing.assert_array_equal(slam.tiles.tiles.tables, np.tile(table, (4, 1, 1, 1)))

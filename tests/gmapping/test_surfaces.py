@@ -8,8 +8,8 @@ from gmapping.key import OLD
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, ONCE, insert
 from gmapping.match import lattice
-from gmapping.match_kernels import Around, Prior, search_old
-from gmapping.surfaces import DRIFT, OLD_STEP
+from gmapping.match_kernels import Around, Beams, Prior, crossed, search_old
+from gmapping.surfaces import CHANCE, DRIFT, EXPLAINED, OLD_STEP, PLACES
 from slams import geometry
 from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping import naive
@@ -209,8 +209,10 @@ def test_only_ground_of_old_weighs_a_particle():
         matcher.tiles.tiles, found.peaks[0], view.pieces, GMappingParams().width, old
     )[5]
     worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
-    assert found.log_w[0] == pytest.approx(0.5 * worth * spared, rel=1e-3)
-    assert found.log_w[0] > found.log_w[1] + 5.0  # its map is elsewhere
+    full = view.beams * GMappingParams().width ** 2
+    told = min(spared, EXPLAINED * full) - CHANCE * full
+    assert found.log_w[0] == pytest.approx(0.5 * PLACES * worth * told, rel=1e-3)
+    assert found.log_w[0] > found.log_w[1] + 1.0  # its map is elsewhere
 
 
 def test_search_old_finds_a_shifted_old_map():
@@ -233,3 +235,30 @@ def test_a_particle_that_may_be_on_ground_of_old_looks_for_it(returns):
         np.testing.assert_allclose(peak, 0.0, atol=5e-3)
     else:
         assert math.hypot(*peak[:2]) > 0.3
+
+
+@pytest.mark.parametrize(("old", "scans", "through"), [(2.0, 2, 1.0), (0.5, 2, 0.0), (2.0, 1, 0.0)])
+def test_beams_through_a_wall_of_old_ground_are_counted(old, scans, through):
+    """A wall at x = 2 that two scans have seen; beams that end at x = 3, and some before it."""
+    y = np.linspace(-1.0, 1.0, 41)
+    wall = np.column_stack([0.0 * y + 2.0, y, 0.0 * y - 1.0, 0.0 * y, 0.0 * y + 1.0])
+    maps = TileMap(1, LAYERS, 0.05, 200, depth=DEPTH)
+    maps.cover(np.array([-1.0, -3.0]), np.array([5.0, 3.0]))
+    for scan in range(scans):
+        rule = SPLAT._replace(driven=1.0 + 0.001 * scan)
+        assert insert(maps.tiles, np.zeros((1, 3)), wall, rule) == 0
+    ahead = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+    beyond, before = wall + ahead, wall - 0.02 * ahead
+    surface, out = np.vstack([beyond[10:31], before]), np.zeros(2)
+    poses, owners = np.array([[0.0, 0.0, 0.0], [-0.9, 0.0, 0.0]]), np.zeros(2, np.int64)
+    crossed(maps.tiles, owners, surface, Beams(0.1, 0.0, 1), old, poses, out)
+    np.testing.assert_array_equal(out, [21.0 * through, 0.0])  # the other pose is 0.9 m behind
+
+
+def test_a_particle_does_not_go_where_beams_go_through_walls(monkeypatch):
+    matcher, view, far = matcher_of(IDENTITY), view_of(IDENTITY), np.array([[0.55, -0.5, 0.05]])
+    matcher._keys.driven, matcher._keys.returns = 2.0 + OLD, lambda pose: True
+    at = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None]).peaks[0]
+    monkeypatch.setattr(matcher, "_through", lambda *_: np.array([0.5]))
+    stays = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None]).peaks[0]
+    assert np.hypot(*at[:2]) < 0.05 < np.hypot(*stays[:2])
