@@ -78,10 +78,7 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ValueError(f"--buildings: got {arguments.buildings}, expected 1 or more")
     entry = find(arguments.algorithm)
     for particles in arguments.particles:
-        try:
-            entry.params().replace(n_particles=particles)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"--particles: {arguments.algorithm}: {error}") from error
+        entry.params().replace(n_particles=particles)
     check_folder(arguments.out)
 
 

@@ -1,0 +1,66 @@
+import json
+
+import numpy as np
+import pytest
+
+from bench import loops
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """A ring that is driven around once and a bit in a minute."""
+    for name, value in {"SIZE": 16.0, "WAY": 80.0, "SPEED": 1.0, "AGAIN": 20.0}.items():
+        monkeypatch.setattr(loops, name, value)
+
+
+def test_key_scans_are_a_step_of_way_or_turn_apart():
+    turned = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.1])
+    x = np.array([0.0, 0.4, 0.8, 1.4, 1.4, 1.4, 1.4])
+    assert loops._keys(np.column_stack([x, 0.0 * x, turned])) == [0, 2, 4]
+    around = np.column_stack([0.0 * x, 0.0 * x, np.linspace(3.0, 3.3, 7)])  # over pi: no leap
+    around[:, 2] = (around[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
+    assert loops._keys(around) == [0]
+
+
+def test_a_building_has_a_short_sight_and_wheels_that_are_wrong(small):
+    log = loops.building(3)
+    assert log.laser.range_max == 8.0 and log.laser.n_beams == 181
+    assert not (np.isfinite(log.ranges) & (log.ranges > 8.0)).any()
+    true, counted = log.truth.values, log.odom.values
+    way = np.hypot(*np.diff(true[:, :2], axis=0).T).sum()
+    assert np.hypot(*np.diff(counted[:, :2], axis=0).T).sum() != pytest.approx(way, rel=1e-3)
+    np.testing.assert_array_equal(loops.building(3).odom.values, counted)
+
+
+def test_the_error_between_two_visits_tells_a_closed_loop_from_an_open_one(small):
+    log = loops.building(3)
+    closed = loops.revisit_error(log, "gmapping", 2)
+    assert closed < 0.1
+    drifting = loops.revisit_error(
+        loops.replace(log, ranges=np.full_like(log.ranges, np.inf)), "gmapping", 2
+    )
+    assert drifting > 1.0  # by wheels alone
+
+
+def test_what_is_written_and_said(small, tmp_path, capsys):
+    out = tmp_path / "loops"
+    assert (
+        loops.main(["--buildings", "1", "--particles", "1", "--first", "3", "--out", str(out)]) == 0
+    )
+    (driven,) = json.loads((out / "loops.json").read_text())["driven"]
+    assert (driven["building"], driven["particles"]) == (3, 1)
+    assert f"1 of 1  {driven['revisit_m']:.2f}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--buildings", "0"], "--buildings: got 0, expected 1 or more"),
+        (["--particles", "0"], "n_particles"),
+        (["--algorithm", "hector"], "n_particles"),
+    ],
+)
+def test_bad_input_is_refused_in_a_sentence(words, said, tmp_path, capsys):
+    assert loops.main([*words, "--out", str(tmp_path / "out")]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
