@@ -222,3 +222,29 @@ def explained(
     ours: near is within a cell's edge.
     """
     return distances(tiles, owner, pose, ends, field.soft, math.inf, tiles.resolution)
+
+
+@njit
+def information(
+    tiles: Tiles, owner: int, ends: Floats, pose: Floats, reach: Floats, field: Field
+) -> Floats:
+    """Information (3, 3) of a scan alone around a pose (3,): how its log likelihood is curved.
+
+    ours: the quadric that fits 27 samples best, `reach` (3,) [m, m, rad] apart. What the scan is
+    believed to say without the prior can't be had from the Gaussian of both: Student's law of the
+    prior is flat, or even curved the other way, where it is contradicted.
+    """
+    out, trial = np.zeros((3, 3)), np.empty(3)
+    for number in range(27):
+        off = (number // 9 - 1.0, number // 3 % 3 - 1.0, number % 3 - 1.0)
+        for i in range(3):
+            trial[i] = pose[i] + off[i] * reach[i]
+        total, _ = distances(tiles, owner, trial, ends, field.soft, math.inf, 0.0)
+        cost = 0.5 * field.worth * total
+        for i in range(3):
+            out[i, i] += cost * (off[i] * off[i] - 2.0 / 3.0) / 3.0 / (reach[i] * reach[i])
+            for j in range(i):
+                share = cost * off[i] * off[j] / 12.0 / (reach[i] * reach[j])
+                out[i, j] += share
+                out[j, i] += share
+    return out

@@ -15,12 +15,10 @@ from gmapping.match import Match, Proposals, lattice
 from gmapping.match_kernels import Prior as Priors
 from gmapping.params import GMappingParams
 from gmapping.scan import View
-from slams.geometry import FREEDOM, Prior, inverse3
+from slams.geometry import Prior
 from slams.types import Floats, Pose2, wrap_angle
 
 STEP = np.array([0.1, 0.1, 0.05])  # m, m, rad, of the search; the climb bridges what is between
-# By which Student's law of the prior is narrower at its middle than by its covariance.
-MIDDLE = (FREEDOM + 3.0) / FREEDOM
 SPARSE = 100  # pieces that the search looks at
 
 
@@ -39,9 +37,11 @@ class EndPointMatcher:
         covariances, _ = self._gaussians(view, owners, known, poses)
         total, near = kernels.explained(self.tiles.tiles, owner, view.pieces, poses[0], field)
         x, y, theta = poses[0].tolist()
-        seen = positive(inverse3(covariances[0]) - MIDDLE * prior.information)
+        finest = np.array((field.way, field.way, field.turn)) / 2.0**field.halvings
+        reach = np.maximum(np.sqrt(2.0 * np.diagonal(covariances[0])), finest)
+        seen = kernels.information(self.tiles.tiles, owner, view.pieces, poses[0], reach, field)
         pose, cost = Pose2(x, y, float(wrap_angle(theta))), 0.5 * field.worth * total
-        return Match(pose, near / view.beams, seen, cost)
+        return Match(pose, near / view.beams, positive(seen), cost)
 
     def search(self, view: View, owner: int, center: Pose2, half: Floats) -> Pose2:
         """The best pose of a lattice, some halvings of the climb from each of its points."""

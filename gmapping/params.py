@@ -21,7 +21,7 @@ class GMappingParams(ScanParams):
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "gmapping.original:Original",
-        "paper": {"refine": False, "relocate": False, "spread": 1.0},
+        "paper": {"refine": False, "relocate": False, "spread": 1.0, "switch_margin": 10.0},
     }
 
     refine: bool = param(

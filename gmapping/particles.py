@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from gmapping.match import Proposals
 from slams.types import Floats, Pose2, wrap_angle
 
 
@@ -30,9 +31,13 @@ class Particles:
 
     `log_w` has grown since the last resampling, `lifetime` since the start; `best` is the one
     that is reported. Histories are one tree: nodes know their parent.
+
+    ours: if `steady`, the one that is reported stays at its peak where the others are drawn, and
+    lives on, in place of a twin, until another leads (`elect`).
     """
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, steady: bool = False) -> None:
+        self._steady = steady
         self.poses = np.zeros((n, 3))
         self.log_w = np.zeros(n)
         self.lifetime = np.zeros(n)
@@ -70,13 +75,17 @@ class Particles:
         self.lifetime += log_w - log_w.max()
         self.w, self.n_eff = normalize(self.log_w, temper)
 
-    def draw_ancestors(self, u: float) -> NDArray[np.int64]:
-        """Ancestors of the next generation by systematic resampling with one draw u.
+    def draw(self, proposals: Proposals, normals: Floats) -> None:
+        """Go to draws from the proposals, by standard normals (n, 3)."""
+        off = np.linalg.solve(proposals.factors.transpose(0, 2, 1), normals[..., None])[..., 0]
+        if self._steady:
+            off[self.best] = 0.0
+        self.poses[:] = proposals.peaks + off
 
-        ours: the reported one lives on, in place of a twin, until another leads (`elect`).
-        """
+    def draw_ancestors(self, u: float) -> NDArray[np.int64]:
+        """Ancestors of the next generation by systematic resampling with one draw u."""
         ancestors = systematic(self.w, u)
-        if self.best not in ancestors:
+        if self._steady and self.best not in ancestors:
             twins = np.flatnonzero(ancestors == np.bincount(ancestors).argmax())
             ancestors[twins[-1]] = self.best
         return ancestors

@@ -68,7 +68,7 @@ class GMapping:
         self._relocator = Relocator(self._track, p.relocate)
         self._renderer = Renderer(p.resolution, p.occupied)
         self._keys = KeyScans(p)
-        self.particles = Particles(p.n_particles)
+        self.particles = Particles(p.n_particles, steady=p.refine)
         self._matcher: Matcher = SurfaceMatcher(p, self._keys) if p.refine else EndPointMatcher(p)
         self.tiles = self._matcher.tiles
         self._quality, self._usual = 1.0, Usual(p.usual_time)
@@ -214,10 +214,8 @@ class GMapping:
             return
         information = self._keys.information(way, particles.poses[:, 2], self._track.predicted)
         found = self._matcher.propose(view, particles.poses, information)
-        draws = self.params.spread * self._rng.standard_normal((len(particles), 3))[..., None]
-        draws[particles.best] *= not self.params.refine  # what is reported is the peak
-        off = np.linalg.solve(found.factors.transpose(0, 2, 1), draws)[..., 0]
-        particles.poses[:] = found.peaks + off
+        normals = self._rng.standard_normal((len(particles), 3))
+        particles.draw(found, self.params.spread * normals)
         particles.weigh(found.log_w, 1.0)
 
     def _elect(self) -> None:

@@ -6,6 +6,7 @@ import pytest
 from gmapping import GMapping, GMappingParams
 from gmapping.map import TileMap
 from gmapping.map_kernels import insert
+from gmapping.match import Proposals
 from gmapping.particles import Particles, normalize, systematic
 from gmapping.tile_kernels import own_slot
 from slams.types import IDENTITY, Laser, Pose2
@@ -63,8 +64,8 @@ def test_histories_follow_ancestors_and_the_reported_particle_has_a_margin():
     np.testing.assert_array_equal(particles.history(2)[:, 0], [1.0, 11.0])
 
 
-def test_the_reported_particle_survives_in_place_of_a_twin():
-    particles = Particles(5)
+def test_the_reported_particle_survives_in_place_of_a_twin_if_steady():
+    particles = Particles(5, steady=True)
     particles.best = 3
     particles.weigh(np.array([0.0, 0.2, -90.0, -90.0, -90.0]), 1.0)
     ancestors = particles.draw_ancestors(0.5)
@@ -72,6 +73,33 @@ def test_the_reported_particle_survives_in_place_of_a_twin():
     assert np.count_nonzero(ancestors == 3) == 1
     particles.best = 0
     assert set(particles.draw_ancestors(0.5).tolist()) == {0, 1}
+    plain = Particles(5)
+    plain.best = 3
+    plain.weigh(np.array([0.0, 0.2, -90.0, -90.0, -90.0]), 1.0)
+    assert set(plain.draw_ancestors(0.5).tolist()) == {0, 1}
+
+
+def test_draws_are_from_the_gaussians_and_the_reported_one_has_none_if_steady():
+    L = np.array([[2.0, 0.0, 0.0], [1.0, 4.0, 0.0], [0.5, -1.0, 5.0]])
+    found = Proposals(np.arange(9.0).reshape(3, 3), np.tile(L, (3, 1, 1)), np.zeros(3))
+    normals = np.random.default_rng(1).standard_normal((3, 3))
+    plain, steady = Particles(3), Particles(3, steady=True)
+    plain.best = steady.best = 1
+    plain.draw(found, normals.copy())
+    off = plain.poses - found.peaks
+    np.testing.assert_allclose(off @ L, normals)  # L^T off = normals: covariance (L L^T)^-1
+    steady.draw(found, normals.copy())
+    off[1] = 0.0
+    np.testing.assert_allclose(steady.poses, found.peaks + off)
+
+
+@pytest.mark.parametrize(("preset", "steady"), [("paper", False), ("default", True)])
+def test_only_the_default_spares_the_reported_particle(preset, steady):
+    slam, _ = run(drive(12)[1], preset, n_particles=4, seed=3)
+    particles = slam.particles
+    particles.weigh(-90.0 * (np.arange(4) == particles.best), 1.0)
+    best = particles.best
+    assert (best in particles.draw_ancestors(0.9)) == steady
 
 
 # tiles
