@@ -55,8 +55,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--places", type=int, default=20, metavar="N", help="of each, to be found (20)")
     p.add_argument("--duration", type=float, default=30.0, metavar="S", help="of a drive (30)")
     p.add_argument("--size", type=float, metavar="M", help="of an arena, as bench.simulate")
-    p.add_argument("--out", default="results/localize", metavar="DIR", help="%(default)s")
-    p.add_argument("-q", "--quiet", action="store_true", help="no progress, no table")
+    cli.add_output_options(p, "results/localize")
     return p
 
 

@@ -1,4 +1,4 @@
-"""python -m bench.loops: whether particles close the loops of buildings of bare corridors."""
+"""python -m bench.loops: who closes the loops of buildings of bare corridors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from slams import cli
 
@@ -19,10 +19,17 @@ PROGRAM = "bench.loops"
 FORMAT = "loops-1"
 SIZE, WAY, SPEED = 70.0, 260.0, 2.0  # m, m, m/s: a ring of corridors, driven around and on
 STEP, LEVER = 0.7, 0.7  # m between key scans; m a radian counts for
-EVERY, HALF, RANGE = 4, 360, 8.0  # one beam in four, of 181 ahead, to 8 m
+FAN, BEAMS, RANGE = 180.0, 181, 8.0  # deg, beams and m that the laser sees
 WRONG_WAY, WRONG_TURN, VEER = 0.05, 0.05, 0.052  # 5 % of way and turn, 3 degrees a meter
 AGAIN, NEAR = 40.0, 1.0  # s later and m away: a place seen again
 CLOSED = 0.2  # m of error between the two visits, on average
+
+
+class Contestant(NamedTuple):
+    """An algorithm by its label; with how many particles, None if it has none."""
+
+    algorithm: str
+    particles: int | None
 
 
 def parser() -> argparse.ArgumentParser:
@@ -35,13 +42,19 @@ def parser() -> argparse.ArgumentParser:
         f"before are where they were, to {CLOSED:g} m.",
         epilog="Writes loops.json.",
     )
-    p.add_argument("--algorithm", default="gmapping", metavar="NAME", help="%(default)s")
-    counts = [30, 1]
-    p.add_argument("--particles", type=int, nargs="+", default=counts, metavar="N", help="30 1")
+    usual, counts = ["gmapping"], [30, 1]
+    p.add_argument("--algorithms", metavar="NAME", nargs="+", default=usual, help="gmapping")
+    p.add_argument(
+        "--particles",
+        type=int,
+        nargs="+",
+        default=counts,
+        metavar="N",
+        help="of those with any (30 1)",
+    )
     p.add_argument("--buildings", type=int, default=10, metavar="N", help="%(default)s")
     p.add_argument("--first", type=int, default=0, metavar="SEED", help="of them (%(default)s)")
-    p.add_argument("--out", default="results/loops", metavar="DIR", help="%(default)s")
-    p.add_argument("-q", "--quiet", action="store_true", help="no progress, no table")
+    cli.add_output_options(p, "results/loops")
     return p
 
 
@@ -55,60 +68,62 @@ def _command(arguments: argparse.Namespace) -> int:
     from bench.results import write_figures
     from slams.formats import files
 
-    cli.refusing(lambda: _check(arguments))
+    contestants = cli.refusing(lambda: _contestants(arguments))
     seeds = range(arguments.first, arguments.first + arguments.buildings)
     driven: list[dict[str, Any]] = []
     for seed in cli.progress(seeds, len(seeds), "driving", arguments.quiet, unit="building"):
         log = building(seed)
-        for particles in arguments.particles:
-            error = revisit_error(log, arguments.algorithm, particles)
-            driven.append({"building": seed, "particles": particles, "revisit_m": error})
+        for who in contestants:
+            error = revisit_error(log, who)
+            driven.append({**who._asdict(), "building": seed, "revisit_m": error})
     with files.complete_folder(Path(arguments.out)) as folder:
         write_figures(folder / "loops.json", {"format": FORMAT, "driven": driven})
     if not arguments.quiet:
-        sys.stdout.write("\n".join(_lines(driven, arguments.particles)) + "\n")
+        sys.stdout.write("\n".join(_lines(driven, contestants)) + "\n")
     return 0
 
 
-def _check(arguments: argparse.Namespace) -> None:
+def _contestants(arguments: argparse.Namespace) -> list[Contestant]:
+    """Every algorithm, one with particles once for each number of them.
+
+    Raises:
+        ValueError: an option that can't be.
+    """
     from slams.formats.files import check_folder
     from slams.registry import find
 
     if arguments.buildings < 1:
         raise ValueError(f"--buildings: got {arguments.buildings}, expected 1 or more")
-    entry = find(arguments.algorithm)
-    for particles in arguments.particles:
-        entry.params().replace(n_particles=particles)
     check_folder(arguments.out)
+    contestants = []
+    for label in arguments.algorithms:
+        params = find(label).params()
+        counts = arguments.particles if hasattr(params, "n_particles") else [None]
+        for particles in counts:
+            if particles is not None:
+                params.replace(n_particles=particles)
+            contestants.append(Contestant(label, particles))
+    return contestants
 
 
 def building(seed: int) -> ScanLog:
     """Key scans of one drive around a ring of corridors, with wheels that are wrong."""
     import numpy as np
 
+    from bench.sim.degrade.fan import beams, field_of_view
+    from bench.sim.degrade.readings import cut
     from bench.sim.setting import Setting
     from bench.sim.simulation import simulate
     from bench.sim.wheels import WHEELS, counted
     from slams.scanlog import Track
 
     setting = Setting("ring", seed=seed, size=SIZE, length=WAY, v=SPEED, noise=0.02)
-    log = simulate(setting)
-    keys = _keys(_true(log))
-    middle = log.laser.n_beams // 2
-    beams = slice(middle - HALF, middle + HALF + 1, EVERY)
-    ranges = np.array(log.ranges[keys][:, beams])
-    ranges[ranges > RANGE] = np.inf
-    laser = replace(
-        log.laser,
-        angle_min=log.laser.angle_min + (middle - HALF) * log.laser.angle_increment,
-        angle_increment=EVERY * log.laser.angle_increment,
-        n_beams=ranges.shape[1],
-        range_max=RANGE,
-    )
+    log, chance = simulate(setting), np.random.default_rng(seed)
+    log = log.rows(np.array(_keys(_true(log))))
+    log = cut(beams(field_of_view(log, FAN, chance), BEAMS, chance), RANGE, chance)
     wrong = WHEELS._replace(scale=WRONG_WAY, turning=WRONG_TURN, straight=VEER)
-    t, chance = log.t[keys], np.random.default_rng(seed)
-    odometry = Track(t, counted(_true(log)[keys], t, chance, wrong))
-    return replace(log, t=t, ranges=ranges, laser=laser, odom=odometry, yaw_rate=None, meta={})
+    odometry = Track(log.t, counted(_true(log), log.t, chance, wrong))
+    return replace(log, odom=odometry, yaw_rate=None, meta={})
 
 
 def _true(log: ScanLog) -> Floats:
@@ -131,31 +146,36 @@ def _keys(poses: Floats) -> list[int]:
     return keys
 
 
-def revisit_error(log: ScanLog, label: str, particles: int) -> float:
+def revisit_error(log: ScanLog, who: Contestant) -> float:
     """Mean error [m] between two visits of a place."""
     import numpy as np
 
-    from slams.metrics import between
+    from slams.metrics import pair_errors
     from slams.registry import find
 
-    entry = find(label)
-    slam = entry.cls(entry.params().replace(n_particles=particles))
+    entry = find(who.algorithm)
+    params = entry.params()
+    if who.particles is not None:
+        params = params.replace(n_particles=who.particles)
+    slam = entry.cls(params)
     poses, true = np.array([slam.update(scan) for scan in log]), _true(log)
     apart = np.hypot(*(true[:, None, :2] - true[None, :, :2]).transpose(2, 0, 1))
     later, sooner = np.nonzero((apart < NEAR) & (np.subtract.outer(log.t, log.t) > AGAIN))
-    found = between(poses[sooner], poses[later])
-    off = between(between(true[sooner], true[later]), found)
-    return float(np.hypot(off[:, 0], off[:, 1]).mean())
+    return float(pair_errors(poses, true, sooner, later)[0].mean())
 
 
-def _lines(driven: list[dict[str, Any]], counts: Sequence[int]) -> list[str]:
+def _lines(driven: list[dict[str, Any]], contestants: Sequence[Contestant]) -> list[str]:
     lines = [
-        "particles  closed  mean error between two visits of a place [m], building by building"
+        "algorithm         particles    closed"
+        "  mean error between two visits of a place [m], building by building"
     ]
-    for particles in counts:
-        errors = [d["revisit_m"] for d in driven if d["particles"] == particles]
+    for who in contestants:
+        errors = [d["revisit_m"] for d in driven if d.items() >= who._asdict().items()]
         closed = f"{sum(e <= CLOSED for e in errors)} of {len(errors)}"
-        lines.append(f"{particles:9d}  {closed:>8}  " + " ".join(f"{e:.2f}" for e in errors))
+        lines.append(
+            f"{who.algorithm:16}  {who.particles or '-':>9}  {closed:>8}  "
+            + " ".join(f"{e:.2f}" for e in errors)
+        )
     return lines
 
 

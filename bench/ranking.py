@@ -32,9 +32,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--duration", type=float, default=30.0, metavar="S", help="of each drive (%(default)g)"
     )
-    p.add_argument("--out", metavar="DIR", default="results/ranking", help="default: %(default)s")
+    cli.add_output_options(p, "results/ranking")
     p.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), metavar="N")
-    p.add_argument("-q", "--quiet", action="store_true", help="no progress, no table")
     return p
 
 

@@ -47,9 +47,8 @@ def parser() -> argparse.ArgumentParser:
         "--size", type=float, default=SIZE, metavar="M", help="of the floor (%(default)g)"
     )
     p.add_argument("--log", metavar="LOG", help="a long log with a truth, instead of simulating")
-    p.add_argument("--out", metavar="DIR", default="results/soak", help="default: %(default)s")
+    cli.add_output_options(p, "results/soak")
     p.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (%(default)s)")
-    p.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
     cli.add_log_options(p)
     return p
 

@@ -71,8 +71,7 @@ def parser() -> argparse.ArgumentParser:
         help="whether wheels and gyro are given (default: %(default)s)",
     )
     p.add_argument("--full", action="store_true", help="every degradation, level and scan: hours")
-    p.add_argument("--out", metavar="DIR", default="results/sweep", help="default: %(default)s")
-    p.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
+    cli.add_output_options(p, "results/sweep")
     spread.add_options(p)
     cli.add_log_options(p)
     return p

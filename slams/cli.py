@@ -150,6 +150,12 @@ def add_algorithm_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, metavar="N", help="seed of every random draw")
 
 
+def add_output_options(parser: argparse.ArgumentParser, out: str) -> None:
+    """Give a command the folder its results go to, and `-q`."""
+    parser.add_argument("--out", metavar="DIR", default=out, help="default: %(default)s")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
+
+
 def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Give a command the options of what to take from a recorded log."""
     group = parser.add_argument_group(

@@ -25,7 +25,7 @@ def test_key_scans_are_a_step_of_way_or_turn_apart():
 def test_a_building_has_a_short_sight_and_wheels_that_are_wrong(small):
     log = loops.building(3)
     assert log.laser.range_max == 8.0 and log.laser.n_beams == 181
-    assert not (np.isfinite(log.ranges) & (log.ranges > 8.0)).any()
+    assert log.laser.angle_increment * 180 == pytest.approx(np.pi)
     true, counted = log.truth.values, log.odom.values
     way = np.hypot(*np.diff(true[:, :2], axis=0).T).sum()
     assert np.hypot(*np.diff(counted[:, :2], axis=0).T).sum() != pytest.approx(way, rel=1e-3)
@@ -34,22 +34,36 @@ def test_a_building_has_a_short_sight_and_wheels_that_are_wrong(small):
 
 def test_the_error_between_two_visits_tells_a_closed_loop_from_an_open_one(small):
     log = loops.building(3)
-    closed = loops.revisit_error(log, "gmapping", 2)
-    assert closed < 0.1
-    drifting = loops.revisit_error(
-        loops.replace(log, ranges=np.full_like(log.ranges, np.inf)), "gmapping", 2
-    )
-    assert drifting > 1.0  # by wheels alone
+    blind = loops.replace(log, ranges=np.full_like(log.ranges, np.inf))
+    for who in (loops.Contestant("gmapping", 2), loops.Contestant("tsd", None)):
+        assert loops.revisit_error(log, who) < 0.1
+        assert loops.revisit_error(blind, who) > 1.0  # by wheels alone
 
 
 def test_what_is_written_and_said(small, tmp_path, capsys):
     out = tmp_path / "loops"
-    assert (
-        loops.main(["--buildings", "1", "--particles", "1", "--first", "3", "--out", str(out)]) == 0
+    words = [
+        "--algorithms",
+        "gmapping",
+        "hector",
+        "--buildings",
+        "1",
+        "--particles",
+        "1",
+        "--first",
+        "3",
+    ]
+    assert loops.main([*words, "--out", str(out)]) == 0
+    filtered, other = json.loads((out / "loops.json").read_text())["driven"]
+    assert (filtered["algorithm"], filtered["building"], filtered["particles"]) == (
+        "gmapping",
+        3,
+        1,
     )
-    (driven,) = json.loads((out / "loops.json").read_text())["driven"]
-    assert (driven["building"], driven["particles"]) == (3, 1)
-    assert f"1 of 1  {driven['revisit_m']:.2f}" in capsys.readouterr().out
+    assert (other["algorithm"], other["particles"]) == ("hector", None)
+    said = capsys.readouterr().out
+    for d in (filtered, other):
+        assert f"{int(d['revisit_m'] <= 0.2)} of 1  {d['revisit_m']:.2f}" in said
 
 
 @pytest.mark.parametrize(
@@ -57,7 +71,7 @@ def test_what_is_written_and_said(small, tmp_path, capsys):
     [
         (["--buildings", "0"], "--buildings: got 0, expected 1 or more"),
         (["--particles", "0"], "n_particles"),
-        (["--algorithm", "hector"], "n_particles"),
+        (["--algorithms", "nobody"], "nobody"),
     ],
 )
 def test_bad_input_is_refused_in_a_sentence(words, said, tmp_path, capsys):
