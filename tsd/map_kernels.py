@@ -118,7 +118,7 @@ def place_lines(
 ) -> tuple[float, float, float, float]:
     """Surface elements in the map. ours: A5.
 
-    surfaces (n, 7) as made by `fit_surfaces`; runs (n, 2) as made by `find_runs`; pose (3,) of the
+    surfaces (n, 8) as made by `fit_surfaces`; runs (n, 2) as made by `find_runs`; pose (3,) of the
     base. out_lines (n, 7): x, y [m], normal x, y, cosine of incidence, distance [m] times the beams
     that it stands for, 1 where the surface goes on to the next element. Returns their bounding box
     x, y, x, y [m].

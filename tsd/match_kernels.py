@@ -14,6 +14,7 @@ from tsd.map_kernels import PASSED, Field, facing, read_field, seen_at
 from tsd.scan_kernels import Beams
 
 FLAT = 0.3  # least slope of the field for a direction of its own
+ALIKE = 0.85  # cosine between that and an element's normal, below which values of two lines meet
 SPARSE = 10.0  # cells between hits along a wall, beyond which the map has gaps there
 ANNEAL = 2.0  # the robust scale follows the residual down, in residuals
 
@@ -42,8 +43,10 @@ def accumulate(
     """Normal equations of sum w rho(sd(T p)), the sum over all elements that the field knows.
 
     ours: A1, residual = field value [m], Jacobian = the field's own direction: an element's normal
-    is noisy, and noise that points along a corridor holds the pose there. Returns how many
-    elements are known, how many close (robustly), and the rms of the known residuals [m].
+    is noisy, and noise that points along a corridor holds the pose there. So does the field's own
+    where values of two lines meet: an element whose normal is told by its hits, and not alike, says
+    nothing. Returns how many elements are known, how many close (robustly), and the rms of the
+    known residuals [m].
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     known, close, squares = 0.0, 0.0, 0.0
@@ -60,13 +63,17 @@ def accumulate(
         if v != v:
             continue
         slope = math.sqrt(gx * gx + gy * gy)
+        alike = True
         if slope > FLAT:
+            alike = surfaces[k, 7] == 0.0 or nx * gx + ny * gy > ALIKE * slope
             nx, ny = gx / slope, gy / slope
         w = 1.0 / (1.0 / surfaces[k, 4] + floor)
         trust = 1.0 / (1.0 + v * v * scale)
         known += 1.0
         squares += v * v
         close += 1.0 / (1.0 + v * v * final_scale)
+        if not alike:
+            continue
         w *= trust * trust
         nt = ny * rx - nx * ry
         xx, xy, yy = xx + w * nx * nx, xy + w * nx * ny, yy + w * ny * ny

@@ -9,6 +9,7 @@ from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats
 
+FEW = 2.0  # hits to either side in a window, below which they do not tell a normal of their own
 GAP = 3.0  # beams from hit to hit, beyond which a surface ends
 
 
@@ -171,8 +172,9 @@ def fit_surfaces(
 ) -> int:
     """Surface elements every `spacing` metres: point on the local line, normal, information.
 
-    ours: A5, A6. out_surfaces (n, 7): x, y [m], normal x, y (towards the laser), information
-    [1/m2] of the beams it stands for, index of its hit, how many beams. One hit alone where beams
+    ours: A5, A6. out_surfaces (n, 8): x, y [m], normal x, y (towards the laser), information
+    [1/m2] of the beams it stands for, index of its hit, how many beams, 1 if hits are close enough
+    to tell its normal. One hit alone where beams
     are far apart may lie on a wall of any direction: taken to face the laser it would move with the
     robot. It has no normal (0, 0), or is left out.
     """
@@ -212,6 +214,7 @@ def fit_surfaces(
             out_surfaces[n_elements, 4] = stride / max(variance, floor)
             out_surfaces[n_elements, 5] = center
             out_surfaces[n_elements, 6] = stride
+            out_surfaces[n_elements, 7] = 1.0 if FEW * step_length < rule.window else 0.0
             n_elements += 1
         k += stride
     return n_elements

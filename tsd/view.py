@@ -21,7 +21,7 @@ CLUTTER = 2.0  # times the declared noise, which rough surfaces alone can look l
 class View(EndPoints):
     """The last scan: its end points, and its surface elements, thinned for registration.
 
-    `elements` (>= count, 7) of `fit_surfaces`, `beams` as the kernels see them.
+    `elements` (>= count, 8) of `fit_surfaces`, `beams` as the kernels see them.
 
     Args:
         params: parameters.
@@ -83,7 +83,7 @@ class View(EndPoints):
             np.zeros((n, 2)),
             np.zeros((n + 1, 5)),
         )
-        self.elements, self._dense = np.zeros((n, 7)), np.zeros((n, 7))
+        self.elements, self._dense = np.zeros((n, 8)), np.zeros((n, 8))
         self._lines = np.zeros((n, 7))
 
     def _fit(self, rule: SurfaceRule, spacing: float, out: Floats) -> int:

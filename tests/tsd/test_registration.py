@@ -20,7 +20,7 @@ from tsd.map_kernels import (
     facing,
     read_field,
 )
-from tsd.match_kernels import FLAT, MatchRule, align
+from tsd.match_kernels import FLAT, MatchRule, accumulate, align
 from tsd.ransac_kernels import AGAINST, PairRule, score_pose, try_pairs
 from tsd.registration import ENOUGH, ROUGHLY, SLOPPY
 
@@ -242,3 +242,17 @@ def test_what_icp_finds_elsewhere_is_refined_and_both_compete():
     refined, posed = slam._candidates(pose @ Pose2(0.05, 0.03, 0.02), pose)
     assert refined is slam._refined[0] and [posed.pose] == slam._posed
     assert slam._candidates(pose, pose) == []  # leads to what was refined already
+
+
+def test_an_element_that_is_not_alike_the_field_says_nothing():
+    slam, elements = scanned()
+    pose, rule = np.array(slam._track.pose), MatchRule(1, 1e-4, 1e-5, 0.03, 0.01)
+    one = elements[len(elements) // 2 :][:1].copy()
+    kernel, along = slam._field.kernel, one[0, 2:4].copy()
+    across, H = np.array((-along[1], along[0])), np.zeros((3, 3))
+    for degrees, told, counts in ((0, 1, True), (20, 1, True), (40, 1, False), (40, 0, True)):
+        turn = math.radians(degrees)
+        one[0, 2:4], one[0, 7] = math.cos(turn) * along + math.sin(turn) * across, told
+        known, close, _ = accumulate(kernel, one, 1, pose, rule, 0.03, H, np.zeros(3))
+        assert known == 1.0 and close > 0.9
+        assert (np.trace(H[:2, :2]) > 0.0) == counts

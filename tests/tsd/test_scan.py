@@ -93,11 +93,11 @@ def test_surface_elements_stand_for_their_beams():
     lidar = laser(1081)
     room = np.array(box(-2.0, -3.0, 4.0, 2.5))
     beams, hits, count = hits_of(cast(room, (0.0, 0.0, 0.0), lidar), lidar)
-    runs, sums, out = np.zeros((1081, 2)), np.zeros((1082, 5)), np.zeros((1081, 7))
+    runs, sums, out = np.zeros((1081, 2)), np.zeros((1082, 5)), np.zeros((1081, 8))
     find_runs(hits, count, beams, RULE, runs)
     sum_moments(hits, count, sums)
     n = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.05, out)
-    x, y, nx, ny, information, index, beams_each = out[:n].T
+    x, y, nx, ny, information, index, beams_each, told = out[:n].T
     assert np.min(np.abs([x + 2.0, x - 4.0, y + 3.0, y - 2.5]), axis=0).max() < 1e-3
     assert (nx * x + ny * y < 0.0).all()  # towards the laser
     assert np.abs(np.hypot(nx, ny) - 1.0).max() < 1e-9
@@ -109,6 +109,12 @@ def test_surface_elements_stand_for_their_beams():
     expected = stride / ((0.01 * cosine) ** 2 + (0.2 * step) ** 2)
     assert information[wall] == pytest.approx(expected[wall], rel=0.05)
     assert (beams_each[wall] == stride[wall]).mean() > 0.9 and beams_each.sum() <= count
+    assert told.all()
+    for steps, told in ((1.5, False), (2.5, True)):  # of the beams at 4.4 m
+        rule = RULE._replace(window=steps * 4.4 * lidar.angle_increment)
+        n = fit_surfaces(hits, count, runs, sums, beams, rule, 0.05, out)
+        near = np.abs(hits[out[:n, 5].astype(int), 2] - 4.4) < 0.05
+        assert near.any() and (out[:n, 7][near] == told).all()
     dense = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.0, out)
     assert dense > 0.97 * count
 
@@ -128,7 +134,7 @@ def test_a_hit_alone_between_far_beams_has_no_normal():
         ranges = np.full(n_beams, np.inf, np.float32)
         ranges[n_beams // 2] = 6.0
         beams, hits, count = hits_of(ranges, lidar)
-        runs, sums, out = np.zeros((count, 2)), np.zeros((count + 1, 5)), np.zeros((count, 7))
+        runs, sums, out = np.zeros((count, 2)), np.zeros((count + 1, 5)), np.zeros((count, 8))
         rule = RULE._replace(widest=0.5)
         find_runs(hits, count, beams, rule, runs)
         sum_moments(hits, count, sums)
