@@ -19,6 +19,7 @@ DROP = 1.0  # of the log posterior from the peak to a sample beside it: about a 
 LOOKS = 6  # for a step at which it drops by DROP, less or more by CLOSE times
 CLOSE, WIDER = 2.0, 3.0  # WIDER at most, from look to look
 FAINT = 7.0  # of the log posterior below the peak, from where a sample weighs nothing
+BETTER = 50.0  # of the log posterior above the peak: then the mean is there, and no sum overflows
 LEAST = 1e-12  # variance [m^2, rad^2] that samples leave at least
 
 
@@ -198,7 +199,7 @@ def sample(
                 trial[i] = pose[i] + off[i] * reach[i]
             faint = out[k] - FAINT
             value = log_posterior(tiles, owners[k], trial, ends, field, known, information, faint)
-            weight = math.exp(value - out[k])
+            weight = math.exp(min(value - out[k], BETTER))
             total += weight
             for i in range(3):
                 mean[i] += weight * off[i]
