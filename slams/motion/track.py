@@ -120,7 +120,7 @@ class Track:
 
     def charge(self, pose: Pose2) -> float:
         """What a pose must explain more of a scan, as a share, for contradicting the prediction."""
-        return 0.5 * FREEDOM * math.log1p(self._distance(pose) / FREEDOM) / INDEPENDENT
+        return 0.5 * (FREEDOM + DEGREES) * math.log1p(self._distance(pose) / FREEDOM) / INDEPENDENT
 
     def reachable(self, pose: Pose2) -> bool:
         """Whether a robot can have come there since the last match."""
