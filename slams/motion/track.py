@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from slams.geometry import FREEDOM, inverse3, widened
+from slams.geometry import inverse3, unlikely, widened
 from slams.motion import belief_kernels as kernels
 from slams.motion.chord import FLOOR, with_the_same_error
 from slams.motion.model import Motion, Prediction
@@ -119,8 +119,12 @@ class Track:
         return widened(self._information, self._off(start))[0]
 
     def charge(self, pose: Pose2) -> float:
-        """What a pose must explain more of a scan, as a share, for contradicting the prediction."""
-        return 0.5 * (FREEDOM + DEGREES) * math.log1p(self._distance(pose) / FREEDOM) / INDEPENDENT
+        """What a pose must explain more of a scan, as a share, for contradicting the prediction.
+
+        By the density of Student's law, as the fit weighs its prior: what the robot has seen last
+        explains more of a scan than the new ground ahead, so a cheap way back wins in corridors.
+        """
+        return unlikely(self._distance(pose)) / INDEPENDENT
 
     def reachable(self, pose: Pose2) -> bool:
         """Whether a robot can have come there since the last match."""

@@ -110,7 +110,7 @@ def test_a_charge_is_the_logarithm_of_students_law_shared_by_independent_beams()
     pose = track._prediction.pose
     moved = Pose2(pose.x + off, pose.y, pose.theta)
     d2 = off * off * track._information[0, 0]
-    expected = 0.5 * FREEDOM * math.log1p(d2 / FREEDOM) / INDEPENDENT
+    expected = 0.5 * (FREEDOM + 3.0) * math.log1p(d2 / FREEDOM) / INDEPENDENT
     assert track.charge(moved) == pytest.approx(expected)
 
 
