@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from slams.geometry import FREEDOM
 from slams.motion.chord import FAR, with_the_same_error
 from slams.motion.params import MotionParams, without_wheels
 from slams.motion.sight import CLEAR
 from slams.motion.sight_kernels import N_FACES, faces
 from slams.motion.slip import BETWEEN, SHIFTS, Slip, slip
 from slams.motion.track import (
-    FREEDOM,
     INDEPENDENT,
     LOST_AFTER,
     Track,
