@@ -45,7 +45,7 @@ class Update(NamedTuple):
     ceiling: float
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
     """A beam passed cell [v, u], once per scan: inverse sensor model, [Kohlbrecher11] sec. IV-A."""
     if level.stamp[v, u] < mark:
@@ -54,7 +54,7 @@ def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Updat
         level.p[v, u] = probability(level.log_odds[v, u])
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
     """A beam ended in cell [v, u], once per scan: [Kohlbrecher11] sec. IV-A.
 
@@ -70,7 +70,7 @@ def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: U
     level.p[v, u] = probability(level.log_odds[v, u])
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def probability(log_odds: float) -> float:
     """Probability as the matcher reads it, p = e^l / (1 + e^l); 0 where nothing was seen. ours."""
     if log_odds == 0.0:

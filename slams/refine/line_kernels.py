@@ -45,7 +45,7 @@ class Fit(NamedTuple):
     variance: float
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def facing_line(
     surface: Surface, x: float, y: float, sensor_x: float, sensor_y: float
 ) -> tuple[float, float, float, float]:
@@ -53,30 +53,25 @@ def facing_line(
 
     ours: of the lines in the end point's cell that face the sensor the nearer one; trust 0: none.
     """
-    lines = surface.lines
     height, width = surface.slot.shape
     scale = 1.0 / surface.resolution
     fx, fy = (x - surface.x0) * scale + 0.5, (y - surface.y0) * scale + 0.5
-    if not (fx >= 0.0 and fy >= 0.0 and fx < width and fy < height):
-        return 0.0, 0.0, 0.0, 0.0
-    row = np.uint64(surface.slot[np.uint64(fy), np.uint64(fx)])
-    if row == 0:
-        return 0.0, 0.0, 0.0, 0.0
-    w = lines[row, 3]
-    nx, ny, d = lines[row, 0], lines[row, 1], lines[row, 2]
+    row = np.uint64(0)  # has no line
+    if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
+        row = np.uint64(surface.slot[np.uint64(fy), np.uint64(fx)])
+    nx, ny, d = surface.lines[row, 0], surface.lines[row, 1], surface.lines[row, 2]
     e = nx * x + ny * y - d
-    if nx * sensor_x + ny * sensor_y <= d:
-        w = np.float32(0.0)
-    trust = lines[row, 7]
+    w = surface.lines[row, 3] if nx * sensor_x + ny * sensor_y > d else np.float32(0.0)
+    trust = surface.lines[row, 7]
     if trust > 0.0:
-        mx, my, d = lines[row, 4], lines[row, 5], lines[row, 6]
+        mx, my, d = surface.lines[row, 4], surface.lines[row, 5], surface.lines[row, 6]
         other = mx * x + my * y - d
         if mx * sensor_x + my * sensor_y > d and (w == 0.0 or abs(other) < abs(e)):
             e, nx, ny, w = other, mx, my, trust
     return e, nx, ny, w
 
 
-@njit(fastmath=FAST, inner=True)  # 1.4 times as fast: sums may be regrouped
+@njit(fastmath=FAST, inner=True, borrows=True)  # 1.4 times as fast: sums may be regrouped
 def line_equations(
     surface: Surface,
     view: View,

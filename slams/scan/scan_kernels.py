@@ -87,7 +87,7 @@ def deskew(points: Points, n: int, twist: Twist) -> None:
         points[1, i] = s * x + c * y + sh * vx + ch * vy
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def beyond_chord(points: Points, a: int, i: int, b: int, mount: Pose2) -> float:
     """How far end point i lies behind the line through a and b, along its beam [m]; inf: never met.
 
@@ -104,7 +104,7 @@ def beyond_chord(points: Points, a: int, i: int, b: int, mount: Pose2) -> float:
     return behind
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def square_gap(points: Points, i: int, k: int) -> float:
     """Squared distance of two end points [m^2]. ours."""
     dx, dy = points[0, i] - points[0, k], points[1, i] - points[1, k]
@@ -161,7 +161,7 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
     return kept
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def scan_moments(
     points: Points, n: int, mount: Pose2, step: float, slack: float, out: Floats
 ) -> None:
@@ -191,7 +191,7 @@ def scan_moments(
     out[5, n] = n
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def window_normal(
     points: Points, moments: Floats, a: int, b: int, rx: float, ry: float, blur: float
 ) -> tuple[float, float, float]:
