@@ -172,13 +172,13 @@ def test_a_frozen_map_takes_no_scan_whose_pose_is_given():
 @pytest.mark.parametrize(
     ("climbed", "fits", "found"),
     [
-        (0.02, {0.02: 0.0}, [0.0]),  # near the start: one fit
+        (0.02, {0.0: 0.0}, [0.0]),  # near the start: one fit, from there
         (0.04, {0.04: 0.03, 0.0: 0.0}, [0.0, 0.03]),  # half a cell off: one from the start, too
         (0.04, {0.04: 0.03, 0.0: 0.025}, [0.03]),  # which is the same
         (0.2, {0.2: 0.1, 0.0: 0.1}, [0.1, 0.2]),  # a cell off the fit: the pyramid's own, too
     ],
 )
-def test_lines_are_fitted_from_the_pyramid_and_where_it_went_far_from_the_start(
+def test_lines_are_fitted_from_the_start_and_where_the_pyramid_went_far_from_there(
     climbed, fits, found, monkeypatch
 ):
     slam = settled(3)
@@ -187,7 +187,9 @@ def test_lines_are_fitted_from_the_pyramid_and_where_it_went_far_from_the_start(
         return slam._match._replace(pose=Pose2(x, 0.0, 0.0))
 
     monkeypatch.setattr(
-        slam._map.lines, "fit", lambda points, start, prior: match(fits[round(start.x, 3)])
+        slam._map.lines,
+        "fit",
+        lambda points, start, prior, close=False: match(fits[round(start.x, 3)]),
     )
     prior = Prior(IDENTITY, np.eye(3))
     tried = slam._tried(slam._scan, IDENTITY, match(climbed), prior)
