@@ -21,10 +21,13 @@ FREE = -0.5  # below which a cell was seen free more than once
 
 
 class View(NamedTuple):
-    """End points and normals (3, >= n) of a scan in the base frame, and where the laser is."""
+    """End points of a scan and which way surfaces face there (2, >= n), and where the laser is.
+
+    All in the base frame; `facing` has any length, 0 where nothing is known.
+    """
 
     points: Points
-    normals: Points
+    facing: Points
     n: int
     mount: Pose2
 
@@ -87,7 +90,7 @@ def line_equations(
     used. Returns the sums of weights, of weighted squares [m^2] and of weights without the trust:
     how many points lie on a line.
     """
-    points, normals, n, mount = view
+    points, facing, n, mount = view
     c, s = math.cos(pose.theta), math.sin(pose.theta)
     sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
     hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = near = 0.0
@@ -98,8 +101,9 @@ def line_equations(
         e, nx, ny, w = facing_line(surface, pose.x + qx, pose.y + qy, sx, sy)
         if w == 0.0:
             continue
-        ax, ay = normals[0, i], normals[1, i]
-        if (ax != 0.0 or ay != 0.0) and (c * ax - s * ay) * nx + (s * ax + c * ay) * ny < ALIKE:
+        ax, ay = facing[0, i], facing[1, i]
+        alike = (c * ax - s * ay) * nx + (s * ax + c * ay) * ny
+        if alike < 0.0 or alike * alike < ALIKE * ALIKE * (ax * ax + ay * ay):
             continue
         robust = 1.0 / (1.0 + e * e * soft)
         weight = w * robust
@@ -137,8 +141,8 @@ def fit(
     of points that lie on a line (by robust weight), and the mean square distance of those [m^2].
     """
     surface = Surface(*walls)
-    points, normals, n, mount = scan
-    view = View(points, normals, n, Pose2(*mount))
+    points, facing, n, mount = scan
+    view = View(points, facing, n, Pose2(*mount))
     x, y, theta = start
     (expected_x, expected_y, expected_theta), information = prior
     expected = Pose2(expected_x, expected_y, expected_theta)

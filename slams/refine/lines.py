@@ -105,7 +105,7 @@ class LineMap:
         near, soft = NEAR * self.surface.resolution, self._softness(points)
         tolerance = self.params.converged * (LAST if close and stride > 1 else stride)
         how = Fit(steps, tolerance, near, 1 if close else stride, soft, self.variance)
-        view, H = (points.points, points.normals, points.n, tuple(points.mount)), self._H
+        view, H = (points.points, points.facing, points.n, tuple(points.mount)), self._H
         known = tuple(prior.pose), prior.information
         pose, share, square = fit(tuple(self.surface), view, tuple(start), known, tuple(how), H)
         variance = max(square, points.noise**2)
