@@ -64,7 +64,7 @@ def facing_line(
         row = np.uint64(surface.slot[np.uint64(fy), np.uint64(fx)])
     nx, ny, d = surface.lines[row, 0], surface.lines[row, 1], surface.lines[row, 2]
     e = nx * x + ny * y - d
-    w = surface.lines[row, 3] if nx * sensor_x + ny * sensor_y > d else np.float32(0.0)
+    w = surface.lines[row, 3] if nx * sensor_x + ny * sensor_y > d else 0.0
     trust = surface.lines[row, 7]
     if trust > 0.0:
         mx, my, d = surface.lines[row, 4], surface.lines[row, 5], surface.lines[row, 6]
