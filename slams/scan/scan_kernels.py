@@ -150,9 +150,9 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
     both neighbors' line within `slack` along the beam. Where beams are farther apart than half of
     `slack`, a post is one beam, too. points, out (3, >= n).
     """
+    lone = 0
     for i in range(n):
         if i > 0 and square_gap(points, i, i - 1) < slack * slack:  # most: no root for them
-            out[0, i] = 1.0
             continue
         rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
         spacing = step * math.sqrt(rx * rx + ry * ry)
@@ -164,13 +164,15 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
             company = 0 <= k < n and square_gap(points, i, k) < gap * gap
         if 0 < i < n - 1 and not company:
             company = abs(beyond_chord(points, i - 1, i, i + 1, mount)) < slack
-        out[0, i] = 1.0 if company else 0.0
-    kept = 0
-    for i in range(n):
-        if out[0, i] > 0.0:
-            if kept < i:
-                for row in range(3):
-                    points[row, kept] = points[row, i]
+        if not company:
+            out[0, lone] = i
+            lone += 1
+    kept = int(out[0, 0]) if lone > 0 else n
+    for k in range(lone):
+        first, end = int(out[0, k]) + 1, int(out[0, k + 1]) if k + 1 < lone else n
+        for i in range(first, end):
+            for row in range(3):
+                points[row, kept] = points[row, i]
             kept += 1
     return kept
 
