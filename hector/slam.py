@@ -40,6 +40,7 @@ from slams.usual import Usual
 OFTEN = 0.08  # s between scans with other starts: every scan at 10 Hz, one in four at 40
 MEMORY = 0.1  # s over which the share explained is usual: what is doubtful comes suddenly
 SAME = 0.25  # of a cell, within which two fits are one
+FEWEST = 10  # end points that a map begins with: of fewer there is nothing to be found again
 ONE_PLACE = 0.5  # of a cell, within which two climbs are
 
 
@@ -79,7 +80,7 @@ class Hector:
         if self._doubtful(points, match, start.dt):  # 6.
             match, accepted = self._recovered(points, start, match)
         else:
-            accepted = points.n > 0
+            accepted = points.n >= (FEWEST if self._map.insertions == 0 else 1)
         self._settle(scan, points, match, accepted)  # 7.
         if self._due(points):  # 8.
             self._insert(points)

@@ -7,10 +7,11 @@ from hector import Hector, HectorParams
 from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from hector.matcher import BLUR, FINE, ROUGH, Matcher, gap
+from hector.slam import FEWEST
 from slams.geometry import Prior
 from slams.refine.lines import ENOUGH, Match
 from slams.scan.end_points import EndPoints
-from slams.types import IDENTITY, Pose2
+from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import LIDAR, calls, laser, scan_at, still
 
 
@@ -326,3 +327,14 @@ def test_where_no_robot_can_be_is_no_match_unless_there_is_no_other(monkeypatch)
     assert chosen(monkeypatch, (first, better), (0.0, 0.0), (True, False)) == 0
     assert chosen(monkeypatch, (first, better), (0.0, 0.0), (False, False)) == 0
     assert chosen(monkeypatch, (better, first), (0.0, 0.0), (False, True)) == 1
+
+
+@pytest.mark.parametrize(("ends", "begins"), [(FEWEST - 1, False), (FEWEST, True)])
+def test_a_map_begins_with_a_scan_that_has_enough_to_be_found_again(ends, begins):
+    slam = Hector(HectorParams())
+    ranges = np.full(LIDAR.n_beams, np.inf, np.float32)
+    ranges[:ends] = 2.0
+    slam.update(Scan(0.0, ranges, LIDAR))
+    report = slam.report()
+    assert (report["inserted"], report["refused"], report["empty"]) == (int(begins), 0, 0)
+    assert slam.state == ("matched" if begins else "predicted")
