@@ -62,8 +62,8 @@ class LogOddsPyramid:
 
         `solvers`: how, on each level, finest first.
         """
-        levels = tuple(tuple(level) for level in self.levels)
-        known, how = (tuple(prior.pose), prior.information), tuple(tuple(one) for one in solvers)
+        levels = tuple(map(tuple, self.levels))
+        known, how = (tuple(prior.pose), prior.information), tuple(map(tuple, solvers))
         pose, score, square = match_kernels.climb(
             levels, scan.points, scan.n, tuple(start), known, how, H
         )

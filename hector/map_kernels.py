@@ -17,6 +17,8 @@ from slams.jit import njit
 from slams.scan.scan_kernels import Points
 from slams.types import Pose2
 
+SURELY_FREE = -10.0  # log-odds; p there is 5e-5
+
 
 class Level(NamedTuple):
     """One grid of the pyramid; arrays are indexed [iy, ix].
@@ -45,16 +47,20 @@ class Update(NamedTuple):
     ceiling: float
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
-    """A beam passed cell [v, u], once per scan: inverse sensor model, [Kohlbrecher11] sec. IV-A."""
+    """A beam passed cell [v, u], once per scan: inverse sensor model, [Kohlbrecher11] sec. IV-A.
+
+    ours: `p` of a cell that is surely free stays as it is, 0 but for rounding: most cells are.
+    """
     if level.stamp[v, u] < mark:
-        level.log_odds[v, u] += update.free
-        level.stamp[v, u] = mark
-        level.p[v, u] = probability(level.log_odds[v, u])
+        log_odds = level.log_odds[v, u] + update.free
+        level.log_odds[v, u], level.stamp[v, u] = log_odds, mark
+        if log_odds > SURELY_FREE:
+            level.p[v, u] = probability(log_odds)
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
     """A beam ended in cell [v, u], once per scan: [Kohlbrecher11] sec. IV-A.
 
@@ -70,7 +76,7 @@ def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: U
     level.p[v, u] = probability(level.log_odds[v, u])
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def probability(log_odds: float) -> float:
     """Probability as the matcher reads it, p = e^l / (1 + e^l); 0 where nothing was seen. ours."""
     if log_odds == 0.0:

@@ -6,8 +6,8 @@ System with Full 3D Motion Estimation. IEEE SSRR 2011. Per scan:
 1. A start for the pose; ours: with a covariance.
 2. End points of the beams in the base frame (sec. IV-A); ours: as it is in the middle of the sweep.
 3. Scan matching (sec. IV-B): Gauss-Newton on the occupancy, coarse to fine (sec. IV-C).
-4. ours: from there straight on the lines inside the finest cells; where other starts end elsewhere
-   the beams decide.
+4. ours: straight on the lines inside the finest cells, from there or, where that is within half a
+   cell, from the start; where other starts end elsewhere the beams decide.
 5. ours: a slow sweep is freed from the motion that was found, and matched again.
 6. ours: if the map contradicts the scan, a search.
 7. The pose is the match's; ours: what stays bad is refused, and the prediction stands.
@@ -40,6 +40,7 @@ from slams.usual import Usual
 OFTEN = 0.08  # s between scans with other starts: every scan at 10 Hz, one in four at 40
 MEMORY = 0.1  # s over which the share explained is usual: what is doubtful comes suddenly
 SAME = 0.25  # of a cell, within which two fits are one
+FEWEST = 10  # end points that a map begins with: of fewer there is nothing to be found again
 ONE_PLACE = 0.5  # of a cell, within which two climbs are
 
 
@@ -79,7 +80,7 @@ class Hector:
         if self._doubtful(points, match, start.dt):  # 6.
             match, accepted = self._recovered(points, start, match)
         else:
-            accepted = points.n > 0
+            accepted = points.n >= (FEWEST if self._map.insertions == 0 else 1)
         self._settle(scan, points, match, accepted)  # 7.
         if self._due(points):  # 8.
             self._insert(points)
@@ -141,12 +142,17 @@ class Hector:
         return Prior(expected, self._track.prior(expected))
 
     def _tried(self, points: EndPoints, start: Pose2, posed: Match, prior: Prior) -> list[Match]:
-        """The pyramid's pose, the lines' from there and, if that is far off, from the start."""
+        """The lines' pose; the pyramid's and another of the lines where those are elsewhere.
+
+        Within half a cell the same lines are met from the start and from where the pyramid ended,
+        and the start is the nearer: cells end millimeters off.
+        """
         if not self.params.refine:
             return [posed]
         cell = self.params.resolution
-        tried = [self._map.lines.fit(points, posed.pose, prior)]
-        if gap(points, posed.pose, start) > 0.5 * cell:
+        near = gap(points, posed.pose, start) <= 0.5 * cell
+        tried = [self._map.lines.fit(points, start if near else posed.pose, prior, near)]
+        if not near:
             from_start = self._map.lines.fit(points, start, prior)
             if gap(points, from_start.pose, tried[0].pose) > SAME * cell:
                 tried.insert(0, from_start)

@@ -23,13 +23,13 @@ class Prior(NamedTuple):
     information: Floats
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def wrap_angle(angle: float) -> float:
     """The same direction in (-pi, pi] [rad]. ours: compiled twin of `slams.types.wrap_angle`."""
     return angle - 2.0 * math.pi * math.ceil((angle - math.pi) / (2.0 * math.pi))
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def solve3(H: Floats, b: Floats, out: Floats) -> bool:
     """Solve the symmetric H out = b by Cholesky; False if H is not positive definite.
 
@@ -58,13 +58,13 @@ def solve3(H: Floats, b: Floats, out: Floats) -> bool:
     return True
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def offset(pose: Pose2, to: Pose2) -> Pose2:
     """Differences of x, y [m] and theta [rad] from `pose` to `to`. ours: the prior's residual."""
     return Pose2(to.x - pose.x, to.y - pose.y, wrap_angle(to.theta - pose.theta))
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def square_of(information: Floats, off: Pose2) -> float:
     """Squared distance `off` in units of its covariance, whose inverse is given (3, 3). ours."""
     distance = 0.0
@@ -74,13 +74,13 @@ def square_of(information: Floats, off: Pose2) -> float:
     return distance
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def unlikely(distance: float) -> float:
     """Negative log of Student's law at so large a squared distance. ours."""
     return 0.5 * (FREEDOM + 3.0) * math.log1p(distance / FREEDOM)
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def add_prior(
     H: Floats, prior: Floats, variance: float, off: Pose2, out_H: Floats, b: Floats
 ) -> None:

@@ -88,14 +88,22 @@ F = TypeVar("F", bound=Callable[..., Any])
 @overload
 def njit(function: F) -> F: ...
 @overload
-def njit(*, fastmath: frozenset[str] = ..., inner: bool = ...) -> Callable[[F], F]: ...
 def njit(
-    function: Any = None, *, fastmath: frozenset[str] = frozenset(), inner: bool = False
+    *, fastmath: frozenset[str] = ..., inner: bool = ..., borrows: bool = ...
+) -> Callable[[F], F]: ...
+def njit(
+    function: Any = None,
+    *,
+    fastmath: frozenset[str] = frozenset(),
+    inner: bool = False,
+    borrows: bool = False,
 ) -> Any:
     """Compile lazily, cache on disk, release the GIL. Use bare or with `fastmath=FAST`.
 
     A kernel that only kernels call is `inner`: neither a cache file of its own, as it stands in its
-    callers', nor an entry from Python is made, which take half of its compile time.
+    callers', nor an entry from Python is made, which take half of its compile time. One that
+    `borrows` neither makes nor returns an array: references to those it is given are not counted,
+    which in a kernel called for every beam with a few arrays takes longer than all else in it.
     """
     options: dict[str, Any] = {
         "nogil": True,
@@ -105,6 +113,8 @@ def njit(
         "no_rewrites": True,  # of powers and sums of arrays, which no kernel has: a twentieth
     }
 
+    if borrows:
+        options["_nrt"] = False
     if inner and fastmath:  # else a kernel just compiled and one from the cache may sum otherwise
         options["forceinline"] = True
 

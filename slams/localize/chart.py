@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +34,7 @@ class Chart:
     def __init__(self, grid: OccupancyGrid) -> None:
         self.resolution = float(grid.resolution)
         self.origin = np.array(grid.origin, np.float64)
+        self._corner: tuple[float, float] = (float(grid.origin[0]), float(grid.origin[1]))
         self.occupied: Mask = grid.p > 0.5
         self.free: Mask = _without_holes(grid.p < 0.5, np.isnan(grid.p))
         if not (self.occupied.any() and self.free.any()):
@@ -42,6 +44,7 @@ class Chart:
             )
         cell = self.resolution
         self._tolerance = Tolerance((END + cell) / cell, (WAY + cell) / cell)
+        self._soft = np.array(SOFT) / cell
 
     @cached_property
     def cells(self) -> Cells:
@@ -70,11 +73,9 @@ class Chart:
     def fit(self, points: Floats, pose: Pose2) -> Pose2:
         """The pose near `pose` from which points (n, 2) [m], in its frame, lie on walls."""
         inner = self._inner(pose)
-        cells = _some(points) / self.resolution
-        for soft in SOFT:
-            fit(self.cells, cells, soft / self.resolution, STEPS, inner)
+        fit(self.cells, _some(points) / self.resolution, self._soft, STEPS, inner)
         x, y = (inner[:2] * self.resolution + self.origin).tolist()
-        return Pose2(x, y, float(np.arctan2(np.sin(inner[2]), np.cos(inner[2]))))
+        return Pose2(x, y, math.atan2(math.sin(inner[2]), math.cos(inner[2])))
 
     def explained(self, points: Floats, pose: Pose2) -> tuple[float, float]:
         """Shares of beams, ending in points (n, 2) [m] around `pose`, explained and refuted."""
@@ -86,8 +87,10 @@ class Chart:
 
     def _inner(self, pose: Pose2) -> Floats:
         """A pose in cells."""
-        x, y = ((np.array(pose[:2]) - self.origin) / self.resolution).tolist()
-        return np.array([x, y, pose.theta])
+        x, y = self._corner
+        return np.array(
+            [(pose.x - x) / self.resolution, (pose.y - y) / self.resolution, pose.theta]
+        )
 
 
 def _some(points: Floats) -> Floats:

@@ -14,6 +14,7 @@ from slams.types import Floats
 
 NOTHING = -1.0  # range of a beam that meets no wall the map knows of
 TURN = 0.05  # rad, most of one step of the fit; its most way is the distance that halves a weight
+STILL, STILL_TURN = 0.01, 1e-4  # cell, rad: a step below these is the last of a fit
 CREEP = 0.5  # cells to go on next to what is not free: no wall is thinner
 
 
@@ -36,7 +37,7 @@ class Tolerance(NamedTuple):
     way: float
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def cast(cells: Cells, x: float, y: float, c: float, s: float, far: float) -> float:
     """Range [cell] at which a beam from (x, y) along (c, s) meets a wall, at most `far`.
 
@@ -105,16 +106,30 @@ def compare(
 
 
 @njit
-def fit(cells: Cells, points: Floats, soft: float, steps: int, pose: Floats) -> None:
+def fit(cells: Cells, points: Floats, softs: Floats, steps: int, pose: Floats) -> None:
+    """Move a pose x, y [cell], theta so that points (n, 2) [cell] lie on walls, round by round.
+
+    ours: a round for each of `softs` [cell], from far walls to near ones.
+    """
+    room = np.empty((5, 3))
+    for soft in softs:
+        one_round(cells, points, soft, steps, pose, room)
+
+
+@njit(inner=True, borrows=True)
+def one_round(
+    cells: Cells, points: Floats, soft: float, steps: int, pose: Floats, room: Floats
+) -> None:
     """Move a pose x, y [cell], theta so that points (n, 2) [cell] lie on walls.
 
-    ours: Gauss-Newton on the distance to the nearest wall, a point's weight halved at `soft`.
+    ours: Gauss-Newton on the distance to the nearest wall, a point's weight halved at `soft`; at
+    most so many `steps`. room (5, 3).
     """
     ny, nx = cells.distance.shape
-    H, b, step = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
+    H, b, step = room, room[3], room[4]
     for _ in range(steps):
         c, s = math.cos(pose[2]), math.sin(pose[2])
-        H[:], b[:] = 0.0, 0.0
+        hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = 0.0
         for i in range(len(points)):
             qx, qy = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
             x, y = pose[0] + qx - 0.5, pose[1] + qy - 0.5
@@ -131,18 +146,28 @@ def fit(cells: Cells, points: Floats, soft: float, steps: int, pose: Floats) -> 
             gt = gy * qx - gx * qy
             share = e / soft
             w = 1.0 / (1.0 + share * share)
-            gradient = (gx, gy, gt)
-            for j in range(3):
-                b[j] -= w * w * e * gradient[j]
-                for k in range(3):
-                    H[j, k] += w * w * gradient[j] * gradient[k]
-        for j in range(3):
-            H[j, j] *= 1.01
+            w *= w
+            hxx += w * gx * gx
+            hxy += w * gx * gy
+            hyy += w * gy * gy
+            hxt += w * gx * gt
+            hyt += w * gy * gt
+            htt += w * gt * gt
+            bx -= w * e * gx
+            by -= w * e * gy
+            bt -= w * e * gt
+        H[0, 0], H[1, 1], H[2, 2] = 1.01 * hxx, 1.01 * hyy, 1.01 * htt
+        H[0, 1] = H[1, 0] = hxy
+        H[0, 2] = H[2, 0] = hxt
+        H[1, 2] = H[2, 1] = hyt
+        b[0], b[1], b[2] = bx, by, bt
         if not solve3(H, b, step):
             return
         for j in range(3):
             most = TURN if j == 2 else soft
             pose[j] += max(-most, min(most, step[j]))
+        if max(abs(step[0]), abs(step[1])) < STILL and abs(step[2]) < STILL_TURN:
+            return
 
 
 @njit

@@ -13,6 +13,7 @@ from slams.types import OccupancyGrid, Pose2, Scan
 
 STAYS = 8.0  # s that a place is looked for, on the way: alike ones differ a bit farther on
 APART = 0.1  # s between two looks; a place has to stand in two of them
+RARER = 0.15  # of the time it has been followed already: rest before the next look at a place
 FIRST, LONGEST = 0.5, 8.0  # s of rest after looking in vain, doubled each time
 EXPLAINED = 0.8  # evidence of a place: a wrong one is worse than none
 SOON, EARLY = 0.6, 3.0  # the same in the first seconds [s]: the robot has hardly left the map
@@ -94,7 +95,7 @@ class Relocator:
         if found and self._convinces(found) and (not first or self._agrees(found)):
             self._return(found, scan)
         elif self._finder.candidates and self._seconds < self._began + STAYS:
-            self._patience.again(APART)
+            self._patience.again(max(APART, RARER * (self._seconds - self._began)))
         else:
             self._finder = None
             self._patience.tried()

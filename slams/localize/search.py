@@ -10,7 +10,7 @@ import numpy as np
 
 from slams.localize.chart import Chart
 from slams.localize.places import Places, ends_of, view_of
-from slams.types import Floats, OccupancyGrid, Pose2, Scan
+from slams.types import Floats, OccupancyGrid, Pose2, Scan, wrap_angle
 
 TRIES = 60  # places that are looked at closely
 APART, APART_TURN = 0.5, math.radians(15.0)  # m, rad: closer than this is the same place
@@ -49,6 +49,7 @@ class Atlas:
     def __init__(self, grid: OccupancyGrid) -> None:
         self.grid = grid
         self.chart = Chart(grid)
+        self._ends: tuple[Scan, Floats] | None = None  # of the last scan
 
     @cached_property
     def places(self) -> Places:
@@ -71,7 +72,9 @@ class Atlas:
 
     def look(self, scan: Scan, pose: Pose2) -> Candidate:
         """What speaks for the base being near `pose`, where it fits best; odds 1."""
-        found = self._looked_at(ends_of(scan), pose @ scan.laser.mount)
+        if self._ends is None or self._ends[0] is not scan:
+            self._ends = scan, ends_of(scan)  # places are looked at scan by scan
+        found = self._looked_at(self._ends[1], pose @ scan.laser.mount)
         return found._replace(pose=found.pose @ scan.laser.mount.inverse())
 
     def _looked_at(self, points: Floats, start: Pose2) -> Candidate:
@@ -105,5 +108,5 @@ def _apart(candidates: list[Candidate]) -> list[Candidate]:
 
 def is_same(a: Pose2, b: Pose2) -> bool:
     """Whether two poses are of one place."""
-    step = a.between(b)
-    return math.hypot(step.x, step.y) < APART and abs(step.theta) < APART_TURN
+    near = math.hypot(b.x - a.x, b.y - a.y) < APART  # most are not
+    return near and abs(wrap_angle(b.theta - a.theta)) < APART_TURN

@@ -21,10 +21,13 @@ FREE = -0.5  # below which a cell was seen free more than once
 
 
 class View(NamedTuple):
-    """End points and normals (3, >= n) of a scan in the base frame, and where the laser is."""
+    """End points of a scan and which way surfaces face there (2, >= n), and where the laser is.
+
+    All in the base frame; `facing` has any length, 0 where nothing is known.
+    """
 
     points: Points
-    normals: Points
+    facing: Points
     n: int
     mount: Pose2
 
@@ -45,7 +48,7 @@ class Fit(NamedTuple):
     variance: float
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def facing_line(
     surface: Surface, x: float, y: float, sensor_x: float, sensor_y: float
 ) -> tuple[float, float, float, float]:
@@ -53,30 +56,25 @@ def facing_line(
 
     ours: of the lines in the end point's cell that face the sensor the nearer one; trust 0: none.
     """
-    lines = surface.lines
     height, width = surface.slot.shape
     scale = 1.0 / surface.resolution
     fx, fy = (x - surface.x0) * scale + 0.5, (y - surface.y0) * scale + 0.5
-    if not (fx >= 0.0 and fy >= 0.0 and fx < width and fy < height):
-        return 0.0, 0.0, 0.0, 0.0
-    row = np.uint64(surface.slot[np.uint64(fy), np.uint64(fx)])
-    if row == 0:
-        return 0.0, 0.0, 0.0, 0.0
-    w = lines[row, 3]
-    nx, ny, d = lines[row, 0], lines[row, 1], lines[row, 2]
+    row = np.uint64(0)  # has no line
+    if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
+        row = np.uint64(surface.slot[np.uint64(fy), np.uint64(fx)])
+    nx, ny, d = surface.lines[row, 0], surface.lines[row, 1], surface.lines[row, 2]
     e = nx * x + ny * y - d
-    if nx * sensor_x + ny * sensor_y <= d:
-        w = np.float32(0.0)
-    trust = lines[row, 7]
+    w = surface.lines[row, 3] if nx * sensor_x + ny * sensor_y > d else 0.0
+    trust = surface.lines[row, 7]
     if trust > 0.0:
-        mx, my, d = lines[row, 4], lines[row, 5], lines[row, 6]
+        mx, my, d = surface.lines[row, 4], surface.lines[row, 5], surface.lines[row, 6]
         other = mx * x + my * y - d
         if mx * sensor_x + my * sensor_y > d and (w == 0.0 or abs(other) < abs(e)):
             e, nx, ny, w = other, mx, my, trust
     return e, nx, ny, w
 
 
-@njit(fastmath=FAST, inner=True)  # 1.4 times as fast: sums may be regrouped
+@njit(fastmath=FAST, inner=True, borrows=True)  # 1.4 times as fast: sums may be regrouped
 def line_equations(
     surface: Surface,
     view: View,
@@ -92,7 +90,7 @@ def line_equations(
     used. Returns the sums of weights, of weighted squares [m^2] and of weights without the trust:
     how many points lie on a line.
     """
-    points, normals, n, mount = view
+    points, facing, n, mount = view
     c, s = math.cos(pose.theta), math.sin(pose.theta)
     sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
     hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = near = 0.0
@@ -103,8 +101,9 @@ def line_equations(
         e, nx, ny, w = facing_line(surface, pose.x + qx, pose.y + qy, sx, sy)
         if w == 0.0:
             continue
-        ax, ay = normals[0, i], normals[1, i]
-        if (ax != 0.0 or ay != 0.0) and (c * ax - s * ay) * nx + (s * ax + c * ay) * ny < ALIKE:
+        ax, ay = facing[0, i], facing[1, i]
+        alike = (c * ax - s * ay) * nx + (s * ax + c * ay) * ny
+        if alike < 0.0 or alike * alike < ALIKE * ALIKE * (ax * ax + ay * ay):
             continue
         robust = 1.0 / (1.0 + e * e * soft)
         weight = w * robust
@@ -142,8 +141,8 @@ def fit(
     of points that lie on a line (by robust weight), and the mean square distance of those [m^2].
     """
     surface = Surface(*walls)
-    points, normals, n, mount = scan
-    view = View(points, normals, n, Pose2(*mount))
+    points, facing, n, mount = scan
+    view = View(points, facing, n, Pose2(*mount))
     x, y, theta = start
     (expected_x, expected_y, expected_theta), information = prior
     expected = Pose2(expected_x, expected_y, expected_theta)

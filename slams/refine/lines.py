@@ -18,6 +18,7 @@ from slams.types import IDENTITY, Floats, Pose2
 
 THINNED, ENOUGH = 4, 180  # a fit begins with every fourth beam, if those are so many
 NEAR = 0.2  # of a cell: a step below it is the last of so few beams
+LAST = 10.0  # times `converged`, from close by: of many beams the next step is a fifteenth
 SOFT = 3.0  # deviations of the noise at which a beam counts half
 BLURRED = 2.0  # deviations of the noise that a hit may lie off the cell of its wall
 LEAST_ROWS, CELLS_PER_ROW = 1 << 18, 16  # of the pool: few cells have a wall
@@ -76,9 +77,12 @@ class LineMap:
         splat = Splat(reach, p.side, p.weight_cap, self._scans)
         add_scan(self.surface, points.points, points.normals, points.n, pose, splat)
 
-    def fit(self, points: EndPoints, start: Pose2, prior: Prior) -> Match:
-        """Gauss-Newton on the distances to the lines."""
-        return self._fitted(points, start, prior, self.params.line_steps)
+    def fit(self, points: EndPoints, start: Pose2, prior: Prior, close: bool = False) -> Match:
+        """Gauss-Newton on the distances to the lines.
+
+        From a start that is `close` all beams take part at once: one step is enough.
+        """
+        return self._fitted(points, start, prior, self.params.line_steps, close)
 
     def seen_from(self, points: EndPoints, pose: Pose2) -> Match:
         """What the lines say of a pose as it is."""
@@ -94,11 +98,14 @@ class LineMap:
         """Take this match's distances for usual."""
         self.variance = max(match.square, points.noise**2)
 
-    def _fitted(self, points: EndPoints, start: Pose2, prior: Prior, steps: int) -> Match:
+    def _fitted(
+        self, points: EndPoints, start: Pose2, prior: Prior, steps: int, close: bool = False
+    ) -> Match:
         stride = max(min(THINNED, points.n // ENOUGH), 1)
         near, soft = NEAR * self.surface.resolution, self._softness(points)
-        how = Fit(steps, stride * self.params.converged, near, stride, soft, self.variance)
-        view, H = (points.points, points.normals, points.n, tuple(points.mount)), self._H
+        tolerance = self.params.converged * (LAST if close and stride > 1 else stride)
+        how = Fit(steps, tolerance, near, 1 if close else stride, soft, self.variance)
+        view, H = (points.points, points.facing, points.n, tuple(points.mount)), self._H
         known = tuple(prior.pose), prior.information
         pose, share, square = fit(tuple(self.surface), view, tuple(start), known, tuple(how), H)
         variance = max(square, points.noise**2)

@@ -70,7 +70,7 @@ class Hits(NamedTuple):
     ny: float
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, splat: Splat) -> None:
     """Add hits to the layer of this cell with a like normal.
 
@@ -109,7 +109,7 @@ def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, splat: Splat) ->
         break
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def spread(surface: Surface, hits: Hits, gap: float, splat: Splat) -> None:
     """Add hits of one cell to it and to cells around.
 
@@ -130,7 +130,7 @@ def spread(surface: Surface, hits: Hits, gap: float, splat: Splat) -> None:
                 add_to_cell(surface, ix, iy, hits, splat)
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def wall_behind(surface: Surface, x: float, y: float, nx: float, ny: float) -> bool:
     """Whether one cell against the normal (nx, ny) of a hit at (x, y) [m] stands a wall.
 

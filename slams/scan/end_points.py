@@ -38,7 +38,7 @@ class EndPoints:
         self.n = 0
         self.far = 0.0
         self._noise = Usual(MEMORY, params.range_noise)
-        self._known = False  # whether the normals are
+        self._known = self._chorded = False  # whether the normals are, and chords
         self.mount = IDENTITY
         self.step = 0.0
         self.sweeps = False
@@ -51,7 +51,7 @@ class EndPoints:
         laser = scan.laser
         if laser is not self._laser:
             self._adopt(laser, len(scan.ranges))
-        self._known = False
+        self._known = self._chorded = False
         self.n, self.far = kernels.end_points(
             scan.ranges, self._directions, laser.mount, self._limits, self.points
         )
@@ -87,6 +87,19 @@ class EndPoints:
         return self._room
 
     @property
+    def facing(self) -> Points:
+        """Which way the surface at every end point faces (2 or 3, >= n): its normal, or a chord.
+
+        Normals where they are known already; to tell faces apart chords do as well.
+        """
+        if self._known:
+            return self._room
+        if not self._chorded:
+            kernels.chords(self.points, self.n, self.mount, self.step, self.grain, self._chords)
+            self._chorded = True
+        return self._chords
+
+    @property
     def grain(self) -> Grain:
         """How fine the scan is, by its noise."""
         window = max(self.params.normal_window, SMOOTH * self.noise)
@@ -115,4 +128,5 @@ class EndPoints:
     def _size(self, n_beams: int) -> None:
         self.points = np.zeros((3, n_beams))
         self._room = np.zeros((3, n_beams))
+        self._chords = np.zeros((2, n_beams))
         self.moments = np.zeros((6, n_beams + 1))

@@ -87,7 +87,7 @@ def deskew(points: Points, n: int, twist: Twist) -> None:
         points[1, i] = s * x + c * y + sh * vx + ch * vy
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def beyond_chord(points: Points, a: int, i: int, b: int, mount: Pose2) -> float:
     """How far end point i lies behind the line through a and b, along its beam [m]; inf: never met.
 
@@ -104,12 +104,26 @@ def beyond_chord(points: Points, a: int, i: int, b: int, mount: Pose2) -> float:
     return behind
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def square_gap(points: Points, i: int, k: int) -> float:
     """Squared distance of two end points [m^2]. ours."""
     dx, dy = points[0, i] - points[0, k], points[1, i] - points[1, k]
     square: float = dx * dx + dy * dy
     return square
+
+
+@njit(inner=True, borrows=True)
+def jumps(points: Points, i: int, mount: Pose2, step: float, slack: float) -> bool:
+    """Whether a surface ends before end point i: a gap of more than `slack` [m] and four spacings.
+
+    ours: beams are `step` [rad] apart.
+    """
+    square = square_gap(points, i, i - 1)
+    if square <= slack * slack:  # most: no root for them
+        return False
+    rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
+    gap = slack + 4.0 * step * math.sqrt(rx * rx + ry * ry)
+    return bool(square > gap * gap)
 
 
 @njit
@@ -136,9 +150,9 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
     both neighbors' line within `slack` along the beam. Where beams are farther apart than half of
     `slack`, a post is one beam, too. points, out (3, >= n).
     """
+    lone = 0
     for i in range(n):
         if i > 0 and square_gap(points, i, i - 1) < slack * slack:  # most: no root for them
-            out[0, i] = 1.0
             continue
         rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
         spacing = step * math.sqrt(rx * rx + ry * ry)
@@ -150,40 +164,36 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
             company = 0 <= k < n and square_gap(points, i, k) < gap * gap
         if 0 < i < n - 1 and not company:
             company = abs(beyond_chord(points, i - 1, i, i + 1, mount)) < slack
-        out[0, i] = 1.0 if company else 0.0
-    kept = 0
-    for i in range(n):
-        if out[0, i] > 0.0:
-            if kept < i:
-                for row in range(3):
-                    points[row, kept] = points[row, i]
+        if not company:
+            out[0, lone] = i
+            lone += 1
+    kept = int(out[0, 0]) if lone > 0 else n
+    for k in range(lone):
+        first, end = int(out[0, k]) + 1, int(out[0, k + 1]) if k + 1 < lone else n
+        for i in range(first, end):
+            for row in range(3):
+                points[row, kept] = points[row, i]
             kept += 1
     return kept
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def scan_moments(
     points: Points, n: int, mount: Pose2, step: float, slack: float, out: Floats
 ) -> None:
     """Running sums of x, y, xx, xy, yy along the scan, and where its surface begins anew.
 
-    ours: a window's line comes from differences of these. A surface ends at a gap of more than
-    `slack` [m] and four times the spacing of the beams, `step` [rad]; out (6, n + 1), row 5 the
-    first index of the run of beams without a jump.
+    ours: a window's line comes from differences of these. `slack` [m] and `step` [rad] as of
+    `jumps`; out (6, n + 1), row 5 the first index of the run of beams without a jump.
     """
     for k in range(6):
         out[k, 0] = 0.0
-    first, last_x, last_y = 0, 0.0, 0.0
+    first = 0
     sx = sy = sxx = sxy = syy = 0.0
     for i in range(n):
         x, y = points[0, i], points[1, i]
-        dx, dy = x - last_x, y - last_y
-        square = dx * dx + dy * dy
-        if square > slack * slack:  # most are not: no root for them
-            rx, ry = x - mount.x, y - mount.y
-            gap = slack + 4.0 * step * math.sqrt(rx * rx + ry * ry)
-            first = i if square > gap * gap else first
-        last_x, last_y = x, y
+        if i > 0 and jumps(points, i, mount, step, slack):
+            first = i
         sx, sy, sxx, sxy, syy = sx + x, sy + y, sxx + x * x, sxy + x * y, syy + y * y
         k = i + 1
         out[0, k], out[1, k], out[2, k], out[3, k], out[4, k] = sx, sy, sxx, sxy, syy
@@ -191,7 +201,7 @@ def scan_moments(
     out[5, n] = n
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def window_normal(
     points: Points, moments: Floats, a: int, b: int, rx: float, ry: float, blur: float
 ) -> tuple[float, float, float]:
@@ -250,3 +260,26 @@ def scan_normals(
         nx, ny, gap = window_normal(points, moments, a, b, rx, ry, blur)
         out[0, i], out[1, i], out[2, i] = nx, ny, gap
         shares = half // DENSE if b - a == 2 * half else 0
+
+
+@njit
+def chords(points: Points, n: int, mount: Pose2, step: float, grain: Grain, out: Points) -> None:
+    """Which way the surface at each end point faces, toward the sensor; 0, 0 where it has none.
+
+    ours: across the chord of the beams that `scan_normals` fits a line to, and as long, in a fifth
+    of the time: enough to tell faces apart. points (2, >= n), out (2, >= n).
+    """
+    first, across = 0, grain.window / step
+    while first < n:
+        last = first
+        while last + 1 < n and not jumps(points, last + 1, mount, step, grain.slack):
+            last += 1
+        for i in range(first, last + 1):
+            rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
+            half = 2 + int(across / math.sqrt(rx * rx + ry * ry + 1e-6))
+            a = first if first > i - half else i - half
+            b = last if last < i + half else i + half
+            nx, ny = points[1, a] - points[1, b], points[0, b] - points[0, a]
+            side = 0.0 if b - a < 2 else -1.0 if nx * rx + ny * ry > 0.0 else 1.0
+            out[0, i], out[1, i] = side * nx, side * ny
+        first = last + 1

@@ -7,10 +7,11 @@ from hector import Hector, HectorParams
 from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from hector.matcher import BLUR, FINE, ROUGH, Matcher, gap
+from hector.slam import FEWEST
 from slams.geometry import Prior
 from slams.refine.lines import ENOUGH, Match
 from slams.scan.end_points import EndPoints
-from slams.types import IDENTITY, Pose2
+from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import LIDAR, calls, laser, scan_at, still
 
 
@@ -172,13 +173,13 @@ def test_a_frozen_map_takes_no_scan_whose_pose_is_given():
 @pytest.mark.parametrize(
     ("climbed", "fits", "found"),
     [
-        (0.02, {0.02: 0.0}, [0.0]),  # near the start: one fit
+        (0.02, {0.0: 0.0}, [0.0]),  # near the start: one fit, from there
         (0.04, {0.04: 0.03, 0.0: 0.0}, [0.0, 0.03]),  # half a cell off: one from the start, too
         (0.04, {0.04: 0.03, 0.0: 0.025}, [0.03]),  # which is the same
         (0.2, {0.2: 0.1, 0.0: 0.1}, [0.1, 0.2]),  # a cell off the fit: the pyramid's own, too
     ],
 )
-def test_lines_are_fitted_from_the_pyramid_and_where_it_went_far_from_the_start(
+def test_lines_are_fitted_from_the_start_and_where_the_pyramid_went_far_from_there(
     climbed, fits, found, monkeypatch
 ):
     slam = settled(3)
@@ -187,7 +188,9 @@ def test_lines_are_fitted_from_the_pyramid_and_where_it_went_far_from_the_start(
         return slam._match._replace(pose=Pose2(x, 0.0, 0.0))
 
     monkeypatch.setattr(
-        slam._map.lines, "fit", lambda points, start, prior: match(fits[round(start.x, 3)])
+        slam._map.lines,
+        "fit",
+        lambda points, start, prior, close=False: match(fits[round(start.x, 3)]),
     )
     prior = Prior(IDENTITY, np.eye(3))
     tried = slam._tried(slam._scan, IDENTITY, match(climbed), prior)
@@ -324,3 +327,14 @@ def test_where_no_robot_can_be_is_no_match_unless_there_is_no_other(monkeypatch)
     assert chosen(monkeypatch, (first, better), (0.0, 0.0), (True, False)) == 0
     assert chosen(monkeypatch, (first, better), (0.0, 0.0), (False, False)) == 0
     assert chosen(monkeypatch, (better, first), (0.0, 0.0), (False, True)) == 1
+
+
+@pytest.mark.parametrize(("ends", "begins"), [(FEWEST - 1, False), (FEWEST, True)])
+def test_a_map_begins_with_a_scan_that_has_enough_to_be_found_again(ends, begins):
+    slam = Hector(HectorParams())
+    ranges = np.full(LIDAR.n_beams, np.inf, np.float32)
+    ranges[:ends] = 2.0
+    slam.update(Scan(0.0, ranges, LIDAR))
+    report = slam.report()
+    assert (report["inserted"], report["refused"], report["empty"]) == (int(begins), 0, 0)
+    assert slam.state == ("matched" if begins else "predicted")

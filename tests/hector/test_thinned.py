@@ -120,3 +120,14 @@ def test_noise_is_measured_every_tenth_of_a_second(rate, looks, monkeypatch):
     for scan in drive(n=41, rate=rate):
         slam.update(scan)
     assert len(learned) == pytest.approx(looks, abs=1)
+
+
+def test_a_cell_that_is_surely_free_is_as_good_as_empty_and_still_counts():
+    grids, points = mapped(361)
+    for _ in range(40):
+        grids.insert(points, IDENTITY)
+    level = grids.levels[0]
+    free = level.log_odds[level.log_odds < 0.0]
+    assert free.min() == pytest.approx(43 * math.log(0.4 / 0.6), rel=1e-4)
+    exact = 1.0 / (1.0 + np.exp(-level.log_odds))
+    assert level.p == pytest.approx(np.where(level.log_odds == 0.0, 0.0, exact), abs=1e-4)

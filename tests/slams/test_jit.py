@@ -6,10 +6,13 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 from slams import jit
+from slams.types import Floats
 from tests.places import ROOT
 
 KERNEL = """
@@ -114,3 +117,23 @@ def test_kernels_just_compiled_give_the_bits_of_kernels_that_were_kept(tmp_path)
     ]
     assert runs[0].stdout, runs[0].stderr
     assert runs[0].stdout == runs[1].stdout
+
+
+class Pair(NamedTuple):
+    one: Floats
+    other: Floats
+
+
+def test_a_kernel_that_borrows_arrays_does_not_count_references_to_them():
+    def _larger(pair: Pair, i: int) -> float:
+        return pair.one[i] if pair.one[i] > pair.other[i] else pair.other[i]
+
+    pair = Pair(np.array([1.0, 4.0]), np.array([3.0, 2.0]))
+    counted = []
+    for borrows in (False, True):
+        kernel = jit.njit(inner=True, borrows=borrows)(_larger)
+        assert (kernel(pair, 0), kernel(pair, 1)) == (3.0, 4.0)
+        (code,) = kernel._entry.inspect_llvm().values()
+        body = code[code.index("\ndefine") :]
+        counted.append("call void @NRT_incref" in body[: body.index("\n}")])
+    assert counted == [True, False]

@@ -44,7 +44,7 @@ def test_one_step_of_a_fit_is_limited():
     for off, soft in ((Pose2(0.1, 0.08, 0.0), 0.2), (Pose2(0.0, 0.0, 0.15), 2.0)):
         start = chart._inner(pose @ off)
         moved = start.copy()
-        fit(chart.cells, ends / chart.resolution, soft, 1, moved)
+        fit(chart.cells, ends / chart.resolution, np.array([soft]), 1, moved)
         steps = np.abs(moved - start)
         assert (steps[:2] <= 1.0001 * soft).all() and steps[2] <= 1.0001 * TURN
         assert steps[2] == pytest.approx(TURN) or steps[:2].max() == pytest.approx(soft)

@@ -18,13 +18,14 @@ class Guide(Atlas):
     """An atlas that has one place, explained by so much; it counts the searches."""
 
     def __init__(self, explained):
-        self.explained, self.searches = explained, []
+        self.explained, self.searches, self.looks = explained, [], []
 
     def search(self, scan):
         self.searches.append(scan.t)
         return [self.look(scan, PLACE)]
 
     def look(self, scan, pose):
+        self.looks.append(scan.t)
         return Candidate(pose, self.explained, 0.0, 1.0)
 
 
@@ -73,9 +74,18 @@ def test_a_place_that_is_explained_too_little_is_not_taken(monkeypatch):
 def test_it_is_looked_for_ever_more_seldom(monkeypatch):
     _, _, guide, _ = sought(monkeypatch, 0.55, scans=1200)
     searches = np.array(guide.searches) - guide.searches[0]
-    often = [int(((searches >= t) & (searches < t + 40.0)).sum()) for t in (0.0, 40.0, 80.0)]
-    assert often[0] > often[1] > often[2]
-    assert 8 <= often[2] <= 12  # every other 8 s, a search every 2 s
+    often = [int(((searches >= t) & (searches < t + 32.0)).sum()) for t in (0.0, 32.0, 64.0)]
+    assert often[0] > often[1] >= often[2]
+    assert 7 <= often[2] <= 10  # every other 8 s, a search every 2 to 3 s
+
+
+def test_a_place_in_doubt_is_looked_at_ever_more_seldom(monkeypatch):
+    _, _, guide, _ = sought(monkeypatch, 0.55, scans=85)
+    looks = np.unique(np.round(guide.looks, 1))
+    rests = np.diff(looks[looks < looks[0] + relocator.STAYS])
+    assert rests[:2] == pytest.approx(0.1)
+    assert (np.diff(rests) > -0.11).all()  # a scan more or less
+    assert 0.9 < rests[-1] < 1.3
 
 
 def test_who_is_adrift_is_not_looked_for(monkeypatch):

@@ -12,6 +12,7 @@ from slams.scan.scan_kernels import (
     Limits,
     Twist,
     beyond_chords,
+    chords,
     deskew,
     drop_lone,
     end_points,
@@ -145,3 +146,38 @@ def test_ranges_below_the_lasers_own_limit_or_ours_are_not_used():
         ends = EndPoints(ScanParams(min_range=least))
         ends.take(Scan(0.0, ranges, lidar), IDENTITY)
         assert np.hypot(*ends.points[:2, : ends.n]).min() == pytest.approx(0.6)
+
+
+def chords_of(points, mount=IDENTITY):
+    out, n = np.zeros_like(points), points.shape[1]
+    chords(points, n, mount, 0.02, Grain(0.0, 0.05, SLACK), out)
+    return out[:2]
+
+
+def test_chords_face_the_laser_as_normals_do_whichever_way_it_turns():
+    wall = [(2.0 - 0.3 * v, v) for v in np.arange(-0.3, 0.3, 0.02)]
+    for beams in (wall, wall[::-1]):
+        points = points_of(*beams)
+        found, normals = chords_of(points), normals_of(points)[:2]
+        assert found / np.hypot(*found) == pytest.approx(normals)
+        behind = chords_of(points, Pose2(4.0, 0.0, 0.0))
+        assert behind == pytest.approx(-found)
+
+
+def test_a_chord_ends_where_its_surface_does_and_two_beams_have_none():
+    near, far = [(1.0, 0.02 * k) for k in range(4)], [(3.0, 0.3 + 0.06 * k) for k in range(2)]
+    found = chords_of(points_of(*near, *far))
+    assert (found[0, :4] < 0.0).all()
+    assert found[1, :4] == pytest.approx(0.0)
+    assert (found[:, 4:] == 0.0).all()
+
+
+def test_which_way_a_surface_faces_is_told_by_normals_once_they_are_known():
+    reader = EndPoints(ScanParams()).take(scan_at(IDENTITY, laser(361)), IDENTITY)
+    by_chord = reader.facing[:2].copy()
+    assert reader.facing is not reader.normals
+    assert reader.facing is reader.normals
+    told = np.hypot(*by_chord[:, : reader.n]) * np.hypot(*reader.normals[:2, : reader.n])
+    alike = (by_chord * reader.normals[:2])[:, : reader.n].sum(axis=0)[told > 0.0]
+    assert (alike > 0.9 * told[told > 0.0]).all()
+    assert reader.take(scan_at(IDENTITY, laser(361)), IDENTITY).facing is not reader.normals
