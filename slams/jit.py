@@ -80,6 +80,7 @@ KEPT = "NUMBA_CACHE_DIR" in os.environ
 
 import numba  # noqa: E402  (the cache folder must be set first)
 from numba.core import event  # noqa: E402
+from numba.core.options import DefaultOptions  # noqa: E402
 from numba.core.registry import CPUDispatcher  # noqa: E402
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -113,7 +114,7 @@ def njit(
         "no_rewrites": True,  # of powers and sums of arrays, which no kernel has: a twentieth
     }
 
-    if borrows:
+    if borrows and hasattr(DefaultOptions, "_nrt"):  # of numba's own: without it all is the same
         options["_nrt"] = False
     if inner and fastmath:  # else a kernel just compiled and one from the cache may sum otherwise
         options["forceinline"] = True
