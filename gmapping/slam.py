@@ -196,7 +196,8 @@ class GMapping:
         if self.frozen or not view.is_usable or not known:
             self._counts["rejected"] += not known
             return False
-        return self._keys.due(track.pose) and self.tiles.admits(track.pose, view.far)
+        gaps = self._quality < self.params.poor_match * self._usual.value
+        return self._keys.due(track.pose, view.beams if gaps else math.inf) and self.tiles.admits(track.pose, view.far)
 
     def _filter(self, view: View) -> None:
         """Steps 3 to 7."""
