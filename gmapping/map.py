@@ -64,7 +64,7 @@ class TileMap:
     @property
     def counts(self) -> dict[str, Any]:
         """What the maps take, and where they might not grow, for a report."""
-        tiles = {"tiles": self.used, "tiles_peak": self.peak}
+        tiles = {"particles": len(self.tiles.tables), "tiles": self.used, "tiles_peak": self.peak}
         return tiles | {"tiles_shared": round(self.shared, 3)} | self.extent.counts
 
     def admits(self, pose: Pose2, far: float) -> bool:

@@ -63,9 +63,9 @@ def bridged(surface: Floats, i: int, splat: Splat) -> float:
         if 0 <= j < surface.shape[0]:
             dx, dy = surface[j, 0] - x, surface[j, 1] - y
             square, off = dx * dx + dy * dy, nx * dx + ny * dy
-            if off * off < IN_LINE * IN_LINE * square and square > most:
-                if surface[j, 2] * nx + surface[j, 3] * ny > ALIKE:
-                    most = square
+            in_line = off * off < IN_LINE * IN_LINE * square
+            if in_line and surface[j, 2] * nx + surface[j, 3] * ny > ALIKE:
+                most = max(most, square)
     return min(0.5 * math.sqrt(most), BRIDGE)
 
 

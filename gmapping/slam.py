@@ -136,9 +136,8 @@ class GMapping:
 
     def report(self) -> dict[str, Any]:
         """Counts, and what the particles' maps take."""
-        lost = {"lost": self._track.lost, "found_again": self._relocator.found}
-        counts = self._counts | lost | self._track.motion.counts
-        return counts | {"particles": len(self.particles)} | self.tiles.counts
+        found = {"lost": self._track.lost, "found_again": self._relocator.found}
+        return self._counts | found | self._track.motion.counts | self.tiles.counts
 
     def _tracked(self, view: View, start: Prediction) -> Match:
         """Step 2: from the prediction; from other starts if it explains less than usual."""
@@ -197,7 +196,8 @@ class GMapping:
             self._counts["rejected"] += not known
             return False
         gaps = self._quality < self.params.poor_match * self._usual.value
-        return self._keys.due(track.pose, view.beams if gaps else math.inf) and self.tiles.admits(track.pose, view.far)
+        due = self._keys.due(track.pose, view.beams if gaps else math.inf)
+        return due and self.tiles.admits(track.pose, view.far)
 
     def _filter(self, view: View) -> None:
         """Steps 3 to 7."""
