@@ -195,8 +195,8 @@ class GMapping:
         if self.frozen or not view.is_usable or not known:
             self._counts["rejected"] += not known
             return False
-        gaps = self._quality < self.params.poor_match * self._usual.value
-        due = self._keys.due(track.pose, view.beams if gaps else math.inf)
+        p, gaps = self.params, self._quality < self.params.poor_match * self._usual.value
+        due = self._keys.due(track.pose, view.beams if gaps and p.refine else math.inf)
         return due and self.tiles.admits(track.pose, view.far)
 
     def _filter(self, view: View) -> None:

@@ -159,6 +159,7 @@ def test_where_most_is_contradicted_the_pose_is_wrong():
 def test_witnesses_are_matched_scans_half_a_second_apart_of_one_laser_and_one_map():
     movers, scan, lost = Movers(idle=False), seen(BOX), matched_at(IDENTITY)
     lost.state = "lost"
+    assert movers.drop(taken(scan), scan, IDENTITY, SURE) is scan
     movers.remember(scan, lost)
     came = seen(post(2.0, 0.0), t=SECONDS + 0.1)
     assert movers.drop(taken(came), came, IDENTITY, SURE) is came
