@@ -12,6 +12,7 @@ from slams.types import IDENTITY, Floats, Pose2
 OLD = 15.0  # m of way, after which ground is old: no robot sees a room that long without a loop
 NEAR = 3.0  # m from where the robot was then: what it saw there, it sees from here
 SELDOM = 1.0  # m of way between two places that are noted, and between two looks for them
+GAPLESS = 360.0  # beams of a scan, below which the map that is made of them has gaps
 MARK = 0.001  # m by which two key scans differ in `driven`, however near they are
 
 
@@ -30,11 +31,15 @@ class KeyScans:
         self._at = IDENTITY
         self._blind = False  # a scan since then was not matched
 
-    def due(self, pose: Pose2) -> bool:
-        """Whether the tracked pose has left the last key scan far enough behind."""
-        way = self._at.between(pose)
-        far = math.hypot(way.x, way.y) >= self._params.linear_update
-        return far or abs(way.theta) >= self._params.angular_update or self.n == 0
+    def due(self, pose: Pose2, beams: float = math.inf) -> bool:
+        """Whether the tracked pose has left the last key scan far enough behind.
+
+        Where the map has gaps, a scan of few `beams` fills them by as little: the next one is due
+        as much sooner.
+        """
+        way, near = self._at.between(pose), min(beams / GAPLESS, 1.0)
+        far = math.hypot(way.x, way.y) >= near * self._params.linear_update
+        return far or abs(way.theta) >= near * self._params.angular_update or self.n == 0
 
     def way(self, pose: Pose2) -> Pose2:
         """The tracked way since the last key scan, in the reported particle's map."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,6 +60,12 @@ class TileMap:
         """Share of the particles' tiles that is stored elsewhere already."""
         pointers = int((self.tiles.tables >= 0).sum())
         return 1.0 - self.used / pointers if pointers else 0.0
+
+    @property
+    def counts(self) -> dict[str, Any]:
+        """What the maps take, and where they might not grow, for a report."""
+        tiles = {"particles": len(self.tiles.tables), "tiles": self.used, "tiles_peak": self.peak}
+        return tiles | {"tiles_shared": round(self.shared, 3)} | self.extent.counts
 
     def admits(self, pose: Pose2, far: float) -> bool:
         """Whether the maps may grow to what is at most `far` [m] away from `pose`."""

@@ -11,18 +11,24 @@ from slams.types import Floats
 
 LAYERS = 4
 DEPTH = 7  # numbers of a cell
+BRIDGE = 0.3  # m that a wall is continued to either side of a point, at most
+FRONTAL = 0.5  # cosine between beam and normal of a wall that is not seen edge-on
+IN_LINE, ALIKE = 0.2, 0.9  # sine of a way along a wall, and cosine between normals on it
 ONCE = 0.2  # trust in a surface that one scan alone has seen
 
 
 class Splat(NamedTuple):
     """How points enter: `band` cells on either side of a surface, `cap` on a cell's weight.
 
-    `driven` [m] is the way so far, a little more at every scan that enters.
+    `driven` [m] is the way so far, a little more at every scan that enters; x, y [m] where in the
+    base frame the laser is.
     """
 
     band: int
     cap: float
     driven: float
+    x: float = 0.0
+    y: float = 0.0
 
 
 @njit(inner=True)
@@ -42,6 +48,27 @@ def trust(scans: float) -> float:
     return ONCE if scans < 2.0 else 1.0
 
 
+@njit(inner=True)
+def bridged(surface: Floats, i: int, splat: Splat) -> float:
+    """Half of the way [m] from a point to the next one beside it on its wall; 0 without any.
+
+    ours: where beams are far apart, a wall is straight between those that are in line with it. Not
+    so of one seen edge-on, on which all beams are far apart.
+    """
+    x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
+    bx, by, most = x - splat.x, y - splat.y, 0.0
+    if (nx * bx + ny * by) ** 2 < FRONTAL * FRONTAL * (bx * bx + by * by):
+        return 0.0
+    for j in (i - 1, i + 1):
+        if 0 <= j < surface.shape[0]:
+            dx, dy = surface[j, 0] - x, surface[j, 1] - y
+            square, off = dx * dx + dy * dy, nx * dx + ny * dy
+            in_line = off * off < IN_LINE * IN_LINE * square
+            if in_line and surface[j, 2] * nx + surface[j, 3] * ny > ALIKE:
+                most = max(most, square)
+    return min(0.5 * math.sqrt(most), BRIDGE)
+
+
 @njit
 def insert(tiles: Tiles, poses: Floats, surface: Floats, splat: Splat) -> int:
     """Average the line through every point into the cells around it, in every particle's map.
@@ -53,7 +80,7 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, splat: Splat) -> int:
     surface (n, 5) x, y [m], nx, ny in the base frame, beams; returns how many cells had no room.
     """
     edge = tiles.resolution
-    reach, along = (splat.band + 0.5) * edge, 1.5 * edge
+    reach = (splat.band + 0.5) * edge
     lacking = 0
     for particle in range(poses.shape[0]):
         x0, y0, theta = poses[particle, 0], poses[particle, 1], poses[particle, 2]
@@ -65,8 +92,10 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, splat: Splat) -> int:
             wx, wy = c * nx - s * ny, s * nx + c * ny
             layer = facing(wx, wy)
             ix, iy = cell_of(px, edge), cell_of(py, edge)
-            for jy in range(iy - splat.band, iy + splat.band + 1):
-                for jx in range(ix - splat.band, ix + splat.band + 1):
+            along = max(1.5 * edge, bridged(surface, i, splat) + 0.5 * edge)
+            band = max(splat.band, math.ceil(along / edge))
+            for jy in range(iy - band, iy + band + 1):
+                for jx in range(ix - band, ix + band + 1):
                     ox, oy = jx * edge - px, jy * edge - py
                     weight = surface[i, 4] * (1.0 - abs(wx * oy - wy * ox) / along)
                     distance = wx * ox + wy * oy

@@ -43,6 +43,11 @@ class View(EndPoints):
         self.beams = float(self.pieces[:, 4].sum())
         return self
 
+    def keep(self, which: NDArray[np.bool_]) -> None:
+        """Go on with these of the pieces (k,) alone."""
+        self.pieces = self.pieces[which]
+        self.beams = float(self.pieces[:, 4].sum())
+
     @property
     def is_usable(self) -> bool:
         """Whether there is anything to match."""

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from gmapping.end_points import EndPointMatcher
 from gmapping.key import KeyScans
 from gmapping.match import Match, Matcher
+from gmapping.movers import Movers
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
 from gmapping.render import Ends, Renderer
@@ -64,6 +65,7 @@ class GMapping:
         self.frozen = False
         self._rng = np.random.default_rng(p.seed)
         self._view = View(p)
+        self._movers = Movers(idle=not p.refine)
         self._track = Track(p)
         self._relocator = Relocator(self._track, p.relocate)
         self._renderer = Renderer(p.resolution, p.occupied)
@@ -79,16 +81,21 @@ class GMapping:
         """Track a scan; at key scans run the filter. Returns T_map_base."""
         start = self._track.predict(scan)  # 1
         view = self._view.take(scan, start.velocity)
-        match = None
+        match, walls = None, self._movers.drop(view, scan, start.pose, self._track.expected)
         if view.is_usable and self._keys.n > 0:
             match = self._tracked(view, start)  # 2
             if view.sweeps:
                 view.take(scan, self._track.motion.velocity_to(match.pose))
+                walls = self._movers.drop(view, scan, match.pose, self._track.expected)
                 match = self._tracked(view, start)
-        self._settle(scan, view, match, start)
+        self._settle(walls, view, match, start)
+        self._movers.remember(scan, self._track)
         if self._due(view):
             self._filter(view)
-        self._look_for(scan)  # 8
+        found = self._relocator.found
+        self._relocator.update(scan, self.map)  # 8
+        if self._relocator.found > found:  # all particles go on there, with the map it was found in
+            self._place(self._track.pose)
         return view.at_stamp(self._track.pose)
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
@@ -129,11 +136,8 @@ class GMapping:
 
     def report(self) -> dict[str, Any]:
         """Counts, and what the particles' maps take."""
-        tiles = {"tiles": self.tiles.used, "tiles_peak": self.tiles.peak}
-        shared = {"tiles_shared": round(self.tiles.shared, 3), "particles": len(self.particles)}
-        lost = {"lost": self._track.lost, "found_again": self._relocator.found}
-        counts = self._counts | lost | self._track.motion.counts
-        return counts | tiles | shared | self.tiles.extent.counts
+        found = {"lost": self._track.lost, "found_again": self._relocator.found}
+        return self._counts | found | self._track.motion.counts | self.tiles.counts
 
     def _tracked(self, view: View, start: Prediction) -> Match:
         """Step 2: from the prediction; from other starts if it explains less than usual."""
@@ -191,7 +195,9 @@ class GMapping:
         if self.frozen or not view.is_usable or not known:
             self._counts["rejected"] += not known
             return False
-        return self._keys.due(track.pose) and self.tiles.admits(track.pose, view.far)
+        p, gaps = self.params, self._quality < self.params.poor_match * self._usual.value
+        due = self._keys.due(track.pose, view.beams if gaps and p.refine else math.inf)
+        return due and self.tiles.admits(track.pose, view.far)
 
     def _filter(self, view: View) -> None:
         """Steps 3 to 7."""
@@ -225,6 +231,7 @@ class GMapping:
         gap = best.between(self._track.pose)
         if math.hypot(gap.x, gap.y) > LEAP or abs(gap.theta) > LEAP_TURN:
             self._counts["closed"] += 1
+            self._movers.forget()
             self._track.corrected(best)
 
     def _insert(self, view: View) -> None:
@@ -237,16 +244,10 @@ class GMapping:
         self._renderer.keep(Ends(view.ends, view.mount).ray)
         self.particles.remember()
 
-    def _look_for(self, scan: Scan) -> None:
-        """Step 8; where it is found all particles go on, with the map it was found in."""
-        found = self._relocator.found
-        self._relocator.update(scan, self.map)
-        if self._relocator.found > found:
-            self._place(self._track.pose)
-
     def _place(self, pose: Pose2) -> None:
         """All particles go on from here with the reported one's map."""
         self._share_one_map()
+        self._movers.forget()
         self.particles.poses[:] = pose
         self._keys.place(pose)
 

@@ -119,7 +119,8 @@ class SurfaceMatcher:
 
     def insert(self, view: View, poses: Floats) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""
-        splat = Splat(self._params.band, self._params.cap, self._keys.driven)
+        p, laser = self._params, view.mount
+        splat = Splat(p.band, p.cap, self._keys.driven, laser.x, laser.y)
         return insert(self.tiles.tiles, poses, view.pieces, splat) == 0
 
     def _worth(self, view: View) -> float:

@@ -39,3 +39,13 @@ def test_noise_between_key_scans_is_that_of_the_way_whatever_the_rate():
     np.testing.assert_allclose(covariances(), [noise + predicted] * 2, atol=1e-12)
     keys.done(way)
     np.testing.assert_allclose(covariances(), [noise, noise], atol=1e-12)
+
+
+def test_where_the_map_has_gaps_the_next_key_scan_is_due_the_sooner_the_fewer_beams_there_are():
+    p, keys = GMappingParams(), KeyScans(GMappingParams())
+    assert keys.due(IDENTITY)  # the first
+    keys.done(IDENTITY)
+    for beams, share in ((np.inf, 1.0), (720.0, 1.0), (360.0, 1.0), (90.0, 0.25), (45.0, 0.125)):
+        for way, turn in ((p.linear_update, 0.0), (0.0, p.angular_update)):
+            assert keys.due(Pose2(1.01 * share * way, 0.0, -1.01 * share * turn), beams)
+            assert not keys.due(Pose2(0.99 * share * way, 0.0, -0.99 * share * turn), beams)

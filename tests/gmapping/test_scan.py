@@ -62,7 +62,7 @@ def test_the_far_end_of_a_bare_corridor_tells_nothing_along_it():
 
 
 def test_a_mean_of_beams_counts_as_many_in_normals_and_maps():
-    several = np.array([[2.0, 0.1 * k, 3.0 if k == 1 else 1.0] for k in range(-2, 3)])
+    several = np.array([[2.0, 0.09 * k, 3.0 if k == 1 else 1.0] for k in range(-2, 3)])
     several[3, 0] = 2.02
     alone = np.repeat(several, several[:, 2].astype(int), axis=0) * [1.0, 1.0, 0.0] + [0, 0, 1.0]
     walls = Walls(0.5, 0.1, 0.1, 0.1)

@@ -10,6 +10,7 @@ from gmapping.map_kernels import DEPTH, LAYERS, ONCE, insert
 from gmapping.match import lattice
 from gmapping.match_kernels import Around, Beams, Prior, crossed, search_old
 from gmapping.surfaces import CHANCE, DRIFT, EXPLAINED, OLD_STEP, PLACES
+from gmapping.tile_kernels import inside_tile, slot_of
 from slams import geometry
 from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping import naive
@@ -262,3 +263,39 @@ def test_a_particle_does_not_go_where_beams_go_through_walls(monkeypatch):
     monkeypatch.setattr(matcher, "_through", lambda *_: np.array([0.5]))
     stays = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None]).peaks[0]
     assert np.hypot(*at[:2]) < 0.05 < np.hypot(*stays[:2])
+
+
+def cells_along(gap, turned=0.0, sees=(0.0, 0.0), far=2.0):
+    """How far [cells] along a wall at x = `far` the middle one of three points `gap` apart reaches.
+
+    The two beside it have normals that are `turned`; the laser is where it `sees` from.
+    """
+    maps = TileMap(1, LAYERS, 0.05, 200, depth=DEPTH)
+    maps.cover(np.array([-5.0, -5.0]), np.array([5.0, 5.0]))
+    c, s = -math.cos(turned), math.sin(turned)
+    wall = np.array([[far, -gap, c, s, 0.0], [far, 0.0, -1.0, 0.0, 1.0], [far, gap, c, s, 0.0]])
+    rule = SPLAT._replace(x=sees[0], y=sees[1])
+    assert insert(maps.tiles, np.zeros((1, 3)), wall, rule) == 0
+    x, reached = round(far / 0.05), []
+    for iy in range(-20, 21):
+        slot = slot_of(maps.tiles, 0, 2, x, iy)  # layer 2: it looks to -x
+        if slot >= 0 and maps.tiles.cells[slot, inside_tile(x, iy), 3] > 0.0:
+            reached.append(iy)
+    assert reached == list(range(reached[0], reached[-1] + 1))
+    assert reached[0] == -reached[-1]
+    return reached[-1]
+
+
+def test_a_wall_is_continued_half_of_the_way_to_the_next_beam_on_it():
+    assert cells_along(0.04) == 1  # 1.5 cells to either side, the last with weight 0
+    assert cells_along(0.09) == 1  # half of it and half a cell: 0.07 m
+    assert cells_along(0.31) == 3  # 0.18 m
+    assert cells_along(0.47) == 5  # 0.26 m
+    assert cells_along(5.0) == 6  # 0.3 m at most, and half a cell
+
+
+def test_what_is_no_wall_or_seen_edge_on_is_not_continued():
+    assert cells_along(0.31, turned=0.4) == 3  # cosine 0.92
+    assert cells_along(0.31, turned=0.5) == 1  # 0.88: another wall
+    assert cells_along(0.31, sees=(0.0, 3.0)) == 3  # cosine between beam and normal 0.55
+    assert cells_along(0.31, sees=(0.0, 4.0)) == 1  # 0.45
