@@ -20,6 +20,7 @@ from slams.types import Floats, Pose2, wrap_angle
 
 STEP = np.array([0.1, 0.1, 0.05])  # m, m, rad, of the search; the climb bridges what is between
 SPARSE = 100  # pieces that the search looks at
+FAINT = 1e-6  # share of an information that is lost in rounding
 
 
 class EndPointMatcher:
@@ -82,6 +83,10 @@ class EndPointMatcher:
 
 
 def positive(information: Floats) -> Floats:
-    """The same (3, 3) without what is negative: a scan takes nothing from what is known."""
+    """The same (3, 3) without what is negative: a scan takes nothing from what is known.
+
+    Of nothing at all there is no inverse: what is less than `FAINT` of the most is that much.
+    """
     values, vectors = np.linalg.eigh(information)
-    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, np.float64)
+    values = np.maximum(values, max(FAINT * values[-1], 0.0))
+    return np.asarray((vectors * values) @ vectors.T, np.float64)

@@ -6,7 +6,6 @@ Each clause is one check, over made-up scans of a small room; some seconds and n
 from __future__ import annotations
 
 import argparse
-import functools
 import math
 import sys
 import traceback
@@ -110,8 +109,8 @@ def _new(entry: Entry) -> Slam:
     return entry.cls(entry.params())
 
 
-@functools.cache
 def _log() -> ScanLog:
+    """Anew each time: an algorithm may write to what it is given."""
     from slams.room import drive
 
     return drive(n=SHORT)

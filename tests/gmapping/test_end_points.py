@@ -264,8 +264,11 @@ def test_the_search_finds_what_the_climb_cannot():
 def test_what_is_negative_of_an_information_is_left_out():
     made = positive(np.array([[2.0, 0.0, 0.0], [0.0, -3.0, 1.0], [0.0, 1.0, 4.0]]))
     values = np.linalg.eigvalsh(made)
-    assert values.min() >= -1e-12 and values.max() == pytest.approx(0.5 + math.sqrt(13.25))
+    assert values.min() == pytest.approx(
+        1e-6 * values.max(), rel=1e-3
+    ) and values.max() == pytest.approx(0.5 + math.sqrt(13.25))
     np.testing.assert_allclose(positive(np.diag([1.0, 2.0, 3.0])), np.diag([1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(positive(-np.eye(3)), np.zeros((3, 3)))
 
 
 def test_the_preset_tracks_resamples_and_has_nothing_of_ours_behind():
