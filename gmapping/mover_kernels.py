@@ -32,15 +32,19 @@ class Earlier(NamedTuple):
 
 
 @njit(inner=True)
-def was_free(earlier: Any, k: int, x: float, y: float, margin: float) -> bool:
-    """Whether beams of an earlier scan, three in a row, ended more than `margin` [m] behind x, y.
+def was_free(earlier: Any, k: int, x: float, y: float, doubt: Any) -> bool:
+    """Whether beams of an earlier scan, three in a row, went on behind x, y [m].
 
-    ours: the two beside it as well, as walls seen edge-on are near and far side by side.
+    ours: the two beside it as well, as walls seen edge-on are near and far side by side. Not told
+    where the doubt of the pose leads to other beams. doubt: plain, how far they have to have gone
+    on [m], the pose's own beside the beam [m] and of the heading [rad].
     """
     lasers, ranges, first, step = earlier
+    margin, beside, heading = doubt
     dx, dy = x - lasers[k, 0], y - lasers[k, 1]
     square = dx * dx + dy * dy
-    if square * step * step > LEG * LEG:
+    far = math.sqrt(square)
+    if max(abs(step) * far, beside + heading * far) > LEG:
         return False
     c, s = lasers[k, 2], lasers[k, 3]
     turn = math.atan2(c * dy - s * dx, c * dx + s * dy) - first
@@ -49,21 +53,21 @@ def was_free(earlier: Any, k: int, x: float, y: float, margin: float) -> bool:
     i = math.floor(beam - around * math.floor(beam / around))
     if i < 1 or i > ranges.shape[1] - 2:
         return False
-    least = math.sqrt(square) + margin
+    least = far + margin
     nearest = min(ranges[k, i - 1], ranges[k, i], ranges[k, i + 1])
     return bool(nearest > least)
 
 
 @njit
 def moving(
-    pieces: Floats, pose: Any, mount: Any, earlier: Any, margin: float, out: NDArray[np.bool_]
+    pieces: Floats, pose: Any, mount: Any, earlier: Any, doubt: Any, out: NDArray[np.bool_]
 ) -> float:
     """Which pieces (n, 5) of a scan lie on small things that stand where there was nothing.
 
     ours: free space contradicts what moves. A thing are pieces that the laser sees side by side;
     it moves as a whole, as some of it is always hidden by where it stood before. pose of the base
-    and mount of the laser: plain x, y [m], theta [rad]; `Earlier` as a plain tuple, too; out (n,);
-    returns how many beams.
+    and mount of the laser: plain x, y [m], theta [rad]; `Earlier` as a plain tuple, too; doubt as
+    of `was_free`; out (n,); returns how many beams.
     """
     n, found, first = pieces.shape[0], 0.0, 0
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -86,7 +90,7 @@ def moving(
                 y = pose[1] + s * pieces[i, 0] + c * pieces[i, 1]
                 beams += pieces[i, 4]
                 for k in range(earlier[0].shape[0]):
-                    if was_free(earlier, k, x, y, margin):
+                    if was_free(earlier, k, x, y, doubt):
                         free += pieces[i, 4]
                         break
         moves = free > SOME * beams

@@ -56,9 +56,9 @@ class Movers:
         if not self._poses:
             return scan
         moves = np.zeros(len(view.pieces), np.bool_)
-        margin = MARGIN + SOFT * (view.noise + math.sqrt(known[0, 0] + known[1, 1]))
-        earlier = tuple(self._earlier)
-        beams = moving(view.pieces, tuple(pose), tuple(laser.mount), earlier, margin, moves)
+        way, turn = SOFT * math.sqrt(known[0, 0] + known[1, 1]), SOFT * math.sqrt(known[2, 2])
+        doubt, earlier = (MARGIN + SOFT * view.noise + way, way, turn), tuple(self._earlier)
+        beams = moving(view.pieces, tuple(pose), tuple(laser.mount), earlier, doubt, moves)
         if not 0.0 < beams <= MOST * view.beams:
             return scan
         ranges = _without(scan, view.pieces[moves])

@@ -54,9 +54,9 @@ def earlier(*ranges, x=0.0, heading=0.0):
     return lasers, np.array([[r] * 101 for r in ranges], np.float32), -0.5, STEP
 
 
-def moved(pieces, witnesses, margin=0.15, pose=(0.0, 0.0, 0.0), mount=(0.0, 0.0, 0.0)):
+def moved(pieces, witnesses, doubt=(0.15, 0.0, 0.0), pose=(0.0, 0.0, 0.0), mount=(0.0, 0.0, 0.0)):
     pieces, out = np.array(pieces, np.float64), np.zeros(len(pieces), np.bool_)
-    return moving(pieces, pose, mount, witnesses, margin, out), out.tolist()
+    return moving(pieces, pose, mount, witnesses, doubt, out), out.tolist()
 
 
 LEG = [[2.0, 0.0, -1.0, 0.0, 3.0], [2.02, 0.05, -1.0, 0.0, 2.0]]
@@ -138,6 +138,21 @@ def test_what_stood_there_before_stays():
     scan = seen(post(2.0, 0.0))
     movers, view = witness(scan), taken(scan)
     assert movers.drop(view, scan, IDENTITY, SURE) is scan
+
+
+@pytest.mark.parametrize(
+    ("doubt", "moves"),
+    [
+        ((0.15, 0.09, 0.0), True),
+        ((0.15, 0.11, 0.0), False),  # beside: other beams
+        ((0.15, 0.0, 0.04), True),  # 0.08 m at 2 m
+        ((0.15, 0.0, 0.06), False),
+        ((0.15, 0.06, 0.03), False),  # both together
+        ((1.1, 0.0, 0.0), False),
+    ],
+)
+def test_beams_tell_nothing_where_the_doubt_leads_to_others(doubt, moves):
+    assert moved(LEG[:1], earlier(3.0), doubt)[1] == [moves]
 
 
 def test_where_the_pose_is_in_doubt_nothing_moves():
