@@ -4,8 +4,8 @@
 Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007.
 
 1. Motion: odometry, a gyro or the motion so far predicts the step since the last scan.
-2. Tracking (ours): every scan is matched to the reported particle's map, a slow sweep twice; where
-   the map explains less than usual, other starts are tried.
+2. Tracking (ours): every scan, without what moves, is matched to the reported particle's map, a
+   slow sweep twice; where the map explains less than usual, other starts are tried.
 3. At a key scan every particle is matched to its own map and drawn from a Gaussian around the
    peak (the improved proposal); its weight grows by the scan's likelihood. ours: the reported one
    stays at its peak, so that what the others try costs no accuracy.
