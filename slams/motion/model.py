@@ -17,7 +17,6 @@ its prediction would confirm them to itself.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from slams.motion.belief_kernels import carried
@@ -25,13 +24,11 @@ from slams.motion.chord import CERTAIN, NOTHING, UNKNOWN, Chord, chord_of, covar
 from slams.motion.clock import Clock
 from slams.motion.params import MotionParams
 from slams.motion.trust import Expected, Limits
-from slams.motion.velocity import Velocity, interval
+from slams.motion.velocity import Velocity
 from slams.motion.wheels import Gyro, Wheels
 from slams.types import IDENTITY, Floats, Pose2, Scan, wrap_angle
 
 MATCH = 0.001  # m and rad, deviation of a match that tells none
-TICK = 1e-7  # s; stamps of an even rate differ by rounding
-AT_REST = Expected(NOTHING, CERTAIN, 0.0, 0.0)
 
 
 class Prediction(NamedTuple):
@@ -79,22 +76,14 @@ class Motion:
     def __init__(
         self, params: MotionParams | None = None, counted: dict[str, int] | None = None
     ) -> None:
-        p = self._params = params or MotionParams()
+        p = params or MotionParams()
         self._counted = counted or {}
-        accelerations = (p.acceleration, p.acceleration_aside, p.turn_acceleration)
-        self._unknown = (0.5 * p.top_speed, 0.5 * p.top_speed, 0.5 * p.top_turn_rate)
-        self._axes = [
-            Velocity(a, unknown, p.learn_time)
-            for a, unknown in zip(accelerations, self._unknown, strict=True)
-        ]
-        self._wheels, self._gyro = Wheels(p), Gyro(p)
+        self._motion, self._wheels, self._gyro = Velocity(p), Wheels(p), Gyro(p)
         self._limits, self._clock = Limits(p), Clock()
-        self._over = interval(0.0, p.acceleration_time)
+        self._expected = Expected()
         self._before: Scan | None = None
-        self._pose = IDENTITY
-        self._expected = AT_REST
-        self._velocity = IDENTITY
-        self._last_match = UNKNOWN
+        self._pose = self._velocity = IDENTITY
+        self._step, self._last_match = NOTHING, UNKNOWN
         self._was_elsewhere = False
 
     @property
@@ -114,14 +103,15 @@ class Motion:
         self._pose, before = pose, self._before
         if before is None:
             return Prediction(pose, IDENTITY, CERTAIN, 0.0, IDENTITY, IDENTITY, ())
-        going_on = self._going_on(scan.t - before.t)
-        known = self._gyro.add(before, scan, going_on)
-        expected = self._expected = self._wheels.add(before, scan, known)
-        believed = known if self._wheels.contradicts else expected
-        self._velocity = _per_second(believed.step, expected.dt)
-        step = expected.step.step()
-        variance, dt, goes_on = expected.variance, expected.dt, known.step.step()
-        return Prediction(pose @ step, step, variance, dt, self._velocity, goes_on, self._used())
+        expected = self._going_on(scan.t - before.t)
+        self._gyro.add(before, scan, expected)
+        self._wheels.add(before, scan, expected)
+        self._step, variance, known = expected.told()
+        dt, believed = expected.dt, known if self._wheels.contradicts else self._step
+        self._velocity = _per_second(believed, dt)
+        step = self._step.step()
+        used = self._used()
+        return Prediction(pose @ step, step, variance, dt, self._velocity, known.step(), used)
 
     def moved(self, pose: Pose2, covariance: Floats | None, scan: Scan) -> None:
         """The match found `pose`, with a covariance (3, 3) in the map frame (inf: not known).
@@ -135,19 +125,18 @@ class Motion:
             if is_motion or self._was_elsewhere:
                 self._learn(step, match)
             else:  # found again elsewhere; twice in a row it is the expectation that errs
-                self._correct(self._expected.step, UNKNOWN)
+                self._correct(self._step, UNKNOWN)
             self._was_elsewhere = not is_motion
         self._before, self._last_match = scan, match
 
     def missed(self, scan: Scan) -> None:
         """Nothing was found: the pose is the prediction, wheels and gyro alone tell the motion."""
-        dt, time = self._expected.dt, self._params.velocity_time
+        dt = self._expected.dt
         if self._before is not None:
             self._wheels.fade(dt)
             self._gyro.fade(dt)
-            self._correct(self._expected.step, UNKNOWN)
-            for axis in self._axes:
-                axis.fade(math.exp(-dt / time))
+            self._correct(self._step, UNKNOWN)
+            self._motion.fade(dt)
         self._before = scan
 
     def velocity_to(self, pose: Pose2) -> Pose2:
@@ -156,28 +145,19 @@ class Motion:
         return _per_second(step, self._expected.dt) if self._can_be(step) else self._velocity
 
     def _going_on(self, stamped: float) -> Expected:
-        """The step if the motion so far goes on; one from before a long break means nothing."""
-        p, dt = self._params, self._clock.elapsed(stamped)
-        if abs(dt - self._over.dt) > TICK:
-            self._over = interval(dt, p.acceleration_time)
-        if dt > p.velocity_time:
-            for axis in self._axes:
-                axis.forget()
-        if dt <= 0.0:  # no time is known: neither is a velocity
-            return Expected(NOTHING, Chord(*(u * u for u in self._unknown)), 0.0, 0.0)
-        ahead, aside, turn = [axis.step(self._over) for axis in self._axes]
-        # no arc where speed or turn change on the way: white accelerations bend it by 1 / 40 of
-        # their variance, which is half of what the step has; the rest is the rate's
-        bent = ahead[0] ** 2 * turn[1] + turn[0] ** 2 * ahead[1] + ahead[1] * turn[1]
-        aside = (aside[0], aside[1] + bent / 80.0)
-        means, spreads = (Chord(ahead[0], aside[0], turn[0]), Chord(ahead[1], aside[1], turn[1]))
-        return Expected(means, spreads, dt, max(dt, self._clock.usual))
+        """The step if the motion so far goes on."""
+        expected = self._expected
+        dt = expected.dt = self._clock.elapsed(stamped)
+        expected.reach = max(dt, self._clock.usual) if dt > 0.0 else 0.0
+        self._motion.going_on(dt, expected)
+        return expected
 
     def _can_be(self, step: Chord) -> bool:
         """Whether a robot expected where it was can be where it was found."""
-        e = self._expected
-        off = (step.ahead - e.step.ahead, step.aside - e.step.aside)
-        return self._limits.allow(*off, wrap_angle(step.turn - e.step.turn), e.reach)
+        known = self._step
+        turn = wrap_angle(step.turn - known.turn)
+        off = (step.ahead - known.ahead, step.aside - known.aside, turn)
+        return self._limits.allow(*off, self._expected.reach)
 
     def _learn(self, step: Chord, match: Chord) -> None:
         """Both ends of a found step have the error of their match; a heading's swings the step."""
@@ -192,29 +172,11 @@ class Motion:
         self._correct(step, Chord(match.ahead, match.aside + swing, match.turn))
 
     def _correct(self, step: Chord, match: Chord) -> None:
-        """Learn the velocity from the match; where that tells nothing, from wheels and gyro."""
-        dt, said, variance = self._expected.dt, self._wheels.step or NOTHING, self._wheels.variance
-        if dt <= 0.0:
-            return
-        if self._gyro.variance < variance.turn:
-            said = Chord(said.ahead, said.aside, self._gyro.turn or 0.0)
-            variance = Chord(variance.ahead, variance.aside, self._gyro.variance)
-        for i, axis in enumerate(self._axes):
-            axis.pass_over(self._over)
-            doubted = self._wheels.doubted[i]
-            unsettled = 0.0 < self._params.doubt**2 * doubted < match[i]  # the match says nothing
-            if unsettled:
-                axis.contradict(doubted, dt)
-            if match[i] < math.inf:
-                axis.correct(step[i], match[i], dt)
-            blind = match[i] > (self._unknown[i] * dt) ** 2  # no more than is known of all robots
-            if (blind or unsettled) and variance[i] < math.inf:
-                axis.correct_velocity(said[i] / dt, variance[i] / (dt * dt), dt)
-            axis.report(step[i])
+        self._motion.learn(step, match, self._wheels, self._gyro, self._expected.dt)
 
     def _used(self) -> tuple[str, ...]:
-        said = (("wheels", self._wheels.step), ("gyro", self._gyro.turn))
-        return (*(name for name, word in said if word is not None), "velocity")
+        said = (("wheels", self._wheels.heard), ("gyro", self._gyro.heard))
+        return (*(name for name, heard in said if heard), "velocity")
 
 
 def _per_second(step: Chord, dt: float) -> Pose2:
