@@ -136,10 +136,11 @@ def held_back(
 
 
 @njit
-def settled(honest: Floats, known: Floats, off: Floats) -> tuple[Floats, Floats]:
+def settled(honest: Floats, known: Floats, off: Floats) -> tuple[Floats, Floats, float]:
     """Covariance of a match by its scan alone, and with the prediction, `off` (3,) to the match.
 
-    ours: the informations add; the prediction's is that of `widened`.
+    ours: the informations add; the prediction's is that of `widened`. Also the evenness of what the
+    scan alone tells.
     """
     alone = honest.copy()
     for k in range(3):
@@ -148,7 +149,17 @@ def settled(honest: Floats, known: Floats, off: Floats) -> tuple[Floats, Floats]
     for i in range(3):
         for k in range(3):
             both[i, k] += honest[i, k]
-    return inverse3(alone), inverse3(both)
+    covariance = inverse3(alone)
+    return covariance, inverse3(both), evenness(covariance)
+
+
+@njit(inner=True)
+def evenness(covariance: Floats) -> float:
+    """Ratio of the least to the largest variance of x and y in a (3, 3), 0 to 1. ours."""
+    half = 0.5 * (covariance[0, 0] + covariance[1, 1])
+    spread = math.hypot(0.5 * (covariance[0, 0] - covariance[1, 1]), covariance[0, 1])
+    ratio: float = max(half - spread, 0.0) / (half + spread)
+    return ratio
 
 
 @njit

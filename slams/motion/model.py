@@ -123,9 +123,10 @@ class Motion:
         if self._before is not None:
             is_motion = self._can_be(step)
             if is_motion or self._was_elsewhere:
-                self._learn(step, match)
+                self._clock.found(step)
+                self._motion.learn(step, match, self._last_match, self._wheels, self._gyro)
             else:  # found again elsewhere; twice in a row it is the expectation that errs
-                self._correct(self._step, UNKNOWN)
+                self._motion.believe(self._step, self._wheels, self._gyro)
             self._was_elsewhere = not is_motion
         self._before, self._last_match = scan, match
 
@@ -135,7 +136,7 @@ class Motion:
         if self._before is not None:
             self._wheels.fade(dt)
             self._gyro.fade(dt)
-            self._correct(self._step, UNKNOWN)
+            self._motion.believe(self._step, self._wheels, self._gyro)
             self._motion.fade(dt)
         self._before = scan
 
@@ -158,21 +159,6 @@ class Motion:
         turn = wrap_angle(step.turn - known.turn)
         off = (step.ahead - known.ahead, step.aside - known.aside, turn)
         return self._limits.allow(*off, self._expected.reach)
-
-    def _learn(self, step: Chord, match: Chord) -> None:
-        """Both ends of a found step have the error of their match; a heading's swings the step."""
-        self._clock.found(step)
-        last = self._last_match
-        swing = last.turn * step.ahead * step.ahead if step.ahead else 0.0
-        both = Chord(
-            match.ahead + last.ahead, match.aside + last.aside + swing, match.turn + last.turn
-        )
-        self._wheels.compare(step, both, self._expected.dt)
-        self._gyro.compare(step, both, self._expected.dt)
-        self._correct(step, Chord(match.ahead, match.aside + swing, match.turn))
-
-    def _correct(self, step: Chord, match: Chord) -> None:
-        self._motion.learn(step, match, self._wheels, self._gyro, self._expected.dt)
 
     def _used(self) -> tuple[str, ...]:
         said = (("wheels", self._wheels.heard), ("gyro", self._gyro.heard))

@@ -107,10 +107,3 @@ def noise_of(scan: Scan, every: int = 1) -> float:
     if m < FEWEST:
         return UNKNOWN
     return float(np.partition(errors[:m], m // QUARTER)[m // QUARTER]) / EXPECTED
-
-
-def evenness(covariance: Floats) -> float:
-    """Ratio of the least to the largest variance of x and y, of a covariance (3, 3): 0 to 1."""
-    (xx, xy, _), (_, yy, _), _ = covariance.tolist()
-    half, spread = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
-    return float(max(half - spread, 0.0) / (half + spread))

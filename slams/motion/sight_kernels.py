@@ -17,6 +17,17 @@ N_FACES = 5
 ONE = np.float32(1.0)  # as precise as ranges are
 
 
+@njit(borrows=True)
+def hits(ranges: Ranges, far: float, most: int) -> int:
+    """Number of ranges (n,) that met something nearer than `far` [m]; at `most` it ends. ours."""
+    met = 0
+    for i in range(len(ranges)):
+        met += ranges[i] < far
+        if met >= most:
+            break
+    return met
+
+
 @njit
 def bends(ranges: Ranges, every: int, turn: float, far: float, out: Floats) -> int:
     """How far beams are from being on one straight wall with those beside them, in ranges [m].

@@ -106,7 +106,7 @@ def fade_all(sources: Records, laws: Records, dt: float) -> None:
         fade(sources[i], laws[0], dt)
 
 
-@njit(borrows=True)
+@njit(inner=True, borrows=True)
 def compare(sources: Records, laws: Records, found: Any, variance: Any, dt: float) -> bool:
     """Learn from the step that a match found, of whose three numbers a source tells the last. ours.
 

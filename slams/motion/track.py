@@ -15,7 +15,8 @@ from slams.motion import belief_kernels as kernels
 from slams.motion.chord import FLOOR, with_the_same_error
 from slams.motion.model import Motion, Prediction
 from slams.motion.params import MotionParams, without_wheels
-from slams.motion.sight import CLEAR, evenness, sight
+from slams.motion.sight import CLEAR, sight
+from slams.motion.sight_kernels import hits
 from slams.motion.slip import SHIFTS, Leads, slip
 from slams.motion.trust import Limits
 from slams.types import IDENTITY, Floats, Pose2, Scan, State, wrap_angle
@@ -104,8 +105,7 @@ class Track:
         """
         sees = min(self._even / EVEN, 1.0)
         if "wheels" in self._prediction.used:
-            hits = np.count_nonzero(scan.ranges < scan.laser.range_max)
-            sees *= min(float(hits) / GAPLESS, 1.0)
+            sees *= hits(scan.ranges, scan.laser.range_max, GAPLESS) / GAPLESS
         return 1.0 + (self._params.caution - 1.0) * sees**2
 
     def prior(self, start: Pose2) -> Floats:
@@ -157,8 +157,7 @@ class Track:
         pose = self._fused(pose, seen, honest)
         if leads is not None and self._sight.share < SEEN:
             pose, honest = self._looked_along(pose, honest, leads)
-        alone, covariance = kernels.settled(honest, self._information, self._off(pose))
-        self._even = evenness(alone)
+        alone, covariance, self._even = kernels.settled(honest, self._information, self._off(pose))
         learns = self._widen_wheels or not self._by_wheels
         if learns and self.state == "matched":  # a blind drive tells of the wheels, not of one step
             self._learn(self._by_scan(found, seen), alone)

@@ -15,6 +15,7 @@ from slams.types import Records
 FLOOR = 2.5e-13  # m^2, rad^2: half a micrometer, rounding of what is logged; no variance is less
 PLAIN = 9.0  # a squared, normalized surprise that is no chance when it comes twice
 SURPRISE = 50.0  # most that one squared, normalized surprise counts when accelerations are learned
+SHORT = 0.01  # share of an acceleration's time below which the series is more exact
 LEAST, MOST = 0.1, 1e5  # bounds of the learned variance, times the one to begin with
 TURN = 2  # row of the turn, after ahead and aside
 
@@ -46,6 +47,33 @@ def fade(axes: Records, keep: float) -> None:
     for i in range(len(axes)):
         axes[i].v *= keep
         axes[i].a *= keep
+
+
+@njit(borrows=True)
+def interval(overs: Records, dt: float, time: float) -> None:
+    """Singer's transition and noise in closed form over `dt` [s], if accelerations last `time` [s].
+
+    Below a hundredth of that time the first term of the series is more exact than the differences.
+    """
+    over, b = overs[0], dt / time
+    e, bb, bbb = math.exp(-b), b * b, b * b * b
+    over.dt, over.aa = dt, e
+    over.xa, over.va = time * time * (b - 1.0 + e), time * (1.0 - e)
+    if b < SHORT:
+        over.qxx, over.qxv, over.qxa = bbb * bb / 10.0, bb * bb / 4.0, bbb / 3.0
+        over.qvv, over.qva, over.qaa = bbb * 2.0 / 3.0, bb, 2.0 * b
+    else:
+        over.qxx = 1.0 - e * e + 2.0 * b + 2.0 * bbb / 3.0 - 2.0 * bb - 4.0 * b * e
+        over.qxv = e * e + 1.0 - 2.0 * e + 2.0 * b * e - 2.0 * b + bb
+        over.qxa = 1.0 - e * e - 2.0 * b * e
+        over.qvv = 4.0 * e - 3.0 - e * e + 2.0 * b
+        over.qva = e * e + 1.0 - 2.0 * e
+        over.qaa = 1.0 - e * e
+    over.qxx *= time**4
+    over.qxv *= time**3
+    over.qxa *= time**2
+    over.qvv *= time**2
+    over.qva *= time
 
 
 @njit(inner=True, borrows=True)
@@ -134,34 +162,3 @@ def update(axis: Any, y: float, s: float, px: float, pv: float, pa: float) -> No
     axis.x, axis.v, axis.a = axis.x + kx * y, axis.v + kv * y, axis.a + ka * y
     axis.xx, axis.xv, axis.xa = axis.xx - kx * px, axis.xv - kx * pv, axis.xa - kx * pa
     axis.vv, axis.va, axis.aa = axis.vv - kv * pv, axis.va - kv * pa, axis.aa - ka * pa
-
-
-@njit(borrows=True)
-def learn_step(
-    axes: Records,
-    overs: Records,
-    wheels: Records,
-    gyro: Records,
-    doubt: float,
-    step: Any,
-    match: Any,
-    dt: float,
-) -> None:
-    """Learn from a step that was found; where that tells nothing, from wheels and gyro. ours.
-
-    match: the variances of step [m^2, rad^2]; doubt: deviations that contradict.
-    """
-    for i in range(len(axes)):
-        axis, said = axes[i], wheels[i]
-        pass_over(axis, overs[0])
-        unsettled = 0.0 < doubt**2 * said.doubted < match[i]  # the match says nothing
-        if unsettled:
-            contradict(axis, said.doubted, dt)
-        if match[i] < math.inf:
-            correct(axis, step[i], match[i], dt)
-        if i == TURN and gyro[0].variance < said.variance:
-            said = gyro[0]
-        blind = match[i] > axis.unknown * dt * dt  # no more than is known of all robots
-        if (blind or unsettled) and said.variance < math.inf:
-            correct_velocity(axis, said.said / dt, said.variance / (dt * dt), dt)
-        axis.x -= step[i]  # the pose is now reported further

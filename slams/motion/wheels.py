@@ -6,7 +6,6 @@ import math
 
 from slams.jit import records
 from slams.motion import source_kernels as kernels
-from slams.motion.chord import Chord
 from slams.motion.params import MotionParams
 from slams.motion.trust import Expected, laws
 from slams.types import Scan
@@ -42,11 +41,6 @@ class Wheels:
         self.used += self.heard
         self.faults += word == kernels.LEAP
 
-    def compare(self, found: Chord, variance: Chord, dt: float) -> None:
-        """Learn from the step that a match found, with its variances (inf: not known)."""
-        if self.heard and dt > 0.0:
-            self.faults += kernels.compare(self.numbers, self._laws, found, variance, dt)
-
     def fade(self, dt: float) -> None:
         """There was no match to compare with."""
         kernels.fade_all(self.numbers, self._laws, dt)
@@ -75,11 +69,6 @@ class Gyro:
             kernels.silence(self.numbers)
         self.heard = word == kernels.GOOD
         self.used += self.heard
-
-    def compare(self, found: Chord, variance: Chord, dt: float) -> None:
-        """Learn from the step that a match found, with its variances (inf: not known)."""
-        if self.heard and dt > 0.0:
-            kernels.compare(self.numbers, self._laws, found, variance, dt)
 
     def fade(self, dt: float) -> None:
         """There was no match to compare with."""
