@@ -36,6 +36,7 @@ class LogOddsPyramid:
             math.log(params.free / (1.0 - params.free)),
             math.log(params.occupied / (1.0 - params.occupied)),
             params.ceiling,
+            params.free / (1.0 - params.free),
         )
         self.levels = [self._empty(level) for level in range(params.levels)]
         self.lines = LineMap(params, *self._finest())

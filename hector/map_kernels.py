@@ -40,24 +40,32 @@ class Level(NamedTuple):
 
 
 class Update(NamedTuple):
-    """Log-odds added to free and to occupied cells, the ceiling above which none is added."""
+    """Log-odds added to free and to occupied cells, the ceiling above which none is added.
+
+    `odds` that a cell is occupied are multiplied by where it is seen free, the exponential of
+    `free`.
+    """
 
     free: float
     occupied: float
     ceiling: float
+    odds: float
 
 
 @njit(inner=True, borrows=True)
 def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
     """A beam passed cell [v, u], once per scan: inverse sensor model, [Kohlbrecher11] sec. IV-A.
 
-    ours: `p` of a cell that is surely free stays as it is, 0 but for rounding: most cells are.
+    ours: `p` follows by Bayes' rule, as an exponential for each of so many cells takes longer than
+    all else; of a cell that is surely free it stays as it is, 0 but for rounding: most cells are.
     """
     if level.stamp[v, u] < mark:
-        log_odds = level.log_odds[v, u] + update.free
+        before = level.log_odds[v, u]
+        log_odds = before + update.free
         level.log_odds[v, u], level.stamp[v, u] = log_odds, mark
         if log_odds > SURELY_FREE:
-            level.p[v, u] = probability(log_odds)
+            p = level.p[v, u] if before != 0.0 else 0.5
+            level.p[v, u] = p * update.odds / (1.0 - p + p * update.odds)
 
 
 @njit(inner=True, borrows=True)

@@ -32,7 +32,7 @@ from tests.hector import naive
 from tests.rooms import CORRIDOR, ROOM, cast, drive, laser, mirrored, scan_at
 
 FREE, OCCUPIED = math.log(0.4 / 0.6), math.log(0.9 / 0.1)
-UPDATE = Update(FREE, OCCUPIED, 50.0)
+UPDATE = Update(FREE, OCCUPIED, 50.0, math.exp(FREE))
 NOTHING = Prior(IDENTITY, np.zeros((3, 3)))  # is known before the scan
 GRAIN = Grain(0.0, 0.05, 0.1)
 FIT = Fit(20, 1e-6, 0.01, 1, 0.05, 1e-4)
