@@ -38,7 +38,7 @@ def learn(
     return wrong
 
 
-@njit(borrows=True)
+@njit(inner=True, borrows=True)
 def learn_velocity(
     axes: Records,
     overs: Records,

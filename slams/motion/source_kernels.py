@@ -52,7 +52,7 @@ def allow_turn(laws: Records, turn: float, expected: Any, reach: float) -> bool:
     return allow(laws, 0.0, 0.0, turn, reach)
 
 
-@njit(borrows=True)
+@njit(inner=True, borrows=True)
 def allow_step(laws: Records, step: Any, expected: Records, reach: float) -> bool:
     """Whether a robot that was expected elsewhere can have made this step in `reach` [s]. ours."""
     law, x, y, turn = laws[0], expected[0], expected[1], expected[TURN]
@@ -66,12 +66,6 @@ def allow_step(laws: Records, step: Any, expected: Records, reach: float) -> boo
 
 
 @njit(inner=True, borrows=True)
-def fade(source: Any, law: Any, dt: float) -> None:
-    """The source agreed, or there was nothing to compare with. ours."""
-    source.doubt *= math.exp(-2.0 * dt / law.doubt_time)
-
-
-@njit(inner=True, borrows=True)
 def learn_doubt(source: Any, law: Any, error: float, variance: float, dt: float) -> bool:
     """Compare with what a match found; whether the two contradict each other. ours.
 
@@ -80,7 +74,7 @@ def learn_doubt(source: Any, law: Any, error: float, variance: float, dt: float)
     for good.
     """
     if error * error <= law.doubt**2 * variance:
-        fade(source, law, dt)
+        source.doubt *= math.exp(-2.0 * dt / law.doubt_time)
         return False
     speed = min(error * error / (dt * dt), source.most)
     source.doubt += (1.0 - math.exp(-dt / law.doubt_time)) * (speed - source.doubt)
@@ -99,13 +93,6 @@ def learn_scale(source: Any, law: Any, error: float, match: float, dt: float) ->
     source.scale = min(max(source.scale, LEAST), WIDEST)
 
 
-@njit(borrows=True)
-def fade_all(sources: Records, laws: Records, dt: float) -> None:
-    """There was no match to compare with. ours."""
-    for i in range(len(sources)):
-        fade(sources[i], laws[0], dt)
-
-
 @njit(inner=True, borrows=True)
 def compare(sources: Records, laws: Records, found: Any, variance: Any, dt: float) -> bool:
     """Learn from the step that a match found, of whose three numbers a source tells the last. ours.
@@ -122,7 +109,7 @@ def compare(sources: Records, laws: Records, found: Any, variance: Any, dt: floa
     return wrong
 
 
-@njit(borrows=True)
+@njit(inner=True, borrows=True)
 def wheel_variance(laws: Records, step: Any, dt: float) -> tuple[float, float, float]:
     """Variances of a step by odometry.
 
@@ -174,7 +161,7 @@ def chord(last: Any, now: Any) -> tuple[float, float, float]:
     return c * x + s * y, c * y - s * x, turn
 
 
-@njit(borrows=True)
+@njit(inner=True, borrows=True)
 def silence(sources: Records) -> None:
     """The source says nothing. ours."""
     for i in range(len(sources)):

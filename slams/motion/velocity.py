@@ -32,16 +32,17 @@ class Velocity:
         self.axes["unknown"] = (0.5 * tops) ** 2
         self.axes["learn_time"] = p.learn_time
         self._over, self._laws = records(1, kernels.INTERVAL), laws(p)
-        kernels.forget(self.axes)
+        self.forget()
 
     def going_on(self, dt: float, expected: Expected) -> None:
         """Set the step if the motion so far goes on; one from before a long break means nothing."""
-        kernels.interval(self._over, dt, self._p.acceleration_time)
         if dt > self._p.velocity_time:
-            kernels.forget(self.axes)
+            self.forget()
         if dt > 0.0:
-            kernels.going_on(self.axes, self._over, expected.rows)
+            time = self._p.acceleration_time
+            kernels.going_on(self.axes, self._over, expected.rows, dt, time)
         else:  # no time is known: neither is a velocity
+            self._over["dt"] = 0.0
             expected.set((0.0, 0.0, 0.0), self.axes["unknown"])
 
     def learn(self, step: Chord, match: Chord, last: Chord, wheels: Wheels, gyro: Gyro) -> None:
@@ -54,9 +55,16 @@ class Velocity:
 
     def believe(self, step: Chord, wheels: Wheels, gyro: Gyro) -> None:
         """The step was as expected, for all that is known; wheels and gyro tell the velocity."""
-        by = (self.axes, self._over, wheels.numbers, gyro.numbers, self._laws)
-        model_kernels.learn_velocity(*by, tuple(step), tuple(UNKNOWN))
+        self.learn(step, UNKNOWN, UNKNOWN, wheels, gyro)
 
     def fade(self, dt: float) -> None:
         """Nothing confirmed the velocity: it means less."""
-        kernels.fade(self.axes, math.exp(-dt / self._p.velocity_time))
+        keep = math.exp(-dt / self._p.velocity_time)
+        self.axes["v"] *= keep
+        self.axes["a"] *= keep
+
+    def forget(self) -> None:
+        """Begin anew: nothing is known but that robots are not fast."""
+        for name in ("x", "v", "a", "xx", "xv", "xa", "va"):
+            self.axes[name] = 0.0
+        self.axes["vv"], self.axes["aa"] = self.axes["unknown"], self.axes["noise"]

@@ -32,28 +32,11 @@ INTERVAL = "dt xa va aa qxx qxv qxa qvv qva qaa"
 EXPECTED = "step variance known measured"
 
 
-@njit(borrows=True)
-def forget(axes: Records) -> None:
-    """Begin anew: nothing is known but that robots are not fast. ours."""
-    for i in range(len(axes)):
-        axis = axes[i]
-        axis.x = axis.v = axis.a = axis.xx = axis.xv = axis.xa = axis.va = 0.0
-        axis.vv, axis.aa = axis.unknown, axis.noise
-
-
-@njit(borrows=True)
-def fade(axes: Records, keep: float) -> None:
-    """Nothing confirmed the velocity: it means less. ours."""
-    for i in range(len(axes)):
-        axes[i].v *= keep
-        axes[i].a *= keep
-
-
-@njit(borrows=True)
+@njit(inner=True, borrows=True)
 def interval(overs: Records, dt: float, time: float) -> None:
     """Singer's transition and noise in closed form over `dt` [s], if accelerations last `time` [s].
 
-    Below a hundredth of that time the first term of the series is more exact than the differences.
+    ours: below a hundredth of that time the first term of the series is more exact.
     """
     over, b = overs[0], dt / time
     e, bb, bbb = math.exp(-b), b * b, b * b * b
@@ -85,12 +68,15 @@ def step(axis: Any, over: Any) -> tuple[float, float]:
 
 
 @njit(borrows=True)
-def going_on(axes: Records, overs: Records, expected: Records) -> None:
-    """Into `expected` the step if the motion so far goes on. ours.
+def going_on(axes: Records, overs: Records, expected: Records, dt: float, time: float) -> None:
+    """Into `expected` the step in `dt` [s] if the motion so far goes on. ours.
+
+    `time` [s] is how long accelerations last; `overs` is set.
 
     There is no arc where speed or turn change on the way: white accelerations bend it by 1 / 40 of
     their variance, which is half of what the step has; the rest is the rate's.
     """
+    interval(overs, dt, time)
     for i in range(len(axes)):
         expected[i].step, expected[i].variance = step(axes[i], overs[0])
     ahead, aside, turn = expected[0], expected[1], expected[TURN]

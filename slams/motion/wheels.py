@@ -8,7 +8,7 @@ from slams.jit import records
 from slams.motion import source_kernels as kernels
 from slams.motion.params import MotionParams
 from slams.motion.trust import Expected, laws
-from slams.types import Scan
+from slams.types import Records, Scan
 
 
 class Wheels:
@@ -26,7 +26,7 @@ class Wheels:
         self.numbers["variance"], self.numbers["scale"] = math.inf, kernels.LEAST
         self.numbers["most"] = params.top_speed**2
         self.numbers["most"][-1] = params.top_turn_rate**2
-        self._listens, self._laws = params.wheels, laws(params)
+        self._listens, self._laws, self._time = params.wheels, laws(params), params.doubt_time
 
     def add(self, before: Scan, scan: Scan, known: Expected) -> None:
         """Add to what is known of the step what the wheels say; a leap is not heard."""
@@ -35,7 +35,7 @@ class Wheels:
             row, dt, reach = known.rows, known.dt, known.reach
             word = kernels.hear_wheels(self.numbers, self._laws, row, last, now, dt, reach)
         elif self.heard:
-            kernels.silence(self.numbers)
+            silence(self.numbers)
         self.heard = word in (kernels.GOOD, kernels.CONTRADICTED)
         self.contradicts = word in (kernels.LEAP, kernels.CONTRADICTED)
         self.used += self.heard
@@ -43,7 +43,7 @@ class Wheels:
 
     def fade(self, dt: float) -> None:
         """There was no match to compare with."""
-        kernels.fade_all(self.numbers, self._laws, dt)
+        fade(self.numbers, self._time, dt)
 
 
 class Gyro:
@@ -57,7 +57,7 @@ class Gyro:
         self.heard = False
         self.numbers = records(1, kernels.SOURCE)
         self.numbers["variance"], self.numbers["most"] = math.inf, params.top_turn_rate**2
-        self._listens, self._laws = params.gyro, laws(params)
+        self._listens, self._laws, self._time = params.gyro, laws(params), params.doubt_time
 
     def add(self, before: Scan, scan: Scan, known: Expected) -> None:
         """Add to what is known of the step what the gyro says; a leap is not heard."""
@@ -66,13 +66,23 @@ class Gyro:
             row, dt, reach = known.rows, known.dt, known.reach
             word = kernels.hear_gyro(self.numbers, self._laws, row, turn, dt, reach)
         elif self.heard:
-            kernels.silence(self.numbers)
+            silence(self.numbers)
         self.heard = word == kernels.GOOD
         self.used += self.heard
 
     def fade(self, dt: float) -> None:
         """There was no match to compare with."""
-        kernels.fade_all(self.numbers, self._laws, dt)
+        fade(self.numbers, self._time, dt)
+
+
+def silence(numbers: Records) -> None:
+    """The source says nothing."""
+    numbers["variance"], numbers["doubted"] = math.inf, 0.0
+
+
+def fade(numbers: Records, time: float, dt: float) -> None:
+    """Nothing contradicted the source for `dt` [s]: its doubt fades in `time` [s]."""
+    numbers["doubt"] *= math.exp(-2.0 * dt / time)
 
 
 def gyro_turn(before: Scan, scan: Scan) -> float | None:

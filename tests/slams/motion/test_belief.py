@@ -59,9 +59,10 @@ def test_a_prediction_is_the_pose_before_swung_by_the_step_and_as_wide_as_was_le
 def test_a_match_alone_and_with_the_prediction_add_their_informations():
     honest, known, off = _positive(0), _positive(1), np.array((0.2, -0.1, 0.05))
     prior = np.linalg.inv(np.linalg.inv(known) + np.outer(off, off))
-    alone, both = kernels.settled(honest, known, off)
+    alone, both, even = kernels.settled(honest, known, off)
     assert alone == pytest.approx(np.linalg.inv(honest + LEAST))
     assert both == pytest.approx(np.linalg.inv(honest + prior))
+    assert even == pytest.approx(kernels.evenness(alone))
     expected = off + np.linalg.inv(honest + LEAST) @ known @ off
     assert kernels.by_scan(honest, known, off) == pytest.approx(expected)
     square = off @ np.linalg.inv(honest + known) @ off

@@ -5,13 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from slams.motion.chord import CERTAIN, NOTHING
+from slams.jit import records
+from slams.motion import source_kernels, velocity_kernels
+from slams.motion.chord import CERTAIN, NOTHING, UNKNOWN, Chord
 from slams.motion.clock import MEMORY, Clock
 from slams.motion.model import Motion
 from slams.motion.params import MotionParams
-from slams.motion.trust import Doubt, Expected, Limits, Scale
-from slams.motion.velocity import Velocity, interval
-from slams.motion.wheels import Gyro, Wheels, gyro_turn, wheel_step
+from slams.motion.trust import Expected, laws
+from slams.motion.velocity import Velocity
+from slams.motion.wheels import Gyro, Wheels, fade, gyro_turn
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import laser
 
@@ -27,50 +29,79 @@ def stamped(k):
 # the motion
 
 
+def going(dt, last=1.0):
+    """One axis with accelerations of 1 m/s^2, and half a second that passes it."""
+    axes, over = records(1, velocity_kernels.AXIS), records(1, velocity_kernels.INTERVAL)
+    axes["noise"], axes["aa"], axes["vv"] = 1.0, 1.0, 4.0
+    velocity_kernels.interval(over, dt, last)
+    return axes, over
+
+
 def test_a_velocity_by_wheels_is_of_the_middle_of_the_interval():
-    velocity, over = Velocity(1.0, 2.0, 1.0), interval(0.5, 1.0)
-    velocity.pass_over(over)
-    before, spread = velocity.v, velocity.vv
-    velocity.correct_velocity(1.0, 0.1, 0.5)
+    axes, over = going(0.5)
+    velocity_kernels.pass_over(axes[0], over[0])
+    before, spread = axes["v"][0], axes["vv"][0]
+    velocity_kernels.correct_velocity(axes[0], 1.0, 0.1, 0.5)
     lag = 0.25 * 0.5**2 * 1.0
-    assert velocity.v - before == pytest.approx(spread / (spread + 0.1 + lag))
-    assert velocity.vv == pytest.approx(spread * (1.0 - spread / (spread + 0.1 + lag)))
+    assert axes["v"][0] - before == pytest.approx(spread / (spread + 0.1 + lag))
+    assert axes["vv"][0] == pytest.approx(spread * (1.0 - spread / (spread + 0.1 + lag)))
 
 
 def test_what_lasts_goes_on_and_a_pose_reported_is_no_error():
-    velocity, over = Velocity(1.0, 2.0, 1.0), interval(0.5, 1.0)
-    velocity.v, velocity.a = 0.4, 0.2
-    step, _ = velocity.step(over)
-    assert step == pytest.approx(0.5 * 0.4 + over.xa * 0.2)
-    velocity.pass_over(over)
-    assert velocity.x == pytest.approx(step)
-    velocity.report(step)
-    assert velocity.x == pytest.approx(0.0)
+    velocity, expected = Velocity(P), Expected()
+    velocity.axes["v"], velocity.axes["a"] = 0.4, 0.2
+    velocity.going_on(0.5, expected)
+    step, _, _ = expected.told()
+    b = 0.5 / P.acceleration_time
+    lasts = P.acceleration_time**2 * (b - 1.0 + math.exp(-b))
+    assert step == pytest.approx([0.5 * 0.4 + lasts * 0.2] * 3)
+    velocity.believe(step, Wheels(P), Gyro(P))
+    assert velocity.axes["x"] == pytest.approx([0.0] * 3)
+    assert velocity.axes["v"] == pytest.approx(
+        [0.4 + P.acceleration_time * (1 - math.exp(-b)) * 0.2] * 3
+    )
 
 
 def test_an_arc_whose_speed_and_turn_change_ends_aside():
-    motion = Motion(P)
-    for axis in motion._axes:
-        axis.v, axis.vv, axis.va, axis.aa = 0.0, 0.0, 0.0, 0.0
-    ahead, _, turn = motion._axes
-    ahead.v, turn.v, turn.vv = 2.0, 1.0, 0.5
-    expected = motion._going_on(0.1)
-    plain = [axis.step(motion._over)[1] for axis in motion._axes]
-    bent = (2.0 * 0.1) ** 2 * plain[2] + (1.0 * 0.1) ** 2 * plain[0] + plain[0] * plain[2]
-    assert expected.variance.aside - plain[1] == pytest.approx(bent / 80.0, rel=1e-6)
+    velocity = Velocity(P)
+    for name in ("v", "vv", "va", "aa"):
+        velocity.axes[name] = 0.0
+    plain = expected_variance(velocity)
+    velocity.axes["v"], velocity.axes["vv"][2] = (2.0, 0.0, 1.0), 0.5
+    ahead, aside, turn = expected_variance(velocity)
+    bent = (2.0 * 0.1) ** 2 * turn + (1.0 * 0.1) ** 2 * ahead + ahead * turn
+    assert aside - plain[1] == pytest.approx(bent / 80.0, rel=1e-6)
+
+
+def expected_variance(velocity):
+    expected = Expected()
+    velocity.going_on(0.1, expected)
+    return expected.told()[1]
 
 
 def test_a_heading_that_is_unsure_swings_the_step():
-    motion, told, corrected = Motion(P), [], []
-    motion._wheels.compare = lambda step, both, dt: told.append(both)
-    motion._correct = lambda step, match: corrected.append(match)
-    for k in range(3):
-        motion.predict(Pose2(k, 0.0, 0.0), stamped(k))
-        covariance = np.diag([1e-4, 1e-4, 1e-2])
-        motion.moved(Pose2(k + 1.0, 0.0, 0.0), covariance, stamped(k))
-    assert told[-1].aside == pytest.approx(2e-4 + 1e-2 * 1.0)
-    assert told[-1].ahead == pytest.approx(2e-4) and told[-1].turn == pytest.approx(2e-2)
-    assert corrected[-1] == pytest.approx((1e-4, 1e-4 + 1e-2, 1e-2))
+    """By as much as a match that is as unsure aside as the swung step is."""
+    swung, unsure, plain = (Velocity(P) for _ in range(3))
+    last, match, step = Chord(1e-4, 1e-4, 1e-2), Chord(1e-4, 1e-4, 1e-2), Chord(1.0, 0.1, 0.0)
+    sure = Chord(1e-4, 1e-4, 0.0)
+    cases = ((swung, match, last), (unsure, match._replace(aside=1e-4 + 1e-2), sure))
+    for velocity, at_end, at_start in (*cases, (plain, match, sure)):
+        velocity.axes["vv"] = 1e-2
+        velocity.going_on(1.0, Expected())
+        velocity.learn(step, at_end, at_start, Wheels(P), Gyro(P))
+    assert swung.axes["v"] == pytest.approx(unsure.axes["v"])
+    assert abs(swung.axes["v"][1]) < 0.9 * abs(plain.axes["v"][1])
+
+
+def test_the_errors_of_both_ends_excuse_the_wheels():
+    for deviation, doubted in ((1e-4, True), (0.1, False)):
+        velocity, wheels, gyro, expected = Velocity(P), Wheels(P), Gyro(P), Expected()
+        expected.dt = expected.reach = 0.1
+        velocity.going_on(0.1, expected)
+        wheels.add(stamped(0), stamped(1), expected)
+        last, match = Chord(deviation**2, 1e-8, 1e-8), Chord(1e-8, 1e-8, 1e-8)
+        velocity.learn(Chord(0.0, 0.0, 0.0), match, last, wheels, gyro)
+        assert wheels.faults == doubted and (wheels.numbers["doubt"][0] > 0.0) == doubted
 
 
 def test_without_a_match_doubt_and_velocity_fade():
@@ -79,22 +110,30 @@ def test_without_a_match_doubt_and_velocity_fade():
         motion.predict(IDENTITY, stamped(k))
         motion.moved(IDENTITY, None, stamped(k))
     motion.predict(IDENTITY, stamped(2))
-    doubt, velocity = motion._wheels._doubts[0], motion._axes[0]
-    doubt.variance, velocity.v = 1.0, 0.5
+    doubt, velocity = motion._wheels.numbers["doubt"], motion._motion.axes["v"]
+    doubt[0], velocity[0] = 1.0, 0.5
     motion.missed(stamped(2))
-    assert doubt.variance == pytest.approx(math.exp(-0.2 / P.doubt_time))
-    assert 0.0 < velocity.v < 0.5
+    assert doubt[0] == pytest.approx(math.exp(-0.2 / P.doubt_time))
+    assert 0.0 < velocity[0] < 0.5
 
 
 # the sources
+
+
+def expecting(dt, variance=CERTAIN, measured=False):
+    """No motion, with such variances, in `dt` [s]; its turn measured by a gyro or not."""
+    expected = Expected()
+    expected.set(NOTHING, variance)
+    expected.dt = expected.reach = dt
+    expected.rows["measured"][2] = measured
+    return expected
 
 
 def test_wheels_contradict_a_velocity_over_a_short_interval_only():
     for dt, contradicts in ((0.9 * P.witness_time, True), (1.1 * P.witness_time, False)):
         wheels = Wheels(P)
         before, scan = Scan(0.0, *BEAM, IDENTITY), Scan(dt, *BEAM, Pose2(0.3 * dt, 0.0, 0.0))
-        known = Expected(NOTHING, CERTAIN, dt, dt)
-        wheels.add(before, scan, known)
+        wheels.add(before, scan, expecting(dt))
         assert wheels.contradicts == contradicts
 
 
@@ -102,45 +141,60 @@ def test_a_turn_that_a_gyro_measured_is_not_made_doubtful_by_wheels():
     for measured in (True, False):
         before, scan = Scan(0.0, *BEAM, IDENTITY), Scan(0.1, *BEAM, Pose2(0.0, 0.0, 0.2))
         spread = CERTAIN._replace(turn=1e-6)
-        found = Wheels(P).add(before, scan, Expected(NOTHING, spread, 0.1, 0.1, measured))
-        assert (abs(found.step.turn) < 1e-3) == measured
-        assert (found.variance.turn < 1e-5) == measured
+        found = expecting(0.1, spread, measured)
+        Wheels(P).add(before, scan, found)
+        step, variance, known = found.told()
+        assert (abs(step.turn) < 1e-3) == measured and known == NOTHING
+        assert (variance.turn < 1e-5) == measured
 
 
 def test_a_gyro_that_passes_half_a_turn_goes_on():
     before, scan = Scan(0.0, *BEAM, None, 3.1), Scan(0.1, *BEAM, None, -3.1)
     assert gyro_turn(before, scan) == pytest.approx(2.0 * math.pi - 6.2)
-    known = Expected(NOTHING, CERTAIN._replace(turn=1.0), 0.1, 0.1)
-    assert Gyro(P).add(before, scan, known).step.turn == pytest.approx(0.083, abs=0.001)
+    found = expecting(0.1, CERTAIN._replace(turn=1.0))
+    Gyro(P).add(before, scan, found)
+    assert found.told()[0].turn == pytest.approx(0.083, abs=0.001)
 
 
 def test_wheels_that_are_not_finite_say_nothing():
     good, bad = Scan(0.0, *BEAM, IDENTITY), Scan(0.1, *BEAM, Pose2(math.nan, 0.0, 0.0))
-    assert wheel_step(good, bad) is None and wheel_step(bad, good) is None
+    for pair in ((good, bad), (bad, good)):
+        wheels, found = Wheels(P), expecting(0.1)
+        wheels.add(good, Scan(0.1, *BEAM, Pose2(0.01, 0.0, 0.0)), expecting(0.1))
+        wheels.add(*pair, found)
+        assert not wheels.heard and not wheels.contradicts and wheels.faults == 0
+        assert found.told() == (NOTHING, CERTAIN, NOTHING)
+        assert wheels.numbers["variance"].tolist() == list(UNKNOWN)
 
 
 def test_no_robot_turns_round_at_once_however_it_moves():
-    limits, known = Limits(P), Expected(NOTHING, CERTAIN, 0.05, 0.05)
+    known = expecting(0.05).rows
     most = P.top_turn_acceleration * 0.05**2 + P.leap
     for turn, possible in ((0.99 * most, True), (1.1 * most, False)):
-        assert limits.allow_step(NOTHING._replace(turn=turn), known) == possible
+        step = (0.0, 0.0, turn)
+        assert source_kernels.allow_step(laws(P), step, known, 0.05) == possible
     assert most < P.top_turn_rate * 0.05 + P.leap
 
 
 def test_doubt_is_the_velocity_that_was_not_seen_and_fades_in_its_time():
-    doubt = Doubt(P, 3.0)
-    doubt.learn(0.1, 1e-6, 0.1)
+    sources, law = records(1, source_kernels.SOURCE), laws(P)
+    sources["most"] = 9.0
+    assert source_kernels.learn_doubt(sources[0], law[0], 0.1, 1e-6, 0.1)
     learned = 1.0 - math.exp(-0.1 / P.doubt_time)
-    assert doubt.variance == pytest.approx(learned * 1.0)  # (1 m/s)^2
-    doubt.fade(0.5 * P.doubt_time)
-    assert doubt.variance == pytest.approx(learned * math.exp(-1.0))
+    assert sources["doubt"][0] == pytest.approx(learned * 1.0)  # (1 m/s)^2
+    fade(sources, P.doubt_time, 0.5 * P.doubt_time)
+    assert sources["doubt"][0] == pytest.approx(learned * math.exp(-1.0))
 
 
 def test_a_scale_of_three_may_be_chance_and_more_counts():
-    scale = Scale(P)
     for learned, times in ((3.0, 1.0), (10.0, 3.0)):
-        scale._learned = learned
-        assert scale.variance == pytest.approx(times)
+        own = {}
+        for scale in (1.0, learned):
+            wheels = Wheels(P)
+            wheels.numbers["scale"] = scale
+            wheels.add(stamped(0), stamped(1), expecting(0.1, Chord(1.0, 1.0, 1.0)))
+            own[scale] = wheels.numbers["own"]
+        assert own[learned] == pytest.approx(times * own[1.0])
 
 
 def test_what_stamps_and_their_number_foretell_is_remembered_apart():
@@ -162,7 +216,7 @@ def test_what_stamps_and_their_number_foretell_is_remembered_apart():
 
 
 def test_a_contradicted_step_may_be_wrong_with_the_velocity_that_it_was_told_by():
-    velocity = Velocity(1.0, 1.0, 1.0)
-    velocity.xx, velocity.xv, velocity.vv = 0.5, 0.25, 2.0
-    velocity.contradict(0.08, 0.4)  # an error e of the step is one of e / dt of the velocity
-    assert (velocity.xx, velocity.xv, velocity.vv) == pytest.approx((0.58, 0.45, 2.5))
+    axes, _ = going(0.4)
+    axes["xx"], axes["xv"], axes["vv"] = 0.5, 0.25, 2.0
+    velocity_kernels.contradict(axes[0], 0.08, 0.4)  # an error e of x, e / dt of v
+    assert axes[["xx", "xv", "vv"]][0].tolist() == pytest.approx((0.58, 0.45, 2.5))

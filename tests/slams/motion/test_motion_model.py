@@ -10,11 +10,13 @@ from bench.sim.drive import Robot, drive
 from bench.sim.maze import rescue_arena
 from bench.sim.setting import CELL
 from bench.sim.wheels import gyro, odometry
+from slams.jit import records
+from slams.motion import velocity_kernels as kernels
 from slams.motion.chord import Chord, chord_of, covariance, variances
 from slams.motion.model import Motion
 from slams.motion.params import MotionParams
-from slams.motion.velocity import Velocity, interval
-from slams.motion.wheels import wheel_variance
+from slams.motion.source_kernels import wheel_variance
+from slams.motion.trust import laws
 from slams.scanlog import Track
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import laser
@@ -263,7 +265,7 @@ def test_doubt_does_not_depend_on_the_rate():
         t, poses = arc(6.0, rate)
         odom = [p if k < 5 * rate else poses[5 * rate] for k, p in enumerate(poses)]
         _, motion = followed([stamped(*both) for both in zip(t, odom, strict=True)], poses)
-        variance[rate] = motion._wheels._doubts[0].variance
+        variance[rate] = motion._wheels.numbers["doubt"][0]
     assert variance[5] == pytest.approx(variance[40], rel=0.3)
     assert variance[10] == pytest.approx(0.25 * (1.0 - math.exp(-0.5)), rel=0.3)
 
@@ -479,16 +481,18 @@ def test_a_gyro_that_leaps_or_sticks_is_not_followed(rate):
 
 def test_variances_of_wheels_grow_with_way_and_turn():
     p = MotionParams()
-    way = wheel_variance(p, Chord(1.0, 0.0, 0.0), 1.0)
+
+    def variance(way, turn):
+        return Chord(*wheel_variance(laws(p), (way, 0.0, turn), 1.0))
+
+    way = variance(1.0, 0.0)
     assert way.ahead == pytest.approx(0.01**2 + 0.003**2, rel=1e-3)
     assert way.turn == pytest.approx(0.01**2 + 0.004**2, rel=1e-3)
     assert way.aside == pytest.approx(0.004**2 / 12.0 + p.side_slip**2, rel=1e-3)
-    turn = wheel_variance(p, Chord(0.0, 0.0, 1.0), 1.0)
+    turn = variance(0.0, 1.0)
     assert turn.turn == pytest.approx(0.042**2 + 0.01**2, rel=1e-3)
     assert turn.ahead == pytest.approx(0.002**2, rel=1e-3)
-    assert wheel_variance(p, Chord(2.0, 0.0, 0.0), 1.0).ahead == pytest.approx(
-        0.02**2 + 2 * 0.003**2, rel=1e-3
-    )
+    assert variance(2.0, 0.0).ahead == pytest.approx(0.02**2 + 2 * 0.003**2, rel=1e-3)
 
 
 def jacobian(function, at):
@@ -541,25 +545,29 @@ def test_an_interval_is_singers_model(dt):
     block = expm(dt * np.block([[-F, G], [np.zeros((3, 3)), F.T]]))  # Van Loan 1978
     phi = block[3:, 3:].T
     noise = phi @ block[:3, 3:]
-    over = interval(dt, time)
-    assert (over.xa, over.va, over.aa) == pytest.approx(phi[:, 2], rel=1e-6)
-    q = (over.qxx, over.qxv, over.qxa, over.qvv, over.qva, over.qaa)
-    assert q == pytest.approx(noise[np.triu_indices(3)], rel=0.05)
-    axis = Velocity(0.3, 0.5, 10.0)
-    axis.x, axis.v, axis.a = 0.1, 0.2, 0.3
-    axis.xx, axis.xv, axis.xa, axis.vv, axis.va, axis.aa = 0.5, 0.1, 0.05, 0.4, 0.06, 0.3
+    over = records(1, kernels.INTERVAL)
+    kernels.interval(over, dt, time)
+    assert over[["xa", "va", "aa"]][0].tolist() == pytest.approx(phi[:, 2].tolist(), rel=1e-6)
+    q = over[["qxx", "qxv", "qxa", "qvv", "qva", "qaa"]][0].tolist()
+    assert q == pytest.approx(noise[np.triu_indices(3)].tolist(), rel=0.05)
+    axes, state = records(1, kernels.AXIS), ["xx", "xv", "xa", "vv", "va", "aa"]
+    axes["noise"] = 0.09
+    for name, value in zip(["x", "v", "a"], (0.1, 0.2, 0.3), strict=True):
+        axes[name] = value
+    for name, value in zip(state, (0.5, 0.1, 0.05, 0.4, 0.06, 0.3), strict=True):
+        axes[name] = value
     P = np.array([[0.5, 0.1, 0.05], [0.1, 0.4, 0.06], [0.05, 0.06, 0.3]])
     expected = phi @ P @ phi.T + 0.09 * noise
-    mean, variance = axis.step(over)
+    mean, variance = kernels.step(axes[0], over[0])
     assert mean == pytest.approx((phi @ [0.0, 0.2, 0.3])[0])
     still = np.diag([0.0, 1.0, 1.0])
     assert variance == pytest.approx(
         (phi @ still @ P @ still @ phi.T + 0.09 * noise)[0, 0], rel=0.01
     )
-    axis.pass_over(over)
-    got = [axis.xx, axis.xv, axis.xa, axis.vv, axis.va, axis.aa]
-    assert got == pytest.approx(expected[np.triu_indices(3)], rel=0.01)
-    assert (axis.x, axis.v, axis.a) == pytest.approx(phi @ [0.1, 0.2, 0.3])
+    kernels.pass_over(axes[0], over[0])
+    got = axes[state][0].tolist()
+    assert got == pytest.approx(expected[np.triu_indices(3)].tolist(), rel=0.01)
+    assert axes[["x", "v", "a"]][0].tolist() == pytest.approx((phi @ [0.1, 0.2, 0.3]).tolist())
 
 
 @pytest.mark.parametrize("dt", [5e-324, 1e-310, 1e-160, 1e-12])

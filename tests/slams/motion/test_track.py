@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from slams.geometry import FREEDOM, add_prior
+from slams.motion.belief_kernels import evenness
 from slams.motion.params import MotionParams
-from slams.motion.sight import CLEAR, evenness
+from slams.motion.sight import CLEAR
 from slams.motion.track import INDEPENDENT, LOST_AFTER, Track
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import laser
