@@ -30,6 +30,12 @@ from slams.motion.wheels import Gyro, Wheels
 from slams.types import IDENTITY, Floats, Pose2, Scan, wrap_angle
 
 MATCH = 0.001  # m and rad, deviation of a match that tells none
+USED = {  # whether wheels and gyro were heard
+    (False, False): ("velocity",),
+    (False, True): ("gyro", "velocity"),
+    (True, False): ("wheels", "velocity"),
+    (True, True): ("wheels", "gyro", "velocity"),
+}
 
 
 class Prediction(NamedTuple):
@@ -111,7 +117,7 @@ class Motion:
         dt, believed = expected.dt, known if self._wheels.contradicts else self._step
         self._velocity = _per_second(believed, dt)
         step = self._step.step()
-        used = self._used()
+        used = USED[self._wheels.heard, self._gyro.heard]
         return Prediction(pose @ step, step, variance, dt, self._velocity, known.step(), used)
 
     def moved(self, pose: Pose2, covariance: Floats | None, scan: Scan) -> None:
@@ -160,10 +166,6 @@ class Motion:
         turn = wrap_angle(step.turn - known.turn)
         off = (step.ahead - known.ahead, step.aside - known.aside, turn)
         return self._limits.allow(*off, self._expected.reach)
-
-    def _used(self) -> tuple[str, ...]:
-        said = (("wheels", self._wheels.heard), ("gyro", self._gyro.heard))
-        return (*(name for name, heard in said if heard), "velocity")
 
 
 def _per_second(step: Chord, dt: float) -> Pose2:

@@ -191,6 +191,8 @@ class Track:
         sees = self._sight
         known, off = self._information, self._off(pose)
         back = kernels.held_back(seen, honest, known, off, sees.x, sees.y)
+        if back == 0.0:
+            return pose
         return Pose2(pose.x + back * sees.x, pose.y + back * sees.y, pose.theta)
 
     def _looked_along(self, pose: Pose2, honest: Floats, leads: Leads) -> tuple[Pose2, Floats]:
