@@ -152,12 +152,12 @@ def records(rows: int, names: str) -> NDArray[np.void]:
 
     Without the compiler Python has to know them so as well.
     """
-    made = np.zeros(rows, _named(names))
+    made = np.zeros(rows, named(names))
     return made.view(np.recarray) if getattr(numba.config, "DISABLE_JIT", False) else made
 
 
 @cache
-def _named(names: str) -> np.dtype[np.void]:
+def named(names: str) -> np.dtype[np.void]:
     """One type for all of these names: to compare two takes longer than many a kernel."""
     return np.dtype([(name, "f8") for name in names.split()])
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.state.classes import Home, attributes, name_of
-from slams.state.memory import KINDS, Layout, View
+from slams.state.memory import KINDS, Layout, View, word_of
 
 Node = list[Any]
 PLAIN = (type(None), bool, int, float, str)
@@ -145,7 +145,7 @@ def _is_plain_class(kind: type[Any]) -> bool:
 
 
 def _array(array: NDArray[Any], path: str) -> Node:
-    if type(array) is not np.ndarray or array.dtype.kind not in KINDS:
+    if type(array) is not np.ndarray or not word_of(array.dtype):
         raise TypeError(f"{path} is an array of {array.dtype}; a state keeps arrays of numbers")
     return ["array", *View(0, "", [], [], 0, True)]  # its place is known when all have been seen
 

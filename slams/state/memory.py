@@ -17,6 +17,7 @@ from numpy.lib.array_utils import byte_bounds
 from numpy.typing import NDArray
 
 from slams.cells import PAGE, given_pages, runs, zeros
+from slams.jit import named
 
 Array = NDArray[Any]
 Bytes = NDArray[np.uint8]
@@ -25,6 +26,7 @@ BLOCK = 4096  # bytes
 WORD = 8  # bytes of a filling; holds whole items of every type below
 ALIGNED = 16  # bytes; where a piece begins between two of these is kept
 KINDS = "biufc"  # bool, integers, floats, complex
+NAMED = "named"  # the type of rows of named numbers begins so, their names follow
 EMPTY = -1  # the piece of an array without items
 MOST_RESERVED = 1 << 34  # bytes of all pieces; what nobody writes to takes no memory
 MOST_FILLED = 1 << 32  # bytes of those whose filling is not zero: all of it is written
@@ -75,7 +77,7 @@ class Layout:
 
     def view(self, array: Array) -> View:
         """Where one of the arrays lies."""
-        kind, shape, writeable = array.dtype.str, list(array.shape), array.flags.writeable
+        kind, shape, writeable = word_of(array.dtype), list(array.shape), array.flags.writeable
         if not array.size:
             return View(EMPTY, kind, shape, [], 0, writeable)
         span = self._span(array)
@@ -179,9 +181,7 @@ def array_of(view: View, pieces: list[Bytes]) -> Array:
     Raises:
         ValueError: it does not lie in its piece.
     """
-    dtype = np.dtype(view.dtype)
-    if dtype.kind not in KINDS or dtype.str != view.dtype:
-        raise ValueError(f"an array of {view.dtype}; expected numbers")
+    dtype = type_of(view.dtype)
     if view.piece == EMPTY:
         array: Array = np.empty(view.shape, dtype)
         if array.size:
@@ -191,6 +191,30 @@ def array_of(view: View, pieces: list[Bytes]) -> Array:
         array = np.ndarray(view.shape, dtype, memory, view.offset, view.strides)
     array.flags.writeable = view.writeable
     return array
+
+
+def word_of(dtype: np.dtype[Any]) -> str:
+    """What a type of numbers, or of rows of named ones, is called in a state; "" for any other."""
+    if dtype.kind in KINDS:
+        return dtype.str
+    names = " ".join(dtype.names or ())
+    return f"{NAMED} {names}" if names and dtype == named(names) else ""
+
+
+def type_of(word: str) -> np.dtype[Any]:
+    """The type that is called so.
+
+    Raises:
+        ValueError: it is none of numbers.
+    """
+    first, _, names = word.partition(" ")
+    if first == NAMED and all(name.isidentifier() for name in names.split(" ")):
+        dtype: np.dtype[Any] = named(names)
+    else:
+        dtype = np.dtype(word)
+    if word_of(dtype) != word:
+        raise ValueError(f"an array of {word}; expected numbers")
+    return dtype
 
 
 def _index(number: int, n: int) -> int:

@@ -244,6 +244,8 @@ CHANGES = {
     "too many fields": (set_in("named", 2, [1] * 9), "fields, got 9"),
     "a type of Python": (set_in("array", 2, "|O"), "expected numbers"),
     "another type": (set_in("array", 2, "<i4"), "is a int32 array"),
+    "names that are none": (set_in("array", 2, "named x os.system"), "node"),
+    "names for plain numbers": (set_in("array", 2, "named x"), "array"),
     "more rows": (set_in("array", 3, [99999, 400]), "node"),
     "before the memory": (set_in("array", 5, -8), "node"),
     "no such piece": (set_in("array", 1, 10**6), "piece 1000000 of"),
