@@ -205,7 +205,8 @@ def fit_surfaces(
             nx, ny, cosine = -nx, -ny, -cosine
         offset = nx * (hits[center, 0] - mx) + ny * (hits[center, 1] - my)
         blur = rule.beam_width * step_length
-        floor = rule.noise * rule.noise * max(cosine * cosine, 0.04) + blur * blur
+        oblique = blur * blur * max(1.0 - cosine * cosine, 0.0)
+        floor = rule.noise * rule.noise * max(cosine * cosine, 0.04) + oblique
         if cosine > 0.05 and (rule.keeps_alone or not alone):
             out_surfaces[n_elements, 0] = hits[center, 0] - offset * nx
             out_surfaces[n_elements, 1] = hits[center, 1] - offset * ny
