@@ -16,6 +16,7 @@ from tsd.scan_kernels import Beams
 FLAT = 0.3  # least slope of the field for a direction of its own
 ALIKE = 0.85  # cosine between that and an element's normal, below which values of two lines meet
 SPARSE = 10.0  # cells between hits along a wall, beyond which the map has gaps there
+SETTLED = 0.1  # of the robust scale: after a longer step it stays for another
 ANNEAL = 2.0  # the robust scale follows the residual down, in residuals
 
 
@@ -125,7 +126,8 @@ def align(
         small = dx[0] * dx[0] + dx[1] * dx[1] < rule.stop_translation * rule.stop_translation
         if small and abs(dx[2]) < rule.stop_rotation and tighter > 0.9 * robust:
             break
-        robust = tighter
+        if dx[0] * dx[0] + dx[1] * dx[1] < SETTLED * SETTLED * robust * robust:
+            robust = tighter
     return known, close, residual, used
 
 

@@ -53,17 +53,12 @@ def test_niches_of_a_corridor_are_enough_without_odometry(n_beams):
     assert driven([*HALLWAY, *sides], n_beams, with_odometry=False) == pytest.approx(1.77, abs=0.2)
 
 
-def test_niches_of_a_corridor_hold_a_robot_at_rest():
-    sides = [side for x, y in NICHES for side in box(x, y, x + 0.15, y + 0.04)]
-    assert abs(driven([*HALLWAY, *sides], 181, with_odometry=False, step=0.0)) < 0.15
-
-
-@pytest.mark.parametrize(("step", "way", "most"), [(0.03, 1.77, 0.15), (0.0, 0.0, 0.3)])
+@pytest.mark.parametrize(("step", "way", "most"), [(0.03, 1.77, 0.15), (0.0, 0.0, 0.2)])
 def test_niches_of_a_corridor_hold_most_robots(step, way, most):
     """Two beams meet them: some are off by meters, whatever the noise makes of these two."""
     sides = [side for x, y in NICHES for side in box(x, y, x + 0.15, y + 0.04)]
-    off = [driven([*HALLWAY, *sides], 181, False, step=step, seed=seed) - way for seed in range(8)]
-    assert np.median(np.abs(off)) < most
+    found = (driven([*HALLWAY, *sides], 181, False, step=step, seed=seed) for seed in range(16))
+    assert np.median([abs(x - way) for x in found]) < most
 
 
 def test_a_slip_along_a_corridor_is_taken_back():

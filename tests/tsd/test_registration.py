@@ -195,6 +195,19 @@ def test_an_alignment_does_not_end_before_its_robust_scale_does():
     assert used == 2  # at three times the scale, and at the last
 
 
+def test_three_far_hits_bring_back_what_slipped_along_a_corridor():
+    """All else agrees well wherever that is, so the residual does not tell how far it is off."""
+    slam, lidar = default(), laser(181)
+    hall = np.array([(-5.0, -0.4, 12.0, -0.4), (-5.0, 0.4, 12.0, 0.4), (12.0, -0.4, 12.0, 0.4)])
+    for x in (-0.1, 0.0, 0.1, 0.0):
+        slam.insert_at(scan_at((x, 0.0, 0.0), lidar, hall), Pose2(x, 0.0, 0.0))
+    view, found, room = slam._view, np.array((0.1, 0.0, 0.0)), np.zeros((5, 3))
+    assert np.sum(np.abs(view.elements[: view.count, 2]) > 0.7) == 3
+    prior, rule = np.eye(3) / 0.01**2, MatchRule(15, 1e-4, 1e-5, 0.03, 0.01)
+    align(slam._field.kernel, view.elements, view.count, found.copy(), prior, rule, found, room)
+    assert np.abs(found[0]) < 0.01
+
+
 def test_pairs_are_found_across_the_seam_of_a_full_circle():
     slam, lidar = default(), laser(720, fov=2.0 * math.pi * 719 / 720)
     slam.update(scan_at((0.0, 0.0, 0.0), lidar, np.array(box(-3.0, -2.0, 2.5, 2.2))))

@@ -102,11 +102,12 @@ def test_surface_elements_stand_for_their_beams():
     assert (nx * x + ny * y < 0.0).all()  # towards the laser
     assert np.abs(np.hypot(nx, ny) - 1.0).max() < 1e-9
     assert (np.diff(index) > 0).all()
-    wall = (np.abs(x - 4.0) < 1e-3) & (np.abs(y) < 1.0)  # at 4 m: a beam every 1.7 cm
+    wall = (np.abs(x - 4.0) < 1e-3) & (np.abs(y) < 2.0)  # at 4 m: a beam every 1.7 cm
     step = np.hypot(x, y) * lidar.angle_increment
     stride = np.maximum((0.05 / step).astype(int), 1)
     cosine = 4.0 / np.hypot(x, y)
-    expected = stride / ((0.01 * cosine) ** 2 + (0.2 * step) ** 2)
+    blur = 0.2 * step * np.abs(y) / np.hypot(x, y)  # along the wall, which the beam meets obliquely
+    expected = stride / ((0.01 * cosine) ** 2 + blur**2)
     assert information[wall] == pytest.approx(expected[wall], rel=0.05)
     assert (beams_each[wall] == stride[wall]).mean() > 0.9 and beams_each.sum() <= count
     assert told.all()
