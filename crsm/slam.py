@@ -163,9 +163,9 @@ class Crsm:
             return self._by_rays(view, climbed.pose)
         prior = self._prior(expected)
         starts = [climbed.pose] + ([] if _is_near(expected, climbed.pose) else [expected])
-        fits = [self._lines.fit(view, at, prior) for at in starts]
-        matches = [self._weighed(view, fit, True) for fit in fits]
-        matches.append(self._weighed(view, self._lines.seen_from(view, climbed.pose), False))
+        matches = [self._weighed(view, self._lines.fit(view, at, prior), True) for at in starts]
+        if not any(_is_near(m.fit.pose, climbed.pose, CELL, CELL) for m in matches):
+            matches.append(self._weighed(view, self._lines.seen_from(view, climbed.pose), False))
         best = max(matches, key=lambda match: match.value)
         self._counts["kept"] += _is_near(best.fit.pose, climbed.pose, CELL, CELL)
         return best
