@@ -45,7 +45,6 @@ MEMORY = 2.0  # s over which the evidence is usual: the way through a room
 NEAR, NEAR_TURN = 0.05, 0.02  # m, rad: a fit from the prediction ends where one from there does
 CELL = 0.1  # m and rad, within which a refined pose is still the climb's
 WEIGHED = 360  # points that evidence is taken of
-COARSE = 0.05  # evidence that a climb must have more than a fit
 PAUSE = 0.5  # s between two searches of a robot that is not matched
 
 
@@ -206,7 +205,7 @@ class Crsm:
         return dark, white
 
     def _judged(self, fit: Fit, worth: float, refined: bool) -> Match:
-        value = worth - self._track.charge(fit.pose) - (0.0 if refined else COARSE)
+        value = worth - self._track.charge(fit.pose)
         if not self._track.reachable(fit.pose):
             value -= 1.0
         return Match(fit, fit.share, worth, value, refined)

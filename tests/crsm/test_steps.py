@@ -5,11 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from bench.sim.setting import Setting
+from bench.sim.simulation import simulate
 from crsm.climb_kernels import FINEST
 from crsm.climber import NEARBY, Climbed, Climber
 from crsm.map_kernels import FULL
 from crsm.params import CrsmParams
-from crsm.slam import COARSE, Crsm
+from crsm.slam import Crsm
 from slams.types import IDENTITY, Pose2
 from tests.rooms import calls, laser, scan_at, still
 
@@ -83,12 +85,25 @@ def test_a_fit_from_the_prediction_competes_where_the_climb_ended_elsewhere(monk
         assert match.fit.pose == pytest.approx(IDENTITY, abs=0.01)
 
 
-def test_a_climb_alone_wins_only_with_clearly_more_evidence():
+@pytest.mark.parametrize(("aside", "competes"), [(0.09, False), (0.11, True)])
+def test_a_climb_competes_with_its_fit_only_from_elsewhere(aside, competes, monkeypatch):
+    """Within a cell both explain the same share, and the prediction, where it began, costs less."""
     slam = settled()
     fit = slam._lines.seen_from(slam._reader, IDENTITY)
-    by_fit, by_climb = (slam._weighed(slam._reader, fit, refined) for refined in (True, False))
-    assert by_climb.value == pytest.approx(by_fit.value - COARSE)
-    assert by_climb.evidence == by_fit.evidence
+    monkeypatch.setattr(slam._lines, "fit", lambda view, start, prior: fit)
+    seen = calls(monkeypatch, slam._lines, "seen_from")
+    slam._chosen(slam._reader, IDENTITY, at(slam, Pose2(aside, 0.0, 0.0)))
+    assert len(seen) == competes
+
+
+def test_what_wheels_and_gyro_say_does_not_keep_a_fit_from_being_taken():
+    """Each is off by less than a cell, but always to one side: the heading would bend with them."""
+    log = simulate(Setting("ring", seed=1, duration=10.0)).select(None, 4, True)
+    truth, slam = log.truth_at(log.t), Crsm(CrsmParams())
+    for scan in log:
+        found = slam.update(scan)
+    expected = Pose2(*truth[0]).between(Pose2(*truth[-1]))
+    assert expected.between(found) == pytest.approx(IDENTITY, abs=0.006)
 
 
 def test_a_match_is_worth_what_the_map_explains_less_what_it_contradicts(monkeypatch):
