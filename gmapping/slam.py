@@ -28,6 +28,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gmapping.choice import believed
 from gmapping.end_points import EndPointMatcher
 from gmapping.key import KeyScans
 from gmapping.match import Match, Matcher
@@ -43,7 +44,7 @@ from slams.motion.model import Prediction
 from slams.motion.track import Track
 from slams.params import Params
 from slams.patience import Patience
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State, wrap_angle
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 from slams.usual import Usual
 
 WIDEST = np.array([0.6, 0.6, 0.3])  # m, m, rad; a search goes no farther
@@ -156,16 +157,9 @@ class GMapping:
         starts = [before, before @ start.continued]
         starts += [matcher.search(view, best, at, half) for at in (start.pose, starts[1])]
         tried = [match, *(matcher.match(view, best, wide, at) for at in starts)]
-        chosen = min(tried, key=lambda match: self._price(match, wide))
+        chosen = believed(tried, self._track, min(self.params.independent, view.beams))
         self._counts["recovered"] += chosen is not match
         return chosen
-
-    def _price(self, match: Match, wide: Prior) -> float:
-        """What is against a match: its beams, and how far wheels would have slipped."""
-        off = np.array(match.pose) - np.array(wide.pose)
-        off[2] = wrap_angle(off[2])
-        far = 0.0 if self._track.reachable(match.pose) else math.inf
-        return match.cost + 0.5 * float(off @ wide.information @ off) + far
 
     def _settle(self, scan: Scan, view: View, match: Match | None, start: Prediction) -> None:
         """Tell the track what was found, learn what is usual."""

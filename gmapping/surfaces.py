@@ -45,12 +45,13 @@ class SurfaceMatcher:
         """The peak near `start` in the map of one particle."""
         poses = np.array([start])
         means = kernels.Prior(np.array([prior.pose]), prior.information[None])
-        h, out = self._climb(view.pieces, np.array([owner]), means, poses, self._how(view))
+        how = self._how(view)
+        h, out = self._climb(view.pieces, np.array([owner]), means, poses, how)
         variance = max(float(out[0, 5]), view.noise**2)
         x, y, theta = poses[0].tolist()
         pose = Pose2(x, y, float(wrap_angle(theta)))
-        cost = 0.5 * self._worth(view) * float(out[0, 3])
-        return Match(pose, float(out[0, 4]) / view.beams, h[0] / variance, cost)
+        cost, old = (out[0, (3, 6)] / (how.width**2 * view.beams)).tolist()
+        return Match(pose, float(out[0, 4]) / view.beams, h[0] / variance, cost, old)
 
     def search(self, view: View, owner: int, center: Pose2, half: Floats) -> Pose2:
         """The best pose of a lattice, after one step of Gauss-Newton from each of its points."""

@@ -140,8 +140,8 @@ def test_a_match_tells_quality_noise_and_cost():
     )
     assert match.quality == pytest.approx(close / view.beams) and match.quality > 0.9
     np.testing.assert_allclose(match.seen, h / max(squares, view.noise**2), rtol=1e-3)
-    worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
-    assert match.cost == pytest.approx(0.5 * worth * cost, rel=1e-3)
+    assert match.cost == pytest.approx(cost / GMappingParams().width ** 2 / view.beams, rel=1e-3)
+    assert match.old == 0.0
 
 
 def test_many_starts_climb_as_each_alone_in_the_map_of_its_owner():

@@ -1,0 +1,63 @@
+import math
+
+import numpy as np
+import pytest
+
+from gmapping.choice import believed
+from gmapping.match import Match
+from gmapping.surfaces import FOUND, GAIN
+from slams.formats.source import load
+from slams.motion.track import INDEPENDENT, Track
+from slams.types import IDENTITY, Pose2
+from tests.gmapping.scenes import LASER, make_scan, run
+
+AWAY = Pose2(-0.8, 0.0, 0.0)
+SECOND = 1.0
+
+
+@pytest.fixture
+def track():
+    """A robot whose wheels say 1 m."""
+    track = Track(run([])[0].params)
+    for i in range(2):
+        at = Pose2(1.0 * i, 0.0, 0.0)
+        track.predict(make_scan(at, SECOND * i, LASER, odometry=at))
+        if i == 0:
+            track.matched(at, 1e6 * np.eye(3), make_scan(at, 0.0, LASER, odometry=at))
+    return track
+
+
+def match(track, cost, off=IDENTITY, old=0.0):
+    return Match(Pose2(1.0, 0.0, 0.0) @ off, 1.0 - cost, np.eye(3), cost, old)
+
+
+def test_what_contradicts_the_prediction_has_to_explain_more(track):
+    ahead, behind = match(track, 0.5), match(track, 0.0, AWAY)
+    price = INDEPENDENT * track.charge(behind.pose) / 100.0
+    assert 0.05 < price < 0.3
+    for less, goes in ((0.01, False), (price - 0.01, False), (price + 0.01, True)):
+        behind = behind._replace(cost=ahead.cost - less)
+        assert believed([ahead, behind], track, 100.0) is (behind if goes else ahead)
+    assert believed([ahead, behind], track, 40.0) is ahead  # few beams: chance explains as much
+
+
+def test_a_loop_that_closes_is_not_charged_for_the_last_step(track):
+    ahead, home = match(track, 0.5, old=0.2), match(track, 0.45, AWAY, old=FOUND + 0.01)
+    assert believed([ahead, home], track, 100.0) is home
+    assert believed([ahead, home._replace(old=FOUND - 0.01)], track, 100.0) is ahead
+    known = ahead._replace(old=FOUND + 0.02 - GAIN)  # what is predicted is explained by it, too
+    assert believed([known, home], track, 100.0) is known
+
+
+def test_where_no_robot_can_be_there_is_none(track):
+    ahead, far = match(track, 0.9), match(track, 0.0, Pose2(30.0, 0.0, 0.0), old=1.0)
+    assert believed([ahead, far], track, 100.0) is ahead
+
+
+def test_a_robot_with_good_wheels_does_not_stand_still_in_a_bare_corridor(shared_data):
+    log = load([shared_data("data/keyscans/acapulco.npz")]).select(162, 1, True)
+    _, poses = run(log, n_particles=1)
+    wheels = np.array([scan.odometry for scan in log])
+    for i in range(150, 161):  # at 155 the scan seems to say 0.2 m, the wheels 1 m
+        way = math.dist(poses[i, :2], poses[i + 1, :2])
+        assert way == pytest.approx(math.dist(wheels[i, :2], wheels[i + 1, :2]), abs=0.3)
