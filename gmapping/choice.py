@@ -9,20 +9,19 @@ from gmapping.surfaces import FOUND, GAIN
 from slams.motion.track import INDEPENDENT, Track
 
 
-def believed(tried: list[Match], track: Track, beams: float) -> Match:
-    """The match that leaves least of the scan unexplained; the first one is the prediction's.
+def believed(tried: list[Match], track: Track) -> Match:
+    """The match that costs least; the first one is the prediction's.
 
-    ours: what contradicts the prediction has to explain more, by Student's law and of so many
-    independent `beams`: along a corridor the ground that was seen last explains as much as
-    any. Not so where ground of old explains the scan far better there: a loop closes, and it is
-    the way around it that was wrong, not the last step.
+    ours: what contradicts the prediction has to explain more, by Student's law: along a corridor
+    the ground that was seen last explains as much as any. Not so where ground of old explains the
+    scan far better there: a loop closes, and it is the way around it that was wrong, not the last
+    step.
     """
 
     def price(match: Match) -> float:
         if not track.reachable(match.pose):
             return math.inf
         closes = match.old > max(tried[0].old + GAIN, FOUND)
-        odd = 0.0 if closes else INDEPENDENT * track.charge(match.pose) / beams
-        return match.cost + odd
+        return match.cost + (0.0 if closes else INDEPENDENT * track.charge(match.pose))
 
     return min(tried, key=price)

@@ -41,8 +41,8 @@ class EndPointMatcher:
         finest = np.array((field.way, field.way, field.turn)) / 2.0**field.halvings
         reach = np.maximum(np.sqrt(2.0 * np.diagonal(covariances[0])), finest)
         seen = kernels.information(self.tiles.tiles, owner, view.pieces, poses[0], reach, field)
-        pose, cost = Pose2(x, y, float(wrap_angle(theta))), total / field.soft**2
-        return Match(pose, near / view.beams, positive(seen), cost / view.beams)
+        pose, cost = Pose2(x, y, float(wrap_angle(theta))), 0.5 * field.worth * total
+        return Match(pose, near / view.beams, positive(seen), cost)
 
     def search(self, view: View, owner: int, center: Pose2, half: Floats) -> Pose2:
         """The best pose of a lattice, some halvings of the climb from each of its points."""

@@ -18,7 +18,7 @@ class Match(NamedTuple):
     """A pose in the reported particle's map.
 
     `quality` is the share of the beams that lie where the map has something, `seen` (3, 3) the
-    information of the scan, `cost` the share of the beams that is left unexplained, robustly, `old`
+    information of the scan, `cost` what of its negative log likelihood depends on the pose, `old`
     the share that ground of old explains.
     """
 

@@ -157,7 +157,7 @@ class GMapping:
         starts = [before, before @ start.continued]
         starts += [matcher.search(view, best, at, half) for at in (start.pose, starts[1])]
         tried = [match, *(matcher.match(view, best, wide, at) for at in starts)]
-        chosen = believed(tried, self._track, min(self.params.independent, view.beams))
+        chosen = believed(tried, self._track)
         self._counts["recovered"] += chosen is not match
         return chosen
 

@@ -42,7 +42,10 @@ class SurfaceMatcher:
         self.tiles = TileMap(p.n_particles, LAYERS, p.resolution, p.max_tiles, p.max_cells, DEPTH)
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
-        """The peak near `start` in the map of one particle."""
+        """The peak near `start` in the map of one particle.
+
+        Of two places an independent beam tells no more than e to one, however far it is off.
+        """
         poses = np.array([start])
         means = kernels.Prior(np.array([prior.pose]), prior.information[None])
         how = self._how(view)
@@ -50,7 +53,8 @@ class SurfaceMatcher:
         variance = max(float(out[0, 5]), view.noise**2)
         x, y, theta = poses[0].tolist()
         pose = Pose2(x, y, float(wrap_angle(theta)))
-        cost, old = (out[0, (3, 6)] / (how.width**2 * view.beams)).tolist()
+        missing, old = (out[0, (3, 6)] / (how.width**2 * view.beams)).tolist()
+        cost = missing * min(self._params.independent, view.beams)
         return Match(pose, float(out[0, 4]) / view.beams, h[0] / variance, cost, old)
 
     def search(self, view: View, owner: int, center: Pose2, half: Floats) -> Pose2:

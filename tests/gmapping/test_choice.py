@@ -27,31 +27,30 @@ def track():
     return track
 
 
-def match(track, cost, off=IDENTITY, old=0.0):
-    return Match(Pose2(1.0, 0.0, 0.0) @ off, 1.0 - cost, np.eye(3), cost, old)
+def match(cost, off=IDENTITY, old=0.0):
+    return Match(Pose2(1.0, 0.0, 0.0) @ off, 0.5, np.eye(3), cost, old)
 
 
 def test_what_contradicts_the_prediction_has_to_explain_more(track):
-    ahead, behind = match(track, 0.5), match(track, 0.0, AWAY)
-    price = INDEPENDENT * track.charge(behind.pose) / 100.0
-    assert 0.05 < price < 0.3
-    for less, goes in ((0.01, False), (price - 0.01, False), (price + 0.01, True)):
+    ahead, behind = match(50.0), match(50.0, AWAY)
+    price = INDEPENDENT * track.charge(behind.pose)
+    assert 5.0 < price < 30.0  # of a hundred independent beams
+    for less, goes in ((1.0, False), (price - 0.1, False), (price + 0.1, True)):
         behind = behind._replace(cost=ahead.cost - less)
-        assert believed([ahead, behind], track, 100.0) is (behind if goes else ahead)
-    assert believed([ahead, behind], track, 40.0) is ahead  # few beams: chance explains as much
+        assert believed([ahead, behind], track) is (behind if goes else ahead)
 
 
 def test_a_loop_that_closes_is_not_charged_for_the_last_step(track):
-    ahead, home = match(track, 0.5, old=0.2), match(track, 0.45, AWAY, old=FOUND + 0.01)
-    assert believed([ahead, home], track, 100.0) is home
-    assert believed([ahead, home._replace(old=FOUND - 0.01)], track, 100.0) is ahead
+    ahead, home = match(50.0, old=0.2), match(45.0, AWAY, old=FOUND + 0.01)
+    assert believed([ahead, home], track) is home
+    assert believed([ahead, home._replace(old=FOUND - 0.01)], track) is ahead
     known = ahead._replace(old=FOUND + 0.02 - GAIN)  # what is predicted is explained by it, too
-    assert believed([known, home], track, 100.0) is known
+    assert believed([known, home], track) is known
 
 
 def test_where_no_robot_can_be_there_is_none(track):
-    ahead, far = match(track, 0.9), match(track, 0.0, Pose2(30.0, 0.0, 0.0), old=1.0)
-    assert believed([ahead, far], track, 100.0) is ahead
+    ahead, far = match(90.0), match(0.0, Pose2(30.0, 0.0, 0.0), old=1.0)
+    assert believed([ahead, far], track) is ahead
 
 
 def test_a_robot_with_good_wheels_does_not_stand_still_in_a_bare_corridor(shared_data):

@@ -140,7 +140,12 @@ def test_a_match_tells_quality_noise_and_cost():
     )
     assert match.quality == pytest.approx(close / view.beams) and match.quality > 0.9
     np.testing.assert_allclose(match.seen, h / max(squares, view.noise**2), rtol=1e-3)
-    assert match.cost == pytest.approx(cost / GMappingParams().width ** 2 / view.beams, rel=1e-3)
+    share, independent = (
+        cost / GMappingParams().width ** 2 / view.beams,
+        GMappingParams().independent,
+    )
+    assert view.beams > independent
+    assert match.cost == pytest.approx(independent * share, rel=1e-3)
     assert match.old == 0.0
 
 
