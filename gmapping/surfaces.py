@@ -13,10 +13,12 @@ from gmapping.match import Match, Proposals, lattice
 from gmapping.match_kernels import Climb
 from gmapping.params import GMappingParams
 from gmapping.scan import View
-from slams.geometry import Prior
+from slams.geometry import Prior, unlikely
 from slams.types import Floats, Pose2, wrap_angle
 
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
+ODD = 4.0  # deviations from what is known, from which a match has to prove itself
+FIRM = np.outer((10.0, 10.0, 1.0), (10.0, 10.0, 1.0))  # times the information: a place that stays
 SPARSE = 100  # pieces that the search looks at
 STEP = np.array([0.1, 0.1, 0.03])  # m, m, rad, of the search; within the reach of Gauss-Newton
 
@@ -44,18 +46,39 @@ class SurfaceMatcher:
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
         """The peak near `start` in the map of one particle.
 
+        A turn that was not foreseen may throw the first steps far along a corridor. Where they end
+        against all that is known the heading is found first, and the better of both is taken.
+        """
+        how = self._how(view)
+        match, far = self._peak(view, owner, prior, start, how)
+        if far > ODD * ODD:
+            narrow = how._replace(wide=how.width)
+            firm = Prior(prior.pose, FIRM * prior.information)
+            turned, _ = self._peak(view, owner, firm, start, narrow)
+            near, less_far = self._peak(view, owner, prior, turned.pose, narrow)
+            if near.cost + unlikely(less_far) < match.cost + unlikely(far):
+                return near
+        return match
+
+    def _peak(
+        self, view: View, owner: int, prior: Prior, start: Pose2, how: Climb
+    ) -> tuple[Match, float]:
+        """One climb; and the squared distance from the prior where it ends, in its deviations.
+
         Of two places an independent beam tells no more than e to one, however far it is off.
         """
         poses = np.array([start])
         means = kernels.Prior(np.array([prior.pose]), prior.information[None])
-        how = self._how(view)
         h, out = self._climb(view.pieces, np.array([owner]), means, poses, how)
         variance = max(float(out[0, 5]), view.noise**2)
         x, y, theta = poses[0].tolist()
         pose = Pose2(x, y, float(wrap_angle(theta)))
         missing, old = (out[0, (3, 6)] / (how.width**2 * view.beams)).tolist()
         cost = missing * min(self._params.independent, view.beams)
-        return Match(pose, float(out[0, 4]) / view.beams, h[0] / variance, cost, old)
+        match = Match(pose, float(out[0, 4]) / view.beams, h[0] / variance, cost, old)
+        off = np.array((pose.x - prior.pose.x, pose.y - prior.pose.y, 0.0))
+        off[2] = wrap_angle(pose.theta - prior.pose.theta)
+        return match, float(off @ prior.information @ off)
 
     def search(self, view: View, owner: int, center: Pose2, half: Floats) -> Pose2:
         """The best pose of a lattice, after one step of Gauss-Newton from each of its points."""

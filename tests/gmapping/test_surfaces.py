@@ -11,7 +11,7 @@ from gmapping.match import lattice
 from gmapping.match_kernels import Around, Beams, Prior, crossed, search_old
 from gmapping.surfaces import CHANCE, DRIFT, EXPLAINED, OLD_STEP, PLACES
 from gmapping.tile_kernels import inside_tile, slot_of
-from slams import geometry
+from slams import geometry, load
 from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping import naive
 from tests.gmapping.scenes import (
@@ -22,6 +22,7 @@ from tests.gmapping.scenes import (
     mapped,
     matcher_of,
     one,
+    run,
     surface_of,
     view_of,
 )
@@ -304,3 +305,9 @@ def test_what_is_no_wall_or_seen_edge_on_is_not_continued():
     assert cells_along(0.31, turned=0.5) == 1  # 0.88: another wall
     assert cells_along(0.31, sees=(0.0, 3.0)) == 3  # cosine between beam and normal 0.55
     assert cells_along(0.31, sees=(0.0, 4.0)) == 1  # 0.45
+
+
+def test_a_turn_that_was_not_foreseen_does_not_throw_a_scan_along_the_corridor(shared_data):
+    log = load(shared_data("data/csail/mit-csail.npz")).from_scan(640).select(32, odometry=False)
+    _, poses = run(log, n_particles=1)  # at 27 it turns by 4 degrees, and went on by 0.95 m
+    np.testing.assert_allclose(np.hypot(*np.diff(poses[20:, :2], axis=0).T), 0.255, atol=0.01)
