@@ -206,6 +206,21 @@ def test_a_closed_loop_moves_the_track_and_is_no_motion():
     assert step == expected
 
 
+@pytest.mark.parametrize(
+    ("refine", "quality", "due"), [(True, 0.1, True), (True, 1.0, False), (False, 0.1, False)]
+)
+def test_where_few_beams_leave_gaps_in_the_map_the_next_key_scan_is_due_sooner(
+    refine, quality, due
+):
+    laser = Laser(-0.75 * math.pi, math.radians(3.0), 90, 0.1, 30.0)
+    slam = GMapping(GMappingParams(refine=refine, n_particles=2))
+    slam.update(make_scan(IDENTITY, 0.0, laser))
+    slam._track.pose, slam._quality = Pose2(0.3 * slam.params.linear_update, 0.0, 0.0), quality
+    slam._usual.learn(1.0, 0.1)
+    assert slam._view.beams < 100.0  # 0.28 of those that leave no gaps
+    assert slam._due(slam._view) == due
+
+
 # contract
 
 

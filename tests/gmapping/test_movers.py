@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -188,6 +189,50 @@ def test_witnesses_are_matched_scans_half_a_second_apart_of_one_laser_and_one_ma
     idle = Movers(idle=True)
     idle.remember(scan, matched_at(IDENTITY))
     assert idle.drop(taken(came), came, IDENTITY, SURE) is came
+
+
+@pytest.mark.parametrize("nothing", [np.inf, LASER.range_max, np.nan])
+def test_beams_without_return_are_no_witnesses(nothing):
+    ranges, came = np.full(LASER.n_beams, nothing, np.float32), seen(post(2.0, 0.0), t=0.1)
+    movers = witness(replace(seen(BOX), ranges=ranges))
+    assert movers.drop(taken(came), came, IDENTITY, SURE) is came
+
+
+def rested():
+    """A robot at rest in the box, sure of its pose after a second."""
+    entry = find("gmapping")
+    slam = entry.cls(entry.params().replace(n_particles=2))
+    for i in range(20):
+        slam.update(seen(BOX, t=0.05 * i))
+    return slam
+
+
+def test_what_moves_tells_nothing_of_walls(monkeypatch):
+    slam, given = rested(), []
+    matched = slam._track.matched
+
+    def spied(pose, information, scan):
+        given.append(scan.ranges)
+        matched(pose, information, scan)
+
+    monkeypatch.setattr(slam._track, "matched", spied)
+    came = seen(post(1.0, 0.0), t=1.0)
+    slam.update(came)
+    np.testing.assert_array_equal(given[0] == 0.0, came.ranges < 1.2)
+
+
+def test_witnesses_end_where_the_pose_leaps():
+    closes, placed, came = rested(), rested(), seen(post(2.0, 0.0), t=1.0)
+
+    def moves(slam):
+        return slam._movers.drop(taken(came), came, IDENTITY, SURE) is not came
+
+    assert moves(closes) and moves(placed)
+    closes.particles.poses[1, 1] += 0.3
+    closes.particles.lifetime[1] += closes.params.switch_margin + 1.0
+    closes._elect()
+    placed._place(IDENTITY)  # the map it is found in may be another
+    assert not moves(closes) and not moves(placed)
 
 
 def test_somebody_who_comes_along_a_bare_corridor_does_not_take_the_robot_along():

@@ -271,15 +271,16 @@ def test_a_particle_does_not_go_where_beams_go_through_walls(monkeypatch):
     assert np.hypot(*at[:2]) < 0.05 < np.hypot(*stays[:2])
 
 
-def cells_along(gap, turned=0.0, sees=(0.0, 0.0), far=2.0):
+def cells_along(gap, turned=0.0, sees=(0.0, 0.0), far=2.0, behind=0.0):
     """How far [cells] along a wall at x = `far` the middle one of three points `gap` apart reaches.
 
-    The two beside it have normals that are `turned`; the laser is where it `sees` from.
+    The two beside it are so far `behind`, their normals `turned`; the laser `sees` from there.
     """
     maps = TileMap(1, LAYERS, 0.05, 200, depth=DEPTH)
     maps.cover(np.array([-5.0, -5.0]), np.array([5.0, 5.0]))
     c, s = -math.cos(turned), math.sin(turned)
-    wall = np.array([[far, -gap, c, s, 0.0], [far, 0.0, -1.0, 0.0, 1.0], [far, gap, c, s, 0.0]])
+    x = far + behind
+    wall = np.array([[x, -gap, c, s, 0.0], [far, 0.0, -1.0, 0.0, 1.0], [x, gap, c, s, 0.0]])
     rule = SPLAT._replace(x=sees[0], y=sees[1])
     assert insert(maps.tiles, np.zeros((1, 3)), wall, rule) == 0
     x, reached = round(far / 0.05), []
@@ -303,6 +304,8 @@ def test_a_wall_is_continued_half_of_the_way_to_the_next_beam_on_it():
 def test_what_is_no_wall_or_seen_edge_on_is_not_continued():
     assert cells_along(0.31, turned=0.4) == 3  # cosine 0.92
     assert cells_along(0.31, turned=0.5) == 1  # 0.88: another wall
+    assert cells_along(0.31, behind=0.06) == 3  # sine of the way to it 0.19
+    assert cells_along(0.31, behind=0.07) == 1  # 0.22: beside the wall
     assert cells_along(0.31, sees=(0.0, 3.0)) == 3  # cosine between beam and normal 0.55
     assert cells_along(0.31, sees=(0.0, 4.0)) == 1  # 0.45
 
