@@ -32,6 +32,7 @@ DRIFT = np.array([1.0, 1.0, 0.08])  # m, m, rad that it looks to either side
 PRICE = 0.05  # share of the beams that the farthest offset has to explain more
 OLD_STEP = np.array([0.15, 0.15, 0.04])  # m, m, rad
 OLD_PIECES = 60  # pieces that it looks at
+BLIND = 0.03  # of the information across, below which there is none along a corridor
 FOUND_THERE = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found so
 
 
@@ -138,12 +139,22 @@ class SurfaceMatcher:
         price = PRICE * ((off / DRIFT) ** 2).sum(axis=1)
         around = kernels.Around(off, price, max(1, len(view.pieces) // OLD_PIECES))
         kernels.search_old(tiles, owners, view.pieces, around, how, others, share)
-        known = kernels.Prior(others.copy(), np.tile(FOUND_THERE, (n, 1, 1)))
-        h2, out2 = self._climb(view.pieces, owners, known, others, how)
+        h2, out2 = self._climb_freely(view, owners, others, how)
+        blind = _blind(others - peaks[owners], h2)
+        if blind.any():
+            others -= blind
+            h2, out2 = self._climb_freely(view, owners, others, how)
         against = AGAINST * self._through(view, how, owners, others)
         better = out2[:, 6] / k2 - against > np.maximum(out[owners, 6] / k2 + GAIN, FOUND)
         moved = owners[better]
         peaks[moved], h[moved], out[moved] = others[better], h2[better], out2[better]
+
+    def _climb_freely(
+        self, view: View, owners: NDArray[np.int64], poses: Floats, how: Climb
+    ) -> tuple[Floats, Floats]:
+        """Poses (k, 3) found on ground of old climb from there, as `_climb`."""
+        known = kernels.Prior(poses.copy(), np.tile(FOUND_THERE, (len(poses), 1, 1)))
+        return self._climb(view.pieces, owners, known, poses, how)
 
     def insert(self, view: View, poses: Floats) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""
@@ -177,3 +188,16 @@ class SurfaceMatcher:
         h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
         kernels.register(self.tiles.tiles, owners, pieces, prior, how, poses, h, out)
         return h, out
+
+
+def _blind(ways: Floats, seen: Floats) -> Floats:
+    """The part (n, 3) of ways (n, 3) along which scans say nothing, by their information (n, 3, 3).
+
+    In a bare corridor a place farther along explains more of a scan only because more of the ground
+    there is old: nobody looked back from where the map begins.
+    """
+    values, axes = np.linalg.eigh(seen[:, :2, :2])
+    along = axes[:, :, 0] * (values[:, 0] < BLIND * values[:, 1])[:, None]
+    parts = np.zeros_like(ways)
+    parts[:, :2] = along * (along * ways[:, :2]).sum(axis=1)[:, None]
+    return parts

@@ -4,12 +4,22 @@ import numpy as np
 import pytest
 
 from gmapping import GMapping, GMappingParams
-from gmapping.key import OLD
+from gmapping.key import OLD, KeyScans
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, ONCE, insert
 from gmapping.match import lattice
 from gmapping.match_kernels import Around, Beams, Prior, crossed, search_old
-from gmapping.surfaces import CHANCE, DRIFT, EXPLAINED, OLD_STEP, PLACES
+from gmapping.scan import View
+from gmapping.surfaces import (
+    BLIND,
+    CHANCE,
+    DRIFT,
+    EXPLAINED,
+    OLD_STEP,
+    PLACES,
+    SurfaceMatcher,
+    _blind,
+)
 from gmapping.tile_kernels import inside_tile, slot_of
 from slams import geometry, load
 from slams.types import IDENTITY, Laser, Pose2
@@ -19,6 +29,7 @@ from tests.gmapping.scenes import (
     SPLAT,
     climb,
     linearized,
+    make_scan,
     mapped,
     matcher_of,
     one,
@@ -231,6 +242,29 @@ def test_search_old_finds_a_shifted_old_map():
         search_old(tiles, np.zeros(1, np.int64), surface, around, how, poses, share)
         assert (np.abs(poses - expected) <= 0.5 * OLD_STEP + 1e-9).all()
         assert share[0] > 0.6 if old > 1.0 else share[0] == 0.0
+
+
+def test_a_particle_that_looks_around_in_a_bare_corridor_goes_across_it_only():
+    walls = np.array([[-50.0, -1.0, 50.0, -1.0], [50.0, 1.0, -50.0, 1.0]])
+    laser = Laser(-math.pi / 2, math.radians(1.0), 181, 0.1, 8.0)
+    scan = make_scan(IDENTITY, laser=laser, walls=walls, rng=np.random.default_rng(1), sd=0.02)
+    params = GMappingParams(n_particles=1, max_tiles=5000)
+    matcher, view = SurfaceMatcher(params, KeyScans(params)), View(params).take(scan, IDENTITY)
+    matcher.tiles.cover(np.full(2, -10.0), np.full(2, 10.0))
+    assert matcher.insert(view, np.zeros((1, 3)))  # begins at x = 0: nobody looked back
+    matcher._keys.driven, matcher._keys.returns = 2.0 + OLD, lambda pose: True
+    peak = matcher.propose(view, np.array([[-0.4, 0.5, 0.0]]), 1e4 * np.eye(3)[None]).peaks[0]
+    assert abs(peak[0] + 0.4) < 0.15 and abs(peak[1]) < 0.03
+
+
+def test_of_a_way_what_scans_say_nothing_along_is_blind():
+    turn = math.radians(30.0)
+    c, s = math.cos(turn), math.sin(turn)
+    across, along = np.array([-s, c]), np.array([c, s])
+    seen, way = np.zeros((1, 3, 3)), np.array([[0.4, 0.3, 0.05]])
+    for share, part in ((0.5 * BLIND, way[0, :2] @ along * along), (2.0 * BLIND, np.zeros(2))):
+        seen[0, :2, :2] = 50.0 * (np.outer(across, across) + share * np.outer(along, along))
+        np.testing.assert_allclose(_blind(way, seen), [[*part, 0.0]], atol=1e-12)
 
 
 @pytest.mark.parametrize("returns", [True, False])
