@@ -32,7 +32,7 @@ DRIFT = np.array([1.0, 1.0, 0.08])  # m, m, rad that it looks to either side
 PRICE = 0.05  # share of the beams that the farthest offset has to explain more
 OLD_STEP = np.array([0.15, 0.15, 0.04])  # m, m, rad
 OLD_PIECES = 60  # pieces that it looks at
-BLIND = 0.03  # of the information across, below which there is none along a corridor
+BLIND = 0.01  # of the information across, below which there is none along a corridor
 FOUND_THERE = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found so
 
 
