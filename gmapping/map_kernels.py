@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from gmapping.tile_kernels import BITS, Tiles, cell_of, inside_tile, own_slot
 from slams.jit import njit
 from slams.types import Floats
@@ -81,7 +83,9 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, splat: Splat) -> int:
     """
     edge = tiles.resolution
     reach = (splat.band + 0.5) * edge
-    lacking = 0
+    lacking, alongs = 0, np.empty(surface.shape[0])
+    for i in range(surface.shape[0]):
+        alongs[i] = max(1.5 * edge, bridged(surface, i, splat) + 0.5 * edge)
     for particle in range(poses.shape[0]):
         x0, y0, theta = poses[particle, 0], poses[particle, 1], poses[particle, 2]
         c, s = math.cos(theta), math.sin(theta)
@@ -92,7 +96,7 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, splat: Splat) -> int:
             wx, wy = c * nx - s * ny, s * nx + c * ny
             layer = facing(wx, wy)
             ix, iy = cell_of(px, edge), cell_of(py, edge)
-            along = max(1.5 * edge, bridged(surface, i, splat) + 0.5 * edge)
+            along = alongs[i]
             band = max(splat.band, math.ceil(along / edge))
             for jy in range(iy - band, iy + band + 1):
                 for jx in range(ix - band, ix + band + 1):

@@ -38,7 +38,8 @@ def merged(points: Points, n: int, grain: float, out: Floats) -> int:
     count, first_x, first_y = 0, 0.0, 0.0
     for i in range(n):
         x, y = points[0, i], points[1, i]
-        if count == 0 or math.hypot(x - first_x, y - first_y) >= grain:
+        dx, dy = x - first_x, y - first_y
+        if count == 0 or dx * dx + dy * dy >= grain * grain:
             first_x, first_y = x, y
             out[count, 0] = out[count, 1] = out[count, 2] = 0.0
             count += 1
@@ -74,11 +75,12 @@ def surfaces(
             j, last_x, last_y = i + side, 0.0, 0.0
             while 0 <= j < n:
                 x, y, m = points[j, 0] - px, points[j, 1] - py, points[j, 2]
-                if math.hypot(x - last_x, y - last_y) > widest:
+                dx, dy = x - last_x, y - last_y
+                if dx * dx + dy * dy > widest * widest:
                     beyond = math.hypot(mount.x - px - x, mount.y - py - y) - away
                     farther += int(beyond > walls.reach) - int(beyond < -walls.reach)
                     break
-                if abs(j - i) > NEIGHBORS and math.hypot(x, y) > walls.reach:
+                if abs(j - i) > NEIGHBORS and x * x + y * y > walls.reach * walls.reach:
                     break
                 near, w, sx, sy = near + 1, w + m, sx + m * x, sy + m * y
                 sxx, sxy, syy = sxx + m * x * x, sxy + m * x * y, syy + m * y * y
