@@ -18,10 +18,10 @@ def believed(tried: list[Match], track: Track) -> Match:
     step.
     """
 
-    def price(match: Match) -> float:
+    def _price(match: Match) -> float:
         if not track.reachable(match.pose):
             return math.inf
         closes = match.old > max(tried[0].old + GAIN, FOUND)
         return match.cost + (0.0 if closes else INDEPENDENT * track.charge(match.pose))
 
-    return min(tried, key=price)
+    return min(tried, key=_price)
