@@ -74,7 +74,7 @@ def square_of(information: Floats, off: Pose2) -> float:
     return distance
 
 
-@njit(inner=True, borrows=True)
+@njit(borrows=True)
 def unlikely(distance: float) -> float:
     """Negative log of Student's law at so large a squared distance. ours."""
     return 0.5 * (FREEDOM + 3.0) * math.log1p(distance / FREEDOM)
