@@ -10,7 +10,7 @@
    that is less dark than usual, restart at random;
 4. ours: fit all beams to the walls inside the cells, from there; evidence decides;
 5. ours: free a slow sweep from the motion that was found, and match it once more;
-6. take the pose, or the prediction if the map does not explain the scan;
+6. take the pose, or the prediction if the map does not explain the scan; ours: on ground of old;
 7. draw the scan into the global map;
 8. ours: look for a robot that is lost in all of its map;
 9. ours: go from the middle of the sweep back to its stamp, the first beam's.
@@ -97,6 +97,7 @@ class Crsm:
                 self._reader.take(scan, self._track.motion.velocity_to(match.fit.pose))
                 match = self._again(view, start.pose, match)
         self._settle(scan, view, match, start.pose)  # 6.
+        self._relocator.old_ground.update(scan)
         self._draw(view, scan.t)  # 7.
         self._relocator.update(scan, self.map)  # 8.
         return view.at_stamp(self._track.pose)  # 9.
@@ -108,7 +109,7 @@ class Crsm:
     def report(self) -> dict[str, Any]:
         """Counts of scans: posed by the climb, kept (it or near it won), refined, searched ..."""
         restarts = {"restarts": self._climber.restarts, "lost": self._track.lost}
-        again = {"found_again": self._relocator.found}
+        again = self._relocator.counts
         counts = self._counts | restarts | again | self._track.motion.counts
         return counts | self._map.extent.counts
 

@@ -10,7 +10,8 @@ System with Full 3D Motion Estimation. IEEE SSRR 2011. Per scan:
    cell, from the start; where other starts end elsewhere the beams decide.
 5. ours: a slow sweep is freed from the motion that was found, and matched again.
 6. ours: if the map contradicts the scan, a search.
-7. The pose is the match's; ours: what stays bad is refused, and the prediction stands.
+7. The pose is the match's; ours: what stays bad is refused, and the prediction stands; on ground
+   of old the drift of the loop is taken back.
 8. If the robot has moved, insert the scan into every level (sec. IV-A).
 9. ours: a robot that is lost is looked for in all of its map.
 10. ours: from the middle of the sweep back to its stamp, the first beam's.
@@ -82,6 +83,7 @@ class Hector:
         else:
             accepted = points.n >= (FEWEST if self._map.insertions == 0 else 1)
         self._settle(scan, points, match, accepted)  # 7.
+        self._relocator.old_ground.update(scan)
         if self._due(points):  # 8.
             self._insert(points)
         self._relocator.update(scan, self.map)  # 9.
@@ -104,7 +106,7 @@ class Hector:
         `posed` by the pyramid, `kept` where the pose within a cell of that won, `refined` by the
         lines; `doubted`, `searched`, `refused`, `lost`; `empty`, `inserted`; with odometry ...
         """
-        lost = {"lost": self._track.lost, "found_again": self._relocator.found}
+        lost = {"lost": self._track.lost} | self._relocator.counts
         counts = self._counts | lost | self._track.motion.counts
         return counts | self._map.extent.counts
 

@@ -16,8 +16,8 @@ ICARSC 2015.
 6. Refine, ours: Gauss-Newton on the field itself, from ICP's poses and the prediction.
 7. Decide: the pose that explains most of the scan.
 8. Look again, ours: see a slow sweep with the motion that was found, and pose it once more.
-9. Accept the pose, ours: with what it slipped along a corridor; or refuse it: then the prediction
-   stands.
+9. Accept the pose, ours: with what it slipped along a corridor, or on ground of old drifted; or
+   refuse it: then the prediction stands.
 10. Push the scan into the field when the robot has moved.
 11. Find again, ours: a robot that is lost is looked for in all of its map.
 12. Return, ours: from the middle of the sweep to its stamp, the first beam's.
@@ -182,7 +182,7 @@ class Tsd:
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
-        lost = {"lost": self._track.lost, "found_again": self._relocator.found}
+        lost = {"lost": self._track.lost} | self._relocator.counts
         counts = self._counts | lost | self._track.motion.counts
         return counts | self._extent.counts
 
@@ -225,6 +225,7 @@ class Tsd:
         self._counts["recovered"] += self._track.state != "matched"
         leads = self._direct.leads if self.params.refine else None
         self._track.matched(match.pose, match.information, scan, leads=leads)
+        self._relocator.old_ground.update(scan)
 
     def _refuse(self, scan: Scan) -> None:
         """Stay with the prediction; where wheels alone have held it for long, map on from there."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from slams.localize.finder import Finder
+from slams.localize.old_ground import OldGround
 from slams.localize.places import ends_of
 from slams.localize.search import LEAST_VIEW, Atlas, Candidate, is_same
 from slams.motion.track import Track
@@ -26,11 +27,12 @@ class Relocator:
 
     The map is made ready once, when it is lost, some 0.1 s; a search takes some 30 ms, and the
     more seldom the longer it finds nothing. Who is adrift is not looked for: the map has the place,
-    but not where it is.
+    but not where it is. `old_ground` is for an algorithm to ask before it draws a scan.
     """
 
     def __init__(self, track: Track, on: bool) -> None:
         self.found = 0
+        self.old_ground = OldGround(track, on)
         self._track, self._on = track, on
         self._atlas: Atlas | None = None
         self._before: float | None = None
@@ -40,6 +42,11 @@ class Relocator:
         self._finder: Finder | None = None
         self._seconds = self._began = 0.0  # since the first lost scan; when it began to look
         self._finish()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How often it was found: lost, anywhere; or drifted, on ground of old."""
+        return {"found_again": self.found, "returned": self.old_ground.found}
 
     def update(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
         """After each scan; `draw` draws the map. Sets the track's pose where it is found."""
