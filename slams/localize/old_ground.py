@@ -20,6 +20,7 @@ from slams.motion.track import Track
 from slams.types import Floats, Pose2, Scan
 
 SPARSE = 0.25  # m of way from scan to scan, on average: closer ones are matched before they drift
+LEAP = 5.0  # m from one scan to the next that no robot drove: it was found elsewhere
 SETTLED = 20  # scans after which that is known
 OLD = 20.0  # m of way after which ground is old
 APART, OFTEN = 0.5, 0.4  # m of way between scans that are kept, between looks
@@ -81,7 +82,8 @@ class OldGround:
         if not self._on or scan.odometry is None:
             return
         pose, before = self._track.pose, self._before or self._track.pose
-        self._way += math.hypot(pose.x - before.x, pose.y - before.y)
+        step = math.hypot(pose.x - before.x, pose.y - before.y)
+        self._way += step if step < LEAP else 0.0
         self._scans, self._before = self._scans + 1, pose
         if self._scans > SETTLED and self._way < SPARSE * self._scans:
             return

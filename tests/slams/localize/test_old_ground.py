@@ -1,0 +1,115 @@
+"""Ground of old is found again where it is clear, and only there."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.localize import old_ground
+from slams.localize.old_ground import OldGround, empty_ground, search
+from slams.localize.old_ground_kernels import fits, show
+from slams.localize.places import ends_of
+from slams.types import IDENTITY, Pose2
+from tests.rooms import CORRIDOR, ROOM, laser, scan_at
+
+LIDAR = laser(361)
+HALF = np.array((2.0, 2.0, 0.1))
+TRUE = Pose2(0.5, 0.3, 0.4)
+
+
+def ground(segments, places=((0.0, 0.0, 0.0), (1.0, -1.0, 2.0), (-1.0, 1.0, 4.0))):
+    seen = empty_ground(-12.0, -12.0, 480)
+    for at in (Pose2(*place) for place in places):
+        ends = at.transform(ends_of(scan_at(at, LIDAR, segments)))
+        near = ends[np.hypot(*ends.T) < 11.0]
+        show(seen, np.column_stack([near, np.tile((at.x, at.y), (len(near), 1))]))
+    return seen
+
+
+def points(segments, pose=TRUE):
+    return np.ascontiguousarray(ends_of(scan_at(pose, LIDAR, segments))[::5])
+
+
+def drifted(pose, x=1.2, y=-0.7, turn=0.05):
+    return Pose2(pose.x + x, pose.y + y, pose.theta + turn)
+
+
+def test_a_pose_that_drifted_is_found_on_ground_of_old():
+    found = search(ground(ROOM), points(ROOM), drifted(TRUE), HALF)
+    assert found is not None
+    assert math.hypot(found.x - TRUE.x, found.y - TRUE.y) < 0.07
+    assert abs(found.theta - TRUE.theta) < 0.01
+
+
+def test_who_is_where_old_ground_has_him_stays():
+    assert search(ground(ROOM), points(ROOM), TRUE, HALF) is None
+
+
+def test_along_a_bare_corridor_no_place_is_clear():
+    seen = ground(CORRIDOR, [(x, 0.0, 0.0) for x in (-2.0, 0.0, 2.0)])
+    ahead = points(CORRIDOR, IDENTITY)
+    ahead = np.ascontiguousarray(ahead[np.hypot(*ahead.T) < 6.0])
+    assert search(seen, ahead, Pose2(1.2, 0.5, 0.04), HALF) is None
+
+
+def test_two_rooms_alike_within_reach_are_one_too_many():
+    alike = np.concatenate([ROOM / 4.0, ROOM / 4.0 + np.array((0.0, 3.0, 0.0, 3.0))])
+    places = [(0.0, 0.0, 0.0), (0.0, 3.0, 0.0)]
+    here, between = points(alike, IDENTITY), Pose2(0.0, 1.3, 0.0)
+    assert search(ground(alike, places), here, between, HALF) is None
+    assert search(ground(alike, places[:1]), here, between, HALF) is not None
+
+
+def test_a_place_at_the_edge_of_what_is_looked_through_is_none():
+    assert search(ground(ROOM), points(ROOM), drifted(TRUE), HALF * (0.6, 0.6, 1.0)) is None
+
+
+def test_free_space_contradicts_and_the_unseen_says_nothing():
+    seen, out = ground(ROOM), np.empty(1)
+    for x, expected in ((0.3, -1.0), (11.0, 0.0)):
+        fits(seen, np.array([[x, 0.3]]), np.zeros((1, 3)), out)
+        assert out[0] == pytest.approx(expected, abs=0.01)
+
+
+class StandIn:
+    """A track that drives around a room, and is `off` when it is back."""
+
+    def __init__(self):
+        self.pose, self.corrections = IDENTITY, 0
+
+    def corrected(self, pose):
+        self.pose, self.corrections = pose, self.corrections + 1
+
+
+def driven(off, step=0.5, wheels=True, on=True):
+    """Once around for 40 m, in a place of its own, then the way from the beginning again."""
+    track, t = StandIn(), 0.0
+    old = OldGround(track, on)
+    first = [Pose2(x, 0.0, 0.0) for x in np.arange(-2.0, 2.0, step)]
+    away = [Pose2(100.0 + x, 0.0, 0.0) for x in np.arange(0.0, 40.0, step)]
+    for k, true in enumerate([*first, *away, *first]):
+        back = k >= len(first) + len(away)
+        shift = off(k) if back and not track.corrections else (0.0, 0.0)
+        track.pose, t = Pose2(true.x + shift[0], true.y + shift[1], 0.0), t + 1.0
+        old.update(scan_at(true, LIDAR, ROOM, t=t, odometry=true if wheels else None))
+        if track.corrections:
+            return old, track, true
+    return old, track, None
+
+
+def test_the_same_correction_over_a_few_looks_is_believed():
+    old, track, true = driven(lambda k: (0.5, 0.4))
+    assert old.found == 1
+    assert true is not None and math.hypot(track.pose.x - true.x, track.pose.y - true.y) < 0.05
+    assert true.x >= -2.0 + old_ground.ALONG
+
+
+def test_corrections_that_do_not_stand_are_not_believed():
+    old, _, _ = driven(lambda k: (0.5, 0.4) if k % 2 else (-0.5, 0.4))
+    assert old.found == 0
+
+
+@pytest.mark.parametrize("how", [{"wheels": False}, {"on": False}, {"step": 0.1}])
+def test_without_wheels_or_with_scans_close_by_nothing_changes(how):
+    old, track, _ = driven(lambda k: (0.5, 0.4), **how)
+    assert old.found == 0 and track.corrections == 0
