@@ -33,7 +33,7 @@ class Ground(NamedTuple):
 
 @njit
 def show(ground: Ground, beams: Floats) -> None:
-    """Enter beams (n, 4) [m]: end x, y and laser x, y."""
+    """Enter beams (n, 4) [m], end x, y and laser x, y. ours."""
     ny, nx = ground.likelihood.shape
     for x, y, from_x, from_y in beams:
         far = math.hypot(x - from_x, y - from_y)
@@ -57,7 +57,7 @@ def show(ground: Ground, beams: Floats) -> None:
 def fits(ground: Ground, points: Floats, poses: Floats, out: Floats) -> None:
     """How well points (n, 2) [m] fit at poses (k, 3): out (k,), share explained less contradicted.
 
-    A point in free space contradicts; one where nothing was seen says nothing.
+    A point in free space contradicts; one where nothing was seen says nothing. ours.
     """
     ny, nx = ground.likelihood.shape
     for k in range(len(poses)):
