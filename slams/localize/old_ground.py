@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slams.localize.old_ground_kernels import REACH, Ground, fits, show
+from slams.localize.old_ground_kernels import Ground, fits, show
 from slams.localize.places import ends_of
 from slams.motion.track import Track
 from slams.types import Floats, Pose2, Scan
@@ -24,7 +24,7 @@ LEAP = 5.0  # m from one scan to the next that no robot drove: it was found else
 SETTLED = 20  # scans after which that is known
 OLD = 20.0  # m of way after which ground is old
 APART, OFTEN = 0.5, 0.4  # m of way between scans that are kept, between looks
-FEWEST, POINTS = 40, 70  # end points that a scan must have; that are looked at
+FEWEST, ENOUGH, POINTS = 40, 180, 70  # end points that a scan must have; kept; looked at
 VIEW, NEAR = 15.0, 5.0  # m: ends farther off aren't looked at; a place of old is near
 AROUND, MOST = 8.0, 40  # m around which scans of old are shown, and how many of them
 CELL = 0.05  # m
@@ -168,15 +168,14 @@ def _ground(old: list[Kept], pose: Pose2, half: float) -> Ground:
 
 def empty_ground(x: float, y: float, n: int) -> Ground:
     """N by n cells of which nothing is known, from the corner x, y [m]."""
-    assert n > 2 * REACH
     return Ground(np.zeros((n, n)), np.zeros((n, n), np.int64), x, y, CELL)
 
 
 def _points(scan: Scan) -> Floats:
-    """End points (n, 2) [m] in the base frame, of what is near."""
+    """End points (n, 2) [m] in the base frame of what is near; of many beams, every so many."""
     ends = ends_of(scan)
-    near = np.hypot(ends[:, 0], ends[:, 1]) < VIEW
-    return scan.laser.mount.transform(ends[near])
+    near = ends[np.hypot(ends[:, 0], ends[:, 1]) < VIEW]
+    return scan.laser.mount.transform(near[:: max(1, len(near) // ENOUGH)])
 
 
 def _fits(ground: Ground, points: Floats, poses: Floats) -> Floats:
