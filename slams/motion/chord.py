@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slams.motion import velocity_kernels
 from slams.types import Floats, Pose2, wrap_angle
 
 
@@ -30,7 +31,7 @@ class Chord(NamedTuple):
 
 
 FAR = 100.0  # m, deviation of a pose that is anywhere: it grows no more
-FLOOR = 2.5e-13  # m^2, rad^2: half a micrometer, rounding of what is logged; no variance is less
+FLOOR = velocity_kernels.FLOOR  # m^2, rad^2; no variance is less
 NOTHING = Chord(0.0, 0.0, 0.0)
 CERTAIN = Chord(FLOOR, FLOOR, FLOOR)
 UNKNOWN = Chord(math.inf, math.inf, math.inf)
