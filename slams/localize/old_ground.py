@@ -65,8 +65,8 @@ class Correction(NamedTuple):
 class OldGround:
     """Looks for a track's robot on ground of old; `found` counts.
 
-    Only with wheels, and scans far apart: elsewhere nothing is kept and no pose changes. A look
-    takes some 10 ms, every 0.4 m near places of old.
+    Only with wheels, and scans far apart: elsewhere nothing is kept and no pose changes, nor of a
+    robot that is lost. A look takes some 10 ms, every 0.4 m near places of old.
     """
 
     def __init__(self, track: Track, on: bool) -> None:
@@ -79,7 +79,7 @@ class OldGround:
 
     def update(self, scan: Scan) -> None:
         """After each match, before the scan is drawn: sets the track's pose where it is found."""
-        if not self._on or scan.odometry is None:
+        if not self._on or scan.odometry is None or self._track.state == "lost":
             return
         pose, before = self._track.pose, self._before or self._track.pose
         step = math.hypot(pose.x - before.x, pose.y - before.y)

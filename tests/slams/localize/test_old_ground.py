@@ -75,16 +75,16 @@ class StandIn:
     """A track that drives around a room, and is `off` when it is back."""
 
     def __init__(self):
-        self.pose, self.corrections = IDENTITY, 0
+        self.pose, self.corrections, self.state = IDENTITY, 0, "matched"
 
     def corrected(self, pose):
         self.pose, self.corrections = pose, self.corrections + 1
 
 
-def driven(off, step=0.5, wheels=True, on=True):
+def driven(off, step=0.5, wheels=True, on=True, state="matched"):
     """Once around for 40 m, in a place of its own, then the way from the beginning again."""
     track, t = StandIn(), 0.0
-    old = OldGround(track, on)
+    old, track.state = OldGround(track, on), state
     first = [Pose2(x, 0.0, 0.0) for x in np.arange(-2.0, 2.0, step)]
     away = [Pose2(100.0 + x, 0.0, 0.0) for x in np.arange(0.0, 40.0, step)]
     for k, true in enumerate([*first, *away, *first]):
@@ -109,7 +109,9 @@ def test_corrections_that_do_not_stand_are_not_believed():
     assert old.found == 0
 
 
-@pytest.mark.parametrize("how", [{"wheels": False}, {"on": False}, {"step": 0.1}])
-def test_without_wheels_or_with_scans_close_by_nothing_changes(how):
+@pytest.mark.parametrize(
+    "how", [{"wheels": False}, {"on": False}, {"step": 0.1}, {"state": "lost"}]
+)
+def test_without_wheels_or_lost_or_with_scans_close_by_nothing_changes(how):
     old, track, _ = driven(lambda k: (0.5, 0.4), **how)
     assert old.found == 0 and track.corrections == 0
