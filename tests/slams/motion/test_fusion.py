@@ -156,9 +156,25 @@ def test_a_gyro_that_passes_half_a_turn_goes_on():
     assert found.told()[0].turn == pytest.approx(0.083, abs=0.001)
 
 
+def test_where_no_match_tells_the_turn_the_surer_of_gyro_and_wheels_does():
+    """A gyro by its own variance, not by what is known with it."""
+    for gyro_noise, told in ((P.gyro_noise, 0.3), (10.0, 0.5)):
+        params = P.replace(gyro_noise=gyro_noise, witness_time=0.0)
+        velocity, wheels, gyro = Velocity(params), Wheels(params), Gyro(params)
+        before = Scan(0.0, *BEAM, IDENTITY, 0.0)
+        scan = Scan(0.1, *BEAM, Pose2(0.0, 0.0, 0.05), 0.03)
+        expected = expecting(0.1, Chord(1.0, 1.0, 1.0))
+        velocity.going_on(0.1, Expected())
+        gyro.add(before, scan, expected)
+        wheels.add(before, scan, expected)
+        velocity.believe(expected.told()[0], wheels, gyro)
+        assert velocity.axes["v"][2] == pytest.approx(told, abs=0.02)
+
+
 def test_wheels_that_are_not_finite_say_nothing():
     good, bad = Scan(0.0, *BEAM, IDENTITY), Scan(0.1, *BEAM, Pose2(math.nan, 0.0, 0.0))
-    for pair in ((good, bad), (bad, good)):
+    west, east = (Scan(0.0, *BEAM, Pose2(x, x, 0.0)) for x in (-1.7e308, 1.7e308))  # no step
+    for pair in ((good, bad), (bad, good), (west, east)):
         wheels, found = Wheels(P), expecting(0.1)
         wheels.add(good, Scan(0.1, *BEAM, Pose2(0.01, 0.0, 0.0)), expecting(0.1))
         wheels.add(*pair, found)
