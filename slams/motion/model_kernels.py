@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from slams.jit import njit
+from slams.motion.reading_kernels import settle
 from slams.motion.source_kernels import compare
 from slams.motion.velocity_kernels import TURN, contradict, correct, correct_velocity, pass_over
 from slams.types import Records
@@ -35,6 +36,7 @@ def learn(
     if dt > 0.0 and gyro[0].variance < math.inf:
         compare(gyro, laws, step, both, dt)
     learn_velocity(axes, overs, wheels, gyro, laws, step, (match[0], match[1] + swing, match[2]))
+    settle(wheels, step)
     return wrong
 
 

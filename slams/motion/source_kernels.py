@@ -11,6 +11,7 @@ from typing import Any
 
 from slams.geometry import wrap_angle
 from slams.jit import njit
+from slams.motion.reading_kernels import begin, lateness, learn_lateness
 from slams.motion.velocity_kernels import FLOOR, TURN
 from slams.types import Records
 
@@ -23,8 +24,9 @@ NONE, LEAP, CONTRADICTED, GOOD = range(4)  # a source's word
 # The last word `said` and the `variance` it was given in the end (inf: none, or a leap); its `own`
 # before any doubt; `doubted`, the variance that the velocity has from a contradiction; learned:
 # `doubt`, the variance of a velocity that the source does not see, at `most` so great, and `scale`,
-# times the variance of its own
-SOURCE = "said variance own doubted doubt most scale"
+# times the variance of its own. Of wheels also their pose `now` (x, y, heading), where the robot is
+# `at` in that frame, the last `rate` a second and what share of a difference is for being `late`
+SOURCE = "said variance own doubted doubt most scale now at rate late"
 LAW = (
     "way_scale turn_scale veer way_slip way_slip_turning turn_slip turn_slip_way side_slip stall "
     "gyro_noise gyro_bias gyro_scale witness_time top_speed top_turn_rate top_acceleration "
@@ -43,26 +45,29 @@ def allow(laws: Records, ahead: float, aside: float, turn: float, seconds: float
 
 
 @njit(inner=True, borrows=True)
-def allow_turn(laws: Records, turn: float, expected: Any, reach: float) -> bool:
+def allow_turn(laws: Records, turn: float, expected: Any, late: float, reach: float) -> bool:
     """Whether a robot that was expected to turn otherwise can turn so in `reach` [s]. ours."""
     law = laws[0]
     possible = law.top_turn_acceleration * reach * reach + law.leap
-    if abs(turn - expected.step) > possible + law.doubt * math.sqrt(expected.variance):
+    if abs(turn - expected.step) > possible + law.doubt * math.sqrt(expected.variance + late):
         return False
     return allow(laws, 0.0, 0.0, turn, reach)
 
 
 @njit(inner=True, borrows=True)
-def allow_step(laws: Records, step: Any, expected: Records, reach: float) -> bool:
-    """Whether a robot that was expected elsewhere can have made this step in `reach` [s]. ours."""
+def allow_step(laws: Records, step: Any, expected: Records, late: Any, reach: float) -> bool:
+    """Whether a robot that was expected elsewhere can have made this step in `reach` [s]. ours.
+
+    late: variances of the step ahead, aside and of its turn for readings that are late.
+    """
     law, x, y, turn = laws[0], expected[0], expected[1], expected[TURN]
     change = math.hypot(step[0] - x.step, step[1] - y.step)
-    doubt = law.doubt * math.sqrt(x.variance + y.variance)
+    doubt = law.doubt * math.sqrt(x.variance + late[0] + y.variance + late[1])
     if change > law.top_acceleration * reach * reach + law.leap + doubt:
         return False
     if not allow(laws, step[0], step[1], step[2], reach):
         return False
-    return allow_turn(laws, step[2], turn, reach)
+    return allow_turn(laws, step[2], turn, late[2], reach)
 
 
 @njit(inner=True, borrows=True)
@@ -170,7 +175,14 @@ def silence(sources: Records) -> None:
 
 @njit(borrows=True)
 def hear_wheels(
-    wheels: Records, laws: Records, expected: Records, last: Any, now: Any, dt: float, reach: float
+    wheels: Records,
+    reads: Records,
+    laws: Records,
+    expected: Records,
+    last: Any,
+    now: Any,
+    dt: float,
+    reach: float,
 ) -> int:
     """Weigh the step between two poses of the odometry into what is expected. ours.
 
@@ -178,20 +190,31 @@ def hear_wheels(
     witness against the wheels over a short interval, not over a long one. Where the wheels were
     caught of late by the match, what is expected is sure.
     """
-    law, step = laws[0], chord(last, now)
+    law, read, told = laws[0], reads[0], chord(last, now)
     silence(wheels)
-    if not math.isfinite(step[0] + step[1] + step[2]):
+    if not math.isfinite(told[0] + told[1] + told[2]):
+        read.known = 0.0
         return NONE
-    if not allow_step(laws, step, expected, reach):
+    if read.known == 0.0:
+        begin(wheels, reads, last)
+    for i in range(len(wheels)):
+        wheels[i].now, wheels[i].late = now[i], 0.0
+    step = chord((wheels[0].at, wheels[1].at, wheels[2].at), now)
+    own, short, late = wheel_variance(laws, step, dt), 0.0 < dt <= law.witness_time, (0.0, 0.0, 0.0)
+    if short:
+        learn_lateness(wheels, read, told, expected[0].step, own[0], dt)
+        late = lateness(wheels, read, expected, dt)
+    if not allow_step(laws, step, expected, late, reach):
         return LEAP
-    own = wheel_variance(laws, step, dt)
-    limit, gaps = (law.doubt**2 if 0.0 < dt <= law.witness_time else math.inf), 0.0
+    limit, gaps = (law.doubt**2 if short else math.inf), 0.0
     for i in range(len(wheels)):
         number, doubt = wheels[i], wheels[i].doubt * dt * dt
-        number.own = own[i] * max(CAREFUL * number.scale, 1.0)
+        number.own = own[i] * max(CAREFUL * number.scale, 1.0) + late[i]
         number.said, number.variance = step[i], number.own + doubt
         sure = doubt > number.own or (i == TURN and expected[i].measured > 0.0)
-        gaps += weigh(number, expected[i], limit, sure)
+        gap = weigh(number, expected[i], limit, sure)
+        number.late = late[i] / number.own if gap == 0.0 else 0.0
+        gaps += gap
     return CONTRADICTED if gaps > 0.0 else GOOD
 
 
@@ -202,7 +225,7 @@ def hear_gyro(
     """Weigh a turn by the gyro into what is expected; whether it is a leap or good. ours."""
     number, law = gyro[0], laws[0]
     silence(gyro)
-    if not allow_turn(laws, turn, expected[TURN], reach):
+    if not allow_turn(laws, turn, expected[TURN], 0.0, reach):
         return LEAP
     bias, scale = law.gyro_bias * dt, law.gyro_scale * turn
     number.own = law.gyro_noise**2 * dt + bias**2 + scale**2 + FLOOR

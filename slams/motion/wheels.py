@@ -7,8 +7,11 @@ import math
 from slams.jit import records
 from slams.motion import source_kernels as kernels
 from slams.motion.params import MotionParams
+from slams.motion.reading_kernels import READING
 from slams.motion.trust import Expected, laws
 from slams.types import Records, Scan
+
+HEARD = (kernels.GOOD, kernels.CONTRADICTED)  # words that tell of the step
 
 
 class Wheels:
@@ -26,6 +29,7 @@ class Wheels:
         self.numbers["variance"], self.numbers["scale"] = math.inf, kernels.LEAST
         self.numbers["most"] = params.top_speed**2
         self.numbers["most"][-1] = params.top_turn_rate**2
+        self._reads = records(1, READING)
         self._listens, self._laws, self._time = params.wheels, laws(params), params.doubt_time
 
     def add(self, before: Scan, scan: Scan, known: Expected) -> None:
@@ -33,10 +37,12 @@ class Wheels:
         last, now, word = before.odometry, scan.odometry, kernels.NONE
         if self._listens and last is not None and now is not None:
             row, dt, reach = known.rows, known.dt, known.reach
-            word = kernels.hear_wheels(self.numbers, self._laws, row, last, now, dt, reach)
+            by = (self.numbers, self._reads, self._laws)
+            word = kernels.hear_wheels(*by, row, last, now, dt, reach)
         elif self.heard:
             silence(self.numbers)
-        self.heard = word in (kernels.GOOD, kernels.CONTRADICTED)
+            self._reads["known"] = 0.0
+        self.heard = word in HEARD
         self.contradicts = word in (kernels.LEAP, kernels.CONTRADICTED)
         self.used += self.heard
         self.faults += word == kernels.LEAP

@@ -1,0 +1,87 @@
+"""Kernels of when wheels were read: a scan may come with a pose of them that is older than itself.
+
+ours. Recorders give a scan the last pose that the wheels have told. Where those tell seldom or out
+of step with the laser, it is the same as the scan's before, and then two steps come at once, or
+every so often half of one. Such errors do not add up like slips: what one step lacks the next has
+too much. So the robot is kept where it was found in the frame of the odometry, `at`, as far as the
+last reading was late and did not slip, and the next step is reckoned from there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from slams.geometry import wrap_angle
+from slams.jit import njit
+from slams.types import Records
+
+MEMORY = 10.0  # s, in which it is learned how late readings are
+LATEST, LONGEST = 0.2, 0.5  # s, deviation of a reading's time, and its most: more is no lateness
+RATE = 0.5  # s, of the mean rate: longer than from one reading to the next
+
+# Whether there is an `at` (1); the last step ahead [m] and its `change`, from the one before; of
+# the steps' raggedness the sum [m^2], and that of the speeds [m^2/s^2]
+READING = "known ahead change ragged speeds"
+
+
+@njit(inner=True, borrows=True)
+def begin(wheels: Records, reads: Records, pose: Any) -> None:
+    """The robot is where the wheels say. ours."""
+    read = reads[0]
+    read.known, read.ahead, read.change = 1.0, 0.0, 0.0
+    for i in range(len(wheels)):
+        wheels[i].at, wheels[i].rate, wheels[i].late = pose[i], 0.0, 0.0
+
+
+@njit(inner=True, borrows=True)
+def learn_lateness(
+    wheels: Records, read: Any, told: Any, expected: float, slips: float, dt: float
+) -> None:
+    """Learn how late readings are from the step `told` by the wheels in `dt` [s]. ours.
+
+    Steps that go to and fro from one scan to the next tell: a reading that is late by a whole step
+    of the wheels, once in every few scans, has a variance of about the mean product of the changes
+    of the steps. So have slips, of variance `slips`; how a robot changes its speed has not. No
+    change counts for more than a reading of `LONGEST` ago makes at the speed of the wheels or the
+    one `expected`, a step ahead: a leap of the odometry is no lateness.
+    """
+    keep, share = math.exp(-dt / MEMORY), 1.0 - math.exp(-dt / RATE)
+    most = LONGEST * max(abs(wheels[0].rate), abs(expected) / dt)
+    change = min(max(told[0] - read.ahead, -most), most)
+    read.ragged = max(keep * read.ragged - change * read.change - slips, 0.0)
+    for i in range(len(wheels)):
+        wheels[i].rate += share * (told[i] / dt - wheels[i].rate)
+    read.speeds = keep * read.speeds + wheels[0].rate ** 2
+    read.ahead, read.change = told[0], change
+
+
+@njit(inner=True, borrows=True)
+def lateness(
+    wheels: Records, read: Any, expected: Records, dt: float
+) -> tuple[float, float, float]:
+    """Variances of a step ahead, aside and of its turn for a reading that may be late. ours."""
+    if read.ragged == 0.0:
+        return 0.0, 0.0, 0.0
+    time = min(read.ragged / read.speeds, LATEST * LATEST)
+    ahead = max(wheels[0].rate ** 2, (expected[0].step / dt) ** 2)
+    aside = max(wheels[1].rate ** 2, (expected[1].step / dt) ** 2)
+    turn = max(wheels[2].rate ** 2, (expected[2].step / dt) ** 2)
+    return time * ahead, time * aside, time * turn
+
+
+@njit(inner=True, borrows=True)
+def settle(wheels: Records, step: Any) -> None:
+    """Keep the robot where a step has brought it, as far as the last reading was late. ours.
+
+    step: ahead, aside and turn, as of `Chord`. What it differs from what the wheels say of it is
+    shared between lateness and slip by their variances.
+    """
+    ahead, aside, turn = wheels[0], wheels[1], wheels[2]
+    half = turn.at + 0.5 * step[2]
+    c, s = math.cos(half), math.sin(half)
+    dx = ahead.at + c * step[0] - s * step[1] - ahead.now
+    dy = aside.at + s * step[0] + c * step[1] - aside.now
+    off, beside = ahead.late * (c * dx + s * dy), aside.late * (c * dy - s * dx)
+    ahead.at, aside.at = ahead.now + c * off - s * beside, aside.now + s * off + c * beside
+    turn.at = turn.now + turn.late * wrap_angle(turn.at + step[2] - turn.now)
