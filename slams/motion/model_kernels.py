@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from slams.jit import njit
-from slams.motion.reading_kernels import settle
+from slams.motion.reading_kernels import RATE, settle
 from slams.motion.source_kernels import compare
 from slams.motion.velocity_kernels import TURN, contradict, correct, correct_velocity, pass_over
 from slams.types import Records
@@ -66,5 +66,6 @@ def learn_velocity(
             said = gyro[0]
         blind = match[i] > axis.unknown * dt * dt  # no more than is known of all robots
         if (blind or unsettled) and said.variance < math.inf:
-            correct_velocity(axis, said.said / dt, said.variance / (dt * dt), dt)
+            alike = said.late * said.own * RATE / dt  # readings after each other are late alike
+            correct_velocity(axis, said.said / dt, (said.variance + alike) / (dt * dt), dt)
         axis.x -= step[i]  # the pose is now reported further

@@ -42,17 +42,19 @@ def learn_lateness(
 
     Steps that go to and fro from one scan to the next tell: a reading that is late by a whole step
     of the wheels, once in every few scans, has a variance of about the mean product of the changes
-    of the steps. So have slips, of variance `slips`; how a robot changes its speed has not. No
-    change counts for more than a reading of `LONGEST` ago makes at the speed of the wheels or the
-    one `expected`, a step ahead: a leap of the odometry is no lateness.
+    of the steps. So have slips, of variance `slips`; how a robot changes its speed has not. A
+    change that no reading of `LONGEST` ago makes, at the speed of the wheels or the one `expected`,
+    a step ahead, tells nothing: odometry that leaps is not late.
     """
     keep, share = math.exp(-dt / MEMORY), 1.0 - math.exp(-dt / RATE)
-    most = LONGEST * max(abs(wheels[0].rate), abs(expected) / dt)
-    change = min(max(told[0] - read.ahead, -most), most)
+    change, speed = told[0] - read.ahead, max(abs(wheels[0].rate), abs(expected) / dt)
+    if abs(change) > LONGEST * speed:
+        read.change = 0.0
+        return
     read.ragged = max(keep * read.ragged - change * read.change - slips, 0.0)
+    read.speeds = keep * read.speeds + speed * speed
     for i in range(len(wheels)):
         wheels[i].rate += share * (told[i] / dt - wheels[i].rate)
-    read.speeds = keep * read.speeds + wheels[0].rate ** 2
     read.ahead, read.change = told[0], change
 
 
