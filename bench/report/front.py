@@ -45,6 +45,7 @@ SITUATIONS = {
         "stall",
         "jump",
         "wheel_scale",
+        "wheel_rate",
         "heading_bias",
         "gyro_bias",
     ),

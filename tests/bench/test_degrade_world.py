@@ -225,6 +225,18 @@ def test_wheel_scale_and_heading_bias_are_recovered():
     np.testing.assert_allclose(bent[0], ahead, atol=1e-10)
 
 
+def test_wheels_tell_a_pose_again_until_the_next_is_due():
+    log = plain()
+    told = degrade(log, "wheel_rate", 3, 0).odom
+    since = (told.t - told.t[0]) * 3.0
+    (new,) = np.nonzero(np.any(np.diff(told.values, axis=0) != 0.0, axis=1))
+    assert len(new) == pytest.approx(since[-1], abs=1.0)
+    np.testing.assert_array_equal(told.values[new + 1], log.odom.values[new + 1])
+    assert np.diff(since[new]).max() < 1.0 + 3.0 * np.diff(told.t).max()
+    often = degrade(log, "wheel_rate", 1e6, 0).odom
+    np.testing.assert_array_equal(often.values, log.odom.values)
+
+
 def test_slip_makes_single_sides_turn_too_far_by_spells():
     log = plain()
     sides = [

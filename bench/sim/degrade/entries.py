@@ -251,6 +251,17 @@ ENTRIES = (
         needs=("odometry",),
     ),
     Degradation(
+        "wheel_rate",
+        "Hz",
+        "wheels tell their pose that often; until then the last is given again",
+        (10, 4),
+        (40, 20, 10, 7, 4, 3, 2),
+        wheels.wheel_rate,
+        low=0.1,
+        high=1e6,
+        needs=("odometry",),
+    ),
+    Degradation(
         "heading_bias",
         "deg/m",
         "odometry turns left by that much for each meter",

@@ -61,6 +61,17 @@ def wheel_scale(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     return _counted(log, factor * ahead, factor * aside, factor * turn)
 
 
+def wheel_rate(log: ScanLog, level: float, rng: Generator) -> ScanLog:
+    """The wheels tell where they are `level` times a second; in between it is what they told last.
+
+    So do recorders that give a scan the last message of the wheels, out of step with the laser.
+    """
+    assert log.odom is not None, "the catalog says that this needs odometry"
+    tick = np.floor(elapsed(log.odom.t) * level + rng.uniform())
+    told = np.searchsorted(tick, tick)
+    return replace(log, odom=Track(log.odom.t, log.odom.values[told]))
+
+
 def heading_bias(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     """Odometry turns `level` [deg] to the left for each meter driven."""
     _, (ahead, aside, turn) = _increments(log)

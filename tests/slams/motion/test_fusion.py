@@ -188,7 +188,7 @@ def test_no_robot_turns_round_at_once_however_it_moves():
     most = P.top_turn_acceleration * 0.05**2 + P.leap
     for turn, possible in ((0.99 * most, True), (1.1 * most, False)):
         step = (0.0, 0.0, turn)
-        assert source_kernels.allow_step(laws(P), step, known, 0.05) == possible
+        assert source_kernels.allow_step(laws(P), step, known, (0.0, 0.0, 0.0), 0.05) == possible
     assert most < P.top_turn_rate * 0.05 + P.leap
 
 
