@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from slams.jit import njit
-from slams.motion.reading_kernels import RATE, settle
+from slams.motion.reading_kernels import alike, settle
 from slams.motion.source_kernels import compare
 from slams.motion.velocity_kernels import TURN, contradict, correct, correct_velocity, pass_over
 from slams.types import Records
@@ -36,7 +36,7 @@ def learn(
     if dt > 0.0 and gyro[0].variance < math.inf:
         compare(gyro, laws, step, both, dt)
     learn_velocity(axes, overs, wheels, gyro, laws, step, (match[0], match[1] + swing, match[2]))
-    settle(wheels, step)
+    settle(wheels, step, dt)
     return wrong
 
 
@@ -66,6 +66,6 @@ def learn_velocity(
             said = gyro[0]
         blind = match[i] > axis.unknown * dt * dt  # no more than is known of all robots
         if (blind or unsettled) and said.variance < math.inf:
-            alike = said.late * said.own * RATE / dt  # readings after each other are late alike
-            correct_velocity(axis, said.said / dt, (said.variance + alike) / (dt * dt), dt)
+            variance = said.variance + alike(said, dt)
+            correct_velocity(axis, said.said / dt, variance / (dt * dt), dt)
         axis.x -= step[i]  # the pose is now reported further

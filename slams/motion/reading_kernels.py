@@ -18,10 +18,10 @@ from slams.types import Records
 
 MEMORY = 10.0  # s, in which it is learned how late readings are
 LATEST, LONGEST = 0.2, 0.5  # s, deviation of a reading's time, and its most: more is no lateness
-RATE = 0.5  # s, of the mean rate: longer than from one reading to the next
+RATE = 0.5  # s, of the mean rate; readings that are so close are late alike
 
-# Whether there is an `at` (1); the last step ahead [m] and its `change`, from the one before; of
-# the steps' raggedness the sum [m^2], and that of the speeds [m^2/s^2]
+# Whether there is an `at` (1); the last step ahead [m] and its `change` from the one before; sums
+# of how `ragged` steps are [m^2], and of squared `speeds` [m^2/s^2]
 READING = "known ahead change ragged speeds"
 
 
@@ -73,7 +73,13 @@ def lateness(
 
 
 @njit(inner=True, borrows=True)
-def settle(wheels: Records, step: Any) -> None:
+def alike(number: Any, dt: float) -> float:
+    """Variance of what a reading is late, times the number of those that are late alike. ours."""
+    return number.late * RATE / dt if dt > 0.0 else 0.0
+
+
+@njit(inner=True, borrows=True)
+def settle(wheels: Records, step: Any, dt: float) -> None:
     """Keep the robot where a step has brought it, as far as the last reading was late. ours.
 
     step: ahead, aside and turn, as of `Chord`. What it differs from what the wheels say of it is
@@ -84,6 +90,13 @@ def settle(wheels: Records, step: Any) -> None:
     c, s = math.cos(half), math.sin(half)
     dx = ahead.at + c * step[0] - s * step[1] - ahead.now
     dy = aside.at + s * step[0] + c * step[1] - aside.now
-    off, beside = ahead.late * (c * dx + s * dy), aside.late * (c * dy - s * dx)
+    off, beside = share(ahead, dt) * (c * dx + s * dy), share(aside, dt) * (c * dy - s * dx)
     ahead.at, aside.at = ahead.now + c * off - s * beside, aside.now + s * off + c * beside
-    turn.at = turn.now + turn.late * wrap_angle(turn.at + step[2] - turn.now)
+    turn.at = turn.now + share(turn, dt) * wrap_angle(turn.at + step[2] - turn.now)
+
+
+@njit(inner=True, borrows=True)
+def share(number: Any, dt: float) -> float:
+    """Share of a difference that is for lateness, not for slip. ours."""
+    late = alike(number, dt)
+    return late / (late + number.own - number.late) if late > 0.0 else 0.0

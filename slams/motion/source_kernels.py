@@ -25,7 +25,7 @@ NONE, LEAP, CONTRADICTED, GOOD = range(4)  # a source's word
 # before any doubt; `doubted`, the variance that the velocity has from a contradiction; learned:
 # `doubt`, the variance of a velocity that the source does not see, at `most` so great, and `scale`,
 # times the variance of its own. Of wheels also their pose `now` (x, y, heading), where the robot is
-# `at` in that frame, the last `rate` a second and what share of a difference is for being `late`
+# `at` in that frame, the mean `rate` a second, and what of the own variance is for being `late`
 SOURCE = "said variance own doubted doubt most scale now at rate late"
 LAW = (
     "way_scale turn_scale veer way_slip way_slip_turning turn_slip turn_slip_way side_slip stall "
@@ -213,7 +213,7 @@ def hear_wheels(
         number.said, number.variance = step[i], number.own + doubt
         sure = doubt > number.own or (i == TURN and expected[i].measured > 0.0)
         gap = weigh(number, expected[i], limit, sure)
-        number.late = late[i] / number.own if gap == 0.0 else 0.0
+        number.late = late[i] if gap == 0.0 else 0.0
         gaps += gap
     return CONTRADICTED if gaps > 0.0 else GOOD
 
