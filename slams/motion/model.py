@@ -6,7 +6,7 @@ Three sources speak of the step since the scan before, each with a variance:
 2. the gyro gives the turn, the wheels the whole step (`wheels`; noise as in [Thrun05] 5.4);
 3. a leap that no robot can make is not heard at all (`trust.Limits`), and a source that the
    matches contradicted of late is believed less (`source_kernels.learn_doubt`), until they agree
-   again.
+   again; what wheels lack or have too much for being read late is made good (`reading_kernels`).
 
 They are fused by their information (the plain Kalman update) in the three numbers of a `Chord`,
 whose errors are independent. Everything is in seconds and meters: the rate of the scans does not
