@@ -49,7 +49,6 @@ def learn_lateness(
     keep, share = math.exp(-dt / MEMORY), 1.0 - math.exp(-dt / RATE)
     change, speed = told[0] - read.ahead, max(abs(wheels[0].rate), abs(expected) / dt)
     if abs(change) > LONGEST * speed:
-        read.change = 0.0
         return
     read.ragged = max(keep * read.ragged - change * read.change - slips, 0.0)
     read.speeds = keep * read.speeds + speed * speed
@@ -86,10 +85,10 @@ def settle(wheels: Records, step: Any, dt: float) -> None:
     shared between lateness and slip by their variances.
     """
     ahead, aside, turn = wheels[0], wheels[1], wheels[2]
-    half = turn.at + 0.5 * step[2]
+    half, scale = turn.at + 0.5 * step[2], 1.0 / (1.0 + ahead.wrong)  # as the wheels count
     c, s = math.cos(half), math.sin(half)
-    dx = ahead.at + c * step[0] - s * step[1] - ahead.now
-    dy = aside.at + s * step[0] + c * step[1] - aside.now
+    dx = ahead.at + scale * (c * step[0] - s * step[1]) - ahead.now
+    dy = aside.at + scale * (s * step[0] + c * step[1]) - aside.now
     off, beside = share(ahead, dt) * (c * dx + s * dy), share(aside, dt) * (c * dy - s * dx)
     ahead.at, aside.at = ahead.now + c * off - s * beside, aside.now + s * off + c * beside
     turn.at = turn.now + share(turn, dt) * wrap_angle(turn.at + step[2] - turn.now)

@@ -25,8 +25,12 @@ NONE, LEAP, CONTRADICTED, GOOD = range(4)  # a source's word
 # before any doubt; `doubted`, the variance that the velocity has from a contradiction; learned:
 # `doubt`, the variance of a velocity that the source does not see, at `most` so great, and `scale`,
 # times the variance of its own. Of wheels also their pose `now` (x, y, heading), where the robot is
-# `at` in that frame, the mean `rate` a second, and what of the own variance is for being `late`
-SOURCE = "said variance own doubted doubt most scale now at rate late"
+# `at` in that frame, the mean `rate` a second, what of the own variance is for being `late`, the
+# last step as `told`; and of the way's scale the share that is `wrong`, how `unsure` that is, the
+# `way` told and the one `gone` since a match of variance `start`
+SOURCE = (
+    "said variance own doubted doubt most scale now at rate late told wrong unsure way gone start"
+)
 LAW = (
     "way_scale turn_scale veer way_slip way_slip_turning turn_slip turn_slip_way side_slip stall "
     "gyro_noise gyro_bias gyro_scale witness_time top_speed top_turn_rate top_acceleration "
@@ -115,8 +119,10 @@ def compare(sources: Records, laws: Records, found: Any, variance: Any, dt: floa
 
 
 @njit(inner=True, borrows=True)
-def wheel_variance(laws: Records, step: Any, dt: float) -> tuple[float, float, float]:
-    """Variances of a step by odometry.
+def wheel_variance(
+    laws: Records, step: Any, dt: float, unsure: float
+) -> tuple[float, float, float]:
+    """Variances of a step by odometry, whose scale of the way is so `unsure` as it was learned.
 
     [Thrun05] 5.4: noise grows with the way and the turn. ours: scales on top, which are wrong for
     a whole drive. Aside there is only what the other two make of it: a heading that walks at
@@ -131,7 +137,7 @@ def wheel_variance(laws: Records, step: Any, dt: float) -> tuple[float, float, f
     walk = law.turn_slip**2 * turned + law.turn_slip_way**2 * way
     beside = (walk * way * way + slip * turn * turn) / 12.0 + law.side_slip**2 * way
     return (
-        (law.way_scale * way) ** 2 + slip + rest,
+        min(law.way_scale**2, unsure) * way * way + slip + rest,
         (law.turn_scale * aside) ** 2 + beside + rest,
         (law.turn_scale * turn) ** 2 + (law.veer * way) ** 2 + walk + rest,
     )
@@ -198,9 +204,14 @@ def hear_wheels(
     if read.known == 0.0:
         begin(wheels, reads, last)
     for i in range(len(wheels)):
-        wheels[i].now, wheels[i].late = now[i], 0.0
-    step = chord((wheels[0].at, wheels[1].at, wheels[2].at), now)
-    own, short, late = wheel_variance(laws, step, dt), 0.0 < dt <= law.witness_time, (0.0, 0.0, 0.0)
+        wheels[i].now, wheels[i].told, wheels[i].late = now[i], told[i], 0.0
+    step, scale = chord((wheels[0].at, wheels[1].at, wheels[2].at), now), 1.0 + wheels[0].wrong
+    step = scale * step[0], scale * step[1], step[2]
+    own, short, late = (
+        wheel_variance(laws, step, dt, wheels[0].unsure),
+        0.0 < dt <= law.witness_time,
+        (0.0, 0.0, 0.0),
+    )
     if short:
         learn_lateness(wheels, read, told, expected[0].step, own[0], dt)
         late = lateness(wheels, read, expected, dt)

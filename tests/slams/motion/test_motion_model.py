@@ -483,7 +483,7 @@ def test_variances_of_wheels_grow_with_way_and_turn():
     p = MotionParams()
 
     def variance(way, turn):
-        return Chord(*wheel_variance(laws(p), (way, 0.0, turn), 1.0))
+        return Chord(*wheel_variance(laws(p), (way, 0.0, turn), 1.0, 1.0))
 
     way = variance(1.0, 0.0)
     assert way.ahead == pytest.approx(0.01**2 + 0.003**2, rel=1e-3)

@@ -154,6 +154,28 @@ def test_what_late_readings_make_of_a_step_is_no_leap():
         assert allow_step(laws(P), turn, known.rows, (0.0, 0.0, late), 0.025) == possible
 
 
+def test_a_step_may_be_late_whichever_way_it_goes_and_before_its_mean_is_known():
+    _, reads = reading(([0.05] * 4 + [0.025, 0.075]) * 7, expected=0.05)
+    wheels, expected = records(3, SOURCE), Expected()
+    expected.set((0.02, -0.04, 0.06), (1e-4, 1e-4, 1e-4))
+    late = np.array(kernels.lateness(wheels, reads[0], expected.rows, 0.1))
+    assert late[0] > 0.0
+    assert late == pytest.approx(late[0] * np.array((1.0, 4.0, 9.0)))
+    wheels["rate"] = (0.4, 0.1, 0.9)
+    mean = np.array(kernels.lateness(wheels, reads[0], expected.rows, 0.1))
+    assert mean == pytest.approx(late[0] * np.array((4.0, 4.0, 2.25 * 9.0)))
+
+
+def test_what_contradicts_all_else_is_not_late():
+    for step, late in ((0.06, True), (0.25, False)):
+        wheels, reads = reading(([0.05] * 4 + [0.025, 0.075]) * 7, expected=0.05)
+        known = Expected()
+        known.set((0.05, 0.0, 0.0), (1e-8, 1e-8, 1e-8))
+        by = (wheels, reads, laws(P), known.rows)
+        hear_wheels(*by, (0.0, 0.0, 0.0), (step, 0.0, 0.0), 0.1, 0.2)
+        assert (wheels["late"][0] > 0.0) == late
+
+
 def test_odometry_after_a_pause_of_it_is_reckoned_from_its_new_poses():
     wheels, reads, known = records(3, SOURCE), records(1, kernels.READING), Expected()
     known.set((0.05, 0.0, 0.0), (1.0, 1.0, 1.0))

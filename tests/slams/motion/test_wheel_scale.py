@@ -1,0 +1,95 @@
+"""Wheels that count too much of every way: learned where scans see for themselves."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.jit import records
+from slams.motion import scale_kernels as kernels
+from slams.motion.model import Motion
+from slams.motion.params import MotionParams
+from slams.motion.source_kernels import SOURCE
+from slams.types import Pose2, Scan
+from tests.rooms import laser
+
+P = MotionParams()
+BEAM = (np.full(10, 2.0, np.float32), laser(10))
+SURE, BLIND = 1e-6 * np.eye(3), np.diag([100.0, 100.0, 1e-6])
+
+
+def driven(counted, seeing, seconds, rate=10, speed=0.5):
+    """A straight drive whose wheels count so many meters for one; blind along it after `seeing`."""
+    motion, pose = Motion(P), Pose2(0.0, 0.0, 0.0)
+    for t in np.arange(0.0, seconds, 1.0 / rate).tolist():
+        scan = Scan(t, *BEAM, Pose2(counted * speed * t, 0.0, 0.0))
+        predicted = motion.predict(pose, scan).pose
+        pose = Pose2(speed * t, 0.0, 0.0) if t < seeing else predicted
+        motion.moved(pose, SURE if t < seeing else BLIND, scan)
+    return motion, pose.x - speed * t
+
+
+@pytest.mark.parametrize("counted", [0.9, 1.05, 1.15])
+def test_what_was_learned_of_the_wheels_holds_where_nothing_is_seen(counted):
+    motion, off = driven(counted, seeing=20.0, seconds=60.0)
+    wrong = motion._wheels.numbers["wrong"][0]
+    assert 1.0 + wrong == pytest.approx(1.0 / counted, abs=0.004)
+    assert abs(off) < 0.1  # of 20 m; unlearned 1 to 3 m
+
+
+def test_what_follows_the_wheels_does_not_confirm_them():
+    motion, _ = driven(1.1, seeing=0.3, seconds=60.0)
+    assert motion._wheels.numbers["wrong"][0] == 0.0
+    assert motion._wheels.numbers["unsure"][0] == pytest.approx(kernels.PRIOR**2, rel=1e-2)
+
+
+def test_key_scans_far_apart_do_not_tell():
+    motion, _ = driven(1.1, seeing=60.0, seconds=60.0, rate=1)
+    assert motion._wheels.numbers["wrong"][0] == 0.0
+
+
+def learned(ways, match=1e-6, **kind):
+    """Wheels after steps of 0.1 m, of which so many meters were gone for one."""
+    wheels = records(1, SOURCE)
+    wheels["told"], wheels["variance"], wheels["own"] = 0.1, 1e-6, 1e-6
+    wheels["unsure"] = kernels.PRIOR**2
+    for name, value in kind.items():
+        wheels[name] = value
+    for gone in ways:
+        kernels.calibrate(wheels[0], 0.1 * gone, match, 1e-6)
+    return wheels[0]
+
+
+def test_a_way_tells_once_it_is_a_meter_long():
+    assert learned([0.9] * 9)["wrong"] == 0.0
+    told = learned([0.9] * 11)
+    error = (2e-6 + 2.0 * kernels.SEEN**2) / 1.1**2  # the sum of tenths is just below a meter
+    assert told["wrong"] == pytest.approx(-0.1 * 0.03**2 / (0.03**2 + error), rel=1e-2)
+    assert told["unsure"] == pytest.approx(0.03**2 * error / (0.03**2 + error), rel=1e-2)
+    assert learned([-0.9] * 11, told=-0.1)["wrong"] == told["wrong"]  # backwards
+
+
+def test_lateness_of_its_ends_makes_a_way_tell_less():
+    late = learned([0.9] * 11, late=0.05**2)
+    assert -0.03 < late["wrong"] < -0.01
+
+
+@pytest.mark.parametrize(
+    "trouble", [{"match": 0.02**2}, {"variance": math.inf}, {"variance": 1e-5}]
+)
+def test_a_way_begins_anew_where_a_match_is_blind_or_wheels_are_doubted(trouble):
+    number = learned([0.9] * 30, **trouble)
+    assert number["wrong"] == 0.0 and number["way"] == 0.0
+
+
+def test_what_is_strange_is_believed_if_it_stays():
+    good = [1.0] * 110
+    once, stays = learned(good + [1.5] * 11), learned(good + [1.5] * 110)
+    assert abs(once["wrong"]) < 0.05 < once["unsure"] ** 0.5
+    assert stays["wrong"] == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_scale_may_change_with_the_way():
+    unsure = [float(learned([1.0] * n)["unsure"]) for n in (1000, 3000)]
+    assert unsure[0] == pytest.approx(unsure[1], rel=0.2)
+    assert learned([1.0] * 3000 + [0.97] * 400)["wrong"] == pytest.approx(-0.03, abs=0.003)
