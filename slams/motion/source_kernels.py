@@ -236,10 +236,12 @@ def hear_gyro(
     """Weigh a turn by the gyro into what is expected; whether it is a leap or good. ours."""
     number, law = gyro[0], laws[0]
     silence(gyro)
+    number.told = turn
+    turn += number.wrong * dt
     if not allow_turn(laws, turn, expected[TURN], 0.0, reach):
         return LEAP
-    bias, scale = law.gyro_bias * dt, law.gyro_scale * turn
-    number.own = law.gyro_noise**2 * dt + bias**2 + scale**2 + FLOOR
+    bias, scale = min(law.gyro_bias**2, number.unsure), law.gyro_scale * turn
+    number.own = law.gyro_noise**2 * dt + bias * dt * dt + scale**2 + FLOOR
     number.said, number.variance = turn, number.own + number.doubt * dt**2
     weigh(number, expected[TURN], math.inf, True)
     expected[TURN].known, expected[TURN].measured = expected[TURN].step, 1.0

@@ -8,7 +8,7 @@ from slams.jit import records
 from slams.motion import source_kernels as kernels
 from slams.motion.params import MotionParams
 from slams.motion.reading_kernels import READING
-from slams.motion.scale_kernels import PRIOR
+from slams.motion.scale_kernels import BIAS, PRIOR
 from slams.motion.trust import Expected, laws
 from slams.types import Records, Scan
 
@@ -65,6 +65,7 @@ class Gyro:
         self.heard = False
         self.numbers = records(1, kernels.SOURCE)
         self.numbers["variance"], self.numbers["most"] = math.inf, params.top_turn_rate**2
+        self.numbers["unsure"] = BIAS**2
         self._listens, self._laws, self._time = params.gyro, laws(params), params.doubt_time
 
     def add(self, before: Scan, scan: Scan, known: Expected) -> None:

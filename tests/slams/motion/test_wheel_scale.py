@@ -93,3 +93,49 @@ def test_a_scale_may_change_with_the_way():
     unsure = [float(learned([1.0] * n)["unsure"]) for n in (1000, 3000)]
     assert unsure[0] == pytest.approx(unsure[1], rel=0.2)
     assert learned([1.0] * 3000 + [0.97] * 400)["wrong"] == pytest.approx(-0.03, abs=0.003)
+
+
+# the gyro's bias
+
+
+def turned(bias, seeing, seconds, blind, rate=20, speed=0.3):
+    """A drive in a circle with a gyro that is off by `bias` [rad/s]; after `seeing` blind."""
+    motion, pose = Motion(P), Pose2(0.0, 0.0, 0.0)
+    for t in np.arange(0.0, seconds, 1.0 / rate).tolist():
+        turn = 0.2 * t
+        true = Pose2(speed / 0.2 * math.sin(turn), speed / 0.2 * (1.0 - math.cos(turn)), turn)
+        scan = Scan(t, *BEAM, None, (0.2 + bias) * t)
+        predicted = motion.predict(pose, scan).pose
+        pose = true if t < seeing else predicted
+        motion.moved(pose, SURE if t < seeing else blind, scan)
+    return motion, math.remainder(pose.theta - turn, 2.0 * math.pi)
+
+
+@pytest.mark.parametrize("bias", [-0.02, 0.005])
+def test_a_gyros_bias_that_was_learned_holds_where_nothing_is_seen(bias):
+    motion, off = turned(bias, 20.0, 60.0, 100.0 * np.eye(3))
+    gyro = motion._gyro.numbers
+    assert gyro["wrong"][0] == pytest.approx(-bias, abs=5e-4)
+    assert abs(off) < 0.02  # unlearned .2 and .8 rad
+    assert gyro["own"][0] < P.gyro_noise**2 * 0.05 + (0.5 * P.gyro_bias * 0.05) ** 2 + 1e-6
+
+
+def test_headings_that_nobody_saw_tell_of_no_bias():
+    motion, _ = turned(0.005, 1.0, 30.0, np.diag([1.0, 1.0, 0.01**2]))
+    assert motion._gyro.numbers["wrong"][0] == 0.0
+    motion, _ = turned(0.005, 30.0, 30.0, SURE, rate=1)
+    assert motion._gyro.numbers["wrong"][0] == 0.0  # nor do key scans
+
+
+def test_a_bias_is_told_once_two_seconds_have_passed():
+    gyro = records(1, SOURCE)
+    gyro["told"], gyro["variance"], gyro["own"] = 0.02, 1e-6, 1e-6
+    gyro["unsure"] = kernels.BIAS**2
+    for k in range(40):
+        assert (gyro["wrong"][0] != 0.0) == (k >= 20)
+        kernels.calibrate_gyro(gyro[0], 0.021, 1e-6, 1e-6, 0.1)
+    first = kernels.BIAS**2 + 20 * kernels.DRIFT**2 * 0.1
+    ends = (2e-6 + 2.0 * kernels.STEADY**2) / 2.0**2
+    one = first * ends / (first + ends) + 20 * kernels.DRIFT**2 * 0.1
+    assert gyro["unsure"][0] == pytest.approx(one * ends / (one + ends), rel=0.05)
+    assert gyro["wrong"][0] == pytest.approx(0.01 * (1.0 - gyro["unsure"][0] / first), rel=0.01)
