@@ -82,6 +82,15 @@ def test_a_way_begins_anew_where_a_match_is_blind_or_wheels_are_doubted(trouble)
     assert number["wrong"] == 0.0 and number["way"] == 0.0
 
 
+def test_a_way_begins_where_a_match_saw():
+    wheels = records(1, SOURCE)
+    wheels["told"], wheels["variance"], wheels["own"] = 0.1, 1e-6, 1e-6
+    kernels.calibrate(wheels[0], 0.1, 1e-6, 0.02**2)
+    assert wheels["way"][0] == 0.0
+    kernels.calibrate(wheels[0], 0.1, 1e-6, 1e-6)
+    assert wheels["way"][0] == 0.1
+
+
 def test_what_is_strange_is_believed_if_it_stays():
     good = [1.0] * 110
     once, stays = learned(good + [1.5] * 11), learned(good + [1.5] * 110)
