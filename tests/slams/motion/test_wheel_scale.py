@@ -82,6 +82,19 @@ def test_a_way_begins_anew_where_a_match_is_blind_or_wheels_are_doubted(trouble)
     assert number["wrong"] == 0.0 and number["way"] == 0.0
 
 
+def test_both_ends_of_a_way_count():
+    def unsure(*variances):
+        wheels = records(1, SOURCE)
+        wheels["told"], wheels["variance"], wheels["own"] = 1.5, 1e-6, 1e-6
+        wheels["unsure"] = kernels.PRIOR**2
+        kernels.calibrate(wheels[0], 1.5, *variances)
+        return wheels["unsure"][0]
+
+    sure, blurred = 1e-8, 0.009**2
+    assert unsure(sure, sure) < unsure(sure, blurred) == unsure(blurred, sure)
+    assert unsure(blurred, blurred) > unsure(sure, blurred)
+
+
 def test_a_way_begins_where_a_match_saw():
     wheels = records(1, SOURCE)
     wheels["told"], wheels["variance"], wheels["own"] = 0.1, 1e-6, 1e-6
@@ -148,3 +161,7 @@ def test_a_bias_is_told_once_two_seconds_have_passed():
     one = first * ends / (first + ends) + 20 * kernels.DRIFT**2 * 0.1
     assert gyro["unsure"][0] == pytest.approx(one * ends / (one + ends), rel=0.05)
     assert gyro["wrong"][0] == pytest.approx(0.01 * (1.0 - gyro["unsure"][0] / first), rel=0.01)
+    for _ in range(20000):
+        kernels.calibrate_gyro(gyro[0], 0.021, 1e-6, 1e-6, 0.1)
+    steady = kernels.DRIFT * math.sqrt(2.0 * ends)  # of a bias that walks at random
+    assert gyro["unsure"][0] == pytest.approx(steady, rel=0.1)
