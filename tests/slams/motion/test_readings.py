@@ -137,6 +137,20 @@ def test_a_step_is_shared_between_lateness_and_slip():
             assert number == pytest.approx(told_at + share * (to - told_at))
 
 
+def test_a_step_is_taken_back_into_what_the_wheels_count():
+    wheels = slipping_and_late(1.0, 0.0, heading=0.0, turned=0.0)
+    wheels["wrong"][0] = 0.25  # 0.1 m is 0.08 m for the wheels
+    kernels.settle(wheels, (0.1, 0.05, 0.0), 0.1)
+    assert wheels["at"] == pytest.approx([1.08, 2.04, 0.0])
+    reads, known = records(1, kernels.READING), Expected()
+    known.set((0.1, 0.05, 0.0), (1.0, 1.0, 1.0))
+    reads["known"] = 1.0
+    by = (wheels, reads, laws(P), known.rows)
+    hear_wheels(*by, (1.0, 2.0, 0.0), (1.16, 2.08, 0.1), 0.1, 0.1)
+    ahead, aside = 0.1 * math.cos(0.05), 0.1 * math.sin(0.05)
+    assert wheels["said"] == pytest.approx([ahead + 0.5 * aside, 0.5 * ahead - aside, 0.1])
+
+
 def test_a_turn_over_the_back_is_short():
     wheels = slipping_and_late(1.0, 5.0, heading=3.1, turned=-3.1)
     kernels.settle(wheels, (0.0, 0.0, 0.0), 0.1)
