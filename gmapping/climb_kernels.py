@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gmapping.match_kernels import Prior
 from gmapping.tile_kernels import Tiles, cell_of, inside_tile, slot_of
 from slams.geometry import offset, square_of, unlikely
-from slams.jit import njit
+from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 
 GAIN = 1e-6  # of a log posterior; a neighbor that is better by less is so by rounding
@@ -37,7 +37,7 @@ class Field(NamedTuple):
     halvings: int
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True, borrows=True)  # sums may be regrouped
 def distances(
     tiles: Tiles, particle: int, pose: Floats, ends: Floats, soft: float, most: float, near: float
 ) -> tuple[float, float]:
@@ -67,7 +67,7 @@ def distances(
     return total, close
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def log_prior(pose: Floats, mean: Floats, information: Floats) -> float:
     """Log of what is believed of a pose before the scan, by Student's law as in `add_prior`. ours.
 

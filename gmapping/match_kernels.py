@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.map_kernels import facing, trust
-from gmapping.tile_kernels import Tiles, cell_of, inside_tile, slot_of
+from gmapping.map_kernels import facing, is_old, place_of, trust
+from gmapping.tile_kernels import Tiles, cell_of, slot_of
 from slams.geometry import add_prior, offset, solve3
-from slams.jit import njit
+from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 
 BEFORE = 0.25  # m before its end that a beam is followed to, and from the laser
@@ -61,7 +61,7 @@ class Beams(NamedTuple):
     every: int
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True, borrows=True)  # sums may be regrouped
 def linearize(
     tiles: Tiles,
     particle: int,
@@ -87,11 +87,12 @@ def linearize(
         rx, ry = c * x - s * y, s * x + c * y
         px, py = pose[0] + rx, pose[1] + ry
         ix, iy = cell_of(px, edge), cell_of(py, edge)
-        slot = slot_of(tiles, particle, facing(c * nx - s * ny, s * nx + c * ny), ix, iy)
+        layer = facing(c * nx - s * ny, s * nx + c * ny)
+        slot = slot_of(tiles, particle, layer, ix, iy)
         cost += surface[i, 4] * k2
         if slot < 0:
             continue
-        cell = tiles.cells[slot, inside_tile(ix, iy)]
+        cell = tiles.cells[slot, place_of(layer, ix, iy)]
         if cell[3] <= 0.0:
             continue
         ax, ay = cell[1], cell[2]
@@ -100,7 +101,7 @@ def linearize(
         if r * r < k2:
             close += surface[i, 4]
         cost -= surface[i, 4] * q * k2
-        if cell[6] < old:
+        if is_old(cell[4], old):
             spared += surface[i, 4] * q * k2
         w = surface[i, 4] * q * q * trust(cell[4])
         total += w
@@ -185,8 +186,8 @@ def search_old(
                 slot = slot_of(tiles, particle, layer, ix, iy)
                 if slot < 0:
                     continue
-                cell = tiles.cells[slot, inside_tile(ix, iy)]
-                if cell[3] <= 0.0 or cell[6] >= how.old:
+                cell = tiles.cells[slot, place_of(layer, ix, iy)]
+                if cell[3] <= 0.0 or not is_old(cell[4], how.old):
                     continue
                 r = cell[0] + cell[1] * (px - ix * edge) + cell[2] * (py - iy * edge)
                 spared += surface[i, 4] * k2 / (k2 + r * r)
@@ -234,8 +235,8 @@ def crossed(
                 slot = slot_of(tiles, owners[k], layer, ix, iy)
                 if slot < 0:
                     continue
-                cell = tiles.cells[slot, inside_tile(ix, iy)]
-                if cell[3] <= 0.0 or cell[6] >= old or trust(cell[4]) < 1.0:
+                cell = tiles.cells[slot, place_of(layer, ix, iy)]
+                if cell[3] <= 0.0 or not is_old(cell[4], old) or trust(cell[4]) < 1.0:
                     continue
                 r = cell[0] + cell[1] * (px - ix * edge) + cell[2] * (py - iy * edge)
                 if r < -0.5 * edge and cell[1] * dx + cell[2] * dy < -FRONTAL:

@@ -211,7 +211,7 @@ class GMappingParams(ScanParams):
     max_tiles: int = param(
         50_000,
         "1",
-        "tiles of 7 kB at most, over all particles",
+        "tiles of 6 kB at most, over all particles",
         source="ours: memory",
         low=100,
         high=1 << 19,

@@ -65,7 +65,8 @@ def surfaces(
     count = 0
     for i in range(n):
         px, py = points[i, 0], points[i, 1]
-        away = math.hypot(mount.x - px, mount.y - py)
+        bx, by = mount.x - px, mount.y - py
+        away = math.sqrt(bx * bx + by * by)
         if away <= 0.0:
             continue
         widest = max(walls.reach, GAP * away * increment)
@@ -88,19 +89,21 @@ def surfaces(
                 j += side
         if near <= NEIGHBORS and farther <= 0:
             continue
-        nx, ny = (mount.x - px) / away, (mount.y - py) / away
+        nx, ny = bx / away, by / away
         vxx, vxy, vyy = sxx - sx * sx / w, sxy - sx * sy / w, syy - sy * sy / w
-        spread = math.hypot(0.5 * (vxx - vyy), vxy) / w
-        mean = 0.5 * (vxx + vyy) / w
+        half = 0.5 * (vxx - vyy)
+        split = math.sqrt(half * half + vxy * vxy)
+        spread, mean = split / w, 0.5 * (vxx + vyy) / w
         flatness = walls.flatness * walls.flatness
         flat = mean - spread <= min(walls.ratio * (mean + spread), flatness)
-        if flat and near > NEIGHBORS:
-            along = 0.5 * math.atan2(2.0 * vxy, vxx - vyy)
-            wx, wy = -math.sin(along), math.cos(along)
-            cosine = wx * nx + wy * ny
-            if abs(cosine) < walls.grazing:
+        if flat and near > NEIGHBORS and split > 0.0:
+            wx, wy = (vxy, -split - half) if half > 0.0 else (half - split, vxy)
+            length = math.sqrt(wx * wx + wy * wy)
+            toward = wx * nx + wy * ny
+            if abs(toward) < walls.grazing * length:
                 continue
-            nx, ny = (wx, wy) if cosine > 0.0 else (-wx, -wy)
+            length = length if toward > 0.0 else -length
+            nx, ny = wx / length, wy / length
         out[count, 0], out[count, 1], out[count, 2] = px, py, nx
         out[count, 3], out[count, 4] = ny, points[i, 2]
         count += 1

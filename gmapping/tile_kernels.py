@@ -34,19 +34,19 @@ class Tiles(NamedTuple):
     resolution: float
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def cell_of(coordinate: float, resolution: float) -> int:
     """Index of the cell whose center, index * resolution, is nearest to a coordinate [m]. ours."""
     return math.floor(coordinate / resolution + 0.5)
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def inside_tile(ix: int, iy: int) -> int:
     """Place of a cell in its tile, row by row. ours."""
     return ((iy & LAST) << BITS) | (ix & LAST)
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def slot_of(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
     """Slot of the tile that holds a cell, -1 if absent or outside. ours."""
     tx, ty = (ix >> BITS) - tiles.corner_x, (iy >> BITS) - tiles.corner_y
@@ -56,7 +56,7 @@ def slot_of(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
     return slot
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def own_slot(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
     """Slot of a tile that only this particle has, to write to; -1 if there is no room.
 

@@ -54,6 +54,19 @@ def test_a_post_looks_at_the_laser_and_what_is_no_post_is_left_out():
     np.testing.assert_allclose(found[:, :2], gap[[0, 2], :2])
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.3, 0.8, 1.5, 2.2, 3.0])
+def test_normals_of_a_wall_are_right_whichever_way_it_goes(turn):
+    way, across = np.array((np.cos(turn), np.sin(turn))), np.array((-np.sin(turn), np.cos(turn)))
+    points = np.column_stack([2.0 * across + np.outer(np.linspace(-0.2, 0.2, 9), way), np.ones(9)])
+    found = pieces_of(points, increment=0.005)[3:6]
+    np.testing.assert_allclose(found[:, 2:4], [-across] * 3, atol=1e-6)
+
+
+def test_points_in_one_place_look_at_the_laser():
+    found = pieces_of(np.array([[2.0, 0.0, 1.0]] * 7), increment=0.005)
+    np.testing.assert_allclose(found[:, 2:4], [[-1.0, 0.0]] * 7)
+
+
 def test_the_far_end_of_a_bare_corridor_tells_nothing_along_it():
     """Beams there are meters apart and move with the robot."""
     scan = scan_at(IDENTITY, laser(361), CORRIDOR, 0.01, np.random.default_rng(1))
