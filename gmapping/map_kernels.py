@@ -150,6 +150,8 @@ def write(
                 cell[3] = min(total, splat.cap)
                 if cell[4] == 0.0:
                     cell[4] = splat.driven
-                elif cell[4] > 0.0 and cell[4] != splat.driven:  # rounded: also by another point
+                elif (
+                    cell[4] > 0.0 and cell[4] != splat.driven
+                ):  # cells round: another point does, too
                     cell[4] = -cell[4]
     return lacking
