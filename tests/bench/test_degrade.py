@@ -19,7 +19,7 @@ from slams.scanlog import ScanLog, Track
 from tests.rooms import ROOM, cast, drive, laser
 
 CHANCE = {"noise", "dropout", "short", "people", "glass", "gap", "blind", "jitter"}
-CHANCE |= {"slip", "stall", "jump", "poor_lidar"}
+CHANCE |= {"slip", "stall", "jump", "wheel_rate", "poor_lidar"}
 
 
 @cache
