@@ -21,6 +21,7 @@ STEADY = 0.003  # rad: the same as `SEEN` for headings
 SECONDS = 2.0  # s: of a time that tells
 BIAS = 0.01  # rad/s: deviation of a bias before anything is known
 DRIFT = 1e-4  # rad/s: deviation of a bias after one second more
+BLIND = 10.0  # m that no match saw, from which on the map has the scale of the wheels
 BELIEVED = 4.0  # times the own variance: what contradicts all else tells of no scale
 STRANGE = 4.0  # deviations, beyond which a way tells of no scale: a stall, a jump
 
@@ -29,10 +30,14 @@ STRANGE = 4.0  # deviations, beyond which a way tells of no scale: a stall, a ju
 def calibrate(number: Any, found: float, match: float, last: float) -> None:
     """Learn from a step that was `found` so long [m], with the variances of both its ends. ours.
 
-    `wrong`: a way is 1 + wrong times what is told.
+    `wrong`: a way is 1 + wrong times what is told. A corridor that was driven blind stands in the
+    map as the wheels told it: whoever learns better only then comes back by another length, and
+    rings of corridors do not close. So nothing is learned any more after `BLIND` meters of that.
     """
     limit = SEEN * SEEN
-    if not sees(number, match, last, limit):
+    if match >= limit:
+        number.blind += abs(number.told)
+    if not sees(number, match, last, limit) or number.blind > BLIND:
         return
     number.way += number.told
     number.gone += found

@@ -27,9 +27,10 @@ NONE, LEAP, CONTRADICTED, GOOD = range(4)  # a source's word
 # times the variance of its own. Of wheels also their pose `now` (x, y, heading), where the robot is
 # `at` in that frame, the mean `rate` a second, what of the own variance is for being `late`, the
 # last step as `told`; and of the way's scale the share that is `wrong`, how `unsure` that is, the
-# `way` told and the one `gone` since a match of variance `start`
+# `way` told and the one `gone` since a match of variance `start`, and the way that was `blind`
 SOURCE = (
-    "said variance own doubted doubt most scale now at rate late told wrong unsure way gone start"
+    "said variance own doubted doubt most scale now at rate late told wrong unsure way gone start "
+    "blind"
 )
 LAW = (
     "way_scale turn_scale veer way_slip way_slip_turning turn_slip turn_slip_way side_slip stall "

@@ -18,14 +18,18 @@ BEAM = (np.full(10, 2.0, np.float32), laser(10))
 SURE, BLIND = 1e-6 * np.eye(3), np.diag([100.0, 100.0, 1e-6])
 
 
-def driven(counted, seeing, seconds, rate=10, speed=0.5):
-    """A straight drive whose wheels count so many meters for one; blind along it after `seeing`."""
+def driven(counted, seeing, seconds, rate=10, speed=0.5, since=0.0):
+    """A straight drive whose wheels count so many meters for one; blind along it after `seeing`.
+
+    And before the time `since`.
+    """
     motion, pose = Motion(P), Pose2(0.0, 0.0, 0.0)
     for t in np.arange(0.0, seconds, 1.0 / rate).tolist():
         scan = Scan(t, *BEAM, Pose2(counted * speed * t, 0.0, 0.0))
         predicted = motion.predict(pose, scan).pose
-        pose = Pose2(speed * t, 0.0, 0.0) if t < seeing else predicted
-        motion.moved(pose, SURE if t < seeing else BLIND, scan)
+        sees = since <= t < seeing
+        pose = Pose2(speed * t, 0.0, 0.0) if sees else predicted
+        motion.moved(pose, SURE if sees else BLIND, scan)
     return motion, pose.x - speed * t
 
 
@@ -41,6 +45,12 @@ def test_what_follows_the_wheels_does_not_confirm_them():
     motion, _ = driven(1.1, seeing=0.3, seconds=60.0)
     assert motion._wheels.numbers["wrong"][0] == 0.0
     assert motion._wheels.numbers["unsure"][0] == pytest.approx(kernels.PRIOR**2, rel=1e-2)
+
+
+def test_wheels_that_have_drawn_a_long_corridor_keep_their_scale():
+    for blind, keeps in ((0.7 * kernels.BLIND, False), (1.3 * kernels.BLIND, True)):
+        motion, _ = driven(1.1, seeing=80.0, seconds=80.0, since=2.0 * blind)
+        assert (motion._wheels.numbers["wrong"][0] == 0.0) == keeps
 
 
 def test_key_scans_far_apart_do_not_tell():
@@ -67,6 +77,12 @@ def test_a_way_tells_once_it_is_a_meter_long():
     assert told["wrong"] == pytest.approx(-0.1 * 0.03**2 / (0.03**2 + error), rel=1e-2)
     assert told["unsure"] == pytest.approx(0.03**2 * error / (0.03**2 + error), rel=1e-2)
     assert learned([-0.9] * 11, told=-0.1)["wrong"] == told["wrong"]  # backwards
+
+
+def test_only_what_no_match_saw_was_driven_blind():
+    backwards = learned([1.0] * 30, match=0.02**2, told=-0.1)
+    assert backwards["blind"] == pytest.approx(3.0)
+    assert learned([1.0] * 30, variance=math.inf)["blind"] == 0.0  # wheels that slip
 
 
 def test_lateness_of_its_ends_makes_a_way_tell_less():
