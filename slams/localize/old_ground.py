@@ -4,7 +4,8 @@ ours. The drift of a whole loop stands between ground of old and the pose, but a
 only knows the step since the scan before: it follows the ground just mapped, and walls of old get
 doubled. So scans are kept along the way, and one that comes near a place of long ago is looked for
 around its pose on what was seen from there alone. The robot goes there if that explains clearly
-more, nothing else as much, and the same correction over a few looks along the way.
+more, nothing else as much, and the same correction over a few looks along the way. In a corridor
+it goes across only, and only where it would stand in walls else.
 """
 
 from __future__ import annotations
@@ -28,13 +29,14 @@ FEWEST, ENOUGH, POINTS = 40, 180, 70  # end points that a scan must have; kept; 
 VIEW, NEAR = 15.0, 5.0  # m: ends farther off aren't looked at; a place of old is near
 AROUND, MOST = 8.0, 40  # m around which scans of old are shown, and how many of them
 CELL = 0.05  # m
-DRIFT, LEAST, FARTHEST = 0.02, 0.3, 3.0  # of the way since; m at least and at most
+DRIFT, LEAST, FARTHEST = 0.02, 0.3, 4.0  # of the way since; m at least and at most
 TURN, TURN_DRIFT, FARTHEST_TURN = 0.02, 0.002, 0.12  # rad, rad/m, rad
 STEP = np.array((0.1, 0.1, 0.02))  # m, m, rad of the search
 FINER = (0.5, 0.2, 0.08)  # of that, one after the other
 PRICE = 0.05  # that a place at the edge of what is looked through has to explain more
 FOUND, GAIN, LEAD = 0.7, 0.2, 0.1  # fit at least; more than here; more than anywhere else
 ELSEWHERE = 0.6  # m
+CONTRADICTED = -0.1  # fit here at most, if not all of the way is clear: this is no new ground
 LOOKS, ALONG = 4, 2.0  # looks, m of way over which a correction has to stand
 SAME, FORGOTTEN = 0.25, 3.0  # m between two that are one; m of way without any
 
@@ -46,6 +48,13 @@ class Kept(NamedTuple):
     x: float
     y: float
     way: float
+
+
+class Found(NamedTuple):
+    """Where ground of old has the robot; not `whole`: across a corridor, along it as before."""
+
+    pose: Pose2
+    whole: bool
 
 
 class Correction(NamedTuple):
@@ -112,11 +121,11 @@ class OldGround:
         far = self._way - max(float(np.median(near)), self._closed)
         half = min(max(DRIFT * far, LEAST), FARTHEST)
         turn = min(TURN + TURN_DRIFT * far, FARTHEST_TURN)
-        sparse = np.ascontiguousarray(points[:: max(1, len(points) // POINTS)])
-        found = search(_ground(old, pose, half), sparse, pose, np.array((half, half, turn)))
-        if found is not None and self._stands(pose, found):
-            self._track.corrected(found)
-            self._before, self._closed, self._correction = found, self._way, None
+        found = search(_ground(old, pose, half), points, pose, np.array((half, half, turn)))
+        if found is not None and self._stands(pose, found.pose):
+            self._track.corrected(found.pose)
+            self._before, self._correction = found.pose, None
+            self._closed = self._way if found.whole else self._closed
             self.found += 1
 
     def _stands(self, pose: Pose2, found: Pose2) -> bool:
@@ -131,28 +140,51 @@ class OldGround:
         return looks >= LOOKS and now - since >= ALONG
 
 
-def search(ground: Ground, points: Floats, pose: Pose2, half: Floats) -> Pose2 | None:
+def search(ground: Ground, points: Floats, pose: Pose2, half: Floats) -> Found | None:
     """Where around a pose points of its scan fit clearly better, and nowhere else as well.
 
-    points (n, 2) [m] in the base frame; half (3,) [m, m, rad] to look to either side.
+    points (n, 2) [m] in the base frame; half (3,) [m, m, rad] to look to either side. If they fit
+    as well all along a line, a corridor, only the part across it is clear; and nothing is where the
+    pose may stand on new ground beside.
     """
-    here = np.array(pose)
+    here, points = np.array(pose), np.ascontiguousarray(points[:: max(1, len(points) // POINTS)])
     off = _lattice(half, STEP)
     values = _fits(ground, points, here + off)
     values -= PRICE * ((off[:, :2] / half[:2]) ** 2).sum(axis=1)
-    best = here + off[np.argmax(values)]
-    for part in FINER:
+    best = _refined(ground, points, here + off[np.argmax(values)], FINER)
+    stay = float(_fits(ground, points, here + _lattice(STEP, 0.5 * STEP)).max())
+    needed = max(FOUND, stay + GAIN)
+    fit = _fit(ground, points, best)
+    way = best[:2] - here[:2]
+    alike = off[values > fit - LEAD, :2] - way
+    alike = alike[np.hypot(alike[:, 0], alike[:, 1]) > ELSEWHERE]
+    whole = len(alike) == 0
+    if not whole and fit >= needed:
+        side = _across(alike)
+        if side is None or stay > CONTRADICTED:
+            return None
+        best[:2] = here[:2] + (side @ way) * side
+        best = _refined(ground, points, best, FINER[1:])
+        way = (side @ (best[:2] - here[:2])) * side
+        best[:2] = here[:2] + way
+        fit = _fit(ground, points, best)
+    inside = np.abs(way).max() < half[0] - 0.5 * STEP[0]
+    return Found(Pose2(*best.tolist()), whole) if fit >= needed and inside else None
+
+
+def _refined(ground: Ground, points: Floats, best: Floats, parts: tuple[float, ...]) -> Floats:
+    """The best pose (3,) around one, on finer and finer lattices."""
+    for part in parts:
         around = best + _lattice(2.0 * part * STEP, part * STEP)
         best = around[np.argmax(_fits(ground, points, around))]
-    fit = float(_fits(ground, points, best[None])[0])
-    stay = float(_fits(ground, points, here + _lattice(STEP, 0.5 * STEP)).max())
-    dx, dy, turn = (best - here).tolist()
-    rest = values[np.hypot(off[:, 0] - dx, off[:, 1] - dy) > ELSEWHERE]
-    other = max(stay, float(rest.max(initial=-1.0)))
-    inside = max(abs(dx), abs(dy)) < half[0] - 0.5 * STEP[0]
-    if fit < FOUND or fit - stay < GAIN or fit - other < LEAD or not inside:
-        return None
-    return Pose2(pose.x + dx, pose.y + dy, pose.theta + turn)
+    return best
+
+
+def _across(ways: Floats) -> Floats | None:
+    """The direction (2,) across the line that all of these ways (n, 2) go along, if they do."""
+    _, axes = np.linalg.eigh(ways.T @ ways)
+    side = np.asarray(axes[:, 0], np.float64)
+    return side if np.abs(ways @ side).max() < SAME else None
 
 
 def _ground(old: list[Kept], pose: Pose2, half: float) -> Ground:
@@ -176,6 +208,10 @@ def _points(scan: Scan) -> Floats:
     ends = ends_of(scan)
     near = ends[np.hypot(ends[:, 0], ends[:, 1]) < VIEW]
     return scan.laser.mount.transform(near[:: max(1, len(near) // ENOUGH)])
+
+
+def _fit(ground: Ground, points: Floats, pose: Floats) -> float:
+    return float(_fits(ground, points, pose[None])[0])
 
 
 def _fits(ground: Ground, points: Floats, poses: Floats) -> Floats:

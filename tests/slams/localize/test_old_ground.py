@@ -36,20 +36,38 @@ def drifted(pose, x=1.2, y=-0.7, turn=0.05):
 
 def test_a_pose_that_drifted_is_found_on_ground_of_old():
     found = search(ground(ROOM), points(ROOM), drifted(TRUE), HALF)
-    assert found is not None
-    assert math.hypot(found.x - TRUE.x, found.y - TRUE.y) < 0.07
-    assert abs(found.theta - TRUE.theta) < 0.01
+    assert found is not None and found.whole
+    assert math.hypot(found.pose.x - TRUE.x, found.pose.y - TRUE.y) < 0.07
+    assert abs(found.pose.theta - TRUE.theta) < 0.01
 
 
 def test_who_is_where_old_ground_has_him_stays():
     assert search(ground(ROOM), points(ROOM), TRUE, HALF) is None
 
 
-def test_along_a_bare_corridor_no_place_is_clear():
+def in_a_corridor(pose, half=HALF):
+    """A scan of a bare corridor, looked for around a pose in what was seen of it before."""
     seen = ground(CORRIDOR, [(x, 0.0, 0.0) for x in (-2.0, 0.0, 2.0)])
     ahead = points(CORRIDOR, IDENTITY)
-    ahead = np.ascontiguousarray(ahead[np.hypot(*ahead.T) < 6.0])
-    assert search(seen, ahead, Pose2(1.2, 0.5, 0.04), HALF) is None
+    return search(seen, np.ascontiguousarray(ahead[np.hypot(*ahead.T) < 6.0]), pose, half)
+
+
+@pytest.mark.parametrize("y", [0.5, -0.7])
+def test_along_a_bare_corridor_only_the_part_across_is_clear(y):
+    found = in_a_corridor(Pose2(1.2, y, 0.04))
+    assert found is not None and not found.whole
+    assert found.pose.x == pytest.approx(1.2, abs=0.03)
+    assert found.pose.y == pytest.approx(0.0, abs=0.05)
+    assert found.pose.theta == pytest.approx(0.0, abs=0.02)
+
+
+def test_who_has_slipped_along_a_corridor_stays():
+    assert in_a_corridor(Pose2(1.2, 0.0, 0.0)) is None
+
+
+def test_a_corridor_beside_an_old_one_is_new_ground():
+    wide = np.array((2.0, 4.0, 0.1))
+    assert in_a_corridor(Pose2(1.2, 3.4, 0.0), wide) is None
 
 
 def test_two_rooms_alike_within_reach_are_one_too_many():
