@@ -20,6 +20,8 @@ THINNED, ENOUGH = 4, 180  # a fit begins with every fourth beam, if those are so
 NEAR = 0.2  # of a cell: a step below it is the last of so few beams
 LAST = 10.0  # times `converged`, from close by: of many beams the next step is a fifteenth
 SOFT = 3.0  # deviations of the noise at which a beam counts half
+ONCE = 0.1  # trust in a line that one scan alone has seen: it may have been a leg
+STANDING = 0.5  # the same, times s, of scans so far apart: no leg is there still when it matters
 BLURRED = 2.0  # deviations of the noise that a hit may lie off the cell of its wall
 LEAST_ROWS, CELLS_PER_ROW = 1 << 18, 16  # of the pool: few cells have a wall
 NOTHING = Prior(IDENTITY, np.zeros((3, 3)))
@@ -74,7 +76,8 @@ class LineMap:
         p = self.params
         self._scans += 1
         reach = max(p.reach, math.ceil(BLURRED * points.noise / self.surface.resolution))
-        splat = Splat(reach, p.side, p.weight_cap, self._scans)
+        once = min(max(STANDING * points.apart, ONCE), STANDING)
+        splat = Splat(reach, p.side, p.weight_cap, self._scans, once)
         add_scan(self.surface, points.points, points.normals, points.n, pose, splat)
 
     def fit(self, points: EndPoints, start: Pose2, prior: Prior, close: bool = False) -> Match:

@@ -21,7 +21,6 @@ from slams.types import Pose2
 
 LAYERS = 2
 SUMS = 7  # of a layer
-ONCE = 0.1  # trust in a line that one scan alone has seen
 
 
 class Surface(NamedTuple):
@@ -51,13 +50,14 @@ class Surface(NamedTuple):
 class Splat(NamedTuple):
     """How hits enter the lines: cells reached across and along the wall, cap of the weight.
 
-    `number` counts the scans that have entered.
+    `number` counts the scans that have entered; `once` is the trust in a line of one scan alone.
     """
 
     reach: int
     side: int
     cap: float
     number: int
+    once: float
 
 
 class Hits(NamedTuple):
@@ -75,7 +75,7 @@ def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, splat: Splat) ->
     """Add hits to the layer of this cell with a like normal.
 
     ours: means of points and normals; beyond the weight `cap` the mean follows slowly. What one
-    scan saw alone may have been a leg: it is trusted by `ONCE`.
+    scan saw alone may have been a leg: it is trusted by `once`.
     """
     cx, cy = surface.x0 + ix * surface.resolution, surface.y0 + iy * surface.resolution
     sums, lines = surface.sums, surface.lines
@@ -105,7 +105,7 @@ def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, splat: Splat) ->
             sums[row, k + 5] += 1.0
             sums[row, k + 6] = splat.number
         scans = sums[row, k + 5]
-        lines[row, q + 3] = length / (w + 2.0) * (ONCE if scans < 2.0 else 1.0 - 1.0 / scans)
+        lines[row, q + 3] = length / (w + 2.0) * (splat.once if scans < 2.0 else 1.0 - 1.0 / scans)
         break
 
 

@@ -20,6 +20,7 @@ SMOOTH = 6.0  # deviations of the noise in half a window, for a normal good to a
 SAMPLES = 10  # triples of beams, fewer tell nothing of the noise
 NORMAL_MEDIAN = 0.6745  # of the absolute value of a normal deviate
 TRIPLE = math.sqrt(1.5)  # deviation of a beam less the mean of two others, of one beam's
+FAR_APART, LONG = 1.0, 30.0  # s between scans at most, s over which that is a mean
 MEMORY = 1.0  # s over which the noise is a mean: five scans of a slow laser, and a robot's length
 
 
@@ -38,6 +39,7 @@ class EndPoints:
         self.n = 0
         self.far = 0.0
         self._noise = Usual(MEMORY, params.range_noise)
+        self._apart, self._t = Usual(LONG), math.inf
         self._known = self._chorded = False  # whether the normals are, and chords
         self.mount = IDENTITY
         self.step = 0.0
@@ -56,6 +58,7 @@ class EndPoints:
             scan.ranges, self._directions, laser.mount, self._limits, self.points
         )
         self._measure_noise(scan.t)
+        self._measure_apart(scan.t)
         self.n = kernels.drop_lone(
             self.points, self.n, self.mount, self.step, self.grain.slack, self._room
         )
@@ -75,6 +78,11 @@ class EndPoints:
     def noise(self) -> float:
         """Of the ranges [m], as the last scans show it."""
         return self._noise.value
+
+    @property
+    def apart(self) -> float:
+        """How far scans are apart [s], one second at most; 0 until there were two."""
+        return self._apart.value
 
     @property
     def normals(self) -> Points:
@@ -115,6 +123,12 @@ class EndPoints:
             half = count // 2
             found = float(np.partition(room[:count], half)[half]) / (NORMAL_MEDIAN * TRIPLE)
             self._noise.learn(min(max(found, self.params.quietest), self.params.noisiest), t)
+
+    def _measure_apart(self, t: float) -> None:
+        """By stamps that go on; a second scan of the same time is the same scan."""
+        if t > self._t:
+            self._apart.learn(min(t - self._t, FAR_APART), t)
+        self._t = t
 
     def _adopt(self, laser: Laser, n_beams: int) -> None:
         self._laser, self.mount, self.step = laser, laser.mount, abs(laser.angle_increment)

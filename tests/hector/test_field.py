@@ -11,7 +11,7 @@ from hector.matcher import Matcher
 from slams.motion.track import Track
 from slams.player import replay
 from slams.refine import line_kernels, surface_kernels
-from slams.refine.lines import Match
+from slams.refine.lines import ONCE, Match
 from slams.refine.surface_kernels import Splat, Surface
 from slams.registry import find
 from slams.scan import scan_kernels
@@ -107,7 +107,7 @@ def test_a_beam_counts_half_where_the_noise_makes_that_usual():
 def test_what_one_scan_alone_saw_counts_little():
     lines, trust = surface(), []
     for number in (1, 1, 2, 3):
-        surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(0, 0, 1e6, number))
+        surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(0, 0, 1e6, number, ONCE))
         trust.append(lines.lines[1, 3])
     assert trust[1] < 0.11
     assert trust[0] < trust[1] < 0.5 < 2.0 * trust[2]
@@ -117,10 +117,10 @@ def test_what_one_scan_alone_saw_counts_little():
 def test_what_stands_where_it_was_free_is_no_wall():
     lines = surface()
     lines.seen[:] = -1.0
-    surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1))
+    surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1, ONCE))
     assert lines.used[0] == 0
     lines.seen[:] = 1.0
-    surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1))
+    surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1, ONCE))
     assert lines.used[0] > 0
 
 
@@ -131,14 +131,14 @@ def test_a_wall_near_its_cells_border_is_not_pushed_away():
     x = border + np.array([-0.004, 0.004, 0.012] * 10)
     hits = np.stack([x, np.linspace(-0.1, 0.1, 30)])
     normals = np.stack([np.full(30, -1.0), np.zeros(30), np.zeros(30)])
-    surface_kernels.add_scan(lines, hits, normals, 30, IDENTITY, Splat(2, 0, 1e6, 1))
+    surface_kernels.add_scan(lines, hits, normals, 30, IDENTITY, Splat(2, 0, 1e6, 1, ONCE))
     found = lines.lines[lines.slot[50, 61]]
     assert -found[2] == pytest.approx(border + 0.004, abs=5e-4)
 
 
 def test_each_beam_says_whether_it_is_explained_contradicted_or_neither():
     lines, out = surface(), np.zeros(3)
-    surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1))
+    surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1, ONCE))
     lines.seen[:, 60] = -1.0
     ends = np.array([[1.0, 60 * CELL - 2.5, -1.0], [0.1, 0.1, 0.1]])
     line_kernels.evidence(lines, ends, 3, IDENTITY, IDENTITY, 400.0, out)

@@ -23,6 +23,7 @@ from slams.geometry import Prior
 from slams.player import replay
 from slams.refine import line_kernels, surface_kernels
 from slams.refine.line_kernels import Fit, View
+from slams.refine.lines import ONCE
 from slams.refine.surface_kernels import Splat, Surface
 from slams.scan import scan_kernels
 from slams.scan.end_points import EndPoints
@@ -350,7 +351,7 @@ def test_a_wall_is_not_met_from_behind():
     surface = empty_surface()
     points = np.stack([np.full(20, 1.0), np.linspace(-0.3, 0.3, 20)])
     normals = np.stack([np.full(20, -1.0), np.zeros(20), np.zeros(20)])
-    surface_kernels.add_scan(surface, points, normals, 20, IDENTITY, Splat(1, 0, 1e6, 1))
+    surface_kernels.add_scan(surface, points, normals, 20, IDENTITY, Splat(1, 0, 1e6, 1, ONCE))
     H, b = np.zeros((3, 3)), np.zeros(3)
     for sensor, met in ((0.0, True), (2.0, False)):
         ends = points - np.array([[sensor], [0.0]])
@@ -364,14 +365,14 @@ def test_a_line_is_the_mean_of_its_hits():
     surface = empty_surface()
     points = np.array([[0.50, 0.51, 0.52], [1.20, 1.22, 1.21]])
     normals = np.array([[0.0, 0.0, 0.0], [-1.0, -1.0, -1.0], [0.0, 0.0, 0.0]])
-    surface_kernels.add_scan(surface, points, normals, 3, IDENTITY, Splat(1, 0, 1e6, 1))
+    surface_kernels.add_scan(surface, points, normals, 3, IDENTITY, Splat(1, 0, 1e6, 1, ONCE))
     slot = surface.slot[round((1.2 + 5.0) / 0.05), round((0.5 + 5.0) / 0.05)]
     assert surface.lines[slot, :4] == pytest.approx([0.0, -1.0, -1.21, 0.1 * 3.0 / 5.0], abs=1e-6)
     assert (surface.slot > 0).sum() == 3 == surface.used[0]  # one cell to each side of the wall
 
 
 def test_the_two_faces_of_a_thin_wall_stay_apart():
-    surface, splat = empty_surface(), Splat(1, 0, 1e6, 1)
+    surface, splat = empty_surface(), Splat(1, 0, 1e6, 1, ONCE)
     for offset, toward in ((0.0, -1.0), (0.03, 1.0)):
         points = np.stack([np.full(20, 1.0 + offset), np.linspace(-0.3, 0.3, 20)])
         normals = np.stack([np.full(20, toward), np.zeros(20), np.zeros(20)])
@@ -392,7 +393,7 @@ def test_a_capped_line_follows_a_moved_wall_and_an_uncapped_hardly():
                     np.array([[-1.0], [0.0], [0.0]]),
                     1,
                     IDENTITY,
-                    Splat(0, 0, cap, 1),
+                    Splat(0, 0, cap, 1, ONCE),
                 )
         return -surface.lines[1, 2]
 
@@ -404,7 +405,7 @@ def test_a_full_pool_refuses_more_cells_without_harm():
     surface = empty_surface(rows=2)
     points = np.array([[0.0, 1.0], [1.0, 0.0]])
     normals = np.array([[0.0, -1.0], [-1.0, 0.0], [0.0, 0.0]])
-    surface_kernels.add_scan(surface, points, normals, 2, IDENTITY, Splat(1, 0, 1e6, 1))
+    surface_kernels.add_scan(surface, points, normals, 2, IDENTITY, Splat(1, 0, 1e6, 1, ONCE))
     assert surface.used[0] == 1
 
 

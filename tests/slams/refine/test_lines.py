@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slams.geometry import Prior
-from slams.refine.lines import LineMap
+from slams.refine.lines import ONCE, STANDING, LineMap
 from slams.refine.params import RefineParams
 from slams.refine.surface_kernels import Hits, Splat, add_to_cell, spread
 from slams.scan.end_points import EndPoints
@@ -64,6 +64,22 @@ def test_a_prior_counts_by_the_variance_of_a_beam():
     assert held[1] == pytest.approx(0.02, abs=1e-4)
 
 
+@pytest.mark.parametrize(("apart", "once"), [(0.025, ONCE), (0.6, 0.3), (5.0, STANDING)])
+def test_one_scan_alone_is_believed_where_the_next_is_far_off(apart, once):
+    """No leg stands there still a second later."""
+    points, trusts = EndPoints(RefineParams()), []
+    for t in (0.0, apart, 2.0 * apart):
+        points.take(scan_at(IDENTITY, LIDAR, t=t), IDENTITY)
+    for times in (1, 2):
+        lines = blank()
+        for _ in range(times):
+            lines.insert(points, IDENTITY)
+        sums, trust = lines.surface.sums, lines.surface.lines[:, 3]
+        trusts.append(trust[trust > 0.0] / (sums[:, 0] / (sums[:, 0] + 2.0))[trust > 0.0])
+    assert np.median(trusts[0]) == pytest.approx(once, rel=0.01)
+    assert np.median(trusts[1]) == pytest.approx(0.5, rel=0.01)
+
+
 def test_what_is_seen_is_in_units_of_the_variance_that_is_learned():
     lines, points = mapped()
     match = lines.seen_from(points, Pose2(0.01, 0.01, 0.0))
@@ -87,7 +103,7 @@ def test_an_end_is_contradicted_only_where_a_cell_was_seen_free_more_than_once()
 def test_a_line_that_one_scan_alone_has_seen_is_hardly_trusted():
     lines, trusts = blank(), []
     for number in (1, 1, 2, 3, 4):
-        add_to_cell(lines.surface, 120, 120, hit(), Splat(1, 3, 200.0, number))
+        add_to_cell(lines.surface, 120, 120, hit(), Splat(1, 3, 200.0, number, ONCE))
         trusts.append(float(row_of(lines, 120, 120)[3]))
     shares = [w / (w + 2.0) for w in (1.0, 2.0, 3.0, 4.0, 5.0)]
     expected = np.multiply(shares, [0.1, 0.1, 1.0 / 2.0, 2.0 / 3.0, 3.0 / 4.0])
@@ -95,7 +111,7 @@ def test_a_line_that_one_scan_alone_has_seen_is_hardly_trusted():
 
 
 def test_beyond_its_cap_a_line_follows_slowly():
-    lines, splat = blank(), Splat(1, 3, 10.0, 1)
+    lines, splat = blank(), Splat(1, 3, 10.0, 1, ONCE)
     for y in (0.0, 0.02):
         add_to_cell(lines.surface, 120, 120, hit(8.0, 0.0, y), splat)
     weight = lines.surface.sums[lines.surface.slot[120, 120], 0]
@@ -104,7 +120,7 @@ def test_beyond_its_cap_a_line_follows_slowly():
 
 
 def test_faces_of_a_thin_wall_and_walls_of_a_corner_have_a_layer_each():
-    lines, splat = blank(), Splat(1, 3, 200.0, 1)
+    lines, splat = blank(), Splat(1, 3, 200.0, 1, ONCE)
     for nx, ny in ((0.0, 1.0), (0.0, -1.0)):
         add_to_cell(lines.surface, 120, 120, hit(1.0, 0.0, 0.0, nx, ny), splat)
     both = row_of(lines, 120, 120)
@@ -119,16 +135,16 @@ def touched(lines):
 @pytest.mark.parametrize(("gap", "side"), [(0.04, 0), (0.06, 1), (0.16, 2), (9.0, 3)])
 def test_a_hit_reaches_across_its_wall_and_half_way_to_the_next_along_it(gap, side):
     lines = blank()
-    spread(lines.surface, hit(), gap, Splat(1, 3, 200.0, 1))
+    spread(lines.surface, hit(), gap, Splat(1, 3, 200.0, 1, ONCE))
     assert touched(lines) == sorted((i, j) for i in range(-side, side + 1) for j in (-1, 0, 1))
     lines = blank()
-    spread(lines.surface, hit(1.0, 0.0, 0.0, 1.0, 0.0), gap, Splat(2, 3, 200.0, 1))
+    spread(lines.surface, hit(1.0, 0.0, 0.0, 1.0, 0.0), gap, Splat(2, 3, 200.0, 1, ONCE))
     assert touched(lines) == sorted((i, j) for i in range(-2, 3) for j in range(-side, side + 1))
 
 
 def test_along_a_slanted_wall_a_hit_reaches_along_the_wall():
     lines, c = blank(), math.sqrt(0.5)
-    spread(lines.surface, hit(1.0, 0.0, 0.0, -c, c), 0.3, Splat(0, 3, 200.0, 1))
+    spread(lines.surface, hit(1.0, 0.0, 0.0, -c, c), 0.3, Splat(0, 3, 200.0, 1, ONCE))
     assert touched(lines)[0][0] < 0 and all(abs(ix - iy) <= 1 for ix, iy in touched(lines))
 
 

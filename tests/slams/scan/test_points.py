@@ -181,3 +181,16 @@ def test_which_way_a_surface_faces_is_told_by_normals_once_they_are_known():
     alike = (by_chord * reader.normals[:2])[:, : reader.n].sum(axis=0)[told > 0.0]
     assert (alike > 0.9 * told[told > 0.0]).all()
     assert reader.take(scan_at(IDENTITY, laser(361)), IDENTITY).facing is not reader.normals
+
+
+def test_how_far_scans_are_apart_is_told_by_stamps_that_go_on():
+    def apart(*stamps):
+        reader = EndPoints(ScanParams())
+        for t in stamps:
+            reader.take(scan_at(IDENTITY, laser(361), t=t), IDENTITY)
+        return reader.apart
+
+    assert apart() == apart(3.0) == apart(3.0, 3.0) == 0.0
+    assert apart(0.0, 0.4, 0.8) == pytest.approx(0.4)
+    assert apart(0.0, 0.4, 0.4, 0.2, 0.6) == pytest.approx(0.4)  # a scan twice, a jump back
+    assert apart(0.0, 0.4, 60.4) == pytest.approx(0.7)  # a gap counts as one second
