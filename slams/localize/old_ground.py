@@ -151,7 +151,10 @@ def search(ground: Ground, points: Floats, pose: Pose2, half: Floats) -> Found |
     off = _lattice(half, STEP)
     values = _fits(ground, points, here + off)
     values -= PRICE * ((off[:, :2] / half[:2]) ** 2).sum(axis=1)
-    best = _refined(ground, points, here + off[np.argmax(values)], FINER)
+    best = here + off[np.argmax(values)]
+    for part in FINER:
+        around = best + _lattice(2.0 * part * STEP, part * STEP)
+        best = around[np.argmax(_fits(ground, points, around))]
     stay = float(_fits(ground, points, here + _lattice(STEP, 0.5 * STEP)).max())
     needed = max(FOUND, stay + GAIN)
     fit = _fit(ground, points, best)
@@ -163,21 +166,11 @@ def search(ground: Ground, points: Floats, pose: Pose2, half: Floats) -> Found |
         side = _across(alike)
         if side is None or stay > CONTRADICTED:
             return None
-        best[:2] = here[:2] + (side @ way) * side
-        best = _refined(ground, points, best, FINER[1:])
-        way = (side @ (best[:2] - here[:2])) * side
+        way = (side @ way) * side
         best[:2] = here[:2] + way
         fit = _fit(ground, points, best)
     inside = np.abs(way).max() < half[0] - 0.5 * STEP[0]
     return Found(Pose2(*best.tolist()), whole) if fit >= needed and inside else None
-
-
-def _refined(ground: Ground, points: Floats, best: Floats, parts: tuple[float, ...]) -> Floats:
-    """The best pose (3,) around one, on finer and finer lattices."""
-    for part in parts:
-        around = best + _lattice(2.0 * part * STEP, part * STEP)
-        best = around[np.argmax(_fits(ground, points, around))]
-    return best
 
 
 def _across(ways: Floats) -> Floats | None:

@@ -76,7 +76,7 @@ class LineMap:
         p = self.params
         self._scans += 1
         reach = max(p.reach, math.ceil(BLURRED * points.noise / self.surface.resolution))
-        once = min(max(STANDING * points.apart, ONCE), STANDING)
+        once = max(STANDING * points.apart, ONCE)
         splat = Splat(reach, p.side, p.weight_cap, self._scans, once)
         add_scan(self.surface, points.points, points.normals, points.n, pose, splat)
 

@@ -45,18 +45,22 @@ def test_who_is_where_old_ground_has_him_stays():
     assert search(ground(ROOM), points(ROOM), TRUE, HALF) is None
 
 
-def in_a_corridor(pose, half=HALF):
-    """A scan of a bare corridor, looked for around a pose in what was seen of it before."""
-    seen = ground(CORRIDOR, [(x, 0.0, 0.0) for x in (-2.0, 0.0, 2.0)])
+def in_a_corridor(pose, far=6.0, places=(-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0), half=HALF):
+    """A scan of a bare corridor as far as that, looked for in what was seen of it before."""
     ahead = points(CORRIDOR, IDENTITY)
-    return search(seen, np.ascontiguousarray(ahead[np.hypot(*ahead.T) < 6.0]), pose, half)
+    ahead = np.ascontiguousarray(ahead[np.hypot(*ahead.T) < far])
+    seen = empty_ground(-12.0, -12.0, 480)
+    for x in places:
+        ends = ahead + np.array((x, 0.0))
+        show(seen, np.column_stack([ends, np.tile((x, 0.0), (len(ends), 1))]))
+    return search(seen, ahead, pose, half)
 
 
 @pytest.mark.parametrize("y", [0.5, -0.7])
 def test_along_a_bare_corridor_only_the_part_across_is_clear(y):
     found = in_a_corridor(Pose2(1.2, y, 0.04))
     assert found is not None and not found.whole
-    assert found.pose.x == pytest.approx(1.2, abs=0.03)
+    assert found.pose.x == pytest.approx(1.2, abs=0.01)
     assert found.pose.y == pytest.approx(0.0, abs=0.05)
     assert found.pose.theta == pytest.approx(0.0, abs=0.02)
 
@@ -66,8 +70,28 @@ def test_who_has_slipped_along_a_corridor_stays():
 
 
 def test_a_corridor_beside_an_old_one_is_new_ground():
-    wide = np.array((2.0, 4.0, 0.1))
-    assert in_a_corridor(Pose2(1.2, 3.4, 0.0), wide) is None
+    wide = np.array((4.0, 4.0, 0.1))
+    assert in_a_corridor(Pose2(1.2, 3.4, 0.0), half=wide) is None
+    assert in_a_corridor(Pose2(1.2, 0.7, 0.0), half=wide) is not None
+
+
+def test_where_the_old_part_of_a_corridor_ends_nothing_is_clear():
+    for x, clear in ((0.5, True), (2.6, False)):
+        assert (in_a_corridor(Pose2(x, 0.6, 0.0), far=4.0, places=(-1.0, 0.0)) is not None) == clear
+
+
+def test_who_sees_mostly_new_ground_is_not_moved():
+    here = points(ROOM)
+    new = np.full_like(here, 20.0)
+    assert search(ground(ROOM), np.concatenate([here, new[:20]]), drifted(TRUE), HALF) is not None
+    assert search(ground(ROOM), np.concatenate([here, new]), drifted(TRUE), HALF) is None
+
+
+def test_places_alike_on_a_line_leave_the_way_across():
+    along = np.array([[1.0, 0.5], [-2.0, -1.0], [3.0, 1.4]])
+    side = old_ground._across(along)
+    assert side is not None and abs(side @ (1.0, 0.5)) < 0.05
+    assert old_ground._across(np.array([[1.0, 0.5], [-1.0, 1.0]])) is None
 
 
 def test_two_rooms_alike_within_reach_are_one_too_many():
@@ -133,3 +157,39 @@ def test_corrections_that_do_not_stand_are_not_believed():
 def test_without_wheels_or_lost_or_with_scans_close_by_nothing_changes(how):
     old, track, _ = driven(lambda k: (0.5, 0.4), **how)
     assert old.found == 0 and track.corrections == 0
+
+
+@pytest.mark.parametrize(("whole", "widths"), [(False, [2.0, 2.0]), (True, [2.0, 0.3])])
+def test_what_was_only_moved_across_is_looked_for_as_far_as_before(monkeypatch, whole, widths):
+    """100 m of way since: 2 m to either side, until ground of old has been found again."""
+    looked = []
+
+    def found(_ground, _points, pose, half):
+        looked.append(half[0])
+        return old_ground.Found(Pose2(pose.x - 0.5, pose.y, pose.theta), whole)
+
+    monkeypatch.setattr(old_ground, "search", found)
+    old, track, t = OldGround(StandIn(), True), None, 0.0
+    track = old._track
+    way = [*np.arange(0.0, 4.0, 0.5), *np.arange(110.0, 202.0, 2.0), *np.arange(0.0, 12.0, 0.5)]
+    for x in way:
+        track.pose, t = Pose2(x, 0.0, 0.0), t + 1.0
+        at = Pose2(x if x < 20.0 else 0.0, 0.0, 0.0)
+        old.update(scan_at(at, LIDAR, ROOM, t=t, odometry=track.pose))
+    first = track.corrections and looked.index(looked[0])
+    assert track.corrections > 0 and first == 0
+    after = looked[old_ground.LOOKS + 1 :]
+    assert [looked[0], after[0]] == pytest.approx(widths, abs=0.3)
+
+
+def test_nobody_looks_farther_than_it_can_be_told(monkeypatch):
+    looked = []
+    monkeypatch.setattr(old_ground, "search", lambda g, p, pose, half: looked.append(half))
+    old = OldGround(StandIn(), True)
+    way = [*np.arange(0.0, 4.0, 0.5), *np.arange(110.0, 610.0, 4.0), *np.arange(0.0, 4.0, 0.5)]
+    for k, x in enumerate(way):
+        old._track.pose = Pose2(x, 0.0, 0.0)
+        at = Pose2(x if x < 20.0 else 0.0, 0.0, 0.0)
+        old.update(scan_at(at, LIDAR, ROOM, t=float(k), odometry=old._track.pose))
+    assert looked and looked[-1][:2] == pytest.approx(old_ground.FARTHEST)
+    assert old_ground.FARTHEST == 4.0 and looked[-1][2] == old_ground.FARTHEST_TURN
