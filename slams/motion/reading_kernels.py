@@ -18,6 +18,7 @@ from slams.types import Records
 
 MEMORY = 10.0  # s, in which it is learned how late readings are
 LATEST, LONGEST = 0.2, 0.5  # s, deviation of a reading's time, and its most: more is no lateness
+APART = 0.25  # s: of scans farther apart the robot itself goes to and fro, as key scans do
 RATE = 0.5  # s, of the mean rate; readings that are so close are late alike
 
 # Whether there is an `at` (1); the last step ahead [m] and its `change` from the one before; sums
@@ -44,11 +45,11 @@ def learn_lateness(
     of the wheels, once in every few scans, has a variance of about the mean product of the changes
     of the steps. So have slips, of variance `slips`; how a robot changes its speed has not. A
     change that no reading of `LONGEST` ago makes, at the speed of the wheels or the one `expected`,
-    a step ahead, tells nothing: odometry that leaps is not late.
+    a step ahead, tells nothing: odometry that leaps is not late. Nor do scans more than `APART`.
     """
     keep, share = math.exp(-dt / MEMORY), 1.0 - math.exp(-dt / RATE)
     change, speed = told[0] - read.ahead, max(abs(wheels[0].rate), abs(expected) / dt)
-    if abs(change) > LONGEST * speed:
+    if dt > APART or abs(change) > LONGEST * speed:
         return
     read.ragged = max(keep * read.ragged - change * read.change - slips, 0.0)
     read.speeds = keep * read.speeds + speed * speed

@@ -104,6 +104,13 @@ def test_speeding_up_and_slowing_down_is_no_lateness():
     assert variance(np.tile(ramp, 3).tolist())[0] < 0.003**2
 
 
+def test_key_scans_are_no_late_readings():
+    """Some way or some turn apart, so their steps go to and fro."""
+    steps = [0.7, 0.4] * 20
+    assert variance(steps, dt=1.1 * kernels.APART) == 0.0
+    assert variance(steps, dt=0.9 * kernels.APART) > 0.0
+
+
 def test_a_leap_of_the_odometry_is_not_late():
     _, reads = reading([0.05] * 20 + [1.0] + [0.05] * 3, expected=0.05)
     assert reads["ragged"][0] == 0.0
