@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,10 @@ class TileMap:
     def admits(self, pose: Pose2, far: float) -> bool:
         """Whether the maps may grow to what is at most `far` [m] away from `pose`."""
         return self.extent.admits(Box.around(pose.x, pose.y, far))
+
+    def face(self, heading: float) -> None:
+        """Tell layers apart by walls that face `heading` [rad] and its right angles."""
+        self.tiles = self.tiles._replace(axis_x=math.cos(heading), axis_y=math.sin(heading))
 
     def cover(self, low: Floats, high: Floats) -> None:
         """Let the tables reach from `low` to `high`, (x, y) [m] each, if they may grow so far."""

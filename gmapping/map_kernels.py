@@ -34,11 +34,12 @@ class Splat(NamedTuple):
 
 
 @njit(inner=True, borrows=True)
-def facing(nx: float, ny: float) -> int:
-    """Layer of a surface by the side its normal points to: 0 +x, 1 +y, 2 -x, 3 -y. ours."""
-    if abs(nx) >= abs(ny):
-        return 0 if nx >= 0.0 else 2
-    return 1 if ny >= 0.0 else 3
+def facing(tiles: Tiles, nx: float, ny: float) -> int:
+    """Layer of a surface by the side its normal points to: 0 the axis, 1 left of it, 2, 3. ours."""
+    ahead, left = tiles.axis_x * nx + tiles.axis_y * ny, tiles.axis_x * ny - tiles.axis_y * nx
+    if abs(ahead) >= abs(left):
+        return 0 if ahead >= 0.0 else 2
+    return 1 if left >= 0.0 else 3
 
 
 @njit(inner=True, borrows=True)
@@ -111,14 +112,15 @@ def write(
     the way at which the first scan saw it, less than 0 once another has. pose (3,) m, rad;
     `surface` as of `insert`; returns how many cells had no room.
     """
-    edge, reach, lacking = tiles.resolution, (splat.band + 0.5) * tiles.resolution, 0
+    edge, now = tiles.resolution, np.float32(splat.driven)  # as a cell keeps it
+    reach, lacking = (splat.band + 0.5) * edge, 0
     c, s = math.cos(pose[2]), math.sin(pose[2])
     tu, tv, last, slot = 0, 0, -1, -1  # the tile written last
     for i in range(surface.shape[0]):
         x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
         px, py = pose[0] + c * x - s * y, pose[1] + s * x + c * y
         wx, wy = c * nx - s * ny, s * nx + c * ny
-        layer, along = facing(wx, wy), alongs[i]
+        layer, along = facing(tiles, wx, wy), alongs[i]
         level = layer & 1  # whether u, along the wall as well as an axis is, is x; v goes across
         u, v, wu, wv = (px, py, wx, wy) if level else (py, px, wy, wx)
         iu, iv = cell_of(u, edge), cell_of(v, edge)
@@ -149,9 +151,7 @@ def write(
                 cell[2] += gain * (wy - cell[2])
                 cell[3] = min(total, splat.cap)
                 if cell[4] == 0.0:
-                    cell[4] = splat.driven
-                elif (
-                    cell[4] > 0.0 and cell[4] != splat.driven
-                ):  # cells round: another point does, too
+                    cell[4] = now
+                elif cell[4] > 0.0 and cell[4] != now:
                     cell[4] = -cell[4]
     return lacking

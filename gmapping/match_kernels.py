@@ -16,6 +16,7 @@ from slams.types import Floats, Pose2
 
 BEFORE = 0.25  # m before its end that a beam is followed to, and from the laser
 FRONTAL = 0.3  # cosine from which a beam goes through a wall, not along it
+SETTLED = 0.1  # of the width: a longer step is not the last one at it
 STILL = 1e-5  # a step [m, rad] below which the peak is found
 
 
@@ -31,7 +32,8 @@ class Climb(NamedTuple):
 
     `wide` and `width` [m] from where a distance counts as an outlier, at the first step and at the
     last; `steps` of Gauss-Newton at most; `variance` [m^2] of a beam's distance, against the prior;
-    surfaces first seen before the way `old` [m] are of old ground.
+    surfaces first seen before the way `old` [m] are of old ground; for the first `wait` steps the
+    scale of outliers stays where the pose has not settled.
     """
 
     wide: float
@@ -39,6 +41,7 @@ class Climb(NamedTuple):
     steps: int
     variance: float
     old: float
+    wait: int = 0
 
 
 class Around(NamedTuple):
@@ -87,7 +90,7 @@ def linearize(
         rx, ry = c * x - s * y, s * x + c * y
         px, py = pose[0] + rx, pose[1] + ry
         ix, iy = cell_of(px, edge), cell_of(py, edge)
-        layer = facing(c * nx - s * ny, s * nx + c * ny)
+        layer = facing(tiles, c * nx - s * ny, s * nx + c * ny)
         slot = slot_of(tiles, particle, layer, ix, iy)
         cost += surface[i, 4] * k2
         if slot < 0:
@@ -133,15 +136,18 @@ def register(
     """Climb from every start to a peak of likelihood x prior by Gauss-Newton.
 
     [Grisetti07] scan matcher in front of the improved proposal; ours: Gauss-Newton in place of a
-    hill climb, and a prior with heavy tails. owners (k,) the particle in whose map; poses (k, 3)
-    starts in, peaks out; out_h (k, 3, 3), out (k, 7) of `linearize` at the last step.
+    hill climb, and a prior with heavy tails. Distances count as outliers sooner only where the pose
+    has settled, or has had time to: walls beside fit wherever along them the robot is, and would
+    call the few hits at a corridor's end outliers before they have moved it. owners (k,) the
+    particle in whose map; poses (k, 3) starts in, peaks out; out_h (k, 3, 3), out (k, 7) of
+    `linearize` at the last step.
     """
     step, both = np.empty(3), np.empty((3, 3))
     for k in range(poses.shape[0]):
         pose, h, g = poses[k], out_h[k], out[k]
         mean = Pose2(prior.poses[k, 0], prior.poses[k, 1], prior.poses[k, 2])
         width = how.wide
-        for _ in range(how.steps):
+        for number in range(how.steps):
             linearize(tiles, owners[k], pose, surface, width, how.old, h, g)
             off = offset(Pose2(pose[0], pose[1], pose[2]), mean)
             add_prior(h, prior.information[k], how.variance, off, both, g)
@@ -151,7 +157,8 @@ def register(
                 pose[i] += step[i]
             if width == how.width and max(abs(step[0]), abs(step[1]), abs(step[2])) < STILL:
                 break
-            width = max(how.width, 0.5 * width)
+            if step[0] * step[0] + step[1] * step[1] < (SETTLED * width) ** 2 or number >= how.wait:
+                width = max(how.width, 0.5 * width)
 
 
 @njit
@@ -182,7 +189,7 @@ def search_old(
                 beams += surface[i, 4]
                 px, py = pose_x + c * x - s * y, pose_y + s * x + c * y
                 ix, iy = cell_of(px, edge), cell_of(py, edge)
-                layer = facing(c * nx - s * ny, s * nx + c * ny)
+                layer = facing(tiles, c * nx - s * ny, s * nx + c * ny)
                 slot = slot_of(tiles, particle, layer, ix, iy)
                 if slot < 0:
                     continue
@@ -227,7 +234,7 @@ def crossed(
             dx, dy = (c * x - s * y) / far, (s * x + c * y) / far
             x0 = poses[k, 0] + c * laser.x - s * laser.y
             y0 = poses[k, 1] + s * laser.x + c * laser.y
-            layer, way = facing(-dx, -dy), BEFORE
+            layer, way = facing(tiles, -dx, -dy), BEFORE
             while way < far - BEFORE:
                 px, py = x0 + way * dx, y0 + way * dy
                 way += 1.5 * edge

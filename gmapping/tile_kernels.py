@@ -22,7 +22,8 @@ class Tiles(NamedTuple):
     `cells` (slots, CELLS, k) k numbers a cell, whatever the matcher keeps there; `tables`
     (particles, layers, ny, nx) slot of each tile, -1 = never touched; `references` (slots,) how
     many tables point at a slot; `free` (slots + 1,) how many slots are free, then these slots;
-    `corner_x`, `corner_y` tile index of tables[..., 0, 0]; `resolution` [m].
+    `corner_x`, `corner_y` tile index of tables[..., 0, 0]; `resolution` [m]; `axis_x`, `axis_y` a
+    unit vector, the way one of the walls faces.
     """
 
     cells: NDArray[np.float32]
@@ -32,6 +33,8 @@ class Tiles(NamedTuple):
     corner_x: int
     corner_y: int
     resolution: float
+    axis_x: float = 1.0
+    axis_y: float = 0.0
 
 
 @njit(inner=True, borrows=True)

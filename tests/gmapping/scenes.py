@@ -30,7 +30,7 @@ ROOM = np.array(  # segments x0, y0, x1, y1 [m]
         [1.9, 1.8, 1.5, 0.8],
     ]
 )
-SPLAT = Splat(2, 100.0, 1.0)
+SPLAT = Splat(2, 100.0, 1.001)  # a way that cells can't keep to the last bit
 HOW = Climb(0.1, 0.03, 12, 0.02**2, 0.0)  # nothing is old
 WALLS = Walls(0.12, 0.03, 0.1, 0.1)
 CLIMB = ClimbModel(0.05, 0.075, 0.05, 0.05, 5, 0.5)
