@@ -45,7 +45,7 @@ def learn_lateness(
     of the wheels, once in every few scans, has a variance of about the mean product of the changes
     of the steps. So have slips, of variance `slips`; how a robot changes its speed has not. A
     change that no reading of `LONGEST` ago makes, at the speed of the wheels or the one `expected`,
-    a step ahead, tells nothing: odometry that leaps is not late. Nor do scans more than `APART`.
+    a step ahead, tells nothing: odometry that leaps is not late. Nor do scans that are `APART`.
     """
     keep, share = math.exp(-dt / MEMORY), 1.0 - math.exp(-dt / RATE)
     change, speed = told[0] - read.ahead, max(abs(wheels[0].rate), abs(expected) / dt)
