@@ -10,8 +10,9 @@ Three sources speak of the step since the scan before, each with a variance:
 
 They are fused by their information (the plain Kalman update) in the three numbers of a `Chord`,
 whose errors are independent. Everything is in seconds and meters: the rate of the scans does not
-matter. The scale of the wheels' way is learned where every match sees for itself where it is
-(`scale_kernels`): a matcher that follows its prediction would confirm them to itself.
+matter. What wheels count wrongly of every way, its scale and a veer, is learned where every match
+sees for itself where it is (`scale_kernels`): a matcher that follows its prediction would confirm
+them to itself.
 
 [Thrun05] S. Thrun, W. Burgard, D. Fox. Probabilistic Robotics. MIT Press 2005.
 """

@@ -7,7 +7,7 @@ from typing import Any
 
 from slams.jit import njit
 from slams.motion.reading_kernels import alike, settle
-from slams.motion.scale_kernels import calibrate, calibrate_gyro
+from slams.motion.scale_kernels import calibrate, calibrate_gyro, calibrate_veer
 from slams.motion.source_kernels import compare
 from slams.motion.velocity_kernels import TURN, contradict, correct, correct_velocity, pass_over
 from slams.types import Records
@@ -40,6 +40,8 @@ def learn(
     settle(wheels, step, dt)
     if 0.0 < dt <= laws[0].witness_time:  # over more half of what is matched is new ground
         calibrate(wheels[0], step[0], match[0], last[0])
+        way = wheels[0].told
+        calibrate_veer(wheels[TURN], way, step[TURN], match[TURN], last[TURN], laws[0])
         calibrate_gyro(gyro[0], step[TURN], match[TURN], last[TURN], dt)
     return wrong
 

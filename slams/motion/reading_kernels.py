@@ -86,13 +86,14 @@ def settle(wheels: Records, step: Any, dt: float) -> None:
     shared between lateness and slip by their variances.
     """
     ahead, aside, turn = wheels[0], wheels[1], wheels[2]
-    half, scale = turn.at + 0.5 * step[2], 1.0 / (1.0 + ahead.wrong)  # as the wheels count
-    c, s = math.cos(half), math.sin(half)
-    dx = ahead.at + scale * (c * step[0] - s * step[1]) - ahead.now
-    dy = aside.at + scale * (s * step[0] + c * step[1]) - aside.now
+    scale = 1.0 / (1.0 + ahead.wrong)  # as the wheels count, without what was learned of them
+    x, y = scale * step[0], scale * step[1]
+    turned = step[2] - turn.wrong * x
+    c, s = math.cos(turn.at + 0.5 * turned), math.sin(turn.at + 0.5 * turned)
+    dx, dy = ahead.at + c * x - s * y - ahead.now, aside.at + s * x + c * y - aside.now
     off, beside = share(ahead, dt) * (c * dx + s * dy), share(aside, dt) * (c * dy - s * dx)
     ahead.at, aside.at = ahead.now + c * off - s * beside, aside.now + s * off + c * beside
-    turn.at = turn.now + share(turn, dt) * wrap_angle(turn.at + step[2] - turn.now)
+    turn.at = turn.now + share(turn, dt) * wrap_angle(turn.at + turned - turn.now)
 
 
 @njit(inner=True, borrows=True)

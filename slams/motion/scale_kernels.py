@@ -1,9 +1,10 @@
 """Kernels of what wheels count wrongly of every way, and a gyro of every second.
 
-ours. Wheels that are smaller than believed count too much of every way, by the same share. As noise
-of single steps that would average out; where scans see nothing along a corridor it adds up. So does
-a gyro's bias where the map is drawn as it says. Both are learned from ways over which every match
-saw for itself where it was: a match that follows its prediction would only confirm it.
+ours. Wheels that are smaller than believed count too much of every way, by the same share; where
+one is smaller than the other they veer, and count a turn of every way. As noise of single steps
+that would average out; where scans see nothing along a corridor it adds up. So does a gyro's bias
+where the map is drawn as it says. All are learned from ways over which every match saw for itself
+where it was: a match that follows its prediction would only confirm it.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from slams.jit import njit
 
 SEEN = 0.01  # m: deviation of a match by its scan alone, above which it does not see; and of the
 # map from place to place, which no match knows
-LENGTH = 1.0  # m: of a way that tells
+LENGTH, LONG = 1.0, 3.0  # m: of a way that tells of its scale, and of the veer
 PRIOR = 0.03  # deviation of a scale before anything is known
 WALK = 0.002  # deviation of a scale after one meter more
+VEER, BEND = 0.05, 0.001  # rad/m: of a veer before anything is known, and after one meter more
 STEADY = 0.003  # rad: the same as `SEEN` for headings
 SECONDS = 2.0  # s: of a time that tells
 BIAS = 0.01  # rad/s: deviation of a bias before anything is known
@@ -48,6 +50,29 @@ def calibrate(number: Any, found: float, match: float, last: float) -> None:
 
 
 @njit(inner=True, borrows=True)
+def calibrate_veer(
+    number: Any, way: float, found: float, match: float, last: float, law: Any
+) -> None:
+    """Learn from a `way` [m] whose turn was `found`, with the variances of both its ends. ours.
+
+    `wrong`: so much more than is told the robot turns on every meter [rad/m]. A corner tells less
+    than a straight way: the scale of turns is not known either. Headings are seen along corridors
+    as well, so there is no end to learning.
+    """
+    limit = STEADY * STEADY
+    if not sees(number, match, last, limit):
+        return
+    number.way += way
+    number.gone += found - number.told
+    number.turned += number.told
+    number.unsure += BEND * BEND * abs(way)
+    if abs(number.way) >= LONG:
+        slip = law.turn_slip_way**2 * abs(number.way) + (law.turn_scale * number.turned) ** 2
+        error = number.gone / number.way - number.wrong
+        learn(number, error, number.start + match + slip + 2.0 * (limit + number.late))
+
+
+@njit(inner=True, borrows=True)
 def calibrate_gyro(number: Any, found: float, match: float, last: float, dt: float) -> None:
     """Learn from a turn that was `found` [rad] in `dt` [s], with the variances of both its ends.
 
@@ -68,10 +93,16 @@ def sees(number: Any, match: float, last: float, limit: float) -> bool:
     """Whether a step tells of its source: seen at both ends, and nothing contradicts. ours."""
     tells = number.variance < BELIEVED * number.own and match < limit and last < limit
     if not tells:
-        number.way = number.gone = 0.0
+        begin_way(number)
     elif number.way == 0.0:
         number.start = last
     return bool(tells)
+
+
+@njit(inner=True, borrows=True)
+def begin_way(number: Any) -> None:
+    """Nothing is told of a way yet. ours."""
+    number.way = number.gone = number.turned = 0.0
 
 
 @njit(inner=True, borrows=True)
@@ -81,7 +112,7 @@ def learn(number: Any, error: float, ends: float) -> None:
     ours. What is strange makes it less sure, so that it is believed if it stays.
     """
     unsure, variance = number.unsure, ends / (number.way * number.way)
-    number.way = number.gone = 0.0
+    begin_way(number)
     strange = error * error / (STRANGE * STRANGE)
     if strange > unsure + variance:
         number.unsure += strange

@@ -26,11 +26,12 @@ NONE, LEAP, CONTRADICTED, GOOD = range(4)  # a source's word
 # `doubt`, the variance of a velocity that the source does not see, at `most` so great, and `scale`,
 # times the variance of its own. Of wheels also their pose `now` (x, y, heading), where the robot is
 # `at` in that frame, the mean `rate` a second, what of the own variance is for being `late`, the
-# last step as `told`; and of the way's scale the share that is `wrong`, how `unsure` that is, the
-# `way` told and the one `gone` since a match of variance `start`, and the way that was `blind`
+# last step as `told`. Of what of every way or second is `wrong` (`scale_kernels`): how `unsure` it
+# is, the `way` told since a match of variance `start`, what was `gone` and, of a veer, told to have
+# `turned` on it, and the way that was `blind`
 SOURCE = (
-    "said variance own doubted doubt most scale now at rate late told wrong unsure way gone start "
-    "blind"
+    "said variance own doubted doubt most scale now at rate late told wrong unsure way gone turned "
+    "start blind"
 )
 LAW = (
     "way_scale turn_scale veer way_slip way_slip_turning turn_slip turn_slip_way side_slip stall "
@@ -121,9 +122,9 @@ def compare(sources: Records, laws: Records, found: Any, variance: Any, dt: floa
 
 @njit(inner=True, borrows=True)
 def wheel_variance(
-    laws: Records, step: Any, dt: float, unsure: float
+    laws: Records, step: Any, dt: float, unsure: float, veer: float
 ) -> tuple[float, float, float]:
-    """Variances of a step by odometry, whose scale of the way is so `unsure` as it was learned.
+    """Variances of a step by odometry; `unsure`, `veer`: of its scale and veer as learned.
 
     [Thrun05] 5.4: noise grows with the way and the turn. ours: scales on top, which are wrong for
     a whole drive. Aside there is only what the other two make of it: a heading that walks at
@@ -136,11 +137,12 @@ def wheel_variance(
     rest = (law.stall * dt) ** 2 if way + turned < STANDING * dt else FLOOR
     slip = law.way_slip**2 * way + law.way_slip_turning**2 * turned
     walk = law.turn_slip**2 * turned + law.turn_slip_way**2 * way
+    scale, veer = min(law.way_scale**2, unsure), min(law.veer**2, veer)
     beside = (walk * way * way + slip * turn * turn) / 12.0 + law.side_slip**2 * way
     return (
-        min(law.way_scale**2, unsure) * way * way + slip + rest,
+        scale * way * way + slip + rest,
         (law.turn_scale * aside) ** 2 + beside + rest,
-        (law.turn_scale * turn) ** 2 + (law.veer * way) ** 2 + walk + rest,
+        (law.turn_scale * turn) ** 2 + veer * way * way + walk + rest,
     )
 
 
@@ -171,6 +173,13 @@ def chord(last: Any, now: Any) -> tuple[float, float, float]:
     x, y = c * x + s * y, c * y - s * x
     c, s = math.cos(0.5 * turn), math.sin(0.5 * turn)
     return c * x + s * y, c * y - s * x, turn
+
+
+@njit(inner=True, borrows=True)
+def corrected(wheels: Records, step: Any) -> tuple[float, float, float]:
+    """A step without what was learned that wheels count wrongly of every way. ours."""
+    scale = 1.0 + wheels[0].wrong
+    return scale * step[0], scale * step[1], step[2] + wheels[TURN].wrong * step[0]
 
 
 @njit(inner=True, borrows=True)
@@ -206,10 +215,9 @@ def hear_wheels(
         begin(wheels, reads, last)
     for i in range(len(wheels)):
         wheels[i].now, wheels[i].told, wheels[i].late = now[i], told[i], 0.0
-    step, scale = chord((wheels[0].at, wheels[1].at, wheels[2].at), now), 1.0 + wheels[0].wrong
-    step = scale * step[0], scale * step[1], step[2]
+    step = corrected(wheels, chord((wheels[0].at, wheels[1].at, wheels[2].at), now))
     own, short, late = (
-        wheel_variance(laws, step, dt, wheels[0].unsure),
+        wheel_variance(laws, step, dt, wheels[0].unsure, wheels[TURN].unsure),
         0.0 < dt <= law.witness_time,
         (0.0, 0.0, 0.0),
     )

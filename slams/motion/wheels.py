@@ -8,7 +8,7 @@ from slams.jit import records
 from slams.motion import source_kernels as kernels
 from slams.motion.params import MotionParams
 from slams.motion.reading_kernels import READING
-from slams.motion.scale_kernels import BIAS, PRIOR
+from slams.motion.scale_kernels import BIAS, PRIOR, VEER
 from slams.motion.trust import Expected, laws
 from slams.types import Records, Scan
 
@@ -28,7 +28,7 @@ class Wheels:
         self.heard = self.contradicts = False
         self.numbers = records(3, kernels.SOURCE)
         self.numbers["variance"], self.numbers["scale"] = math.inf, kernels.LEAST
-        self.numbers["unsure"] = PRIOR**2
+        self.numbers["unsure"] = PRIOR**2, 0.0, VEER**2
         self.numbers["most"] = params.top_speed**2
         self.numbers["most"][-1] = params.top_turn_rate**2
         self._reads = records(1, READING)

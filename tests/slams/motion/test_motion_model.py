@@ -482,8 +482,8 @@ def test_a_gyro_that_leaps_or_sticks_is_not_followed(rate):
 def test_variances_of_wheels_grow_with_way_and_turn():
     p = MotionParams()
 
-    def variance(way, turn):
-        return Chord(*wheel_variance(laws(p), (way, 0.0, turn), 1.0, 1.0))
+    def variance(way, turn, unsure=1.0, veer=1.0):
+        return Chord(*wheel_variance(laws(p), (way, 0.0, turn), 1.0, unsure, veer))
 
     way = variance(1.0, 0.0)
     assert way.ahead == pytest.approx(0.01**2 + 0.003**2, rel=1e-3)
@@ -493,6 +493,9 @@ def test_variances_of_wheels_grow_with_way_and_turn():
     assert turn.turn == pytest.approx(0.042**2 + 0.01**2, rel=1e-3)
     assert turn.ahead == pytest.approx(0.002**2, rel=1e-3)
     assert variance(2.0, 0.0).ahead == pytest.approx(0.02**2 + 2 * 0.003**2, rel=1e-3)
+    known = variance(2.0, 0.0, 0.002**2, 0.001**2)  # what was learned of them
+    assert known.ahead == pytest.approx((2.0 * 0.002) ** 2 + 2 * 0.003**2, rel=1e-3)
+    assert known.turn == pytest.approx((2.0 * 0.001) ** 2 + 2 * 0.004**2, rel=1e-3)
 
 
 def jacobian(function, at):
