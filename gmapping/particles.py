@@ -33,7 +33,7 @@ class Particles:
     that is reported. Histories are one tree: nodes know their parent.
 
     ours: if `steady`, the one that is reported stays at its peak where the others are drawn, and
-    lives on, in place of a twin, until another leads (`elect`).
+    lives on, in place of a twin, until another leads (`leader`).
     """
 
     def __init__(self, n: int, steady: bool = False) -> None:
@@ -54,7 +54,11 @@ class Particles:
     @property
     def best_pose(self) -> Pose2:
         """Pose of the particle that is reported."""
-        x, y, theta = self.poses[self.best].tolist()
+        return self.pose(self.best)
+
+    def pose(self, particle: int) -> Pose2:
+        """Pose of one particle."""
+        x, y, theta = self.poses[particle].tolist()
         return Pose2(x, y, float(wrap_angle(theta)))
 
     def move(self, steps: Floats) -> None:
@@ -100,13 +104,11 @@ class Particles:
         children = np.flatnonzero(ancestors == self.best)
         self.best = int(children[0]) if len(children) else int(np.argmax(self.lifetime))
 
-    def elect(self, margin: float) -> bool:
-        """Report another particle if its lifetime weight leads by a margin; True if so."""
+    def leader(self, margin: float) -> int:
+        """The particle whose lifetime weight leads the reported one's by a margin, or that."""
         leader = int(np.argmax(self.lifetime))
-        if self.lifetime[leader] <= self.lifetime[self.best] + margin:
-            return False
-        self.best = leader
-        return True
+        leads = self.lifetime[leader] > self.lifetime[self.best] + margin
+        return leader if leads else self.best
 
     def remember(self) -> None:
         """Add a node to every particle's history."""

@@ -219,11 +219,17 @@ class GMapping:
         particles.weigh(found.log_w, 1.0)
 
     def _elect(self) -> None:
-        """Step 6; where the reported particle is elsewhere all at once, a loop was closed."""
-        self._counts["switched"] += self.particles.elect(self.params.switch_margin)
-        best = self.particles.best_pose
-        gap = best.between(self._track.pose)
-        if math.hypot(gap.x, gap.y) > LEAP or abs(gap.theta) > LEAP_TURN:
+        """Step 6; where the reported particle is elsewhere all at once, a loop was closed.
+
+        ours: a leader as near as a draw is the reported one with the noise of its draws.
+        """
+        particles, here = self.particles, self._track.pose
+        leader = particles.leader(self.params.switch_margin)
+        if self.params.refine and not _leaps(here.between(particles.pose(leader))):
+            leader = particles.best
+        self._counts["switched"] += leader != particles.best
+        particles.best, best = leader, particles.pose(leader)
+        if _leaps(here.between(best)):
             self._counts["closed"] += 1
             self._movers.forget()
             self._track.corrected(best)
@@ -251,3 +257,8 @@ class GMapping:
     def _follow(self, ancestors: NDArray[np.int64]) -> None:
         self.particles.follow(ancestors)
         self.tiles.inherit(ancestors)
+
+
+def _leaps(way: Pose2) -> bool:
+    """Whether no draw goes so far."""
+    return math.hypot(way.x, way.y) > LEAP or abs(way.theta) > LEAP_TURN

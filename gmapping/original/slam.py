@@ -107,7 +107,9 @@ class Original:
             self.particles.weigh(log_w, self.params.gain * len(log_w))
             if self.particles.n_eff < self.params.resample_threshold * len(log_w):
                 self._follow(self.particles.draw_ancestors(self._rng.random()), "resampled")  # 3
-            self._counts["switched"] += self.particles.elect(0.0)  # 5
+            leader = self.particles.leader(0.0)  # 5
+            self._counts["switched"] += leader != self.particles.best
+            self.particles.best = leader
         self._insert(points)  # 4
         self.particles.remember()
         self.pose = self.particles.best_pose

@@ -7,6 +7,7 @@ import slams
 from gmapping import GMapping, GMappingParams
 from gmapping.render import Ends
 from gmapping.render_kernels import draw
+from slams.registry import find
 from slams.types import IDENTITY, Laser, Pose2, Scan, wrap_angle
 from tests.gmapping.scenes import (
     DATA,
@@ -199,11 +200,26 @@ def test_a_closed_loop_moves_the_track_and_is_no_motion():
     slam._elect()
     assert (slam.pose, slam.report()["closed"]) == (pose, 0)
     particles.lifetime[1] += 2.0
+    particles.poses[1, 1] -= 0.27  # no farther than draws go
     slam._elect()
-    assert slam.report()["closed"] == 1
+    assert (slam.report()["switched"], particles.best) == (0, 0)
+    particles.poses[1, 1] += 0.27
+    slam._elect()
+    assert slam.report()["closed"] == slam.report()["switched"] == 1
     np.testing.assert_allclose(slam.pose, [pose.x, pose.y + 0.3, pose.theta])
     step, expected = (s._track.predict(scans[-1]).step for s in (slam, other))
     assert step == expected
+
+
+def test_the_papers_filter_reports_the_leader_however_near_it_is():
+    _, scans = drive(10)
+    slam = GMapping(find("gmapping@paper").params().replace(n_particles=2))
+    for scan in scans:
+        slam.update(scan)
+    slam.particles.poses[:] = slam.pose
+    slam.particles.best, slam.particles.lifetime[:] = 0, [0.0, slam.params.switch_margin + 1.0]
+    slam._elect()
+    assert slam.particles.best == 1
 
 
 @pytest.mark.parametrize(
