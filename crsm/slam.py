@@ -44,6 +44,7 @@ from slams.usual import Usual
 MEMORY = 2.0  # s over which the evidence is usual: the way through a room
 NEAR, NEAR_TURN = 0.05, 0.02  # m, rad: a fit from the prediction ends where one from there does
 CELL = 0.1  # m and rad, within which a refined pose is still the climb's
+PULLED = 0.05  # price from which a fit may have been pulled away by what moves
 WEIGHED = 360  # points that evidence is taken of
 PAUSE = 0.5  # s between two searches of a robot that is not matched
 
@@ -157,15 +158,22 @@ class Crsm:
         return climber.restart(self._map, view, prior, others, found)
 
     def _chosen(self, view: ScanReader, expected: Pose2, climbed: Climbed) -> Match:
-        """Step 4: of the climb and the fits behind it, the one with the most evidence."""
+        """Step 4: of the climb and the fits behind it, the one with the most evidence.
+
+        A climb takes part where its fit is elsewhere, or contradicts the prediction and explains
+        less: people who walk along a corridor pull it. Elsewhere what stays would win for free.
+        """
         if not self.params.refine:
             self._counts["kept"] += 1
             return self._by_rays(view, climbed.pose)
         prior = self._prior(expected)
         starts = [climbed.pose] + ([] if _is_near(expected, climbed.pose) else [expected])
         matches = [self._weighed(view, self._lines.fit(view, at, prior), True) for at in starts]
-        if not any(_is_near(m.fit.pose, climbed.pose, CELL, CELL) for m in matches):
-            matches.append(self._weighed(view, self._lines.seen_from(view, climbed.pose), False))
+        near = [m for m in matches if _is_near(m.fit.pose, climbed.pose, CELL, CELL)]
+        if all(m.evidence - m.value > PULLED for m in near):
+            as_it_is = self._weighed(view, self._lines.seen_from(view, climbed.pose), False)
+            if all(as_it_is.evidence > m.evidence for m in near):
+                matches.append(as_it_is)
         best = max(matches, key=lambda match: match.value)
         self._counts["kept"] += _is_near(best.fit.pose, climbed.pose, CELL, CELL)
         return best

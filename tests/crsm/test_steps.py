@@ -1,17 +1,19 @@
 """The steps of `Crsm.update`, one by one: each is taken where it is due, and only there."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 
+from bench.sim.degrade import degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from crsm.climb_kernels import FINEST
 from crsm.climber import NEARBY, Climbed, Climber
 from crsm.map_kernels import FULL
 from crsm.params import CrsmParams
-from crsm.slam import Crsm
+from crsm.slam import Crsm, Match
 from slams.types import IDENTITY, Pose2
 from tests.rooms import calls, laser, scan_at, still
 
@@ -94,6 +96,46 @@ def test_a_climb_competes_with_its_fit_only_from_elsewhere(aside, competes, monk
     seen = calls(monkeypatch, slam._lines, "seen_from")
     slam._chosen(slam._reader, IDENTITY, at(slam, Pose2(aside, 0.0, 0.0)))
     assert len(seen) == competes
+
+
+@pytest.mark.parametrize(
+    ("aside", "price", "explains", "wins"),
+    [
+        (0.08, 0.04, 0.9, False),  # the fit is not far from the prediction: not even looked at
+        (0.08, 0.06, 0.9, True),
+        (0.08, 0.06, 0.79, False),  # the fit pays, but explains more
+        (0.11, 0.0, 0.9, True),
+    ],
+)
+def test_a_climb_wins_from_a_fit_that_was_pulled_away_and_explains_less(
+    aside, price, explains, wins, monkeypatch
+):
+    slam = settled()
+    fit, there = slam._lines.seen_from(slam._reader, IDENTITY), Pose2(aside, 0.0, 0.0)
+    monkeypatch.setattr(slam._lines, "fit", lambda view, start, prior: fit)
+
+    def weighed(view, fit, refined):
+        worth = 0.8 if refined else explains
+        return Match(fit, worth, worth, worth - (price if refined else 0.0), refined)
+
+    monkeypatch.setattr(slam, "_weighed", weighed)
+    found = slam._chosen(slam._reader, there, at(slam, there))
+    assert found.refined != wins
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("people", 2), ("people", 5), ("stall", 1)])
+def test_the_robot_goes_along_with_nobody_and_on_with_stalled_wheels(kind, seed):
+    """Legs seen twice say as much as posts; of a stall the fit alone knows, and explains more."""
+    level = {"people": 8.0, "stall": 2.0}[kind]
+    log = degrade(simulate(Setting("ring", seed=seed, duration=20.0)), kind, level, seed)
+    log, slam = log.select(every=4), Crsm(CrsmParams())
+    off = [before.between(slam.update(scan)) for before, scan in zip(true(log), log, strict=True)]
+    assert max(math.hypot(step.x, step.y) for step in off) < 0.05  # up to 7 and 0.3 m
+
+
+def true(log):
+    poses = [Pose2(*row) for row in log.truth_at(log.t)]
+    return [poses[0].between(pose) for pose in poses]
 
 
 def test_what_wheels_and_gyro_say_does_not_keep_a_fit_from_being_taken():
