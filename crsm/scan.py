@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from crsm.params import CrsmParams
 from crsm.rays_kernels import critical_rays
+from crsm.sparse_kernels import SPARSE, sparse_normals
 from slams.scan.end_points import EndPoints
+from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2, Scan
 
 LEAST_RAYS = 60  # otherwise at most half of the points: all of them have no choice in them
@@ -28,6 +30,14 @@ class ScanReader(EndPoints):
         super().take(scan, velocity)
         self._rays = self._ends = None
         return self
+
+    @property
+    def normals(self) -> Points:
+        """Of every end point the normal and the gap to its neighbors (3, >= n)."""
+        known, found = self._known, super().normals
+        if not known and self.step * self.far > SPARSE:
+            sparse_normals(self.points, self.n, self.mount, self.step, self.noise, found)
+        return found
 
     @property
     def rays(self) -> NDArray[np.int64]:

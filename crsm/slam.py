@@ -46,6 +46,7 @@ NEAR, NEAR_TURN = 0.05, 0.02  # m, rad: a fit from the prediction ends where one
 CELL = 0.1  # m and rad, within which a refined pose is still the climb's
 PULLED = 0.05  # price from which a fit may have been pulled away by what moves
 WEIGHED = 360  # points that evidence is taken of
+SETTLE = 10  # scans at the start that all enter the map: of one alone it has gaps and its noise
 PAUSE = 0.5  # s between two searches of a robot that is not matched
 
 
@@ -82,7 +83,7 @@ class Crsm:
         self._reader = ScanReader(params)
         self._quality, self._usual = 0.0, Usual(MEMORY)
         self._patience = Patience(PAUSE, PAUSE)
-        self._inserted = Pace(params.insert_step, params.insert_rest)
+        self._inserted = Pace(params.insert_step, params.insert_rest, SETTLE)
         names = ("posed", "kept", "refined", "searched", "refused", "inserted", "rejected", "faded")
         self._counts = dict.fromkeys(names, 0)
 

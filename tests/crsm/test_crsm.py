@@ -737,6 +737,14 @@ def test_pace_is_by_way_turn_or_time():
     assert [pace.is_due(IDENTITY, t) for t in (2.5, 4.9, 5.0)] == [False, False, True]
 
 
+def test_pace_is_due_some_times_at_first():
+    pace = Pace(0.1, 3.0, 2)
+    for _ in range(2):
+        assert pace.is_due(IDENTITY, 0.0)
+        pace.done(IDENTITY, 0.0)
+    assert not pace.is_due(IDENTITY, 0.0)
+
+
 def test_map_grows_and_keeps_its_content():
     grid = WallGrid(Parameters())
     view = reader_of()
