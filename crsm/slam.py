@@ -44,7 +44,8 @@ from slams.usual import Usual
 MEMORY = 2.0  # s over which the evidence is usual: the way through a room
 NEAR, NEAR_TURN = 0.05, 0.02  # m, rad: a fit from the prediction ends where one from there does
 CELL = 0.1  # m and rad, within which a refined pose is still the climb's
-PULLED = 0.05  # price from which a fit may have been pulled away by what moves
+PULLED = 0.1  # price from which a fit may have been pulled away by what moves
+ALIKE = 0.005  # evidence of two poses that is not told apart
 WEIGHED = 360  # points that evidence is taken of
 SETTLE = 10  # scans at the start that all enter the map: of one alone it has gaps and its noise
 PAUSE = 0.5  # s between two searches of a robot that is not matched
@@ -173,7 +174,7 @@ class Crsm:
         near = [m for m in matches if _is_near(m.fit.pose, climbed.pose, CELL, CELL)]
         if all(m.evidence - m.value > PULLED for m in near):
             as_it_is = self._weighed(view, self._lines.seen_from(view, climbed.pose), False)
-            if all(as_it_is.evidence > m.evidence for m in near):
+            if all(as_it_is.evidence > m.evidence - ALIKE for m in near):
                 matches.append(as_it_is)
         best = max(matches, key=lambda match: match.value)
         self._counts["kept"] += _is_near(best.fit.pose, climbed.pose, CELL, CELL)
