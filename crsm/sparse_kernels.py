@@ -8,7 +8,8 @@ from slams.jit import njit
 from slams.scan.scan_kernels import Points, beyond_chord
 from slams.types import Pose2
 
-SPARSE = 0.5  # m between beams from which on three are looked at: a normal good to two degrees
+WIDE = math.radians(2.5)  # between beams from which on five of them mostly meet several things
+SPARSE = 0.1  # m between such beams: closer ones meet one surface
 BEND = 3.0  # deviations of the noise that the middle of three beams may lie off the others' chord
 
 
@@ -18,7 +19,7 @@ def sparse_normals(
 ) -> None:
     """Normals of end points whose beams, `step` [rad] apart, are more than `SPARSE` [m] apart.
 
-    ours: the line of five such beams spans meters, mostly several things, and says of a wall along
+    ours: the line of five beams far apart is mostly of several things, and says of a wall along
     the robot's way that it stands across it. Of the three beams before, around and behind each the
     straightest count, those in line but for `noise` [m] of the ranges; else it has no normal.
     points (3, >= n); out (3, >= n): normal toward the sensor (0, 0 where none), mean gap [m].

@@ -10,6 +10,7 @@ from crsm.params import CrsmParams
 from crsm.scan import ScanReader
 from crsm.slam import SETTLE, Crsm
 from crsm.sparse_kernels import BEND, sparse_normals
+from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Scan
 from tests.crsm.test_steps import settled
 from tests.rooms import laser
@@ -58,7 +59,7 @@ def test_the_straightest_of_three_times_three_beams_counts():
 
 
 def test_beams_close_together_keep_the_normals_they_have():
-    near = 4.5 * np.ones(5)  # 0.47 m apart
+    near = 0.9 * np.ones(5)  # 0.094 m apart
     assert (normals_of(near) == 7.0).all()
 
 
@@ -75,6 +76,15 @@ def test_a_wall_beside_clutter_is_seen_by_three_beams():
     np.testing.assert_allclose(
         view.normals[:2, : view.n][:, on_wall].T, [[-1.0, 0.0]] * count, atol=1e-6
     )
+
+
+def test_dense_beams_keep_the_normals_of_five():
+    lidar = laser(181)
+    far = np.where(np.arange(181) % 2, 20.0, 20.5)  # 0.5 m apart
+    views = [reader(CrsmParams()) for reader in (ScanReader, EndPoints)]
+    for view in views:
+        view.take(Scan(0.0, far.astype(np.float32), lidar), IDENTITY)
+    assert (views[0].normals == views[1].normals).all()
 
 
 def test_the_first_scans_enter_the_map_though_the_robot_stands():
