@@ -54,7 +54,9 @@ class EndPointMatcher:
         kernels.climb(self.tiles.tiles, np.full(n, owner), sparse, field, prior, starts, value)
         return Pose2(*starts[np.argmax(value)].tolist())
 
-    def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
+    def propose(
+        self, view: View, means: Floats, information: Floats, expected: Floats
+    ) -> Proposals:
         """[Grisetti07] improved proposal, mean, covariance and weight of samples at the peak."""
         poses = means.copy()
         prior, owners = Priors(means, information), np.arange(len(means))

@@ -53,8 +53,13 @@ class Matcher(Protocol):
         """The best pose of a lattice as wide as `half` (3,) [m, m, rad] to either side."""
         ...
 
-    def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
-        """[Grisetti07] improved proposal of every particle; means (n, 3), information (n, 3, 3)."""
+    def propose(
+        self, view: View, means: Floats, information: Floats, expected: Floats
+    ) -> Proposals:
+        """[Grisetti07] improved proposal of every particle; means (n, 3), information (n, 3, 3).
+
+        expected: covariance (3, 3) of the scan's prediction, from which the reported one came here.
+        """
         ...
 
     def insert(self, view: View, poses: Floats) -> bool:

@@ -208,12 +208,13 @@ class GMapping:
 
     def _propose(self, view: View) -> None:
         """Steps 3 and 4; where the map says nothing, the particles just go along."""
-        particles, way = self.particles, self._keys.way(self._track.pose)
+        particles, track = self.particles, self._track
+        way = self._keys.way(track.pose)
         particles.move(np.array(way))
-        if self._track.state != "matched":
+        if track.state != "matched":
             return
-        information = self._keys.information(way, particles.poses[:, 2], self._track.predicted)
-        found = self._matcher.propose(view, particles.poses, information)
+        information = self._keys.information(way, particles.poses[:, 2], track.predicted)
+        found = self._matcher.propose(view, particles.poses, information, track.expected)
         normals = self._rng.standard_normal((len(particles), 3))
         particles.draw(found, self.params.spread * normals)
         particles.weigh(found.log_w, 1.0)

@@ -15,7 +15,7 @@ from gmapping.match import Match, Proposals, lattice
 from gmapping.match_kernels import Climb
 from gmapping.params import GMappingParams
 from gmapping.scan import View
-from slams.geometry import Prior, unlikely
+from slams.geometry import Prior, inverse3, unlikely
 from slams.types import Floats, Pose2, wrap_angle
 
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
@@ -46,7 +46,7 @@ class SurfaceMatcher:
 
     def __init__(self, params: GMappingParams, keys: KeyScans) -> None:
         p = self._params = params
-        self._keys, self._known = keys, math.inf  # 1/m^2, of the scan's place by its prediction
+        self._keys = keys
         self.tiles = TileMap(p.n_particles, LAYERS, p.resolution, p.max_tiles, p.max_cells, DEPTH)
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
@@ -55,10 +55,7 @@ class SurfaceMatcher:
         A turn that was not foreseen may throw the first steps far along a corridor. Where they end
         against all that is known the heading is found first, and the better of both is taken.
         """
-        known = _least(prior.information)
-        if start == prior.pose:  # not one of other starts
-            self._known = known
-        how = self._how(view, known)
+        how = self._how(view, _least(prior.information))
         match, far = self._peak(view, owner, prior, start, how)
         if far > ODD * ODD:
             narrow = how._replace(wide=how.width)
@@ -100,7 +97,9 @@ class SurfaceMatcher:
         x, y, theta = starts[np.argmin(out[:, 3])].tolist()
         return Pose2(x, y, theta)
 
-    def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
+    def propose(
+        self, view: View, means: Floats, information: Floats, expected: Floats
+    ) -> Proposals:
         """[Grisetti07] improved proposal; ours: Laplace's at the peak instead of a fit to samples.
 
         Of the beams only some are `independent`: the others say the same, and share the errors of
@@ -108,7 +107,8 @@ class SurfaceMatcher:
         has just come from its scan fits whatever the way before, and chance alone would choose.
         """
         n, peaks = len(means), means.copy()
-        prior, how = kernels.Prior(means, information), self._how(view, self._known)
+        prior = kernels.Prior(means, information)
+        how = self._how(view, _least(inverse3(expected)))
         h, out = self._climb(view.pieces, np.arange(n), prior, peaks, how)
         if self._keys.returns(Pose2(*means.mean(axis=0).tolist())):
             self._from_old_ground(view, how, peaks, h, out)

@@ -38,6 +38,8 @@ from tests.gmapping.scenes import (
     view_of,
 )
 
+KNOWN = 1e-6 * np.eye(3)  # covariance of a prediction good to a millimeter
+
 
 def test_insert_and_residuals_equal_the_naive_twin():
     surface = surface_of(Pose2(0.3, 0.2, 0.4))[::3]
@@ -196,7 +198,7 @@ def proposals(n, spread):
     slam._track.pose = way
     slam._propose(view)
     information = slam._keys.information(way, np.array([way.theta]), np.eye(3))
-    return slam.particles, slam._matcher.propose(view, np.array([way]), information)
+    return slam.particles, slam._matcher.propose(view, np.array([way]), information, KNOWN)
 
 
 def test_draws_have_the_covariance_of_their_proposal_and_new_ground_weighs_none():
@@ -209,7 +211,7 @@ def test_draws_have_the_covariance_of_their_proposal_and_new_ground_weighs_none(
 
 def test_a_proposal_has_the_information_of_scan_and_way():
     matcher, view, known = matcher_of(IDENTITY), view_of(IDENTITY), np.diag([400.0, 300.0, 900.0])
-    found = matcher.propose(view, np.zeros((1, 3)), known[None])
+    found = matcher.propose(view, np.zeros((1, 3)), known[None], KNOWN)
     h = linearized(matcher.tiles.tiles, found.peaks[0], view.pieces, GMappingParams().width)[0]
     worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
     information = found.factors[0] @ found.factors[0].T
@@ -230,9 +232,9 @@ def test_only_ground_of_old_weighs_a_particle():
     assert matcher.insert(view, np.array([[0.0, 0.0, 0.0], [0.06, 0.0, 0.0]]))  # seen again: as old
     sure, at = np.tile(4e7 * np.eye(3), (2, 1, 1)), np.zeros((2, 3))
     matcher._keys.driven = 1.0 + OLD - 0.1
-    np.testing.assert_array_equal(matcher.propose(view, at, sure).log_w, 0.0)
+    np.testing.assert_array_equal(matcher.propose(view, at, sure, KNOWN).log_w, 0.0)
     matcher._keys.driven = 1.0 + OLD + 0.1
-    found = matcher.propose(view, at, sure)
+    found = matcher.propose(view, at, sure, KNOWN)
     old = matcher._keys.driven - OLD
     spared = linearized(
         matcher.tiles.tiles, found.peaks[0], view.pieces, GMappingParams().width, old
@@ -264,7 +266,9 @@ def test_a_particle_that_looks_around_in_a_bare_corridor_goes_across_it_only():
     matcher.tiles.cover(np.full(2, -10.0), np.full(2, 10.0))
     assert matcher.insert(view, np.zeros((1, 3)))  # begins at x = 0: nobody looked back
     matcher._keys.driven, matcher._keys.returns = 2.0 + OLD, lambda pose: True
-    peak = matcher.propose(view, np.array([[-0.4, 0.5, 0.0]]), 1e4 * np.eye(3)[None]).peaks[0]
+    peak = matcher.propose(view, np.array([[-0.4, 0.5, 0.0]]), 1e4 * np.eye(3)[None], KNOWN).peaks[
+        0
+    ]
     assert abs(peak[0] + 0.4) < 0.15 and abs(peak[1]) < 0.03
 
 
@@ -282,7 +286,7 @@ def test_of_a_way_what_scans_say_nothing_along_is_blind():
 def test_a_particle_that_may_be_on_ground_of_old_looks_for_it(returns):
     matcher, view, far = matcher_of(IDENTITY), view_of(IDENTITY), np.array([[0.55, -0.5, 0.05]])
     matcher._keys.driven, matcher._keys.returns = 2.0 + OLD, lambda pose: returns
-    peak = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None]).peaks[0]
+    peak = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None], KNOWN).peaks[0]
     if returns:
         np.testing.assert_allclose(peak, 0.0, atol=5e-3)
     else:
@@ -310,9 +314,9 @@ def test_beams_through_a_wall_of_old_ground_are_counted(old, scans, through):
 def test_a_particle_does_not_go_where_beams_go_through_walls(monkeypatch):
     matcher, view, far = matcher_of(IDENTITY), view_of(IDENTITY), np.array([[0.55, -0.5, 0.05]])
     matcher._keys.driven, matcher._keys.returns = 2.0 + OLD, lambda pose: True
-    at = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None]).peaks[0]
+    at = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None], KNOWN).peaks[0]
     monkeypatch.setattr(matcher, "_through", lambda *_: np.array([0.5]))
-    stays = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None]).peaks[0]
+    stays = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None], KNOWN).peaks[0]
     assert np.hypot(*at[:2]) < 0.05 < np.hypot(*stays[:2])
 
 
