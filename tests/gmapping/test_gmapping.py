@@ -211,6 +211,25 @@ def test_a_closed_loop_moves_the_track_and_is_no_motion():
     assert step == expected
 
 
+def test_particles_start_from_what_was_expected_of_the_tracked_scan(monkeypatch):
+    _, scans = drive(20)
+    slam, tracked, proposed = GMapping(GMappingParams(n_particles=2)), [], []
+    match, propose = slam._matcher.match, slam._matcher.propose
+    monkeypatch.setattr(
+        slam._matcher, "match", lambda *args: tracked.append(args[2]) or match(*args)
+    )
+    monkeypatch.setattr(
+        slam._matcher,
+        "propose",
+        lambda *args: proposed.append((tracked[-1], args[-1])) or propose(*args),
+    )
+    for scan in scans:
+        slam.update(scan)
+    assert len(proposed) >= 2
+    for prior, expected in proposed:
+        np.testing.assert_allclose(expected @ prior.information, np.eye(3), atol=1e-6)
+
+
 def test_the_papers_filter_reports_the_leader_however_near_it_is():
     _, scans = drive(10)
     slam = GMapping(find("gmapping@paper").params().replace(n_particles=2))
