@@ -45,7 +45,7 @@ MEMORY = 2.0  # s over which the evidence is usual: the way through a room
 NEAR, NEAR_TURN = 0.05, 0.02  # m, rad: a fit from the prediction ends where one from there does
 CELL = 0.1  # m and rad, within which a refined pose is still the climb's
 PULLED = 0.1  # price from which a fit may have been pulled away by what moves
-ALIKE = 0.005  # evidence of two poses that is not told apart
+ALIKE = 0.005  # evidence by which two poses are not told apart
 WEIGHED = 360  # points that evidence is taken of
 SETTLE = 10  # scans at the start that all enter the map: of one alone it has gaps and its noise
 PAUSE = 0.5  # s between two searches of a robot that is not matched
@@ -162,8 +162,8 @@ class Crsm:
     def _chosen(self, view: ScanReader, expected: Pose2, climbed: Climbed) -> Match:
         """Step 4: of the climb and the fits behind it, the one with the most evidence.
 
-        A climb takes part where its fit is elsewhere, or contradicts the prediction and explains
-        less: people who walk along a corridor pull it. Elsewhere what stays would win for free.
+        A climb takes part where its fit is elsewhere, or contradicts the prediction and explains no
+        more: people who walk along a corridor pull it. Otherwise what stays would win for free.
         """
         if not self.params.refine:
             self._counts["kept"] += 1
