@@ -21,10 +21,11 @@ The preset `paper` leaves out step 4. The published program as it was, `crsm@ori
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
+from crsm.choice import Match, is_near
 from crsm.climber import Climbed, Climber
 from crsm.map import WallGrid
 from crsm.match_kernels import evidence, told
@@ -42,27 +43,10 @@ from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 from slams.usual import Usual
 
 MEMORY = 2.0  # s over which the evidence is usual: the way through a room
-NEAR, NEAR_TURN = 0.05, 0.02  # m, rad: a fit from the prediction ends where one from there does
 CELL = 0.1  # m and rad, within which a refined pose is still the climb's
-PULLED = 0.1  # price from which a fit may have been pulled away by what moves
-ALIKE = 0.005  # evidence by which two poses are not told apart
 WEIGHED = 360  # points that evidence is taken of
 SETTLE = 10  # scans at the start that all enter the map: of one alone it has gaps and its noise
 PAUSE = 0.5  # s between two searches of a robot that is not matched
-
-
-class Match(NamedTuple):
-    """A pose that takes part in the choice, what the scan says of it, and how it does there.
-
-    `quality` 0..1, share of the scan that the map explains; `evidence` the same less the share
-    that it contradicts; `value` the same less the price of contradicting the prediction.
-    """
-
-    fit: Fit
-    quality: float
-    evidence: float
-    value: float
-    refined: bool
 
 
 class Crsm:
@@ -169,15 +153,14 @@ class Crsm:
             self._counts["kept"] += 1
             return self._by_rays(view, climbed.pose)
         prior = self._prior(expected)
-        starts = [climbed.pose] + ([] if _is_near(expected, climbed.pose) else [expected])
+        starts = [climbed.pose] + ([] if is_near(expected, climbed.pose) else [expected])
         matches = [self._weighed(view, self._lines.fit(view, at, prior), True) for at in starts]
-        near = [m for m in matches if _is_near(m.fit.pose, climbed.pose, CELL, CELL)]
-        if all(m.evidence - m.value > PULLED for m in near):
+        near = [m for m in matches if is_near(m.fit.pose, climbed.pose, CELL, CELL)]
+        if all(m.is_pulled for m in near):
             as_it_is = self._weighed(view, self._lines.seen_from(view, climbed.pose), False)
-            if all(as_it_is.evidence > m.evidence - ALIKE for m in near):
-                matches.append(as_it_is)
+            matches += [as_it_is] if all(as_it_is.explains_no_less(m) for m in near) else []
         best = max(matches, key=lambda match: match.value)
-        self._counts["kept"] += _is_near(best.fit.pose, climbed.pose, CELL, CELL)
+        self._counts["kept"] += is_near(best.fit.pose, climbed.pose, CELL, CELL)
         return best
 
     def _again(self, view: ScanReader, expected: Pose2, match: Match) -> Match:
@@ -263,8 +246,3 @@ class Crsm:
         self._inserted.done(pose, t)
         self._counts["inserted"] += 1
         self._counts["faded"] += self._map.draw(view, pose)
-
-
-def _is_near(a: Pose2, b: Pose2, far: float = NEAR, turn: float = NEAR_TURN) -> bool:
-    step = a.between(b)
-    return max(abs(step.x), abs(step.y)) < far and abs(step.theta) < turn

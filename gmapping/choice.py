@@ -1,4 +1,4 @@
-"""Which of several matches of one scan is believed."""
+"""Which of several matches of one scan is believed, and which places are told apart."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import math
 from gmapping.match import Match
 from gmapping.surfaces import FOUND, GAIN
 from slams.motion.track import INDEPENDENT, Track
+from slams.types import Pose2
+
+LEAP, LEAP_TURN = 0.05, 0.02  # m, rad: no draw goes so far
 
 
 def believed(tried: list[Match], track: Track) -> Match:
@@ -25,3 +28,8 @@ def believed(tried: list[Match], track: Track) -> Match:
         return match.cost + (0.0 if closes else INDEPENDENT * track.charge(match.pose))
 
     return min(tried, key=_price)
+
+
+def leaps(way: Pose2) -> bool:
+    """Whether no draw goes so far."""
+    return math.hypot(way.x, way.y) > LEAP or abs(way.theta) > LEAP_TURN

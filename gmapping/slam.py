@@ -28,7 +28,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.choice import believed
+from gmapping.choice import believed, leaps
 from gmapping.end_points import EndPointMatcher
 from gmapping.key import KeyScans
 from gmapping.match import Match, Matcher
@@ -48,7 +48,6 @@ from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 from slams.usual import Usual
 
 WIDEST = np.array([0.6, 0.6, 0.3])  # m, m, rad; a search goes no farther
-LEAP, LEAP_TURN = 0.05, 0.02  # m, rad: no draw goes so far
 PAUSE = 0.5  # s between two searches of a robot that is not matched
 COUNTS = "posed searched recovered refused inserted rejected resampled switched collapsed closed"
 
@@ -226,11 +225,11 @@ class GMapping:
         """
         particles, here = self.particles, self._track.pose
         leader = particles.leader(self.params.switch_margin)
-        if self.params.refine and not _leaps(here.between(particles.pose(leader))):
+        if self.params.refine and not leaps(here.between(particles.pose(leader))):
             leader = particles.best
         self._counts["switched"] += leader != particles.best
         particles.best, best = leader, particles.pose(leader)
-        if _leaps(here.between(best)):
+        if leaps(here.between(best)):
             self._counts["closed"] += 1
             self._movers.forget()
             self._track.corrected(best)
@@ -258,8 +257,3 @@ class GMapping:
     def _follow(self, ancestors: NDArray[np.int64]) -> None:
         self.particles.follow(ancestors)
         self.tiles.inherit(ancestors)
-
-
-def _leaps(way: Pose2) -> bool:
-    """Whether no draw goes so far."""
-    return math.hypot(way.x, way.y) > LEAP or abs(way.theta) > LEAP_TURN

@@ -9,11 +9,12 @@ import pytest
 from bench.sim.degrade import degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
+from crsm.choice import Match
 from crsm.climb_kernels import FINEST
 from crsm.climber import NEARBY, Climbed, Climber
 from crsm.map_kernels import FULL
 from crsm.params import CrsmParams
-from crsm.slam import Crsm, Match
+from crsm.slam import Crsm
 from slams.types import IDENTITY, Pose2
 from tests.rooms import calls, laser, scan_at, still
 
