@@ -171,30 +171,29 @@ def one_round(
 
 
 @njit
-def explain(cells: Cells, points: Floats, pose: Floats, tolerance: Tolerance) -> tuple[int, int]:
-    """How many beams that end in points (n, 2) [cell] the map explains, and how many it refutes.
+def judge(
+    cells: Cells, points: Floats, pose: Floats, tolerance: Tolerance, out: NDArray[np.int8]
+) -> None:
+    """What a map says of beams that end in points (n, 2) [cell]: 1 explained, -1 refuted, 0 neither.
 
     ours: explained is an end at a wall that is seen from `pose`; refuted a beam that goes through a
-    wall. One that somebody stands in the way of, or that ends in the unknown, is neither.
+    wall. One that somebody stands in the way of, or that ends in the unknown, is neither. out (n,).
     """
     ny, nx = cells.gap.shape
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    explained = refuted = 0
     for i in range(len(points)):
+        out[i] = 0
         qx, qy = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
         r = math.sqrt(qx * qx + qy * qy)
         if r < 1.0:
             continue
         free = cast(cells, pose[0], pose[1], qx / r, qy / r, r)
-        through = free >= 0.0 and free < r - tolerance.way
-        x, y = pose[0] + qx, pose[1] + qy
-        if not (x >= 0.0 and y >= 0.0 and x < nx and y < ny):
-            refuted += through
+        if free >= 0.0 and free < r - tolerance.way:
+            out[i] = -1
             continue
-        near = cells.distance[math.floor(y), math.floor(x)] <= tolerance.end
-        explained += near and not through
-        refuted += through
-    return explained, refuted
+        x, y = pose[0] + qx, pose[1] + qy
+        if x >= 0.0 and y >= 0.0 and x < nx and y < ny:
+            out[i] = cells.distance[math.floor(y), math.floor(x)] <= tolerance.end
 
 
 @njit

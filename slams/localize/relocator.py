@@ -64,6 +64,8 @@ class Relocator:
         self._proves = track.proving
         if len(ends_of(scan)) < LEAST_VIEW:
             return
+        if track.unproven and self._is_farther_along(scan, draw):
+            return
         if track.unproven and self._refutes(scan, draw):
             track.refuted()
         if self._patience.over:
@@ -89,6 +91,18 @@ class Relocator:
         others = self._finder.candidates if self._finder else []
         best = max((c.evidence for c in others if c.refuted < REFUTED), default=0.0)
         return here.refuted >= REFUTED or here.evidence < best - BETTER
+
+    def _is_farther_along(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> bool:
+        """Whether the robot, matched after a gap, was farther along a corridor; it is, now."""
+        atlas = self._chart(draw)
+        if atlas is None:
+            return False
+        found = atlas.farther_along(scan, self._track.pose, self._track.unseen)
+        if found is not None:
+            self._track.lost -= 1  # this scan counts already
+            self._track.placed(found, scan, proven=False)
+            self.found += 1
+        return found is not None
 
     def _look(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
         atlas = self._chart(draw)

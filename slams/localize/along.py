@@ -1,0 +1,51 @@
+"""How far along a corridor a robot is that was matched again after a gap.
+
+ours. Walls beside explain a scan wherever along them the robot is, so a match there stands, however
+far the robot went unseen; only the few beams that end where the corridor does tell. So each beam is
+asked where along the corridor the map explains it, and those that it explains elsewhere say where.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slams.localize.chart import Chart
+from slams.types import Floats, Pose2
+
+FARTHEST, STEP = 3.0, 0.1  # m to either side: a robot's way in some seconds; below what agrees
+FINE = 0.02  # m, of the place at last
+NEAR = 0.25  # m; places closer than this are not told apart
+FEWEST, SURE = 6, 2.5  # beams that are explained more; the same in deviations of their number
+ALIKE = 0.5  # share of that lead that no other place may have
+
+
+def farther_along(chart: Chart, points: Floats, laser: Pose2, along: Floats) -> Pose2 | None:
+    """Where along the unit vector `along` (2,) the map explains beams that it does not here.
+
+    points (n, 2) [m] in the frame of the laser, whose pose is meant. None if it is as good here, or
+    at several places.
+    """
+    steps = _steps(FARTHEST, STEP)
+    said = np.array([chart.judged(points, _moved(laser, along, s)) for s in steps.tolist()])
+    more = said - said[len(steps) // 2]
+    lead = np.where(np.abs(steps) < NEAR, 0, more.sum(axis=1))
+    best = int(np.argmax(lead))
+    chance = SURE * np.sqrt((more[best] ** 2).sum())
+    elsewhere = lead[np.abs(steps - steps[best]) > NEAR].max()
+    if lead[best] < max(FEWEST, chance) or elsewhere > ALIKE * lead[best]:
+        return None
+    telling = points[(more[best] > 0) & (said[best] > 0)]
+    finer = steps[best] + _steps(2.0 * STEP, FINE)
+    off = [chart.distances(telling, _moved(laser, along, s)).mean() for s in finer.tolist()]
+    return _moved(laser, along, float(finer[np.argmin(off)]))
+
+
+def _steps(half: float, step: float) -> Floats:
+    """From -half to half [m]; the middle one is 0."""
+    n = round(half / step)
+    return step * np.arange(-n, n + 1)
+
+
+def _moved(pose: Pose2, along: Floats, by: float) -> Pose2:
+    x, y = along.tolist()
+    return Pose2(pose.x + by * x, pose.y + by * y, pose.theta)
