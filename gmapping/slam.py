@@ -178,7 +178,7 @@ class GMapping:
             self._keys.missed()
             track.missed(scan)
             return
-        track.matched(match.pose, match.seen, scan)
+        track.matched(match.pose, match.seen, scan, rough=view.is_sparse)
         self._usual.learn(match.quality, scan.t)
 
     def _due(self, view: View) -> bool:
