@@ -7,37 +7,54 @@ asked where along the corridor the map explains it, and those that it explains e
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numpy.typing import NDArray
 
 from slams.localize.chart import Chart
 from slams.types import Floats, Pose2
 
 FARTHEST, STEP = 3.0, 0.1  # m to either side: a robot's way in some seconds; below what agrees
 FINE = 0.02  # m, of the place at last
-NEAR = 0.25  # m; places closer than this are not told apart
+NEAR = 0.25  # m; a beam agrees that much too far on, and a match finds its way from there
+APART = 0.5  # m; places closer than this are one
 FEWEST, SURE = 6, 2.5  # beams that are explained more; the same in deviations of their number
-ALIKE = 0.5  # share of that lead that no other place may have
+ALIKE = 0.5  # share of these that are explained at another place, too
+KNOWN = 0.8  # share of the beams that the place explains: else the robot is elsewhere altogether
+
+Said = NDArray[np.int8]
 
 
 def farther_along(chart: Chart, points: Floats, laser: Pose2, along: Floats) -> Pose2 | None:
     """Where along the unit vector `along` (2,) the map explains beams that it does not here.
 
     points (n, 2) [m] in the frame of the laser, whose pose is meant. None if it is as good here, or
-    at several places.
+    at several places. Beams that end in the unknown here are not asked: from where the map begins
+    they are known to come, and would lead there.
     """
-    steps = _steps(FARTHEST, STEP)
-    said = np.array([chart.judged(points, _moved(laser, along, s)) for s in steps.tolist()])
-    more = said - said[len(steps) // 2]
-    lead = np.where(np.abs(steps) < NEAR, 0, more.sum(axis=1))
-    best = int(np.argmax(lead))
-    chance = SURE * np.sqrt((more[best] ** 2).sum())
-    elsewhere = lead[np.abs(steps - steps[best]) > NEAR].max()
-    if lead[best] < max(FEWEST, chance) or elsewhere > ALIKE * lead[best]:
+    known = (chart.judged(points, laser) != 0) | chart.in_the_open(points, laser)
+    asked, steps = points[known], _steps(FARTHEST, STEP)
+    said = np.array([chart.judged(asked, _moved(laser, along, s)) for s in steps.tolist()])
+    best = _best(steps, said)
+    if best is None or chart.explained(points, _moved(laser, along, steps[best]))[0] < KNOWN:
         return None
-    telling = points[(more[best] > 0) & (said[best] > 0)]
+    telling = asked[(said[best] > 0) & (said[len(steps) // 2] <= 0)]
     finer = steps[best] + _steps(2.0 * STEP, FINE)
     off = [chart.distances(telling, _moved(laser, along, s)).mean() for s in finer.tolist()]
     return _moved(laser, along, float(finer[np.argmin(off)]))
+
+
+def _best(steps: Floats, said: Said) -> int | None:
+    """The step at which clearly more is said (steps, beams) than at the middle one, and nowhere else."""
+    here = said[len(steps) // 2]
+    more = said - here
+    lead = np.where(np.abs(steps) < NEAR, 0, more.sum(axis=1))
+    best = int(np.argmax(lead))
+    gained = ((said > 0) & (here <= 0)).sum(axis=1)
+    elsewhere = gained[np.abs(steps - steps[best]) > APART].max()
+    sure = lead[best] >= max(FEWEST, SURE * math.sqrt((more[best] ** 2).sum()))
+    return best if sure and elsewhere <= ALIKE * gained[best] else None
 
 
 def _steps(half: float, step: float) -> Floats:

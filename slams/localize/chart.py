@@ -89,6 +89,15 @@ class Chart:
         judge(self.cells, points / self.resolution, self._inner(pose), self._tolerance, out)
         return out
 
+    def in_the_open(self, points: Floats, pose: Pose2) -> Mask:
+        """Whether points (n, 2) [m] around `pose` lie in free cells."""
+        x, y = np.floor((pose.transform(points) - self.origin) / self.resolution).astype(int).T
+        ny, nx = self.free.shape
+        inside = (x >= 0) & (y >= 0) & (x < nx) & (y < ny)
+        found = np.zeros(len(points), np.bool_)
+        found[inside] = self.free[y[inside], x[inside]]
+        return found
+
     def distances(self, points: Floats, pose: Pose2) -> Floats:
         """From points (n, 2) [m] around `pose` to the nearest wall (n,) [m], `REACH` at most."""
         from scipy.ndimage import map_coordinates

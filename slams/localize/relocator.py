@@ -73,7 +73,7 @@ class Relocator:
         self._proves = track.proving
         if not sees:
             return
-        if track.unproven and self._is_farther_along(scan, draw):
+        if track.unproven and self._moved_along(scan, draw):
             return
         if track.unproven and self._refutes(scan, draw):
             track.refuted()
@@ -101,8 +101,8 @@ class Relocator:
         best = max((c.evidence for c in others if c.refuted < REFUTED), default=0.0)
         return here.refuted >= REFUTED or here.evidence < best - BETTER
 
-    def _is_farther_along(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> bool:
-        """Whether the robot, matched after a gap, was farther along a corridor; it is, now."""
+    def _moved_along(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> bool:
+        """Whether the robot, matched after a gap, was farther along a corridor: now it is there."""
         atlas = self._chart(draw)
         if atlas is None:
             return False
