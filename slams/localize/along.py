@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.localize.chart import Chart
+from slams.localize.chart_kernels import EXPLAINED, OPEN, REFUTED, UNKNOWN
 from slams.types import Floats, Pose2
 
 FARTHEST, STEP = 3.0, 0.1  # m to either side: a robot's way in some seconds; below what agrees
@@ -30,31 +31,38 @@ def farther_along(chart: Chart, points: Floats, laser: Pose2, along: Floats) -> 
     """Where along the unit vector `along` (2,) the map explains beams that it does not here.
 
     points (n, 2) [m] in the frame of the laser, whose pose is meant. None if it is as good here, or
-    at several places. Beams that end in the unknown here are not asked: from where the map begins
-    they are known to come, and would lead there.
+    at several places.
     """
-    known = (chart.judged(points, laser) != 0) | chart.in_the_open(points, laser)
-    asked, steps = points[known], _steps(FARTHEST, STEP)
-    said = np.array([chart.judged(asked, _moved(laser, along, s)) for s in steps.tolist()])
+    steps = _steps(FARTHEST, STEP)
+    said = np.array([chart.judged(points, _moved(laser, along, s)) for s in steps.tolist()])
     best = _best(steps, said)
-    if best is None or chart.explained(points, _moved(laser, along, steps[best]))[0] < KNOWN:
+    if best is None or np.mean(said[best] == EXPLAINED) < KNOWN:
         return None
-    telling = asked[(said[best] > 0) & (said[len(steps) // 2] <= 0)]
+    telling = points[_gained(said)[best]]
     finer = steps[best] + _steps(2.0 * STEP, FINE)
     off = [chart.distances(telling, _moved(laser, along, s)).mean() for s in finer.tolist()]
     return _moved(laser, along, float(finer[np.argmin(off)]))
 
 
 def _best(steps: Floats, said: Said) -> int | None:
-    """The step at which clearly more is said (steps, beams) than at the middle one, and nowhere else."""
+    """The step at which clearly more is said (steps, beams) than at the middle one, none elsewhere.
+
+    What is unknown here or there is not counted: from where the map begins all is known, and would
+    lead there.
+    """
     here = said[len(steps) // 2]
-    more = said - here
+    more = np.where((said == UNKNOWN) | (here == UNKNOWN), 0, said - here)
     lead = np.where(np.abs(steps) < NEAR, 0, more.sum(axis=1))
-    best = int(np.argmax(lead))
-    gained = ((said > 0) & (here <= 0)).sum(axis=1)
-    elsewhere = gained[np.abs(steps - steps[best]) > APART].max()
+    best, gained = int(np.argmax(lead)), _gained(said).sum(axis=1)
     sure = lead[best] >= max(FEWEST, SURE * math.sqrt((more[best] ** 2).sum()))
+    elsewhere = gained[np.abs(steps - steps[best]) > APART].max()
     return best if sure and elsewhere <= ALIKE * gained[best] else None
+
+
+def _gained(said: Said) -> NDArray[np.bool_]:
+    """The beams (steps, beams) explained at a step, and known not to be at the middle one."""
+    here = said[len(said) // 2]
+    return np.asarray((said == EXPLAINED) & ((here == OPEN) | (here == REFUTED)))
 
 
 def _steps(half: float, step: float) -> Floats:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.localize.chart_kernels import Cells, Tolerance, fit, judge
+from slams.localize.chart_kernels import EXPLAINED, REFUTED, Cells, Tolerance, fit, judge
 from slams.types import Floats, OccupancyGrid, Pose2
 
 Mask = NDArray[np.bool_]
@@ -81,22 +81,13 @@ class Chart:
         """Shares of beams, ending in points (n, 2) [m] around `pose`, explained and refuted."""
         said = self.judged(_some(points), pose)
         n = max(len(said), 1)
-        return np.count_nonzero(said > 0) / n, np.count_nonzero(said < 0) / n
+        return np.count_nonzero(said == EXPLAINED) / n, np.count_nonzero(said == REFUTED) / n
 
     def judged(self, points: Floats, pose: Pose2) -> NDArray[np.int8]:
-        """Of beams (n,) that end in points (n, 2) [m]: 1 explained, -1 refuted, 0 neither."""
+        """What of beams (n,) that end in points (n, 2) [m] around `pose`, as `judge` has it."""
         out = np.empty(len(points), np.int8)
         judge(self.cells, points / self.resolution, self._inner(pose), self._tolerance, out)
         return out
-
-    def in_the_open(self, points: Floats, pose: Pose2) -> Mask:
-        """Whether points (n, 2) [m] around `pose` lie in free cells."""
-        x, y = np.floor((pose.transform(points) - self.origin) / self.resolution).astype(int).T
-        ny, nx = self.free.shape
-        inside = (x >= 0) & (y >= 0) & (x < nx) & (y < ny)
-        found = np.zeros(len(points), np.bool_)
-        found[inside] = self.free[y[inside], x[inside]]
-        return found
 
     def distances(self, points: Floats, pose: Pose2) -> Floats:
         """From points (n, 2) [m] around `pose` to the nearest wall (n,) [m], `REACH` at most."""
