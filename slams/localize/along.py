@@ -18,10 +18,9 @@ from slams.types import Floats, Pose2
 
 FARTHEST, STEP = 3.0, 0.1  # m to either side: a robot's way in some seconds; below what agrees
 FINE = 0.02  # m, of the place at last
-NEAR = 0.25  # m; a beam agrees that much too far on, and a match finds its way from there
 APART = 0.5  # m; places closer than this are one
-FEWEST, SURE = 6, 2.5  # beams that are explained more; the same in deviations of their number
-ALIKE = 0.5  # share of these that are explained at another place, too
+SURE = 2.5  # deviations of what is said by chance; seven beams of one mind are as many
+ALIKE = 0.5  # share of the beams gained that are gained at another place, too
 KNOWN = 0.8  # share of the beams that the place explains: else the robot is elsewhere altogether
 
 Said = NDArray[np.int8]
@@ -52,9 +51,9 @@ def _best(steps: Floats, said: Said) -> int | None:
     """
     here = said[len(steps) // 2]
     more = np.where((said == UNKNOWN) | (here == UNKNOWN), 0, said - here)
-    lead = np.where(np.abs(steps) < NEAR, 0, more.sum(axis=1))
+    lead = more.sum(axis=1)
     best, gained = int(np.argmax(lead)), _gained(said).sum(axis=1)
-    sure = lead[best] >= max(FEWEST, SURE * math.sqrt((more[best] ** 2).sum()))
+    sure = lead[best] > SURE * math.sqrt((more[best] ** 2).sum())
     elsewhere = gained[np.abs(steps - steps[best]) > APART].max()
     return best if sure and elsewhere <= ALIKE * gained[best] else None
 
