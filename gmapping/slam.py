@@ -92,10 +92,8 @@ class GMapping:
         self._movers.remember(scan, self._track)
         if self._due(view):
             self._filter(view)
-        found = self._relocator.found
-        self._relocator.update(scan, self.map)  # 8
-        if self._relocator.found > found:  # all particles go on there, with the map it was found in
-            self._place(self._track.pose)
+        if self._relocator.update(scan, self.map):  # 8
+            self._place(self._track.pose)  # all particles go on there, with the map it was found in
         return view.at_stamp(self._track.pose)
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
@@ -249,6 +247,7 @@ class GMapping:
         """All particles go on from here with the reported one's map."""
         self._share_one_map()
         self._movers.forget()
+        self._usual = Usual(self.params.usual_time)  # of the ground it comes from: no measure here
         self.particles.poses[:] = pose
         self._keys.place(pose)
 

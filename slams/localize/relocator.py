@@ -52,8 +52,16 @@ class Relocator:
         """How often it was found: lost, anywhere; or drifted, on ground of old."""
         return {"found_again": self.found, "returned": self.old_ground.found}
 
-    def update(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
-        """After each scan; `draw` draws the map. Sets the track's pose where it is found."""
+    def update(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> bool:
+        """After each scan; `draw` draws the map. Sets the track's pose where it is found.
+
+        Returns whether it was.
+        """
+        before = self.found
+        self._seek(scan, draw)
+        return self.found > before
+
+    def _seek(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
         dt = 0.0 if self._before is None else max(scan.t - self._before, 0.0)
         self._before = scan.t
         track = self._track
