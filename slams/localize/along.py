@@ -67,7 +67,7 @@ def _gained(said: Said) -> NDArray[np.bool_]:
 def _steps(half: float, step: float) -> Floats:
     """From -half to half [m]; the middle one is 0."""
     n = round(half / step)
-    return step * np.arange(-n, n + 1)
+    return np.asarray(step * np.arange(-n, n + 1), np.float64)
 
 
 def _moved(pose: Pose2, along: Floats, by: float) -> Pose2:

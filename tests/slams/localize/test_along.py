@@ -75,10 +75,10 @@ def test_a_scan_of_elsewhere_proves_nothing():
 
 
 def test_beams_of_two_minds_prove_nothing():
-    """As many as the end explains where the robot is, people made up where it was taken to be."""
+    """As many as say that it is farther along say that it is where it was taken to be."""
     points, shifted = ends(), off(-0.6)
-    ahead = np.flatnonzero(HERE.transform(points)[:, 0] > 7.9)
-    others = shifted.inverse().transform(off(-0.6).transform(points[ahead]) + (0.6, 0.0))
+    wall = HERE.transform(points)
+    others = shifted.inverse().transform(wall[wall[:, 0] > 7.9])
     both = np.concatenate([points, others])
     assert farther_along(CHART, points, shifted, ALONG) is not None
     assert farther_along(CHART, both, shifted, ALONG) is None
