@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from crsm.params import CrsmParams
 from crsm.rays_kernels import critical_rays
-from crsm.sparse_kernels import WIDE, sparse_normals
+from crsm.sparse_kernels import sparse_normals
 from slams.scan.end_points import EndPoints
 from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2, Scan
@@ -35,7 +35,7 @@ class ScanReader(EndPoints):
     def normals(self) -> Points:
         """Of every end point the normal and the gap to its neighbors (3, >= n)."""
         known, found = self._known, super().normals
-        if not known and self.step > WIDE:
+        if not known and self.is_sparse:
             sparse_normals(self.points, self.n, self.mount, self.step, self.noise, found)
         return found
 

@@ -8,7 +8,6 @@ from slams.jit import njit
 from slams.scan.scan_kernels import Points, beyond_chord
 from slams.types import Pose2
 
-WIDE = math.radians(2.5)  # between beams from which on five of them mostly meet several things
 SPARSE = 0.1  # m between such beams: closer ones meet one surface
 BEND = 3.0  # deviations of the noise that the middle of three beams may lie off the others' chord
 

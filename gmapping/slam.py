@@ -92,10 +92,8 @@ class GMapping:
         self._movers.remember(scan, self._track)
         if self._due(view):
             self._filter(view)
-        found = self._relocator.found
-        self._relocator.update(scan, self.map)  # 8
-        if self._relocator.found > found:  # all particles go on there, with the map it was found in
-            self._place(self._track.pose)
+        if self._relocator.update(scan, self.map):  # 8
+            self._place(self._track.pose)  # all particles go on there, with the map it was found in
         return view.at_stamp(self._track.pose)
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
@@ -178,7 +176,7 @@ class GMapping:
             self._keys.missed()
             track.missed(scan)
             return
-        track.matched(match.pose, match.seen, scan)
+        track.matched(match.pose, match.seen, scan, rough=view.is_sparse)
         self._usual.learn(match.quality, scan.t)
 
     def _due(self, view: View) -> bool:
@@ -189,7 +187,8 @@ class GMapping:
             self._counts["rejected"] += not known
             return False
         p, gaps = self.params, self._quality < self.params.poor_match * self._usual.value
-        due = self._keys.due(track.pose, view.beams if gaps and p.refine else math.inf)
+        beams = view.beams if gaps and p.refine else math.inf
+        due = self._keys.due(track.pose, beams, settles=p.refine and view.is_sparse)
         return due and self.tiles.admits(track.pose, view.far)
 
     def _filter(self, view: View) -> None:
@@ -248,6 +247,7 @@ class GMapping:
         """All particles go on from here with the reported one's map."""
         self._share_one_map()
         self._movers.forget()
+        self._usual = Usual(self.params.usual_time)  # of the ground it comes from: no measure here
         self.particles.poses[:] = pose
         self._keys.place(pose)
 

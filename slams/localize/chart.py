@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.localize.chart_kernels import Cells, Tolerance, explain, fit
+from slams.localize.chart_kernels import EXPLAINED, REFUTED, Cells, Tolerance, fit, judge
 from slams.types import Floats, OccupancyGrid, Pose2
 
 Mask = NDArray[np.bool_]
@@ -79,11 +79,24 @@ class Chart:
 
     def explained(self, points: Floats, pose: Pose2) -> tuple[float, float]:
         """Shares of beams, ending in points (n, 2) [m] around `pose`, explained and refuted."""
-        some = _some(points)
-        if not len(some):
-            return 0.0, 0.0
-        good, bad = explain(self.cells, some / self.resolution, self._inner(pose), self._tolerance)
-        return good / len(some), bad / len(some)
+        said = self.judged(_some(points), pose)
+        n = max(len(said), 1)
+        return np.count_nonzero(said == EXPLAINED) / n, np.count_nonzero(said == REFUTED) / n
+
+    def judged(self, points: Floats, pose: Pose2) -> NDArray[np.int8]:
+        """What of beams (n,) that end in points (n, 2) [m] around `pose`, as `judge` has it."""
+        out = np.empty(len(points), np.int8)
+        judge(self.cells, points / self.resolution, self._inner(pose), self._tolerance, out)
+        return out
+
+    def distances(self, points: Floats, pose: Pose2) -> Floats:
+        """From points (n, 2) [m] around `pose` to the nearest wall (n,) [m], `REACH` at most."""
+        from scipy.ndimage import map_coordinates
+
+        x, y = ((pose.transform(points) - self.origin) / self.resolution - 0.5).T
+        cells = self.cells.distance
+        found = map_coordinates(cells, (y, x), np.float64, 1, "constant", cells.max())
+        return np.asarray(found * self.resolution)
 
     def _inner(self, pose: Pose2) -> Floats:
         """A pose in cells."""

@@ -12,6 +12,7 @@ from slams.geometry import solve3
 from slams.jit import njit
 from slams.types import Floats
 
+EXPLAINED, OPEN, REFUTED, UNKNOWN = 1, 0, -1, 2  # what a map says of a beam
 NOTHING = -1.0  # range of a beam that meets no wall the map knows of
 TURN = 0.05  # rad, most of one step of the fit; its most way is the distance that halves a weight
 STILL, STILL_TURN = 0.01, 1e-4  # cell, rad: a step below these is the last of a fit
@@ -171,30 +172,35 @@ def one_round(
 
 
 @njit
-def explain(cells: Cells, points: Floats, pose: Floats, tolerance: Tolerance) -> tuple[int, int]:
-    """How many beams that end in points (n, 2) [cell] the map explains, and how many it refutes.
+def judge(
+    cells: Cells, points: Floats, pose: Floats, tolerance: Tolerance, out: NDArray[np.int8]
+) -> None:
+    """What a map says of beams that end in points (n, 2) [cell].
 
     ours: explained is an end at a wall that is seen from `pose`; refuted a beam that goes through a
-    wall. One that somebody stands in the way of, or that ends in the unknown, is neither.
+    wall. Somebody may stand in the way of one that ends in the open; of the rest nothing is known.
+    out (n,).
     """
     ny, nx = cells.gap.shape
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    explained = refuted = 0
     for i in range(len(points)):
+        out[i] = UNKNOWN
         qx, qy = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
         r = math.sqrt(qx * qx + qy * qy)
         if r < 1.0:
             continue
         free = cast(cells, pose[0], pose[1], qx / r, qy / r, r)
-        through = free >= 0.0 and free < r - tolerance.way
+        if free >= 0.0 and free < r - tolerance.way:
+            out[i] = REFUTED
+            continue
         x, y = pose[0] + qx, pose[1] + qy
         if not (x >= 0.0 and y >= 0.0 and x < nx and y < ny):
-            refuted += through
             continue
-        near = cells.distance[math.floor(y), math.floor(x)] <= tolerance.end
-        explained += near and not through
-        refuted += through
-    return explained, refuted
+        ix, iy = math.floor(x), math.floor(y)
+        if cells.distance[iy, ix] <= tolerance.end:
+            out[i] = EXPLAINED
+        elif cells.gap[iy, ix] > 0:
+            out[i] = OPEN
 
 
 @njit

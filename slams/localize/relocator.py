@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from slams.localize.finder import Finder
@@ -18,6 +19,7 @@ RARER = 0.15  # of the time it has been followed already: rest before the next l
 FIRST, LONGEST = 0.5, 8.0  # s of rest after looking in vain, doubled each time
 EXPLAINED = 0.8  # evidence of a place: a wrong one is worse than none
 SOON, EARLY = 0.6, 3.0  # the same in the first seconds [s]: the robot has hardly left the map
+PACE = 1.0  # m/s, and m to begin with: no farther has a robot come that saw nothing
 REFUTED = 0.1  # share of beams through walls from which a place is wrong, however much is alike
 BETTER = 0.1  # evidence that another place has more, from which a match is in doubt
 
@@ -41,6 +43,8 @@ class Relocator:
         self._proves = False  # looks whether matches after a gap are right
         self._finder: Finder | None = None
         self._seconds = self._began = 0.0  # since the first lost scan; when it began to look
+        self._seeing = 0.0  # s of these in which there was something to see
+        self._left = track.pose  # where it was lost
         self._finish()
 
     @property
@@ -48,8 +52,16 @@ class Relocator:
         """How often it was found: lost, anywhere; or drifted, on ground of old."""
         return {"found_again": self.found, "returned": self.old_ground.found}
 
-    def update(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
-        """After each scan; `draw` draws the map. Sets the track's pose where it is found."""
+    def update(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> bool:
+        """After each scan; `draw` draws the map. Sets the track's pose where it is found.
+
+        Returns whether it was.
+        """
+        before = self.found
+        self._seek(scan, draw)
+        return self.found > before
+
+    def _seek(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
         dt = 0.0 if self._before is None else max(scan.t - self._before, 0.0)
         self._before = scan.t
         track = self._track
@@ -57,12 +69,19 @@ class Relocator:
             self._finish()
             return
         self._patience.wait(dt)
-        self._seconds += dt if self._lost else 0.0
+        sees = len(ends_of(scan)) >= LEAST_VIEW
+        if self._lost:
+            self._seconds += dt
+            self._seeing += dt if sees else 0.0
+        else:
+            self._left = track.pose
         self._lost = True
         if track.proving and not self._proves:
             self._anew()
         self._proves = track.proving
-        if len(ends_of(scan)) < LEAST_VIEW:
+        if not sees:
+            return
+        if track.unproven and self._moved_along(scan, draw):
             return
         if track.unproven and self._refutes(scan, draw):
             track.refuted()
@@ -71,7 +90,7 @@ class Relocator:
 
     def _finish(self) -> None:
         self._atlas = None
-        self._seconds, self._lost, self._proves = 0.0, False, False
+        self._seconds, self._seeing, self._lost, self._proves = 0.0, 0.0, False, False
         self._anew()
         self._patience.forget()
 
@@ -89,6 +108,18 @@ class Relocator:
         others = self._finder.candidates if self._finder else []
         best = max((c.evidence for c in others if c.refuted < REFUTED), default=0.0)
         return here.refuted >= REFUTED or here.evidence < best - BETTER
+
+    def _moved_along(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> bool:
+        """Whether the robot, matched after a gap, was farther along a corridor: now it is there."""
+        atlas = self._chart(draw)
+        if atlas is None:
+            return False
+        found = atlas.farther_along(scan, self._track.pose, self._track.unseen)
+        if found is not None:
+            self._track.lost -= 1  # this scan counts already
+            self._track.placed(found, scan, proven=False)
+            self.found += 1
+        return found is not None
 
     def _look(self, scan: Scan, draw: Callable[[], OccupancyGrid]) -> None:
         atlas = self._chart(draw)
@@ -108,7 +139,10 @@ class Relocator:
             self._patience.tried()
 
     def _convinces(self, found: Candidate) -> bool:
-        enough = SOON if self._seconds < EARLY else EXPLAINED
+        """Whether that is enough; of what a robot can have come to unseen less is."""
+        off = math.hypot(found.pose.x - self._left.x, found.pose.y - self._left.y)
+        near = off < PACE * (1.0 + self._seconds) and self._seeing < EARLY
+        enough = SOON if near or self._seconds < EARLY else EXPLAINED
         return found.evidence >= enough and found.refuted < REFUTED
 
     def _agrees(self, found: Candidate) -> bool:

@@ -141,6 +141,11 @@ class Track:
         xx, yy, turn = np.diagonal(told).tolist()
         return math.sqrt(xx + yy + turn)
 
+    @property
+    def unseen(self) -> Floats:
+        """Unit vector (2,) in the map along which the last match saw worst."""
+        return np.array((self._sight.x, self._sight.y))
+
     def matched(
         self, pose: Pose2, seen: Floats, scan: Scan, rough: bool = False, leads: Leads | None = None
     ) -> None:
@@ -170,10 +175,14 @@ class Track:
         self.adrift = proven and not sure
         self._call("matched" if proven and sure else "lost")
 
-    def placed(self, pose: Pose2, scan: Scan) -> None:
-        """The pose of a scan is given, at rest: what was known of the motion means nothing."""
+    def placed(self, pose: Pose2, scan: Scan, proven: bool = True) -> None:
+        """The pose of a scan is given, at rest: what was known of the motion means nothing.
+
+        Unless `proven` the matches behind it have to stand.
+        """
         self.motion, self._begun = Motion(self._params, self.motion.counts), False
-        self._seconds, self._missed, self._unproven = 0.0, False, 0.0
+        self._seconds, self._missed = 0.0, False
+        self._unproven = 0.0 if proven else LOST_AFTER
         self.pose, self.covariance, self.state = pose, FLOOR * np.eye(3), "matched"
         self.predict(scan)
         self.matched(pose, self._information, scan)

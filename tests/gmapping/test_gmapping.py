@@ -5,8 +5,10 @@ import pytest
 
 import slams
 from gmapping import GMapping, GMappingParams
+from gmapping.key import SETTLE
 from gmapping.render import Ends
 from gmapping.render_kernels import draw
+from slams.motion.track import Track
 from slams.registry import find
 from slams.types import IDENTITY, Laser, Pose2, Scan, wrap_angle
 from tests.gmapping.scenes import (
@@ -252,8 +254,46 @@ def test_where_few_beams_leave_gaps_in_the_map_the_next_key_scan_is_due_sooner(
     slam.update(make_scan(IDENTITY, 0.0, laser))
     slam._track.pose, slam._quality = Pose2(0.3 * slam.params.linear_update, 0.0, 0.0), quality
     slam._usual.learn(1.0, 0.1)
+    slam._keys.n = SETTLE
     assert slam._view.beams < 100.0  # 0.28 of those that leave no gaps
     assert slam._due(slam._view) == due
+
+
+@pytest.mark.parametrize(("refine", "degrees", "keys"), [(1, 3.0, 10), (1, 2.0, 1), (0, 3.0, 1)])
+def test_the_first_scans_of_few_beams_are_key_scans(refine, degrees, keys):
+    laser = Laser(-0.75 * math.pi, math.radians(degrees), int(270.0 / degrees), 0.1, 30.0)
+    slam = GMapping(GMappingParams(refine=bool(refine), n_particles=2))
+    for k in range(15):
+        slam.update(make_scan(IDENTITY, 0.1 * k, laser))
+    assert slam.report()["inserted"] == keys
+
+
+@pytest.mark.parametrize(("degrees", "rough"), [(2.0, False), (3.0, True)])
+def test_matches_of_few_beams_are_rough(degrees, rough, monkeypatch):
+    told, matched = [], Track.matched
+
+    def noted(track, pose, seen, scan, rough=False):
+        told.append(rough)
+        matched(track, pose, seen, scan, rough)
+
+    monkeypatch.setattr(Track, "matched", noted)
+    laser = Laser(-0.75 * math.pi, math.radians(degrees), int(270.0 / degrees), 0.1, 30.0)
+    slam = GMapping(GMappingParams(n_particles=2))
+    for k in range(3):
+        slam.update(make_scan(IDENTITY, 0.1 * k, laser))
+    assert told == [False, rough, rough]  # of the first there is nothing to match
+
+
+def test_who_was_found_again_on_half_new_ground_goes_on():
+    """What was usual on the ground it comes from is no measure there."""
+    slam = GMapping(GMappingParams(n_particles=2))
+    for k in range(5):
+        slam.update(make_scan(IDENTITY, 0.1 * k))
+    assert slam._usual.value > 0.9
+    slam._place(IDENTITY)
+    assert slam._usual.value == 0.0
+    slam.update(make_scan(IDENTITY, 0.5))
+    assert slam._usual.value == pytest.approx(slam.quality)
 
 
 # contract

@@ -1,5 +1,7 @@
 """When a lost robot is brought back: how well its place is explained, how often it is sought."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,13 +30,17 @@ class Guide(Atlas):
         self.looks.append(scan.t)
         return Candidate(pose, self.explained, 0.0, 1.0)
 
+    def farther_along(self, scan, pose, along):
+        return None
 
-def stamped(k):
-    return scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k)
+
+def stamped(k, dark=False):
+    scan = scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k)
+    return replace(scan, ranges=np.full(181, np.inf, np.float32)) if dark else scan
 
 
-def sought(monkeypatch, explained, scans=30, adrift=False):
-    """A track that is lost, and looked for in so many scans."""
+def sought(monkeypatch, explained, scans=30, adrift=False, dark=0):
+    """A track that is lost, and looked for in so many scans; the first `dark` of them are empty."""
     guide, track = Guide(explained), Track(MotionParams())
     monkeypatch.setattr(relocator, "Atlas", lambda grid: guide)
     for k in range(15):
@@ -50,7 +56,7 @@ def sought(monkeypatch, explained, scans=30, adrift=False):
         track.missed(stamped(k))
         track.adrift = adrift
         before = track.lost
-        seeker.update(stamped(k), lambda: None)
+        seeker.update(stamped(k, k < 15 + dark), lambda: None)
         looked.append(track.lost - before)
         if track.state == "matched":
             break
@@ -69,6 +75,28 @@ def test_a_place_that_is_explained_too_little_is_not_taken(monkeypatch):
     assert (track.state, seeker.found) == ("lost", 0)
     track, seeker, _, _ = sought(monkeypatch, 0.65)  # enough, soon after it was lost
     assert (track.state, seeker.found) == ("matched", 1)
+
+
+def test_who_saw_nothing_for_seconds_is_found_where_he_can_have_come(monkeypatch):
+    """Ground that was not mapped meanwhile explains nothing; what is out of reach is another's."""
+    track, _, _, _ = sought(monkeypatch, 0.65, scans=60, dark=40)
+    assert track.state == "matched"  # 3.6 m off, after 4 s
+    monkeypatch.setattr(relocator, "PACE", 0.4)
+    track, _, _, _ = sought(monkeypatch, 0.65, scans=60, dark=40)
+    assert track.state == "lost"
+    track, _, _, _ = sought(monkeypatch, 0.85, scans=60, dark=40)
+    assert track.state == "matched"
+
+
+def test_who_has_looked_for_seconds_may_be_off_the_map(monkeypatch):
+    track, seeker, guide, _ = sought(monkeypatch, 0.55, scans=75, dark=40)
+    assert track.state == "lost" and seeker._seeing > relocator.EARLY
+    guide.explained = 0.65
+    for k in range(90, 130):
+        track.predict(stamped(k))
+        track.missed(stamped(k))
+        seeker.update(stamped(k), lambda: None)
+    assert track.state == "lost"
 
 
 def test_it_is_looked_for_ever_more_seldom(monkeypatch):
