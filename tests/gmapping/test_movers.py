@@ -211,9 +211,9 @@ def test_what_moves_tells_nothing_of_walls(monkeypatch):
     slam, given = rested(), []
     matched = slam._track.matched
 
-    def spied(pose, information, scan):
+    def spied(pose, information, scan, rough):
         given.append(scan.ranges)
-        matched(pose, information, scan)
+        matched(pose, information, scan, rough)
 
     monkeypatch.setattr(slam._track, "matched", spied)
     came = seen(post(1.0, 0.0), t=1.0)
