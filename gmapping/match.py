@@ -8,10 +8,11 @@ import numpy as np
 
 from gmapping.map import TileMap
 from gmapping.scan import View
-from slams.geometry import Prior
-from slams.types import Floats, Pose2
+from slams.geometry import Prior, unlikely
+from slams.types import Floats, Pose2, wrap_angle
 
 HALF_STEPS = 8  # of a search to either side, at most
+FIRM = np.outer((10.0, 10.0, 1.0), (10.0, 10.0, 1.0))  # times the information: a place that stays
 
 
 class Match(NamedTuple):
@@ -27,6 +28,21 @@ class Match(NamedTuple):
     seen: Floats
     cost: float
     old: float = 0.0
+
+
+def far_off(match: Match, prior: Prior) -> float:
+    """Squared distance from the prior, in its deviations."""
+    pose, mean = match.pose, prior.pose
+    off = np.array((pose.x - mean.x, pose.y - mean.y, wrap_angle(pose.theta - mean.theta)))
+    return float(off @ prior.information @ off)
+
+
+def with_prior(match: Match, prior: Prior) -> float:
+    """Cost of a match and of its distance from the prior.
+
+    Of two places an independent beam tells no more than e to one, however far it is off.
+    """
+    return match.cost + unlikely(far_off(match, prior))
 
 
 class Proposals(NamedTuple):

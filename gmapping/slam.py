@@ -28,7 +28,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.choice import believed, leaps
+from gmapping.choice import believed, foreseen, leaps
 from gmapping.end_points import EndPointMatcher
 from gmapping.key import KeyScans
 from gmapping.match import Match, Matcher
@@ -141,7 +141,7 @@ class GMapping:
         """Step 2: from the prediction; from other starts if it explains less than usual."""
         matcher, best = self._matcher, self.particles.best
         known = Prior(start.pose, self._track.prior(start.pose))
-        match = matcher.match(view, best, known, start.pose)
+        match = foreseen(matcher, view, best, known, self._track)
         in_vain = self._track.state != "matched" and not self._patience.over
         if match.quality >= self.params.poor_match * self._usual.value or in_vain:
             return match
@@ -211,7 +211,7 @@ class GMapping:
         particles.move(np.array(way))
         if track.state != "matched":
             return
-        information = self._keys.information(way, particles.poses[:, 2], track.predicted)
+        information = self._keys.information(way, particles.poses[:, 2], track)
         found = self._matcher.propose(view, particles.poses, information, track.expected)
         normals = self._rng.standard_normal((len(particles), 3))
         particles.draw(found, self.params.spread * normals)

@@ -11,7 +11,7 @@ from gmapping import match_kernels as kernels
 from gmapping.key import OLD, KeyScans
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
-from gmapping.match import Match, Proposals, lattice
+from gmapping.match import FIRM, Match, Proposals, far_off, lattice, with_prior
 from gmapping.match_kernels import Climb
 from gmapping.params import GMappingParams
 from gmapping.scan import View
@@ -20,7 +20,6 @@ from slams.types import Floats, Pose2, wrap_angle
 
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 ODD = 4.0  # deviations from what is known, from which a match has to prove itself
-FIRM = np.outer((10.0, 10.0, 1.0), (10.0, 10.0, 1.0))  # times the information: a place that stays
 SPARSE = 100  # pieces that the search looks at
 STEP = np.array([0.1, 0.1, 0.03])  # m, m, rad, of the search; within the reach of Gauss-Newton
 
@@ -56,35 +55,32 @@ class SurfaceMatcher:
         against all that is known the heading is found first, and the better of both is taken.
         """
         how = self._how(view, _least(prior.information))
-        match, far = self._peak(view, owner, prior, start, how)
-        if far > ODD * ODD:
+        match = self._peak(view, owner, prior, start, how)
+        if far_off(match, prior) > ODD * ODD:
             narrow = how._replace(wide=how.width)
             firm = Prior(prior.pose, FIRM * prior.information)
-            turned, _ = self._peak(view, owner, firm, start, narrow)
-            near, less_far = self._peak(view, owner, prior, turned.pose, narrow)
-            if near.cost + unlikely(less_far) < match.cost + unlikely(far):
+            turned = self._peak(view, owner, firm, start, narrow)
+            near = self._peak(view, owner, prior, turned.pose, narrow)
+            if with_prior(near, prior) < with_prior(match, prior):
                 return near
         return match
 
-    def _peak(
-        self, view: View, owner: int, prior: Prior, start: Pose2, how: Climb
-    ) -> tuple[Match, float]:
-        """One climb; and the squared distance from the prior where it ends, in its deviations.
-
-        Of two places an independent beam tells no more than e to one, however far it is off.
-        """
+    def _peak(self, view: View, owner: int, prior: Prior, start: Pose2, how: Climb) -> Match:
+        """One climb."""
         poses = np.array([start])
         means = kernels.Prior(np.array([prior.pose]), prior.information[None])
         h, out = self._climb(view.pieces, np.array([owner]), means, poses, how)
         variance = max(float(out[0, 5]), view.noise**2)
         x, y, theta = poses[0].tolist()
         pose = Pose2(x, y, float(wrap_angle(theta)))
-        missing, old = (out[0, (3, 6)] / (how.width**2 * view.beams)).tolist()
-        cost = missing * min(self._params.independent, view.beams)
-        match = Match(pose, float(out[0, 4]) / view.beams, h[0] / variance, cost, old)
-        off = np.array((pose.x - prior.pose.x, pose.y - prior.pose.y, 0.0))
-        off[2] = wrap_angle(pose.theta - prior.pose.theta)
-        return match, float(off @ prior.information @ off)
+        old, quality = out[0, 6] / (how.width**2 * view.beams), out[0, 4] / view.beams
+        cost = self._cost(view, how, out[:, 3])[0]
+        return Match(pose, float(quality), h[0] / variance, float(cost), float(old))
+
+    def _cost(self, view: View, how: Climb, missing: Floats) -> Floats:
+        """Of what the map does not explain, (n,) of `linearize`: no more than some beams tell."""
+        told: Floats = missing * (min(self._params.independent, view.beams) / how.width**2)
+        return told / view.beams
 
     def search(self, view: View, owner: int, center: Pose2, half: Floats) -> Pose2:
         """The best pose of a lattice, after one step of Gauss-Newton from each of its points."""
@@ -110,12 +106,35 @@ class SurfaceMatcher:
         prior = kernels.Prior(means, information)
         how = self._how(view, _least(inverse3(expected)))
         h, out = self._climb(view.pieces, np.arange(n), prior, peaks, how)
+        self._hold(view, how, prior, peaks, h, out)
         if self._keys.returns(Pose2(*means.mean(axis=0).tolist())):
             self._from_old_ground(view, how, peaks, h, out)
         worth = self._worth(view)
         factors = np.asarray(np.linalg.cholesky(worth * h + information), np.float64)
         log_w: Floats = 0.5 * PLACES * worth * self._for_old_ground(view, how, peaks, out[:, 6])
         return Proposals(peaks, factors, log_w)
+
+    def _hold(
+        self, view: View, how: Climb, prior: kernels.Prior, peaks: Floats, h: Floats, out: Floats
+    ) -> None:
+        """Let particles whose peak is far from where the way led go back where that costs less.
+
+        Not on ground of old: there a loop may close.
+        """
+        odd = _far_off(prior, peaks) > ODD * ODD
+        owners = np.flatnonzero(odd & (out[:, 6] == 0.0))
+        if len(owners) == 0:
+            return
+        known = kernels.Prior(prior.poses[owners], prior.information[owners])
+        firm, others = known._replace(information=FIRM * known.information), known.poses.copy()
+        h2, out2 = self._climb(view.pieces, owners, firm, others, how)
+        stays, goes = (
+            self._cost(view, how, end[:, 3]) + _unlikely(known, at)
+            for end, at in ((out2, others), (out[owners], peaks[owners]))
+        )
+        held = stays < goes
+        back = owners[held]
+        peaks[back], h[back], out[back] = others[held], h2[held], out2[held]
 
     def _for_old_ground(self, view: View, how: Climb, poses: Floats, spared: Floats) -> Floats:
         """What old ground explains of the scan beyond chance, less what goes through it: (n,)."""
@@ -213,6 +232,19 @@ def _heading(pieces: Floats) -> float:
     lengths = np.where(gaps < WALL, gaps, 0.0)
     alike = np.exp(FOCUS * (np.cos(4.0 * (facing[:-1, None] - HEADINGS)) - 1.0))
     return float(HEADINGS[np.argmax(lengths @ alike)])
+
+
+def _far_off(prior: kernels.Prior, poses: Floats) -> Floats:
+    """Squared distances (k,) of poses (k, 3) from where they were expected, in deviations."""
+    off = poses - prior.poses
+    off[:, 2] = np.remainder(off[:, 2] + math.pi, 2.0 * math.pi) - math.pi
+    squares: Floats = np.einsum("ki,kij,kj->k", off, prior.information, off)
+    return squares
+
+
+def _unlikely(prior: kernels.Prior, poses: Floats) -> Floats:
+    """Negative log of the prior (k,) at poses (k, 3)."""
+    return np.array([unlikely(square) for square in _far_off(prior, poses).tolist()])
 
 
 def _least(information: Floats) -> float:

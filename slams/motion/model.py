@@ -153,6 +153,19 @@ class Motion:
         step = chord_of(self._pose.between(pose))
         return _per_second(step, self._expected.dt) if self._can_be(step) else self._velocity
 
+    @property
+    def ragged(self) -> bool:
+        """Whether the stamps predict worse than none."""
+        return self._clock.ragged
+
+    def allows(self, off: float, seconds: float) -> bool:
+        """Whether a robot can be so far [m] from its prediction, `seconds` after it was seen.
+
+        Where stamps are ragged nobody knows how long that was.
+        """
+        reach = max(seconds, self._expected.reach)
+        return self.ragged or self._limits.allow_change(off, reach)
+
     def _going_on(self, stamped: float) -> Expected:
         """The step if the motion so far goes on."""
         expected = self._expected

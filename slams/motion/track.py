@@ -131,6 +131,11 @@ class Track:
         step = self._matched_at.between(pose)
         return self._limits.allow(*step, self._seconds)
 
+    def possible(self, pose: Pose2) -> bool:
+        """Whether a robot can have accelerated so much: it is no farther from the prediction."""
+        x, y, _ = self._off(pose).tolist()
+        return self.motion.allows(math.hypot(x, y), self._seconds)
+
     @property
     def uncertain(self) -> float:
         """Deviation [m] of the prediction, of a point one meter away, as far as a scan can tell.

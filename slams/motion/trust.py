@@ -37,11 +37,15 @@ class Limits:
     """Speeds and accelerations that no robot has."""
 
     def __init__(self, params: MotionParams) -> None:
-        self._laws = laws(params)
+        self._laws, self._params = laws(params), params
 
     def allow(self, ahead: float, aside: float, turn: float, seconds: float) -> bool:
         """Whether a robot can go that far [m, rad] in so many seconds; if they are known."""
         return bool(kernels.allow(self._laws, ahead, aside, turn, seconds))
+
+    def allow_change(self, off: float, seconds: float) -> bool:
+        """Whether accelerations take a robot so far [m] off its motion in so many seconds."""
+        return off <= self._params.top_acceleration * seconds * seconds + self._params.leap
 
 
 def laws(params: MotionParams) -> Records:

@@ -3,10 +3,11 @@ import math
 import numpy as np
 import pytest
 
-from gmapping.choice import believed
-from gmapping.match import Match
+from gmapping.choice import believed, foreseen
+from gmapping.match import FIRM, Match
 from gmapping.surfaces import FOUND, GAIN
 from slams import load
+from slams.geometry import Prior
 from slams.motion.track import INDEPENDENT, Track
 from slams.types import IDENTITY, Pose2
 from tests.gmapping.scenes import LASER, make_scan, run
@@ -38,6 +39,36 @@ def test_what_contradicts_the_prediction_has_to_explain_more(track):
     for less, goes in ((1.0, False), (price - 0.1, False), (price + 0.1, True)):
         behind = behind._replace(cost=ahead.cost - less)
         assert believed([ahead, behind], track) is (behind if goes else ahead)
+
+
+class Cheaper:
+    """A matcher that finds the robot `off` where it explains more, unless it is held firmly."""
+
+    def __init__(self, off, gain):
+        self.off, self.gain, self.priors = off, gain, []
+
+    def match(self, _view, _owner, prior, start):
+        self.priors.append(prior)
+        if len(self.priors) == 1:
+            return Match(start @ Pose2(self.off, 0.0, 0.0), 0.5, np.eye(3), 50.0 - self.gain)
+        return Match(start, 0.5, np.eye(3), 50.0)
+
+
+@pytest.mark.parametrize(
+    ("off", "gain", "asked", "goes"),
+    [(0.09, 0.0, 1, True), (0.11, 1.0, 2, False), (0.9, 10.0, 2, False), (0.9, 30.0, 2, True)],
+)
+def test_a_match_where_no_robot_accelerates_to_has_to_explain_more(off, gain, asked, goes):
+    track = Track(run([])[0].params)
+    for i in range(20):  # ten a second: 0.1 m is possible
+        start = track.predict(make_scan(IDENTITY, 0.1 * i, odometry=IDENTITY)).pose
+        if i < 19:
+            track.matched(start, 1e6 * np.eye(3), make_scan(IDENTITY, 0.1 * i))
+    known, matcher = Prior(start, 1e4 * np.eye(3)), Cheaper(off, gain)
+    found = foreseen(matcher, None, 0, known, track)
+    assert found.pose.x == pytest.approx(off if goes else 0.0)
+    assert len(matcher.priors) == asked and matcher.priors[0] is known
+    assert asked == 1 or (matcher.priors[1].information == FIRM * known.information).all()
 
 
 def test_a_loop_that_closes_is_not_charged_for_the_last_step(track):

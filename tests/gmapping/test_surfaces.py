@@ -197,7 +197,7 @@ def proposals(n, spread):
     slam._keys.done(IDENTITY)
     slam._track.pose = way
     slam._propose(view)
-    information = slam._keys.information(way, np.array([way.theta]), np.eye(3))
+    information = slam._keys.information(way, np.array([way.theta]), slam._track)
     return slam.particles, slam._matcher.propose(view, np.array([way]), information, KNOWN)
 
 
@@ -221,6 +221,41 @@ def test_a_proposal_has_the_information_of_scan_and_way():
 def test_without_spread_a_proposal_is_the_peak():
     particles, found = proposals(3, 0.0)
     np.testing.assert_allclose(particles.poses, np.repeat(found.peaks, 3, axis=0), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("way", "known", "old", "goes_back"),
+    [
+        (0.5, 0.01, 0.0, True),  # a peak beside the map, which explains less there
+        (0.03, 0.01, 0.0, False),  # as near as what is known
+        (0.5, 1.0, 0.0, False),
+        (0.5, 0.01, 1e-6, False),  # on ground of old: a loop may close
+    ],
+)
+def test_a_particle_far_from_where_the_way_led_goes_back_if_that_costs_less(
+    way, known, old, goes_back
+):
+    matcher, view = matcher_of(IDENTITY, IDENTITY), view_of(IDENTITY)
+    how, prior = matcher._how(view, 1e6), Prior(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
+    prior.information[:] /= known**2
+    peaks, h, out = (
+        np.array([[way, 0.0, 0.0], [0.0, 0.0, 0.0]]),
+        np.ones((2, 3, 3)),
+        np.ones((2, 7)),
+    )
+    out[:, 3] = how.width**2 * view.beams  # nothing is explained
+    out[:, 6] = old
+    matcher._hold(view, how, prior, peaks, h, out)
+    np.testing.assert_allclose(peaks[0], [0.0 if goes_back else way, 0.0, 0.0], atol=1e-3)
+    assert (out[0, 3] < 0.1 * out[1, 3]) == (h[0, 0, 0] != 1.0) == goes_back
+    assert (peaks[1] == 0.0).all() and (h[1] == 1.0).all()
+
+
+def test_a_particle_far_from_where_the_way_led_stays_where_it_explains_far_more():
+    matcher, view, there = matcher_of(IDENTITY), view_of(IDENTITY), Pose2(0.2, 0.0, 0.0)
+    for known, stays in ((0.03, True), (1e-6, False)):
+        at = matcher.propose(view, np.array([there]), np.eye(3)[None] / known**2, 0.01 * np.eye(3))
+        assert abs(at.peaks[0, 0]) == pytest.approx(0.0 if stays else 0.2, abs=0.01)
 
 
 # ground of old

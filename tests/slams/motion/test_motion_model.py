@@ -314,6 +314,18 @@ def test_ragged_stamps_give_way_to_the_usual_interval():
     assert predictions[-1].velocity.x == pytest.approx(0.5, abs=0.1)
 
 
+def test_a_robot_is_no_farther_from_its_prediction_than_it_can_accelerate():
+    p, (t, poses) = MotionParams(), arc(3.0, 10)
+    _, motion = followed([stamped(s) for s in t], poses)
+    for seconds in (0.0, 1.0):
+        most = p.top_acceleration * max(seconds, 0.1) ** 2 + p.leap
+        assert motion.allows(most - 0.01, seconds) and not motion.allows(most + 0.01, seconds)
+    ragged = [stamped(0.2 * k + 0.15 * (k % 2)) for k in range(120)]
+    poses = [Pose2(0.1 * k, 0.0, 0.0) for k in range(120)]
+    _, motion = followed(ragged, poses)
+    assert motion.ragged and motion.allows(100.0, 0.0)  # nobody knows the time
+
+
 def test_stamps_that_go_backward_or_stand_still_hurt_nothing():
     rng = np.random.default_rng(5)
     t, poses = arc(60.0, 5)
