@@ -30,11 +30,18 @@ class Match(NamedTuple):
     old: float = 0.0
 
 
-def far_off(match: Match, prior: Prior) -> float:
-    """Squared distance from the prior, in its deviations."""
-    pose, mean = match.pose, prior.pose
-    off = np.array((pose.x - mean.x, pose.y - mean.y, wrap_angle(pose.theta - mean.theta)))
-    return float(off @ prior.information @ off)
+def far_off(poses: Floats, means: Floats, information: Floats) -> Floats:
+    """Squared distances (k,) of poses (k, 3) from means (k, 3), by information (k, 3, 3)."""
+    off = poses - means
+    off[:, 2] = wrap_angle(off[:, 2])
+    squares: Floats = np.einsum("ki,kij,kj->k", off, information, off)
+    return squares
+
+
+def strange(match: Match, prior: Prior) -> float:
+    """How far a match is from what is known, squared, in deviations of that."""
+    pose, mean = np.array([match.pose]), np.array([prior.pose])
+    return float(far_off(pose, mean, prior.information[None])[0])
 
 
 def with_prior(match: Match, prior: Prior) -> float:
@@ -42,7 +49,7 @@ def with_prior(match: Match, prior: Prior) -> float:
 
     Of two places an independent beam tells no more than e to one, however far it is off.
     """
-    return match.cost + unlikely(far_off(match, prior))
+    return match.cost + unlikely(strange(match, prior))
 
 
 class Proposals(NamedTuple):

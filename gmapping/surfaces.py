@@ -11,7 +11,7 @@ from gmapping import match_kernels as kernels
 from gmapping.key import OLD, KeyScans
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
-from gmapping.match import FIRM, Match, Proposals, far_off, lattice, with_prior
+from gmapping.match import FIRM, Match, Proposals, far_off, lattice, strange, with_prior
 from gmapping.match_kernels import Climb
 from gmapping.params import GMappingParams
 from gmapping.scan import View
@@ -56,7 +56,7 @@ class SurfaceMatcher:
         """
         how = self._how(view, _least(prior.information))
         match = self._peak(view, owner, prior, start, how)
-        if far_off(match, prior) > ODD * ODD:
+        if strange(match, prior) > ODD * ODD:
             narrow = how._replace(wide=how.width)
             firm = Prior(prior.pose, FIRM * prior.information)
             turned = self._peak(view, owner, firm, start, narrow)
@@ -121,18 +121,16 @@ class SurfaceMatcher:
 
         Not on ground of old: there a loop may close.
         """
-        odd = _far_off(prior, peaks) > ODD * ODD
-        owners = np.flatnonzero(odd & (out[:, 6] == 0.0))
+        far = far_off(peaks, prior.poses, prior.information)
+        owners = np.flatnonzero((far > ODD * ODD) & (out[:, 6] == 0.0))
         if len(owners) == 0:
             return
         known = kernels.Prior(prior.poses[owners], prior.information[owners])
         firm, others = known._replace(information=FIRM * known.information), known.poses.copy()
         h2, out2 = self._climb(view.pieces, owners, firm, others, how)
-        stays, goes = (
-            self._cost(view, how, end[:, 3]) + _unlikely(known, at)
-            for end, at in ((out2, others), (out[owners], peaks[owners]))
-        )
-        held = stays < goes
+        less_far = far_off(others, *known)
+        stays = self._cost(view, how, out2[:, 3]) + _unlikely(less_far)
+        held = stays < self._cost(view, how, out[owners, 3]) + _unlikely(far[owners])
         back = owners[held]
         peaks[back], h[back], out[back] = others[held], h2[held], out2[held]
 
@@ -234,17 +232,9 @@ def _heading(pieces: Floats) -> float:
     return float(HEADINGS[np.argmax(lengths @ alike)])
 
 
-def _far_off(prior: kernels.Prior, poses: Floats) -> Floats:
-    """Squared distances (k,) of poses (k, 3) from where they were expected, in deviations."""
-    off = poses - prior.poses
-    off[:, 2] = np.remainder(off[:, 2] + math.pi, 2.0 * math.pi) - math.pi
-    squares: Floats = np.einsum("ki,kij,kj->k", off, prior.information, off)
-    return squares
-
-
-def _unlikely(prior: kernels.Prior, poses: Floats) -> Floats:
-    """Negative log of the prior (k,) at poses (k, 3)."""
-    return np.array([unlikely(square) for square in _far_off(prior, poses).tolist()])
+def _unlikely(squares: Floats) -> Floats:
+    """Negative log of what is known (k,), at squared distances (k,) from it."""
+    return np.array([unlikely(square) for square in squares.tolist()])
 
 
 def _least(information: Floats) -> float:

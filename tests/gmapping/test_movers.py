@@ -4,6 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.judge.metrics import common_with
+from bench.sim.degrade import degrade
+from bench.sim.setting import Setting
+from bench.sim.simulation import simulate
 from gmapping import GMappingParams
 from gmapping.mover_kernels import moving
 from gmapping.movers import MARGIN, MOST, SECONDS, Movers
@@ -11,7 +15,7 @@ from gmapping.scan import View
 from slams.motion.track import Track
 from slams.registry import find
 from slams.types import IDENTITY, Pose2
-from tests.gmapping.scenes import LASER, make_scan
+from tests.gmapping.scenes import LASER, make_scan, run
 
 STEP = 0.01  # rad
 SURE = np.zeros((3, 3))
@@ -246,3 +250,10 @@ def test_somebody_who_comes_along_a_bare_corridor_does_not_take_the_robot_along(
         found = slam.update(make_scan(true, 0.1 * i, rng=rng, odometry=true, walls=scene))
         assert math.hypot(found.x - true.x, found.y - true.y) < 0.005
     assert slam.state == "matched"
+
+
+def test_people_in_a_ring_of_corridors_do_not_take_the_particles_along():
+    log = degrade(simulate(Setting("ring", seed=5, duration=20.0)), "people", 8.0, 5)
+    log = log.select(every=4, odometry=False)
+    found = common_with(log, log.t, run(log)[1])
+    assert np.hypot(*(found.estimate - found.truth)[:, :2].T).max() < 0.1

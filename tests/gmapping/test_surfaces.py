@@ -7,7 +7,7 @@ from gmapping import GMapping, GMappingParams
 from gmapping.key import OLD, KeyScans
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, ONCE, insert, place_of
-from gmapping.match import lattice
+from gmapping.match import far_off, lattice
 from gmapping.match_kernels import Around, Beams, Prior, crossed, search_old
 from gmapping.scan import View
 from gmapping.surfaces import (
@@ -249,6 +249,12 @@ def test_a_particle_far_from_where_the_way_led_goes_back_if_that_costs_less(
     np.testing.assert_allclose(peaks[0], [0.0 if goes_back else way, 0.0, 0.0], atol=1e-3)
     assert (out[0, 3] < 0.1 * out[1, 3]) == (h[0, 0, 0] != 1.0) == goes_back
     assert (peaks[1] == 0.0).all() and (h[1] == 1.0).all()
+
+
+def test_far_off_goes_around_the_circle_the_short_way():
+    at, mean = np.array([[0.1, -0.2, math.pi - 0.1]]), np.array([[0.0, 0.0, -math.pi + 0.2]])
+    off, known = np.array([0.1, -0.2, -0.3]), np.diag([400.0, 300.0, 900.0])
+    assert far_off(at, mean, known[None])[0] == pytest.approx(off @ known @ off)
 
 
 def test_a_particle_far_from_where_the_way_led_stays_where_it_explains_far_more():
