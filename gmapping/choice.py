@@ -21,7 +21,7 @@ def foreseen(matcher: Matcher, view: View, owner: int, known: Prior, track: Trac
     explain a scan as well as the few beams at its end.
     """
     match = matcher.match(view, owner, known, known.pose)
-    if track.possible(match.pose):
+    if math.dist(match.pose[:2], known.pose[:2]) <= track.room:
         return match
     held = matcher.match(view, owner, Prior(known.pose, FIRM * known.information), known.pose)
     return min((match, held), key=lambda found: with_prior(found, known))

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from gmapping.params import GMappingParams
-from slams.motion.track import Track
 from slams.types import IDENTITY, Floats, Pose2
 
 OLD = 15.0  # m of way, after which ground is old: no robot sees a room that long without a loop
@@ -49,15 +48,15 @@ class KeyScans:
         """The tracked way since the last key scan, in the reported particle's map."""
         return self._at.between(pose)
 
-    def information(self, way: Pose2, headings: Floats, track: Track) -> Floats:
+    def information(self, way: Pose2, headings: Floats, predicted: Floats) -> Floats:
         """Of particles moved by `way`, with headings (n,): (n, 3, 3) [1/m^2, 1/(m rad), 1/rad^2].
 
         One noise for the whole way, whatever the rate of the scans; after scans that were not
-        matched also that of the prediction. ours: and of a step whose time is not known.
+        matched also that of the prediction (3, 3).
         """
         covariance = _turned(self._deviation(way), headings - way.theta)
-        if self._blind or (self._params.refine and track.motion.ragged):
-            covariance += track.predicted
+        if self._blind:
+            covariance += predicted
         return np.asarray(np.linalg.inv(covariance), np.float64)
 
     def missed(self) -> None:

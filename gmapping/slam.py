@@ -211,8 +211,8 @@ class GMapping:
         particles.move(np.array(way))
         if track.state != "matched":
             return
-        information = self._keys.information(way, particles.poses[:, 2], track)
-        found = self._matcher.propose(view, particles.poses, information, track.expected)
+        information = self._keys.information(way, particles.poses[:, 2], track.predicted)
+        found = self._matcher.propose(view, particles.poses, information, track)
         normals = self._rng.standard_normal((len(particles), 3))
         particles.draw(found, self.params.spread * normals)
         particles.weigh(found.log_w, 1.0)
