@@ -223,7 +223,7 @@ def test_particles_start_from_what_was_expected_of_the_tracked_scan(monkeypatch)
     monkeypatch.setattr(
         slam._matcher,
         "propose",
-        lambda *args: proposed.append((tracked[-1], args[-1])) or propose(*args),
+        lambda *args: proposed.append((tracked[-1], args[-1].expected)) or propose(*args),
     )
     for scan in scans:
         slam.update(scan)

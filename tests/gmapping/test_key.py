@@ -1,5 +1,3 @@
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -32,19 +30,14 @@ def test_noise_between_key_scans_is_that_of_the_way_whatever_the_rate():
     theta = p.tracked_noise * (p.turn_per_way * 0.5 + p.turn_per_turn * 0.2) + p.key_noise
     noise, keys = np.diag([xy, xy, theta]) ** 2, KeyScans(p)
     predicted = np.diag([0.04, 0.01, 0.09])
-    track = SimpleNamespace(predicted=predicted, motion=SimpleNamespace(ragged=False))
 
     def covariances():
-        return np.linalg.inv(keys.information(way, headings, track))
+        return np.linalg.inv(keys.information(way, headings, predicted))
 
     np.testing.assert_allclose(covariances(), [noise, noise], atol=1e-12)
     keys.missed()  # the way is not tracked
     np.testing.assert_allclose(covariances(), [noise + predicted] * 2, atol=1e-12)
     keys.done(way)
-    np.testing.assert_allclose(covariances(), [noise, noise], atol=1e-12)
-    track.motion.ragged = True  # nobody knows how long a step took
-    np.testing.assert_allclose(covariances(), [noise + predicted] * 2, atol=1e-12)
-    keys = KeyScans(p.replace(refine=False))  # ours: the paper has it not
     np.testing.assert_allclose(covariances(), [noise, noise], atol=1e-12)
 
 
