@@ -141,7 +141,8 @@ class GMapping:
         """Step 2: from the prediction; from other starts if it explains less than usual."""
         matcher, best = self._matcher, self.particles.best
         known = Prior(start.pose, self._track.prior(start.pose))
-        match = foreseen(matcher, view, best, known, self._track)
+        room = self._track.room if self.params.refine else math.inf
+        match = foreseen(matcher, view, best, known, room)
         in_vain = self._track.state != "matched" and not self._patience.over
         if match.quality >= self.params.poor_match * self._usual.value or in_vain:
             return match
