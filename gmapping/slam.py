@@ -188,8 +188,7 @@ class GMapping:
             self._counts["rejected"] += not known
             return False
         p, gaps = self.params, self._quality < self.params.poor_match * self._usual.value
-        beams = view.beams if gaps and p.refine else math.inf
-        due = self._keys.due(track.pose, beams, settles=p.refine and view.is_sparse)
+        due = self._keys.due(track.pose, view.beams if p.refine else math.inf, gaps)
         return due and self.tiles.admits(track.pose, view.far)
 
     def _filter(self, view: View) -> None:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gmapping import GMappingParams
-from gmapping.key import SELDOM, KeyScans
+from gmapping.key import FEW, SELDOM, SETTLE, KeyScans
 from slams.types import IDENTITY, Pose2
 
 
@@ -44,8 +44,20 @@ def test_noise_between_key_scans_is_that_of_the_way_whatever_the_rate():
 def test_where_the_map_has_gaps_the_next_key_scan_is_due_the_sooner_the_fewer_beams_there_are():
     p, keys = GMappingParams(), KeyScans(GMappingParams())
     assert keys.due(IDENTITY)  # the first
-    keys.done(IDENTITY)
+    for _ in range(SETTLE):
+        keys.done(IDENTITY)
     for beams, share in ((np.inf, 1.0), (720.0, 1.0), (360.0, 1.0), (90.0, 0.25), (45.0, 0.125)):
         for way, turn in ((p.linear_update, 0.0), (0.0, p.angular_update)):
-            assert keys.due(Pose2(1.01 * share * way, 0.0, -1.01 * share * turn), beams)
-            assert not keys.due(Pose2(0.99 * share * way, 0.0, -0.99 * share * turn), beams)
+            far = Pose2(1.01 * share * way, 0.0, -1.01 * share * turn)
+            assert keys.due(far, beams, gaps=True)
+            assert keys.due(far, beams) == (share == 1.0)
+            assert not keys.due(Pose2(0.99 * share * way, 0.0, -0.99 * share * turn), beams, True)
+
+
+def test_a_map_begins_with_many_scans_of_few_beams():
+    keys = KeyScans(GMappingParams())
+    for _ in range(SETTLE):
+        assert keys.due(IDENTITY, FEW - 1.0)
+        keys.done(IDENTITY)
+        assert not keys.due(IDENTITY, FEW)
+    assert not keys.due(IDENTITY, FEW - 1.0)
