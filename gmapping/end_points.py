@@ -16,6 +16,7 @@ from gmapping.match_kernels import Prior as Priors
 from gmapping.params import GMappingParams
 from gmapping.scan import View
 from slams.geometry import Prior
+from slams.motion.track import Track
 from slams.types import Floats, Pose2, wrap_angle
 
 STEP = np.array([0.1, 0.1, 0.05])  # m, m, rad, of the search; the climb bridges what is between
@@ -54,9 +55,7 @@ class EndPointMatcher:
         kernels.climb(self.tiles.tiles, np.full(n, owner), sparse, field, prior, starts, value)
         return Pose2(*starts[np.argmax(value)].tolist())
 
-    def propose(
-        self, view: View, means: Floats, information: Floats, expected: Floats
-    ) -> Proposals:
+    def propose(self, view: View, means: Floats, information: Floats, track: Track) -> Proposals:
         """[Grisetti07] improved proposal, mean, covariance and weight of samples at the peak."""
         poses = means.copy()
         prior, owners = Priors(means, information), np.arange(len(means))

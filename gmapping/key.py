@@ -7,14 +7,13 @@ import math
 import numpy as np
 
 from gmapping.params import GMappingParams
-from slams.motion.track import Track
 from slams.types import IDENTITY, Floats, Pose2
 
 OLD = 15.0  # m of way, after which ground is old: no robot sees a room that long without a loop
 NEAR = 3.0  # m from where the robot was then: what it saw there, it sees from here
 SELDOM = 1.0  # m of way between two places that are noted, and between two looks for them
 GAPLESS = 360.0  # beams of a scan, below which the map that is made of them has gaps
-SETTLE = 10  # first scans, without which a map of few beams holds the robot where it began
+FEW, SETTLE = 144.0, 20  # beams of a scan, one every 2.5 degrees; so many of them begin a map
 MARK = 0.001  # m by which two key scans differ in `driven`, however near they are
 
 
@@ -33,15 +32,16 @@ class KeyScans:
         self._at = IDENTITY
         self._blind = False  # a scan since then was not matched
 
-    def due(self, pose: Pose2, beams: float = math.inf, settles: bool = False) -> bool:
+    def due(self, pose: Pose2, beams: float = math.inf, gaps: bool = False) -> bool:
         """Whether the tracked pose has left the last key scan far enough behind.
 
-        Where the map has gaps, a scan of few `beams` fills them by as little: the next one is due
-        as much sooner. Where a map `settles`, its first scans are, however near.
+        A map that few `beams` began holds the robot there: its first scans are due however near.
+        Where the map has `gaps` a scan of few fills them by as little: the next one is due as much
+        sooner.
         """
-        if settles and self.n < SETTLE:
+        if beams < FEW and self.n < SETTLE:
             return True
-        way, near = self._at.between(pose), min(beams / GAPLESS, 1.0)
+        way, near = self._at.between(pose), min(beams / GAPLESS, 1.0) if gaps else 1.0
         far = math.hypot(way.x, way.y) >= near * self._params.linear_update
         return far or abs(way.theta) >= near * self._params.angular_update or self.n == 0
 
@@ -49,15 +49,15 @@ class KeyScans:
         """The tracked way since the last key scan, in the reported particle's map."""
         return self._at.between(pose)
 
-    def information(self, way: Pose2, headings: Floats, track: Track) -> Floats:
+    def information(self, way: Pose2, headings: Floats, predicted: Floats) -> Floats:
         """Of particles moved by `way`, with headings (n,): (n, 3, 3) [1/m^2, 1/(m rad), 1/rad^2].
 
         One noise for the whole way, whatever the rate of the scans; after scans that were not
-        matched also that of the prediction. ours: and of a step whose time is not known.
+        matched also that of the prediction (3, 3).
         """
         covariance = _turned(self._deviation(way), headings - way.theta)
-        if self._blind or (self._params.refine and track.motion.ragged):
-            covariance += track.predicted
+        if self._blind:
+            covariance += predicted
         return np.asarray(np.linalg.inv(covariance), np.float64)
 
     def missed(self) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from gmapping.map import TileMap
 from gmapping.scan import View
 from slams.geometry import Prior, unlikely
+from slams.motion.track import Track
 from slams.types import Floats, Pose2, wrap_angle
 
 HALF_STEPS = 8  # of a search to either side, at most
@@ -76,12 +77,10 @@ class Matcher(Protocol):
         """The best pose of a lattice as wide as `half` (3,) [m, m, rad] to either side."""
         ...
 
-    def propose(
-        self, view: View, means: Floats, information: Floats, expected: Floats
-    ) -> Proposals:
+    def propose(self, view: View, means: Floats, information: Floats, track: Track) -> Proposals:
         """[Grisetti07] improved proposal of every particle; means (n, 3), information (n, 3, 3).
 
-        expected: covariance (3, 3) of the scan's prediction, from which the reported one came here.
+        track: of the reported one, which has matched the same scan.
         """
         ...
 

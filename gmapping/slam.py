@@ -141,7 +141,8 @@ class GMapping:
         """Step 2: from the prediction; from other starts if it explains less than usual."""
         matcher, best = self._matcher, self.particles.best
         known = Prior(start.pose, self._track.prior(start.pose))
-        match = foreseen(matcher, view, best, known, self._track)
+        room = self._track.room if self.params.refine else math.inf
+        match = foreseen(matcher, view, best, known, room)
         in_vain = self._track.state != "matched" and not self._patience.over
         if match.quality >= self.params.poor_match * self._usual.value or in_vain:
             return match
@@ -187,8 +188,7 @@ class GMapping:
             self._counts["rejected"] += not known
             return False
         p, gaps = self.params, self._quality < self.params.poor_match * self._usual.value
-        beams = view.beams if gaps and p.refine else math.inf
-        due = self._keys.due(track.pose, beams, settles=p.refine and view.is_sparse)
+        due = self._keys.due(track.pose, view.beams if p.refine else math.inf, gaps)
         return due and self.tiles.admits(track.pose, view.far)
 
     def _filter(self, view: View) -> None:
@@ -211,8 +211,8 @@ class GMapping:
         particles.move(np.array(way))
         if track.state != "matched":
             return
-        information = self._keys.information(way, particles.poses[:, 2], track)
-        found = self._matcher.propose(view, particles.poses, information, track.expected)
+        information = self._keys.information(way, particles.poses[:, 2], track.predicted)
+        found = self._matcher.propose(view, particles.poses, information, track)
         normals = self._rng.standard_normal((len(particles), 3))
         particles.draw(found, self.params.spread * normals)
         particles.weigh(found.log_w, 1.0)

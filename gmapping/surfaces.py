@@ -16,6 +16,7 @@ from gmapping.match_kernels import Climb
 from gmapping.params import GMappingParams
 from gmapping.scan import View
 from slams.geometry import Prior, inverse3, unlikely
+from slams.motion.track import Track
 from slams.types import Floats, Pose2, wrap_angle
 
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
@@ -93,9 +94,7 @@ class SurfaceMatcher:
         x, y, theta = starts[np.argmin(out[:, 3])].tolist()
         return Pose2(x, y, theta)
 
-    def propose(
-        self, view: View, means: Floats, information: Floats, expected: Floats
-    ) -> Proposals:
+    def propose(self, view: View, means: Floats, information: Floats, track: Track) -> Proposals:
         """[Grisetti07] improved proposal; ours: Laplace's at the peak instead of a fit to samples.
 
         Of the beams only some are `independent`: the others say the same, and share the errors of
@@ -104,9 +103,9 @@ class SurfaceMatcher:
         """
         n, peaks = len(means), means.copy()
         prior = kernels.Prior(means, information)
-        how = self._how(view, _least(inverse3(expected)))
+        how = self._how(view, _least(inverse3(track.expected)))
         h, out = self._climb(view.pieces, np.arange(n), prior, peaks, how)
-        self._hold(view, how, prior, peaks, h, out)
+        self._hold(view, how, prior, peaks, h, out, track.room)
         if self._keys.returns(Pose2(*means.mean(axis=0).tolist())):
             self._from_old_ground(view, how, peaks, h, out)
         worth = self._worth(view)
@@ -115,14 +114,22 @@ class SurfaceMatcher:
         return Proposals(peaks, factors, log_w)
 
     def _hold(
-        self, view: View, how: Climb, prior: kernels.Prior, peaks: Floats, h: Floats, out: Floats
+        self,
+        view: View,
+        how: Climb,
+        prior: kernels.Prior,
+        peaks: Floats,
+        h: Floats,
+        out: Floats,
+        room: float,
     ) -> None:
         """Let particles whose peak is far from where the way led go back where that costs less.
 
-        Not on ground of old: there a loop may close.
+        That is farther than `room` [m]. Not on ground of old: there a loop may close.
         """
+        beyond = np.hypot(*(peaks - prior.poses)[:, :2].T) > room
         far = far_off(peaks, prior.poses, prior.information)
-        owners = np.flatnonzero((far > ODD * ODD) & (out[:, 6] == 0.0))
+        owners = np.flatnonzero(beyond & (far > ODD * ODD) & (out[:, 6] == 0.0))
         if len(owners) == 0:
             return
         known = kernels.Prior(prior.poses[owners], prior.information[owners])

@@ -19,6 +19,7 @@ them to itself.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from slams.motion.belief_kernels import carried
@@ -158,13 +159,13 @@ class Motion:
         """Whether the stamps predict worse than none."""
         return self._clock.ragged
 
-    def allows(self, off: float, seconds: float) -> bool:
-        """Whether a robot can be so far [m] from its prediction, `seconds` after it was seen.
+    def room(self, seconds: float) -> float:
+        """How far [m] from its prediction a robot can be, `seconds` after it was seen.
 
-        Where stamps are ragged nobody knows how long that was.
+        Where stamps are ragged nobody knows how long that was: inf.
         """
         reach = max(seconds, self._expected.reach)
-        return self.ragged or self._limits.allow_change(off, reach)
+        return math.inf if self.ragged else self._limits.change(reach)
 
     def _going_on(self, stamped: float) -> Expected:
         """The step if the motion so far goes on."""

@@ -131,10 +131,10 @@ class Track:
         step = self._matched_at.between(pose)
         return self._limits.allow(*step, self._seconds)
 
-    def possible(self, pose: Pose2) -> bool:
-        """Whether a robot can have accelerated so much: it is no farther from the prediction."""
-        x, y, _ = self._off(pose).tolist()
-        return self.motion.allows(math.hypot(x, y), self._seconds)
+    @property
+    def room(self) -> float:
+        """How far [m] from its prediction a robot that accelerates can be."""
+        return self.motion.room(self._seconds)
 
     @property
     def uncertain(self) -> float:

@@ -43,9 +43,9 @@ class Limits:
         """Whether a robot can go that far [m, rad] in so many seconds; if they are known."""
         return bool(kernels.allow(self._laws, ahead, aside, turn, seconds))
 
-    def allow_change(self, off: float, seconds: float) -> bool:
-        """Whether accelerations take a robot so far [m] off its motion in so many seconds."""
-        return off <= self._params.top_acceleration * seconds * seconds + self._params.leap
+    def change(self, seconds: float) -> float:
+        """How far [m] accelerations take a robot off its motion in so many seconds."""
+        return self._params.top_acceleration * seconds * seconds + self._params.leap
 
 
 def laws(params: MotionParams) -> Records:

@@ -50,8 +50,8 @@ class Cheaper:
     def match(self, _view, _owner, prior, start):
         self.priors.append(prior)
         if len(self.priors) == 1:
-            return Match(start @ Pose2(self.off, 0.0, 0.0), 0.5, np.eye(3), 50.0 - self.gain)
-        return Match(start, 0.5, np.eye(3), 50.0)
+            return Match(start @ Pose2(self.off, 0.0, 0.0), 1.0, np.eye(3), 50.0 - self.gain)
+        return Match(start, 1.0, np.eye(3), 50.0)
 
 
 @pytest.mark.parametrize(
@@ -59,16 +59,22 @@ class Cheaper:
     [(0.09, 0.0, 1, True), (0.11, 1.0, 2, False), (0.9, 10.0, 2, False), (0.9, 30.0, 2, True)],
 )
 def test_a_match_where_no_robot_accelerates_to_has_to_explain_more(off, gain, asked, goes):
-    track = Track(run([])[0].params)
-    for i in range(20):  # ten a second: 0.1 m is possible
-        start = track.predict(make_scan(IDENTITY, 0.1 * i, odometry=IDENTITY)).pose
-        if i < 19:
-            track.matched(start, 1e6 * np.eye(3), make_scan(IDENTITY, 0.1 * i))
-    known, matcher = Prior(start, 1e4 * np.eye(3)), Cheaper(off, gain)
-    found = foreseen(matcher, None, 0, known, track)
-    assert found.pose.x == pytest.approx(off if goes else 0.0)
+    known, matcher = Prior(Pose2(2.0, 1.0, 0.0), 1e4 * np.eye(3)), Cheaper(off, gain)
+    found = foreseen(matcher, None, 0, known, 0.1)
+    assert found.pose.x == pytest.approx(2.0 + (off if goes else 0.0))
     assert len(matcher.priors) == asked and matcher.priors[0] is known
     assert asked == 1 or (matcher.priors[1].information == FIRM * known.information).all()
+
+
+@pytest.mark.parametrize(("preset", "asked"), [("default", 2), ("paper", 1)])
+def test_the_default_asks_where_a_robot_can_have_accelerated_to(monkeypatch, preset, asked):
+    scans = [make_scan(IDENTITY, 0.1 * i) for i in range(20)]
+    slam, _ = run(scans[:-1], preset, n_particles=1)
+    start = slam._track.predict(scans[-1])
+    view, matcher = slam._view.take(scans[-1], IDENTITY), Cheaper(0.15, 0.0)  # 0.1 m: possible
+    monkeypatch.setattr(slam, "_matcher", matcher)
+    slam._tracked(view, start)
+    assert len(matcher.priors) == asked
 
 
 def test_a_loop_that_closes_is_not_charged_for_the_last_step(track):

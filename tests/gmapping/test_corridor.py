@@ -1,6 +1,7 @@
 """Corridors whose walls lie between the axes of the map, and door frames in them."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -98,11 +99,11 @@ def test_the_scale_waits_where_the_start_may_be_off_by_more_than_it_at_last(
     made = calls(monkeypatch, matcher, "_climb")
     axes = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     expected = axes @ np.diag(np.array([0.001, known, 0.001]) ** 2) @ axes.T
-    information = np.linalg.inv(expected)
+    information, track = np.linalg.inv(expected), SimpleNamespace(expected=expected, room=0.05)
     matcher.match(view_of(IDENTITY), 0, Prior(IDENTITY, information), IDENTITY)
     elsewhere = Pose2(0.02, 0.0, 0.0)  # another start, of which little is known
     matcher.match(view_of(IDENTITY), 0, Prior(IDENTITY, np.eye(3)), elsewhere)
-    matcher.propose(view_of(IDENTITY), np.zeros((1, 3)), 1e6 * np.eye(3)[None], expected)
+    matcher.propose(view_of(IDENTITY), np.zeros((1, 3)), 1e6 * np.eye(3)[None], track)
     tracked, other, particles = (call[-1].wait > 0 for call in (made[0], made[1], made[-1]))
     assert other and tracked == particles == waits
     assert made[1][-1].wait == params.steps - 3  # the last step is narrow

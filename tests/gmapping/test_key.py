@@ -1,10 +1,8 @@
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from gmapping import GMappingParams
-from gmapping.key import SELDOM, KeyScans
+from gmapping.key import FEW, SELDOM, SETTLE, KeyScans
 from slams.types import IDENTITY, Pose2
 
 
@@ -32,27 +30,34 @@ def test_noise_between_key_scans_is_that_of_the_way_whatever_the_rate():
     theta = p.tracked_noise * (p.turn_per_way * 0.5 + p.turn_per_turn * 0.2) + p.key_noise
     noise, keys = np.diag([xy, xy, theta]) ** 2, KeyScans(p)
     predicted = np.diag([0.04, 0.01, 0.09])
-    track = SimpleNamespace(predicted=predicted, motion=SimpleNamespace(ragged=False))
 
     def covariances():
-        return np.linalg.inv(keys.information(way, headings, track))
+        return np.linalg.inv(keys.information(way, headings, predicted))
 
     np.testing.assert_allclose(covariances(), [noise, noise], atol=1e-12)
     keys.missed()  # the way is not tracked
     np.testing.assert_allclose(covariances(), [noise + predicted] * 2, atol=1e-12)
     keys.done(way)
     np.testing.assert_allclose(covariances(), [noise, noise], atol=1e-12)
-    track.motion.ragged = True  # nobody knows how long a step took
-    np.testing.assert_allclose(covariances(), [noise + predicted] * 2, atol=1e-12)
-    keys = KeyScans(p.replace(refine=False))  # ours: the paper has it not
-    np.testing.assert_allclose(covariances(), [noise, noise], atol=1e-12)
 
 
 def test_where_the_map_has_gaps_the_next_key_scan_is_due_the_sooner_the_fewer_beams_there_are():
     p, keys = GMappingParams(), KeyScans(GMappingParams())
     assert keys.due(IDENTITY)  # the first
-    keys.done(IDENTITY)
+    for _ in range(SETTLE):
+        keys.done(IDENTITY)
     for beams, share in ((np.inf, 1.0), (720.0, 1.0), (360.0, 1.0), (90.0, 0.25), (45.0, 0.125)):
         for way, turn in ((p.linear_update, 0.0), (0.0, p.angular_update)):
-            assert keys.due(Pose2(1.01 * share * way, 0.0, -1.01 * share * turn), beams)
-            assert not keys.due(Pose2(0.99 * share * way, 0.0, -0.99 * share * turn), beams)
+            far = Pose2(1.01 * share * way, 0.0, -1.01 * share * turn)
+            assert keys.due(far, beams, gaps=True)
+            assert keys.due(far, beams) == (share == 1.0)
+            assert not keys.due(Pose2(0.99 * share * way, 0.0, -0.99 * share * turn), beams, True)
+
+
+def test_a_map_begins_with_many_scans_of_few_beams():
+    keys = KeyScans(GMappingParams())
+    for _ in range(SETTLE):
+        assert keys.due(IDENTITY, FEW - 1.0)
+        keys.done(IDENTITY)
+        assert not keys.due(IDENTITY, FEW)
+    assert not keys.due(IDENTITY, FEW - 1.0)

@@ -1,4 +1,5 @@
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ from tests.gmapping.scenes import (
     view_of,
 )
 
-KNOWN = 1e-6 * np.eye(3)  # covariance of a prediction good to a millimeter
+TRACK = SimpleNamespace(expected=1e-6 * np.eye(3), room=0.05)  # a prediction good to a millimeter
 
 
 def test_insert_and_residuals_equal_the_naive_twin():
@@ -197,8 +198,8 @@ def proposals(n, spread):
     slam._keys.done(IDENTITY)
     slam._track.pose = way
     slam._propose(view)
-    information = slam._keys.information(way, np.array([way.theta]), slam._track)
-    return slam.particles, slam._matcher.propose(view, np.array([way]), information, KNOWN)
+    information = slam._keys.information(way, np.array([way.theta]), np.eye(3))
+    return slam.particles, slam._matcher.propose(view, np.array([way]), information, TRACK)
 
 
 def test_draws_have_the_covariance_of_their_proposal_and_new_ground_weighs_none():
@@ -211,7 +212,7 @@ def test_draws_have_the_covariance_of_their_proposal_and_new_ground_weighs_none(
 
 def test_a_proposal_has_the_information_of_scan_and_way():
     matcher, view, known = matcher_of(IDENTITY), view_of(IDENTITY), np.diag([400.0, 300.0, 900.0])
-    found = matcher.propose(view, np.zeros((1, 3)), known[None], KNOWN)
+    found = matcher.propose(view, np.zeros((1, 3)), known[None], TRACK)
     h = linearized(matcher.tiles.tiles, found.peaks[0], view.pieces, GMappingParams().width)[0]
     worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
     information = found.factors[0] @ found.factors[0].T
@@ -224,29 +225,30 @@ def test_without_spread_a_proposal_is_the_peak():
 
 
 @pytest.mark.parametrize(
-    ("way", "known", "old", "goes_back"),
+    ("way", "known", "old", "room", "goes_back"),
     [
-        (0.5, 0.01, 0.0, True),  # a peak beside the map, which explains less there
-        (0.03, 0.01, 0.0, False),  # as near as what is known
-        (0.5, 1.0, 0.0, False),
-        (0.5, 0.01, 1e-6, False),  # on ground of old: a loop may close
+        (0.5, 0.01, 0.0, 0.1, True),  # a peak beside the map, which explains less there
+        (0.03, 0.01, 0.0, 0.01, False),  # as near as what is known
+        (0.5, 1.0, 0.0, 0.1, False),
+        (0.5, 0.01, 0.0, 0.6, False),  # a robot that accelerates comes so far
+        (0.5, 0.01, 1e-6, 0.1, False),  # on ground of old: a loop may close
     ],
 )
 def test_a_particle_far_from_where_the_way_led_goes_back_if_that_costs_less(
-    way, known, old, goes_back
+    way, known, old, room, goes_back
 ):
     matcher, view = matcher_of(IDENTITY, IDENTITY), view_of(IDENTITY)
     how, prior = matcher._how(view, 1e6), Prior(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
     prior.information[:] /= known**2
     peaks, h, out = (
-        np.array([[way, 0.0, 0.0], [0.0, 0.0, 0.0]]),
+        np.array([[0.0, way, 0.0], [0.0, 0.0, 0.0]]),
         np.ones((2, 3, 3)),
         np.ones((2, 7)),
     )
     out[:, 3] = how.width**2 * view.beams  # nothing is explained
     out[:, 6] = old
-    matcher._hold(view, how, prior, peaks, h, out)
-    np.testing.assert_allclose(peaks[0], [0.0 if goes_back else way, 0.0, 0.0], atol=1e-3)
+    matcher._hold(view, how, prior, peaks, h, out, room)
+    np.testing.assert_allclose(peaks[0], [0.0, 0.0 if goes_back else way, 0.0], atol=1e-3)
     assert (out[0, 3] < 0.1 * out[1, 3]) == (h[0, 0, 0] != 1.0) == goes_back
     assert (peaks[1] == 0.0).all() and (h[1] == 1.0).all()
 
@@ -260,7 +262,7 @@ def test_far_off_goes_around_the_circle_the_short_way():
 def test_a_particle_far_from_where_the_way_led_stays_where_it_explains_far_more():
     matcher, view, there = matcher_of(IDENTITY), view_of(IDENTITY), Pose2(0.2, 0.0, 0.0)
     for known, stays in ((0.03, True), (1e-6, False)):
-        at = matcher.propose(view, np.array([there]), np.eye(3)[None] / known**2, 0.01 * np.eye(3))
+        at = matcher.propose(view, np.array([there]), np.eye(3)[None] / known**2, TRACK)
         assert abs(at.peaks[0, 0]) == pytest.approx(0.0 if stays else 0.2, abs=0.01)
 
 
@@ -273,9 +275,9 @@ def test_only_ground_of_old_weighs_a_particle():
     assert matcher.insert(view, np.array([[0.0, 0.0, 0.0], [0.06, 0.0, 0.0]]))  # seen again: as old
     sure, at = np.tile(4e7 * np.eye(3), (2, 1, 1)), np.zeros((2, 3))
     matcher._keys.driven = 1.0 + OLD - 0.1
-    np.testing.assert_array_equal(matcher.propose(view, at, sure, KNOWN).log_w, 0.0)
+    np.testing.assert_array_equal(matcher.propose(view, at, sure, TRACK).log_w, 0.0)
     matcher._keys.driven = 1.0 + OLD + 0.1
-    found = matcher.propose(view, at, sure, KNOWN)
+    found = matcher.propose(view, at, sure, TRACK)
     old = matcher._keys.driven - OLD
     spared = linearized(
         matcher.tiles.tiles, found.peaks[0], view.pieces, GMappingParams().width, old
@@ -307,7 +309,7 @@ def test_a_particle_that_looks_around_in_a_bare_corridor_goes_across_it_only():
     matcher.tiles.cover(np.full(2, -10.0), np.full(2, 10.0))
     assert matcher.insert(view, np.zeros((1, 3)))  # begins at x = 0: nobody looked back
     matcher._keys.driven, matcher._keys.returns = 2.0 + OLD, lambda pose: True
-    peak = matcher.propose(view, np.array([[-0.4, 0.5, 0.0]]), 1e4 * np.eye(3)[None], KNOWN).peaks[
+    peak = matcher.propose(view, np.array([[-0.4, 0.5, 0.0]]), 1e4 * np.eye(3)[None], TRACK).peaks[
         0
     ]
     assert abs(peak[0] + 0.4) < 0.15 and abs(peak[1]) < 0.03
@@ -327,7 +329,7 @@ def test_of_a_way_what_scans_say_nothing_along_is_blind():
 def test_a_particle_that_may_be_on_ground_of_old_looks_for_it(returns):
     matcher, view, far = matcher_of(IDENTITY), view_of(IDENTITY), np.array([[0.55, -0.5, 0.05]])
     matcher._keys.driven, matcher._keys.returns = 2.0 + OLD, lambda pose: returns
-    peak = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None], KNOWN).peaks[0]
+    peak = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None], TRACK).peaks[0]
     if returns:
         np.testing.assert_allclose(peak, 0.0, atol=5e-3)
     else:
@@ -355,9 +357,9 @@ def test_beams_through_a_wall_of_old_ground_are_counted(old, scans, through):
 def test_a_particle_does_not_go_where_beams_go_through_walls(monkeypatch):
     matcher, view, far = matcher_of(IDENTITY), view_of(IDENTITY), np.array([[0.55, -0.5, 0.05]])
     matcher._keys.driven, matcher._keys.returns = 2.0 + OLD, lambda pose: True
-    at = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None], KNOWN).peaks[0]
+    at = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None], TRACK).peaks[0]
     monkeypatch.setattr(matcher, "_through", lambda *_: np.array([0.5]))
-    stays = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None], KNOWN).peaks[0]
+    stays = matcher.propose(view, far, np.diag([1e4, 1e4, 1e4])[None], TRACK).peaks[0]
     assert np.hypot(*at[:2]) < 0.05 < np.hypot(*stays[:2])
 
 
