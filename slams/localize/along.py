@@ -7,8 +7,6 @@ asked where along the corridor the map explains it, and those that it explains e
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,36 +30,38 @@ def farther_along(chart: Chart, points: Floats, laser: Pose2, along: Floats) -> 
     points (n, 2) [m] in the frame of the laser, whose pose is meant. None if it is as good here, or
     at several places.
     """
-    steps = _steps(FARTHEST, STEP)
-    said = np.array([chart.judged(points, _moved(laser, along, s)) for s in steps.tolist()])
-    best = _best(steps, said)
-    if best is None or np.mean(said[best] == EXPLAINED) < KNOWN:
+
+    def _said(of: Floats, steps: Floats) -> Said:
+        return np.array([chart.judged(of, _moved(laser, along, s)) for s in steps.tolist()])
+
+    here, steps = chart.judged(points, laser), _steps(FARTHEST, STEP)
+    known = (here == OPEN) | (here == REFUTED)  # what is explained here speaks for no other place
+    said = _said(points[known], steps)
+    maybe = np.flatnonzero(_lead(said, here[known]) > 0.0)
+    if len(maybe) == 0:
         return None
-    telling = points[_gained(said)[best]]
+    all_said = _said(points, steps[maybe])
+    lead = _lead(all_said, here)
+    first, gained = int(np.argmax(lead)), said == EXPLAINED
+    best, explained = maybe[first], np.mean(all_said[first] == EXPLAINED)
+    elsewhere = gained[np.abs(steps - steps[best]) > APART].sum(axis=1).max()
+    alike = elsewhere > ALIKE * gained[best].sum()
+    if lead[first] <= 0.0 or alike or explained < KNOWN:
+        return None
+    telling = points[known][gained[best]]
     finer = steps[best] + _steps(2.0 * STEP, FINE)
     off = [chart.distances(telling, _moved(laser, along, s)).mean() for s in finer.tolist()]
     return _moved(laser, along, float(finer[np.argmin(off)]))
 
 
-def _best(steps: Floats, said: Said) -> int | None:
-    """The step at which clearly more is said (steps, beams) than at the middle one, none elsewhere.
+def _lead(said: Said, here: Said) -> Floats:
+    """What is said (steps, beams) more than `here` (beams,), beyond what chance says.
 
     What is unknown here or there is not counted: from where the map begins all is known, and would
     lead there.
     """
-    here = said[len(steps) // 2]
-    more = np.where((said == UNKNOWN) | (here == UNKNOWN), 0, said - here)
-    lead = more.sum(axis=1)
-    best, gained = int(np.argmax(lead)), _gained(said).sum(axis=1)
-    sure = lead[best] > SURE * math.sqrt((more[best] ** 2).sum())
-    elsewhere = gained[np.abs(steps - steps[best]) > APART].max()
-    return best if sure and elsewhere <= ALIKE * gained[best] else None
-
-
-def _gained(said: Said) -> NDArray[np.bool_]:
-    """The beams (steps, beams) explained at a step, and known not to be at the middle one."""
-    here = said[len(said) // 2]
-    return np.asarray((said == EXPLAINED) & ((here == OPEN) | (here == REFUTED)))
+    more = np.where((said == UNKNOWN) | (here == UNKNOWN), 0, said - here).astype(np.float64)
+    return np.asarray(more.sum(axis=1) - SURE * np.sqrt((more**2).sum(axis=1)))
 
 
 def _steps(half: float, step: float) -> Floats:

@@ -93,6 +93,19 @@ def test_of_places_that_are_alike_none_is_chosen():
     assert farther_along(chart, points, off(-0.6), ALONG) is None
 
 
+def test_only_what_is_not_explained_is_asked_everywhere(monkeypatch):
+    """A cycle of a scanner pays for it: who is right has his beams looked at once."""
+    asked, judged = [], Chart.judged
+    monkeypatch.setattr(
+        Chart, "judged", lambda c, of, at: asked.append(len(of)) or judged(c, of, at)
+    )
+    assert farther_along(CHART, ends(noise=0.02), HERE, ALONG) is None
+    assert sum(asked) < 2 * len(ends())
+    asked.clear()
+    assert farther_along(CHART, ends(), off(-0.6), ALONG) is not None
+    assert sum(asked) < 0.5 * 61 * len(ends())
+
+
 def track_off(by):
     """A track that matches `by` too far along, after a gap of 9 s; the next scan."""
     track = Track(MotionParams())
