@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 
 from bench.judge import metrics
 from bench.sim.degrade import degrade
@@ -17,7 +18,7 @@ from slams.motion.params import MotionParams
 from slams.motion.track import Track
 from slams.player import replay
 from slams.registry import create
-from slams.types import Pose2
+from slams.types import IDENTITY, Pose2
 from tests.floors import grid_of
 from tests.rooms import box, laser, scan_at
 
@@ -104,6 +105,21 @@ def test_only_what_is_not_explained_is_asked_everywhere(monkeypatch):
     asked.clear()
     assert farther_along(CHART, ends(), off(-0.6), ALONG) is not None
     assert sum(asked) < 0.5 * 61 * len(ends())
+
+
+def test_distances_are_those_between_the_centers_of_cells():
+    points, at = (
+        np.random.default_rng(0).uniform(-7.9, 7.9, (200, 2)) * (1.0, 0.12),
+        Pose2(0.1, 0.0, 0.0),
+    )
+    x, y = ((at.transform(points) - CHART.origin) / CHART.resolution - 0.5).T
+    cells = CHART.cells.distance.astype(float)
+    expected = map_coordinates(cells, (y, x), order=1, mode="nearest") * CHART.resolution
+    found = CHART.distances(points, at)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert found.min() < 0.1 < 0.5 < found.max()
+    outside, border = CHART.distances(np.array([[99.0, 0.0], [8.5, 0.0]]), IDENTITY)
+    assert outside == border
 
 
 def track_off(by):
