@@ -13,7 +13,8 @@ OLD = 15.0  # m of way, after which ground is old: no robot sees a room that lon
 NEAR = 3.0  # m from where the robot was then: what it saw there, it sees from here
 SELDOM = 1.0  # m of way between two places that are noted, and between two looks for them
 GAPLESS = 360.0  # beams of a scan, below which the map that is made of them has gaps
-FEW, SETTLE = 144.0, 20  # beams, one every 2.5 degrees; scans of fewer that begin a map
+FEW = 144.0  # beams of a scan, one every 2.5 degrees: of one with fewer a map is mostly its noise
+SETTLE = 20  # looks, at whatever rate, over which that noise is a mean
 MARK = 0.001  # m by which two key scans differ in `driven`, however near they are
 
 

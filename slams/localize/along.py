@@ -35,20 +35,21 @@ def farther_along(chart: Chart, points: Floats, laser: Pose2, along: Floats) -> 
         return np.array([chart.judged(of, _moved(laser, along, s)) for s in steps.tolist()])
 
     here, steps = chart.judged(points, laser), _steps(FARTHEST, STEP)
-    known = (here == OPEN) | (here == REFUTED)  # what is explained here speaks for no other place
-    said = _said(points[known], steps)
-    maybe = np.flatnonzero(_lead(said, here[known]) > 0.0)
+    asks = (here == OPEN) | (here == REFUTED)  # what is explained here speaks for no other place
+    asking, rest = points[asks], points[~asks]
+    said = _said(asking, steps)
+    maybe = np.flatnonzero(_lead(said, here[asks]) > 0.0)
     if len(maybe) == 0:
         return None
-    all_said = _said(points, steps[maybe])
-    lead = _lead(all_said, here)
+    all_said = np.hstack([said[maybe], _said(rest, steps[maybe])])
+    lead = _lead(all_said, np.concatenate([here[asks], here[~asks]]))
     first, gained = int(np.argmax(lead)), said == EXPLAINED
     best, explained = maybe[first], np.mean(all_said[first] == EXPLAINED)
     elsewhere = gained[np.abs(steps - steps[best]) > APART].sum(axis=1).max()
     alike = elsewhere > ALIKE * gained[best].sum()
     if lead[first] <= 0.0 or alike or explained < KNOWN:
         return None
-    telling = points[known][gained[best]]
+    telling = asking[gained[best]]
     finer = steps[best] + _steps(2.0 * STEP, FINE)
     off = [chart.distances(telling, _moved(laser, along, s)).mean() for s in finer.tolist()]
     return _moved(laser, along, float(finer[np.argmin(off)]))

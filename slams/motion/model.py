@@ -154,18 +154,13 @@ class Motion:
         step = chord_of(self._pose.between(pose))
         return _per_second(step, self._expected.dt) if self._can_be(step) else self._velocity
 
-    @property
-    def ragged(self) -> bool:
-        """Whether the stamps predict worse than none."""
-        return self._clock.ragged
-
     def room(self, seconds: float) -> float:
         """How far [m] from its prediction a robot can be, `seconds` after it was seen.
 
         Where stamps are ragged nobody knows how long that was: inf.
         """
         reach = max(seconds, self._expected.reach)
-        return math.inf if self.ragged else self._limits.change(reach)
+        return math.inf if self._clock.ragged else self._limits.change(reach)
 
     def _going_on(self, stamped: float) -> Expected:
         """The step if the motion so far goes on."""

@@ -50,6 +50,13 @@ def allow(laws: Records, ahead: float, aside: float, turn: float, seconds: float
     return not far and abs(turn) <= law.top_turn_rate * seconds + law.leap
 
 
+@njit(borrows=True)
+def change(laws: Records, seconds: float) -> float:
+    """How far [m] accelerations take a robot off its motion in so many seconds. ours."""
+    far: float = laws[0].top_acceleration * seconds * seconds + laws[0].leap
+    return far
+
+
 @njit(inner=True, borrows=True)
 def allow_turn(laws: Records, turn: float, expected: Any, late: float, reach: float) -> bool:
     """Whether a robot that was expected to turn otherwise can turn so in `reach` [s]. ours."""
@@ -67,9 +74,9 @@ def allow_step(laws: Records, step: Any, expected: Records, late: Any, reach: fl
     late: variances of the step ahead, aside and of its turn for readings that are late.
     """
     law, x, y, turn = laws[0], expected[0], expected[1], expected[TURN]
-    change = math.hypot(step[0] - x.step, step[1] - y.step)
+    off = math.hypot(step[0] - x.step, step[1] - y.step)
     doubt = law.doubt * math.sqrt(x.variance + late[0] + y.variance + late[1])
-    if change > law.top_acceleration * reach * reach + law.leap + doubt:
+    if off > change(laws, reach) + doubt:
         return False
     if not allow(laws, step[0], step[1], step[2], reach):
         return False

@@ -37,7 +37,7 @@ class Limits:
     """Speeds and accelerations that no robot has."""
 
     def __init__(self, params: MotionParams) -> None:
-        self._laws, self._params = laws(params), params
+        self._laws = laws(params)
 
     def allow(self, ahead: float, aside: float, turn: float, seconds: float) -> bool:
         """Whether a robot can go that far [m, rad] in so many seconds; if they are known."""
@@ -45,7 +45,7 @@ class Limits:
 
     def change(self, seconds: float) -> float:
         """How far [m] accelerations take a robot off its motion in so many seconds."""
-        return self._params.top_acceleration * seconds * seconds + self._params.leap
+        return float(kernels.change(self._laws, seconds))
 
 
 def laws(params: MotionParams) -> Records:

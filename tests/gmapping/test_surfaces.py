@@ -253,6 +253,19 @@ def test_a_particle_far_from_where_the_way_led_goes_back_if_that_costs_less(
     assert (peaks[1] == 0.0).all() and (h[1] == 1.0).all()
 
 
+def test_a_particle_does_not_go_back_to_a_place_as_far_from_what_is_known():
+    """Held where the way led it would have turned, which the wheels exclude."""
+    matcher, view = matcher_of(IDENTITY), view_of(Pose2(0.0, 0.0, 0.1))
+    how, independent = matcher._how(view, 1e6), GMappingParams().independent
+    for heading, goes_back in ((0.005, False), (0.1, True)):
+        information = np.diag([1e4, 1e4, 1.0 / heading**2])
+        prior = Prior(np.zeros((1, 3)), information[None])
+        peaks, h, out = np.array([[0.06, 0.0, 0.0]]), np.ones((1, 3, 3)), np.zeros((1, 7))
+        out[:, 3] = 3.0 / independent * how.width**2 * view.beams
+        matcher._hold(view, how, prior, peaks, h, out, 0.05)
+        assert (abs(peaks[0, 0]) < 0.01) == goes_back
+
+
 def test_far_off_goes_around_the_circle_the_short_way():
     at, mean = np.array([[0.1, -0.2, math.pi - 0.1]]), np.array([[0.0, 0.0, -math.pi + 0.2]])
     off, known = np.array([0.1, -0.2, -0.3]), np.diag([400.0, 300.0, 900.0])

@@ -10,8 +10,9 @@ from bench.judge import metrics
 from bench.sim.degrade import degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
-from slams.localize.along import farther_along
+from slams.localize.along import SURE, _lead, farther_along
 from slams.localize.chart import Chart
+from slams.localize.chart_kernels import EXPLAINED, OPEN, REFUTED, UNKNOWN
 from slams.localize.places import ends_of
 from slams.localize.relocator import Relocator
 from slams.motion.params import MotionParams
@@ -73,6 +74,24 @@ def test_a_scan_of_elsewhere_proves_nothing():
     hidden[: len(points) // 2 : 2] -= (0.0, 0.05)
     assert farther_along(CHART, points, off(-0.6), ALONG) is not None
     assert farther_along(CHART, hidden, off(-0.6), ALONG) is None
+
+
+def test_a_place_that_explains_too_little_is_none():
+    """The end of the corridor is where it was, what stands beside it is not."""
+    points = ends()
+    beside = np.flatnonzero(np.abs(HERE.transform(points)[:, 0]) < 7.0)
+    few, many = points.copy(), points.copy()
+    for some, every in ((few, 20), (many, 3)):
+        some[beside[::every]] *= 0.5  # somebody stands there
+    assert farther_along(CHART, few, off(-0.6), ALONG) is not None
+    assert farther_along(CHART, many, off(-0.6), ALONG) is None
+
+
+def test_what_is_unknown_here_or_there_counts_neither_way():
+    here = np.array([OPEN, OPEN, EXPLAINED, UNKNOWN, UNKNOWN, REFUTED], np.int8)
+    there = np.array([EXPLAINED, OPEN, OPEN, EXPLAINED, REFUTED, UNKNOWN], np.int8)
+    lead = _lead(np.tile(there, (2, 1)), here)
+    np.testing.assert_allclose(lead, (1 - 1) - SURE * math.sqrt(2.0))
 
 
 def test_beams_of_two_minds_prove_nothing():
