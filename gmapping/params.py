@@ -29,6 +29,7 @@ class GMappingParams(ScanParams):
         "1",
         "match to surfaces inside the cells, in place of the end points' climb",
         source="ours: exact to below a cell",
+        switch=True,
     )
     n_particles: int = param(
         30, "1", "number of particles", source=ORIGINAL, low=1, high=20_000, ros=("particles",)

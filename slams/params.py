@@ -29,6 +29,7 @@ class Spec:
     high: float | None = None
     choices: tuple[str, ...] = ()
     ros: tuple[str, ...] = ()
+    switch: bool = False
 
 
 def param(
@@ -41,6 +42,7 @@ def param(
     high: float | None = None,
     choices: Sequence[str] = (),
     ros: Sequence[str] = (),
+    switch: bool = False,
 ) -> Any:
     """Declare one field of a `Params` class.
 
@@ -54,10 +56,13 @@ def param(
             `GREATEST` for other numbers.
         choices: the words allowed, for a text parameter.
         ros: names of the same parameter in the original ROS package.
+        switch: whether it turns a mechanism on and off: what `bench.ablation` tries without.
     """
     if unit not in UNITS:
         raise ValueError(f"unit {unit!r} is not one of {', '.join(UNITS)}")
-    spec = Spec(unit, meaning, source, low, high, tuple(choices), tuple(ros))
+    if switch and not isinstance(default, bool):
+        raise ValueError(f"switch: got the default {default!r}, expected True or False")
+    spec = Spec(unit, meaning, source, low, high, tuple(choices), tuple(ros), switch)
     return dataclasses.field(default=default, metadata={"spec": spec})
 
 
@@ -122,6 +127,11 @@ class Params:
     def specs(cls) -> dict[str, Spec]:
         """Every parameter's name with its unit, meaning, source and bounds."""
         return {f.name: f.metadata["spec"] for f in dataclasses.fields(cls)}
+
+    @classmethod
+    def switches(cls) -> list[str]:
+        """Names of the parameters that turn a mechanism on and off."""
+        return [name for name, spec in cls.specs().items() if spec.switch]
 
     @classmethod
     def presets(cls) -> list[str]:
@@ -199,9 +209,13 @@ class Params:
         rows = []
         for name, spec in self.specs().items():
             value = getattr(self, name)
-            text = str(value).lower() if isinstance(value, bool) else str(value)
-            rows.append((name, text, spec.unit, spec.meaning, spec.source))
+            rows.append((name, worded(value), spec.unit, spec.meaning, spec.source))
         return rows
+
+
+def worded(value: Any) -> str:
+    """A parameter's value as --set takes it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _unknown(name: str, known: list[str]) -> str:

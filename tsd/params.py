@@ -113,6 +113,7 @@ class TsdParams(ScanParams):
         "1",
         "align to the field itself, behind ICP",
         source="ours: A1; the paper ends with ICP",
+        switch=True,
     )
     rays: int = param(
         90,

@@ -24,7 +24,7 @@ class MotionParams(Params):
     gyro: bool = param(True, "1", "use the gyro's heading where a scan has it", source="ours: user")
 
     relocate: bool = param(
-        True, "1", "look for a lost robot in all of its own map", source="ours: user"
+        True, "1", "look for a lost robot in all of its own map", source="ours: user", switch=True
     )
 
     way_scale: float = param(

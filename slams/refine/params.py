@@ -17,6 +17,7 @@ class RefineParams(ScanParams):
         "1",
         "fit lines inside the cells after the paper's mechanism",
         source="ours: exact to below a cell",
+        switch=True,
     )
     reach: int = param(
         1,

@@ -23,6 +23,7 @@ class ScanParams(MotionParams):
         "1",
         "take out the motion during a sweep that has a time per beam",
         source="ours: 3 cm at 0.5 m/s and 5 Hz",
+        switch=True,
     )
     normal_window: float = param(
         0.05,

@@ -79,6 +79,17 @@ def test_table_and_unit():
         param(1.0, "mm", "x", source="y")
 
 
+def test_only_what_is_declared_a_switch_is_one():
+    @dataclass(frozen=True)
+    class Switched(Example):
+        part: bool = param(False, "1", "a mechanism", source="ours: a part", switch=True)
+
+    assert Example.switches() == []  # `exact` is on or off, and no mechanism
+    assert Switched.switches() == ["part"]
+    with pytest.raises(ValueError, match=r"switch: got the default 0\.5, expected True or False"):
+        param(0.5, "1", "x", source="y", switch=True)
+
+
 @dataclass(frozen=True)
 class OnSensors(Example):
     SENSORS = {"lds01": {"cell": 0.2}, "mine": {"steps": 9}}
