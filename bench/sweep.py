@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bench.run import spread
+from bench.run import single, spread
 from bench.sim.setting import ARENAS
 from slams import cli
 from slams.registry import BASELINES, names
@@ -51,18 +51,14 @@ def parser() -> argparse.ArgumentParser:
         "kept in OUT/runs and not done again: a sweep that was ended goes on where it was.",
     )
     p.add_argument("logs", nargs="*", metavar="LOG", help="logs with a truth; default: simulate")
-    p.add_argument("--algorithms", metavar="NAME", nargs="+", help="default: all but baselines")
     p.add_argument(
-        "--degradations",
-        metavar="NAME[=LEVEL]",
+        "--algorithms",
+        metavar="NAME",
         nargs="+",
-        help="names with their levels, or single levels (noise=0.05); all: every one; list: what "
-        "there is",
+        help="default: all but baselines; a variant with a row of its own: NAME:KEY=VALUE,...",
     )
-    p.add_argument("--arenas", metavar="NAME", nargs="+", help=f"of {', '.join(ARENAS)}")
-    p.add_argument("--seeds", type=int, metavar="N", help="drives in each arena")
-    p.add_argument("--duration", type=float, metavar="S", help="of each simulated drive")
-    p.add_argument("--rate", type=float, metavar="HZ", help="scans a second at most; 0: all")
+    single.add_options(p, several=True)
+    add_drive_options(p)
     p.add_argument("--sensor", metavar="NAME", default="utm30lx", help="of the simulated drives")
     p.add_argument(
         "--odometry",
@@ -75,6 +71,28 @@ def parser() -> argparse.ArgumentParser:
     spread.add_options(p)
     cli.add_log_options(p)
     return p
+
+
+def add_drive_options(parser: argparse.ArgumentParser) -> None:
+    """Give a command the options of what is driven and what spoils it."""
+    parser.add_argument(
+        "--degradations",
+        metavar="NAME[=LEVEL]",
+        nargs="+",
+        help="names with their levels, or single levels (noise=0.05); all: every one; list: what "
+        "there is",
+    )
+    parser.add_argument("--arenas", metavar="NAME", nargs="+", help=f"of {', '.join(ARENAS)}")
+    parser.add_argument("--seeds", type=int, metavar="N", help="drives in each arena")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        metavar="N",
+        default=0,
+        help="seed of the first drive, the others have those behind it (default: %(default)s)",
+    )
+    parser.add_argument("--duration", type=float, metavar="S", help="of each simulated drive")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="scans a second at most; 0: all")
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -106,8 +124,26 @@ def listed() -> str:
 def _command(arguments: argparse.Namespace, words: list[str]) -> int:
     from bench.report import sweep_outputs
     from bench.results import sweep as results
-    from bench.run.store import Store
     from slams.formats import files
+
+    found = swept(arguments, words)
+    if found is None:
+        return 0
+    place = Path(arguments.out)
+    with files.complete_folder(place) as folder:
+        results.save(folder, found)
+        sweep_outputs.write(folder, found)
+    if not arguments.quiet:
+        sys.stdout.write(f"{_said(found)}\n{place}/: report.html, sweep.json, tables\n")
+    return cli.FAILED if all(trial["failed"] for trial in found.trials) else 0
+
+
+def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRAM) -> Sweep | None:
+    """Every trial that a command asks for, done now or kept from before.
+
+    None where this was one part of several and trials of others are missing.
+    """
+    from bench.run.store import Store
 
     plan = cli.refusing(lambda: _plan(arguments))
     place = Path(arguments.out)
@@ -115,16 +151,10 @@ def _command(arguments: argparse.Namespace, words: list[str]) -> int:
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
     with cli.refusing(lambda: spread.executor_of(arguments)) as here:
-        _announce(arguments, cases)
+        _announce(arguments, cases, program)
         if not _all_done(cases, store, here, arguments):
-            return 0
-    found = plan.gathered(cases, store, _record(words))
-    with files.complete_folder(place) as folder:
-        results.save(folder, found)
-        sweep_outputs.write(folder, found)
-    if not arguments.quiet:
-        sys.stdout.write(f"{_said(found)}\n{place}/: report.html, sweep.json, tables\n")
-    return cli.FAILED if all(trial["failed"] for trial in found.trials) else 0
+            return None
+    return plan.gathered(cases, store, _record(words, program))
 
 
 def _plan(arguments: argparse.Namespace) -> Plan:
@@ -137,19 +167,27 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     seeds = arguments.seeds or (FULL_SEEDS if full else QUICK_SEEDS)
     duration = arguments.duration or (FULL_DURATION if full else QUICK_DURATION)
     rate = arguments.rate if arguments.rate is not None else (0.0 if full else QUICK_RATE)
-    simulated = plan.Drives(arguments.arenas or list(ARENAS), seeds, duration, arguments.sensor)
+    arenas, first = arguments.arenas or list(ARENAS), arguments.seed
+    simulated = plan.Drives(arenas, seeds, duration, arguments.sensor, first)
+    algorithms = arguments.algorithms or [name for name in names() if name not in BASELINES]
     return plan.Plan(
-        algorithms=arguments.algorithms or [name for name in names() if name not in BASELINES],
+        algorithms=algorithms,
         conditions=plan.conditions_of(chosen, full),
         logs=plan.logs_of(arguments.logs, simulated, cli.log_options(arguments)),
         odometry={"both": (False, True), "with": (True,), "without": (False,)}[arguments.odometry],
         rate=rate or None,
         sensor=None if arguments.sensor == "utm30lx" else arguments.sensor,
+        single=single.singles(algorithms, arguments.params, arguments.changes),
     )
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    limits = {"seeds": (1, 1000), "duration": (2.0, 14400.0), "rate": (0.0, 1000.0)}
+    limits = {
+        "seeds": (1, 1000),
+        "seed": (0, 10**9),
+        "duration": (2.0, 14400.0),
+        "rate": (0.0, 1000.0),
+    }
     for name, (low, high) in limits.items():
         value = getattr(arguments, name)
         if value is not None and not low <= value <= high:
@@ -162,12 +200,12 @@ def _check_folder(place: Path) -> None:
     place.mkdir(parents=True, exist_ok=True)
 
 
-def _announce(arguments: argparse.Namespace, cases: list[Case]) -> None:
+def _announce(arguments: argparse.Namespace, cases: list[Case], program: str) -> None:
     """How much work it is, before it starts."""
     if not arguments.quiet:
         minutes = sum(case.scans for case in cases) * PER_SCAN / 60.0
         sys.stderr.write(
-            f"{PROGRAM}: {len(cases)} runs, about {max(1.0, minutes):.0f} minutes of one core; "
+            f"{program}: {len(cases)} runs, about {max(1.0, minutes):.0f} minutes of one core; "
             "what is done already is kept\n"
         )
 
@@ -192,11 +230,11 @@ def _all_done(
     return not left
 
 
-def _record(words: list[str]) -> dict[str, Any]:
+def _record(words: list[str], program: str) -> dict[str, Any]:
     from bench.run import timing
     from slams.summary import versions
 
-    command = f"python -m {PROGRAM} {shlex.join(words)}".strip()
+    command = f"python -m {program} {shlex.join(words)}".strip()
     return {"command": command, "machine": timing.machine(), "versions": versions()}
 
 

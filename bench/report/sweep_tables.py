@@ -12,6 +12,7 @@ from bench.judge.survival import CLEAN, Group, Share
 from bench.report.lines import listed
 from bench.report.text import text_table
 from bench.results.sweep import Sweep, Trial
+from slams.params import worded
 
 MODES = {False: "laser alone", True: "with odometry"}
 TITLES = {
@@ -135,8 +136,18 @@ def head(sweep: Sweep) -> str:
     return (
         f"{len(sweep.trials)} runs over {len(sweep.facts['logs'])} logs ({', '.join(places)}; "
         f"{sweep.facts['sensor']}{rate}); lost = off by more than {limits['limit_m']:g} m or "
-        f"{limits['limit_rad']:g} rad anywhere"
+        f"{limits['limit_rad']:g} rad anywhere{_settings(sweep)}"
     )
+
+
+def _settings(sweep: Sweep) -> str:
+    """What was set for rows whose name does not say so."""
+    found = sweep.facts.get("settings", {})
+    texts = {
+        name: " and ".join(f"{key}={worded(value)}" for key, value in changes.items())
+        for name, changes in found.items()
+    }
+    return "".join(f"; {name} with {text}" for name, text in texts.items())
 
 
 def answer(sweep: Sweep) -> list[str]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bench.run import single
 from slams import cli
 from slams.params import LASERS
 from slams.registry import names
@@ -76,21 +77,7 @@ def parser() -> argparse.ArgumentParser:
         default=[],
         help="launch or parameter file of the original's ROS node; may be given again",
     )
-    p.add_argument(
-        "--params",
-        metavar="ALGORITHM:FILE.yaml",
-        action="append",
-        default=[],
-        help="parameters of one algorithm, lines 'name: value'; may be given again",
-    )
-    p.add_argument(
-        "--set",
-        metavar="ALGORITHM:KEY=VALUE",
-        action="append",
-        default=[],
-        dest="changes",
-        help="one parameter of one algorithm (tsd:cell=0.05); may be given again",
-    )
+    single.add_options(p)
     p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
     p.add_argument("--limit", type=int, metavar="N", help="only N scans")
     p.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th scan")
@@ -169,10 +156,9 @@ def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
     """What the options say of logs and parameters; every algorithm can be run with it."""
     from bench.run import ros_files
     from bench.run.cases import Choice
-    from bench.run.single import common_seed, singles
     from slams.registry import find
 
-    common, named = common_seed(arguments.seed)
+    common, named = single.common_seed(arguments.seed)
     choice = Choice(
         arguments.limit or (QUICK_SCANS if arguments.quick else None),
         arguments.every,
@@ -186,7 +172,7 @@ def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
     choice = replace(
         choice,
         ros=ros_files.taken(arguments.ros_params, labels, choice),
-        single=singles(labels, arguments.params, arguments.changes, named),
+        single=single.singles(labels, arguments.params, arguments.changes, named),
     )
     for label in labels:
         choice.params(find(label))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from bench.judge.survival import CLEAN
 from bench.results.sweep import Cost, Sweep, Trial
 from bench.run.code import package_of
+from bench.run.single import Single, algorithm_of, params_of
 from bench.run.trial import Condition, Log, content_of, limits, task_of
 from bench.sim.degrade import CATALOG, Degradation, find_degradation, parse
 from bench.sim.sensors import find_sensor
@@ -24,12 +26,16 @@ if TYPE_CHECKING:
 
 
 class Drives(NamedTuple):
-    """Simulated logs: so many seeded drives of `duration` [s] in each arena, with one sensor."""
+    """Simulated logs: so many seeded drives of `duration` [s] in each arena, with one sensor.
+
+    Their seeds are `first` and those behind it.
+    """
 
     arenas: list[str]
     seeds: int
     duration: float
     sensor: str
+    first: int = 0
 
 
 class Given(NamedTuple):
@@ -62,7 +68,10 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything a sweep follows from; `rate` [Hz] is the most scans a second, None all."""
+    """Everything a sweep follows from; `rate` [Hz] is the most scans a second, None all.
+
+    An algorithm may be a variant, `bench.run.single`; `single` has what the options say of each.
+    """
 
     algorithms: list[str]
     conditions: list[Level]
@@ -70,19 +79,32 @@ class Plan:
     odometry: tuple[bool, ...]
     rate: float | None
     sensor: str | None
+    single: Mapping[str, Single] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for algorithm in self.algorithms:
             self.parameters(algorithm)
 
     def parameters(self, algorithm: str) -> dict[str, Any]:
-        """The resolved parameters of an algorithm, for the sensor.
+        """The resolved parameters of an algorithm or a variant, for the sensor.
 
         Raises:
-            LookupError: no such algorithm.
+            LookupError: no such algorithm, or parameter of it.
+            ValueError, OSError: a value or a file that is none.
         """
-        params = find(algorithm).params()
-        return (params if self.sensor is None else params.for_sensor(self.sensor)).as_dict()
+        return params_of(algorithm, self.sensor, self.single).as_dict()
+
+    def settings(self) -> dict[str, dict[str, Any]]:
+        """What is other than usual in the parameters of each algorithm and its label does not say.
+
+        Only algorithms of which anything is.
+        """
+        found: dict[str, dict[str, Any]] = {}
+        for algorithm in self.single:
+            usual = params_of(algorithm, self.sensor, {}).as_dict()
+            now = self.parameters(algorithm)
+            found[algorithm] = {key: value for key, value in now.items() if value != usual[key]}
+        return {algorithm: changes for algorithm, changes in found.items() if changes}
 
     def cases(self, place: Path) -> list[Case]:
         """Every trial, log by log and condition by condition; recorded logs are put in `place`."""
@@ -110,6 +132,7 @@ class Plan:
         units = {name: entry.unit for name, entry in used.items()}
         meanings = {name: entry.meaning for name, entry in used.items()}
         logs = [given.log._asdict() for given in self.logs]
+        settings = self.settings()
         return {
             "units": units,
             "meanings": meanings,
@@ -117,6 +140,7 @@ class Plan:
             "rate": self.rate,
             "sensor": self.sensor or "utm30lx",
             "limits": limits(),
+            **({"settings": settings} if settings else {}),
         }
 
     def _cases_of(
@@ -137,9 +161,9 @@ class Plan:
                 "level": amount,
                 "odometry": odometry,
             }
-            package = package_of(find(algorithm).cls)
-            parameters = self.parameters(algorithm)
-            task = task_of(log, condition, algorithm, parameters, odometry, package, recorded)
+            name, parameters = algorithm_of(algorithm), self.parameters(algorithm)
+            package = package_of(find(name).cls)
+            task = task_of(log, condition, name, parameters, odometry, package, recorded)
             cases.append(Case(known, task, self._scans(given)))
         return cases
 
@@ -177,14 +201,13 @@ def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Gi
         ValueError: it is none, or has no truth.
         LookupError: no such arena or sensor.
     """
+    seeds = range(drives.first, drives.first + drives.seeds)
     if not paths:
-        seeds = range(drives.seeds)
         return [_simulated(arena, seed, drives) for arena in drives.arenas for seed in seeds]
     found = [_recorded(path, options) for path in paths]
     names = [given.log.name for given in found]
     if len(set(names)) < len(names):
         raise ValueError(f"logs: got the names {', '.join(names)}, expected different ones")
-    seeds = range(drives.seeds)
     return [g._replace(log=g.log._replace(seed=seed)) for g in found for seed in seeds]
 
 

@@ -1,8 +1,15 @@
-"""Parameters for single algorithms of a comparison: --params, --set and --seed with a name."""
+"""Parameters for single algorithms: --params, --set and --seed with a name, and variants.
+
+A variant is an algorithm with settings of its own, NAME:KEY=VALUE[,KEY=VALUE]: "=" stands behind
+the last colon, as in no module:Class. Light: help reads it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import argparse
+import difflib
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -32,26 +39,105 @@ class Single:
         return params.replace(**self.values)
 
 
+def add_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
+    """Give a command --params and --set, for `singles`; `several` after one flag."""
+    again = "several, or given again" if several else "may be given again"
+    action, nargs = ("extend", "+") if several else ("append", None)
+    parser.add_argument(
+        "--params",
+        metavar="ALGORITHM:FILE.yaml",
+        action=action,
+        nargs=nargs,
+        default=[],
+        help=f"parameters of one algorithm, lines 'name: value'; {again}",
+    )
+    parser.add_argument(
+        "--set",
+        metavar="ALGORITHM:KEY=VALUE",
+        action=action,
+        nargs=nargs,
+        default=[],
+        dest="changes",
+        help="one parameter of one algorithm (tsd:cell=0.05), or without the name of all that "
+        f"have it; {again}",
+    )
+
+
+def algorithm_of(label: str) -> str:
+    """The algorithm that a label is a variant of; of any other label itself."""
+    return _split(label)[0]
+
+
+def settings_of(label: str) -> dict[str, str]:
+    """What a variant sets; nothing of any other label.
+
+    Raises:
+        ValueError: it is not KEY=VALUE[,KEY=VALUE], each KEY once.
+    """
+    settings = _split(label)[1]
+    if not settings:
+        return {}
+    parts = [part.partition("=") for part in settings.split(",")]
+    found = {key.strip(): value.strip() for key, _, value in parts}
+    if len(found) < len(parts) or not all(equals for _, equals, _ in parts):
+        raise ValueError(
+            f"--algorithms: got {label!r}, expected NAME:KEY=VALUE[,KEY=VALUE], each KEY once"
+        )
+    return found
+
+
+def variant(label: str, /, **settings: str) -> str:
+    """The label of an algorithm, or of a variant, with more settings."""
+    known = settings_of(label) | settings
+    return f"{algorithm_of(label)}:{','.join(f'{key}={value}' for key, value in known.items())}"
+
+
+def params_of(label: str, sensor: str | None, given: Mapping[str, Single]) -> Params:
+    """The parameters of a label: preset < sensor < what is given for it < the variant's own.
+
+    Raises:
+        LookupError: no such algorithm, sensor or parameter.
+        ValueError, OSError: see `Single.applied`.
+    """
+    from slams.registry import find
+
+    params = find(algorithm_of(label)).params()
+    params = params if sensor is None else params.for_sensor(sensor)
+    return given.get(label, Single()).applied(params).replace(**settings_of(label))
+
+
 def singles(
-    labels: Sequence[str], files: Sequence[str], values: Sequence[str], seeds: Sequence[str]
+    labels: Sequence[str],
+    files: Sequence[str],
+    values: Sequence[str],
+    seeds: Sequence[str] = (),
 ) -> dict[str, Single]:
-    """What ALGORITHM:FILE, ALGORITHM:KEY=VALUE and ALGORITHM:SEED say, by algorithm.
+    """What ALGORITHM:FILE, [ALGORITHM:]KEY=VALUE and ALGORITHM:SEED say, by label.
+
+    What is of an algorithm is of its variants, too. A value with a name wins over one without.
 
     Raises:
         ValueError: a text of another form, or of an algorithm that is not compared.
+        LookupError: a parameter that no algorithm has.
     """
-    found: dict[str, Single] = {}
+    rows: dict[str, list[str]] = {}
+    for label in labels:
+        rows.setdefault(algorithm_of(label), []).append(label)
+    found: defaultdict[str, Single] = defaultdict(Single)
     for text in files:
-        label, path = _parted("--params", text, "FILE", labels)
-        found.setdefault(label, Single()).files.append(path)
-    for text in values:
-        label, assignment = _parted("--set", text, "KEY=VALUE", labels)
+        name, path = _parted("--params", text, "FILE", rows)
+        for label in rows[name]:
+            found[label].files.append(path)
+    for text in sorted(values, key=_has_name):
+        names, assignment = _assigned(text, rows)
         key, value = cli.assignment(assignment)
-        found.setdefault(label, Single()).values[key] = value
+        for label in (label for name in names for label in rows[name]):
+            found[label].values[key] = value
     for text in seeds:
-        label, seed = _parted("--seed", text, "N", labels)
-        found.setdefault(label, Single()).values["seed"] = seed
-    return found
+        name, seed = _parted("--seed", text, "N", rows)
+        for label in rows[name]:
+            found[label].values["seed"] = seed
+    return dict(found)
 
 
 def common_seed(seeds: Sequence[str]) -> tuple[int | None, list[str]]:
@@ -76,16 +162,46 @@ def _number(text: str) -> int:
         raise ValueError(f"--seed: got {text!r}, expected a number, or ALGORITHM:N") from None
 
 
-def _parted(option: str, text: str, form: str, labels: Sequence[str]) -> tuple[str, str]:
-    """Label and rest; labels such as module:Class have colons of their own."""
-    known = [label for label in labels if text.startswith(f"{label}:")]
+def _split(label: str) -> tuple[str, str]:
+    """The algorithm of a label, and the settings of a variant."""
+    name, _, settings = label.rpartition(":")
+    return (name, settings) if name and "=" in settings else (label, "")
+
+
+def _has_name(text: str) -> bool:
+    """Whether a --set is of one algorithm: no KEY has a colon."""
+    key, equals, _ = text.partition("=")
+    return ":" in key or not equals
+
+
+def _assigned(text: str, algorithms: Mapping[str, object]) -> tuple[list[str], str]:
+    """The algorithms that a --set is of, and its KEY=VALUE."""
+    if _has_name(text):
+        name, assignment = _parted("--set", text, "KEY=VALUE", algorithms)
+        return [name], assignment
+    key, _ = cli.assignment(text)
+    known = {name: params_of(name, None, {}).specs() for name in algorithms}
+    having = [name for name, specs in known.items() if key in specs]
+    if not having:
+        every = {parameter for specs in known.values() for parameter in specs}
+        near = difflib.get_close_matches(key, sorted(every), n=1, cutoff=0.4)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise LookupError(
+            f"--set: got {text!r}, expected a parameter of {' or '.join(algorithms)}{hint}"
+        )
+    return having, text
+
+
+def _parted(option: str, text: str, form: str, names: Mapping[str, object]) -> tuple[str, str]:
+    """Name and rest; names such as module:Class have colons of their own."""
+    known = [name for name in names if text.startswith(f"{name}:")]
     if not known:
         raise ValueError(
             f"{option}: got {text!r}, expected ALGORITHM:{form} of one that is compared: "
-            f"{', '.join(labels)}"
+            f"{', '.join(names)}"
         )
-    label = max(known, key=len)
-    rest = text[len(label) + 1 :]
+    name = max(known, key=len)
+    rest = text[len(name) + 1 :]
     if not rest:
         raise ValueError(f"{option}: got {text!r}, expected ALGORITHM:{form}")
-    return label, rest
+    return name, rest

@@ -114,7 +114,8 @@ def test_parameters_of_one_algorithm_leave_the_others_alone(tmp_path):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--set", "cell=0.05"], "got 'cell=0.05', expected ALGORITHM:KEY=VALUE"),
+        (["--set", "cel=1"], "got 'cel=1', expected a parameter of tsd; did you mean 'cell'"),
+        (["--set", "cell"], "got 'cell', expected ALGORITHM:KEY=VALUE"),
         (["--set", "nobody:cell=0.05"], "expected ALGORITHM:KEY=VALUE of one that is compared"),
         (["--set", "tsd:cell"], "--set: got 'cell', expected KEY=VALUE"),
         (["--set", "tsd:cel=1"], "did you mean 'cell'"),
