@@ -17,6 +17,7 @@ COMMANDS = {
     "play": "slams.play",
     "compare": "bench.compare",
     "sweep": "bench.sweep",
+    "ablation": "bench.ablation",
     "localize": "bench.localize",
     "loops": "bench.loops",
     "simulate": "bench.simulate",

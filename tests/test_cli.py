@@ -208,7 +208,7 @@ def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):
 
 def test_help_is_fast_and_loads_nothing_heavy():
     ours = ("slams.run", "slams.convert", "slams.live", "slams.play")
-    for module in (*ours, "bench.compare", "bench.sweep", "bench.report"):
+    for module in (*ours, "bench.compare", "bench.sweep", "bench.ablation", "bench.report"):
         code = (
             "import sys, runpy\n"
             f"sys.argv = ['{module}', '--help']\n"

@@ -69,6 +69,19 @@ def wilson(successes: int, n: int, confidence: float = 0.95) -> Share:
     return Share(float(found.low), float(found.high))
 
 
+def mcnemar(only_a: int, only_b: int) -> float:
+    """The p-value, of both sides, of McNemar's exact test (1947) of two shares over the same runs.
+
+    Args:
+        only_a: runs that only a survived.
+        only_b: runs that only b survived; those that both did, or neither, tell nothing.
+    """
+    from scipy.stats import binomtest
+
+    discordant = only_a + only_b
+    return float(binomtest(only_a, discordant).pvalue) if discordant else 1.0
+
+
 def mean_interval(values: Floats, level: float = 0.95, seed: int = 0) -> Interval:
     """The mean of an autocorrelated series (n,) with its confidence interval.
 

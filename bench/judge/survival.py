@@ -36,7 +36,7 @@ class Group(NamedTuple):
     `ate_m` and `worst_ate_m` are median and greatest error of the runs that survived, None without
     any; `worse_than_wheels` counts runs with odometry that were further off than the wheels alone;
     `right_again` the lost runs that were right at their end; `cpu` CPU seconds per second of log,
-    median.
+    median; `cpu_scan` per scan.
     """
 
     survived: Share
@@ -50,6 +50,7 @@ class Group(NamedTuple):
     posed: float | None
     refined: float | None
     cpu: float | None
+    cpu_scan: float | None
 
 
 class Survivors(NamedTuple, Generic[K]):
@@ -85,7 +86,7 @@ def weigh(judged: list[Judged]) -> Group:
     worse = [trial for trial in beside if trial["ate_m"] > (trial["wheels_ate_m"] or 0.0)]
     episodes = sum(trial["episodes"] for trial in done)
     right = sum(trial["right_scans"] for trial in done)
-    spent = [_per_second(item) for item in judged if item.cost and not item.trial["failed"]]
+    known = [(i, i.cost["cpu_s"]) for i in judged if i.cost and not i.trial["failed"]]
     return Group(
         survived=share(len(kept), len(trials)),
         ate_m=_median(trial["ate_m"] for trial in kept),
@@ -97,7 +98,8 @@ def weigh(judged: list[Judged]) -> Group:
         false_share=sum(trial["false_alarms"] for trial in done) / max(right, 1),
         posed=_mean(t["posed"] for t in done if t["posed"] is not None),
         refined=_mean(t["refined"] for t in done if t["refined"] is not None),
-        cpu=_median(spent),
+        cpu=_median(_per_second(item) for item, _ in known),
+        cpu_scan=_median(cpu_s / max(item.trial["scans"], 1) for item, cpu_s in known),
     )
 
 
@@ -121,6 +123,25 @@ def share(k: int, n: int) -> Share:
     return Share(k, n, *wilson(k, n))
 
 
+def discordant(sweep: Sweep, a: str, b: str) -> tuple[int, int]:
+    """Runs that of two algorithms only a survived, and only b; a pair has log and condition alike.
+
+    Raises:
+        KeyError: a run of one that the other has not.
+    """
+    kept: dict[str, dict[Hashable, bool]] = {a: {}, b: {}}
+    for trial in sweep.trials:
+        if trial["algorithm"] in kept:
+            kept[trial["algorithm"]][_pair(trial)] = survived(trial)
+    pairs = [(kept[a][pair], kept[b][pair]) for pair in kept[a] | kept[b]]
+    return pairs.count((True, False)), pairs.count((False, True))
+
+
+def survived(trial: Trial) -> bool:
+    """Whether a run kept its way; one that failed did not."""
+    return not trial["failed"] and not trial["lost"]
+
+
 def reach(sweep: Sweep, algorithm: str, odometry: bool, degradation: str) -> float | None:
     """The hardest level up to which every run survived, this and all milder ones.
 
@@ -131,11 +152,10 @@ def reach(sweep: Sweep, algorithm: str, odometry: bool, degradation: str) -> flo
     for trial in sweep.trials:
         same = (trial["algorithm"], trial["odometry"], trial["degradation"])
         if same == (algorithm, odometry, degradation):
-            survived = not trial["failed"] and not trial["lost"]
-            whole[trial["level"]] = whole.get(trial["level"], True) and survived
+            whole[trial["level"]] = whole.get(trial["level"], True) and survived(trial)
     last = None
-    for level, survived in whole.items():
-        if not survived:
+    for level, every in whole.items():
+        if not every:
             break
         last = level
     return last
@@ -168,6 +188,12 @@ def clean_errors(sweep: Sweep, odometry: bool) -> dict[str, dict[str, float]]:
             if second is not None:
                 found.setdefault(trial["algorithm"], {})[trial["log"]] = second
     return found
+
+
+def _pair(trial: Trial) -> Hashable:
+    """What two runs of a pair have alike."""
+    log, condition = (trial["log"], trial["seed"]), (trial["degradation"], trial["level"])
+    return log, condition, trial["odometry"]
 
 
 def _per_second(item: Judged) -> float:

@@ -1,0 +1,144 @@
+"""python -m bench.ablation: what each mechanism of an algorithm is worth, switched off alone.
+
+The parameters say which of them are switches, so this knows no algorithm. Runs are those of the
+sweep: the same drives with each switch, and every run is compared with its twin.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from bench import sweep
+from bench.run import single, spread
+from slams import cli
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from bench.judge.survival import Group
+    from bench.results.sweep import Sweep
+
+PROGRAM = "bench.ablation"
+ALL = "all"  # the row of the algorithm as it is
+SEEDS = 20
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    p = cli.Parser(
+        prog=f"python -m {PROGRAM}",
+        description="Set every switch of an algorithm to its other value, one by one, and see "
+        "what survives the sweep's conditions: about ten minutes of one core for each.",
+        epilog="Writes ablation.md and ablation.csv: p is McNemar's exact test of who survived, "
+        "run by run, against the algorithm as it is. Runs that are done are kept in OUT/runs and "
+        "not done again.",
+    )
+    p.add_argument(
+        "algorithm", metavar="ALGORITHM", help="as the sweep's: name, variant or module:Class"
+    )
+    sweep.add_drive_options(p)
+    p.set_defaults(seeds=SEEDS)
+    cli.add_output_options(p, "results/ablation")
+    spread.add_options(p)
+    return p
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    cli.one_thread()
+    words = sys.argv[1:] if argv is None else argv
+    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(words), words))
+
+
+def _command(arguments: argparse.Namespace, words: list[str]) -> int:
+    from slams.formats import files
+
+    if arguments.degradations == ["list"]:
+        sys.stdout.write(sweep.listed())
+        return 0
+    rows = cli.refusing(lambda: rows_of(arguments.algorithm))
+    usual = vars(sweep.parser().parse_args([]))  # of what is not asked here
+    asked = usual | vars(arguments) | {"algorithms": list(rows.values())}
+    found = sweep.swept(argparse.Namespace(**asked), words, PROGRAM)
+    if found is None:
+        return 0
+    made = table(found, rows)
+    with files.complete_folder(arguments.out) as folder:
+        made.to_csv(folder / "ablation.csv", index_label=arguments.algorithm)
+        text = as_markdown(found, made, arguments.algorithm)
+        (folder / "ablation.md").write_text(text, encoding="utf-8")
+    if not arguments.quiet:
+        sys.stdout.write(as_text(found, made, arguments.algorithm))
+        sys.stdout.write(f"\n{arguments.out}/: ablation.md, ablation.csv\n")
+    return cli.FAILED if all(trial["failed"] for trial in found.trials) else 0
+
+
+def rows_of(label: str) -> dict[str, str]:
+    """The rows of the table, each with the variant that it is of: as it is, then every switch.
+
+    Raises:
+        LookupError: no such algorithm, or none that has a switch.
+    """
+    from slams.params import worded
+
+    params = single.params_of(label, None, {})
+    others = {name: worded(not getattr(params, name)) for name in params.switches()}
+    if not others:
+        raise LookupError(
+            f"{label}: has no switch, expected parameters declared with switch=True (slams.params)"
+        )
+    variants = {f"{n}={v}": single.variant(label, **{n: v}) for n, v in others.items()}
+    return {ALL: label, **variants}
+
+
+def table(found: Sweep, rows: dict[str, str]) -> pd.DataFrame:
+    """A line per row: who survived and the error by sensors, cost, the p-value."""
+    import pandas as pd
+
+    from bench.judge import survival
+    from bench.judge.statistics import mcnemar
+    from bench.report.sweep_tables import MODES
+
+    groups = survival.grouped(found, lambda trial: (trial["algorithm"], trial["odometry"]))
+    whole = survival.grouped(found, lambda trial: trial["algorithm"])
+    lines: dict[str, dict[str, object]] = {}
+    for name, label in rows.items():
+        own = {
+            words: groups[label, mode] for mode, words in MODES.items() if (label, mode) in groups
+        }
+        cpu = whole[label].cpu_scan
+        chance = mcnemar(*survival.discordant(found, rows[ALL], label))
+        lines[name] = {
+            **{f"survived, {words}": str(group.survived) for words, group in own.items()},
+            **{f"1 s, {words} [mm]": _error(group) for words, group in own.items()},
+            "CPU a scan [ms]": None if cpu is None else 1e3 * cpu,
+            "p": None if name == ALL else f"{chance:.2g}",
+        }
+    return pd.DataFrame.from_dict(lines, orient="index")
+
+
+def _error(group: Group) -> float | None:
+    return None if group.second_m is None else 1e3 * group.second_m
+
+
+def as_markdown(found: Sweep, made: pd.DataFrame, algorithm: str) -> str:
+    """The table with how it was made."""
+    from bench.report.sweep_tables import head
+    from bench.report.text import markdown_table
+
+    command = f"`{found.record['command']}`, on {found.record['machine']['cpu']}"
+    return f"{command}: {head(found)}.\n\n{markdown_table(made, algorithm)}\n"
+
+
+def as_text(found: Sweep, made: pd.DataFrame, algorithm: str) -> str:
+    """The table for a terminal."""
+    from bench.report.sweep_tables import head
+    from bench.report.text import text_table
+
+    return f"{head(found)}\n\n{text_table(made, algorithm)}\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,219 @@
+"""Settings of single rows of a sweep, and the table of what each mechanism is worth."""
+
+import csv
+from dataclasses import dataclass
+from math import comb
+
+import pytest
+
+from bench import ablation, sweep
+from bench.judge import survival
+from bench.judge.statistics import mcnemar
+from bench.report import sweep_tables
+from bench.results import sweep as results
+from bench.run import single, spread
+from bench.run.work import perform
+from slams import Pose2
+from slams.baselines import BaselineParams, Odometry
+from slams.params import param
+from slams.registry import find
+from tests.bench.test_sweep import lost, sweep_of, trial
+from tests.rooms import drive
+
+TOY = "tests.bench.test_ablation:Toy"
+
+
+@dataclass(frozen=True)
+class ToyParams(BaselineParams):
+    steady: bool = param(True, "1", "stay where one is", source="ours: toy", switch=True)
+    loud: bool = param(False, "1", "no mechanism", source="ours: toy")
+    odd: bool = param(False, "1", "changes nothing", source="ours: toy", switch=True)
+
+
+class Toy(Odometry):
+    """Follows the wheels, lost without; unsteady, it leaps by kilometers."""
+
+    Params = ToyParams
+
+    def __init__(self, params):
+        super().__init__(params)
+        self.params, self.scans = params, 0
+
+    def update(self, scan):
+        self.scans += 1
+        pose = super().update(scan)
+        return pose if self.params.steady else Pose2(pose.x + 1e3 * self.scans, pose.y, pose.theta)
+
+
+class InThisProcess:
+    def finished(self, tasks):
+        for key, task in tasks.items():
+            yield key, perform(task, key)
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Runs are done in this process: starting another takes longer."""
+    monkeypatch.setattr(spread, "executor_of", lambda _: spread.Spread(InThisProcess(), None))
+
+
+def planned(*words):
+    usual = ["--arenas", "ring", "--seeds", "2", "--degradations", "clean"]
+    return sweep._plan(sweep.parser().parse_args([*words, *usual]))
+
+
+@pytest.mark.parametrize(
+    ("label", "algorithm", "settings"),
+    [
+        ("hector", "hector", {}),
+        ("hector@paper", "hector@paper", {}),
+        (TOY, TOY, {}),
+        ("hector:refine=false", "hector", {"refine": "false"}),
+        ("tsd@paper:cell=0.1, rays=50", "tsd@paper", {"cell": "0.1", "rays": "50"}),
+        (f"{TOY}:odd=true", TOY, {"odd": "true"}),
+        ("refine=false", "refine=false", {}),
+    ],
+)
+def test_a_variant_has_an_equals_sign_behind_its_last_colon(label, algorithm, settings):
+    assert single.algorithm_of(label) == algorithm
+    assert single.settings_of(label) == settings
+
+
+def test_a_variant_of_a_variant_has_both_settings_and_the_later_value():
+    assert single.variant("a:b", c="1") == "a:b:c=1"
+    assert single.variant("a:b:c=1,d=2", e="3", c="4") == "a:b:c=4,d=2,e=3"
+
+
+def test_a_variant_is_the_run_that_set_makes_under_its_own_name(tmp_path):
+    asked = planned("--algorithms", TOY, f"{TOY}:steady=false").cases(tmp_path)
+    given = planned("--algorithms", TOY, "--set", f"{TOY}:steady=false").cases(tmp_path)
+    keys = {}
+    for name, cases in (("asked", asked), ("given", given)):
+        for case in cases:
+            keys.setdefault((name, case.known["algorithm"]), []).append(case.task.key)
+    assert list(keys) == [("asked", TOY), ("asked", f"{TOY}:steady=false"), ("given", TOY)]
+    assert keys["asked", f"{TOY}:steady=false"] == keys["given", TOY]
+    assert not set(keys["asked", TOY]) & set(keys["given", TOY])
+
+
+def test_the_nearer_setting_wins(tmp_path):
+    (tmp_path / "p.yaml").write_text("seed: 1\nloud: true\nodd: true\n")
+    rows = [TOY, f"{TOY}:seed=4", "odometry"]
+    made = planned("--algorithms", *rows, "--params", f"{TOY}:{tmp_path / 'p.yaml'}", "--set",
+                   f"{TOY}:seed=3", "seed=2", "loud=false", "--set", "steady=false")  # fmt: skip
+    toy = ToyParams(steady=False, loud=False, odd=True)
+    assert made.parameters(TOY) == toy.replace(seed=3).as_dict()
+    assert made.parameters(rows[1]) == toy.replace(seed=4).as_dict()
+    assert made.parameters("odometry")["seed"] == 2
+    said = {"steady": False, "odd": True}
+    assert made.settings() == {TOY: said | {"seed": 3}, rows[1]: said, "odometry": {"seed": 2}}
+
+
+def test_the_drives_count_from_the_first_seed(tmp_path):
+    for words, seeds in (([], [0, 1]), (["--seed", "7"], [7, 8])):
+        made = planned("--algorithms", "odometry", *words)
+        assert [given.log.seed for given in made.logs] == seeds
+        assert [given.log.name for given in made.logs] == [f"ring-utm30lx-{k}" for k in seeds]
+        assert [given.log.setting["seed"] for given in made.logs] == seeds
+        assert "settings" not in made.gathered([], None, {}).facts
+    drive(n=20).save(tmp_path / "room.npz")
+    given = planned(str(tmp_path / "room.npz"), "--algorithms", "odometry", "--seed", "7").logs
+    assert [one.log.seed for one in given] == [7, 8]
+
+
+def test_the_file_and_the_heading_say_what_was_set(tmp_path, here):
+    drive(n=20).save(tmp_path / "room.npz")
+    out = tmp_path / "out"
+    words = [str(tmp_path / "room.npz"), "--degradations", "clean", "--seeds", "1", "-q"]
+    words += ["--out", str(out), "--algorithms", TOY, f"{TOY}:odd=true", "--jobs", "1"]
+    assert sweep.main([*words, "--set", f"{TOY}:loud=true"]) == 0
+    found = results.read(out)
+    rows = [TOY, f"{TOY}:odd=true"]
+    assert found.facts["settings"] == {row: {"loud": True} for row in rows}
+    assert list(dict.fromkeys(t["algorithm"] for t in found.trials)) == rows
+    assert not any(t["failed"] for t in found.trials)
+    assert sweep_tables.head(found).endswith(f"; {TOY} with loud=true; {rows[1]} with loud=true")
+
+
+@pytest.mark.parametrize(
+    ("command", "words", "sentence"),
+    [
+        (sweep, ["--set", "hector:refin=false"], "did you mean 'refine'"),
+        (sweep, ["--set", "hector:refine=maybe"], "'refine': got 'maybe', expected bool"),
+        (sweep, ["--set", "hector:refine"], "--set: got 'refine', expected KEY=VALUE"),
+        (sweep, ["--set", "tsd:refine=no"], "expected ALGORITHM:KEY=VALUE of one that is compared"),
+        (sweep, ["--set", "cell=1"], "got 'cell=1', expected a parameter of hector"),
+        (sweep, ["--params", "hector:none.yaml"], "none.yaml"),
+        (sweep, ["--algorithms", "hector:refin=no"], "did you mean 'refine'"),
+        (sweep, ["--algorithms", "hector:refine=no,"], "expected NAME:KEY=VALUE[,KEY=VALUE]"),
+        (sweep, ["--algorithms", "hector:refine=1,refine=0"], "each KEY once"),
+        (sweep, ["--algorithms", "hectar:refine=1"], "did you mean 'hector'"),
+        (sweep, ["--seed", "-1"], "--seed: got -1, expected 0"),
+        (ablation, ["hectar"], "did you mean 'hector'"),
+        (ablation, ["odometry"], "odometry: has no switch"),
+        (ablation, ["hector", "--arenas", "moon"], "unknown arena 'moon'"),
+        (ablation, ["hector", "--duration", "1"], "--duration: got 1"),
+        (ablation, [], "required: ALGORITHM"),
+    ],
+)
+def test_bad_input_is_one_sentence(command, words, sentence, tmp_path, capsys):
+    first = ["--algorithms", "hector"] if command is sweep and "--algorithms" not in words else []
+    assert command.main([*first, *words, "--out", str(tmp_path / "out"), "-q"]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1
+
+
+def test_the_switches_of_the_house_are_mechanisms_that_are_on():
+    for name in ("hector", "tsd", "crsm", "gmapping"):
+        params = find(name).params()
+        assert {"refine", "relocate"} <= set(params.switches())
+        assert not {"wheels", "gyro"} & set(params.switches())
+        assert all(getattr(params, switch) is True for switch in params.switches())
+    assert ablation.rows_of("hector@paper")["refine=true"] == "hector@paper:refine=true"
+    assert ablation.rows_of("hector:refine=false")["refine=true"] == "hector:refine=true"
+
+
+def test_mcnemar_counts_the_coins_that_fall_as_far_from_even():
+    for a, b in ((0, 0), (5, 0), (1, 7), (6, 4), (3, 3)):
+        n = a + b
+        ways = sum(comb(n, k) for k in range(n + 1) if abs(2 * k - n) >= abs(a - b))
+        assert mcnemar(a, b) == pytest.approx(ways / 2**n)
+
+
+def test_a_pair_is_the_same_log_and_condition():
+    trials = [
+        *(trial(log="l0"), lost(log="l1"), trial(log="l2"), trial(log="l0", odometry=True)),
+        *(trial(log="l0", level=0.1), trial(log="l0", seed=1)),
+    ]
+    twins = [lost(log="l0"), trial(log="l1"), trial(log="l2", failed="no")]
+    twins += [trial(log="l0", odometry=True), trial(log="l0", level=0.1), lost(log="l0", seed=1)]
+    others = [twin | {"algorithm": "b"} for twin in reversed(twins)]
+    others += [lost(algorithm="c", log=f"l{k}") for k in range(3)]
+    assert survival.discordant(sweep_of([*trials, *others]), "a", "b") == (3, 1)
+
+
+def test_every_switch_gets_a_row_beside_the_whole(tmp_path, capsys, here):
+    out = tmp_path / "out"
+    words = [TOY, "--arenas", "ring", "--seeds", "2", "--seed", "3", "--duration", "2"]
+    words += ["--degradations", "clean", "noise=0.05", "--jobs", "1", "--out", str(out)]
+    assert ablation.main(words) == 0
+    with (out / "ablation.csv").open() as file:
+        lines = {line[TOY]: line for line in csv.DictReader(file)}
+    assert list(lines) == ["all", "steady=false", "odd=true"]
+    for mode, kept in (("laser alone", "0 of 4"), ("with odometry", "4 of 4")):
+        survived = [line[f"survived, {mode}"] for line in lines.values()]
+        assert survived == [kept, "0 of 4", kept]
+    errors = [line["1 s, with odometry [mm]"] for line in lines.values()]
+    assert errors[0] == errors[2] != errors[1] == ""
+    assert [line["p"] for line in lines.values()] == ["", "0.12", "1"]  # 2 / 2^4, by hand
+    assert all(float(line["CPU a scan [ms]"]) > 0.0 for line in lines.values())
+    page = (out / "ablation.md").read_text()
+    assert f"python -m bench.ablation {TOY}" in page and "| steady=false | 0 of 4 |" in page
+    assert "steady=false" in capsys.readouterr().out
+    before = {p: p.read_bytes() for p in (out / "runs").rglob("*.json")}
+    assert ablation.main([*words, "-q"]) == 0
+    assert {p: p.read_bytes() for p in (out / "runs").rglob("*.json")} == before
