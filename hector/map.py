@@ -13,6 +13,7 @@ from hector.match_kernels import Solver, Window
 from hector.params import HectorParams
 from slams.cells import Room, move, zeros
 from slams.extent import Box, Extent
+from slams.frontend.correlative import Lookup
 from slams.geometry import Prior
 from slams.refine.lines import LineMap
 from slams.scan.end_points import EndPoints
@@ -94,14 +95,36 @@ class LogOddsPyramid:
         best = out[np.argsort(-out[:, 3], kind="stable")[: p.search_tries]]
         return [Pose2(*row[:3]) for row in best.tolist()]
 
+    @property
+    def empty(self) -> bool:
+        """Whether no scan has entered the map."""
+        return self.insertions == 0
+
+    def evaluate(self, scan: EndPoints, pose: Pose2) -> tuple[float, float]:
+        """Shares of the beams that are inliers at a pose, and that are in conflict with the map."""
+        return self.lines.evaluate(scan, pose)
+
+    def lookup(self) -> Lookup:
+        """The coarsest level: the widest target and the cheapest to search."""
+        level = self.levels[-1]
+        return Lookup(level.p, level.x0, level.y0, level.resolution)
+
     def grid(self) -> OccupancyGrid:
         """The finest level, cut to what was observed."""
-        level, window = self.levels[0], self._room.window(self.extent.covered)
+        found = self.cut(self.extent.covered)
+        if found is not None:
+            return found
+        unknown = np.full((1, 1), np.nan, np.float32)
+        return OccupancyGrid(unknown, self.params.resolution, (0.0, 0.0))
+
+    def cut(self, box: Box) -> OccupancyGrid | None:
+        """The part of the finest level in a box that was observed, None if nothing was."""
+        level, window = self.levels[0], self._room.window(box)
         log_odds = level.log_odds[window]
         seen = log_odds != 0.0
         rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
         if rows.size == 0:
-            rows = columns = np.zeros(1, np.int64)
+            return None
         part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         p = np.where(seen[part], 0.5 + 0.5 * np.tanh(0.5 * log_odds[part]), np.nan)
         first_y, first_x = (float(at.start) - 0.5 for at in window)

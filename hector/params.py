@@ -22,6 +22,7 @@ class HectorParams(RefineParams):
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "hector.original:Original",
+        "frontend": "hector.frontend:FrontendHector",
         "paper": {"refine": False, "relocate": False},
     }
 

@@ -102,6 +102,10 @@ def test_an_algorithm_imports_only_itself_and_the_interface(name):
     )
     parts += tuple(f"motion.{part}" for part in ("chord", "model", "params", "track", "trust"))
     parts += ("localize.relocator",)
+    parts += tuple(
+        f"frontend.{part}"
+        for part in ("correlative", "estimator", "keyframes", "motion_filter", "params")
+    )
     allowed = {f"slams.{part}" for part in parts}
     for path in (ROOT / name).rglob("*.py"):
         for module in imports(path):

@@ -194,3 +194,34 @@ def evidence(
             u, v = np.uint64(fx), np.uint64(fy)
             if surface.slot[v, u] == 0 and surface.seen[v, u] < FREE:
                 out[i] = -1.0
+
+
+@njit
+def evaluate(
+    walls: Any, points: Points, n: int, mount: Any, pose: Any, soft: float
+) -> tuple[float, float]:
+    """Sum of inliers, by robust weight, and number of conflicts of a scan at a pose.
+
+    ours: an inlier is an end near a line, a conflict an end in a cell that was seen free more than
+    once and has no line. Ends where nothing is known are neither. Plain tuples as in `fit`.
+    """
+    surface = Surface(*walls)
+    height, width = surface.slot.shape
+    scale = 1.0 / surface.resolution
+    (mx, my, _), (px, py, theta) = mount, pose
+    c, s = math.cos(theta), math.sin(theta)
+    sx, sy = px + c * mx - s * my, py + s * mx + c * my
+    inliers = conflicts = 0.0
+    for i in range(n):
+        x = px + c * points[0, i] - s * points[1, i]
+        y = py + s * points[0, i] + c * points[1, i]
+        fx, fy = (x - surface.x0) * scale + 0.5, (y - surface.y0) * scale + 0.5
+        if not (fx >= 0.0 and fy >= 0.0 and fx < width and fy < height):
+            continue
+        u, v = np.uint64(fx), np.uint64(fy)
+        if surface.slot[v, u] == 0:
+            conflicts += 1.0 if surface.seen[v, u] < FREE else 0.0
+            continue
+        e, _, _, w = facing_line(surface, x, y, sx, sy)
+        inliers += 1.0 / (1.0 + e * e * soft) if w > 0.0 else 0.0
+    return inliers, conflicts

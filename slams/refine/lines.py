@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slams.cells import move, zeros
 from slams.geometry import Prior
-from slams.refine.line_kernels import Fit, evidence, fit
+from slams.refine.line_kernels import Fit, evaluate, evidence, fit
 from slams.refine.params import RefineParams
 from slams.refine.surface_kernels import LAYERS, SUMS, Splat, Surface, add_scan
 from slams.scan.end_points import EndPoints
@@ -28,19 +28,23 @@ NOTHING = Prior(IDENTITY, np.zeros((3, 3)))
 Grid = NDArray[np.float32]
 
 
+UNKNOWN = np.zeros((3, 3))
+
+
 class Match(NamedTuple):
     """A matched pose and how well it fits.
 
     The share of beams that the map explains, the variance of their distance from it [m^2], the
     information (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2]; `rough`: by cells,
-    though there are lines.
+    though there are lines. `coarse`: where the paper's mechanism ended, that it began from.
     """
 
     pose: Pose2
-    share: float
-    square: float
-    seen: Floats
+    share: float = 1.0
+    square: float = 0.0
+    seen: Floats = UNKNOWN
     rough: bool = False
+    coarse: Pose2 | None = None
 
 
 class LineMap:
@@ -96,6 +100,15 @@ class LineMap:
         out, soft = np.zeros(points.n), 1.0 / self._softness(points) ** 2
         evidence(self.surface, points.points, points.n, points.mount, pose, soft, out)
         return out
+
+    def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
+        """Shares of the beams that lie on a line at a pose, and that end where it was free."""
+        soft = 1.0 / self._softness(points) ** 2
+        inliers, conflicts = evaluate(
+            tuple(self.surface), points.points, points.n, tuple(points.mount), tuple(pose), soft
+        )
+        n = max(points.n, 1)
+        return inliers / n, conflicts / n
 
     def learn(self, match: Match, points: EndPoints) -> None:
         """Take this match's distances for usual."""

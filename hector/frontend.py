@@ -1,0 +1,149 @@
+"""`hector@frontend`: Hector SLAM on the one front end that all four are to share.
+
+The loop of [Kohlbrecher11] in six steps; what is not the paper's is `slams.frontend`. It becomes
+the default, in place of `hector.slam`, once it is at least as good everywhere. Per scan:
+
+1. Predict the pose, with a covariance, from wheels, gyro and the motion so far.
+2. End points of the beams in the base frame (sec. IV-A), freed from the motion of a sweep.
+3. Scan matching (sec. IV-B): Gauss-Newton on the occupancy, coarse to fine (sec. IV-C).
+4. ours: Gauss-Newton on the lines inside the finest cells, from there and from the prediction.
+5. ours: decide between these matches, a search and the prediction.
+6. If the robot has moved, insert the scan into every level (sec. IV-A).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from hector.map import LogOddsPyramid
+from hector.matcher import Matcher, gap
+from hector.params import HectorParams
+from slams.frontend.estimator import estimator_for
+from slams.frontend.keyframes import Keyframes
+from slams.frontend.motion_filter import Prediction
+from slams.frontend.params import FrontendParams
+from slams.geometry import Prior
+from slams.params import Params
+from slams.refine.lines import Match
+from slams.scan.end_points import EndPoints
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
+
+CLOSE, SAME = 0.5, 0.25  # of a cell: starts that lead to the same lines; fits that are one
+
+
+@dataclass(frozen=True)
+class FrontendHectorParams(HectorParams, FrontendParams):
+    """The parameters of map and matcher, and those of the front end."""
+
+    PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {}
+
+
+class FrontendHector:
+    """Gradient map matching on a grid pyramid; see the module for the steps.
+
+    `frozen`: nothing enters the map.
+    """
+
+    Params: ClassVar[type[Params]] = FrontendHectorParams
+
+    def __init__(self, params: FrontendHectorParams) -> None:
+        self.params = params
+        self.frozen = False
+        self._map = LogOddsPyramid(params)
+        self._matcher = Matcher(params, self._map)
+        self._scan = EndPoints(params)
+        self._estimator = estimator_for(params)
+        self._keyframes = Keyframes(params.insert_distance, params.insert_angle, params.settle)
+        self._counts = {"posed": 0, "kept": 0, "refined": 0, "inserted": 0}
+
+    def update(self, scan: Scan) -> Pose2:
+        """Match the scan to the map, insert it if due; return T_map_base."""
+        prior = self._estimator.predict(scan)  # 1.
+        points = self._scan.take(scan, prior.twist)  # 2.
+        matches = self._match(points, prior.pose, prior)
+        if points.sweeps:  # 2. again, with the motion that was found
+            points = self._scan.take(scan, self._estimator.twist_at(matches[0].pose))
+            matches = self._match(points, prior.pose, prior)
+        pose = self._estimator.decide(points, matches, self._map, self._match)  # 5.
+        self._learn(points)
+        if self._estimator.maps and self._keyframes.due(pose, self._estimator.quality):
+            self._insert(points, pose)  # 6.
+        return points.at_stamp(pose)
+
+    def insert_at(self, scan: Scan, pose: Pose2) -> None:
+        """Let a scan enter the map at a known pose, without matching."""
+        self._estimator.place(scan, pose)
+        self._insert(self._scan.take(scan, IDENTITY), pose)
+
+    def map(self) -> OccupancyGrid:
+        """The finest level as probabilities."""
+        return self._map.grid()
+
+    def report(self) -> dict[str, Any]:
+        """Counts of scans.
+
+        `posed` by the pyramid, `kept` where the pose within a cell of that was taken, `refined` by
+        the lines, `inserted`; those of the estimator and of the map's bounds.
+        """
+        return self._counts | self._estimator.counts | self._map.extent.counts
+
+    @property
+    def state(self) -> State:
+        """How the last pose came about."""
+        return self._estimator.state
+
+    @property
+    def quality(self) -> float:
+        """Share of the last scan's beams that are inliers, less those in conflict with the map."""
+        return self._estimator.quality
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
+        return self._estimator.covariance
+
+    def _match(self, points: EndPoints, start: Pose2, prior: Prediction) -> list[Match]:
+        """Steps 3 and 4 from a start."""
+        if self._map.empty or points.n == 0:
+            return [Match(start)]
+        expected = Prior(prior.pose, prior.information)
+        coarse = self._matcher.climb(points, start, expected)  # 3.
+        if not self.params.refine:
+            return [coarse._replace(coarse=coarse.pose)]
+        found = self._refine(points, start, coarse, expected)  # 4.
+        return [match._replace(coarse=coarse.pose) for match in found]
+
+    def _refine(self, points: EndPoints, start: Pose2, coarse: Match, prior: Prior) -> list[Match]:
+        """Gauss-Newton on the lines, from where the pyramid ended and from its start.
+
+        Within half a cell both meet the same lines, and the start is the nearer: cells end
+        millimeters off. The pyramid's own match is one more where it lies a cell elsewhere.
+        """
+        cell, lines = self.params.resolution, self._map.lines
+        if gap(points, coarse.pose, start) <= CLOSE * cell:
+            found = [lines.fit(points, start, prior, close=True)]
+        else:
+            found = [lines.fit(points, start, prior), lines.fit(points, coarse.pose, prior)]
+            if gap(points, found[0].pose, found[1].pose) <= SAME * cell:
+                del found[0]
+        if gap(points, coarse.pose, found[-1].pose) > cell:
+            found.append(coarse)
+        return found
+
+    def _learn(self, points: EndPoints) -> None:
+        """Count how the match that was taken came about; its residuals are usual from now on."""
+        match = self._estimator.match
+        if match is None or match.coarse is None:
+            return
+        self._map.lines.learn(match, points)
+        self._counts["posed"] += 1
+        self._counts["kept"] += gap(points, match.coarse, match.pose) < self.params.resolution
+        self._counts["refined"] += match.coarse != match.pose
+
+    def _insert(self, points: EndPoints, pose: Pose2) -> None:
+        if self.frozen or points.n == 0:
+            return
+        self._counts["inserted"] += self._map.insert(points, pose)
+        self._keyframes.add(pose, self._estimator.quality)

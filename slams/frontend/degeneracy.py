@@ -1,0 +1,68 @@
+"""Degeneracy: the direction in which a scan cannot tell where the robot is [Zhang16].
+
+Along a bare corridor the normal equations of a match claim information that only noise makes:
+normals that are tilted by their own error add a fraction of what is observed across.
+
+[Zhang16] J. Zhang, M. Kaess, S. Singh: On Degeneracy of Optimization-based State Estimation
+Problems. ICRA 2016.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from slams.scan.end_points import EndPoints
+
+NORMAL_ERROR = 0.1  # rad, deviation of a normal fitted to a few beams
+BY_CHANCE = 1.0  # normals of a scan that face any way: a person, a corner
+KNOWN = 0.5  # share of the end points that must have a normal, or nothing is known
+OBSERVED = 0.9  # share from which a direction counts as observed
+
+
+class Observability(NamedTuple):
+    """Unit vector (x, y) in the map that a scan observes worst, and which share of it is no noise.
+
+    `share` is 1 where the direction is observed, 0 where its eigenvalue is within the noise floor.
+    """
+
+    x: float
+    y: float
+    share: float
+
+    @property
+    def degenerate(self) -> bool:
+        """Whether one direction is not observed."""
+        return self.share < OBSERVED
+
+
+ALL = Observability(1.0, 0.0, 1.0)
+
+
+def observability(xx: float, xy: float, yy: float) -> Observability:
+    """Eigenvalues of the scatter of so many unit normals against their noise floor [Zhang16].
+
+    xx, xy, yy: sums over the normals n of n n^T, in the map's frame.
+    """
+    total = xx + yy
+    if not total > 3.0 * BY_CHANCE:
+        return ALL
+    radius, middle = math.hypot(0.5 * (xx - yy), xy), 0.5 * total
+    angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+    least, greatest = middle - radius, middle + radius
+    floor = NORMAL_ERROR**2 * greatest + BY_CHANCE * greatest / total
+    share = 1.0 - floor / least if least > floor else 0.0
+    if share >= OBSERVED:
+        return ALL
+    return Observability(math.cos(angle), math.sin(angle), share)
+
+
+def of_scan(points: EndPoints, theta: float) -> Observability:
+    """That of a scan taken at the heading `theta` [rad], by the normals of its end points."""
+    nx, ny = points.normals[0, : points.n], points.normals[1, : points.n]
+    xx, xy, yy = float(nx @ nx), float(nx @ ny), float(ny @ ny)
+    if xx + yy < KNOWN * points.n:
+        return ALL
+    seen = observability(xx, xy, yy)
+    c, s = math.cos(theta), math.sin(theta)
+    return Observability(c * seen.x - s * seen.y, s * seen.x + c * seen.y, seen.share)

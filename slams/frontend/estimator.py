@@ -1,0 +1,343 @@
+"""PoseEstimator: predicts the pose, decides which match is taken, and says how sure it is.
+
+One number ranks every match of a scan: score = (inliers - conflicts) / n - prior cost / pieces.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from slams.extent import Box
+from slams.frontend.correlative import Lookup, search
+from slams.frontend.degeneracy import ALL, of_scan
+from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
+from slams.frontend.params import FrontendParams
+from slams.frontend.relocalize import Relocalizer
+from slams.geometry import unlikely
+from slams.refine.lines import Match
+from slams.scan.end_points import EndPoints
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State, wrap_angle
+
+TRIES = 6  # poses of a correlative search that are matched
+PIECES = 50.0  # of wall in a scan whose errors are independent of each other
+ACCEPTED = 0.3  # score of a match that stands by itself
+WITHIN_GATE = 0.1, 0.2  # score of a match inside the gate: of all beams, of those known to the map
+USUAL = 0.85  # of the usual score; less is doubtful
+MEMORY = 0.5  # s over which a score is usual
+GATE = 49.0  # squared Mahalanobis distance from the prior that one scan cannot prove
+TENTATIVE_SCANS, TENTATIVE_TIME, TENTATIVE_WAY = 4, 0.3, 0.3  # scans, s, m: a match has to stand
+LATENCY, SPEED, TURN_RATE = 0.5, 2.0, 2.0  # s, m/s, rad/s: of a scan, while a robot moves so fast
+SAME_PLACE, SAME_HEADING = 0.3, 0.2  # m, rad: two tentative matches are one
+LOST_XY, LOST_HEADING = 0.5, 0.3  # m, rad: deviation of a pose that holds no map together
+CONFIRMED = 1.0  # s that a match has to stand after the robot was lost
+RELOCALIZED = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
+BEGIN_BEAMS = 10  # end points that a map begins with
+DEAD_RECKONING, FRAGMENT = 1.0, 3.0  # s without a match: scans are mapped by wheels; without
+
+
+NOTHING = np.zeros((3, 3))
+Rematch = Callable[[EndPoints, Pose2, Prediction], list[Match]]
+
+
+class MatchedMap(Protocol):
+    """What the estimator asks of an algorithm's map."""
+
+    @property
+    def empty(self) -> bool:
+        """Whether no scan has entered the map."""
+        ...
+
+    def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
+        """Shares of the beams that are inliers at a pose, and that are in conflict with the map."""
+        ...
+
+    def lookup(self) -> Lookup:
+        """A coarse likelihood of walls, for correlative search."""
+        ...
+
+    def cut(self, box: Box) -> OccupancyGrid | None:
+        """The part of the map in a box, None if nothing was observed there."""
+        ...
+
+
+class Tentative(NamedTuple):
+    """A pose beyond the gate that scans keep matching at: scans, seconds and way [m] so far."""
+
+    pose: Pose2
+    scans: int
+    seconds: float
+    way: float
+
+
+class PoseEstimator:
+    """The pose of the robot from scan to scan; see the module.
+
+    Per scan: `predict`, then `decide`. `state` is "matched", "predicted" or "lost", `quality` the
+    share of beams that are inliers, less those in conflict; `counts` counts scans.
+    """
+
+    def __init__(self, params: FrontendParams) -> None:
+        self.state: State = "matched"
+        self.quality = 1.0
+        self.maps = False  # whether the last scan may enter the map
+        self.match: Match | None = None  # that the last pose is of
+        names = "empty matched predicted lost searched tentative relocalized odometry fragments"
+        self.counts = dict.fromkeys(names.split(), 0)
+        self._p = params
+        self._filter = MotionFilter(params)
+        self._prior = self._filter.prediction()
+        self._usual = 1.0  # score
+        self._unmatched = 0.0  # s since the last match
+        self._by_wheels = True  # all that time
+        self._unconfirmed = 0.0  # s that matches still have to stand
+        self._tentative: Tentative | None = None
+        self._lost = self._late = False
+        self._relocalizer = Relocalizer(params.relocate)
+
+    @property
+    def pose(self) -> Pose2:
+        """The base in the map after the last call."""
+        return self._filter.pose
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance (3, 3) of the pose against the map [m^2, m rad, rad^2]."""
+        return self._filter.covariance.copy()
+
+    def predict(self, scan: Scan) -> Prediction:
+        """The pose at `scan` as wheels, gyro and the twist so far foresee it."""
+        self._scan = scan
+        self._prior = self._filter.predict(scan)
+        self.counts["odometry"] += self._filter.wheels
+        return self._prior
+
+    def twist_at(self, pose: Pose2) -> Pose2:
+        """The body twist if the robot is at `pose` [m/s, rad/s]."""
+        return self._filter.twist_at(pose)
+
+    def place(self, scan: Scan, pose: Pose2) -> None:
+        """The pose of a scan is known without matching."""
+        self._filter.predict(scan)
+        self._filter.place(pose, np.diag(MAP_ERROR**2))
+
+    def decide(
+        self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap, rematch: Rematch
+    ) -> Pose2:
+        """Take one of the matches, or none, and return the pose."""
+        self.match = None
+        if grid.empty:
+            return self._begin(points)
+        if points.n == 0:
+            self.counts["empty"] += 1
+            return self._miss(None, points, grid)
+        best, score = self._best(points, matches, grid)
+        if self._p.search and self._is_doubtful(best, score):
+            best, score = self._searched(points, best, grid, rematch)
+        if self._accepts(best, score, points, grid):
+            return self._take(best, score, points)
+        return self._miss(score, points, grid)
+
+    # rank
+
+    def _score(self, points: EndPoints, pose: Pose2, grid: MatchedMap) -> tuple[float, float]:
+        """Score of a pose, and the scan's part of it: inliers less conflicts."""
+        inliers, conflicts = grid.evaluate(points, pose)
+        agreement = inliers - conflicts
+        return agreement - unlikely(self._prior.distance(pose)) / PIECES, agreement
+
+    def _best(
+        self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap
+    ) -> tuple[Match, float]:
+        """The match with the highest score, and its agreement."""
+        scores = [self._score(points, match.pose, grid) for match in matches]
+        best = max(range(len(scores)), key=lambda k: scores[k][0])
+        return matches[best], scores[best][1]
+
+    def _is_doubtful(self, match: Match, agreement: float) -> bool:
+        far = self._prior.distance(match.pose) > GATE
+        return agreement < USUAL * self._usual or far
+
+    def _searched(
+        self, points: EndPoints, first: Match, grid: MatchedMap, rematch: Rematch
+    ) -> tuple[Match, float]:
+        """The best match from the poses that a correlative search of the prior's window finds."""
+        self.counts["searched"] += 1
+        prior, found = self._prior, [first]
+        ends = points.points[:, : points.n]
+        starts = search(grid.lookup(), ends, points.far, prior.pose, prior.covariance, TRIES)
+        for start in starts:
+            found += rematch(points, start, prior)
+        return self._best(points, found, grid)
+
+    # decide
+
+    def _accepts(self, match: Match, agreement: float, points: EndPoints, grid: MatchedMap) -> bool:
+        distance = self._prior.distance(match.pose)
+        good = agreement - unlikely(distance) / PIECES >= ACCEPTED
+        if distance > GATE and not self._is_within_latency(match.pose):
+            return self._p.tentative and good and self._stands(match.pose)
+        self._tentative = None
+        if good or agreement >= USUAL * self._usual:
+            return True
+        inliers, conflicts = grid.evaluate(points, match.pose)
+        known = inliers + conflicts
+        everywhere, where_known = WITHIN_GATE
+        return agreement >= everywhere and agreement >= where_known * known
+
+    def _is_within_latency(self, pose: Pose2) -> bool:
+        """Whether a scan that came an interval late, or was stamped so, can be at a pose."""
+        prior = self._prior
+        late = prior.dt if prior.dt < LATENCY else 0.0
+        off = math.hypot(pose.x - prior.pose.x, pose.y - prior.pose.y)
+        turn = abs(wrap_angle(pose.theta - prior.pose.theta))
+        return off <= SPEED * late and turn <= TURN_RATE * late
+
+    def _stands(self, pose: Pose2) -> bool:
+        """Whether matches beyond the gate agree on one place over several scans and some way."""
+        before, dt = self._tentative, self._prior.dt
+        self._tentative = Tentative(pose, 1, dt, 0.0)
+        if before is None:
+            return False
+        step = self._filter.step
+        expected = before.pose @ step
+        near = math.hypot(expected.x - pose.x, expected.y - pose.y) < SAME_PLACE
+        if not near or abs(wrap_angle(expected.theta - pose.theta)) > SAME_HEADING:
+            return False
+        moved = before.pose.between(pose)
+        way = before.way + math.hypot(moved.x, moved.y) + abs(moved.theta)
+        now = Tentative(pose, before.scans + 1, before.seconds + dt, way)
+        self._tentative = now
+        driven = now.way >= TENTATIVE_WAY or not self._by_wheels
+        if now.scans < TENTATIVE_SCANS or now.seconds < TENTATIVE_TIME or not driven:
+            return False
+        self.counts["tentative"] += 1
+        self._tentative = None
+        return True
+
+    def _begin(self, points: EndPoints) -> Pose2:
+        """The first scan with enough to see begins the map."""
+        self.maps = points.n >= BEGIN_BEAMS
+        self._call("matched" if self.maps else "predicted")
+        return self.pose
+
+    def _take(self, match: Match, agreement: float, points: EndPoints) -> Pose2:
+        """The robot is at a match."""
+        self.match = match
+        seen = of_scan(points, match.pose.theta) if self._p.degeneracy else ALL
+        information = match.seen * min(1.0, PIECES / max(points.n, 1))
+        far = self._prior.distance(match.pose) > GATE
+        self._late = far and not self._late and self._is_within_latency(match.pose)
+        if self._late:
+            self._filter.shift(match.pose)
+        else:
+            self._filter.update(match.pose, information, seen)
+        share = min(1.0, self._prior.dt / MEMORY)
+        self._usual += share * (agreement - self._usual)
+        self._unconfirmed = CONFIRMED if self._lost else self._unconfirmed - self._prior.dt
+        self._lost, self._unmatched, self._by_wheels = False, 0.0, True
+        self._relocalizer.reset()
+        self.quality = max(agreement, 0.0)
+        self.maps = self._unconfirmed <= 0.0
+        self._call("matched" if self.maps and self._is_sure() else "lost")
+        return self.pose
+
+    def _miss(self, agreement: float | None, points: EndPoints, grid: MatchedMap) -> Pose2:
+        """No match: the pose is the prediction. Mapping goes on where that does no harm."""
+        self._unmatched += self._prior.dt
+        self._by_wheels &= self._filter.wheels
+        if self._unconfirmed > 0.0:
+            self._unconfirmed, self._lost = CONFIRMED, True
+        sure = self._is_sure()
+        self._lost |= not sure
+        self.quality = max(agreement or 0.0, 0.0)
+        self.maps = agreement is not None and self._maps_unmatched(agreement, sure)
+        self._call("lost" if self._lost or not sure else "predicted")
+        if self._lost:
+            self._relocalize(grid)
+        return self.pose
+
+    def _maps_unmatched(self, agreement: float, sure: bool) -> bool:
+        """Whether an unmatched scan enters the map: else a robot in new ground never matches."""
+        if self._by_wheels and sure and not self._lost:
+            return self._unmatched > DEAD_RECKONING and agreement >= 0.0
+        return self._unmatched > FRAGMENT and agreement >= 0.0
+
+    def _relocalize(self, grid: MatchedMap) -> None:
+        """Global localization in the map; a pose that good wheels contradict is none."""
+        if self._unmatched < CONFIRMED:
+            return
+        found = self._relocalizer.update(self._scan, self._prior.dt, self.pose, grid.cut)
+        if found is None or self._prior.distance(found) > GATE:
+            return
+        self._filter.place(found, RELOCALIZED)
+        self.counts["relocalized"] += 1
+        self._unconfirmed, self._unmatched = CONFIRMED, 0.0
+
+    def _is_sure(self) -> bool:
+        (xx, _, _), (_, yy, _), (_, _, turn) = self._filter.covariance.tolist()
+        return bool(xx + yy < LOST_XY**2 and turn < LOST_HEADING**2)
+
+    def _call(self, state: State) -> None:
+        self.state = state
+        self.counts[state] += 1
+
+
+class PlainEstimator:
+    """Prediction by wheels, gyro or the last step, and the last match: a paper's mechanism alone.
+
+    The same interface as `PoseEstimator`; nothing is weighed, refused or searched.
+    """
+
+    def __init__(self, params: FrontendParams) -> None:
+        self.state: State = "matched"
+        self.quality, self.maps = 1.0, False
+        self.match: Match | None = None
+        self.pose = IDENTITY
+        self.covariance = np.diag([math.inf] * 3)
+        self.counts = {"empty": 0, "matched": 0, "predicted": 0, "lost": 0}
+        self._p = params
+        self._last: Scan | None = None
+        self._twist, self._dt = IDENTITY, 0.0
+
+    def predict(self, scan: Scan) -> Prediction:
+        """The pose by wheels, or by the twist of the last step; no information."""
+        last, self._last = self._last, scan
+        self._dt = 0.0 if last is None else max(scan.t - last.t, 0.0)
+        step = Pose2(*(v * self._dt for v in self._twist))
+        if last is not None and last.odometry and scan.odometry and self._p.wheels:
+            step = last.odometry.between(scan.odometry)
+        if last is not None and last.yaw is not None and scan.yaw is not None and self._p.gyro:
+            step = step._replace(theta=scan.yaw - last.yaw)
+        self._before, self.pose = self.pose, self.pose @ step
+        return Prediction(self.pose, NOTHING, NOTHING, self._twist, self._dt)
+
+    def twist_at(self, pose: Pose2) -> Pose2:
+        """The twist that leads to `pose`."""
+        return Pose2(*(v / self._dt for v in self._before.between(pose))) if self._dt else IDENTITY
+
+    def place(self, scan: Scan, pose: Pose2) -> None:
+        """The pose of a scan is known."""
+        self._last, self.pose, self._twist = scan, pose, IDENTITY
+
+    def decide(
+        self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap, rematch: Rematch
+    ) -> Pose2:
+        """Take the last match."""
+        self.counts["empty"] += points.n == 0
+        self.maps = points.n > 0
+        self.state = "matched" if self.maps else "predicted"
+        self.counts[self.state] += 1
+        self.match = matches[-1] if self.maps else None
+        if self.maps:
+            self.pose, self.quality = matches[-1].pose, matches[-1].share
+            self._twist = self.twist_at(self.pose)
+        return self.pose
+
+
+def estimator_for(params: FrontendParams) -> PoseEstimator | PlainEstimator:
+    """The estimator that the parameters name."""
+    return PlainEstimator(params) if params.estimator == "plain" else PoseEstimator(params)

@@ -1,0 +1,81 @@
+"""Parameters of the front end: sources of motion, their noise, and one switch a mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slams.params import Params, param
+
+SKID = "ours: tracked and skid-steer robots on public logs"
+
+
+@dataclass(frozen=True)
+class FrontendParams(Params):
+    """What the pose estimator knows of a robot; the same for every algorithm and log."""
+
+    estimator: str = param(
+        "filter",
+        "1",
+        "filter: all of the front end; plain: the prediction starts the match, the match is taken",
+        source="ours: plain is the paper's mechanism alone",
+        choices=("filter", "plain"),
+    )
+    wheels: bool = param(True, "1", "use wheel odometry where a scan has it", source="ours: user")
+    gyro: bool = param(True, "1", "use the gyro's heading where a scan has it", source="ours: user")
+    smooth_stamps: bool = param(
+        True,
+        "1",
+        "filter the stamps of scans where they jitter",
+        source="ours: recorders stamp late by half an interval",
+        switch=True,
+    )
+    learn_acceleration: bool = param(
+        True,
+        "1",
+        "learn how strongly the robot accelerates from the matches",
+        source="ours: [SageHusa69]; carried lasers and slow robots differ a hundredfold",
+        switch=True,
+    )
+    learn_odometry: bool = param(
+        True,
+        "1",
+        "learn how good wheels and gyro are from the matches",
+        source="ours: wheels slip and stall",
+        switch=True,
+    )
+    degeneracy: bool = param(
+        True,
+        "1",
+        "keep the prediction along a direction that a scan does not observe",
+        source="ours: [Zhang16], bare corridors",
+        switch=True,
+    )
+    search: bool = param(
+        True,
+        "1",
+        "correlative search in the prior's window where the map explains less than usual",
+        source="ours: [Olson09]",
+        switch=True,
+    )
+    tentative: bool = param(
+        True,
+        "1",
+        "accept a match beyond the prior's gate once it has stood over several scans",
+        source="ours: a robot that was lifted, wheels that jumped",
+        switch=True,
+    )
+    relocate: bool = param(
+        True, "1", "look for a lost robot in all of its own map", source="ours: user", switch=True
+    )
+    slip: float = param(
+        0.02, "m", "deviation of the wheels' distance after one meter", source=SKID, low=0.0
+    )
+    slip_sideways: float = param(
+        0.01, "m", "the same sideways, and heading [rad] after one meter", source=SKID, low=0.0
+    )
+    slip_rotation: float = param(
+        0.04, "rad", "deviation of the wheels' rotation after one radian", source=SKID, low=0.0
+    )
+    gyro_noise: float = param(
+        4e-4, "rad", "drift of the heading after one second", source="ours: a MEMS gyro", low=1e-6
+    )
