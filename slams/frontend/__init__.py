@@ -1,1 +1,1 @@
-"""The front end, the same for every algorithm: motion filter, degeneracy, decision, recovery."""
+"""Front end: what the algorithms share between a scan and its pose; no algorithm is known here."""

@@ -47,19 +47,23 @@ class Chart:
         self._soft = np.array(SOFT) / cell
 
     @cached_property
+    def gap(self) -> NDArray[np.uint8]:
+        """From each cell to the nearest one that is not free (ny, nx) [cell], Chebyshev."""
+        import cv2
+
+        gap = cv2.distanceTransform(np.pad(self.free, 1).astype(np.uint8), cv2.DIST_C, 3)
+        return np.ascontiguousarray(np.minimum(np.round(gap[1:-1, 1:-1]), FAR_GAP), np.uint8)
+
+    @cached_property
     def cells(self) -> Cells:
         """What kernels take."""
         import cv2
 
-        gap = cv2.distanceTransform(np.pad(self.free, 1).astype(np.uint8), cv2.DIST_C, 3)
         near = cv2.dilate(self.occupied.astype(np.uint8), np.ones((3, 3), np.uint8))
         wall = (~self.occupied).astype(np.uint8)
         distance = cv2.distanceTransform(wall, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        return Cells(
-            np.ascontiguousarray(np.minimum(np.round(gap[1:-1, 1:-1]), FAR_GAP), np.uint8),
-            near.astype(np.bool_),
-            np.minimum(distance, REACH / self.resolution).astype(np.float32),
-        )
+        capped = np.minimum(distance, REACH / self.resolution).astype(np.float32)
+        return Cells(self.gap, near.astype(np.bool_), capped)
 
     @cached_property
     def clearance(self) -> NDArray[np.float32]:

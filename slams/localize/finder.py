@@ -15,16 +15,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from slams.localize.search import Atlas, Candidate, is_same, with_odds
+from slams.localize.search import Atlas, Candidate, merged
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 SURE = 0.95  # odds from which a place is found
 EXPLAINED = 0.5  # evidence from which a map is believed to have the place at all
 WAY, TURN = 0.3, 0.3  # m, rad: after so much a scan tells something new
 STILL = 2.0  # s after which there is a look without any way, too: slip, or no wheels
-SURPRISE = 1e-2  # odds of a place that was not among those kept
 
 
 class Finder:
@@ -87,13 +84,9 @@ class Finder:
 
     def _weigh(self, scan: Scan) -> None:
         """Search the map again; places that were kept before have their odds as a start."""
-        fresh = self.atlas.search(scan)
-        kept = list(zip(self.candidates, self._steps, strict=True))
-        places = [c for c, _ in kept]
-        places += [c for c in fresh if not any(is_same(c.pose, known.pose) for known in places)]
-        before = [c.odds for c, _ in kept] + [SURPRISE if kept else 1.0] * (len(places) - len(kept))
-        steps = {id(c.pose): step for c, step in kept}
-        self.candidates = with_odds(places, np.array(before))
+        kept = self.candidates
+        steps = {id(c.pose): step for c, step in zip(kept, self._steps, strict=True)}
+        self.candidates = merged(kept, self.atlas.search(scan))
         self._steps = [steps.get(id(c.pose), IDENTITY) for c in self.candidates]
         self._way = self._turn = self._seconds = 0.0
 

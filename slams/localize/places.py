@@ -27,6 +27,14 @@ FAR = 60.0  # m, no indoor laser sees farther
 NEAR, SHARE = 0.8, 0.03  # a range agrees within 0.8 of the pitch + 3 % (half a direction, aslant)
 
 
+class Disc(NamedTuple):
+    """Part of the plane: what is within `radius` of x, y [m]."""
+
+    x: float
+    y: float
+    radius: float
+
+
 class View(NamedTuple):
     """A scan as it is compared: end points (n, 2) [m] in the laser's frame, and rough ranges.
 
@@ -61,40 +69,91 @@ def _met(scan: Scan) -> NDArray[np.intp]:
 
 
 class Places:
-    """A lattice over the free space of a chart, and what is seen from its points."""
+    """A lattice over the free space of a chart, and what is seen from its points.
 
-    def __init__(self, chart: Chart) -> None:
-        self.pitch = PITCH * math.sqrt(max(1.0, _count(chart, PITCH) / MOST))
-        self._chart = chart
-        self._cells = _lattice(chart, self.pitch)
-        self._seen = np.zeros((len(self._cells), TURNS), np.uint16)
-        cell = chart.resolution
-        look_around(chart.cells, self._cells, FAR / cell, UNIT * cell, self._seen)
+    `prepare` casts the rays of its points, all at once or in pieces; `ready` of them have theirs.
+
+    Args:
+        chart: the map.
+        most: about how many points there are at most; a larger floor gets a wider lattice.
+        area: where they are, in the map's frame; None, everywhere.
+    """
+
+    def __init__(self, chart: Chart, most: int | None = None, area: Disc | None = None) -> None:
+        count = _count(chart, PITCH, area)
+        self.pitch = PITCH * math.sqrt(max(1.0, count / (MOST if most is None else most)))
+        self.chart = chart
+        self.cells = _lattice(chart, self.pitch, area)
+        self.seen = np.zeros((len(self.cells), TURNS), np.uint16)
+        self.ready = 0
 
     def __len__(self) -> int:
-        return len(self._cells)
+        return len(self.cells)
+
+    def prepare(self, count: int) -> None:
+        """Cast the rays of the next `count` points, `TURNS` each."""
+        part = slice(self.ready, min(self.ready + count, len(self)))
+        cell = self.chart.resolution
+        far, scale = FAR / cell, UNIT * cell
+        look_around(self.chart.cells, self.cells[part], far, scale, self.seen[part])
+        self.ready = part.stop
 
     def rank(self, view: View, most: int) -> list[Pose2]:
         """The laser's poses at the best places, each at its best heading, best first."""
-        best, turn = np.zeros((2, len(self)), np.int32)
-        tolerance = NEAR * self.pitch * UNIT + SHARE * view.ranges
-        compare(self._seen, view.directions, view.ranges, tolerance.astype(np.int32), best, turn)
-        order = np.argsort(-best, kind="stable")[:most]
-        spots = self._cells[order] * self._chart.resolution + self._chart.origin
-        headings = turn[order] * (2.0 * math.pi / TURNS)
+        ranking = Ranking(self, view)
+        ranking.compare(len(self))
+        return ranking.best(most)
+
+
+class Ranking:
+    """A scan compared with the points of a lattice, all at once or in pieces; `done` of them."""
+
+    def __init__(self, places: Places, view: View) -> None:
+        places.prepare(len(places) - places.ready)
+        self._places, self._view = places, view
+        self._tolerance = (NEAR * places.pitch * UNIT + SHARE * view.ranges).astype(np.int32)
+        self._agree, self._turn = np.zeros((2, len(places)), np.int32)
+        self.done = 0
+
+    def compare(self, count: int) -> None:
+        """Compare with the next `count` points."""
+        part = slice(self.done, min(self.done + count, len(self._places)))
+        seen, view, tolerance = self._places.seen[part], self._view, self._tolerance
+        agree, turn = self._agree[part], self._turn[part]
+        compare(seen, view.directions, view.ranges, tolerance, agree, turn)
+        self.done = part.stop
+
+    def best(self, most: int) -> list[Pose2]:
+        """The laser's poses at the best points, each at its best heading, best first."""
+        order = np.argsort(-self._agree, kind="stable")[:most]
+        chart = self._places.chart
+        spots = self._places.cells[order] * chart.resolution + chart.origin
+        headings = self._turn[order] * (2.0 * math.pi / TURNS)
         rows = np.column_stack([spots, headings]).tolist()
         return [Pose2(x, y, theta) for x, y, theta in rows]
 
 
-def _count(chart: Chart, pitch: float) -> float:
+def _count(chart: Chart, pitch: float, area: Disc | None) -> float:
     """About how many places a lattice has."""
-    return float((chart.clearance > CLEARANCE).sum()) * (chart.resolution / pitch) ** 2
+    ny, nx = chart.free.shape
+    open_ = chart.clearance > CLEARANCE
+    if area is not None:
+        open_ &= _within(area, chart, np.arange(0.5, nx), np.arange(0.5, ny)[:, None])
+    return float(open_.sum()) * (chart.resolution / pitch) ** 2
 
 
-def _lattice(chart: Chart, pitch: float) -> Floats:
+def _lattice(chart: Chart, pitch: float, area: Disc | None = None) -> Floats:
     """Places (n, 2) x, y [cell], in rows from the lowest y."""
     step = pitch / chart.resolution
     ny, nx = chart.free.shape
     x, y = np.meshgrid(np.arange(0.5 * step, nx, step), np.arange(0.5 * step, ny, step))
     open_ = chart.clearance[y.astype(np.intp), x.astype(np.intp)] > CLEARANCE
+    if area is not None:
+        open_ &= _within(area, chart, x, y)
     return np.stack([x[open_], y[open_]], axis=1)
+
+
+def _within(area: Disc, chart: Chart, x: Floats, y: Floats) -> NDArray[np.bool_]:
+    """Whether points x, y [cell] of a chart are in an area."""
+    cx, cy = (np.array(area[:2]) - chart.origin) / chart.resolution
+    return np.asarray((x - cx) ** 2 + (y - cy) ** 2 <= (area.radius / chart.resolution) ** 2)

@@ -10,7 +10,7 @@ import numpy as np
 
 from slams.localize.along import farther_along
 from slams.localize.chart import Chart
-from slams.localize.places import Places, ends_of, view_of
+from slams.localize.places import Places, Ranking, ends_of, view_of
 from slams.types import Floats, OccupancyGrid, Pose2, Scan, wrap_angle
 
 TRIES = 60  # places that are looked at closely
@@ -20,6 +20,7 @@ INDEPENDENT = 30.0  # beams that tell something of their own; neighbors see the 
 TIE = 0.03  # evidence; what differs by less is as good
 ASTRAY = 0.1  # evidence that no fit loses
 EVEN = 1e-3  # of the best one's odds; what has less is not kept
+SURPRISE = 1e-2  # odds of a place that was not among those kept
 
 
 class Candidate(NamedTuple):
@@ -62,14 +63,12 @@ class Atlas:
 
         Takes the same time for every scan: the number of places times that of directions.
         """
-        view = view_of(scan)
-        if len(view.directions) < LEAST_VIEW:
+        if not shows_enough(scan):
             return []
-        back = scan.laser.mount.inverse()
-        starts = self.places.rank(view, TRIES)
-        looked = [self._looked_at(view.points, start) for start in starts]
-        apart = _apart(sorted(looked, key=lambda c: -c.evidence))
-        return with_odds([c._replace(pose=c.pose @ back) for c in apart])
+        search = Search(self, scan)
+        search.compare(len(self.places))
+        search.look(TRIES)
+        return with_odds(search.candidates)
 
     def look(self, scan: Scan, pose: Pose2) -> Candidate:
         """What speaks for the base being near `pose`, where it fits best; odds 1."""
@@ -88,10 +87,68 @@ class Atlas:
         return self._ends[1]
 
     def _looked_at(self, points: Floats, start: Pose2) -> Candidate:
+        """What speaks for the laser being near `start`, from where it sees points (n, 2) [m]."""
         poses = (self.chart.fit(points, start), start)
         fitted, rough = [Candidate(p, *self.chart.explained(points, p), 1.0) for p in poses]
         pulled_away = fitted.evidence < rough.evidence - ASTRAY  # by people
         return rough if pulled_away else fitted
+
+
+class Search:
+    """One scan searched in a map, all at once or in pieces: `compare`, then `look`.
+
+    The scan shows enough (`shows_enough`).
+    """
+
+    def __init__(self, atlas: Atlas, scan: Scan) -> None:
+        self._atlas, self._view = atlas, view_of(scan)
+        self._back = scan.laser.mount.inverse()
+        self._ranking = Ranking(atlas.places, self._view)
+        self._starts: list[Pose2] | None = None
+        self._looked: list[Candidate] = []
+
+    @property
+    def to_compare(self) -> int:
+        """How many points of the lattice are left."""
+        return len(self._atlas.places) - self._ranking.done
+
+    @property
+    def to_look(self) -> int:
+        """How many places are left to be looked at closely, once all are compared."""
+        return min(TRIES, len(self._atlas.places)) - len(self._looked)
+
+    def compare(self, count: int) -> None:
+        """Compare the scan with what is seen from the next `count` points of the lattice."""
+        self._ranking.compare(count)
+
+    def look(self, count: int) -> None:
+        """Look closely at the next `count` of the `TRIES` best places."""
+        if self._starts is None:
+            self._starts = self._ranking.best(TRIES)
+        first = len(self._looked)
+        for start in self._starts[first : first + count]:
+            self._looked.append(self._atlas._looked_at(self._view.points, start))
+
+    @property
+    def candidates(self) -> list[Candidate]:
+        """Places of the base, each once, those with most evidence first; odds 1."""
+        kept = apart(sorted(self._looked, key=lambda c: -c.evidence))
+        return [c._replace(pose=c.pose @ self._back) for c in kept]
+
+
+def shows_enough(scan: Scan) -> bool:
+    """Whether a scan has valid ranges in enough directions to be compared with a map."""
+    return len(view_of(scan).directions) >= LEAST_VIEW
+
+
+def merged(kept: list[Candidate], fresh: list[Candidate]) -> list[Candidate]:
+    """Places kept so far and those of a new search of the same scan, the most likely first.
+
+    Those kept have their odds as a start, others `SURPRISE`.
+    """
+    new = [c for c in fresh if not any(is_same(c.pose, known.pose) for known in kept)]
+    before = [c.odds for c in kept] + [SURPRISE if kept else 1.0] * len(new)
+    return with_odds(kept + new, np.array(before))
 
 
 def with_odds(candidates: list[Candidate], before: Floats | None = None) -> list[Candidate]:
@@ -107,7 +164,7 @@ def with_odds(candidates: list[Candidate], before: Floats | None = None) -> list
     return [c for c in kept if c.odds >= EVEN * kept[0].odds]
 
 
-def _apart(candidates: list[Candidate]) -> list[Candidate]:
+def apart(candidates: list[Candidate]) -> list[Candidate]:
     """Of candidates at the same place the first."""
     kept: list[Candidate] = []
     for candidate in candidates:

@@ -1,0 +1,398 @@
+"""A lost robot is searched for in its own map a bit in every scan, and found or stays lost."""
+
+import copy
+import math
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from slams.extent import Box
+from slams.frontend import map_part, relocalize
+from slams.frontend.map_part import MapPart, coarsened
+from slams.frontend.relocalize import Relocalizer
+from slams.localize import places, search
+from slams.localize.chart import Chart
+from slams.localize.places import TURNS, Disc, Places, view_of
+from slams.room import odd_scans
+from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
+from tests.floors import ALIKE, grid_of
+from tests.places import ROOT
+from tests.rooms import ROOM, box, laser, scan_at
+
+LIDAR = laser(541, range_max=30.0)
+HERE, GUESS = Pose2(1.5, -2.0, 2.0), Pose2(-2.5, 1.0, -0.5)
+
+# ten rooms in two rows along a corridor, each with a cupboard of its own and a door
+OFFICE = np.array(
+    [
+        *box(0.0, 0.0, 25.0, 12.0),
+        *[wall for k in range(1, 5) for wall in ((5.0 * k, 0.0, 5.0 * k, 5.0),)],
+        *[(5.0 * k, 7.0, 5.0 * k, 12.0) for k in range(1, 5)],
+        *[(5.0 * k + a, y, 5.0 * k + b, y) for k in range(5) for a, b, y in
+          ((0.0, 2.0, 5.0), (3.0, 5.0, 5.0), (0.0, 1.0 + 0.4 * k, 7.0), (2.0 + 0.4 * k, 5.0, 7.0))],
+        *[side for k in range(5) for side in box(5 * k + 0.6, 0.5, 5 * k + 1.2 + 0.3 * k, 1.1)],
+        *[side for k in range(5) for side in box(5 * k + 3.2 - 0.4 * k, 10.0, 5 * k + 4.0, 10.7)],
+    ]
+)  # fmt: skip
+
+
+class Map:
+    """Draws parts of a grid and keeps what was asked for."""
+
+    def __init__(self, grid=None):
+        self.grid, self.boxes = grid_of(ROOM) if grid is None else grid, []
+
+    def __call__(self, part):
+        self.boxes.append(part)
+        return self.grid
+
+
+@pytest.fixture(scope="module")
+def room():
+    return grid_of(ROOM)
+
+
+@pytest.fixture(scope="module")
+def office():
+    return grid_of(OFFICE, inside=(2.0, 3.0))
+
+
+def noisy(k, pose=HERE, segments=ROOM, lidar=LIDAR, dt=0.1):
+    return scan_at(pose, lidar, segments, 0.01, np.random.default_rng(k), t=dt * k)
+
+
+def standing(n, pose=HERE, segments=ROOM):
+    return [(pose, noisy(k, pose, segments)) for k in range(n)]
+
+
+def driving(n, start, step, segments=ROOM, lidar=LIDAR):
+    poses = [start]
+    for _ in range(n - 1):
+        poses.append(poses[-1] @ step)
+    return [(pose, noisy(k, pose, segments, lidar)) for k, pose in enumerate(poses)]
+
+
+def run(drive, draw, guess=GUESS, reach=math.inf, wheels=True, relocalizer=None):
+    """What is returned and at which scan; without wheels the predicted pose stays."""
+    relocalizer = relocalizer or Relocalizer()
+    start = drive[0][0]
+    for k, (pose, scan) in enumerate(drive):
+        predicted = guess @ start.between(pose) if wheels else guess
+        found = relocalizer.update(scan, predicted, reach, draw)
+        assert 0.0 <= relocalizer.work <= 1.0 + 1e-9
+        if found is not None:
+            return found, k, relocalizer
+    return None, None, relocalizer
+
+
+def assert_near(found, truth):
+    off = truth.between(found)
+    assert math.hypot(off.x, off.y) < 0.1 and abs(off.theta) < 0.05
+
+
+@pytest.mark.parametrize(("x", "y"), [(3.0, 3.5), (13.0, 3.0), (22.5, 8.2), (8.0, 8.5)])
+@pytest.mark.parametrize("wheels", [True, False])
+def test_a_robot_put_elsewhere_in_an_office_is_found_while_it_drives(x, y, wheels, office):
+    drive = driving(100, Pose2(x, y, 1.0), Pose2(0.02, 0.0, 0.03), OFFICE)
+    found, k, relocalizer = run(drive, Map(office), Pose2(10.0, 6.0, -2.0), wheels=wheels)
+    assert_near(found, drive[k][0])
+    assert relocalizer.found == 1
+    assert all(isinstance(value, float) for value in found)
+
+
+def test_a_mounted_laser_gives_the_pose_of_the_base(room):
+    lidar = laser(361, mount=Pose2(0.3, 0.1, 0.5))
+    drive = driving(60, Pose2(1.0, 0.5, 0.3), Pose2(0.02, 0.0, 0.03), lidar=lidar)
+    found, k, _ = run(drive, Map(room))
+    assert_near(found, drive[k][0])
+
+
+def test_a_robot_that_stands_is_found_in_a_second_scan_two_seconds_later(room):
+    found, k, _ = run(standing(60), Map(room))
+    assert_near(found, HERE)
+    assert 2.0 <= 0.1 * k < 4.0
+
+
+def test_a_robot_that_turns_or_drives_is_found_earlier(room):
+    for step in (Pose2(0.0, 0.0, 0.1), Pose2(-0.05, 0.02, 0.0)):
+        drive = driving(40, HERE, step)
+        found, k, _ = run(drive, Map(room))
+        assert_near(found, drive[k][0])
+        assert 0.1 * k < 2.0
+
+
+def test_alike_rooms_are_not_guessed_until_the_robot_leaves_them():
+    draw, near = Map(grid_of(ALIKE, inside=(0.0, -1.0))), laser(541, range_max=3.0)
+    relocalizer = Relocalizer()
+    inside = driving(80, Pose2(-4.5, 2.5, -1.5), Pose2(0.0, 0.005, 0.02), ALIKE, near)
+    assert run(inside, draw, Pose2(0.0, -1.0, 0.0), relocalizer=relocalizer)[0] is None
+    start = Pose2(-4.5, 2.5, -1.5)
+    leaving = [(p, Scan(s.t + 8.0, s.ranges, s.laser)) for p, s in
+               driving(60, start, Pose2(0.08, 0.0, 0.0), ALIKE, near)]  # fmt: skip
+    guess = Pose2(0.0, -1.0, 0.0) @ inside[0][0].between(start)
+    found, k, _ = run(leaving, draw, guess, relocalizer=relocalizer)
+    assert_near(found, leaving[k][0])
+    assert leaving[k][0].y < 1.5
+
+
+def test_small_differences_of_alike_rooms_do_not_add_up_while_the_robot_stands(office):
+    there = Pose2(22.0, 9.3, 3.04)
+    assert run(standing(120, there, OFFICE), Map(office))[0] is None
+    scan = noisy(0, there, OFFICE)
+    first, second = search.Atlas(office).search(scan)[:2]
+    assert 0.8 < first.odds < 0.95 and second.odds > 0.05
+
+
+def test_more_alike_places_than_can_be_tracked_stay_open(monkeypatch):
+    monkeypatch.setattr(relocalize, "FITS", 2)  # one is tracked, of two
+    draw, near = Map(grid_of(ALIKE, inside=(0.0, -1.0))), laser(541, range_max=3.0)
+    drive = driving(140, Pose2(-4.5, 2.5, -1.5), Pose2(0.0, 0.005, 0.02), ALIKE, near)
+    assert run(drive, draw, Pose2(0.0, -1.0, 0.0))[0] is None
+
+
+def test_tracked_poses_move_by_the_predicted_steps(room):
+    drive = driving(40, HERE, Pose2(0.2, 0.0, 0.5))
+    found, k, _ = run(drive, Map(room))
+    assert_near(found, drive[k][0])
+    assert run(drive, Map(room), wheels=False)[0] is None
+
+
+def test_a_pose_explains_a_scan_by_evidence_and_with_few_beams_through_walls():
+    for explained, refuted, expected in (
+        (0.65, 0.04, True),
+        (0.65, 0.06, False),
+        (0.9, 0.09, True),
+        (0.9, 0.11, False),
+    ):
+        candidate = search.Candidate(HERE, explained, refuted, 1.0)
+        assert relocalize.explains(candidate) is expected
+
+
+def test_a_place_out_of_reach_is_not_returned(room):
+    away = math.hypot(HERE.x - GUESS.x, HERE.y - GUESS.y)
+    for reach in (0.0, 0.5, 0.8 * away):
+        assert run(standing(40), Map(room), reach=reach)[0] is None
+    assert_near(run(standing(40), Map(room), reach=away + 0.1)[0], HERE)
+
+
+def test_reach_rules_between_alike_rooms():
+    draw, near = Map(grid_of(ALIKE, inside=(0.0, -1.0))), laser(541, range_max=3.0)
+    drive = driving(60, Pose2(-4.5, 2.5, -1.5), Pose2(0.01, 0.0, 0.02), ALIKE, near)
+    found, k, _ = run(drive, draw, Pose2(-1.0, 1.5, 1.0), reach=4.2)
+    assert_near(found, drive[k][0])
+    assert run(drive, draw, Pose2(-1.0, 1.5, 1.0), reach=7.0)[0] is None
+
+
+def test_the_part_around_the_predicted_pose_is_drawn_once_for_a_search(room):
+    for reach, half in ((0.0, 8.0), (3.0, 11.0), (50.0, 20.0), (math.inf, 20.0)):
+        draw = Map(room)
+        run(driving(30, HERE, Pose2(0.0, 0.0, 0.1)), draw, Pose2(-2.0, 1.0, 0.0), reach)
+        assert draw.boxes[0] == Box(-2.0 - half, 1.0 - half, -2.0 + half, 1.0 + half)
+    assert len(draw.boxes) == 1
+
+
+def test_points_of_the_lattice_are_in_the_area_and_at_most_so_many(room):
+    chart, area = Chart(room), Disc(1.0, 0.5, 1.5)
+    part = Places(chart, area=area)
+    at = part.cells * chart.resolution + chart.origin
+    assert np.hypot(*(at - area[:2]).T).max() <= 1.5
+    assert len(part) == pytest.approx(math.pi * 1.5**2 / 0.25**2, rel=0.15)
+    assert len(Places(chart, 100)) == pytest.approx(100, rel=0.3)
+    assert len(Places(chart, 40, area)) == pytest.approx(40, rel=0.3)
+
+
+def test_pieces_give_what_all_at_once_gives(room):
+    whole, pieces = search.Atlas(room), search.Atlas(room)
+    pieces.places = Places(pieces.chart)
+    while pieces.places.ready < len(pieces.places):
+        pieces.places.prepare(77)
+    scan = noisy(0)
+    work = search.Search(pieces, scan)
+    while work.to_compare:
+        work.compare(101)
+    while work.to_look:
+        work.look(7)
+    assert search.with_odds(work.candidates) == whole.search(scan)
+    assert np.array_equal(pieces.places.seen, whole.places.seen)
+
+
+class Counter:
+    """Counts what kernels are given in one scan, whatever the relocalizer says."""
+
+    def __init__(self, monkeypatch):
+        self.counts = {"rays": 0, "comparisons": 0, "fits": 0, "cells": 0}
+        self.most = dict(self.counts)
+        look, compare, fit = places.look_around, places.compare, search.Atlas._looked_at
+
+        def looked(cells, points, far, scale, out):
+            self.counts["rays"] += out.size
+            look(cells, points, far, scale, out)
+
+        def compared(seen, *more):
+            self.counts["comparisons"] += len(seen)
+            compare(seen, *more)
+
+        def fitted(atlas, points, start):
+            self.counts["fits"] += 1
+            return fit(atlas, points, start)
+
+        monkeypatch.setattr(places, "look_around", looked)
+        monkeypatch.setattr(places, "compare", compared)
+        monkeypatch.setattr(search.Atlas, "_looked_at", fitted)
+        for name in ("gap", "cells", "clearance"):
+            monkeypatch.setattr(Chart, name, self._counted(getattr(Chart, name)))
+
+    def _counted(self, made):
+        def count(chart):
+            if made.attrname not in chart.__dict__:
+                self.counts["cells"] += chart.free.size
+            return made.__get__(chart)
+
+        return property(count)
+
+    def scan(self):
+        self.most = {key: max(n, self.counts[key]) for key, n in self.most.items()}
+        self.counts = dict.fromkeys(self.counts, 0)
+
+
+def test_the_work_of_a_scan_is_bounded_on_a_large_map(monkeypatch):
+    rng = np.random.default_rng(1)
+    pillars = [box(x, y, x + 0.3, y + 0.3) for x, y in rng.uniform(1.0, 38.0, (60, 2)).tolist()]
+    hall = np.array([*box(0.0, 0.0, 39.5, 39.5), *[side for pillar in pillars for side in pillar]])
+    draw, counter = Map(grid_of(hall, inside=(0.5, 0.5))), Counter(monkeypatch)
+    assert draw.grid.p.size > 650_000
+    relocalizer, pose = Relocalizer(), Pose2(20.1, 18.2, 0.5)
+    found, scans = None, 0
+    while found is None and scans < 120:
+        pose = pose @ Pose2(0.0, 0.0, 0.03)
+        scan = scan_at(pose, laser(181), hall, t=0.1 * scans)
+        found = relocalizer.update(scan, Pose2(19.0, 19.0, 0.0), math.inf, draw)
+        counter.scan()
+        scans += 1
+    assert_near(found, pose)
+    assert scans > 35
+    for key, bound in (
+        ("rays", map_part.RAYS),
+        ("comparisons", relocalize.COMPARISONS),
+        ("fits", relocalize.FITS),
+        ("cells", map_part.MAX_CELLS),
+    ):
+        assert 0.5 * bound < counter.most[key] <= bound, key
+
+
+def test_a_fine_map_is_made_coarser_and_the_robot_found(monkeypatch):
+    monkeypatch.setattr(map_part, "MAX_CELLS", 13_000)
+    grid = grid_of(ROOM, cell=0.025)
+    small = coarsened(grid)
+    assert small.p.size <= 13_000 and small.resolution == pytest.approx(0.1)
+    assert small.p[0, 0] != small.p[0, 0] and np.nanmax(small.p) == 1.0
+    for iy, ix in np.ndindex(small.p.shape):
+        block = grid.p[4 * iy : 4 * iy + 4, 4 * ix : 4 * ix + 4]
+        known = block[~np.isnan(block)]
+        expected = known.max() if len(known) else np.nan
+        assert small.p[iy, ix] == pytest.approx(expected, nan_ok=True)
+    drive = driving(60, HERE, Pose2(0.0, 0.0, 0.03))
+    found, k, _ = run(drive, Map(grid))
+    assert_near(found, drive[k][0])
+
+
+@pytest.mark.parametrize(
+    "p",
+    [np.zeros((9, 9)), np.ones((9, 9)), np.full((9, 9), np.nan), np.zeros((0, 0)), np.ones((1, 1))],
+)
+def test_a_map_without_walls_or_without_anything_gives_nothing(p):
+    draw = Map(OccupancyGrid(p.astype(np.float32), 0.05, (0.0, 0.0)))
+    assert run(standing(20), draw)[0] is None and len(draw.boxes) >= 2
+    assert run(standing(20), lambda part: None)[0] is None
+
+
+def test_a_room_that_the_map_does_not_have_is_searched_ever_more_seldom(room):
+    elsewhere = np.array([*ROOM[:1], (-2.0, 1.0, 3.0, 2.0), (3.0, 2.0, 4.0, -3.0)])
+    times, draw = [], Map(room)
+    relocalizer = Relocalizer()
+    for k in range(400):
+        scan = noisy(k, IDENTITY, elsewhere)
+        drawn = len(draw.boxes)
+        assert relocalizer.update(scan, GUESS, math.inf, draw) is None
+        times += [scan.t] * (len(draw.boxes) - drawn)
+    pauses = np.diff(times)
+    assert len(times) == 8 and (np.diff(pauses[:5]) > 0.3).all()
+    assert pauses[-1] == pytest.approx(8.0, abs=1.0) and relocalizer.found == 0
+
+
+def test_switched_off_nothing_is_drawn(room):
+    draw = Map(room)
+    assert run(standing(20), draw, relocalizer=Relocalizer(False))[0] is None
+    assert draw.boxes == []
+
+
+def test_a_scan_with_few_valid_directions_waits_and_motion_goes_on(room):
+    drive = driving(60, HERE, Pose2(0.0, 0.0, 0.05))
+    dark = np.full(541, np.nan, np.float32)
+    dark[::30] = 2.0
+    assert len(view_of(Scan(0.0, dark, LIDAR)).directions) < 20
+    mixed = [
+        (pose, Scan(scan.t, dark, LIDAR) if k % 3 else scan) for k, (pose, scan) in enumerate(drive)
+    ]
+    found, k, _ = run(mixed, Map(room))
+    assert k % 3 == 0
+    assert_near(found, mixed[k][0])
+    draw = Map(room)
+    assert run([(HERE, Scan(0.1 * k, dark, LIDAR)) for k in range(20)], draw)[0] is None
+    assert draw.boxes == []
+
+
+def test_odd_scans_poses_and_reaches_do_no_harm(room):
+    relocalizer, draw = Relocalizer(), Map(room)
+    for scan in odd_scans().values():
+        for predicted in (GUESS, Pose2(math.nan, 0.0, 0.0), Pose2(0.0, math.inf, 0.0)):
+            for reach in (1.0, math.inf, math.nan, -1.0):
+                relocalizer.update(scan, predicted, reach, draw)
+    nan = Scan(math.nan, noisy(0).ranges, LIDAR)
+    assert relocalizer.update(nan, GUESS, math.inf, draw) is None
+    relocalizer.reset()
+    assert_near(run(standing(60), draw, relocalizer=relocalizer)[0], HERE)
+
+
+def test_after_a_reset_a_search_begins_anew(room):
+    draw, relocalizer = Map(room), Relocalizer()
+    assert run(standing(10), draw, relocalizer=relocalizer)[0] is None
+    relocalizer.reset()
+    other = [(pose, Scan(scan.t + 1.0, scan.ranges, LIDAR)) for pose, scan in standing(40)]
+    assert run(other, draw, relocalizer=relocalizer)[0] is not None
+    assert len(draw.boxes) == 2
+    assert run(other, draw, relocalizer=relocalizer)[0] is not None
+    assert relocalizer.found == 2 and len(draw.boxes) == 3
+
+
+def test_the_same_input_gives_the_same_output_also_from_a_copy(room):
+    drive = driving(60, HERE, Pose2(0.02, 0.0, 0.03))
+    first, second = (run(drive, Map(room)) for _ in range(2))
+    assert first[:2] == second[:2] and first[0] is not None
+    third = Relocalizer()
+    assert run(drive[:9], Map(room), relocalizer=third)[0] is None
+    copies = [third, copy.deepcopy(third), pickle.loads(pickle.dumps(third))]
+    guess = GUESS @ drive[0][0].between(drive[9][0])
+    for one in copies:
+        found, k, _ = run(drive[9:], Map(room), guess, relocalizer=one)
+        assert found == pytest.approx(first[0]) and k + 9 == first[1]
+
+
+def test_a_part_says_when_it_is_ready_and_takes_no_more_than_it_is_given(room):
+    part = MapPart(room, Disc(1.0, 0.5, 3.0))
+    assert part.prepare(1e-3) == 0.0 and part.ready is None
+    pieces = 0
+    while part.ready is None:
+        assert 0.0 < part.prepare(0.1) <= 0.1
+        pieces += 1
+    at = part.ready.places.cells * room.resolution + np.array(room.origin)
+    assert np.hypot(*(at - [1.0, 0.5]).T).max() <= 3.0
+    assert pieces > 5 and len(part.ready.places) * TURNS > map_part.RAYS // 10
+
+
+def test_scipy_is_not_imported():
+    code = "import sys, slams.frontend.relocalize; sys.exit('scipy.ndimage' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
