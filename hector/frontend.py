@@ -20,10 +20,10 @@ from typing import Any, ClassVar
 from hector.map import LogOddsPyramid
 from hector.matcher import Matcher, gap
 from hector.params import HectorParams
-from slams.frontend.estimator import estimator_for
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
 from slams.frontend.params import FrontendParams
+from slams.frontend.plain import estimator_for
 from slams.geometry import Prior
 from slams.params import Params
 from slams.refine.lines import Match

@@ -20,7 +20,7 @@ from slams.frontend.relocalize import Relocalizer
 from slams.geometry import unlikely
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State, wrap_angle
+from slams.types import Floats, OccupancyGrid, Pose2, Scan, State, wrap_angle
 
 TRIES = 6  # poses of a correlative search that are matched
 PIECES = 50.0  # of wall in a scan whose errors are independent of each other
@@ -85,7 +85,7 @@ class PoseEstimator:
         self.quality = 1.0
         self.maps = False  # whether the last scan may enter the map
         self.match: Match | None = None  # that the last pose is of
-        names = "empty matched predicted lost searched tentative relocalized odometry fragments"
+        names = "empty matched predicted lost searched tentative relocalized odometry"
         self.counts = dict.fromkeys(names.split(), 0)
         self._p = params
         self._filter = MotionFilter(params)
@@ -270,7 +270,9 @@ class PoseEstimator:
         """Global localization in the map; a pose that good wheels contradict is none."""
         if self._unmatched < CONFIRMED:
             return
-        found = self._relocalizer.update(self._scan, self._prior.dt, self.pose, grid.cut)
+        (xx, _, _), (_, yy, _), _ = self._filter.covariance.tolist()
+        reach = math.sqrt(GATE * max(xx, yy))
+        found = self._relocalizer.update(self._scan, self.pose, reach, grid.cut)
         if found is None or self._prior.distance(found) > GATE:
             return
         self._filter.place(found, RELOCALIZED)
@@ -284,60 +286,3 @@ class PoseEstimator:
     def _call(self, state: State) -> None:
         self.state = state
         self.counts[state] += 1
-
-
-class PlainEstimator:
-    """Prediction by wheels, gyro or the last step, and the last match: a paper's mechanism alone.
-
-    The same interface as `PoseEstimator`; nothing is weighed, refused or searched.
-    """
-
-    def __init__(self, params: FrontendParams) -> None:
-        self.state: State = "matched"
-        self.quality, self.maps = 1.0, False
-        self.match: Match | None = None
-        self.pose = IDENTITY
-        self.covariance = np.diag([math.inf] * 3)
-        self.counts = {"empty": 0, "matched": 0, "predicted": 0, "lost": 0}
-        self._p = params
-        self._last: Scan | None = None
-        self._twist, self._dt = IDENTITY, 0.0
-
-    def predict(self, scan: Scan) -> Prediction:
-        """The pose by wheels, or by the twist of the last step; no information."""
-        last, self._last = self._last, scan
-        self._dt = 0.0 if last is None else max(scan.t - last.t, 0.0)
-        step = Pose2(*(v * self._dt for v in self._twist))
-        if last is not None and last.odometry and scan.odometry and self._p.wheels:
-            step = last.odometry.between(scan.odometry)
-        if last is not None and last.yaw is not None and scan.yaw is not None and self._p.gyro:
-            step = step._replace(theta=scan.yaw - last.yaw)
-        self._before, self.pose = self.pose, self.pose @ step
-        return Prediction(self.pose, NOTHING, NOTHING, self._twist, self._dt)
-
-    def twist_at(self, pose: Pose2) -> Pose2:
-        """The twist that leads to `pose`."""
-        return Pose2(*(v / self._dt for v in self._before.between(pose))) if self._dt else IDENTITY
-
-    def place(self, scan: Scan, pose: Pose2) -> None:
-        """The pose of a scan is known."""
-        self._last, self.pose, self._twist = scan, pose, IDENTITY
-
-    def decide(
-        self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap, rematch: Rematch
-    ) -> Pose2:
-        """Take the last match."""
-        self.counts["empty"] += points.n == 0
-        self.maps = points.n > 0
-        self.state = "matched" if self.maps else "predicted"
-        self.counts[self.state] += 1
-        self.match = matches[-1] if self.maps else None
-        if self.maps:
-            self.pose, self.quality = matches[-1].pose, matches[-1].share
-            self._twist = self.twist_at(self.pose)
-        return self.pose
-
-
-def estimator_for(params: FrontendParams) -> PoseEstimator | PlainEstimator:
-    """The estimator that the parameters name."""
-    return PlainEstimator(params) if params.estimator == "plain" else PoseEstimator(params)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slams.frontend import filter_kernels as kernels
+from slams.frontend import update_kernels
 from slams.frontend.degeneracy import Observability
 from slams.frontend.filter_kernels import GYRO, SCALE, TWIST
 from slams.frontend.params import FrontendParams
@@ -63,12 +64,12 @@ class MotionFilter:
         self._p = params
         self._z, self._P = np.zeros(kernels.N), np.zeros((kernels.N, kernels.N))
         self._P[SCALE:, SCALE:] = np.diag(CALIBRATION**2)
-        self._P[:3, :3] = np.diag(MAP_ERROR**2)
+        self._P[:3, :3] = self._P[3:6, 3:6] = np.diag(MAP_ERROR**2)
         self._P[TWIST:SCALE, TWIST:SCALE] = np.diag(TWIST_DEVIATION**2)
         self._usual = DENSITY.copy()
         self._learned = np.ones((2, 4))
         self._learned[0, :3] = DENSITY
-        self._readings = np.zeros((4, 3))
+        self._readings = np.zeros((4, 4))
         self._timing = ScanTiming(params.smooth_stamps)
         self._last: Scan | None = None
         self._before = np.zeros(3)
@@ -129,7 +130,7 @@ class MotionFilter:
         self._how[1] = dt, learning, judging
         self._how[2] = self._floor
         arrays = self._z, self._P, self._match, self._how, self._before
-        kernels.update(*arrays, self._learned, self._usual, self._readings)
+        update_kernels.update(*arrays, self._learned, self._usual, self._readings)
 
     def shift(self, pose: Pose2) -> None:
         """The scan is of another time than its stamp: the robot is at `pose`, moving as before."""
@@ -161,10 +162,10 @@ class MotionFilter:
             way = abs(along) + 0.5 * float(TWIST_DEVIATION[0]) * unseen
             turned = abs(turn) + 0.5 * float(TWIST_DEVIATION[2]) * unseen
             aside, tick = p.slip_sideways**2, TICK**2
-            readings[0] = 1.0, along, p.slip**2 * way + aside * turned + tick
-            readings[1] = 1.0, across, aside * (way + turned) + tick
-            readings[2] = 1.0, turn, aside * way + p.slip_rotation**2 * turned + tick
+            readings[0, :3] = 1.0, along, p.slip**2 * way + aside * turned + tick
+            readings[1, :3] = 1.0, across, aside * (way + turned) + tick
+            readings[2, :3] = 1.0, turn, aside * way + p.slip_rotation**2 * turned + tick
         if p.gyro and last.yaw is not None and scan.yaw is not None:
             turn = wrap_angle(scan.yaw - last.yaw)
             variance = p.gyro_noise**2 * dt + (GYRO_SCALE * turn) ** 2 + 1e-10
-            readings[GYRO] = 1.0, turn, variance
+            readings[GYRO, :3] = 1.0, turn, variance

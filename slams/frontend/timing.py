@@ -6,7 +6,7 @@ import math
 
 MEMORY = 30.0  # intervals over which the statistics of the stamps are a mean
 SHORTEST = 0.5  # of the usual interval: no interval is shorter, stamps may repeat or go back
-LONGEST = 3600.0  # s; a longer interval tells no more
+LONGEST = 10.0  # s; after a longer interval nothing more is unknown
 GAP = 5.0  # deviations of the intervals beyond which scans are missing
 
 

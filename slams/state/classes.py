@@ -18,6 +18,7 @@ SHARED = (
     "params",
     "geometry",
     "motion",
+    "frontend",
     "extent",
     "cells",
     "patience",

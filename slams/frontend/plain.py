@@ -1,0 +1,74 @@
+"""PlainEstimator: a paper's mechanism alone, without the front end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from slams.frontend.estimator import MatchedMap, PoseEstimator, Rematch
+from slams.frontend.motion_filter import Prediction
+from slams.frontend.params import FrontendParams
+from slams.refine.lines import Match
+from slams.scan.end_points import EndPoints
+from slams.types import IDENTITY, Pose2, Scan, State
+
+NOTHING = np.zeros((3, 3))
+
+
+class PlainEstimator:
+    """Prediction by wheels, gyro or the last step, and the last match: a paper's mechanism alone.
+
+    The same interface as `PoseEstimator`; nothing is weighed, refused or searched.
+    """
+
+    def __init__(self, params: FrontendParams) -> None:
+        self.state: State = "matched"
+        self.quality, self.maps = 1.0, False
+        self.match: Match | None = None
+        self.pose = IDENTITY
+        self.covariance = np.diag([math.inf] * 3)
+        self.counts = {"empty": 0, "matched": 0, "predicted": 0, "lost": 0}
+        self._p = params
+        self._last: Scan | None = None
+        self._twist, self._dt = IDENTITY, 0.0
+
+    def predict(self, scan: Scan) -> Prediction:
+        """The pose by wheels, or by the twist of the last step; no information."""
+        last, self._last = self._last, scan
+        self._dt = 0.0 if last is None else max(scan.t - last.t, 0.0)
+        step = Pose2(*(v * self._dt for v in self._twist))
+        if last is not None and last.odometry and scan.odometry and self._p.wheels:
+            step = last.odometry.between(scan.odometry)
+        if last is not None and last.yaw is not None and scan.yaw is not None and self._p.gyro:
+            step = step._replace(theta=scan.yaw - last.yaw)
+        self._before, self.pose = self.pose, self.pose @ step
+        return Prediction(self.pose, NOTHING, NOTHING, self._twist, self._dt)
+
+    def twist_at(self, pose: Pose2) -> Pose2:
+        """The twist that leads to `pose`."""
+        return Pose2(*(v / self._dt for v in self._before.between(pose))) if self._dt else IDENTITY
+
+    def place(self, scan: Scan, pose: Pose2) -> None:
+        """The pose of a scan is known."""
+        self._last, self.pose, self._twist = scan, pose, IDENTITY
+
+    def decide(
+        self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap, rematch: Rematch
+    ) -> Pose2:
+        """Take the last match."""
+        self.counts["empty"] += points.n == 0
+        self.maps = points.n > 0
+        self.state = "matched" if self.maps else "predicted"
+        self.counts[self.state] += 1
+        self.match = matches[-1] if self.maps else None
+        if self.maps:
+            self.pose, self.quality = matches[-1].pose, matches[-1].share
+            self._twist = self.twist_at(self.pose)
+        return self.pose
+
+
+def estimator_for(params: FrontendParams) -> PoseEstimator | PlainEstimator:
+    """The estimator that the parameters name."""
+    return PlainEstimator(params) if params.estimator == "plain" else PoseEstimator(params)

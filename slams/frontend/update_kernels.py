@@ -1,0 +1,260 @@
+"""Kernels of the motion filter: condition the state on a match, and learn from it.
+
+State and covariance as in `filter_kernels`, which has the papers, too.
+
+[Mohamed99] A. Mohamed, K. Schwarz: Adaptive Kalman filtering for INS/GPS. J. Geodesy 73, 1999.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slams.frontend.filter_kernels import (
+    BIAS,
+    GYRO,
+    LARGEST,
+    POSE,
+    SCALE,
+    STEP,
+    TWIST,
+    VALID,
+    VALUE,
+    VARIANCE,
+    N,
+    scale_rows,
+    symmetrize,
+)
+from slams.geometry import FREEDOM, inverse3, wrap_angle
+from slams.jit import njit
+from slams.types import Floats
+
+WEAKEST = 1e-2  # 1/m^2, 1/rad^2: information added where a match has none
+SHARPEST = 10.0  # NIS of one match that counts at most, in what is learned
+SLOWEST = 0.1  # least share of a twist's variance that a match has to remove, to be learned from
+SPREAD = 100.0  # times the usual acceleration density, at most and at least
+
+
+@njit(inner=True, borrows=True)
+def offset_from(z: Floats, pose: Floats, out: Floats) -> None:
+    """Difference of a pose (3,) from the state's. ours."""
+    out[0], out[1] = pose[0] - z[0], pose[1] - z[1]
+    out[2] = wrap_angle(pose[2] - z[2])
+
+
+@njit(inner=True, borrows=True)
+def mahalanobis(information: Floats, off: Floats) -> float:
+    """Squared distance off^T information off of a difference (3,). ours."""
+    square = 0.0
+    for i in range(3):
+        for k in range(3):
+            square += off[i] * information[i, k] * off[k]
+    return max(square, 0.0)
+
+
+@njit(inner=True)
+def condition(z: Floats, P: Floats, pose: Floats, covariance: Floats) -> None:
+    """The pose is now `pose` with `covariance`; all other states follow by regression on it.
+
+    ours: z += G off, P <- P - G P_pp G^T + G C G^T with G = P[:, :3] P_pp^-1, for any filter whose
+    posterior of the pose has a mean and a covariance (a particle cloud's as well).
+    """
+    inverse = inverse3(P[:3, :3])
+    G, off, change = np.empty((N, 3)), np.empty(3), np.empty((3, 3))
+    offset_from(z, pose, off)
+    for i in range(N):
+        for k in range(3):
+            G[i, k] = P[i, 0] * inverse[0, k] + P[i, 1] * inverse[1, k] + P[i, 2] * inverse[2, k]
+    for i in range(3):
+        for k in range(3):
+            change[i, k] = covariance[i, k] - P[i, k]
+    for i in range(3, N):
+        z[i] += G[i, 0] * off[0] + G[i, 1] * off[1] + G[i, 2] * off[2]
+        for k in range(3, N):
+            total = 0.0
+            for j in range(3):
+                moved = change[j, 0] * G[k, 0] + change[j, 1] * G[k, 1] + change[j, 2] * G[k, 2]
+                total += G[i, j] * moved
+            P[i, k] += total
+        for k in range(3):
+            moved = G[i, 0] * covariance[0, k] + G[i, 1] * covariance[1, k]
+            P[i, k] = P[k, i] = moved + G[i, 2] * covariance[2, k]
+    for i in range(3):
+        z[i] = pose[i]
+        for k in range(3):
+            P[i, k] = covariance[i, k]
+    symmetrize(P)
+
+
+@njit(inner=True)
+def decouple(z: Floats, P: Floats, direction: Floats, share: float) -> None:
+    """Block-diagonal covariance: what is seen of other directions says nothing about this one.
+
+    ours: remapping the pose alone leaks, as the errors of pose, step, twist and wheels along an
+    unobservable `direction` (2,) in the map hang together with those across. P <- share P + (1 -
+    share) (A P A + B P B), A the projection on it (and on the wheels' scale), B = 1 - A.
+    """
+    A = np.zeros((N, N))
+    c, s = math.cos(z[2]), math.sin(z[2])
+    ux, uy = direction[0], direction[1]
+    bx, by = c * ux + s * uy, c * uy - s * ux
+    for first in (POSE, STEP, TWIST):
+        x, y = (ux, uy) if first == POSE else (bx, by)
+        A[first, first], A[first + 1, first + 1] = x * x, y * y
+        A[first, first + 1] = A[first + 1, first] = x * y
+    A[SCALE, SCALE] = 1.0
+    AP = np.zeros((N, N))
+    for i in range(N):
+        for j in range(N):
+            if A[i, j] != 0.0:
+                for k in range(N):
+                    AP[i, k] += A[i, j] * P[j, k]
+    APA = np.zeros((N, N))
+    for j in range(N):
+        for k in range(N):
+            if A[j, k] != 0.0:
+                for i in range(N):
+                    APA[i, k] += AP[i, j] * A[j, k]
+    # A P A + B P B = P - A P - P A + 2 A P A
+    for i in range(N):
+        for k in range(N):
+            split = 2.0 * APA[i, k] - AP[i, k] - AP[k, i]
+            P[i, k] += (1.0 - share) * split
+
+
+@njit(inner=True)
+def remap(
+    z: Floats, P: Floats, pose: Floats, seen: Floats, direction: Floats, share: float, floor: Floats
+) -> None:
+    """Take out of a match what noise says along an unobservable direction, in place.
+
+    Solution remapping [Zhang16]: where the scan alone has the pose follows from the fused `pose`
+    (3,) and the prior's weight; it is fused again with the information `seen` (3, 3) of which only
+    `share` is left along `direction` (2,).
+    """
+    C, off = P[:3, :3] + np.diag(floor), np.empty(3)
+    W = inverse3(C)
+    offset_from(z, pose, off)
+    w = (FREEDOM + 3.0) / (FREEDOM + mahalanobis(W, off))
+    pull, alone, told = np.zeros(3), np.empty(3), np.empty((3, 3))
+    for i in range(3):
+        for k in range(3):
+            pull[i] += w * W[i, k] * off[k]
+    inverse = inverse3(seen + WEAKEST * np.eye(3))
+    for i in range(3):
+        alone[i] = (
+            off[i] + inverse[i, 0] * pull[0] + inverse[i, 1] * pull[1] + inverse[i, 2] * pull[2]
+        )
+    D = np.eye(3)
+    for i in range(2):
+        for k in range(2):
+            D[i, k] += (math.sqrt(share) - 1.0) * direction[i] * direction[k]
+    for i in range(3):
+        for k in range(3):
+            total = 0.0
+            for j in range(3):
+                for m in range(3):
+                    total += D[i, j] * seen[j, m] * D[m, k]
+            told[i, k] = total
+    both = inverse3(told + w * W)
+    for i in range(3):
+        for k in range(3):
+            seen[i, k] = told[i, k]
+        pull[i] = told[i, 0] * alone[0] + told[i, 1] * alone[1] + told[i, 2] * alone[2]
+    for i in range(3):
+        moved = both[i, 0] * pull[0] + both[i, 1] * pull[1] + both[i, 2] * pull[2]
+        pose[i] = z[i] + moved
+    pose[2] = wrap_angle(pose[2])
+
+
+@njit(inner=True, borrows=True)
+def learn_density(
+    change: Floats, variance: Floats, P: Floats, share: float, usual: Floats, density: Floats
+) -> None:
+    """Acceleration density (3,) by the changes (3,) of the twist that matches make.
+
+    [SageHusa69], in logarithms: squared change over the variance that the match removed, of a mean
+    of 1. `variance` (3,) of the twist before the match; at most `SPREAD` times the `usual` (3,).
+    """
+    for i in range(3):
+        removed = variance[i] - P[TWIST + i, TWIST + i]
+        if removed < SLOWEST * variance[i] or removed <= 0.0:
+            continue
+        surprise = min(change[i] * change[i] / removed - 1.0, SHARPEST)
+        found = density[i] * math.exp(share * surprise)
+        density[i] = min(max(found, usual[i] / SPREAD), usual[i] * SPREAD)
+
+
+@njit(inner=True, borrows=True)
+def judge_readings(
+    z: Floats, step: Floats, dt: float, share: float, floor: Floats, readings: Floats, trust: Floats
+) -> None:
+    """Factors (4,) of the readings' variances, by the step (3,) between the matched poses.
+
+    ours: innovation-based adaptive estimation [Mohamed99]: the mean squared residual over its
+    variance, never below 1, as wheels that are exact on one floor are not on the next.
+    """
+    for i in range(4):
+        if readings[i, VALID] == 0.0:
+            continue
+        if i == GYRO:
+            expected, error = step[2] + dt * z[BIAS], floor[2]
+        elif i == 1:
+            expected, error = step[1], floor[1]
+        else:
+            scale = z[SCALE + (1 if i == 2 else 0)]
+            expected, error = (1.0 + scale) * step[i], floor[i]
+        off = readings[i, VALUE] - expected
+        ratio = off * off / (readings[i, VARIANCE] + 2.0 * error)
+        trust[i] += share * (min(max(ratio, 1.0), 1e4) - trust[i])
+
+
+@njit
+def update(
+    z: Floats,
+    P: Floats,
+    match: Floats,
+    how: Floats,
+    before: Floats,
+    learned: Floats,
+    usual: Floats,
+    readings: Floats,
+) -> None:
+    """Condition the state on a match: limit its information, fuse, regress, learn. ours.
+
+    match (4, 3): pose; information of the scan about it. how (3, 3): unobservable direction and the
+    share observed along it; dt, shares to learn accelerations and readings by; variances of the
+    map's error. before (3,): the last scan's pose.
+    """
+    pose, seen, direction, share = match[0], match[1:], how[0, :2], how[0, 2]
+    dt, floor = how[1, 0], how[2]
+    if share < 1.0:
+        decouple(z, P, direction, share)
+        remap(z, P, pose, seen, direction, share, floor)
+    off, step, change = np.empty(3), np.empty(3), np.empty(3)
+    variance, covariance = np.empty(3), np.empty((3, 3))
+    for i in range(3):
+        change[i], variance[i] = z[TWIST + i], P[TWIST + i, TWIST + i]
+    offset_from(z, pose, off)
+    nis = mahalanobis(inverse3(P[:3, :3] + np.diag(floor)), off)
+    widen = (FREEDOM + min(nis, LARGEST)) / (FREEDOM + 3.0)
+    if widen > 1.0:  # [Roth13]: a match that surprises says that the prior was too sure
+        scale_rows(P, POSE, SCALE, math.sqrt(widen))
+    alone = inverse3(seen + WEAKEST * np.eye(3)) + np.diag(floor)
+    covariance[:, :] = inverse3(inverse3(alone) + inverse3(P[:3, :3]))
+    condition(z, P, pose, covariance)
+    for i in range(3):
+        change[i] = z[TWIST + i] - change[i]
+    learn_density(change, variance, P, how[1, 1], usual, learned[0])
+    between_halfway(before, pose, step)
+    judge_readings(z, step, dt, how[1, 2], floor, readings, learned[1])
+
+
+@njit(inner=True, borrows=True)
+def between_halfway(before: Floats, pose: Floats, out: Floats) -> None:
+    """The step (3,) from one pose to another, seen from the heading half way. ours."""
+    dx, dy, turn = pose[0] - before[0], pose[1] - before[1], wrap_angle(pose[2] - before[2])
+    half = before[2] + 0.5 * turn
+    c, s = math.cos(half), math.sin(half)
+    out[0], out[1], out[2] = c * dx + s * dy, c * dy - s * dx, turn

@@ -1,0 +1,205 @@
+"""The motion filter: against naive twins, against finite differences, and with any input."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.frontend import filter_kernels as kernels
+from slams.frontend import update_kernels
+from slams.frontend.degeneracy import ALL, Observability
+from slams.frontend.motion_filter import MAP_ERROR, MotionFilter
+from slams.frontend.params import FrontendParams
+from slams.types import Laser, Pose2, Scan
+
+LASER = Laser(-1.0, 0.1, 21, 0.1, 30.0)
+RANGES = np.ones(21, np.float32)
+SHARP = np.diag((4e5, 4e5, 4e6))  # 1/m^2, 1/rad^2: a good match of all directions
+
+
+def scan(t, odometry=None, yaw=None):
+    return Scan(t, RANGES, LASER, odometry, yaw)
+
+
+def state(rng):
+    z = rng.normal(0.0, 0.3, kernels.N)
+    A = rng.normal(0.0, 0.2, (kernels.N, kernels.N))
+    return z, A @ A.T + 0.01 * np.eye(kernels.N)
+
+
+def is_covariance(P):
+    """Positive definite, whatever the units: by the correlations."""
+    scale = 1.0 / np.sqrt(np.diag(P))
+    correlation = P * scale[:, None] * scale
+    return bool(np.isfinite(P).all() and np.linalg.eigvalsh(correlation).min() > -1e-13)
+
+
+def test_one_reading_is_fused_as_the_textbook_does():
+    rng = np.random.default_rng(1)
+    z, P = state(rng)
+    H = rng.normal(0.0, 1.0, kernels.N)
+    K = P @ H / (H @ P @ H + 0.04)
+    expected_z, expected_P = z + 0.1 * K, P - np.outer(K, H @ P)
+    kernels.fuse(z, P, H, 0.1, 0.04, np.empty((2, kernels.N)))
+    np.testing.assert_allclose(z, expected_z, atol=1e-12)
+    np.testing.assert_allclose(P, expected_P, atol=1e-12)
+
+
+def test_a_reading_far_off_widens_both_sides_along_its_axis():
+    near, far = (np.diag(np.full(kernels.N, 1e-4)) for _ in range(2))
+    room = np.zeros((3, kernels.N))
+    room[2, kernels.STEP] = 1.0
+    for P, distance in ((near, 0.02), (far, 3.0)):
+        readings = np.zeros((4, 4))
+        readings[0] = (1.0, distance, 1e-4, 1e-4)
+        kernels.widen(P, 0, distance**2, readings, room)
+        assert (readings[0, kernels.USED] > 0.1) == (P is far)
+    np.testing.assert_array_equal(near, np.diag(np.full(kernels.N, 1e-4)))
+    assert far[kernels.STEP, kernels.STEP] > 0.1
+    assert far[kernels.STEP + 2, kernels.STEP + 2] == 1e-4
+
+
+@pytest.mark.parametrize("theta", [0.0, 2.0, -3.1])
+def test_composition_moves_the_covariance_by_its_derivatives(theta):
+    z, P = state(np.random.default_rng(3))
+    z[2] = theta
+
+    def _composed(at):
+        moved, unused = at.copy(), P.copy()
+        kernels.compose(moved, unused)
+        return moved
+
+    eps = 1e-6
+    J = np.empty((kernels.N, kernels.N))
+    for k in range(kernels.N):
+        d = np.zeros(kernels.N)
+        d[k] = eps
+        off = _composed(z + d) - _composed(z - d)
+        off[2] = math.remainder(off[2], 2.0 * math.pi)
+        J[:, k] = off / (2.0 * eps)
+    found = P.copy()
+    kernels.compose(z.copy(), found)
+    np.testing.assert_allclose(found, J @ P @ J.T, atol=1e-7)
+
+
+def test_propagation_is_white_acceleration_for_short_times():
+    z, P = np.zeros(kernels.N), np.zeros((kernels.N, kernels.N))
+    z[kernels.TWIST] = 0.5
+    kernels.propagate(z, P, 0.1, np.array((0.3, 0.3, 0.3)), np.full(3, 1e3))
+    assert z[3] == pytest.approx(0.05, rel=1e-3)
+    np.testing.assert_allclose(P[3, 3], 0.3 * 0.1**3 / 3.0, rtol=1e-3)
+    np.testing.assert_allclose(P[3, 6], 0.3 * 0.1**2 / 2.0, rtol=1e-3)
+    np.testing.assert_allclose(P[6, 6], 0.3 * 0.1, rtol=1e-3)
+
+
+def test_conditioning_on_a_pose_is_that_of_a_gaussian():
+    z, P = state(np.random.default_rng(4))
+    information = np.diag((50.0, 80.0, 120.0))
+    H = np.eye(3, kernels.N)
+    R = np.linalg.inv(information)
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+    off = np.array((0.05, -0.03, 0.02))
+    expected = z + K @ off
+    posterior = np.linalg.inv(information + np.linalg.inv(P[:3, :3]))
+    found, covariance = z.copy(), P.copy()
+    update_kernels.condition(found, covariance, expected[:3].copy(), posterior)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    np.testing.assert_allclose(covariance, P - K @ H @ P, atol=1e-9)
+
+
+def test_a_degenerate_direction_is_decoupled_from_the_other():
+    z, P = state(np.random.default_rng(5))
+    z[2] = 0.7
+    u = np.array((math.cos(0.3), math.sin(0.3)))
+    update_kernels.decouple(z, P, u, 0.0)
+    across = np.array((-u[1], u[0]))
+    assert abs(u @ P[:2, :2] @ across) < 1e-12
+    assert is_covariance(P)
+
+
+def drive(motion, scans):
+    """Feed scans; each is matched at its true pose."""
+    for one, pose in scans:
+        motion.predict(one)
+        motion.update(pose, SHARP, ALL)
+
+
+def test_a_constant_twist_is_learned():
+    motion = MotionFilter(FrontendParams())
+    pose, step = Pose2(0.0, 0.0, 0.0), Pose2(0.05, 0.0, 0.02)
+    for k in range(40):
+        prior = motion.predict(scan(0.1 * k))
+        motion.update(pose, SHARP, ALL)
+        before, pose = pose, pose @ step
+    assert math.hypot(prior.pose.x - before.x, prior.pose.y - before.y) < 5e-4
+    assert prior.twist.x == pytest.approx(0.5, abs=0.01)
+    assert prior.twist.theta == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_jerk_fades_within_half_a_second():
+    motion = MotionFilter(FrontendParams())
+    still = Pose2(0.0, 0.0, 0.0)
+    drive(motion, ((scan(0.1 * k), still) for k in range(20)))
+    drive(motion, [(scan(2.0), Pose2(0.0, 0.0, 0.2))])
+    drive(motion, ((scan(2.1 + 0.1 * k), still) for k in range(5)))
+    assert abs(motion.prediction().twist.theta) < 0.05
+
+
+def test_wheels_that_stall_lose_their_weight():
+    trusted, stalled = MotionFilter(FrontendParams()), MotionFilter(FrontendParams())
+    step, still = Pose2(0.05, 0.0, 0.0), Pose2(0.0, 0.0, 0.0)
+    for motion, slip in ((trusted, step), (stalled, still)):
+        pose = wheels = still
+        for k in range(30):
+            prior = motion.predict(scan(0.1 * k, wheels))
+            motion.update(pose, SHARP, ALL)
+            before, pose = pose, pose @ step
+            wheels = wheels @ (slip if k > 10 else step)
+        off = abs(prior.pose.x - before.x)
+        assert off < (1e-3 if motion is trusted else 0.05)
+    assert stalled.covariance[0, 0] > 0.0
+    assert stalled._learned[1, 0] > 10.0 * trusted._learned[1, 0]
+
+
+def test_what_a_scan_does_not_observe_stays_at_the_prediction():
+    motion = MotionFilter(FrontendParams())
+    still = Pose2(0.0, 0.0, 0.0)
+    drive(motion, ((scan(0.1 * k), still) for k in range(5)))
+    prior = motion.predict(scan(0.5))
+    motion.update(
+        Pose2(prior.pose.x + 0.02, prior.pose.y, 0.0), SHARP, Observability(1.0, 0.0, 0.0)
+    )
+    assert abs(motion.pose.x - prior.pose.x) < 1e-3
+    assert motion.covariance[0, 0] > 20.0 * motion.covariance[1, 1]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_covariance_is_positive_definite_whatever_comes(seed):
+    rng = np.random.default_rng(seed)
+    motion = MotionFilter(FrontendParams())
+    t = 0.0
+    for k in range(60):
+        t += float(rng.choice((0.0, -0.3, 1e-9, 0.1, 5.0, 4000.0)))
+        odometry = Pose2(*rng.normal(0.0, 10.0 ** rng.uniform(-6, 3), 3).tolist())
+        odometry = odometry if rng.random() < 0.7 else Pose2(math.nan, 0.0, 0.0)
+        motion.predict(scan(t, odometry, float(rng.choice((math.nan, 0.1, 1e3)))))
+        assert is_covariance(motion._P), k
+        information = np.zeros((3, 3))
+        for _ in range(rng.integers(0, 4)):  # few beams: a singular matrix
+            normal = np.append(rng.normal(0.0, 1.0, 2), rng.normal(0.0, 10.0))
+            information += 10.0 ** rng.uniform(0, 6) * np.outer(normal, normal)
+        if rng.random() < 0.7:
+            off = rng.normal(0.0, 10.0 ** rng.uniform(-4, 1), 3)
+            pose = Pose2(*(np.array(motion.pose) + off).tolist())
+            seen = Observability(1.0, 0.0, float(rng.choice((0.0, 0.5)))) if k % 3 else ALL
+            motion.update(pose, information, seen)
+            assert is_covariance(motion._P), k
+
+
+def test_a_given_pose_is_known_and_at_rest():
+    motion = MotionFilter(FrontendParams())
+    motion.predict(scan(0.0))
+    motion.place(Pose2(1.0, 2.0, 0.5), np.diag(MAP_ERROR**2))
+    prior = motion.predict(scan(0.1))
+    assert prior.pose == pytest.approx((1.0, 2.0, 0.5))
+    assert prior.twist == pytest.approx((0.0, 0.0, 0.0))

@@ -1,0 +1,94 @@
+"""Timing, degeneracy, correlative matching and keyframes, each by hand-made cases."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.frontend.correlative import Lookup, search
+from slams.frontend.degeneracy import ALL, observability
+from slams.frontend.keyframes import Keyframes
+from slams.frontend.timing import ScanTiming
+from slams.types import Pose2
+
+
+def intervals(stamps, **how):
+    timing = ScanTiming(**how)
+    return np.array([timing.elapsed(float(t)) for t in stamps])[1:]
+
+
+def test_steady_stamps_are_believed():
+    np.testing.assert_allclose(intervals(0.1 * np.arange(50)), 0.1, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_stamps_that_jitter_are_filtered(seed):
+    rng = np.random.default_rng(seed)
+    stamps = 0.2 * np.arange(400) + rng.uniform(0.0, 0.3, 400)
+    filtered, raw = intervals(stamps), intervals(stamps, smooth=False)
+    assert np.std(filtered[100:]) < 0.5 * np.std(raw[100:])
+    assert np.mean(filtered[100:]) == pytest.approx(0.2, rel=0.1)
+
+
+def test_scans_that_are_missing_leave_their_time():
+    whole = np.random.default_rng(0).choice((1, 2, 3), 300)
+    found = intervals(0.08 * np.cumsum(whole))
+    assert np.corrcoef(found[50:], whole[51:])[0, 1] > 0.95
+
+
+def test_a_gap_is_a_gap_and_stamps_that_go_back_are_an_interval():
+    stamps = np.concatenate([0.1 * np.arange(50), 0.1 * np.arange(50) + 8.0])
+    assert intervals(stamps)[49] == pytest.approx(3.1)
+    assert (intervals((0.0, 0.1, 0.2, 0.1, 0.3)) > 0.0).all()
+
+
+def test_a_corridor_is_degenerate_along_itself_and_a_room_is_not():
+    seen = observability(200.0 * math.sin(0.3) ** 2, -200.0 * math.sin(0.3) * math.cos(0.3),
+                         200.0 * math.cos(0.3) ** 2)  # fmt: skip
+    assert seen.share == 0.0
+    assert abs(seen.x * math.cos(0.3) + seen.y * math.sin(0.3)) == pytest.approx(1.0)
+    assert observability(100.0, 0.0, 100.0) == ALL
+    assert 0.0 < observability(4.0, 0.0, 200.0).share < 0.9
+
+
+def test_a_search_finds_the_pose_that_the_wall_shows():
+    likelihood = np.zeros((60, 60), np.float32)
+    likelihood[40, 10:50] = likelihood[10:40, 50] = 1.0
+    walls = np.argwhere(likelihood > 0.0)[:, ::-1] * 0.1
+    true = Pose2(2.0, 2.0, 0.2)
+    points = true.inverse().transform(walls).T
+    lookup = Lookup(likelihood, 0.0, 0.0, 0.1)
+    start, wide = Pose2(2.5, 1.7, 0.0), np.diag((0.04, 0.04, 0.01))
+    found = search(lookup, np.ascontiguousarray(points), 4.0, start, wide, 3)
+    assert len(found) == 3
+    assert math.hypot(found[0].x - 2.0, found[0].y - 2.0) < 0.11
+    assert found[0].theta == pytest.approx(0.2, abs=0.05)
+
+
+def test_a_search_does_bounded_work(monkeypatch):
+    from slams.frontend import correlative
+
+    windows = []
+
+    def _spy(likelihood, frame, points, window, out):
+        windows.append((2 * window[3] + 1) ** 2 * (2 * window[4] + 1) * points.shape[1])
+        out[:] = 0.0
+
+    monkeypatch.setattr(correlative, "correlate", _spy)
+    lookup = Lookup(np.zeros((9, 9), np.float32), 0.0, 0.0, 0.2)
+    points = np.ones((3, 4000))
+    search(lookup, points, 30.0, Pose2(0.0, 0.0, 0.0), np.diag((100.0, 100.0, 100.0)), 6)
+    assert 0 < windows[0] <= 1.1 * correlative.LOOKUPS
+
+
+def test_keyframes_come_by_distance_rotation_and_quality():
+    keyframes = Keyframes(0.25, 0.3, 2)
+    here = Pose2(0.0, 0.0, 0.0)
+    assert keyframes.due(here, 1.0)
+    keyframes.add(here, 1.0)
+    assert keyframes.due(here, 1.0)
+    keyframes.add(here, 1.0)
+    assert not keyframes.due(Pose2(0.2, 0.0, 0.2), 0.9)
+    assert keyframes.due(Pose2(0.3, 0.0, 0.0), 1.0)
+    assert keyframes.due(Pose2(0.0, 0.0, 0.4), 1.0)
+    assert keyframes.due(here, 0.8)
