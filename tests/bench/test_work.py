@@ -453,7 +453,7 @@ def dask_cluster():
         )
 
     # s; to fetch from a worker that is dead is tried as long
-    impatient = {"distributed.comm.timeouts.connect": 2.0}
+    impatient = {"distributed.comm.timeouts.connect": 10.0}
     with dask.config.set(impatient), contextlib.ExitStack() as clusters:
         yield start
 
