@@ -30,11 +30,6 @@ class Observability(NamedTuple):
     y: float
     share: float
 
-    @property
-    def degenerate(self) -> bool:
-        """Whether one direction is not observed."""
-        return self.share < OBSERVED
-
 
 ALL = Observability(1.0, 0.0, 1.0)
 

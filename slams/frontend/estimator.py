@@ -38,8 +38,6 @@ RELOCALIZED = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
 BEGIN_BEAMS = 10  # end points that a map begins with
 DEAD_RECKONING, FRAGMENT = 1.0, 3.0  # s without a match: scans are mapped by wheels; without
 
-
-NOTHING = np.zeros((3, 3))
 Rematch = Callable[[EndPoints, Pose2, Prediction], list[Match]]
 
 
@@ -133,13 +131,13 @@ class PoseEstimator:
             return self._begin(points)
         if points.n == 0:
             self.counts["empty"] += 1
-            return self._miss(None, points, grid)
+            return self._miss(None, grid)
         best, score = self._best(points, matches, grid)
         if self._p.search and self._is_doubtful(best, score):
             best, score = self._searched(points, best, grid, rematch)
         if self._accepts(best, score, points, grid):
             return self._take(best, score, points)
-        return self._miss(score, points, grid)
+        return self._miss(score, grid)
 
     # rank
 
@@ -245,7 +243,7 @@ class PoseEstimator:
         self._call("matched" if self.maps and self._is_sure() else "lost")
         return self.pose
 
-    def _miss(self, agreement: float | None, points: EndPoints, grid: MatchedMap) -> Pose2:
+    def _miss(self, agreement: float | None, grid: MatchedMap) -> Pose2:
         """No match: the pose is the prediction. Mapping goes on where that does no harm."""
         self._unmatched += self._prior.dt
         self._by_wheels &= self._filter.wheels

@@ -11,8 +11,6 @@ from slams.registry import find
 from slams.types import Pose2
 from tests.rooms import LIDAR, scan_at
 
-FULL_SCAN = slice(None)
-
 
 def made(**changes):
     entry = find("hector@frontend")
