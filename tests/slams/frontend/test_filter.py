@@ -203,3 +203,11 @@ def test_a_given_pose_is_known_and_at_rest():
     prior = motion.predict(scan(0.1))
     assert prior.pose == pytest.approx((1.0, 2.0, 0.5))
     assert prior.twist == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_wheels_that_stall_say_nothing_of_their_scale():
+    z, readings, H = np.zeros(kernels.N), np.zeros((4, 4)), np.empty(kernels.N)
+    z[kernels.STEP] = 0.05
+    assert kernels.linearize(z, 0.1, 0, readings, H) == pytest.approx(-0.05)
+    assert H[kernels.SCALE] == 0.0
+    assert H[kernels.STEP] == 1.0

@@ -92,3 +92,35 @@ def test_keyframes_come_by_distance_rotation_and_quality():
     assert keyframes.due(Pose2(0.3, 0.0, 0.0), 1.0)
     assert keyframes.due(Pose2(0.0, 0.0, 0.4), 1.0)
     assert keyframes.due(here, 0.8)
+
+
+def test_a_gap_among_stamps_that_jitter_is_believed():
+    stamps = 0.2 * np.arange(200) + np.random.default_rng(0).uniform(0.0, 0.1, 200)
+    stamps[150:] += 3.0
+    assert intervals(stamps)[149] == pytest.approx(stamps[150] - stamps[149])
+
+
+def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
+    from slams.frontend.estimator import PoseEstimator
+    from slams.frontend.params import FrontendParams
+    from slams.refine.lines import Match
+    from slams.scan.end_points import EndPoints
+    from slams.scan.params import ScanParams
+    from tests.rooms import LIDAR, scan_at
+
+    class Grid:
+        empty = False
+
+        def evaluate(self, points, pose):
+            return 1.0, 0.0
+
+    estimator, reader = PoseEstimator(FrontendParams(search=False)), EndPoints(ScanParams())
+    here, information = Pose2(0.0, 0.0, 0.0), np.diag((1e5, 1e5, 1e6))
+    for k in range(20):
+        scan = scan_at(here, LIDAR, t=0.1 * k, odometry=here)
+        prior = estimator.predict(scan)
+        points = reader.take(scan, prior.twist)
+        match = Match(here if k < 19 else Pose2(1.0, 0.0, 1.5), seen=information)
+        estimator.decide(points, [match], Grid(), lambda *_: [])
+    assert estimator.state == "predicted"
+    assert math.hypot(estimator.pose.x, estimator.pose.y) < 0.01
