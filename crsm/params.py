@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from crsm.ros import ROS as ROS_NAMES
 from slams.extent import max_cells
+from slams.motion.params import MotionParams
 from slams.params import RosNames, param
 from slams.refine.params import RefineParams
 
@@ -15,7 +16,7 @@ CODE = "original code"
 
 
 @dataclass(frozen=True)
-class CrsmParams(RefineParams):
+class CrsmParams(RefineParams, MotionParams):
     """Parameters of the default, `Crsm`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES

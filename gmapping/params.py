@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from gmapping.ros import ROS as ROS_NAMES
 from slams.extent import max_cells
+from slams.motion.params import MotionParams
 from slams.params import RosNames, param
 from slams.scan.params import ScanParams
 
@@ -15,7 +16,7 @@ ORIGINAL = "original code"
 
 
 @dataclass(frozen=True)
-class GMappingParams(ScanParams):
+class GMappingParams(ScanParams, MotionParams):
     """Parameters of the default, `GMapping`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hector import map_kernels, match_kernels
 from hector.map_kernels import Level, Update
-from hector.match_kernels import Solver, Window
+from hector.match_kernels import Solver
 from hector.params import HectorParams
 from slams.cells import Room, move, zeros
 from slams.extent import Box, Extent
@@ -71,30 +71,6 @@ class LogOddsPyramid:
         )
         return Pose2(*pose), score, square
 
-    def evidence(self, scan: EndPoints, pose: Pose2) -> Floats:
-        """What each beam says for `pose`: (n,), 1 explained, -1 contradicted, 0 nothing."""
-        if self.params.refine:
-            return self.lines.evidence(scan, pose)
-        out, level = np.zeros(scan.n), self.levels[min(1, len(self.levels) - 1)]
-        match_kernels.evidence(level, scan.points, scan.n, pose, out)
-        return out
-
-    def search(self, scan: EndPoints, center: Pose2) -> list[Pose2]:
-        """The best poses of a window around `center`, best first: one for each turn, the first few.
-
-        On the coarsest level: it is the widest target and the cheapest to search.
-        """
-        p = self.params
-        level = p.levels - 1
-        cell, far = self.levels[level].resolution, max(scan.far, 1.0)
-        step = min(0.1, 2.0 * cell / far)
-        window = Window(round(p.search_distance / cell), round(p.search_angle / step), step)
-        out = np.zeros((2 * window.turns + 1, 4))
-        stride = max(1, scan.n // 180)
-        match_kernels.search(self.levels[level], scan.points, scan.n, stride, center, window, out)
-        best = out[np.argsort(-out[:, 3], kind="stable")[: p.search_tries]]
-        return [Pose2(*row[:3]) for row in best.tolist()]
-
     @property
     def empty(self) -> bool:
         """Whether no scan has entered the map."""
@@ -102,7 +78,10 @@ class LogOddsPyramid:
 
     def evaluate(self, scan: EndPoints, pose: Pose2) -> tuple[float, float]:
         """Shares of the beams that are inliers at a pose, and that are in conflict with the map."""
-        return self.lines.evaluate(scan, pose)
+        if self.params.refine:
+            return self.lines.evaluate(scan, pose)
+        level = self.levels[min(1, len(self.levels) - 1)]
+        return match_kernels.evaluate(level, scan.points, scan.n, pose)
 
     def lookup(self) -> Lookup:
         """The coarsest level: the widest target and the cheapest to search."""

@@ -1,4 +1,4 @@
-"""Kernels of map matching on the occupancy pyramid: Gauss-Newton, and a search."""
+"""Kernels of map matching on the occupancy pyramid: Gauss-Newton, inliers and conflicts."""
 
 from __future__ import annotations
 
@@ -29,14 +29,6 @@ class Solver(NamedTuple):
     tolerance: float
     damping: float
     stride: int
-
-
-class Window(NamedTuple):
-    """A search window: cells to each side, turns to each side and their step [rad]."""
-
-    shifts: int
-    turns: int
-    turn_step: float
 
 
 @njit(inner=True, borrows=True)
@@ -148,53 +140,21 @@ def gauss_newton(
 
 
 @njit
-def evidence(level: Level, points: Points, n: int, pose: Pose2, out: Floats) -> None:
-    """What every end point says for `pose`: out (>= n,), -1 in a free cell to 1 in an occupied one.
+def evaluate(level: Level, points: Points, n: int, pose: Pose2) -> tuple[float, float]:
+    """Shares of the end points in cells that are rather occupied, and in those rather free.
 
-    ours: 2 p - 1 of the cell; 0 where nothing was seen.
+    ours: inliers and conflicts, for the pyramid without lines.
     """
-    height, width = level.p.shape
+    height, width = level.log_odds.shape
     scale = 1.0 / level.resolution
     c, s = math.cos(pose.theta) * scale, math.sin(pose.theta) * scale
     ex, ey = (pose.x - level.x0) * scale + 0.5, (pose.y - level.y0) * scale + 0.5
+    inliers = conflicts = 0
     for i in range(n):
         x, y = points[0, i], points[1, i]
         fx, fy = ex + c * x - s * y, ey + s * x + c * y
-        out[i] = 0.0
         if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
-            u, v = np.uint64(fx), np.uint64(fy)
-            if level.log_odds[v, u] != 0.0:
-                out[i] = 2.0 * level.p[v, u] - 1.0
-
-
-@njit
-def search(
-    level: Level, points: Points, n: int, stride: int, center: Pose2, window: Window, out: Floats
-) -> int:
-    """Best shift for each turn of a window around `center`, by the mean map value of the cells.
-
-    ours: exhaustive, for when the gradient has lost the way. out (k, 4): x, y, theta, score for
-    each turn; returns how many rows.
-    """
-    height, width = level.p.shape
-    scale = 1.0 / level.resolution
-    turns, shifts = window.turns, window.shifts
-    for row in range(2 * turns + 1):
-        theta = center.theta + (row - turns) * window.turn_step
-        c, s = math.cos(theta) * scale, math.sin(theta) * scale
-        ex, ey = (center.x - level.x0) * scale + 0.5, (center.y - level.y0) * scale + 0.5
-        out[row, 3] = -1.0
-        for jy in range(-shifts, shifts + 1):
-            for jx in range(-shifts, shifts + 1):
-                total = 0.0
-                for i in range(0, n, stride):
-                    x, y = points[0, i], points[1, i]
-                    fx, fy = ex + jx + c * x - s * y, ey + jy + s * x + c * y
-                    if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
-                        total += level.p[np.uint64(fy), np.uint64(fx)]
-                if total > out[row, 3]:
-                    out[row, 0] = center.x + jx * level.resolution
-                    out[row, 1] = center.y + jy * level.resolution
-                    out[row, 2], out[row, 3] = theta, total
-        out[row, 3] *= stride / max(n, 1)
-    return 2 * turns + 1
+            log_odds = level.log_odds[np.uint64(fy), np.uint64(fx)]
+            inliers += log_odds > 0.0
+            conflicts += log_odds < 0.0
+    return inliers / max(n, 1), conflicts / max(n, 1)

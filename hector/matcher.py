@@ -1,4 +1,4 @@
-"""Matcher: a scan to the map, by the pyramid and by the lines, and what speaks for a pose."""
+"""Matcher: a scan to the pyramid."""
 
 from __future__ import annotations
 
@@ -10,18 +10,12 @@ from hector.map import LogOddsPyramid
 from hector.match_kernels import Solver
 from hector.params import HectorParams
 from slams.geometry import Prior
-from slams.motion.track import INDEPENDENT, Track
 from slams.refine.lines import ENOUGH, THINNED, Match
 from slams.scan.end_points import EndPoints
-from slams.types import IDENTITY, Floats, Pose2
+from slams.types import Pose2
 
 ROUGH, FINE = 0.05, 0.02  # of a cell: a step below is the last, before lines or a finer level
-SURE = 2.0  # standard errors of its lead by which another start has to win
-DEAR = 3.0  # times the price of a contradiction, at most, for the chance of few beams
 BLUR = 0.01  # least variance of 1 - M: a wall's ridge of cells is never exact
-
-
-FIRST = Match(IDENTITY, 1.0, 0.0, np.zeros((3, 3)))
 
 
 class Matcher:
@@ -41,23 +35,6 @@ class Matcher:
         rough = self.params.refine
         return Match(pose, share, variance, self._H / max(square, BLUR), rough)
 
-    def best(self, points: EndPoints, tried: list[Match], track: Track) -> tuple[Match, float]:
-        """The match that the scan speaks for, and how clearly: share explained less contradicted.
-
-        Another than the first has to lead by more than it costs to contradict the prediction.
-        Where few beams speak, chance leads, too: the scan is compared beam by beam, and the price
-        of a contradiction is up to `DEAR` times as high.
-        """
-        possible = [match for match in tried if track.reachable(match.pose)] or tried[:1]
-        said = [self._map.evidence(points, match.pose) for match in possible]
-        first, leads = track.charge(possible[0].pose), [0.0]
-        for match, evidence in zip(possible[1:], said[1:], strict=True):
-            price, lead = track.charge(match.pose) - first, evidence - said[0]
-            chance = min(_chance(lead), DEAR * max(price, 0.0))
-            leads.append(float(np.mean(lead)) - price - chance)
-        best = int(np.argmax(leads))
-        return possible[best], float(np.mean(said[best]))
-
     def _solvers(self, most: int) -> tuple[Solver, ...]:
         """How each level is solved if not more than every `most`-th beam may be left out."""
         if most not in self._made:
@@ -74,11 +51,6 @@ class Matcher:
         else:
             tolerance = FINE * cell if level else p.converged
         return Solver(steps, p.max_shift, p.max_turn, tolerance, p.damping, stride)
-
-
-def _chance(lead: Floats) -> float:
-    """What the mean of a difference in evidence (n,) may be by chance, with independent beams."""
-    return float(SURE * np.std(lead)) / math.sqrt(min(len(lead), INDEPENDENT))
 
 
 def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:

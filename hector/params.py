@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from hector.ros import ROS as ROS_NAMES
 from slams.extent import max_cells
+from slams.frontend.params import FrontendParams
 from slams.params import RosNames, param
 from slams.refine.params import RefineParams
 
@@ -16,14 +17,13 @@ CODE = "original code"
 
 
 @dataclass(frozen=True)
-class HectorParams(RefineParams):
+class HectorParams(RefineParams, FrontendParams):
     """Parameters of the default, `Hector`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "hector.original:Original",
-        "frontend": "hector.frontend:FrontendHector",
-        "paper": {"refine": False, "relocate": False},
+        "paper": {"estimator": "plain", "refine": False},
     }
 
     resolution: float = param(
@@ -126,47 +126,3 @@ class HectorParams(RefineParams):
         0.3, "m", "longest step", source="ours: the original has no limit", low=0.001
     )
     max_turn: float = param(0.2, "rad", "largest turn of one step", source=CODE, low=0.001)
-    convincing: float = param(
-        0.85,
-        "1",
-        "share of the usual explained beams below which other starts are tried",
-        source="ours",
-        low=0.0,
-        high=1.0,
-    )
-    lost: float = param(
-        0.3,
-        "1",
-        "share of beams explained, less those contradicted, below which a match is refused",
-        source="ours",
-        low=-1.0,
-        high=1.0,
-    )
-    search_distance: float = param(
-        0.8, "m", "half width of the search when matching fails", source="ours", low=0.0, high=5.0
-    )
-    search_angle: float = param(
-        0.8,
-        "rad",
-        "half angle of the search when matching fails",
-        source="ours",
-        low=0.0,
-        high=3.15,
-    )
-    search_tries: int = param(
-        6, "1", "poses of the search that are matched", source="ours", low=1, high=100
-    )
-    rest: float = param(
-        0.06,
-        "s",
-        "pause after a search that found nothing, twice as long each time in a row",
-        source="ours: a search costs as much as ten matches",
-        low=0.0,
-    )
-    longest_rest: float = param(
-        2.0,
-        "s",
-        "longest such pause",
-        source="ours: searches cost less than the matching",
-        low=0.01,
-    )

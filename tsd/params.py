@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from slams.extent import max_cells
+from slams.motion.params import MotionParams
 from slams.params import RosNames, param
 from slams.scan.params import ScanParams
 from tsd.ros import ROS as ROS_NAMES
@@ -15,7 +16,7 @@ ORIGINAL = "original code"
 
 
 @dataclass(frozen=True)
-class TsdParams(ScanParams):
+class TsdParams(ScanParams, MotionParams):
     """Parameters of the default, `Tsd`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES

@@ -88,7 +88,7 @@ class PoseEstimator:
         self._p = params
         self._filter = MotionFilter(params)
         self._prior = self._filter.prediction()
-        self._usual = 1.0  # score
+        self._usual = 0.0  # agreement of the matches so far
         self._unmatched = 0.0  # s since the last match
         self._by_wheels = True  # all that time
         self._unconfirmed = 0.0  # s that matches still have to stand
@@ -131,13 +131,13 @@ class PoseEstimator:
             return self._begin(points)
         if points.n == 0:
             self.counts["empty"] += 1
-            return self._miss(None, grid)
+            return self._miss(None, points, grid)
         best, score = self._best(points, matches, grid)
         if self._p.search and self._is_doubtful(best, score):
             best, score = self._searched(points, best, grid, rematch)
         if self._accepts(best, score, points, grid):
             return self._take(best, score, points)
-        return self._miss(score, grid)
+        return self._miss(score, points, grid)
 
     # rank
 
@@ -150,9 +150,11 @@ class PoseEstimator:
     def _best(
         self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap
     ) -> tuple[Match, float]:
-        """The match with the highest score, and its agreement."""
+        """The match with the highest score, and its agreement; by less than a piece the first."""
         scores = [self._score(points, match.pose, grid) for match in matches]
         best = max(range(len(scores)), key=lambda k: scores[k][0])
+        if scores[best][0] - scores[0][0] < 1.0 / PIECES:
+            best = 0
         return matches[best], scores[best][1]
 
     def _is_doubtful(self, match: Match, agreement: float) -> bool:
@@ -233,7 +235,7 @@ class PoseEstimator:
             self._filter.shift(match.pose)
         else:
             self._filter.update(match.pose, information, seen)
-        share = min(1.0, self._prior.dt / MEMORY)
+        share = min(1.0, self._prior.dt / MEMORY) if self._usual > 0.0 else 1.0
         self._usual += share * (agreement - self._usual)
         self._unconfirmed = CONFIRMED if self._lost else self._unconfirmed - self._prior.dt
         self._lost, self._unmatched, self._by_wheels = False, 0.0, True
@@ -243,7 +245,7 @@ class PoseEstimator:
         self._call("matched" if self.maps and self._is_sure() else "lost")
         return self.pose
 
-    def _miss(self, agreement: float | None, grid: MatchedMap) -> Pose2:
+    def _miss(self, agreement: float | None, points: EndPoints, grid: MatchedMap) -> Pose2:
         """No match: the pose is the prediction. Mapping goes on where that does no harm."""
         self._unmatched += self._prior.dt
         self._by_wheels &= self._filter.wheels
@@ -252,17 +254,21 @@ class PoseEstimator:
         sure = self._is_sure()
         self._lost |= not sure
         self.quality = max(agreement or 0.0, 0.0)
-        self.maps = agreement is not None and self._maps_unmatched(agreement, sure)
+        self.maps = points.n > 0 and self._maps_unmatched(points, grid)
         self._call("lost" if self._lost or not sure else "predicted")
         if self._lost:
             self._relocalize(grid)
         return self.pose
 
-    def _maps_unmatched(self, agreement: float, sure: bool) -> bool:
-        """Whether an unmatched scan enters the map: else a robot in new ground never matches."""
-        if self._by_wheels and sure and not self._lost:
-            return self._unmatched > DEAD_RECKONING and agreement >= 0.0
-        return self._unmatched > FRAGMENT and agreement >= 0.0
+    def _maps_unmatched(self, points: EndPoints, grid: MatchedMap) -> bool:
+        """Whether an unmatched scan enters the map: else a robot in new ground never matches.
+
+        New ground: more beams end where the map knows nothing than are in conflict with it.
+        """
+        if self._unmatched <= (DEAD_RECKONING if self._by_wheels else FRAGMENT):
+            return False
+        inliers, conflicts = grid.evaluate(points, self.pose)
+        return 1.0 - inliers - conflicts > conflicts
 
     def _relocalize(self, grid: MatchedMap) -> None:
         """Global localization in the map; a pose that good wheels contradict is none."""

@@ -13,6 +13,7 @@ from slams.frontend.degeneracy import Observability
 from slams.frontend.filter_kernels import GYRO, SCALE, TWIST
 from slams.frontend.params import FrontendParams
 from slams.frontend.timing import ScanTiming
+from slams.frontend.wheels import WheelStep, WheelSteps
 from slams.geometry import inverse3
 from slams.types import Floats, Pose2, Scan, wrap_angle
 
@@ -70,6 +71,7 @@ class MotionFilter:
         self._learned = np.ones((2, 4))
         self._learned[0, :3] = DENSITY
         self._readings = np.zeros((4, 4))
+        self._wheels = WheelSteps()
         self._timing = ScanTiming(params.smooth_stamps)
         self._last: Scan | None = None
         self._before = np.zeros(3)
@@ -98,11 +100,12 @@ class MotionFilter:
         self._dt = dt = self._timing.elapsed(scan.t)
         self._before[:] = self._z[:3]
         self.wheels = False
+        wheels = self._wheels.take(scan.odometry, dt)
         if last is None:
             if scan.odometry is None:
                 self._usual[1] = self._learned[0, 1] = CARRIED
         else:
-            self._read(last, scan, dt)
+            self._read(last, scan, wheels)
             arrays = self._z, self._P, dt, self._learned, MEMORY, self._readings
             kernels.predict(*arrays)
         return self.prediction()
@@ -148,23 +151,32 @@ class MotionFilter:
         P[:3, :3] = covariance
         P[TWIST:SCALE, TWIST:SCALE] = np.diag(TWIST_DEVIATION**2)
 
-    def _read(self, last: Scan, scan: Scan, dt: float) -> None:
+    def _read_wheels(self, wheels: WheelStep, dt: float) -> None:
+        """Of an increment over several scans the mean speed is that of the last interval."""
+        p, readings, (x, y, turn) = self._p, self._readings, wheels.increment
+        c, s = math.cos(0.5 * turn), math.sin(0.5 * turn)
+        along, across = c * x + s * y, c * y - s * x
+        # what a robot may have driven there and back in a long interval
+        unseen = max(dt - UNSEEN, 0.0)
+        way = abs(along) + 0.5 * float(TWIST_DEVIATION[0]) * unseen
+        turned = abs(turn) + 0.5 * float(TWIST_DEVIATION[2]) * unseen
+        aside, tick = p.slip_sideways**2, TICK**2
+        readings[0, :3] = 1.0, along, p.slip**2 * way + aside * turned + tick
+        readings[1, :3] = 1.0, across, aside * (way + turned) + tick
+        readings[2, :3] = 1.0, turn, aside * way + p.slip_rotation**2 * turned + tick
+        if wheels.seconds > dt > 0.0:
+            share = dt / wheels.seconds
+            readings[:3, 1] *= share
+            readings[:3, 2] *= share * share
+            readings[:3, 2] += DENSITY * (wheels.seconds - dt) * dt * dt / 3.0
+
+    def _read(self, last: Scan, scan: Scan, wheels: WheelStep | None) -> None:
         """Readings of the step with their variances, [Thrun05] 5.4: by distance and rotation."""
-        p, readings = self._p, self._readings
+        p, readings, dt = self._p, self._readings, self._dt
         readings[:, 0] = 0.0
-        if p.wheels and last.odometry is not None and scan.odometry is not None:
-            self.wheels = True
-            x, y, turn = last.odometry.between(scan.odometry)
-            c, s = math.cos(0.5 * turn), math.sin(0.5 * turn)
-            along, across = c * x + s * y, c * y - s * x
-            # what a robot may have driven there and back in a long interval
-            unseen = max(dt - UNSEEN, 0.0)
-            way = abs(along) + 0.5 * float(TWIST_DEVIATION[0]) * unseen
-            turned = abs(turn) + 0.5 * float(TWIST_DEVIATION[2]) * unseen
-            aside, tick = p.slip_sideways**2, TICK**2
-            readings[0, :3] = 1.0, along, p.slip**2 * way + aside * turned + tick
-            readings[1, :3] = 1.0, across, aside * (way + turned) + tick
-            readings[2, :3] = 1.0, turn, aside * way + p.slip_rotation**2 * turned + tick
+        self.wheels = p.wheels and last.odometry is not None and scan.odometry is not None
+        if p.wheels and wheels is not None:
+            self._read_wheels(wheels, dt)
         if p.gyro and last.yaw is not None and scan.yaw is not None:
             turn = wrap_angle(scan.yaw - last.yaw)
             variance = p.gyro_noise**2 * dt + (GYRO_SCALE * turn) ** 2 + 1e-10

@@ -141,7 +141,7 @@ def remap(
     for i in range(3):
         for k in range(3):
             pull[i] += w * W[i, k] * off[k]
-    inverse = inverse3(seen + WEAKEST * np.eye(3))
+    inverse = inverse3(seen + W)  # of `seen` alone what it does not observe would be amplified
     for i in range(3):
         alone[i] = (
             off[i] + inverse[i, 0] * pull[0] + inverse[i, 1] * pull[1] + inverse[i, 2] * pull[2]

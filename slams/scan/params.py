@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from slams.motion.params import MotionParams
-from slams.params import param
+from slams.params import Params, param
 
 
 @dataclass(frozen=True)
-class ScanParams(MotionParams):
+class ScanParams(Params):
     """Which ends of beams are used, and how fine they are; the same for all that read scans so."""
 
     min_range: float = param(

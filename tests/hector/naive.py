@@ -63,27 +63,6 @@ def map_value(p, x, y):
     return (1 - fy) * rows[0] + fy * rows[1]
 
 
-def scores_of_window(p, x0, y0, resolution, points, center, window):
-    """Best (shift, score) for each turn: the sum of the cells the points fall into."""
-    best = []
-    for row in range(-window.turns, window.turns + 1):
-        theta = center[2] + row * window.turn_step
-        c, s = math.cos(theta), math.sin(theta)
-        options = []
-        for jy in range(-window.shifts, window.shifts + 1):
-            for jx in range(-window.shifts, window.shifts + 1):
-                dx, dy = center[0] + jx * resolution, center[1] + jy * resolution
-                total = 0.0
-                for x, y in points.T:
-                    ix = math.floor((dx + c * x - s * y - x0) / resolution + 0.5)
-                    iy = math.floor((dy + s * x + c * y - y0) / resolution + 0.5)
-                    if 0 <= ix < p.shape[1] and 0 <= iy < p.shape[0]:
-                        total += p[iy, ix]
-                options.append((total / points.shape[1], dx, dy, theta))
-        best.append(max(options, key=lambda option: option[0]))
-    return best
-
-
 def line_sums(lines_at, points, mount, pose, soft):
     """H, b of the distances to lines; lines_at(x, y) lists (nx, ny, d, trust) of that cell."""
     c, s = math.cos(pose[2]), math.sin(pose[2])

@@ -12,7 +12,7 @@ from hector import (
 )
 from hector.map import LogOddsPyramid
 from hector.map_kernels import Level, Update
-from hector.match_kernels import Solver, Window
+from hector.match_kernels import Solver
 from hector.original import Original, OriginalParams
 from hector.original import map_kernels as original_map
 from hector.original import match_kernels as original_match
@@ -269,17 +269,6 @@ def test_beams_that_leave_the_grid_are_skipped_whole(kernels):
     assert not grid.log_odds.any()
 
 
-def test_search_equals_its_twin():
-    grid, rng = smooth_level(2, 30), np.random.default_rng(4)
-    points = rng.uniform(-1.2, 1.2, (2, 25))
-    window, center = Window(2, 2, 0.1), Pose2(0.05, -0.1, 0.3)
-    out = np.zeros((5, 4))
-    assert match_kernels.search(grid, points, 25, 1, center, window, out) == 5
-    expected = naive.scores_of_window(grid.p, grid.x0, grid.y0, 0.1, points, center, window)
-    for row, (score, x, y, theta) in zip(out, expected, strict=True):
-        assert row == pytest.approx([x, y, theta, score])
-
-
 # the lines inside the cells
 
 
@@ -508,7 +497,6 @@ def test_five_scans_a_second_without_odometry():
     log = drive(n=100, rate=5.0, odometry=False, gyro=False)
     run = replay(Hector(HectorParams()), log)
     assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.01
-    assert run.report["doubted"] < 5
     assert run.report["searched"] == 0
 
 
@@ -545,7 +533,7 @@ def test_recovers_from_a_jump_by_searching():
     for k in range(12):
         slam.update(scan_at((0, 0, 0), laser(1081), t=0.025 * k))
     target = Pose2(0.5, -0.4, 0.5)
-    for k in range(10):  # a search that found nothing rests for 0.06 s, then 0.12
+    for k in range(20):  # a place beyond the gate has to stand for 0.3 s
         pose = slam.update(scan_at(target, laser(1081), t=0.3 + 0.025 * k))
         if k < 3:  # no robot is there so soon
             assert pose == pytest.approx(IDENTITY, abs=0.02)
@@ -565,14 +553,14 @@ def test_a_scan_of_elsewhere_is_refused_and_leaves_the_map_alone():
     ranges.flags.writeable = False
     pose = slam.update(Scan(0.6, ranges, laser()))
     assert pose == pytest.approx(IDENTITY, abs=0.02)
-    assert slam.report()["refused"] == 1
+    assert slam.report()["predicted"] == 1
     assert slam.state == "predicted"
     assert np.array_equal(slam.map().p, before, equal_nan=True)
     inserted = slam.report()["inserted"]
     for k in range(8):
         slam.update(scan_at((0.05 * k, 0.0, 0.0), t=0.65 + 0.05 * k))
     assert slam.report()["inserted"] > inserted
-    assert slam.report()["refused"] == 1
+    assert slam.report()["predicted"] == 1
     assert slam.state == "matched"
 
 

@@ -10,7 +10,6 @@ from hector.map import LogOddsPyramid
 from hector.matcher import Matcher
 from slams.geometry import Prior
 from slams.refine.line_kernels import View, line_equations
-from slams.refine.lines import LineMap
 from slams.scan import scan_kernels
 from slams.scan.end_points import EndPoints
 from slams.scan.scan_kernels import DENSE, Grain
@@ -97,18 +96,6 @@ def test_a_normal_is_shared_within_a_part_of_its_window():
     assert len(np.unique(ends)) == half  # at the end of a wall a window is half a one
     assert len(np.unique(middle)) <= 2 + half / (1 + half // DENSE)
     assert np.abs(out[1, half:-half]).max() < 0.05
-
-
-def test_another_start_that_leads_to_the_same_place_is_not_fitted(monkeypatch):
-    fits, fit = [], LineMap.fit
-    monkeypatch.setattr(LineMap, "fit", lambda *given: fits.append(given[2]) or fit(*given))
-    slam, scans = Hector(HectorParams()), list(drive(n=40, rate=10.0))
-    climbed, climb = [], Matcher.climb
-    monkeypatch.setattr(Matcher, "climb", lambda *a: climbed.append(a[2]) or climb(*a))
-    for scan in scans:
-        slam.update(scan)
-    assert len(climbed) > len(scans)
-    assert len(fits) == len(scans) - 1
 
 
 @pytest.mark.parametrize(("rate", "looks"), [(10.0, 40), (40.0, 10)])

@@ -1,20 +1,19 @@
-"""hector@frontend: the six steps on small drives, and the estimator's policies."""
+"""Hector: the six steps on small drives, and the estimator's policies."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
+from hector import Hector, HectorParams
 from slams.metrics import ate
 from slams.player import replay
-from slams.registry import find
 from slams.types import Pose2
 from tests.rooms import LIDAR, scan_at
 
 
 def made(**changes):
-    entry = find("hector@frontend")
-    return entry.cls(entry.params().replace(**changes))
+    return Hector(HectorParams(**changes))
 
 
 def way(n):
