@@ -122,6 +122,10 @@ class PoseEstimator:
         self._filter.predict(scan)
         self._filter.place(pose, np.diag(MAP_ERROR**2))
 
+    def correct(self, pose: Pose2) -> None:
+        """The map has changed, and the robot is at `pose` in it; it moves as before."""
+        self._filter.shift(pose)
+
     def decide(
         self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap, rematch: Rematch
     ) -> Pose2:

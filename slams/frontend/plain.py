@@ -54,6 +54,10 @@ class PlainEstimator:
         """The pose of a scan is known."""
         self._last, self.pose, self._twist = scan, pose, IDENTITY
 
+    def correct(self, pose: Pose2) -> None:
+        """The map has changed, and the robot is at `pose` in it; it moves as before."""
+        self.pose = pose
+
     def decide(
         self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap, rematch: Rematch
     ) -> Pose2:
