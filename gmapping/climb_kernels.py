@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.match_kernels import Prior
+from gmapping.render_kernels import Counts, is_free
 from gmapping.tile_kernels import Tiles, cell_of, inside_tile, slot_of
 from slams.geometry import offset, square_of, unlikely
 from slams.jit import FAST, njit
@@ -215,37 +216,28 @@ def sample(
 
 
 @njit
-def explained(
-    tiles: Tiles, owner: int, ends: Floats, pose: Floats, field: Field
-) -> tuple[float, float]:
-    """Of a scan at a pose (3,): squared distances [m^2] as in `distances`, how many ends are near.
-
-    ours: near is within a cell's edge.
-    """
-    return distances(tiles, owner, pose, ends, field.soft, math.inf, tiles.resolution)
+def inliers(tiles: Tiles, owner: int, ends: Floats, pose: Floats) -> float:
+    """Beams of a scan that end less than a cell's edge from a mean hit, at a pose (3,). ours."""
+    edge = tiles.resolution
+    return distances(tiles, owner, pose, ends, edge, math.inf, edge)[1]
 
 
 @njit
-def information(
-    tiles: Tiles, owner: int, ends: Floats, pose: Floats, reach: Floats, field: Field
-) -> Floats:
-    """Information (3, 3) of a scan alone around a pose (3,): how its log likelihood is curved.
+def evaluate(
+    tiles: Tiles, owner: int, ends: Floats, pose: Floats, seen: Counts
+) -> tuple[float, float]:
+    """Beams of a scan that are inliers at a pose (3,), and that are in conflict with the map.
 
-    ours: the quadric that fits 27 samples best, `reach` (3,) [m, m, rad] apart. What the scan is
-    believed to say without the prior can't be had from the Gaussian of both: Student's law of the
-    prior is flat, or even curved the other way, where it is contradicted.
+    ours: a conflict is an end where beams came by and nothing is known to stand. ends (n, 5).
     """
-    out, trial = np.zeros((3, 3)), np.empty(3)
-    for number in range(27):
-        off = (number // 9 - 1.0, number // 3 % 3 - 1.0, number % 3 - 1.0)
-        for i in range(3):
-            trial[i] = pose[i] + off[i] * reach[i]
-        total, _ = distances(tiles, owner, trial, ends, field.soft, math.inf, 0.0)
-        cost = 0.5 * field.worth * total
-        for i in range(3):
-            out[i, i] += cost * (off[i] * off[i] - 2.0 / 3.0) / 3.0 / (reach[i] * reach[i])
-            for j in range(i):
-                share = cost * off[i] * off[j] / 12.0 / (reach[i] * reach[j])
-                out[i, j] += share
-                out[j, i] += share
-    return out
+    conflicts = 0.0
+    c, s, edge = math.cos(pose[2]), math.sin(pose[2]), tiles.resolution
+    for i in range(ends.shape[0]):
+        x = pose[0] + c * ends[i, 0] - s * ends[i, 1]
+        y = pose[1] + s * ends[i, 0] + c * ends[i, 1]
+        ix, iy = cell_of(x, edge), cell_of(y, edge)
+        slot = slot_of(tiles, owner, 0, ix, iy)
+        known = slot >= 0 and tiles.cells[slot, inside_tile(ix, iy), 5] > 0.0
+        if not known and is_free(seen, x, y):
+            conflicts += ends[i, 4]
+    return inliers(tiles, owner, ends, pose), conflicts

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.map_kernels import facing, is_old, place_of, trust
+from gmapping.render_kernels import Counts, is_free
 from gmapping.tile_kernels import Tiles, cell_of, slot_of
 from slams.geometry import add_prior, offset, solve3
 from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 
-BEFORE = 0.25  # m before its end that a beam is followed to, and from the laser
-FRONTAL = 0.3  # cosine from which a beam goes through a wall, not along it
 SETTLED = 0.1  # of the width: a longer step is not the last one at it
 STILL = 1e-5  # a step [m, rad] below which the peak is found
 
@@ -42,26 +41,6 @@ class Climb(NamedTuple):
     variance: float
     old: float
     wait: int = 0
-
-
-class Around(NamedTuple):
-    """Where `search_old` looks.
-
-    `offsets` (k, 3) m, m, rad from a pose; `prices` (k,) what share of the beams each of them has
-    to explain more; of the scan's pieces one in `every`.
-    """
-
-    offsets: Floats
-    prices: Floats
-    every: int
-
-
-class Beams(NamedTuple):
-    """Where they come from, x, y [m] in the base frame; one piece in `every` is looked at."""
-
-    x: float
-    y: float
-    every: int
 
 
 @njit(fastmath=FAST, inner=True, borrows=True)  # sums may be regrouped
@@ -162,91 +141,26 @@ def register(
 
 
 @njit
-def search_old(
-    tiles: Tiles,
-    owners: NDArray[np.int64],
-    surface: Floats,
-    around: Around,
-    how: Climb,
-    poses: Floats,
-    out: Floats,
-) -> None:
-    """Where around its pose each particle's ground of old explains most of a scan.
+def evaluate(
+    tiles: Tiles, owner: int, surface: Floats, pose: Floats, width: float, seen: Counts
+) -> tuple[float, float]:
+    """Beams of a scan that are inliers at a pose (3,), by robust weight, and that are in conflict.
 
-    ours: share of the beams by robust weight, less the price of the offset. owners (n,) the
-    particles; poses (n, 3) in, the best out; out (n,) that share.
+    ours: a conflict is an end where beams came by and nothing is known to stand. surface (n, 5);
+    `width` [m] as of `linearize`.
     """
-    edge, k2, offsets = tiles.resolution, how.wide * how.wide, around.offsets
-    for j in range(poses.shape[0]):
-        particle, best, value = owners[j], -1, 0.0
-        x0, y0, t0 = poses[j, 0], poses[j, 1], poses[j, 2]
-        for k in range(offsets.shape[0]):
-            pose_x, pose_y = x0 + offsets[k, 0], y0 + offsets[k, 1]
-            c, s = math.cos(t0 + offsets[k, 2]), math.sin(t0 + offsets[k, 2])
-            spared = beams = 0.0
-            for i in range(0, surface.shape[0], around.every):
-                x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
-                beams += surface[i, 4]
-                px, py = pose_x + c * x - s * y, pose_y + s * x + c * y
-                ix, iy = cell_of(px, edge), cell_of(py, edge)
-                layer = facing(tiles, c * nx - s * ny, s * nx + c * ny)
-                slot = slot_of(tiles, particle, layer, ix, iy)
-                if slot < 0:
-                    continue
-                cell = tiles.cells[slot, place_of(layer, ix, iy)]
-                if cell[3] <= 0.0 or not is_old(cell[4], how.old):
-                    continue
-                r = cell[0] + cell[1] * (px - ix * edge) + cell[2] * (py - iy * edge)
-                spared += surface[i, 4] * k2 / (k2 + r * r)
-            share = spared / beams
-            if share - around.prices[k] > value:
-                best, value, out[j] = k, share - around.prices[k], share
-        if best >= 0:
-            for i in range(3):
-                poses[j, i] += offsets[best, i]
-
-
-@njit
-def crossed(
-    tiles: Tiles,
-    owners: NDArray[np.int64],
-    surface: Floats,
-    laser: Beams,
-    old: float,
-    poses: Floats,
-    out: Floats,
-) -> None:
-    """How many beams of a scan go through walls of old ground, from these poses.
-
-    ours: a beam is followed in steps of less than the map's band; it is behind a wall that faces
-    the laser where the signed distance is negative. owners (k,) the particle in whose map; poses
-    (k, 3); surface (n, 5); `old` [m] as in `Climb`; out (k,) beams.
-    """
-    edge = tiles.resolution
-    for k in range(poses.shape[0]):
-        c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
-        through = 0.0
-        for i in range(0, surface.shape[0], laser.every):
-            x, y = surface[i, 0] - laser.x, surface[i, 1] - laser.y
-            far = math.hypot(x, y)
-            if far <= 2.0 * BEFORE:
-                continue
-            dx, dy = (c * x - s * y) / far, (s * x + c * y) / far
-            x0 = poses[k, 0] + c * laser.x - s * laser.y
-            y0 = poses[k, 1] + s * laser.x + c * laser.y
-            layer, way = facing(tiles, -dx, -dy), BEFORE
-            while way < far - BEFORE:
-                px, py = x0 + way * dx, y0 + way * dy
-                way += 1.5 * edge
-                ix, iy = cell_of(px, edge), cell_of(py, edge)
-                slot = slot_of(tiles, owners[k], layer, ix, iy)
-                if slot < 0:
-                    continue
-                cell = tiles.cells[slot, place_of(layer, ix, iy)]
-                if cell[3] <= 0.0 or not is_old(cell[4], old) or trust(cell[4]) < 1.0:
-                    continue
-                r = cell[0] + cell[1] * (px - ix * edge) + cell[2] * (py - iy * edge)
-                if r < -0.5 * edge and cell[1] * dx + cell[2] * dy < -FRONTAL:
-                    through += surface[i, 4]
-                    break
-        out[k] = through * laser.every
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    edge, k2, inliers, conflicts = tiles.resolution, width * width, 0.0, 0.0
+    for i in range(surface.shape[0]):
+        x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
+        px, py = pose[0] + c * x - s * y, pose[1] + s * x + c * y
+        ix, iy = cell_of(px, edge), cell_of(py, edge)
+        layer = facing(tiles, c * nx - s * ny, s * nx + c * ny)
+        slot, place = slot_of(tiles, owner, layer, ix, iy), place_of(layer, ix, iy)
+        if slot >= 0 and tiles.cells[slot, place, 3] > 0.0:
+            cell = tiles.cells[slot, place]
+            r = cell[0] + cell[1] * (px - ix * edge) + cell[2] * (py - iy * edge)
+            inliers += surface[i, 4] * k2 / (k2 + r * r)
+        elif is_free(seen, px, py):
+            conflicts += surface[i, 4]
+    return inliers, conflicts

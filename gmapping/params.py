@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from gmapping.ros import ROS as ROS_NAMES
 from slams.extent import max_cells
-from slams.motion.params import MotionParams
+from slams.frontend.params import FrontendParams
 from slams.params import RosNames, param
 from slams.scan.params import ScanParams
 
@@ -16,13 +16,13 @@ ORIGINAL = "original code"
 
 
 @dataclass(frozen=True)
-class GMappingParams(ScanParams, MotionParams):
+class GMappingParams(ScanParams, FrontendParams):
     """Parameters of the default, `GMapping`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "gmapping.original:Original",
-        "paper": {"refine": False, "relocate": False, "spread": 1.0, "switch_margin": 10.0},
+        "paper": {"estimator": "plain", "refine": False, "spread": 1.0, "switch_margin": 0.0},
     }
 
     refine: bool = param(
@@ -54,6 +54,14 @@ class GMappingParams(ScanParams, MotionParams):
         low=0.0,
         ros=("angularUpdate",),
     )
+    settle: int = param(
+        10,
+        "1",
+        "scans at the start that are all key scans",
+        source="ours: or the first scan's noise stays in every later pose",
+        low=1,
+        high=10_000,
+    )
     resample_threshold: float = param(
         0.5,
         "1",
@@ -63,38 +71,11 @@ class GMappingParams(ScanParams, MotionParams):
         high=1.0,
         ros=("resampleThreshold",),
     )
-    way_per_way: float = param(
-        0.1, "1", "translation noise per translation", source=ORIGINAL, low=0.0, ros=("srr",)
-    )
-    turn_per_way: float = param(
-        0.1,
+    way_noise: float = param(
+        0.01,
         "1",
-        "rotation noise [rad] per translation [m]",
+        "noise of the tracked way between key scans [m, rad] per m and rad of it",
         source="ours: matching decides, not odometry",
-        low=0.0,
-        ros=("srt",),
-    )
-    way_per_turn: float = param(
-        0.02,
-        "1",
-        "translation noise [m] per rotation [rad]",
-        source="ours: matching decides, not odometry",
-        low=0.0,
-        ros=("str",),
-    )
-    turn_per_turn: float = param(
-        0.1,
-        "1",
-        "rotation noise per rotation",
-        source="ours: matching decides, not odometry",
-        low=0.0,
-        ros=("stt",),
-    )
-    tracked_noise: float = param(
-        0.1,
-        "1",
-        "noise of a tracked way between key scans, as a share of odometry's",
-        source="ours: Departure 5",
         low=0.0,
     )
     key_noise: float = param(
@@ -103,32 +84,6 @@ class GMappingParams(ScanParams, MotionParams):
         "noise [m, rad] between key scans beside that of the motion",
         source="ours: Departure 5",
         low=1e-5,
-    )
-    slip: float = param(
-        0.7,
-        "m/s",
-        "speed [m/s, rad/s] by which odometry may be wrong where the match is poor",
-        source="ours: Departure 7",
-        low=0.0,
-    )
-    poor_match: float = param(
-        0.8,
-        "1",
-        "share of a scan on its surfaces below which a better start is searched",
-        source="ours: Departure 7",
-        low=0.0,
-        high=1.0,
-    )
-    lost_below: float = param(
-        0.5,
-        "1",
-        "share of the usual quality below which not even a new room explains a scan",
-        source="ours: Departure 7",
-        low=0.0,
-        high=1.0,
-    )
-    usual_time: float = param(
-        2.0, "s", "over which the usual quality is a mean", source="ours: a room", low=0.01
     )
     band: int = param(
         2,
@@ -201,13 +156,6 @@ class GMappingParams(ScanParams, MotionParams):
         source=ORIGINAL,
         low=0.1,
         ros=("maxRange", "maxUrange"),
-    )
-    caution: float = param(
-        3.0,
-        "1",
-        "times the variance of a prediction, as a prior of a scan that sees all directions",
-        source="ours: a particle's map is drawn by key scans alone, their errors drawn anew",
-        low=1.0,
     )
     max_cells: int = max_cells()
     max_tiles: int = param(

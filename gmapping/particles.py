@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.match import Proposals
 from slams.types import Floats, Pose2, wrap_angle
 
 
@@ -30,10 +29,9 @@ class Particles:
     """Robot poses (n, 3) with log weights, each at the end of a history of its own.
 
     `log_w` has grown since the last resampling, `lifetime` since the start; `best` is the one
-    that is reported. Histories are one tree: nodes know their parent.
-
-    ours: if `steady`, the one that is reported stays at its peak where the others are drawn, and
-    lives on, in place of a twin, until another leads (`leader`).
+    that is reported, `lineage` how often another history was. Histories are one tree: nodes know their
+    parent. ours: if `steady`, the one that is reported lives on, in place of a twin, until another
+    leads (`leader`).
     """
 
     def __init__(self, n: int, steady: bool = False) -> None:
@@ -43,7 +41,7 @@ class Particles:
         self.lifetime = np.zeros(n)
         self.w = np.full(n, 1.0 / n)
         self.n_eff = float(n)
-        self.best = 0
+        self.best = self.lineage = 0
         self._leaves = np.full(n, -1, np.int64)
         self._parents: list[NDArray[np.int64]] = []
         self._nodes: list[Floats] = []
@@ -79,12 +77,13 @@ class Particles:
         self.lifetime += log_w - log_w.max()
         self.w, self.n_eff = normalize(self.log_w, temper)
 
-    def draw(self, proposals: Proposals, normals: Floats) -> None:
-        """Go to draws from the proposals, by standard normals (n, 3)."""
-        off = np.linalg.solve(proposals.factors.transpose(0, 2, 1), normals[..., None])[..., 0]
-        if self._steady:
-            off[self.best] = 0.0
-        self.poses[:] = proposals.peaks + off
+    def draw(self, peaks: Floats, factors: Floats, normals: Floats) -> None:
+        """Go to draws from Gaussians, by standard normals (n, 3).
+
+        Their peaks (n, 3), and lower triangles L (n, 3, 3) of their information L L^T.
+        """
+        off = np.linalg.solve(factors.transpose(0, 2, 1), normals[..., None])[..., 0]
+        self.poses[:] = peaks + off
 
     def draw_ancestors(self, u: float) -> NDArray[np.int64]:
         """Ancestors of the next generation by systematic resampling with one draw u."""
@@ -103,6 +102,12 @@ class Particles:
         self.w = np.full(len(self), 1.0 / len(self))
         children = np.flatnonzero(ancestors == self.best)
         self.best = int(children[0]) if len(children) else int(np.argmax(self.lifetime))
+        self.lineage += len(children) == 0
+
+    def report(self, leader: int) -> None:
+        """Another particle is the one that is reported."""
+        self.lineage += leader != self.best
+        self.best = leader
 
     def leader(self, margin: float) -> int:
         """The particle whose lifetime weight leads the reported one's by a margin, or that."""

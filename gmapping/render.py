@@ -1,4 +1,4 @@
-"""The map as a grid: the best particle's history, ray cast when asked for."""
+"""The map as a grid: the reported particle's history, ray cast key scan by key scan."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.render_kernels import draw
+from gmapping.render_kernels import COARSE, Counts, draw
+from slams.cells import Room, move, zeros
+from slams.extent import USUAL_CELLS, Box
+from slams.frontend.correlative import Lookup
 from slams.types import Floats, OccupancyGrid, Pose2
 
-LAG = 50  # key scans, farther back than particles of one map usually disagree
-SPARE = 64  # cells added beyond what does not fit
+SURE = 3.0  # hits from which a coarse cell is a wall
 
 
 class Ray(NamedTuple):
@@ -38,93 +40,121 @@ class Ends(NamedTuple):
         return Ray(self.points.astype(np.float64), np.array([[self.mount.x, self.mount.y]]))
 
 
-class Counts:
-    """How often beams ended in a cell, and how often one came by, in a grid that grows with them.
-
-    `edge` [m] is that of a cell; the start is always inside.
-    """
-
-    def __init__(self, edge: float) -> None:
-        self._edge = edge
-        self._low, self._high = np.zeros((2, 2), np.int64)  # cells that were needed, both included
-        self._corner = self._low - SPARE
-        self._hits, self._visits = np.zeros((2, 2 * SPARE, 2 * SPARE), np.int32)
-
-    def add(self, ray: Ray) -> None:
-        """Draw a scan that stands in the frame of the map."""
-        cells = np.floor(np.concatenate([ray.points, ray.sensor]) / self._edge + 0.5)
-        self._low = np.minimum(self._low, cells.min(axis=0).astype(np.int64))
-        self._high = np.maximum(self._high, cells.max(axis=0).astype(np.int64))
-        size = np.array(self._hits.shape[::-1])
-        before = np.where(self._low < self._corner, self._corner - self._low + SPARE, 0)
-        after = np.maximum(self._high + 1 - self._corner - size, 0)
-        after += np.where(after > 0, SPARE, 0)
-        if before.any() or after.any():
-            pad = (before[1], after[1]), (before[0], after[0])
-            self._hits, self._visits = np.pad(self._hits, pad), np.pad(self._visits, pad)
-            self._corner = self._corner - before
-        draw(ray.points, ray.sensor[0], self._edge, self._corner, self._hits, self._visits)
-
-    def shares(self) -> tuple[Floats, tuple[float, float]]:
-        """Hits per visit of the cells that were needed, nan without; their outer corner [m]."""
-        (x0, y0), (x1, y1) = self._low - self._corner, self._high - self._corner + 1
-        with np.errstate(invalid="ignore"):
-            shares = self._hits[y0:y1, x0:x1] / self._visits[y0:y1, x0:x1]
-        x, y = ((self._low - 0.5) * self._edge).tolist()
-        return shares, (x, y)
-
-    def copy(self) -> Counts:
-        """The same, to draw on."""
-        other = Counts(self._edge)
-        other.__dict__ |= self.__dict__
-        other._hits, other._visits = self._hits.copy(), self._visits.copy()
-        return other
-
-
 class Renderer:
-    """Keeps the key scans; draws them at whatever poses a particle's history gives them.
+    """Keeps the key scans, and draws them at the poses that a particle's history gives them.
 
-    `resolution` [m] is the edge of a cell; cells with a greater share of hits than `occupied` are
-    walls. What lies `LAG` key scans back seldom changes: it is drawn once, and again if it does.
+    A scan whose pose has changed is taken back and drawn anew; `counts` has what is drawn now.
+
+    Args:
+        resolution: edge of a cell [m].
+        occupied: share of hits above which a cell is a wall: 0.5 in the grid.
+        max_cells: of the map.
     """
 
-    def __init__(self, resolution: float, occupied: float) -> None:
-        self._resolution, self._occupied = resolution, occupied
+    def __init__(self, resolution: float, occupied: float, max_cells: int = USUAL_CELLS) -> None:
+        self._power = math.log(0.5) / math.log(occupied)
+        self._room = Room(max_cells, resolution, 1 << COARSE)
+        self._low, self._high = np.zeros((2, 2), np.int64)  # cells that were needed, both included
         self._scans: list[Callable[[], Ray]] = []
-        self._final, self._n_final = Counts(resolution), 0  # scans that are drawn for good
-        self._settled = self._final
-        self._poses: Floats = np.zeros((0, 3))  # of the scans in `_settled` after those
+        self._drawn: list[Pose2 | None] = []  # where each of them is drawn
+        self._n_final = 0  # scans that are drawn for good
+        self.counts = self._empty(resolution)
 
-    def keep(self, scan: Callable[[], Ray]) -> None:
-        """Keep a key scan: what gives its rays when they are drawn."""
+    def keep(self, scan: Callable[[], Ray], pose: Pose2 | None = None) -> None:
+        """Keep a key scan: what gives its rays; it is drawn at once if it has a pose."""
         self._scans.append(scan)
+        self._drawn.append(None)
+        if pose is not None:
+            self._move(len(self._scans) - 1, pose)
 
     def draw(self, scan: Callable[[], Ray], pose: Floats) -> None:
         """Draw a key scan for good, at a pose (3,) that no resampling can change; before any kept.
 
         Nothing of it is kept.
         """
-        self._final.add(scan().seen_from(Pose2(*pose.tolist())))
+        self._add(scan().seen_from(Pose2(*pose.tolist())), 1)
         self._n_final += 1
+
+    def follow(self, history: Floats, most: int | None = None) -> bool:
+        """Draw the kept scans at the poses (k, 3) of a history; newest first, `most` of them anew.
+
+        Returns whether all of them are drawn so.
+        """
+        poses = [Pose2(*pose) for pose in history[self._n_final :].tolist()]
+        moved = [k for k in range(len(poses)) if poses[k] != self._drawn[k]][::-1]
+        for k in moved[:most]:
+            self._move(k, poses[k])
+        return most is None or len(moved) <= most
 
     def grid(self, history: Floats) -> OccupancyGrid:
         """Occupancy of the cells, from hits and visits; 0.5 is the original's threshold."""
-        history = history[self._n_final :]
-        done = len(self._poses)
-        if not np.array_equal(history[:done], self._poses):
-            self._settled, done = self._final.copy(), 0
-        elif self._settled is self._final and len(self._scans) > LAG:
-            self._settled = self._final.copy()
-        settled = max(len(history) - LAG, done)
-        self._add(self._settled, history, done, settled)
-        self._poses = history[:settled].copy()
-        counts = self._settled.copy()
-        self._add(counts, history, settled, len(history))
-        shares, corner = counts.shares()
-        power = math.log(0.5) / math.log(self._occupied)
-        return OccupancyGrid((shares**power).astype(np.float32), self._resolution, corner)
+        self.follow(history)
+        return self._shares(*self._low.tolist(), *(self._high + 1).tolist())
 
-    def _add(self, counts: Counts, history: Floats, first: int, last: int) -> None:
-        poses = history[first:last].tolist()
-        for scan, pose in zip(self._scans[first:last], poses, strict=True):
-            counts.add(scan().seen_from(Pose2(*pose)))
+    def cut(self, box: Box) -> OccupancyGrid | None:
+        """The part in a box of what is drawn now, None if nothing was observed there."""
+        rows, columns = self._room.window(box)
+        x0, y0 = self._room.x0, self._room.y0
+        low = np.maximum(self._low, (columns.start + x0, rows.start + y0))
+        high = np.minimum(self._high + 1, (columns.stop + x0, rows.stop + y0))
+        if (low >= high).any():
+            return None
+        grid = self._shares(*low.tolist(), *high.tolist())
+        return None if np.isnan(grid.p).all() else grid
+
+    def lookup(self) -> Lookup:
+        """Likelihood of walls in coarse cells, for correlative search."""
+        edge, counts = self.counts.resolution * (1 << COARSE), self.counts
+        (x0, y0), (x1, y1) = self._low - self._corner, self._high - self._corner
+        first_x, first_y = int(x0) >> COARSE, int(y0) >> COARSE
+        walls = counts.walls[first_y : (y1 >> COARSE) + 1, first_x : (x1 >> COARSE) + 1]
+        likelihood = np.minimum(walls / np.float32(SURE), np.float32(1.0))
+        shift = 0.5 * ((1 << COARSE) - 1) * counts.resolution  # of the first cell in a coarse one
+        x = first_x * edge + counts.x0 * counts.resolution + shift
+        y = first_y * edge + counts.y0 * counts.resolution + shift
+        return Lookup(likelihood, x, y, edge)
+
+    @property
+    def _corner(self) -> NDArray[np.int64]:
+        return np.array((self._room.x0, self._room.y0))
+
+    def _shares(self, x0: int, y0: int, x1: int, y1: int) -> OccupancyGrid:
+        """The cells from x0, y0 up to before x1, y1, of the map."""
+        u, v = self._corner.tolist()
+        window = np.s_[y0 - v : y1 - v, x0 - u : x1 - u]
+        edge, counts = self.counts.resolution, self.counts
+        with np.errstate(invalid="ignore"):
+            shares = counts.hits[window] / counts.visits[window]
+        corner = (x0 - 0.5) * edge, (y0 - 0.5) * edge
+        return OccupancyGrid((shares**self._power).astype(np.float32), edge, corner)
+
+    def _move(self, k: int, pose: Pose2) -> None:
+        """Draw a kept scan at a pose, and no longer where it was."""
+        ray, before = self._scans[k](), self._drawn[k]
+        if before is not None:
+            self._add(ray.seen_from(before), -1)
+        self._add(ray.seen_from(pose), 1)
+        self._drawn[k] = pose
+
+    def _add(self, ray: Ray, times: int) -> None:
+        edge = self.counts.resolution
+        ends = np.concatenate([ray.points, ray.sensor])
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        self._low = np.minimum(self._low, np.floor(low / edge + 0.5).astype(np.int64))
+        self._high = np.maximum(self._high, np.floor(high / edge + 0.5).astype(np.int64))
+        added = self._room.reach(Box(*(low - edge).tolist(), *(high + edge).tolist()))
+        if added is not None:
+            self._grow(*added)
+        draw(ray.points, ray.sensor[0], self.counts, times)
+
+    def _empty(self, resolution: float) -> Counts:
+        shape = self._room.height, self._room.width
+        coarse = shape[0] >> COARSE, shape[1] >> COARSE
+        arrays = zeros(shape, np.int32), zeros(shape, np.int32), zeros(coarse, np.int32)
+        return Counts(*arrays, self._room.x0, self._room.y0, resolution)
+
+    def _grow(self, below: int, left: int) -> None:
+        old, self.counts = self.counts, self._empty(self.counts.resolution)
+        move(old.hits, self.counts.hits, below, left)
+        move(old.visits, self.counts.visits, below, left)
+        move(old.walls, self.counts.walls, below >> COARSE, left >> COARSE)

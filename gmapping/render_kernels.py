@@ -1,41 +1,70 @@
-"""The picture of one particle's history."""
+"""Kernels of the picture of one particle's history: beams that ended in a cell and came by."""
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.tile_kernels import cell_of
+from slams.cells import deepcopied
 from slams.jit import njit
 from slams.types import Floats
 
+COARSE = 2  # bits: a cell of `walls` has 4 x 4 cells
+FREE_VISITS, FREE_SHARE = 2, 0.15  # beams that came by a free cell, at least; hits among them
+
+
+class Counts(NamedTuple):
+    """How often beams ended in a cell (`hits`), and how often one came by (`visits`), (ny, nx).
+
+    `walls` (ny / 4, nx / 4) hits of coarse cells; `x0`, `y0` index of the cell [0, 0], whose center
+    is index * `resolution` [m].
+    """
+
+    hits: NDArray[np.int32]
+    visits: NDArray[np.int32]
+    walls: NDArray[np.int32]
+    x0: int
+    y0: int
+    resolution: float
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Counts:
+        return Counts(*deepcopied(self, memo))
+
+
+@njit(inner=True, borrows=True)
+def is_free(counts: Counts, x: float, y: float) -> bool:
+    """Whether beams came by a point [m] and did not end there. ours: free-space conflict."""
+    u = cell_of(x, counts.resolution) - counts.x0
+    v = cell_of(y, counts.resolution) - counts.y0
+    if not (0 <= u < counts.hits.shape[1] and 0 <= v < counts.hits.shape[0]):
+        return False
+    visits = counts.visits[v, u]
+    return bool(visits >= FREE_VISITS and counts.hits[v, u] < FREE_SHARE * visits)
+
 
 @njit
-def draw(
-    points: Floats,
-    sensor: Floats,
-    resolution: float,
-    corner: NDArray[np.int64],
-    hits: NDArray[np.int32],
-    visits: NDArray[np.int32],
-) -> None:
+def draw(points: Floats, sensor: Floats, counts: Counts, times: int) -> None:
     """Count for every cell how often a beam ended in it and how often one came by.
 
     [Grisetti07] original code, map of the best particle; Bresenham's line.
-    points (n, 2), sensor (2,) m in the map; corner (2,) ix, iy of hits[0, 0]; counts (ny, nx).
+    points (n, 2), sensor (2,) m in the map; `times` 1, or -1 to take back what was drawn.
     """
-    sx, sy = cell_of(sensor[0], resolution) - corner[0], cell_of(sensor[1], resolution) - corner[1]
+    edge, hits, visits = counts.resolution, counts.hits, counts.visits
+    sx, sy = cell_of(sensor[0], edge) - counts.x0, cell_of(sensor[1], edge) - counts.y0
     height, width = visits.shape
     for i in range(points.shape[0]):
-        ex = cell_of(points[i, 0], resolution) - corner[0]
-        ey = cell_of(points[i, 1], resolution) - corner[1]
+        ex = cell_of(points[i, 0], edge) - counts.x0
+        ey = cell_of(points[i, 1], edge) - counts.y0
         x, y = sx, sy
         dx, dy = abs(ex - sx), abs(ey - sy)
         step_x, step_y = (1 if ex > sx else -1), (1 if ey > sy else -1)
         error = dx - dy
         while x != ex or y != ey:
             if 0 <= x < width and 0 <= y < height:
-                visits[y, x] += 1
+                visits[y, x] += times
             twice = 2 * error
             if twice > -dy:
                 error -= dy
@@ -44,5 +73,6 @@ def draw(
                 error += dx
                 y += step_y
         if 0 <= x < width and 0 <= y < height:
-            visits[y, x] += 1
-            hits[y, x] += 1
+            visits[y, x] += times
+            hits[y, x] += times
+            counts.walls[y >> COARSE, x >> COARSE] += times

@@ -41,17 +41,9 @@ class View(EndPoints):
         n = surfaces(self._means, n, self.mount, self.step, walls, self._buffer)
         self.pieces = self._buffer[:n]
         self.beams = float(self.pieces[:, 4].sum())
+        if self.beams == 0.0:
+            self.n = 0
         return self
-
-    def keep(self, which: NDArray[np.bool_]) -> None:
-        """Go on with these of the pieces (k,) alone."""
-        self.pieces = self.pieces[which]
-        self.beams = float(self.pieces[:, 4].sum())
-
-    @property
-    def is_usable(self) -> bool:
-        """Whether there is anything to match."""
-        return self.beams > 0.0
 
     @property
     def ends(self) -> NDArray[np.float32]:

@@ -1,22 +1,22 @@
 """GMapping: Rao-Blackwellized particle filter over robot paths, each with a map of its own.
 
 [Grisetti07] G. Grisetti, C. Stachniss, W. Burgard, "Improved Techniques for Grid Mapping with
-Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007.
+Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007. Per scan:
 
-1. Motion: odometry, a gyro or the motion so far predicts the step since the last scan.
-2. Tracking (ours): every scan, without what moves, is matched to the reported particle's map, a
-   slow sweep twice; where the map explains less than usual, other starts are tried.
-3. At a key scan every particle is matched to its own map and drawn from a Gaussian around the
-   peak (the improved proposal); its weight grows by the scan's likelihood. ours: the reported one
-   stays at its peak, so that what the others try costs no accuracy.
-4. The number of effective particles n_eff = 1 / sum w^2 follows from the weights.
-5. Below a share of the particles they are resampled (adaptive resampling): maps are shared, not
-   copied.
-6. The particle of greatest weight over its life is the one that is reported.
-7. The scan is written into every particle's map.
-8. ours: a lost robot is looked for in all of the reported map.
+1. Predict the pose; ours: with a covariance, from wheels, gyro and the motion so far.
+2. End points of the beams in the base frame; ours: freed from the motion of a sweep.
+3. Scan matching in the map of the particle that is reported: the paper's, every scan.
+4. ours: to surfaces inside the cells.
+5. Take the match; ours: decide between it, those of a search, and the prediction.
+6. At a keyframe, the filter:
+   a. Every particle goes the way of the reported one since the last keyframe, is matched to its own
+      map, and drawn from a Gaussian around the peak (improved proposal); its weight grows by the
+      likelihood of the scan. ours: the reported one stays where it was decided to be.
+   b. n_eff = 1 / sum w^2; below a share of the particles they are resampled (adaptive resampling).
+   c. The particle of greatest weight over its life is reported.
+   d. The scan is inserted into every particle's map.
 
-The preset `paper` climbs in maps of end points in steps 2 and 3, and has no step 8. The published
+What is ours is `slams.frontend` and the surfaces. `gmapping@paper` leaves out both; the published
 program, `gmapping@original`, stands in `original`.
 """
 
@@ -28,28 +28,26 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.choice import believed, foreseen, leaps
 from gmapping.end_points import EndPointMatcher
-from gmapping.key import KeyScans
-from gmapping.match import Match, Matcher
-from gmapping.movers import Movers
+from gmapping.map import TileMap
+from gmapping.match import Matcher, Proposals
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
 from gmapping.render import Ends, Renderer
+from gmapping.reported import ReportedMap
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
-from slams.geometry import Prior, inverse3
-from slams.localize.relocator import Relocator
-from slams.motion.model import Prediction
-from slams.motion.track import Track
+from slams.frontend.keyframes import Keyframes
+from slams.frontend.motion_filter import Prediction
+from slams.frontend.plain import estimator_for
+from slams.geometry import Prior
 from slams.params import Params
-from slams.patience import Patience
+from slams.refine.lines import Match
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
-from slams.usual import Usual
 
-WIDEST = np.array([0.6, 0.6, 0.3])  # m, m, rad; a search goes no farther
-PAUSE = 0.5  # s between two searches of a robot that is not matched
-COUNTS = "posed searched recovered refused inserted rejected resampled switched collapsed closed"
+LEAP, LEAP_TURN = 0.05, 0.02  # m, rad: no draw goes so far
+STEP = 0.001  # m by which two key scans differ in `_way`, however near they are
+COUNTS = "posed inserted resampled switched collapsed closed"
 
 
 class GMapping:
@@ -63,46 +61,44 @@ class GMapping:
     def __init__(self, params: GMappingParams) -> None:
         p = self.params = params
         self.frozen = False
-        self._rng = np.random.default_rng(p.seed)
-        self._view = View(p)
-        self._movers = Movers(idle=not p.refine)
-        self._track = Track(p)
-        self._relocator = Relocator(self._track, p.relocate)
-        self._renderer = Renderer(p.resolution, p.occupied)
-        self._keys = KeyScans(p)
         self.particles = Particles(p.n_particles, steady=p.refine)
-        self._matcher: Matcher = SurfaceMatcher(p, self._keys) if p.refine else EndPointMatcher(p)
-        self.tiles = self._matcher.tiles
-        self._quality, self._usual = 1.0, Usual(p.usual_time)
-        self._patience = Patience(PAUSE, PAUSE)
+        self._matcher: Matcher = SurfaceMatcher(p) if p.refine else EndPointMatcher(p)
+        self._renderer = Renderer(p.resolution, p.occupied, p.max_cells)
+        self._map = ReportedMap(self._matcher, self.particles, self._renderer)
+        self._view = View(p)
+        self._estimator = estimator_for(p)
+        self._keyframes = Keyframes(p.linear_update, p.angular_update, p.settle)
+        self._key, self._way = IDENTITY, 1.0  # pose at the last keyframe, [m] driven until then
+        self._tracked = True  # whether all scans since then were matched
+        self._rng = np.random.default_rng(p.seed)
         self._counts = dict.fromkeys(COUNTS.split(), 0)
 
+    @property
+    def tiles(self) -> TileMap:
+        """The maps of all particles."""
+        return self._matcher.tiles
+
     def update(self, scan: Scan) -> Pose2:
-        """Track a scan; at key scans run the filter. Returns T_map_base."""
-        start = self._track.predict(scan)  # 1
-        view = self._view.take(scan, start.velocity)
-        match, walls = None, self._movers.drop(view, scan, start.pose, self._track.expected)
-        if view.is_usable and self._keys.n > 0:
-            match = self._tracked(view, start)  # 2
-            if view.sweeps:
-                view.take(scan, self._track.motion.velocity_to(match.pose))
-                walls = self._movers.drop(view, scan, match.pose, self._track.expected)
-                match = self._tracked(view, start)
-        self._settle(walls, view, match, start)
-        self._movers.remember(scan, self._track)
-        if self._due(view):
-            self._filter(view)
-        if self._relocator.update(scan, self.map):  # 8
-            self._place(self._track.pose)  # all particles go on there, with the map it was found in
-        return view.at_stamp(self._track.pose)
+        """Match the scan to the reported map; at a keyframe run the filter. Returns T_map_base."""
+        prior = self._estimator.predict(scan)  # 1.
+        view = self._view.take(scan, prior.twist)  # 2.
+        matches = self._match(view, prior.pose, prior)
+        if view.sweeps:  # 2. again, with the motion that was found
+            view.take(scan, self._estimator.twist_at(matches[0].pose))
+            matches = self._match(view, prior.pose, prior)
+        pose = self._estimator.decide(view, matches, self._map, self._match)  # 5.
+        self._counts["posed"] += self._estimator.match is not None
+        self._tracked &= self._estimator.match is not None
+        if self._estimator.maps and self._keyframes.due(pose, self._estimator.quality):
+            pose = self._filter(view, pose)  # 6.
+        return view.at_stamp(pose)
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
-        """Take a scan whose pose is known, at rest; it enters the maps unless `frozen`."""
-        self._track.placed(pose, scan)
-        view = self._view.take(scan, IDENTITY)
-        self._place(pose)
-        if view.is_usable and not self.frozen and self.tiles.admits(pose, view.far):
-            self._insert(view)
+        """Let a scan enter the map at a known pose, without matching; all particles are there."""
+        self._estimator.place(scan, pose)
+        self._share_one_map()
+        self.particles.poses[:] = pose
+        self._insert(self._view.take(scan, IDENTITY), pose)
 
     def map(self) -> OccupancyGrid:
         """The reported particle's map, drawn from its history of key scans."""
@@ -112,148 +108,118 @@ class GMapping:
         """The reported particle's poses (k, 3) x, y [m], theta [rad] at the key scans."""
         return self.particles.history(self.particles.best)
 
-    @property
-    def pose(self) -> Pose2:
-        """The base's last pose in the map."""
-        return self._track.pose
+    def report(self) -> dict[str, Any]:
+        """Counts of scans, and what the particles' maps take."""
+        return self._counts | self._estimator.counts | self.tiles.counts
 
     @property
     def state(self) -> State:
         """How the last pose came about."""
-        return self._track.state
+        return self._estimator.state
+
+    @property
+    def quality(self) -> float:
+        """Share of the last scan's beams that are inliers, less those in conflict with the map."""
+        return self._estimator.quality
 
     @property
     def covariance(self) -> Floats:
         """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
-        return self._track.covariance
+        return self._estimator.covariance
 
-    @property
-    def quality(self) -> float:
-        """Share of the last scan that lies on known surfaces, 0 to 1."""
-        return self._quality
+    def _match(self, view: View, start: Pose2, prior: Prediction) -> list[Match]:
+        """Steps 3 and 4 from a start."""
+        if self._map.empty or view.n == 0:
+            return [Match(start)]
+        expected = Prior(prior.pose, prior.information)
+        return [self._matcher.match(view, self.particles.best, expected, start)]
 
-    def report(self) -> dict[str, Any]:
-        """Counts, and what the particles' maps take."""
-        found = {"lost": self._track.lost, "found_again": self._relocator.found}
-        return self._counts | found | self._track.motion.counts | self.tiles.counts
-
-    def _tracked(self, view: View, start: Prediction) -> Match:
-        """Step 2: from the prediction; from other starts if it explains less than usual."""
-        matcher, best = self._matcher, self.particles.best
-        known = Prior(start.pose, self._track.prior(start.pose))
-        room = self._track.room if self.params.refine else math.inf
-        match = foreseen(matcher, view, best, known, room)
-        in_vain = self._track.state != "matched" and not self._patience.over
-        if match.quality >= self.params.poor_match * self._usual.value or in_vain:
-            return match
-        self._patience.tried()
-        self._counts["searched"] += 1
-        slip = (self.params.slip * start.dt) ** 2 * np.eye(3)
-        wide = Prior(start.pose, inverse3(self._track.expected + slip))
-        half = np.minimum(2.0 * np.sqrt(np.diagonal(self._track.expected + slip)), WIDEST)
-        before = self._track.pose
-        starts = [before, before @ start.continued]
-        starts += [matcher.search(view, best, at, half) for at in (start.pose, starts[1])]
-        tried = [match, *(matcher.match(view, best, wide, at) for at in starts)]
-        chosen = believed(tried, self._track)
-        self._counts["recovered"] += chosen is not match
-        return chosen
-
-    def _settle(self, scan: Scan, view: View, match: Match | None, start: Prediction) -> None:
-        """Tell the track what was found, learn what is usual."""
-        track = self._track
-        self._patience.wait(start.dt)
-        if match is None:
-            if view.is_usable:
-                track.matched(start.pose, np.eye(3), scan)  # the map begins here
-            else:
-                track.missed(scan)
-            return
-        self._counts["posed"] += 1
-        self._quality = match.quality
-        explains = match.quality >= self.params.lost_below * self._usual.value
-        if not (explains and track.reachable(match.pose)):
-            self._counts["refused"] += 1
-            self._keys.missed()
-            track.missed(scan)
-            return
-        track.matched(match.pose, match.seen, scan, rough=view.is_sparse)
-        self._usual.learn(match.quality, scan.t)
-
-    def _due(self, view: View) -> bool:
-        """Whether this is a key scan that the map has room for."""
-        track = self._track
-        known = track.state == "matched" or track.held or track.adrift
-        if self.frozen or not view.is_usable or not known:
-            self._counts["rejected"] += not known
-            return False
-        p, gaps = self.params, self._quality < self.params.poor_match * self._usual.value
-        due = self._keys.due(track.pose, view.beams if p.refine else math.inf, gaps)
-        return due and self.tiles.admits(track.pose, view.far)
-
-    def _filter(self, view: View) -> None:
-        """Steps 3 to 7."""
-        particles, track = self.particles, self._track
-        if self._keys.n == 0:
-            particles.poses[:] = track.pose
+    def _filter(self, view: View, pose: Pose2) -> Pose2:
+        """Step 6; returns the pose of the particle that is reported then."""
+        if self.frozen or view.n == 0 or not self.tiles.admits(pose, view.far):
+            return pose
+        particles = self.particles
+        if self._map.empty:
+            particles.poses[:] = pose
         else:
-            self._propose(view)
-            if particles.n_eff < self.params.resample_threshold * len(particles):
-                self._follow(particles.draw_ancestors(self._rng.random()))  # 5
+            self._propose(view, pose)  # a.
+            if particles.n_eff < self.params.resample_threshold * len(particles):  # b.
+                self._follow(particles.draw_ancestors(self._rng.random()))
                 self._counts["resampled"] += 1
-            self._elect()  # 6
-        self._insert(view)  # 7
+            pose = self._elect(pose)  # c.
+        self._insert(view, pose)  # d.
+        return pose
 
-    def _propose(self, view: View) -> None:
-        """Steps 3 and 4; where the map says nothing, the particles just go along."""
-        particles, track = self.particles, self._track
-        way = self._keys.way(track.pose)
+    def _propose(self, view: View, pose: Pose2) -> None:
+        """Step a; particles that nothing was matched for go the way, with its noise."""
+        particles, way = self.particles, self._key.between(pose)
         particles.move(np.array(way))
-        if track.state != "matched":
-            return
-        information = self._keys.information(way, particles.poses[:, 2], track.predicted)
-        found = self._matcher.propose(view, particles.poses, information, track)
+        information = self._information(way)
+        if self._estimator.match is None:
+            factors = np.linalg.cholesky(information)
+            proposals = Proposals(particles.poses.copy(), factors, np.zeros(len(particles)))
+        else:
+            proposals = self._matcher.propose(view, particles.poses, information)
         normals = self._rng.standard_normal((len(particles), 3))
-        particles.draw(found, self.params.spread * normals)
-        particles.weigh(found.log_w, 1.0)
+        particles.draw(proposals.peaks, proposals.factors, self.params.spread * normals)
+        if self.params.refine:
+            particles.poses[particles.best] = pose
+        particles.weigh(proposals.log_w, 1.0)
 
-    def _elect(self) -> None:
-        """Step 6; where the reported particle is elsewhere all at once, a loop was closed.
+    def _information(self, way: Pose2) -> Floats:
+        """Of particles after a tracked way: (n, 3, 3) [1/m^2, 1/(m rad), 1/rad^2].
+
+        One noise for all of it, whatever the rate of the scans; the covariance of the pose in place
+        of it where not all scans were matched.
+        """
+        p, turn = self.params, abs(way.theta)
+        far = math.hypot(way.x, way.y)
+        deviation = p.key_noise + p.way_noise * np.array((far, far, far + turn))
+        covariance = np.diag(deviation**2)
+        if not self._tracked:
+            covariance += self._estimator.covariance
+        return np.tile(np.linalg.inv(covariance), (len(self.particles), 1, 1))
+
+    def _elect(self, pose: Pose2) -> Pose2:
+        """Step c; where the reported particle is elsewhere all at once, a loop was closed.
 
         ours: a leader as near as a draw is the reported one with the noise of its draws.
         """
-        particles, here = self.particles, self._track.pose
+        particles = self.particles
         leader = particles.leader(self.params.switch_margin)
-        if self.params.refine and not leaps(here.between(particles.pose(leader))):
-            leader = particles.best
+        leaps = _leaps(pose.between(particles.pose(leader)))
+        if self.params.refine and not leaps:
+            return pose
         self._counts["switched"] += leader != particles.best
-        particles.best, best = leader, particles.pose(leader)
-        if leaps(here.between(best)):
-            self._counts["closed"] += 1
-            self._movers.forget()
-            self._track.corrected(best)
+        self._counts["closed"] += leaps
+        particles.report(leader)
+        self._estimator.correct(particles.best_pose)
+        return particles.best_pose
 
-    def _insert(self, view: View) -> None:
+    def _insert(self, view: View, pose: Pose2) -> None:
+        if self.frozen or view.n == 0 or not self.tiles.admits(pose, view.far):
+            return
         self.tiles.cover(*self.particles.extent(view.far))
-        if not self._matcher.insert(view, self.particles.poses):
+        step = self._key.between(pose)
+        self._way += math.hypot(step.x, step.y) + STEP
+        if not self._matcher.insert(view, self.particles.poses, self._way):
             self._share_one_map()  # out of tiles
             self._counts["collapsed"] += 1
         self._counts["inserted"] += 1
-        self._keys.done(self.particles.best_pose)
-        self._renderer.keep(Ends(view.ends, view.mount).ray)
+        self._key, self._tracked = pose, True
+        self._keyframes.add(pose, self._estimator.quality)
         self.particles.remember()
-
-    def _place(self, pose: Pose2) -> None:
-        """All particles go on from here with the reported one's map."""
-        self._share_one_map()
-        self._movers.forget()
-        self._usual = Usual(self.params.usual_time)  # of the ground it comes from: no measure here
-        self.particles.poses[:] = pose
-        self._keys.place(pose)
+        self._map.insert(Ends(view.ends, view.mount))
 
     def _share_one_map(self) -> None:
+        """All particles go on from the reported one's."""
         self._follow(np.full(len(self.particles), self.particles.best))
 
     def _follow(self, ancestors: NDArray[np.int64]) -> None:
         self.particles.follow(ancestors)
         self.tiles.inherit(ancestors)
+
+
+def _leaps(way: Pose2) -> bool:
+    """Whether no draw goes so far."""
+    return math.hypot(way.x, way.y) > LEAP or abs(way.theta) > LEAP_TURN
