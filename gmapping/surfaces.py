@@ -90,7 +90,7 @@ class SurfaceMatcher:
         wide, wait = max(p.wide, width), 0
         if _least(information) * width**2 < 1.0:  # else the start is as near as that
             wait = p.steps - 1 - math.ceil(math.log2(wide / width))
-        return Climb(wide, width, p.steps, view.noise**2, self._way - OLD, wait)
+        return Climb(wide, width, p.steps, width**2, self._way - OLD, wait)
 
     def _climb(
         self, view: View, owners: Floats, prior: kernels.Prior, how: Climb, poses: Floats
