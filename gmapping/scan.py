@@ -6,13 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.params import GMappingParams
-from gmapping.scan_kernels import Walls, merged, surfaces
+from gmapping.scan_kernels import pieces
 from slams.scan.end_points import EndPoints
 from slams.types import Pose2, Scan
-
-GRAZING = 0.1  # cosine; walls seen more edge-on say nothing
-RATIO = 0.1  # thickness over length of a wall, squared
-SOFT = 3.0  # deviations of the noise that a wall may be thick
 
 
 class View(EndPoints):
@@ -26,22 +22,19 @@ class View(EndPoints):
 
     def __init__(self, params: GMappingParams) -> None:
         super().__init__(params)
-        self._means, self._buffer = np.zeros((0, 3)), np.zeros((0, 5))
+        self._buffer = np.zeros((0, 5))
         self.pieces, self.beams = self._buffer, 0.0
 
     def take(self, scan: Scan, velocity: Pose2) -> View:
         """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
         super().take(scan, velocity)
-        p = self.params
         if self.n > len(self._buffer):
-            self._means, self._buffer = np.zeros((self.n, 3)), np.zeros((self.n, 5))
-        n = merged(self.points, self.n, p.grain, self._means)
-        flatness = max(p.flatness, SOFT * self.noise)
-        walls = Walls(max(p.reach, 2.0 * flatness), flatness, RATIO, GRAZING)
-        n = surfaces(self._means, n, self.mount, self.step, walls, self._buffer)
+            self._buffer = np.zeros((self.n, 5))
+        grain = self.params.grain
+        n = pieces(self.points, self.normals, self.n, self.mount, grain, self._buffer)
         self.pieces = self._buffer[:n]
         self.beams = float(self.pieces[:, 4].sum())
-        if self.beams == 0.0:
+        if n == 0:
             self.n = 0
         return self
 
