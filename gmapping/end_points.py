@@ -42,12 +42,14 @@ class EndPointMatcher:
         seen = np.linalg.inv(covariance[0])
         return Match(Pose2(x, y, float(wrap_angle(theta))), share, 1.0 / field.worth, seen)
 
-    def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
+    def propose(
+        self, view: View, means: Floats, information: Floats, revisited: Pose2 | None = None
+    ) -> Proposals:
         """[Grisetti07] improved proposal, mean, covariance and weight of samples at the peak."""
         poses = means.copy()
         prior, owners = Priors(means, information), np.arange(len(means))
         covariances, log_w = self._gaussians(view, owners, prior, poses)
-        return Proposals(poses, np.linalg.cholesky(np.linalg.inv(covariances)), log_w)
+        return Proposals(poses, np.linalg.cholesky(np.linalg.inv(covariances)), log_w, np.zeros(len(means), np.bool_))
 
     def insert(self, view: View, poses: Floats, way: float) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gmapping.map import TileMap
 from gmapping.render_kernels import Counts
 from gmapping.scan import View
@@ -15,12 +18,14 @@ from slams.types import Floats, Pose2
 class Proposals(NamedTuple):
     """The Gaussians that particles are drawn from, and what they make of the weights.
 
-    Peaks (n, 3), lower triangles L (n, 3, 3) of their information L L^T, log weights (n,).
+    Peaks (n, 3), lower triangles L (n, 3, 3) of their information L L^T, log weights (n,), and
+    which of them (n,) are where the robot was long ago: a loop closes.
     """
 
     peaks: Floats
     factors: Floats
     log_w: Floats
+    closes: NDArray[np.bool_]
 
 
 class Matcher(Protocol):
@@ -32,8 +37,13 @@ class Matcher(Protocol):
         """The peak near `start` in the map of one particle."""
         ...
 
-    def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
-        """[Grisetti07] improved proposal of every particle; means (n, 3), information (n, 3, 3)."""
+    def propose(
+        self, view: View, means: Floats, information: Floats, revisited: Pose2 | None
+    ) -> Proposals:
+        """[Grisetti07] improved proposal of every particle; means (n, 3), information (n, 3, 3).
+
+        ours: particles may be where a pose was `revisited`.
+        """
         ...
 
     def insert(self, view: View, poses: Floats, way: float) -> bool:

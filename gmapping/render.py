@@ -15,6 +15,7 @@ from slams.extent import USUAL_CELLS, Box
 from slams.frontend.correlative import Lookup
 from slams.types import Floats, OccupancyGrid, Pose2
 
+FINER = 2  # cells to the edge of a cell where some scans alone are looked at
 SURE = 3.0  # hits from which a coarse cell is a wall
 
 
@@ -101,6 +102,20 @@ class Renderer:
             return None
         grid = self._shares(*low.tolist(), *high.tolist())
         return None if np.isnan(grid.p).all() else grid
+
+    def drawn_before(self, end: int) -> list[tuple[int, Pose2]]:
+        """Numbers and poses of the first `end` kept scans that are drawn."""
+        return [(k, at) for k, at in enumerate(self._drawn[:end]) if at is not None]
+
+    def walls(self, scans: list[tuple[int, Pose2]]) -> Lookup:
+        """Likelihood of walls by some kept scans alone, by numbers and poses."""
+        edge = FINER * self.counts.resolution
+        ends = np.concatenate([self._scans[k]().seen_from(pose).points for k, pose in scans])
+        low = ends.min(axis=0) - edge
+        cells = np.floor((ends - low) / edge + 0.5).astype(np.int64)
+        likelihood = np.zeros(cells.max(axis=0)[::-1] + 2, np.float32)
+        likelihood[cells[:, 1], cells[:, 0]] = 1.0
+        return Lookup(likelihood, *low.tolist(), edge)
 
     def lookup(self) -> Lookup:
         """Likelihood of walls in coarse cells, for correlative search."""

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from gmapping.match import Matcher
 from gmapping.particles import Particles
 from gmapping.render import Ends, Renderer
 from gmapping.scan import View
 from slams.extent import Box
-from slams.frontend.correlative import Lookup
+from slams.frontend.correlative import Lookup, search
+from slams.frontend.degeneracy import of_scan
 from slams.types import OccupancyGrid, Pose2
 
+OLD = 15.0  # m of way after which ground is old: no robot sees a room that long without a loop
+NEAR = 3.0  # m from where the robot was then: what it saw there, it sees from here
+SELDOM = 1.0  # m of way between two looks for a loop
+SCANS = 20  # old scans that are looked at
+DRIFT = np.diag((0.33, 0.33, 0.03)) ** 2  # m, m, rad: of the way around a loop; 3 deviations
 REDRAWN = 100  # key scans that are drawn anew with one, after the reported particle has changed
 
 
@@ -18,7 +28,9 @@ class ReportedMap:
 
     def __init__(self, matcher: Matcher, particles: Particles, picture: Renderer) -> None:
         self._matcher, self._particles, self._picture = matcher, particles, picture
-        self._drawn = -1  # lineage
+        self._drawn = 0  # lineage
+        self._ways: list[float] = []  # [m] driven at each key scan
+        self._looked = 0.0  # [m] driven at the last look for a loop
 
     @property
     def empty(self) -> bool:
@@ -39,10 +51,31 @@ class ReportedMap:
         """The part of the map in a box, None if nothing was observed there."""
         return self._picture.cut(box)
 
-    def insert(self, ends: Ends) -> None:
+    def revisited(self, points: View, pose: Pose2, way: float) -> Pose2 | None:
+        """Where the robot may be on ground that it left long ago, None if it was not near before.
+
+        The best pose of a correlative search among key scans that are `OLD` behind, `way` [m] from
+        the start; along a corridor that hides how far along it is, only across.
+        """
+        if way - self._looked < SELDOM:
+            return None
+        self._looked = way
+        old = self._picture.drawn_before(int(np.searchsorted(self._ways, way - OLD)))
+        old = [(k, at) for k, at in old if math.dist(at[:2], pose[:2]) < NEAR]
+        if not old:
+            return None
+        walls = self._picture.walls(old[:: 1 + len(old) // SCANS])
+        ends = points.pieces[:, :2].T
+        found = search(walls, ends, points.far, pose, DRIFT, 1)[0]
+        seen, x, y = of_scan(points, pose.theta), found.x - pose.x, found.y - pose.y
+        along = (1.0 - seen.share) * (seen.x * x + seen.y * y)
+        return found._replace(x=found.x - along * seen.x, y=found.y - along * seen.y)
+
+    def insert(self, ends: Ends, way: float) -> None:
         """Draw a key scan where the reported particle is; after another has been reported, more."""
         particles = self._particles
         x, y, theta = particles.poses[particles.best].tolist()
+        self._ways.append(way)
         self._picture.keep(ends.ray, Pose2(x, y, theta))
         if particles.lineage != self._drawn:
             history = particles.history(particles.best)

@@ -155,14 +155,17 @@ class GMapping:
         particles, way = self.particles, self._key.between(pose)
         particles.move(np.array(way))
         information = self._information(way)
+        n = len(particles)
         if self._estimator.match is None:
             factors = np.linalg.cholesky(information)
-            proposals = Proposals(particles.poses.copy(), factors, np.zeros(len(particles)))
+            none = np.zeros(n), np.zeros(n, np.bool_)
+            proposals = Proposals(particles.poses.copy(), factors, *none)
         else:
-            proposals = self._matcher.propose(view, particles.poses, information)
-        normals = self._rng.standard_normal((len(particles), 3))
+            revisited = self._map.revisited(view, pose, self._way + math.hypot(way.x, way.y))
+            proposals = self._matcher.propose(view, particles.poses, information, revisited)
+        normals = self._rng.standard_normal((n, 3))
         particles.draw(proposals.peaks, proposals.factors, self.params.spread * normals)
-        if self.params.refine:
+        if self.params.refine and not proposals.closes[particles.best]:
             particles.poses[particles.best] = pose
         particles.weigh(proposals.log_w, 1.0)
 
@@ -209,7 +212,7 @@ class GMapping:
         self._key, self._tracked = pose, True
         self._keyframes.add(pose, self._estimator.quality)
         self.particles.remember()
-        self._map.insert(Ends(view.ends, view.mount))
+        self._map.insert(Ends(view.ends, view.mount), self._way)
 
     def _share_one_map(self) -> None:
         """All particles go on from the reported one's."""

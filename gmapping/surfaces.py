@@ -20,6 +20,8 @@ from slams.types import Floats, Pose2, wrap_angle
 
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 OLD = 15.0  # m of way, after which ground is old: no robot sees a room that long without a loop
+GAIN, FOUND = 0.2, 0.6  # share of the beams that it explains more where a loop closes, and at least
+REVISITED = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found so
 PLACES = 0.2  # of the independent beams tell one place from another like it
 WALL = 0.5  # m between two pieces, at most, with a wall between them
 HEADINGS = np.radians(np.arange(90.0))  # that walls are looked for to face
@@ -44,19 +46,29 @@ class SurfaceMatcher:
         pose = Pose2(x, y, float(wrap_angle(theta)))
         return Match(pose, float(out[0, 4]) / view.beams, variance, h[0] / variance)
 
-    def propose(self, view: View, means: Floats, information: Floats) -> Proposals:
+    def propose(
+        self, view: View, means: Floats, information: Floats, revisited: Pose2 | None = None
+    ) -> Proposals:
         """[Grisetti07] improved proposal; ours: Laplace's at the peak instead of a fit to samples.
 
         Of the beams only some are `independent`: the others say the same, and share the errors of
         the same walls. The weight is the likelihood of the beams on ground of old: where a particle
         has just come from its scan fits whatever the way before, and chance alone would choose.
+        Particles whose ground of old explains more of the scan at `revisited` go there.
         """
-        n, peaks = len(means), means.copy()
-        prior, how = kernels.Prior(means, information), self._how(view, information[0])
-        h, out = self._climb(view, np.arange(n), prior, how, peaks)
+        n, peaks, how = len(means), means.copy(), self._how(view, information[0])
+        prior, every = kernels.Prior(means, information), np.arange(n)
+        h, out = self._climb(view, every, prior, how, peaks)
+        full, closes = how.width**2 * view.beams, np.zeros(n, np.bool_)
+        if revisited is not None:
+            others = np.tile(np.array(revisited), (n, 1))
+            prior = kernels.Prior(others.copy(), np.tile(REVISITED, (n, 1, 1)))
+            h2, out2 = self._climb(view, every, prior, how, others)
+            closes = out2[:, 6] > np.maximum(out[:, 6] + GAIN * full, FOUND * full)
+            peaks[closes], h[closes], out[closes] = others[closes], h2[closes], out2[closes]
         worth = self._worth(view)
         factors = np.asarray(np.linalg.cholesky(worth * h + information), np.float64)
-        return Proposals(peaks, factors, 0.5 * PLACES * worth * out[:, 6])
+        return Proposals(peaks, factors, 0.5 * PLACES * worth * out[:, 6], closes)
 
     def insert(self, view: View, poses: Floats, way: float) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""
@@ -90,7 +102,7 @@ class SurfaceMatcher:
         wide, wait = max(p.wide, width), 0
         if _least(information) * width**2 < 1.0:  # else the start is as near as that
             wait = p.steps - 1 - math.ceil(math.log2(wide / width))
-        return Climb(wide, width, p.steps, width**2, self._way - OLD, wait)
+        return Climb(wide, width, p.steps, view.noise**2, self._way - OLD, wait)
 
     def _climb(
         self, view: View, owners: Floats, prior: kernels.Prior, how: Climb, poses: Floats
