@@ -85,13 +85,16 @@ class SurfaceMatcher:
         found = kernels.evaluate(self.tiles.tiles, owner, view.pieces, at, width, seen)
         return found[0] / view.beams, found[1] / view.beams
 
-    def _worth(self, view: View) -> float:
-        """Of a square distance [1/m^2]: only some beams are `independent`, others say the same.
+    def _variance(self, view: View) -> float:
+        """Of the distance of a beam [m^2].
 
         However quiet the beams: walls are not straight, and maps were drawn by poses that err.
         """
-        deviation = max(self._params.range_noise, view.noise)
-        return min(1.0, self._params.independent / view.beams) / deviation**2
+        return max(self._params.range_noise, view.noise) ** 2
+
+    def _worth(self, view: View) -> float:
+        """Of a square distance [1/m^2]: only some beams are `independent`, others say the same."""
+        return min(1.0, self._params.independent / view.beams) / self._variance(view)
 
     def _width(self, view: View) -> float:
         return max(self._params.width, SOFT * view.noise)
@@ -102,7 +105,7 @@ class SurfaceMatcher:
         wide, wait = max(p.wide, width), 0
         if _least(information) * width**2 < 1.0:  # else the start is as near as that
             wait = p.steps - 1 - math.ceil(math.log2(wide / width))
-        return Climb(wide, width, p.steps, view.noise**2, self._way - OLD, wait)
+        return Climb(wide, width, p.steps, self._variance(view), self._way - OLD, wait)
 
     def _climb(
         self, view: View, owners: Floats, prior: kernels.Prior, how: Climb, poses: Floats
