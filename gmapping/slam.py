@@ -69,7 +69,7 @@ class GMapping:
         self._estimator = estimator_for(p)
         self._keyframes = Keyframes(p.linear_update, p.angular_update, p.settle)
         self._key, self._way = IDENTITY, 1.0  # pose at the last keyframe, [m] driven until then
-        self._tracked = True  # whether all scans since then were matched
+        self._known = self._estimator.covariance  # of the pose there
         self._rng = np.random.default_rng(p.seed)
         self._counts = dict.fromkeys(COUNTS.split(), 0)
 
@@ -88,7 +88,6 @@ class GMapping:
             matches = self._match(view, prior.pose, prior)
         pose = self._estimator.decide(view, matches, self._map, self._match)  # 5.
         self._counts["posed"] += self._estimator.match is not None
-        self._tracked &= self._estimator.match is not None
         if self._estimator.maps and self._keyframes.due(pose, self._estimator.quality):
             pose = self._filter(view, pose)  # 6.
         return view.at_stamp(pose)
@@ -172,15 +171,14 @@ class GMapping:
     def _information(self, way: Pose2) -> Floats:
         """Of particles after a tracked way: (n, 3, 3) [1/m^2, 1/(m rad), 1/rad^2].
 
-        One noise for all of it, whatever the rate of the scans; the covariance of the pose in place
-        of it where not all scans were matched.
+        One noise for all of it, whatever the rate of the scans, and what the pose has become less
+        certain by: along a corridor, or where scans were not matched.
         """
         p, turn = self.params, abs(way.theta)
         far = math.hypot(way.x, way.y)
         deviation = p.key_noise + p.way_noise * np.array((far, far, far + turn))
-        covariance = np.diag(deviation**2)
-        if not self._tracked:
-            covariance += self._estimator.covariance
+        lost, axes = np.linalg.eigh(self._estimator.covariance - self._known)
+        covariance = np.diag(deviation**2) + (axes * np.maximum(lost, 0.0)) @ axes.T
         return np.tile(np.linalg.inv(covariance), (len(self.particles), 1, 1))
 
     def _elect(self, pose: Pose2) -> Pose2:
@@ -209,7 +207,7 @@ class GMapping:
             self._share_one_map()  # out of tiles
             self._counts["collapsed"] += 1
         self._counts["inserted"] += 1
-        self._key, self._tracked = pose, True
+        self._key, self._known = pose, self._estimator.covariance
         self._keyframes.add(pose, self._estimator.quality)
         self.particles.remember()
         self._map.insert(Ends(view.ends, view.mount), self._way)

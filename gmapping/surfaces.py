@@ -14,6 +14,7 @@ from gmapping.match_kernels import Climb
 from gmapping.params import GMappingParams
 from gmapping.render_kernels import Counts
 from gmapping.scan import View
+from slams.frontend.degeneracy import of_scan
 from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
@@ -59,6 +60,8 @@ class SurfaceMatcher:
         n, peaks, how = len(means), means.copy(), self._how(view, information[0])
         prior, every = kernels.Prior(means, information), np.arange(n)
         h, out = self._climb(view, every, prior, how, peaks)
+        blind = _unseen(view, float(means[0, 2]))
+        peaks -= (peaks - means) @ blind
         full, closes = how.width**2 * view.beams, np.zeros(n, np.bool_)
         if revisited is not None:
             others = np.tile(np.array(revisited), (n, 1))
@@ -66,7 +69,8 @@ class SurfaceMatcher:
             h2, out2 = self._climb(view, every, prior, how, others)
             closes = out2[:, 6] > np.maximum(out[:, 6] + GAIN * full, FOUND * full)
             peaks[closes], h[closes], out[closes] = others[closes], h2[closes], out2[closes]
-        worth = self._worth(view)
+        worth, sees = self._worth(view), np.eye(3) - blind
+        h = sees @ h @ sees
         factors = np.asarray(np.linalg.cholesky(worth * h + information), np.float64)
         return Proposals(peaks, factors, 0.5 * PLACES * worth * out[:, 6], closes)
 
@@ -132,3 +136,10 @@ def _least(information: Floats) -> float:
     """The least that is known of a place in any direction [1/m^2], by information (3, 3)."""
     (xx, xy, _), (_, yy, _), _ = information.tolist()
     return float(0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy))
+
+
+def _unseen(view: View, theta: float) -> Floats:
+    """Projection (3, 3) on the part of a pose that a scan at a heading does not observe [Zhang16]."""
+    seen = of_scan(view, theta)
+    direction = np.array((seen.x, seen.y, 0.0))
+    return (1.0 - seen.share) * np.outer(direction, direction)
