@@ -43,7 +43,7 @@ class EndPointMatcher:
         return Match(Pose2(x, y, float(wrap_angle(theta))), share, 1.0 / field.worth, seen)
 
     def propose(
-        self, view: View, means: Floats, information: Floats, revisited: Pose2 | None = None
+        self, view: View, means: Floats, information: Floats, revisited: list[Pose2]
     ) -> Proposals:
         """[Grisetti07] improved proposal, mean, covariance and weight of samples at the peak."""
         poses = means.copy()

@@ -38,7 +38,7 @@ class Matcher(Protocol):
         ...
 
     def propose(
-        self, view: View, means: Floats, information: Floats, revisited: Pose2 | None
+        self, view: View, means: Floats, information: Floats, revisited: list[Pose2]
     ) -> Proposals:
         """[Grisetti07] improved proposal of every particle; means (n, 3), information (n, 3, 3).
 

@@ -67,6 +67,13 @@ class Particles:
         self.poses[:, 1] += s * steps[:, 0] + c * steps[:, 1]
         self.poses[:, 2] += steps[:, 2]
 
+    def spread(self) -> Floats:
+        """Covariance (3, 3) of the poses around the reported one [m, rad]."""
+        off = self.poses - self.poses[self.best]
+        off[:, 2] = wrap_angle(off[:, 2])
+        covariance: Floats = off.T @ off / len(off)
+        return covariance
+
     def extent(self, far: float) -> tuple[Floats, Floats]:
         """Lowest and highest x, y [m] of what is at most `far` [m] away from a particle."""
         return self.poses[:, :2].min(axis=0) - far, self.poses[:, :2].max(axis=0) + far

@@ -20,6 +20,7 @@ NEAR = 3.0  # m from where the robot was then: what it saw there, it sees from h
 SELDOM = 1.0  # m of way between two looks for a loop
 SCANS = 20  # old scans that are looked at
 DRIFT = np.diag((0.33, 0.33, 0.03)) ** 2  # m, m, rad: of the way around a loop; 3 deviations
+WINDOWS = 0.25, 0.5, 1.0  # of the drift that is searched: the nearer place is the likelier one
 REDRAWN = 100  # key scans that are drawn anew with one, after the reported particle has changed
 
 
@@ -51,25 +52,29 @@ class ReportedMap:
         """The part of the map in a box, None if nothing was observed there."""
         return self._picture.cut(box)
 
-    def revisited(self, points: View, pose: Pose2, way: float) -> Pose2 | None:
-        """Where the robot may be on ground that it left long ago, None if it was not near before.
+    def revisited(self, points: View, pose: Pose2, way: float) -> list[Pose2]:
+        """Where the robot may be on ground that it left long ago, nearest first; mostly nowhere.
 
-        The best pose of a correlative search among key scans that are `OLD` behind, `way` [m] from
-        the start; along a corridor that hides how far along it is, only across.
+        The best poses of correlative searches in wider and wider windows among key scans that are
+        `OLD` behind, `way` [m] from the start; along a corridor that hides how far along it is,
+        only across.
         """
         if way - self._looked < SELDOM:
-            return None
+            return []
         self._looked = way
         old = self._picture.drawn_before(int(np.searchsorted(self._ways, way - OLD)))
         old = [(k, at) for k, at in old if math.dist(at[:2], pose[:2]) < NEAR]
         if not old:
-            return None
+            return []
         walls = self._picture.walls(old[:: 1 + len(old) // SCANS])
-        ends = points.pieces[:, :2].T
-        found = search(walls, ends, points.far, pose, DRIFT, 1)[0]
-        seen, x, y = of_scan(points, pose.theta), found.x - pose.x, found.y - pose.y
-        along = (1.0 - seen.share) * (seen.x * x + seen.y * y)
-        return found._replace(x=found.x - along * seen.x, y=found.y - along * seen.y)
+        ends, found = points.pieces[:, :2].T, []
+        seen, drift = of_scan(points, pose.theta), DRIFT + self._particles.spread()
+        for share in WINDOWS:
+            at = search(walls, ends, points.far, pose, share**2 * drift, 1)[0]
+            x, y = at.x - pose.x, at.y - pose.y
+            along = (1.0 - seen.share) * (seen.x * x + seen.y * y)
+            found.append(at._replace(x=at.x - along * seen.x, y=at.y - along * seen.y))
+        return found
 
     def insert(self, ends: Ends, way: float) -> None:
         """Draw a key scan where the reported particle is; after another has been reported, more."""

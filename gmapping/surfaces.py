@@ -21,7 +21,7 @@ from slams.types import Floats, Pose2, wrap_angle
 
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 OLD = 15.0  # m of way, after which ground is old: no robot sees a room that long without a loop
-GAIN, FOUND = 0.2, 0.6  # share of the beams that it explains more where a loop closes, and at least
+GAIN, FOUND = 0.2, 0.4  # share of the beams that it explains more where a loop closes, and at least
 REVISITED = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found so
 PLACES = 0.2  # of the independent beams tell one place from another like it
 WALL = 0.5  # m between two pieces, at most, with a wall between them
@@ -48,7 +48,7 @@ class SurfaceMatcher:
         return Match(pose, float(out[0, 4]) / view.beams, variance, h[0] / variance)
 
     def propose(
-        self, view: View, means: Floats, information: Floats, revisited: Pose2 | None = None
+        self, view: View, means: Floats, information: Floats, revisited: list[Pose2]
     ) -> Proposals:
         """[Grisetti07] improved proposal; ours: Laplace's at the peak instead of a fit to samples.
 
@@ -63,12 +63,15 @@ class SurfaceMatcher:
         blind = _unseen(view, float(means[0, 2]))
         peaks -= (peaks - means) @ blind
         full, closes = how.width**2 * view.beams, np.zeros(n, np.bool_)
-        if revisited is not None:
-            others = np.tile(np.array(revisited), (n, 1))
-            prior = kernels.Prior(others.copy(), np.tile(REVISITED, (n, 1, 1)))
-            h2, out2 = self._climb(view, every, prior, how, others)
-            closes = out2[:, 6] > np.maximum(out[:, 6] + GAIN * full, FOUND * full)
-            peaks[closes], h[closes], out[closes] = others[closes], h2[closes], out2[closes]
+        for place in revisited:
+            owners = np.flatnonzero(out[:, 6] < FOUND * full)
+            others = np.tile(np.array(place), (len(owners), 1))
+            prior = kernels.Prior(others.copy(), np.tile(REVISITED, (len(owners), 1, 1)))
+            h2, out2 = self._climb(view, owners, prior, how, others)
+            there = out2[:, 6] > np.maximum(out[owners, 6] + GAIN * full, FOUND * full)
+            moved = owners[there]
+            peaks[moved], h[moved], out[moved] = others[there], h2[there], out2[there]
+            closes[moved] = True
         worth, sees = self._worth(view), np.eye(3) - blind
         h = sees @ h @ sees
         factors = np.asarray(np.linalg.cholesky(worth * h + information), np.float64)
