@@ -49,7 +49,12 @@ class EndPointMatcher:
         poses = means.copy()
         prior, owners = Priors(means, information), np.arange(len(means))
         covariances, log_w = self._gaussians(view, owners, prior, poses)
-        return Proposals(poses, np.linalg.cholesky(np.linalg.inv(covariances)), log_w, np.zeros(len(means), np.bool_))
+        return Proposals(
+            poses,
+            np.linalg.cholesky(np.linalg.inv(covariances)),
+            log_w,
+            np.zeros(len(means), np.bool_),
+        )
 
     def insert(self, view: View, poses: Floats, way: float) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""

@@ -42,7 +42,7 @@ class GMappingParams(ScanParams, FrontendParams):
         0.2,
         "m",
         "way between key scans",
-        source="ours: Departure 3",
+        source="ours: every scan is matched",
         low=0.0,
         ros=("linearUpdate",),
     )
@@ -50,7 +50,7 @@ class GMappingParams(ScanParams, FrontendParams):
         0.2,
         "rad",
         "turn between key scans",
-        source="ours: Departure 3",
+        source="ours: every scan is matched",
         low=0.0,
         ros=("angularUpdate",),
     )
@@ -82,14 +82,14 @@ class GMappingParams(ScanParams, FrontendParams):
         0.005,
         "m",
         "noise [m, rad] between key scans beside that of the motion",
-        source="ours: Departure 5",
+        source="ours: rate of the scans does not matter",
         low=1e-5,
     )
     band: int = param(
         2,
         "cell",
         "cells kept on either side of a surface",
-        source="ours: Departure 2",
+        source="ours: the basin",
         low=1,
         high=8,
     )
@@ -133,20 +133,14 @@ class GMappingParams(ScanParams, FrontendParams):
         0.04,
         "m",
         "beams that end so close together become their mean",
-        source="ours: Departure 2",
+        source="ours: the basin",
         low=0.0,
-    )
-    reach: float = param(
-        0.12, "m", "from a point to the neighbors its normal is fitted to", source="ours", low=0.01
-    )
-    flatness: float = param(
-        0.03, "m", "greatest deviation of neighbors on one wall", source="ours", low=0.001
     )
     switch_margin: float = param(
         6.0,
         "1",
         "by how much log weight another particle must lead to be reported",
-        source="ours: Departure 4",
+        source="ours: no switch by chance",
         low=0.0,
     )
     max_range: float = param(

@@ -28,8 +28,8 @@ def systematic(w: Floats, u: float) -> NDArray[np.int64]:
 class Particles:
     """Robot poses (n, 3) with log weights, each at the end of a history of its own.
 
-    `log_w` has grown since the last resampling, `lifetime` since the start; `best` is the one
-    that is reported, `lineage` how often another history was. Histories are one tree: nodes know their
+    `log_w` has grown since the last resampling, `lifetime` since the start; `best` is the one that
+    is reported, `lineage` how often another history was. Histories are one tree: nodes know their
     parent. ours: if `steady`, the one that is reported lives on, in place of a twin, until another
     leads (`leader`).
     """

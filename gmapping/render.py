@@ -115,7 +115,7 @@ class Renderer:
         cells = np.floor((ends - low) / edge + 0.5).astype(np.int64)
         likelihood = np.zeros(cells.max(axis=0)[::-1] + 2, np.float32)
         likelihood[cells[:, 1], cells[:, 0]] = 1.0
-        return Lookup(likelihood, *low.tolist(), edge)
+        return Lookup(likelihood, float(low[0]), float(low[1]), edge)
 
     def lookup(self) -> Lookup:
         """Likelihood of walls in coarse cells, for correlative search."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from gmapping.scan import View
 from slams.extent import Box
 from slams.frontend.correlative import Lookup, search
 from slams.frontend.degeneracy import of_scan
+from slams.scan.end_points import EndPoints
 from slams.types import OccupancyGrid, Pose2
 
 OLD = 15.0  # m of way after which ground is old: no robot sees a room that long without a loop
@@ -29,7 +31,7 @@ class ReportedMap:
 
     def __init__(self, matcher: Matcher, particles: Particles, picture: Renderer) -> None:
         self._matcher, self._particles, self._picture = matcher, particles, picture
-        self._drawn = 0  # lineage
+        self._drawn = 0  # lineage of the history in the picture
         self._ways: list[float] = []  # [m] driven at each key scan
         self._looked = 0.0  # [m] driven at the last look for a loop
 
@@ -38,11 +40,10 @@ class ReportedMap:
         """Whether no scan has entered the map."""
         return self._matcher.tiles.used == 0
 
-    def evaluate(self, points: View, pose: Pose2) -> tuple[float, float]:
+    def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
         """Shares of the beams that are inliers at a pose, and that are in conflict with the map."""
-        if points.beams == 0.0:
-            return 0.0, 0.0
-        return self._matcher.evaluate(points, self._particles.best, pose, self._picture.counts)
+        view = cast(View, points)
+        return self._matcher.evaluate(view, self._particles.best, pose, self._picture.counts)
 
     def lookup(self) -> Lookup:
         """A coarse likelihood of walls, for correlative search."""

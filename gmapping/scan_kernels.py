@@ -26,9 +26,7 @@ def is_edge_on(points: Points, n: int, i: int, mount: Pose2, far: float) -> bool
 
 
 @njit
-def pieces(
-    points: Points, normals: Points, n: int, mount: Pose2, grain: float, out: Floats
-) -> int:
+def pieces(points: Points, normals: Points, n: int, mount: Pose2, grain: float, out: Floats) -> int:
     """Beams that end within `grain` [m] of each other become one piece of surface.
 
     ours: their mean and the mean of their normals, toward the laser. A piece without normals looks

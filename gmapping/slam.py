@@ -23,7 +23,7 @@ program, `gmapping@original`, stands in `original`.
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,7 @@ from slams.frontend.plain import estimator_for
 from slams.geometry import Prior
 from slams.params import Params
 from slams.refine.lines import Match
+from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
 LEAP, LEAP_TURN = 0.05, 0.02  # m, rad: no draw goes so far
@@ -126,8 +127,9 @@ class GMapping:
         """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
         return self._estimator.covariance
 
-    def _match(self, view: View, start: Pose2, prior: Prediction) -> list[Match]:
+    def _match(self, points: EndPoints, start: Pose2, prior: Prediction) -> list[Match]:
         """Steps 3 and 4 from a start."""
+        view = cast(View, points)
         if self._map.empty or view.n == 0:
             return [Match(start)]
         expected = Prior(prior.pose, prior.information)
@@ -156,7 +158,7 @@ class GMapping:
         information = self._information(way)
         n = len(particles)
         if self._estimator.match is None:
-            factors = np.linalg.cholesky(information)
+            factors = np.asarray(np.linalg.cholesky(information), np.float64)
             none = np.zeros(n), np.zeros(n, np.bool_)
             proposals = Proposals(particles.poses.copy(), factors, *none)
         else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmapping import match_kernels as kernels
 from gmapping.map import TileMap
@@ -115,7 +116,7 @@ class SurfaceMatcher:
         return Climb(wide, width, p.steps, self._variance(view), self._way - OLD, wait)
 
     def _climb(
-        self, view: View, owners: Floats, prior: kernels.Prior, how: Climb, poses: Floats
+        self, view: View, owners: NDArray[np.int64], prior: kernels.Prior, how: Climb, poses: Floats
     ) -> tuple[Floats, Floats]:
         """Poses (k, 3) climb to their peaks in place; information (k, 3, 3), out (k, 7) there."""
         h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
@@ -142,7 +143,7 @@ def _least(information: Floats) -> float:
 
 
 def _unseen(view: View, theta: float) -> Floats:
-    """Projection (3, 3) on the part of a pose that a scan at a heading does not observe [Zhang16]."""
+    """Projection (3, 3) on what a scan at a heading does not observe of a pose [Zhang16]."""
     seen = of_scan(view, theta)
     direction = np.array((seen.x, seen.y, 0.0))
     return (1.0 - seen.share) * np.outer(direction, direction)
