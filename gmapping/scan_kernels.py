@@ -39,14 +39,11 @@ def pieces(points: Points, normals: Points, n: int, mount: Pose2, grain: float, 
         first, x, y, nx, ny, beams = i, 0.0, 0.0, 0.0, 0.0, 0
         while i < n:
             dx, dy = points[0, i] - points[0, first], points[1, i] - points[1, first]
-            if dx * dx + dy * dy >= grain * grain:
+            if beams > 0 and dx * dx + dy * dy >= grain * grain:
                 break
             x, y, beams = x + dx, y + dy, beams + 1
             nx, ny = nx + normals[0, i], ny + normals[1, i]
             i += 1
-        if beams == 0:  # not a number
-            i += 1
-            continue
         x, y = points[0, first] + x / beams, points[1, first] + y / beams
         bx, by = mount.x - x, mount.y - y
         far, length = math.hypot(bx, by), math.hypot(nx, ny)

@@ -5,13 +5,12 @@ import math
 import numpy as np
 
 from gmapping import GMappingParams
-from gmapping.key import KeyScans
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
 from gmapping.match_kernels import Climb, Prior, linearize, register
 from gmapping.original.match_kernels import ClimbModel
 from gmapping.scan import View
-from gmapping.scan_kernels import Walls, merged, surfaces
+from gmapping.scan_kernels import pieces
 from gmapping.surfaces import SurfaceMatcher
 from slams.registry import find
 from slams.types import IDENTITY, Laser, Pose2, Scan
@@ -32,7 +31,6 @@ ROOM = np.array(  # segments x0, y0, x1, y1 [m]
 )
 SPLAT = Splat(2, 100.0, 1.001)  # a way that cells can't keep to the last bit
 HOW = Climb(0.1, 0.03, 12, 0.02**2, 0.0)  # nothing is old
-WALLS = Walls(0.12, 0.03, 0.1, 0.1)
 CLIMB = ClimbModel(0.05, 0.075, 0.05, 0.05, 5, 0.5)
 
 
@@ -90,22 +88,17 @@ def position_error(poses, truth):
     return np.hypot(*(poses[:, :2] - np.array(truth)[:, :2]).T)
 
 
-def points_of(points, grain=0.0):
-    """Rows x, y, beams of `merged` of points (n, 2)."""
-    out = np.zeros((len(points), 3))
-    return out[: merged(np.ascontiguousarray(points.T), len(points), grain, out)]
-
-
-def pieces_of(points, mount=IDENTITY, increment=0.01, walls=WALLS):
-    out = np.zeros((len(points), 5))
-    return out[: surfaces(points, len(points), mount, increment, walls, out)]
+def pieces_of(points, normals, mount=IDENTITY, grain=0.0):
+    """Pieces (k, 5) of end points (n, 2) with normals (n, 2), in the order of the scan."""
+    points, normals = np.ascontiguousarray(points.T), np.ascontiguousarray(normals.T)
+    out = np.zeros((points.shape[1], 5))
+    return out[: pieces(points, normals, points.shape[1], mount, grain, out)]
 
 
 def surface_of(pose, laser=LASER, walls=ROOM):
-    ranges = cast(pose, laser, walls)
-    seen = ranges < laser.range_max
-    ends = laser.mount.transform(ranges[seen, None] * laser.directions[seen])
-    return pieces_of(points_of(ends), laser.mount, laser.angle_increment)
+    """Pieces of a scan without noise, one for each beam."""
+    view = View(GMappingParams(grain=0.0)).take(make_scan(pose, laser=laser, walls=walls), IDENTITY)
+    return view.pieces.copy()
 
 
 def view_of(pose, **changes):
@@ -144,8 +137,8 @@ def one(pose, information):
 def matcher_of(*poses, **changes):
     """A matcher of as many particles; each has in its map what is seen from 0, put at its pose."""
     params = GMappingParams(n_particles=len(poses), max_tiles=5000, **changes)
-    matcher = SurfaceMatcher(params, KeyScans(params))
-    assert matcher.insert(view_of(IDENTITY), np.array(poses, float))
+    matcher = SurfaceMatcher(params)
+    assert matcher.insert(view_of(IDENTITY), np.array(poses, float), 1.0)
     return matcher
 
 

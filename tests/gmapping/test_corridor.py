@@ -1,20 +1,16 @@
 """Corridors whose walls lie between the axes of the map, and door frames in them."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from gmapping import GMappingParams
-from gmapping.key import KeyScans
 from gmapping.map_kernels import facing
 from gmapping.surfaces import SurfaceMatcher, _heading
-from slams.geometry import Prior
 from slams.room import laser, scan_at
 from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping.scenes import HOW, climb, mapped, one, run, surface_of, view_of
-from tests.rooms import calls
 
 BEFORE = 15  # scans, while the robot turns until it looks along the corridor
 STAMPS = [0.2, 0.16, 0.2, 0.16, 0.36, 0.002]  # s between two of them: a busy computer reads them
@@ -55,9 +51,9 @@ def along(seed, turned):
 
 def test_layers_are_told_apart_by_the_walls_of_the_first_scan():
     view, params = view_of(IDENTITY), GMappingParams(n_particles=1, max_tiles=5000)
-    matcher = SurfaceMatcher(params, KeyScans(params))
+    matcher = SurfaceMatcher(params)
     for heading in (0.7, 0.2):  # the second scan turns nothing any more
-        assert matcher.insert(view, np.array([[0.0, 0.0, heading]]))
+        assert matcher.insert(view, np.array([[0.0, 0.0, heading]]), 1.0)
         tiles = matcher.tiles.tiles
         assert math.atan2(tiles.axis_y, tiles.axis_x) == pytest.approx(0.7, abs=0.05)
     at = [facing(tiles, math.cos(a), math.sin(a)) for a in 0.7 + 0.5 * math.pi * np.arange(4)]
@@ -86,27 +82,6 @@ def test_few_hits_at_the_end_of_a_corridor_are_no_outliers_before_they_have_move
         mapped(surface).tiles, surface, one(start, 100.0), [start], HOW._replace(wait=5)
     )
     assert abs(poses[0, 0]) < 0.03
-
-
-@pytest.mark.parametrize(("known", "waits"), [(0.05, True), (0.02, False)])
-def test_the_scale_waits_where_the_start_may_be_off_by_more_than_it_at_last(
-    monkeypatch, known, waits
-):
-    """`known` [m] to one side, better to the other; the scale ends at 0.03 m."""
-    params = GMappingParams(n_particles=1, max_tiles=5000)
-    matcher, c, s = SurfaceMatcher(params, KeyScans(params)), math.cos(0.6), math.sin(0.6)
-    assert matcher.insert(view_of(IDENTITY), np.zeros((1, 3)))
-    made = calls(monkeypatch, matcher, "_climb")
-    axes = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    expected = axes @ np.diag(np.array([0.001, known, 0.001]) ** 2) @ axes.T
-    information, track = np.linalg.inv(expected), SimpleNamespace(expected=expected, room=0.05)
-    matcher.match(view_of(IDENTITY), 0, Prior(IDENTITY, information), IDENTITY)
-    elsewhere = Pose2(0.02, 0.0, 0.0)  # another start, of which little is known
-    matcher.match(view_of(IDENTITY), 0, Prior(IDENTITY, np.eye(3)), elsewhere)
-    matcher.propose(view_of(IDENTITY), np.zeros((1, 3)), 1e6 * np.eye(3)[None], track)
-    tracked, other, particles = (call[-1].wait > 0 for call in (made[0], made[1], made[-1]))
-    assert other and tracked == particles == waits
-    assert made[1][-1].wait == params.steps - 3  # the last step is narrow
 
 
 def test_where_none_is_to_wait_the_scale_falls_at_every_step():

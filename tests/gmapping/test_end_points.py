@@ -12,16 +12,16 @@ from gmapping.climb_kernels import (
     Field,
     climb,
     distances,
-    information,
     log_posterior,
     log_prior,
     sample,
     widths,
 )
-from gmapping.end_points import EndPointMatcher, positive
+from gmapping.end_points import EndPointMatcher
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
 from gmapping.map import TileMap
 from gmapping.match_kernels import Prior
+from gmapping.render import Ends, Renderer
 from gmapping.tile_kernels import cell_of, inside_tile, slot_of
 from slams import geometry
 from slams.types import IDENTITY, Pose2
@@ -205,76 +205,40 @@ def matcher_of_room():
     """A matcher whose one particle has the room, and what is seen of it from 0."""
     params = GMappingParams(refine=False, n_particles=1, max_tiles=5000)
     matcher, view = EndPointMatcher(params), view_of(IDENTITY)
-    assert matcher.insert(view, np.zeros((1, 3)))
+    assert matcher.insert(view, np.zeros((1, 3)), 1.0)
     return matcher, view
-
-
-def test_a_match_tells_quality_information_and_cost():
-    matcher, view = matcher_of_room()
-    weak, strong = (
-        matcher.match(view, 0, geometry.Prior(IDENTITY, k * np.eye(3)), Pose2(*THERE))
-        for k in (1.0, 1e7)
-    )
-    np.testing.assert_allclose(weak.pose, 0.0, atol=1e-3)
-    assert weak.quality == pytest.approx(1.0, abs=0.02) and weak.cost >= 0.0
-    assert (np.linalg.eigvalsh(weak.seen) > 1e3).all()
-    np.testing.assert_allclose(np.diag(strong.seen), np.diag(weak.seen), rtol=0.5)  # not the prior
-    total, _ = distances(
-        matcher.tiles.tiles, 0, np.array(weak.pose), view.pieces, 0.1, math.inf, EDGE
-    )
-    deviation = math.hypot(view.noise, EDGE / math.sqrt(12.0))
-    worth = matcher._params.independent / view.beams / deviation**2
-    assert view.beams > matcher._params.independent
-    assert weak.cost == pytest.approx(0.5 * worth * total)
-    matcher._params = matcher._params.replace(independent=1e6)
-    assert matcher._field(view).worth == pytest.approx(1.0 / deviation**2)  # no beam counts twice
-    elsewhere = matcher.match(
-        view, 0, geometry.Prior(Pose2(0.7, 0.4, 0.3), 1e9 * np.eye(3)), Pose2(0.7, 0.4, 0.3)
-    )
-    assert elsewhere.quality < 0.5 and elsewhere.cost > weak.cost + 10.0
-
-
-def test_what_a_scan_says_is_its_own_where_the_prior_contradicts_it():
-    matcher, view = matcher_of_room()
-    alone = matcher.match(view, 0, geometry.Prior(IDENTITY, np.zeros((3, 3))), IDENTITY).seen
-    for weight, far in ((1e3, 0.3), (1e6, 0.05), (1e6, 70.0)):
-        prior = geometry.Prior(Pose2(far, 0.5 * far, 0.0), weight * np.eye(3))
-        seen = matcher.match(view, 0, prior, IDENTITY).seen
-        assert (np.linalg.eigvalsh(seen) > 0.3 * np.linalg.eigvalsh(alone)).all()
-        np.testing.assert_allclose(np.diag(seen), np.diag(alone), rtol=0.7)
-
-
-def test_information_is_the_curvature_of_half_the_squares():
-    hits = ends_of([[0.0, 0.0], [2.0, 0.0]], beams=3.0)
-    field = Field(20.0, 1e6, 0.01, 0.005, 3)  # so soft that the distances are plain squares
-    made = information(tiles_of(hits), 0, hits, np.zeros(3), np.array([0.01, 0.02, 0.005]), field)
-    by_hand = 20.0 * 3.0 * np.array([[2.0, 0.0, 0.0], [0.0, 2.0, 2.0], [0.0, 2.0, 4.0]])
-    np.testing.assert_allclose(made, by_hand, rtol=1e-3, atol=0.05)
-
-
-def test_the_search_finds_what_the_climb_cannot():
-    matcher, view = matcher_of_room()
-    far = Pose2(0.6, 0.5, -0.29)
-    prior = geometry.Prior(far, np.eye(3))
-    assert np.abs(matcher.match(view, 0, prior, far).pose).max() > 0.1
-    found = matcher.search(view, 0, far, np.array([0.6, 0.6, 0.3]))
-    np.testing.assert_allclose(found, 0.0, atol=0.06)
-
-
-def test_what_is_negative_of_an_information_is_left_out():
-    made = positive(np.array([[2.0, 0.0, 0.0], [0.0, -3.0, 1.0], [0.0, 1.0, 4.0]]))
-    values = np.linalg.eigvalsh(made)
-    assert values.min() == pytest.approx(
-        1e-6 * values.max(), rel=1e-3
-    ) and values.max() == pytest.approx(0.5 + math.sqrt(13.25))
-    np.testing.assert_allclose(positive(np.diag([1.0, 2.0, 3.0])), np.diag([1.0, 2.0, 3.0]))
-    np.testing.assert_array_equal(positive(-np.eye(3)), np.zeros((3, 3)))
 
 
 def test_the_preset_tracks_resamples_and_has_nothing_of_ours_behind():
     truth, scans = drive(120)
     slam, poses = run(scans, "paper", n_particles=8)
     assert position_error(poses, truth).max() < 0.04
-    assert slam.params.spread == 1.0 and not slam.params.refine and not slam.params.relocate
+    assert slam.params.spread == 1.0 and not slam.params.refine
+    assert slam.params.estimator == "plain" and slam.report()["matched"] == 120
     assert slam.report()["resampled"] > 0
     assert isinstance(slam._matcher, EndPointMatcher)
+
+
+def test_a_match_tells_share_and_information_without_the_prior():
+    matcher, view = matcher_of_room()
+    weak, strong = (
+        matcher.match(view, 0, geometry.Prior(IDENTITY, k * np.eye(3)), Pose2(*THERE))
+        for k in (1.0, 1e7)
+    )
+    np.testing.assert_allclose(weak.pose, 0.0, atol=1e-3)
+    assert weak.share == pytest.approx(1.0, abs=0.02)
+    assert (np.linalg.eigvalsh(weak.seen) > 1e3).all()
+    np.testing.assert_allclose(np.diag(strong.seen), np.diag(weak.seen), rtol=0.5)
+    far = Pose2(0.7, 0.4, 0.3)
+    assert matcher.match(view, 0, geometry.Prior(far, 1e9 * np.eye(3)), far).share < 0.5
+
+
+def test_conflicts_are_ends_where_beams_came_by_and_nothing_stands():
+    matcher, view = matcher_of_room()
+    renderer = Renderer(EDGE, 0.25)
+    for _ in range(2):
+        renderer.draw(Ends(view.ends, view.mount).ray, np.zeros(3))
+    inliers, conflicts = matcher.evaluate(view, 0, IDENTITY, renderer.counts)
+    assert inliers > 0.95 and conflicts < 0.02
+    inliers, conflicts = matcher.evaluate(view, 0, Pose2(0.7, 0.4, 0.3), renderer.counts)
+    assert inliers < 0.5 and conflicts > 0.2

@@ -6,7 +6,6 @@ import pytest
 from gmapping import GMapping, GMappingParams
 from gmapping.map import TileMap
 from gmapping.map_kernels import insert
-from gmapping.match import Proposals
 from gmapping.particles import Particles, normalize, systematic
 from gmapping.tile_kernels import own_slot
 from slams.types import IDENTITY, Laser, Pose2
@@ -77,20 +76,6 @@ def test_the_reported_particle_survives_in_place_of_a_twin_if_steady():
     plain.best = 3
     plain.weigh(np.array([0.0, 0.2, -90.0, -90.0, -90.0]), 1.0)
     assert set(plain.draw_ancestors(0.5).tolist()) == {0, 1}
-
-
-def test_draws_are_from_the_gaussians_and_the_reported_one_has_none_if_steady():
-    L = np.array([[2.0, 0.0, 0.0], [1.0, 4.0, 0.0], [0.5, -1.0, 5.0]])
-    found = Proposals(np.arange(9.0).reshape(3, 3), np.tile(L, (3, 1, 1)), np.zeros(3))
-    normals = np.random.default_rng(1).standard_normal((3, 3))
-    plain, steady = Particles(3), Particles(3, steady=True)
-    plain.best = steady.best = 1
-    plain.draw(found, normals.copy())
-    off = plain.poses - found.peaks
-    np.testing.assert_allclose(off @ L, normals)  # L^T off = normals: covariance (L L^T)^-1
-    steady.draw(found, normals.copy())
-    off[1] = 0.0
-    np.testing.assert_allclose(steady.poses, found.peaks + off)
 
 
 @pytest.mark.parametrize(("preset", "steady"), [("paper", False), ("default", True)])
@@ -221,3 +206,31 @@ def test_a_loop_closes_for_every_particle():
     ends = np.array([slam.particles.history(i)[-1] for i in range(10)])
     assert ends.std(axis=0).max() < 0.02
     assert len(slam.trajectory()) == slam.report()["inserted"]
+
+
+def test_draws_are_from_the_gaussians():
+    L = np.array([[2.0, 0.0, 0.0], [1.0, 4.0, 0.0], [0.5, -1.0, 5.0]])
+    peaks, normals = np.arange(9.0).reshape(3, 3), np.random.default_rng(1).standard_normal((3, 3))
+    particles = Particles(3)
+    particles.draw(peaks, np.tile(L, (3, 1, 1)), normals)
+    off = particles.poses - peaks
+    np.testing.assert_allclose(off @ L, normals)  # L^T off = normals: covariance (L L^T)^-1
+
+
+def test_the_lineage_tells_whether_the_reported_history_has_become_another():
+    particles = Particles(4)
+    particles.remember()
+    particles.follow(np.array([1, 0, 0, 2]))
+    assert (particles.best, particles.lineage) == (1, 0)
+    particles.report(1)
+    assert particles.lineage == 0
+    particles.report(2)
+    particles.follow(np.array([1, 1, 3, 3]))
+    assert particles.lineage == 2
+
+
+def test_the_spread_is_around_the_reported_particle():
+    particles = Particles(2)
+    particles.poses[:] = [[1.0, 2.0, 3.1], [1.2, 1.6, -3.1]]
+    off = np.array([0.2, -0.4, 2.0 * np.pi - 6.2])
+    np.testing.assert_allclose(particles.spread(), 0.5 * np.outer(off, off))

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gmapping import render
 from gmapping.render import Ray, Renderer
+from slams.extent import Box
 from slams.registry import find
 from slams.types import Pose2
 from tests.rooms import drive
@@ -37,8 +37,7 @@ def same(a, b):
     assert (a.resolution, a.origin) == (b.resolution, b.origin)
 
 
-def test_drawn_again_and_again_it_is_what_it_is_drawn_once(monkeypatch):
-    monkeypatch.setattr(render, "LAG", 5)
+def test_drawn_again_and_again_it_is_what_it_is_drawn_once():
     rays, poses = scans(40), history(40)
     renderer = Renderer(EDGE, 0.25)
     for k, ray in enumerate(rays):
@@ -50,18 +49,6 @@ def test_drawn_again_and_again_it_is_what_it_is_drawn_once(monkeypatch):
         other[changed:] = history(40, seed=changed + 2)[changed:]
         same(renderer.grid(other), drawn(rays, other))
         same(renderer.grid(other), drawn(rays, other))
-
-
-def test_drawing_looks_at_the_last_scans_only(monkeypatch):
-    monkeypatch.setattr(render, "LAG", 5)
-    seen, renderer, poses = [], Renderer(EDGE, 0.25), history(300)
-    for k, ray in enumerate(scans(300)):
-        renderer.keep(lambda k=k, ray=ray: seen.append(k) or ray)
-    renderer.grid(poses)
-    assert seen == list(range(300))
-    seen.clear()
-    renderer.grid(poses)
-    assert seen == list(range(295, 300))
 
 
 @pytest.mark.parametrize("kept", [0, 7])
@@ -90,3 +77,40 @@ def test_the_original_with_the_laser_alone_keeps_no_scan():
     assert np.isfinite(grid.p).sum() > 1000
     assert len(trajectory) == slam.report()["inserted"]
     assert grid.origin[0] < Pose2(*trajectory[-1]).x < grid.origin[0] + grid.p.shape[1] * 0.05
+
+
+def test_only_scans_whose_pose_has_changed_are_drawn_anew_newest_first():
+    seen, renderer, poses = [], Renderer(EDGE, 0.25), history(30)
+    rays = scans(30)
+    for k, ray in enumerate(rays):
+        renderer.keep(lambda k=k, ray=ray: seen.append(k) or ray, Pose2(*poses[k].tolist()))
+    assert seen == list(range(30)) and renderer.follow(poses, 5)
+    other = poses.copy()
+    other[20:] += 0.3
+    seen.clear()
+    assert not renderer.follow(other, 4)
+    assert renderer.follow(other, 6) and seen == list(range(29, 19, -1))
+    a, b = renderer.grid(other), drawn(rays, other)
+    assert np.nansum(a.p) == pytest.approx(np.nansum(b.p))
+
+
+def test_a_part_of_the_picture_is_the_same_as_in_the_whole():
+    rays, poses = scans(20), history(20)
+    renderer = Renderer(EDGE, 0.25)
+    for ray, pose in zip(rays, poses, strict=True):
+        renderer.keep(lambda ray=ray: ray, Pose2(*pose.tolist()))
+    part, whole = renderer.cut(Box(-1.0, -2.0, 2.0, 1.0)), renderer.grid(poses)
+    u, v = (round((part.origin[i] - whole.origin[i]) / EDGE) for i in (0, 1))
+    ny, nx = part.p.shape
+    np.testing.assert_array_equal(part.p, whole.p[v : v + ny, u : u + nx])
+    assert renderer.cut(Box(90.0, 90.0, 91.0, 91.0)) is None
+
+
+def test_walls_to_search_are_where_beams_ended():
+    renderer, ends = Renderer(EDGE, 0.25), np.array([[1.01, -0.52], [-2.22, 0.31]])
+    renderer.keep(lambda: Ray(ends, np.zeros((1, 2))), Pose2(0.0, 0.0, 0.0))
+    for walls in (renderer.lookup(), renderer.walls(renderer.drawn_before(1))):
+        u = np.floor((ends[:, 0] - walls.x0) / walls.resolution + 0.5).astype(int)
+        v = np.floor((ends[:, 1] - walls.y0) / walls.resolution + 0.5).astype(int)
+        assert (walls.likelihood[v, u] > 0.0).all()
+        assert np.count_nonzero(walls.likelihood) == 2

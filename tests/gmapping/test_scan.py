@@ -1,28 +1,20 @@
+import math
+
 import numpy as np
 import pytest
 
 from gmapping import GMappingParams
 from gmapping.scan import View
-from gmapping.scan_kernels import Walls
 from slams.types import IDENTITY, Pose2
 from tests.gmapping.scenes import (
     LASER,
     cast,
-    linearized,
     make_scan,
-    mapped,
     pieces_of,
-    points_of,
     surface_of,
     view_of,
 )
 from tests.rooms import CORRIDOR, laser, scan_at
-
-
-def test_beams_that_end_close_together_become_their_mean():
-    ends = np.array([[r, 0.0] for r in (1.0, 1.02, 1.03, 1.05, 1.06, 3.0)])
-    expected = [[3.05 / 3, 0.0, 3.0], [1.055, 0.0, 2.0], [3.0, 0.0, 1.0]]
-    np.testing.assert_allclose(points_of(ends, 0.04), expected, atol=1e-6)
 
 
 def test_a_view_has_all_beams_of_the_scan_in_fewer_pieces():
@@ -46,27 +38,6 @@ def test_normals_are_those_of_the_walls_and_face_the_laser():
     assert (np.sum(surface[:, :2] * surface[:, 2:4], axis=1) < 0.0).all()
 
 
-def test_a_post_looks_at_the_laser_and_what_is_no_post_is_left_out():
-    post = np.array([[3.0, -0.3, 1.0], [1.0, 0.0, 2.0], [3.0, 0.3, 1.0]])
-    np.testing.assert_allclose(pieces_of(post, increment=0.005), [[1.0, 0.0, -1.0, 0.0, 2.0]])
-    gap = np.array([[1.0, -0.2, 1.0], [3.0, 0.0, 2.0], [1.0, 0.2, 1.0]])
-    found = pieces_of(gap, increment=0.005)
-    np.testing.assert_allclose(found[:, :2], gap[[0, 2], :2])
-
-
-@pytest.mark.parametrize("turn", [0.0, 0.3, 0.8, 1.5, 2.2, 3.0])
-def test_normals_of_a_wall_are_right_whichever_way_it_goes(turn):
-    way, across = np.array((np.cos(turn), np.sin(turn))), np.array((-np.sin(turn), np.cos(turn)))
-    points = np.column_stack([2.0 * across + np.outer(np.linspace(-0.2, 0.2, 9), way), np.ones(9)])
-    found = pieces_of(points, increment=0.005)[3:6]
-    np.testing.assert_allclose(found[:, 2:4], [-across] * 3, atol=1e-6)
-
-
-def test_points_in_one_place_look_at_the_laser():
-    found = pieces_of(np.array([[2.0, 0.0, 1.0]] * 7), increment=0.005)
-    np.testing.assert_allclose(found[:, 2:4], [[-1.0, 0.0]] * 7)
-
-
 def test_the_far_end_of_a_bare_corridor_tells_nothing_along_it():
     """Beams there are meters apart and move with the robot."""
     scan = scan_at(IDENTITY, laser(361), CORRIDOR, 0.01, np.random.default_rng(1))
@@ -74,20 +45,23 @@ def test_the_far_end_of_a_bare_corridor_tells_nothing_along_it():
     assert len(pieces) > 150 and np.abs(pieces[:, 2]).max() < 0.5
 
 
-def test_a_mean_of_beams_counts_as_many_in_normals_and_maps():
-    several = np.array([[2.0, 0.09 * k, 3.0 if k == 1 else 1.0] for k in range(-2, 3)])
-    several[3, 0] = 2.02
-    alone = np.repeat(several, several[:, 2].astype(int), axis=0) * [1.0, 1.0, 0.0] + [0, 0, 1.0]
-    walls = Walls(0.5, 0.1, 0.1, 0.1)
-    a, b = pieces_of(several, walls=walls), pieces_of(alone, walls=walls)
-    assert (len(a), len(b)) == (5, 7)
-    np.testing.assert_allclose(a[0, :4], b[0, :4])
-    b[3:6] = a[3] * [1, 1, 1, 1, 0] + [0, 0, 0, 0, 1]
-    b[[0, 1, 2, 6]] = a[[0, 1, 2, 4]]
-    mine, theirs = mapped(a), mapped(b)
-    assert mine.used == theirs.used > 0
-    used = slice(mine.used)  # the rest of the pool was never touched
-    np.testing.assert_allclose(mine.tiles.cells[used], theirs.tiles.cells[used], atol=1e-6)
-    pose = [0.02, 0.01, 0.01]
-    for x, y in zip(linearized(mine.tiles, pose, a), linearized(mine.tiles, pose, b), strict=True):
-        np.testing.assert_allclose(x, y, rtol=1e-6)
+def test_beams_that_end_close_together_become_their_mean():
+    ends = np.array([[r, 0.0] for r in (1.0, 1.02, 1.03, 1.05, 1.06, 3.0)])
+    faces = np.array([[-0.8, 0.6], [-0.8, -0.6], [0.0, 0.0], [-1.0, 0.0], [-0.6, 0.8], [0.0, 0.0]])
+    found = pieces_of(ends, faces, grain=0.04)
+    expected = [[3.05 / 3, 0.0, 3.0], [1.055, 0.0, 2.0], [3.0, 0.0, 1.0]]
+    np.testing.assert_allclose(found[:, [0, 1, 4]], expected, atol=1e-9)
+    mean = np.array([-1.6, 0.8]) / math.hypot(1.6, 0.8)
+    np.testing.assert_allclose(found[:, 2:4], [[-1.0, 0.0], mean, [-1.0, 0.0]], atol=1e-9)
+
+
+def test_a_post_looks_at_the_laser_and_what_is_seen_edge_on_is_left_out():
+    none = np.zeros((3, 2))
+    post = np.array([[3.0, -0.3], [1.0, 0.0], [3.0, 0.3]])
+    np.testing.assert_allclose(pieces_of(post, none)[1], [1.0, 0.0, -1.0, 0.0, 1.0])
+    edge = np.array([[1.0, -0.2], [2.0, 0.0], [3.0, 0.2]])
+    np.testing.assert_allclose(pieces_of(edge, none)[:, :2], edge[[0, 2]])
+    wall = np.array([[2.0, 0.0], [2.1, 0.0]])
+    for cosine, kept in ((0.2, 2), (0.05, 0)):
+        normals = np.tile([-cosine, math.sqrt(1.0 - cosine**2)], (2, 1))
+        assert len(pieces_of(wall, normals)) == kept
