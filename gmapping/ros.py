@@ -5,6 +5,7 @@ import dataclasses
 from slams.params import RosNames
 
 CLIMB = "the default matches to a distance field, not by hill climbing"
+TRACKED = "the noise is that of the tracked way, not of odometry"
 INERT = "no effect in slam_gmapping either"
 
 ORIGINAL = RosNames(
@@ -25,5 +26,6 @@ ROS = dataclasses.replace(
     ORIGINAL,
     original_only=dict.fromkeys(
         ("sigma", "lsigma", "lstep", "astep", "iterations", "ogain", "minimumScore"), CLIMB
-    ),
+    )
+    | dict.fromkeys(("srr", "srt", "str", "stt"), TRACKED),
 )

@@ -104,7 +104,7 @@ def test_an_algorithm_imports_only_itself_and_the_interface(name):
     parts += ("localize.relocator",)
     parts += tuple(
         f"frontend.{part}"
-        for part in ("correlative", "keyframes", "motion_filter", "params", "plain")
+        for part in ("correlative", "degeneracy", "keyframes", "motion_filter", "params", "plain")
     )
     allowed = {f"slams.{part}" for part in parts}
     for path in (ROOT / name).rglob("*.py"):
