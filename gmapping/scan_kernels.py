@@ -13,16 +13,18 @@ STEP = 0.12  # m that ranges differ by from one thing to the next
 
 
 @njit(inner=True, borrows=True)
-def is_edge_on(points: Points, n: int, i: int, mount: Pose2, far: float) -> bool:
-    """Whether of the beams beside an end point `far` [m] away one is nearer, the other farther.
+def is_post(points: Points, n: int, i: int, mount: Pose2, far: float) -> bool:
+    """Whether more of the beams beside an end point `far` [m] away are farther than are nearer.
 
-    ours: so lies what has no neighbors on a wall seen edge-on; a post has both of them behind it.
+    ours: what has no neighbors on a wall seen edge-on lies between a nearer one and a farther one,
+    or at the far end of a corridor, behind both.
     """
-    if i == 0 or i == n - 1:
-        return False
-    before = math.hypot(points[0, i - 1] - mount.x, points[1, i - 1] - mount.y) - far
-    behind = math.hypot(points[0, i + 1] - mount.x, points[1, i + 1] - mount.y) - far
-    return min(before, behind) < -STEP and max(before, behind) > STEP
+    farther = 0
+    for k in (i - 1, i + 1):
+        if 0 <= k < n:
+            beyond = math.hypot(points[0, k] - mount.x, points[1, k] - mount.y) - far
+            farther += int(beyond > STEP) - int(beyond < -STEP)
+    return farther > 0
 
 
 @njit
@@ -54,7 +56,7 @@ def pieces(points: Points, normals: Points, n: int, mount: Pose2, grain: float, 
             if nx * bx + ny * by < GRAZING * far:
                 continue
         else:
-            if beams == 1 and is_edge_on(points, n, first, mount, far):
+            if beams == 1 and not is_post(points, n, first, mount, far):
                 continue
             nx, ny = bx / far, by / far
         out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, nx, ny

@@ -179,8 +179,10 @@ class GMapping:
         p, turn = self.params, abs(way.theta)
         far = math.hypot(way.x, way.y)
         deviation = p.key_noise + p.way_noise * np.array((far, far, far + turn))
-        lost, axes = np.linalg.eigh(self._estimator.covariance - self._known)
-        covariance = np.diag(deviation**2) + (axes * np.maximum(lost, 0.0)) @ axes.T
+        covariance, now = np.diag(deviation**2), self._estimator.covariance
+        if np.isfinite(now).all():
+            lost, axes = np.linalg.eigh(now - self._known)
+            covariance += (axes * np.maximum(lost, 0.0)) @ axes.T
         return np.tile(np.linalg.inv(covariance), (len(self.particles), 1, 1))
 
     def _elect(self, pose: Pose2) -> Pose2:

@@ -97,7 +97,9 @@ def pieces_of(points, normals, mount=IDENTITY, grain=0.0):
 
 def surface_of(pose, laser=LASER, walls=ROOM):
     """Pieces of a scan without noise, one for each beam."""
-    view = View(GMappingParams(grain=0.0)).take(make_scan(pose, laser=laser, walls=walls), IDENTITY)
+    view = View(GMappingParams(grain=0.0, max_range=laser.range_max)).take(
+        make_scan(pose, laser=laser, walls=walls), IDENTITY
+    )
     return view.pieces.copy()
 
 
