@@ -91,6 +91,7 @@ class Particles:
         """
         off = np.linalg.solve(factors.transpose(0, 2, 1), normals[..., None])[..., 0]
         self.poses[:] = peaks + off
+        self.poses[:, 2] = wrap_angle(self.poses[:, 2])
 
     def draw_ancestors(self, u: float) -> NDArray[np.int64]:
         """Ancestors of the next generation by systematic resampling with one draw u."""

@@ -15,7 +15,6 @@ from tests.gmapping.scenes import (
     drive,
     make_scan,
     position_error,
-    references_add_up,
     run,
 )
 
@@ -256,23 +255,3 @@ def test_particles_spread_as_the_pose_becomes_less_certain():
     noise = slam.params.key_noise + slam.params.way_noise * 0.2
     assert certain[0, 0] == pytest.approx(noise**2, rel=0.5)
     np.testing.assert_allclose(np.linalg.inv(slam._information(way)[0])[0, 0], noise**2)
-
-
-def test_a_robot_that_comes_back_closes_the_loop():
-    """A corridor, its end in sight only at first and at last; amid, the robot is set apart."""
-    walls = np.array([[-1, 1, 30, 1], [30, -1, -1, -1], [-1, -1, -1, 1]], float)
-    laser, rng = Laser(-math.pi, math.radians(1.0), 360, 0.1, 3.0), np.random.default_rng(8)
-    way = 10.0 - np.hypot(0.05 * np.arange(400) - 10.0, 0.5)  # it brakes before it turns back
-    truth = [Pose2(x, 0.0, 0.0) for x in (way - way[0]).tolist()]
-    slam, poses = GMapping(GMappingParams(n_particles=12, linear_update=0.4)), []
-    for i, pose in enumerate(truth):
-        poses.append(slam.update(make_scan(pose, 0.1 * i, laser, rng, pose, walls=walls)))
-        if i == 200:
-            slam.particles.poses[:, 0] += 0.4
-            slam._estimator.correct(poses[-1] @ Pose2(0.4, 0.0, 0.0))
-            slam._key = slam._key @ Pose2(0.4, 0.0, 0.0)
-    error = position_error(np.array(poses), truth)
-    assert error[201:300].min() > 0.3
-    assert error[-1] < 0.05
-    assert slam.report()["closed"] >= 1
-    references_add_up(slam.tiles.tiles)
