@@ -210,7 +210,10 @@ def test_a_loop_closes_for_every_particle():
 
 def test_draws_are_from_the_gaussians():
     L = np.array([[2.0, 0.0, 0.0], [1.0, 4.0, 0.0], [0.5, -1.0, 5.0]])
-    peaks, normals = np.arange(9.0).reshape(3, 3), np.random.default_rng(1).standard_normal((3, 3))
+    peaks, normals = (
+        0.1 * np.arange(9.0).reshape(3, 3),
+        np.random.default_rng(1).standard_normal((3, 3)),
+    )
     particles = Particles(3)
     particles.draw(peaks, np.tile(L, (3, 1, 1)), normals)
     off = particles.poses - peaks
