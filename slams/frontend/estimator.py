@@ -87,6 +87,7 @@ class PoseEstimator:
         self.counts = dict.fromkeys(names.split(), 0)
         self._p = params
         self._filter = MotionFilter(params)
+        self._pose = self._filter.pose
         self._prior = self._filter.prediction()
         self._usual = 0.0  # agreement of the matches so far
         self._unmatched = 0.0  # s since the last match
@@ -99,7 +100,7 @@ class PoseEstimator:
     @property
     def pose(self) -> Pose2:
         """The base in the map after the last call."""
-        return self._filter.pose
+        return self._pose
 
     @property
     def covariance(self) -> Floats:
@@ -110,6 +111,7 @@ class PoseEstimator:
         """The pose at `scan` as wheels, gyro and the twist so far foresee it."""
         self._scan = scan
         self._prior = self._filter.predict(scan)
+        self._pose = self._prior.pose
         self.counts["odometry"] += self._filter.wheels
         return self._prior
 
@@ -121,6 +123,7 @@ class PoseEstimator:
         """The pose of a scan is known without matching."""
         self._filter.predict(scan)
         self._filter.place(pose, np.diag(MAP_ERROR**2))
+        self._pose = pose
 
     def decide(
         self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap, rematch: Rematch
@@ -228,13 +231,13 @@ class PoseEstimator:
         """The robot is at a match."""
         self.match = match
         seen = of_scan(points, match.pose.theta) if self._p.degeneracy else ALL
-        information = match.seen * min(1.0, PIECES / max(points.n, 1))
         far = self._prior.distance(match.pose) > GATE
         self._late = far and not self._late and self._is_within_latency(match.pose)
         if self._late:
             self._filter.shift(match.pose)
+            self._pose = match.pose
         else:
-            self._filter.update(match.pose, information, seen)
+            self._pose = self._filter.update(match.pose, match.seen, seen)
         share = min(1.0, self._prior.dt / MEMORY) if self._usual > 0.0 else 1.0
         self._usual += share * (agreement - self._usual)
         self._unconfirmed = CONFIRMED if self._lost else self._unconfirmed - self._prior.dt
@@ -280,6 +283,7 @@ class PoseEstimator:
         if found is None or self._prior.distance(found) > GATE:
             return
         self._filter.place(found, RELOCALIZED)
+        self._pose = found
         self.counts["relocalized"] += 1
         self._unconfirmed, self._unmatched = CONFIRMED, 0.0
 
