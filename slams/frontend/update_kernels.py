@@ -125,7 +125,13 @@ def decouple(z: Floats, P: Floats, direction: Floats, share: float) -> None:
 
 @njit(inner=True)
 def remap(
-    z: Floats, P: Floats, pose: Floats, seen: Floats, direction: Floats, share: float, beside: Floats
+    z: Floats,
+    P: Floats,
+    pose: Floats,
+    seen: Floats,
+    direction: Floats,
+    share: float,
+    beside: Floats,
 ) -> None:
     """Take out of a match what noise says along an unobservable direction, in place.
 
