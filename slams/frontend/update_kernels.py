@@ -131,15 +131,15 @@ def remap(
     seen: Floats,
     direction: Floats,
     share: float,
-    beside: Floats,
+    prior: Floats,
 ) -> None:
     """Take out of a match what noise says along an unobservable direction, in place.
 
     Solution remapping [Zhang16]: where the scan alone has the pose follows from the fused `pose`
-    (3,) and the prior's weight, of P and the variances `beside` (3,); it is fused again with the
+    (3,) and the prior's weight, of P and the variances `prior` (3,); it is fused again with the
     information `seen` (3, 3) of which only `share` is left along `direction` (2,).
     """
-    C, off = P[:3, :3] + np.diag(beside), np.empty(3)
+    C, off = P[:3, :3] + np.diag(prior), np.empty(3)
     W = inverse3(C)
     offset_from(z, pose, off)
     w = (FREEDOM + 3.0) / (FREEDOM + mahalanobis(W, off))
