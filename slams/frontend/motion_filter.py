@@ -123,7 +123,8 @@ class MotionFilter:
 
     def prediction(self) -> Prediction:
         """The pose as it is known, as a prior of a match."""
-        covariance = self._P[:3, :3] + np.diag(self._floor + PRIOR_ERROR**2)
+        covariance = self._P[:3, :3].copy()
+        covariance.flat[::4] += self._floor + PRIOR_ERROR**2
         twist = Pose2(*self._z[TWIST:SCALE].tolist())
         return Prediction(self.pose, inverse3(covariance), covariance, twist, self._dt)
 
