@@ -12,9 +12,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slams.jit import njit
 from slams.scan.end_points import EndPoints
-from slams.scan.scan_kernels import Points
+from slams.scan.scan_kernels import scatter
 
 NORMAL_ERROR = 0.14  # rad, deviation of a normal by a few beams
 BY_CHANCE = 1.0  # normals of a scan that face any way: a person, a corner
@@ -62,17 +61,3 @@ def of_scan(points: EndPoints, theta: float) -> Observability:
     seen = observability(xx, xy, yy)
     c, s = math.cos(theta), math.sin(theta)
     return Observability(c * seen.x - s * seen.y, s * seen.x + c * seen.y, seen.share)
-
-
-@njit
-def scatter(facing: Points, n: int) -> tuple[float, float, float]:
-    """Sums of n n^T over the unit vectors along facing (2, >= n), 0 where there is none. ours."""
-    xx = xy = yy = 0.0
-    for i in range(n):
-        x, y = facing[0, i], facing[1, i]
-        square = x * x + y * y
-        if square > 0.0:
-            xx += x * x / square
-            xy += x * y / square
-            yy += y * y / square
-    return xx, xy, yy
