@@ -14,6 +14,7 @@ from slams.types import Floats
 from tsd.scan_kernels import Beams
 
 SIDE = 8  # cells per tile edge
+WALL = SIDE // 2  # cells per edge of a cell of `walls`
 LAYERS = 4  # facings: +x, +y, -x, -y
 SHARED = 0.55  # a surface is written to every layer whose axis is within 57 degrees of its normal
 PASSED, BEHIND = 1, 2  # bits of `seen`: a beam passed the cell; it lies behind some surface
@@ -28,7 +29,8 @@ class Field(NamedTuple):
     `slots` (ny, nx, 4) gives each tile's place in the pool; 0 is a tile that is unknown everywhere,
     for all that are not there. `tsd` [m] (n, SIDE, SIDE) is nan where unknown. `corner` (2,) [m]
     is the outer corner of tile [0, 0]. `used` (1,) counts slots taken. `seen` (ny SIDE, nx SIDE)
-    holds the bits PASSED and BEHIND.
+    holds the bits PASSED and BEHIND. `walls` (ny SIDE / WALL, nx SIDE / WALL): how close the
+    nearest surface came to a cell's center, 1 for zero, 0 for a truncation.
     """
 
     slots: NDArray[np.int32]
@@ -38,6 +40,7 @@ class Field(NamedTuple):
     cell: float
     used: NDArray[np.int64]
     seen: NDArray[np.uint8]
+    walls: NDArray[np.float32]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Field:
         return Field(*deepcopied(self, memo))
@@ -230,6 +233,9 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
             field.weight[slot, jy, jx] = min(old + weight, rule.max_weight)
             if sd < -cell:
                 field.seen[iy, ix] |= BEHIND
+            near = 1.0 - abs(sd) / tau
+            if near > field.walls[iy // WALL, ix // WALL]:
+                field.walls[iy // WALL, ix // WALL] = near
 
 
 @njit(fastmath=FAST, inner=True)

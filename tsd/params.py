@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from slams.extent import max_cells
-from slams.motion.params import MotionParams
+from slams.frontend.params import FrontendParams
 from slams.params import RosNames, param
 from slams.scan.params import ScanParams
 from tsd.ros import ROS as ROS_NAMES
@@ -16,18 +16,13 @@ ORIGINAL = "original code"
 
 
 @dataclass(frozen=True)
-class TsdParams(ScanParams, MotionParams):
+class TsdParams(ScanParams, FrontendParams):
     """Parameters of the default, `Tsd`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
-    # Ranges of the LDS deviate by 2 cm at 1 m: with the UTM-30LX's 1 cm every other scan looks
-    # like a bad match and is searched for. Error per scan down by a sixth, CPU time to a seventh.
-    SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        laser: {"range_noise": 0.04, "robust": 0.06} for laser in ("lds01", "lds02")
-    }
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "tsd.original:Original",
-        "paper": {"refine": False, "relocate": False},
+        "paper": {"estimator": "plain", "refine": False},
     }
 
     cell: float = param(
@@ -56,6 +51,14 @@ class TsdParams(ScanParams, MotionParams):
     )
     push_rotation: float = param(
         0.03, "rad", "push again after this turn", source=ORIGINAL, low=0.0
+    )
+    settle: int = param(
+        1,
+        "1",
+        "scans at the start that are all pushed",
+        source="ours: noise averages by scans",
+        low=1,
+        high=10_000,
     )
 
     min_range: float = param(
@@ -156,14 +159,6 @@ class TsdParams(ScanParams, MotionParams):
         "1",
         "share of the usual agreement below which other starts are tried",
         source="ours: A3",
-        low=0.0,
-        high=1.0,
-    )
-    min_close: float = param(
-        0.5,
-        "1",
-        "least agreement of the known elements of an accepted match",
-        source="ours: A7",
         low=0.0,
         high=1.0,
     )
