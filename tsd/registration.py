@@ -23,6 +23,7 @@ ENOUGH = 100  # elements for an ICP that the field itself makes exact
 SLOPPY = 1e-4, 1e-5  # steps of ICP [m], [rad] that are none
 ROUGHLY = 1e-3, 5e-4  # the same of an ICP that the field itself makes exact
 UNSURE = 0.15  # m, deviation of a prediction from which ICP may not converge
+WIDTHS = 1.0, 2.0  # of RANSAC's window: the wider one if hardly anything fits
 MEMORY = 1.0  # s over which the share of inliers is usual
 
 
@@ -40,21 +41,24 @@ class Registration:
         self._points = np.zeros((params.rays, 5))
         self._best = np.zeros((2, 4))
         self._room = np.zeros((5, 3))
-        self._usual = self._last = 0.0  # share of inliers
+        self._usual = 0.0  # share of inliers
 
-    def start(self, scan: SurfaceScan, prior: Prediction) -> Pose2:
-        """Where ICP starts: the prediction, or in doubt what RANSAC finds around it."""
+    def match(self, scan: SurfaceScan, start: Pose2, prior: Prediction) -> Match:
+        """ICP from a start; in doubt about the prediction also from RANSAC's pose around it."""
+        expected = Prior(prior.pose, prior.information)
+        found = self.icp(scan, start, expected)
+        if start != prior.pose:
+            return found
         (xx, _, _), (_, yy, _), _ = prior.covariance.tolist()
-        unsure = xx + yy > UNSURE**2 or self._last < self._p.convincing * self._usual
-        if not unsure or scan.count == 0 or self._field.empty:
-            return prior.pose
-        return self.ransac(scan, prior.pose)
-
-    def learn(self, match: Match, dt: float) -> None:
-        """What the share of inliers was, `dt` [s] after the scan before."""
-        self._last = match.share
-        gain = min(dt / MEMORY, 1.0) if self._usual > 0.0 else 1.0
-        self._usual += gain * (match.share - self._usual)
+        unsure = xx + yy > UNSURE**2
+        for width in WIDTHS:
+            if not unsure and found.share >= self._p.convincing * self._usual / width:
+                break
+            other = self.icp(scan, self.ransac(scan, start, width), expected)
+            found, unsure = max(found, other, key=lambda match: match.share), False
+        gain = min(prior.dt / MEMORY, 1.0) if self._usual > 0.0 else 1.0
+        self._usual += gain * (found.share - self._usual)
+        return found
 
     def cast(self, base: Pose2, laser: Laser) -> Model:
         """The model scan: what the laser would see of the map, were the base there."""
@@ -84,13 +88,15 @@ class Registration:
         inliers, conflicts = self._field.evaluate(scan, pose)
         return Match(pose, inliers - conflicts, rms * rms, room[:3].copy(), p.refine)
 
-    def ransac(self, scan: SurfaceScan, start: Pose2) -> Pose2:
+    def ransac(self, scan: SurfaceScan, start: Pose2, width: float) -> Pose2:
         """The pose near `start` that agrees best with the field, if a pair proposes it.
 
-        Pairs are of a point of the model scan and an element of the scan [Koch15].
+        Pairs are of a point of the model scan and an element of the scan [Koch15]; `width` scales
+        the window.
         """
         p = self._p
-        rule = PairRule(p.search_translation, math.cos(p.search_rotation), p.truncation)
+        angle = min(p.search_rotation * width, math.pi)
+        rule = PairRule(p.search_translation * width, math.cos(angle), p.truncation)
         stride = max(scan.count // SCORED, 1)
         some = np.ascontiguousarray(scan.elements[: scan.count : stride])
         model = self.cast(start, scan.laser)

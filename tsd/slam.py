@@ -67,13 +67,12 @@ class Tsd:
         """Match the scan to the map, push it if due; return T_map_base."""
         prior = self._estimator.predict(scan)  # 1.
         points = self._scan.take(scan, prior.twist)  # 2.
-        start = self._registration.start(points, prior)  # 3.
-        matches = self._match(points, start, prior)
+        matches = self._match(points, prior.pose, prior)
         if points.sweeps:  # 2. again, with the motion that was found
             points = self._scan.take(scan, self._estimator.twist_at(matches[0].pose))
-            matches = self._match(points, start, prior)
+            matches = self._match(points, prior.pose, prior)
         pose = self._estimator.decide(points, matches, self._map, self._match)  # 5.
-        self._learn(points, prior.dt)
+        self._learn(points)
         if self._estimator.maps and self._keyframes.due(pose, self._estimator.quality):
             self._insert(points, pose)  # 6.
         return points.at_stamp(pose)
@@ -127,7 +126,7 @@ class Tsd:
         scan, expected = self._scan, Prior(prior.pose, prior.information)
         if self._map.empty or scan.count == 0:
             return [Match(start)]
-        coarse = self._registration.icp(scan, start, expected)  # 3.
+        coarse = self._registration.match(scan, start, prior)  # 3.
         found = self._refine(start, coarse, expected) if self.params.refine else [coarse]  # 4.
         return [match._replace(coarse=coarse.pose) for match in found]
 
@@ -142,13 +141,12 @@ class Tsd:
             found += [self._direct.align(scan, coarse.pose, prior), coarse]
         return found
 
-    def _learn(self, points: SurfaceScan, dt: float) -> None:
+    def _learn(self, points: SurfaceScan) -> None:
         """Count how the match that was taken came about; its residuals are usual from now on."""
         match = self._estimator.match
         if match is None or match.coarse is None:
             return
         self._map.learn(match)
-        self._registration.learn(match, dt)
         self._counts["posed"] += 1
         self._counts["kept"] += gap(points, match.coarse, match.pose) < self.params.cell
         self._counts["refined"] += match.coarse != match.pose
