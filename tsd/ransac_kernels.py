@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slams.jit import FAST, njit
 from slams.types import Floats
-from tsd.map_kernels import PASSED, SIDE, Field, facing
+from tsd.map_kernels import INSIDE, PASSED, SHIFT, Field, facing
 
 Ints = NDArray[np.int64]
 AGAINST = 0.5  # what an element costs that the field contradicts
@@ -42,10 +42,10 @@ def score_pose(
         u = (pose[0] + c * surfaces[k, 0] - s * surfaces[k, 1] - field.corner[0]) / field.cell
         v = (pose[1] + s * surfaces[k, 0] + c * surfaces[k, 1] - field.corner[1]) / field.cell
         ix, iy = math.floor(u), math.floor(v)
-        ty, tx = iy // SIDE, ix // SIDE
+        ty, tx = iy >> SHIFT, ix >> SHIFT
         if 0 <= ty < field.slots.shape[0] and 0 <= tx < field.slots.shape[1]:
             slot = field.slots[ty, tx, facing(nx, ny)]
-            sd = field.tsd[slot, iy - ty * SIDE, ix - tx * SIDE]
+            sd = field.tsd[slot, iy & INSIDE, ix & INSIDE]
             sd += field.cell * (nx * (u - ix - 0.5) + ny * (v - iy - 0.5))
             if abs(sd) < rule.truncation:
                 total += 1.0 - abs(sd) / rule.truncation

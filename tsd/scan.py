@@ -9,7 +9,7 @@ from slams.scan.end_points import EndPoints
 from slams.types import Floats, Laser, Pose2, Scan
 from tsd.map_kernels import place_lines
 from tsd.params import TsdParams
-from tsd.scan_kernels import Beams, SurfaceRule, find_runs, fit_surfaces, hits_of, sum_moments
+from tsd.scan_kernels import Beams, SurfaceRule, fit_surfaces, read_scan
 
 SPARSE = 10.0  # cells between beams, beyond which a hit alone is no surface
 LINES = 0.5  # cells from line to line of a push: each row of cells takes one of them
@@ -46,9 +46,8 @@ class SurfaceScan(EndPoints):
             SPARSE * p.cell,
             False,
         )
-        hits_of(self.points, self.n, self.beams, self._hits)
-        find_runs(self._hits, self.n, self.beams, rule, self._runs)
-        sum_moments(self._hits, self.n, self._sums)
+        room = self._hits, self._runs, self._sums
+        read_scan(self.points, self.n, self.beams, rule, *room)
         self.count = self._fit(rule, p.spacing, self.elements)
         return self
 

@@ -38,11 +38,11 @@ class SurfaceRule(NamedTuple):
     keeps_alone: bool
 
 
-@njit
+@njit(inner=True)
 def hits_of(points: Points, n: int, beams: Beams, out_hits: Floats) -> None:
-    """End points (3, >= n) with how far they are from the laser.
+    """End points (3, >= n) with their distances from the laser. ours: a scan is read once.
 
-    ours: D9. out_hits (>= n, 4): x, y [m] in the base frame, range [m], number of the beam.
+    out_hits (>= n, 4): x, y [m] in the base frame, range [m], number of the beam.
     """
     for k in range(n):
         x, y = points[0, k], points[1, k]
@@ -83,7 +83,7 @@ def side_by_side(hits: Floats, a: int, b: int, beams: Beams, rule: SurfaceRule) 
     return bool(steps <= GAP and jump <= rule.max_slope * spacing + 4.0 * rule.noise)
 
 
-@njit
+@njit(inner=True)
 def find_runs(hits: Floats, count: int, beams: Beams, rule: SurfaceRule, out_runs: Floats) -> None:
     """First and one-past-last hit of the unbroken surface every hit lies on. ours.
 
@@ -103,9 +103,9 @@ def find_runs(hits: Floats, count: int, beams: Beams, rule: SurfaceRule, out_run
             start = k
 
 
-@njit
+@njit(inner=True)
 def sum_moments(hits: Floats, count: int, out_sums: Floats) -> None:
-    """Running sums of 1, x, y, xx, xy, yy, so that any window's moments cost O(1). ours: S6."""
+    """Running sums of 1, x, y, xx, xy, yy, so that any window's moments cost O(1). ours."""
     for i in range(5):
         out_sums[0, i] = 0.0
     for k in range(count):
@@ -121,7 +121,7 @@ def sum_moments(hits: Floats, count: int, out_sums: Floats) -> None:
 def fit_line(sums: Floats, a: int, b: int) -> tuple[float, float, float, float, float]:
     """Total least squares line through hits a..b-1: center x, y, normal x, y, variance [m2].
 
-    ours: A5; PCA as in the published normals, by running sums.
+    ours: PCA as in the published normals, by running sums.
     """
     n = float(b - a)
     mx = (sums[b, 0] - sums[a, 0]) / n
@@ -172,7 +172,7 @@ def fit_surfaces(
 ) -> int:
     """Surface elements every `spacing` metres: point on the local line, normal, information.
 
-    ours: A5, A6. out_surfaces (n, 8): x, y [m], normal x, y (towards the laser), information
+    ours: lines through many hits are less noisy than a hit. out_surfaces (n, 8): x, y [m], normal x, y (towards the laser), information
     [1/m2] of the beams it stands for, index of its hit, how many beams, 1 if hits are close enough
     to tell its normal. One hit alone where beams
     are far apart may lie on a wall of any direction: taken to face the laser it would move with the
@@ -219,3 +219,13 @@ def fit_surfaces(
             n_elements += 1
         k += stride
     return n_elements
+
+
+@njit
+def read_scan(
+    points: Points, n: int, beams: Beams, rule: SurfaceRule, hits: Floats, runs: Floats, sums: Floats
+) -> None:
+    """Hits, runs and sums of a scan's n end points (3, >= n), as `fit_surfaces` needs them. ours."""
+    hits_of(points, n, beams, hits)
+    find_runs(hits, n, beams, rule, runs)
+    sum_moments(hits, n, sums)
