@@ -139,13 +139,16 @@ def fit_line(sums: Floats, a: int, b: int) -> tuple[float, float, float, float, 
 
 @njit(fastmath=FAST, inner=True)
 def fit_best_line(
-    sums: Floats, k: int, reach: int, first: int, last: int
+    sums: Floats, k: int, reach: int, first: int, last: int, smooth: float
 ) -> tuple[float, float, float, float, float]:
     """The line of hit k from the window around, before or after it: the smoothest one.
 
-    ours: near a corner one of the three windows lies on one surface only.
+    ours: near a corner one of the three windows lies on one surface only; where the one around is
+    of a variance below `smooth` [m2] there is no corner.
     """
     best = fit_line(sums, max(k - reach, first), min(k + reach + 1, last))
+    if best[4] < smooth:
+        return best
     limit = 0.5 * best[4]
     before, after = max(k - 2 * reach, first), min(k + 2 * reach + 1, last)
     if k + 1 - before > 2 * min(reach, 1):
@@ -178,8 +181,8 @@ def fit_surfaces(
     are far apart may lie on a wall of any direction: taken to face the laser it would move with the
     robot. It has no normal (0, 0), or is left out.
     """
-    n_elements = 0
-    k = 0
+    n_elements, k = 0, 0
+    smooth = 1.5 * rule.noise * rule.noise
     while k < count:
         step_length = max(hits[k, 2] * abs(beams.angle_increment), 1e-6)
         reach = max(int(rule.window / step_length), 2)
@@ -190,7 +193,9 @@ def fit_surfaces(
         r = math.sqrt(rx * rx + ry * ry) + 1e-9
         if last - first >= 3:
             while True:
-                mx, my, nx, ny, variance = fit_best_line(sums, center, reach, first, last)
+                mx, my, nx, ny, variance = fit_best_line(
+                    sums, center, reach, first, last, smooth
+                )
                 if variance <= rule.rough or reach <= 1:
                     break
                 reach = reach // 2
