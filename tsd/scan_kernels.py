@@ -10,7 +10,7 @@ from slams.scan.scan_kernels import Points
 from slams.types import Floats
 
 FEW = 2.0  # hits to either side in a window, below which they do not tell a normal of their own
-GAP = 3.0  # beams from hit to hit, beyond which a surface ends
+GAP, NEAR = 3.0, 0.3  # beams from hit to hit, or m, beyond which a surface ends
 
 
 class Beams(NamedTuple):
@@ -80,7 +80,7 @@ def side_by_side(hits: Floats, a: int, b: int, beams: Beams, rule: SurfaceRule) 
     steps = hits[b, 3] - hits[a, 3]
     spacing = min(hits[b, 2], hits[a, 2]) * abs(beams.angle_increment) * steps
     jump = abs(hits[b, 2] - hits[a, 2])
-    return bool(steps <= GAP and jump <= rule.max_slope * spacing + 4.0 * rule.noise)
+    return bool((steps <= GAP or spacing < NEAR) and jump <= rule.max_slope * spacing + 4.0 * rule.noise)
 
 
 @njit(inner=True)
