@@ -9,6 +9,7 @@ from slams.cells import Room, move, zeros
 from slams.extent import Box, Extent
 from slams.frontend.correlative import Lookup
 from slams.refine.lines import Match
+from slams.scan.end_points import EndPoints
 from slams.types import Floats, OccupancyGrid, Pose2
 from tsd.drawing import CERTAIN, Drawing
 from tsd.image import Image, Picture
@@ -70,26 +71,34 @@ class TileField:
         """Let a scan taken at `pose` enter; False if the map does not grow so far."""
         lines, box = scan.lines(pose)
         laser = pose @ scan.laser.mount
-        box = box.joined(Box.around(laser.x, laser.y, 0.0))
-        beside = 0.5 + 2.0 * self.params.truncation
+        return self.push(lines, box, scan.beams.angle_increment, laser.x, laser.y)
+
+    def push(self, lines: Floats, box: Box, gap: float, x: float, y: float) -> bool:
+        """Enter lines (n, 7) of `place_lines` within a box, seen from x, y by beams `gap` apart."""
+        p, beside = self.params, 0.5 + 2.0 * self.params.truncation
+        box = box.joined(Box.around(x, y, 0.0))
         needed = Box(box.x0 - beside, box.y0 - beside, box.x1 + beside, box.y1 + beside)
         if not self.extent.admits(needed):
             return False
         self.insertions += 1
         self._cover(needed)
-        self._push(lines, scan.beams.angle_increment, laser.x, laser.y)
+        rule = PushRule(p.truncation, p.max_weight, gap)
+        n_rows = list_rows(self.kernel, lines, len(lines), rule, self._rows)
+        push_rows(self.kernel, lines, self._rows, n_rows, rule)
+        carve(self.kernel, lines, len(lines), x, y, rule)
         return True
 
     def learn(self, match: Match) -> None:
         """Take this match's distances for the error of the field."""
         self.error = max(self.params.map_noise * match.square**0.5, LEAST_ERROR)
 
-    def evaluate(self, scan: SurfaceScan, pose: Pose2) -> tuple[float, float]:
+    def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
         """Shares of the elements that are inliers at a pose, and in conflict with the map."""
-        inliers, conflicts = evaluate(
-            self.kernel, scan.elements, scan.count, np.array(pose), scan.softness
-        )
-        n = max(scan.count, 1)
+        if not isinstance(points, SurfaceScan):
+            raise TypeError(f"points are of a {type(points).__name__}, expected a SurfaceScan")
+        elements, n, at = points.elements, points.count, np.array(pose)
+        inliers, conflicts = evaluate(self.kernel, elements, n, at, points.softness)
+        n = max(n, 1)
         return inliers / n, conflicts / n
 
     def lookup(self) -> Lookup:
@@ -123,14 +132,6 @@ class TileField:
         images = [np.take_along_axis(image, nearest, axis=0)[0] for image in (tsd, weight)]
         corner = f.corner + f.cell * np.array([columns.start, rows.start])
         return images[0], images[1], f.cell, (float(corner[0]), float(corner[1]))
-
-    def _push(self, lines: Floats, gap: float, x: float, y: float) -> None:
-        """Enter lines (n, 7) of `place_lines`, seen from x, y by beams `gap` [rad] apart."""
-        p = self.params
-        rule = PushRule(p.truncation, p.max_weight, gap)
-        n_rows = list_rows(self.kernel, lines, len(lines), rule, self._rows)
-        push_rows(self.kernel, lines, self._rows, n_rows, rule)
-        carve(self.kernel, lines, len(lines), x, y, rule)
 
     def _drawing(self, window: tuple[tuple[slice, slice], tuple[slice, slice]]) -> Drawing:
         f, ((rows, columns), (ty, tx)) = self.kernel, window

@@ -117,7 +117,7 @@ def read_field(field: Field, layer: int, x: float, y: float) -> tuple[float, flo
 def place_lines(
     surfaces: Floats, count: int, runs: Floats, beams: Beams, pose: Floats, out_lines: Floats
 ) -> tuple[float, float, float, float]:
-    """Surface elements in the map. ours: A5.
+    """Surface elements in the map. ours: what is pushed are lines, not the ends of beams.
 
     surfaces (n, 8) as made by `fit_surfaces`; runs (n, 2) as made by `find_runs`; pose (3,) of the
     base. out_lines (n, 7): x, y [m], normal x, y, cosine of incidence, distance [m] times the beams
@@ -148,7 +148,7 @@ def place_lines(
 def list_rows(field: Field, lines: Floats, count: int, rule: PushRule, out_rows: Floats) -> int:
     """Rows of cells that cross a line, up to halfway to its neighbors, for each layer it faces.
 
-    ours: S2, only the cells beside surfaces are visited. lines (n, 7) as made by `place_lines`;
+    ours: only the cells beside surfaces are visited. lines (n, 7) as made by `place_lines`;
     layers 0 and 2 go by rows, 1 and 3 by columns. out_rows (m, 4): line, layer, number of the
     row, where the line crosses it [m from the corner]. Returns how many.
     """
@@ -202,7 +202,7 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
     """Push: every cell of the rows takes its distance to the line, a running weighted mean.
 
     [May14] update of tsd and weight; ours: distance to the local line instead of along the ray,
-    each surface in the layers it faces, less weight behind it (A5, A6).
+    each surface in the layers it faces, less weight behind it, where no beam has been.
     """
     cell, tau = field.cell, rule.truncation
     for m in range(n_rows):
@@ -256,7 +256,7 @@ def carve(field: Field, lines: Floats, count: int, x: float, y: float, rule: Pus
     """Note the cells that beams from the laser at x, y passed, and forget walls they crossed.
 
     ours: free space costs one beam per cell, not one update per cell; only a beam that crosses a
-    surface from its front and goes on for two truncations contradicts it (D2, D8). A cell behind
+    surface from its front and goes on for two truncations contradicts it. A cell behind
     the surface loses half its weight, and with its last the surface in front of it goes too.
     """
     back = int(rule.truncation / field.cell) + 1

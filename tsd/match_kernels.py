@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slams.geometry import add_prior, solve3, wrap_angle
-from slams.jit import FAST, njit
+from slams.jit import njit
 from slams.types import Floats, Pose2
 from tsd.map_kernels import PASSED, Field, facing, read_field, seen_at
 
@@ -41,7 +41,7 @@ def accumulate(
 ) -> tuple[float, float, float]:
     """Normal equations of sum w rho(sd(T p)), the sum over all elements that the field knows.
 
-    ours: A1, residual = field value [m], Jacobian = the field's own direction: an element's normal
+    ours: residual = field value [m], Jacobian = the field's own direction: an element's normal
     is noisy, and noise that points along a corridor holds the pose there. So does the field's own
     where values of two lines meet: an element whose normal is told by its hits, and not alike, says
     nothing. Returns how many elements are known, how many close (robustly), and the rms of the
@@ -98,7 +98,8 @@ def align(
 ) -> tuple[float, float, float, int]:
     """Gauss-Newton from out_pose (3,), which it moves.
 
-    ours: A1, A3. Returns known, close and residual as `accumulate`, and the iterations.
+    ours: the model is the field itself, without a ray cast. Returns known, close and residual as
+    `accumulate`, and the iterations.
     prior (3, 3): information [1/m2, 1/(m rad), 1/rad2] of a pose `mean` (3,) known beforehand,
     which holds the directions that the scan does not see; out_H is left without it.
     """

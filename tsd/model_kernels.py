@@ -66,7 +66,14 @@ def way_through(at: float, step: float, size: float) -> float:
 
 @njit(fastmath=FAST, inner=True)
 def settle(
-    field: Field, layer: int, model: Model, dx: float, dy: float, ways: Pair, sides: Pair, out: Floats
+    field: Field,
+    layer: int,
+    model: Model,
+    dx: float,
+    dy: float,
+    ways: Pair,
+    sides: Pair,
+    out: Floats,
 ) -> None:
     """The zero of a layer's distance along a ray, if it is a surface's front nearer than out[4].
 
@@ -92,9 +99,7 @@ def forget_last(before: Floats) -> None:
 
 
 @njit(fastmath=FAST, inner=True)
-def cast_ray(
-    field: Field, model: Model, dx: float, dy: float, before: Floats, out: Floats
-) -> bool:
+def cast_ray(field: Field, model: Model, dx: float, dy: float, before: Floats, out: Floats) -> bool:
     """The nearest surface along a ray: out (5,), as a row of `Model.points`; False if nowhere.
 
     [May14] ray cast; ours: tiles without cells are jumped over to their edges, so that a surface

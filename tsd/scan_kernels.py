@@ -9,6 +9,7 @@ from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats
 
+SMOOTH = 1.5  # variances of the noise, below which a window has no corner
 FEW = 2.0  # hits to either side in a window, below which they do not tell a normal of their own
 GAP, NEAR = 3.0, 0.3  # beams from hit to hit, or m, beyond which a surface ends
 
@@ -80,7 +81,9 @@ def side_by_side(hits: Floats, a: int, b: int, beams: Beams, rule: SurfaceRule) 
     steps = hits[b, 3] - hits[a, 3]
     spacing = min(hits[b, 2], hits[a, 2]) * abs(beams.angle_increment) * steps
     jump = abs(hits[b, 2] - hits[a, 2])
-    return bool((steps <= GAP or spacing < NEAR) and jump <= rule.max_slope * spacing + 4.0 * rule.noise)
+    return bool(
+        (steps <= GAP or spacing < NEAR) and jump <= rule.max_slope * spacing + 4.0 * rule.noise
+    )
 
 
 @njit(inner=True)
@@ -173,16 +176,16 @@ def fit_surfaces(
     spacing: float,
     out_surfaces: Floats,
 ) -> int:
-    """Surface elements every `spacing` metres: point on the local line, normal, information.
+    """Surface elements every `spacing` [m]: point on the local line, normal, information.
 
-    ours: lines through many hits are less noisy than a hit. out_surfaces (n, 8): x, y [m], normal x, y (towards the laser), information
-    [1/m2] of the beams it stands for, index of its hit, how many beams, 1 if hits are close enough
-    to tell its normal. One hit alone where beams
-    are far apart may lie on a wall of any direction: taken to face the laser it would move with the
-    robot. It has no normal (0, 0), or is left out.
+    ours: lines through many hits are less noisy than a hit. out_surfaces (n, 8): x, y [m], normal
+    x, y (towards the laser), information [1/m2] of the beams it stands for, index of its hit, how
+    many beams, 1 if hits are close enough to tell its normal. One hit alone where beams are far
+    apart may lie on a wall of any direction: taken to face the laser it would move with the robot.
+    It has no normal (0, 0), or is left out.
     """
     n_elements, k = 0, 0
-    smooth = 1.5 * rule.noise * rule.noise
+    smooth = SMOOTH * rule.noise * rule.noise
     while k < count:
         step_length = max(hits[k, 2] * abs(beams.angle_increment), 1e-6)
         reach = max(int(rule.window / step_length), 2)
@@ -193,9 +196,7 @@ def fit_surfaces(
         r = math.sqrt(rx * rx + ry * ry) + 1e-9
         if last - first >= 3:
             while True:
-                mx, my, nx, ny, variance = fit_best_line(
-                    sums, center, reach, first, last, smooth
-                )
+                mx, my, nx, ny, variance = fit_best_line(sums, center, reach, first, last, smooth)
                 if variance <= rule.rough or reach <= 1:
                     break
                 reach = reach // 2
@@ -228,9 +229,15 @@ def fit_surfaces(
 
 @njit
 def read_scan(
-    points: Points, n: int, beams: Beams, rule: SurfaceRule, hits: Floats, runs: Floats, sums: Floats
+    points: Points,
+    n: int,
+    beams: Beams,
+    rule: SurfaceRule,
+    hits: Floats,
+    runs: Floats,
+    sums: Floats,
 ) -> None:
-    """Hits, runs and sums of a scan's n end points (3, >= n), as `fit_surfaces` needs them. ours."""
+    """Hits, runs and sums of a scan's n end points (3, >= n), for `fit_surfaces`. ours."""
     hits_of(points, n, beams, hits)
     find_runs(hits, n, beams, rule, runs)
     sum_moments(hits, n, sums)
