@@ -229,7 +229,7 @@ def test_rays_jump_over_free_space_without_missing_anything():
     slam = Original(OriginalParams(registration="icp", map_size=6))
     slam.update(scan_at((0.0, 0.0, 0.0)))
     slam.update(scan_at((0.3, 0.1, 0.2), t=0.1))
-    kernel, sensor = slam._grid.kernel, slam._scan.sensor
+    kernel, sensor = slam._grid.kernel, slam._view.sensor
     assert 0.01 < kernel.near.mean() < 0.5
     for pose in ((0.3, 0.1, 0.2), (-1.0, 0.5, 2.0), (4.6, 1.1, 1.0), (5.2, 0.0, 0.3)):
         found = []

