@@ -97,7 +97,8 @@ def test_surface_elements_stand_for_their_beams():
     sum_moments(hits, count, sums)
     n = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.05, out)
     x, y, nx, ny, information, index, beams_each, told = out[:n].T
-    assert np.min(np.abs([x + 2.0, x - 4.0, y + 3.0, y - 2.5]), axis=0).max() < 0.01  # the noise, in corners
+    off = np.min(np.abs([x + 2.0, x - 4.0, y + 3.0, y - 2.5]), axis=0)
+    assert off.max() < 0.01 and np.mean(off < 1e-3) > 0.95  # corners: within the noise
     assert (nx * x + ny * y < 0.0).all()  # towards the laser
     assert np.abs(np.hypot(nx, ny) - 1.0).max() < 1e-9
     assert (np.diff(index) > 0).all()
