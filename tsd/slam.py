@@ -21,7 +21,6 @@ What is ours is `slams.frontend` and step 4. `tsd@paper` leaves out both; the pu
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -33,7 +32,7 @@ from slams.frontend.motion_filter import Prediction
 from slams.frontend.plain import estimator_for
 from slams.geometry import Prior
 from slams.refine.lines import Match
-from slams.scan.end_points import EndPoints
+from slams.scan.end_points import EndPoints, gap
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 from tsd.direct import Direct
 from tsd.image import Picture, colored
@@ -156,9 +155,3 @@ class Tsd:
             return
         self._counts["inserted"] += self._map.insert(points, pose)
         self._keyframes.add(pose, self._estimator.quality)
-
-
-def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:
-    """Distance of two poses [m], by the end points half way out."""
-    turn = math.remainder(one.theta - other.theta, 2.0 * math.pi)
-    return math.hypot(one.x - other.x, one.y - other.y) + 0.5 * points.far * abs(turn)

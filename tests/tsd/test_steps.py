@@ -11,7 +11,6 @@ from slams.types import IDENTITY, Pose2
 from tests.rooms import calls, laser, scan_at, still
 from tests.tsd.cases import default
 from tsd.registration import UNSURE
-from tsd.slam import gap
 
 FAR = Pose2(1.0, 0.0, 0.0)
 
@@ -84,13 +83,6 @@ def test_without_refinement_the_match_is_that_of_icp(refine, monkeypatch):
     matches = decided[0][1]
     assert all(match.coarse is not None for match in matches)
     assert (matches[0].pose == matches[0].coarse) == (not refine)
-
-
-def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
-    points = settled(1)._scan
-    points.far = 8.0
-    for other, apart in ((Pose2(0.3, 0.4, 0.0), 0.5), (Pose2(0.0, 0.0, -0.1), 0.4)):
-        assert gap(points, IDENTITY, other) == pytest.approx(apart)
 
 
 # RANSAC
