@@ -1,0 +1,77 @@
+"""Matcher: random restart hill climbing of the critical rays."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from crsm import match_kernels
+from crsm.map import GreyMap
+from crsm.params import CrsmParams
+from crsm.scan import ScanReader
+from slams.frontend.motion_filter import Prediction
+from slams.refine.lines import Match
+from slams.types import Floats, Pose2
+
+MEMORY = 20  # scans over which the fitness is a mean
+LEAST_DOUBT = 0.05  # of a perfect fitness: what a prior counts at least
+FINEST, ROUGH = 0.0005, 0.004  # m: last steps of a climb, alone and before a fit to lines
+LONGEST = 0.128  # m, first step of a climb, at most
+
+
+class Matcher:
+    """Climbs from a start; where that ends below the usual fitness, from random poses, too."""
+
+    def __init__(self, params: CrsmParams, grids: GreyMap) -> None:
+        self.params = params
+        self.restarts = 0
+        self._map = grids
+        self._rng = np.random.default_rng(params.seed)
+        self._usual = 0.0
+        self._finest = ROUGH if params.refine else FINEST
+
+    def climb(self, points: ScanReader, start: Pose2, prior: Prediction) -> Match:
+        """[Tsardoulias13] random restart hill climbing: the darkest pose that it finds."""
+        doubt = max(1.0 - self._usual, LEAST_DOUBT)
+        expected = *prior.pose, prior.information, 2.0 * doubt / max(len(points.rays), 1)
+        grids = tuple(map(tuple, self._map.grids))
+        spread = 2.0 * math.sqrt(max(prior.covariance[0, 0], prior.covariance[1, 1]))
+        step = LONGEST
+        while step > 2.0 * self._finest and step > spread > 0.0:
+            step *= 0.5
+        best = match_kernels.climb(grids, points.ends, expected, tuple(start), step, self._finest)
+        if best[1] < self.params.enough * self._usual:
+            best = self._restarted(grids, points.ends, expected, start, best)
+        pose, fitness = Pose2(*best[0]), best[1]
+        information = points.information(pose.theta) * fitness
+        return Match(pose, fitness, points.noise**2, information, self.params.refine)
+
+    def learn(self, points: ScanReader, pose: Pose2) -> None:
+        """Take the fitness of the last scan's pose for usual."""
+        fitness = match_kernels.fitness_of(tuple(self._map.grids[0]), points.ends, tuple(pose))
+        self._usual += (fitness - self._usual) / MEMORY
+
+    def _restarted(
+        self, grids: tuple, ends: Floats, expected: tuple, start: Pose2, best: tuple
+    ) -> tuple:
+        """The best of the climbs from those of some random poses that promise most."""
+        p = self.params
+        window = np.array((p.search_distance, p.search_distance, p.search_angle))
+        starts = np.array(start) + self._rng.uniform(-1.0, 1.0, (p.restarts, 3)) * window
+        promises = np.empty(p.restarts)
+        match_kernels.promising(grids[1], ends, expected, starts, promises)
+        for i in np.argsort(-promises, kind="stable")[: p.climbs].tolist():
+            self.restarts += 1
+            at = tuple(starts[i].tolist())
+            found = match_kernels.climb(grids, ends, expected, at, LONGEST, self._finest)
+            best = found if found[2] > best[2] else best
+            if best[1] >= p.enough * self._usual:
+                break
+        return best
+
+
+def gap(points: ScanReader, one: Pose2, other: Pose2) -> float:
+    """How far two poses are apart [m], as the end points half way out see it."""
+    turn = math.remainder(one.theta - other.theta, 2.0 * math.pi)
+    return math.hypot(one.x - other.x, one.y - other.y) + 0.5 * points.far * abs(turn)
