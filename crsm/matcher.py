@@ -17,7 +17,7 @@ from slams.types import Floats, Pose2
 MEMORY = 20  # scans over which the fitness is a mean
 LEAST_DOUBT = 0.05  # of a perfect fitness: what a prior counts at least
 FINEST, ROUGH = 0.0005, 0.004  # m: last steps of a climb, alone and before a fit to lines
-LONGEST = 0.128  # m, first step of a climb, at most
+FIRST, LONGEST = 0.016, 0.128  # m, first step of a climb, from the prediction and of restarts
 
 
 class Matcher:
@@ -36,16 +36,13 @@ class Matcher:
         doubt = max(1.0 - self._usual, LEAST_DOUBT)
         expected = *prior.pose, prior.information, 2.0 * doubt / max(len(points.rays), 1)
         grids = tuple(map(tuple, self._map.grids))
-        spread = 2.0 * math.sqrt(max(prior.covariance[0, 0], prior.covariance[1, 1]))
-        step = LONGEST
-        while step > 2.0 * self._finest and step > spread > 0.0:
-            step *= 0.5
-        best = match_kernels.climb(grids, points.ends, expected, tuple(start), step, self._finest)
+        best = match_kernels.climb(grids, points.ends, expected, tuple(start), FIRST, self._finest)
         if best[1] < self.params.enough * self._usual:
             best = self._restarted(grids, points.ends, expected, start, best)
         pose, fitness = Pose2(*best[0]), best[1]
-        information = points.information(pose.theta) * fitness
-        return Match(pose, fitness, points.noise**2, information, self.params.refine)
+        if self.params.refine:
+            return Match(pose, fitness)
+        return Match(pose, fitness, points.noise**2, points.information(pose.theta) * fitness)
 
     def learn(self, points: ScanReader, pose: Pose2) -> None:
         """Take the fitness of the last scan's pose for usual."""
@@ -61,9 +58,9 @@ class Matcher:
         starts = np.array(start) + self._rng.uniform(-1.0, 1.0, (p.restarts, 3)) * window
         promises = np.empty(p.restarts)
         match_kernels.promising(grids[1], ends, expected, starts, promises)
-        for i in np.argsort(-promises, kind="stable")[: p.climbs].tolist():
+        order = np.argsort(-promises, kind="stable")[: p.climbs]
+        for at in (tuple(start), *map(tuple, starts[order].tolist())):
             self.restarts += 1
-            at = tuple(starts[i].tolist())
             found = match_kernels.climb(grids, ends, expected, at, LONGEST, self._finest)
             best = found if found[2] > best[2] else best
             if best[1] >= p.enough * self._usual:
