@@ -17,6 +17,8 @@ from slams.types import OccupancyGrid, Pose2
 
 COARSE = 4  # fine cells along a coarse one: 0.2 m, wide enough to climb from afar
 
+SPARE = 4  # times the most cells: a long building is not moved to larger arrays, which takes 1 s
+
 
 class GreyMap:
     """Grey levels of one scene, fine and coarse, each made from the scans themselves.
@@ -28,7 +30,7 @@ class GreyMap:
         self.params = params
         self.insertions = 0
         self.extent = Extent(params.max_cells, params.cell)
-        self._room = Room(params.max_cells, params.cell, COARSE)
+        self._room = Room(SPARE * params.max_cells, params.cell, COARSE)
         self.grids = [self._blank(1), self._blank(COARSE)]
         self._strokes = np.zeros((1, 5))
         self.lines = LineMap(params, *self._fine())
@@ -63,9 +65,7 @@ class GreyMap:
         """Shares of the beams that are inliers at a pose, and that are in conflict with the map."""
         if self.params.refine:
             return self.lines.evaluate(scan, pose)
-        inliers, conflicts = match_kernels.evaluate(
-            self.grids[0], scan.points, scan.n, tuple(pose)
-        )
+        inliers, conflicts = match_kernels.evaluate(self.grids[0], scan.points, scan.n, tuple(pose))
         return inliers, conflicts
 
     def lookup(self) -> Lookup:

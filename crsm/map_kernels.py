@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slams.cells import deepcopied
 from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
-from slams.types import Floats, Pose2
+from slams.types import Floats
 
 EDGE = 3.0  # widths beyond which a stroke is not drawn
 ALIKE = 0.9  # least cosine between the normals of end points of one stroke

@@ -16,7 +16,7 @@ from slams.types import Floats, Pose2
 
 MEMORY = 20  # scans over which the fitness is a mean
 LEAST_DOUBT = 0.05  # of a perfect fitness: what a prior counts at least
-FINEST, ROUGH = 0.0005, 0.004  # m: last steps of a climb, alone and before a fit to lines
+FINEST, ROUGH = 0.0005, 0.008  # m: last steps of a climb, alone and before a fit to lines
 FIRST, LONGEST = 0.016, 0.128  # m, first step of a climb, from the prediction and of restarts
 
 
@@ -32,12 +32,17 @@ class Matcher:
         self._finest = ROUGH if params.refine else FINEST
 
     def climb(self, points: ScanReader, start: Pose2, prior: Prediction) -> Match:
-        """[Tsardoulias13] random restart hill climbing: the darkest pose that it finds."""
+        """[Tsardoulias13] random restart hill climbing: the darkest pose that it finds.
+
+        Restarts belong to the prediction; other starts are those of a search on coarse cells.
+        """
         doubt = max(1.0 - self._usual, LEAST_DOUBT)
-        expected = *prior.pose, prior.information, 2.0 * doubt / max(len(points.rays), 1)
+        expected = *prior.pose, prior.information, 2.0 * doubt / max(len(points.ends), 1)
         grids = tuple(map(tuple, self._map.grids))
-        best = match_kernels.climb(grids, points.ends, expected, tuple(start), FIRST, self._finest)
-        if best[1] < self.params.enough * self._usual:
+        predicted = start == prior.pose
+        length = FIRST if predicted else LONGEST
+        best = match_kernels.climb(grids, points.ends, expected, tuple(start), length, self._finest)
+        if predicted and best[1] < self.params.enough * self._usual:
             best = self._restarted(grids, points.ends, expected, start, best)
         pose, fitness = Pose2(*best[0]), best[1]
         if self.params.refine:

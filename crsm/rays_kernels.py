@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ LEAST = 1e-6  # 1 and m^2, keep H regular
 
 
 @njit
-def leverage(points: Points, normals: Points, m: int, H: Floats, out: Any) -> None:
+def leverage(points: Points, normals: Points, m: int, H: Floats, out: Floats) -> None:
     """ours: share (m,) of each point in fixing the pose, c' H^-1 c; together they are 3.
 
     c is the normal (x, y) and its lever arm; H (3, 3) the sum of c c' [1, m, m^2]. A lone point has
@@ -53,9 +52,9 @@ def critical_rays(
     laser: Pose2,
     count: int,
     H: Floats,
-    out: Any,
+    out: Floats,
 ) -> int:
-    """Numbers of about `count` of m points that carry the pose, into out (n,); how many.
+    """About `count` of m points that carry the pose, into out (m, 2), x, y [m]; how many.
 
     [Tsardoulias13]: those at discontinuities, and of the rest the far ones more densely. ours: half
     of the rest goes to those with the greatest share in x, y and theta; chosen by error diffusion
@@ -83,6 +82,6 @@ def critical_rays(
         owed += min(each * edge[i] + rest * (shares[i] * scale + far[i] / all_far), 1.0)
         if owed >= 1.0 or m <= count:
             owed -= 1.0
-            out[k] = i
+            out[k, 0], out[k, 1] = points[0, i], points[1, i]
             k += 1
     return k
