@@ -65,14 +65,14 @@ class CrsmParams(RefineParams, FrontendParams):
         high=2000,
     )
     insert_distance: float = param(
-        0.25,
+        0.2,
         "m",
         "way since the last scan that entered the map",
         source="ours: a map that learns from every scan drifts with the pose",
         low=0.0,
     )
     insert_angle: float = param(
-        0.25,
+        0.2,
         "rad",
         "turn since the last scan that entered the map",
         source="ours: a map that learns from every scan drifts with the pose",

@@ -30,6 +30,7 @@ from slams.frontend.plain import estimator_for
 from slams.geometry import Prior
 from slams.params import Params
 from slams.refine.lines import Match
+from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
 CLOSE, SAME = 0.5, 0.25  # of a cell: starts that lead to the same lines; fits that are one
@@ -101,18 +102,18 @@ class Crsm:
         """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
         return self._estimator.covariance
 
-    def _match(self, points: ScanReader, start: Pose2, prior: Prediction) -> list[Match]:
-        """Steps 3 and 4 from a start."""
+    def _match(self, points: EndPoints, start: Pose2, prior: Prediction) -> list[Match]:
+        """Steps 3 and 4 from a start, of the scan at hand."""
         if self._map.empty or points.n == 0:
             return [Match(start)]
-        climbed = self._matcher.climb(points, start, prior)  # 3.
+        climbed = self._matcher.climb(self._scan, start, prior)  # 3.
         if not self.params.refine:
             return [climbed._replace(coarse=climbed.pose)]
         found = self._refine(points, start, climbed, prior)  # 4.
         return [match._replace(coarse=climbed.pose) for match in found]
 
     def _refine(
-        self, points: ScanReader, start: Pose2, climbed: Match, prior: Prediction
+        self, points: EndPoints, start: Pose2, climbed: Match, prior: Prediction
     ) -> list[Match]:
         """Gauss-Newton on the lines, from where the climb ended and from its start.
 
@@ -145,7 +146,7 @@ class Crsm:
         self._counts["kept"] += gap(points, match.coarse, match.pose) < self.params.cell
         self._counts["refined"] += match.coarse != match.pose
 
-    def _insert(self, points: ScanReader, pose: Pose2) -> None:
+    def _insert(self, points: EndPoints, pose: Pose2) -> None:
         if self.frozen or points.n == 0:
             return
         self._counts["inserted"] += self._map.insert(points, pose)
