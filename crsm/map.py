@@ -23,7 +23,7 @@ SPARE = 4  # times the most cells: a long building is not moved to larger arrays
 class GreyMap:
     """Grey levels of one scene, fine and coarse, each made from the scans themselves.
 
-    Grid 0 is the fine one; both grow together.
+    Level 0 is the fine one; both grow together.
     """
 
     def __init__(self, params: CrsmParams) -> None:
@@ -31,7 +31,7 @@ class GreyMap:
         self.insertions = 0
         self.extent = Extent(params.max_cells, params.cell)
         self._room = Room(SPARE * params.max_cells, params.cell, COARSE)
-        self.grids = [self._blank(1), self._blank(COARSE)]
+        self.levels = [self._blank(1), self._blank(COARSE)]
         self._strokes = np.zeros((1, 5))
         self.lines = LineMap(params, *self._fine())
 
@@ -46,7 +46,7 @@ class GreyMap:
         if len(self._strokes) < scan.n:
             self._strokes = np.zeros((scan.n, 5))
         at, mark, ends, p = tuple(pose), self.insertions, self._strokes, self.params
-        for grid in self.grids:
+        for grid in self.levels:
             cell = grid.resolution
             update = Update(p.free, p.max_weight, max(p.stroke * cell, scan.noise))
             count = map_kernels.strokes(scan.points, scan.normals, scan.n, 0.5 * cell, ends)
@@ -65,12 +65,12 @@ class GreyMap:
         """Shares of the beams that are inliers at a pose, and that are in conflict with the map."""
         if self.params.refine:
             return self.lines.evaluate(scan, pose)
-        inliers, conflicts = match_kernels.evaluate(self.grids[0], scan.points, scan.n, tuple(pose))
+        inliers, conflicts = match_kernels.evaluate(self.levels[0], scan.points, scan.n, tuple(pose))
         return inliers, conflicts
 
     def lookup(self) -> Lookup:
         """The coarse grid: a wide target and cheap to search."""
-        grid = self.grids[1]
+        grid = self.levels[1]
         return Lookup(grid.grey, grid.x0, grid.y0, grid.resolution)
 
     def grid(self) -> OccupancyGrid:
@@ -83,7 +83,7 @@ class GreyMap:
 
     def cut(self, box: Box) -> OccupancyGrid | None:
         """The part in a box that was observed, None if nothing was."""
-        grid, window = self.grids[0], self._room.window(box)
+        grid, window = self.levels[0], self._room.window(box)
         grey, seen = grid.grey[window], grid.weight[window] > 0.0
         rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
         if rows.size == 0:
@@ -105,7 +105,7 @@ class GreyMap:
 
     def _fine(self) -> tuple[NDArray[np.float32], tuple[float, float], float]:
         """The fine grid as the lines see it."""
-        grid = self.grids[0]
+        grid = self.levels[0]
         return grid.grey, (grid.x0, grid.y0), grid.resolution
 
     def _cover(self, pose: Pose2, far: float) -> bool:
@@ -119,9 +119,9 @@ class GreyMap:
         return True
 
     def _grow(self, below: int, left: int) -> None:
-        old = self.grids
-        self.grids = [self._blank(1), self._blank(COARSE)]
-        for new, grid, side in zip(self.grids, old, (1, COARSE), strict=True):
+        old = self.levels
+        self.levels = [self._blank(1), self._blank(COARSE)]
+        for new, grid, side in zip(self.levels, old, (1, COARSE), strict=True):
             move(grid.grey, new.grey, below // side, left // side)
             move(grid.weight, new.weight, below // side, left // side)
         seen, first, _ = self._fine()  # stamps are of one insertion only

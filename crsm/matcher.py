@@ -17,7 +17,6 @@ from slams.scan.end_points import EndPoints
 from slams.types import Floats, Pose2
 
 MEMORY = 20  # scans over which the fitness is a mean
-LEAST_DOUBT = 0.05  # of a perfect fitness: what a prior counts at least
 FINEST, ROUGH = 0.0005, 0.008  # m: last steps of a climb, alone and before a fit to lines
 FIRST, LONGEST = 0.016, 0.128  # m, first step of a climb, from the prediction and of restarts
 
@@ -40,9 +39,9 @@ class Matcher:
 
         Restarts belong to the prediction; other starts are those of a search on coarse cells.
         """
-        doubt = max(1.0 - self.usual, LEAST_DOUBT)
-        expected = *prior.pose, prior.information, 2.0 * doubt / max(len(points.ends), 1)
-        grids = tuple(map(tuple, self._map.grids))
+        weight = (points.noise / (self.params.stroke * self.params.cell)) ** 2
+        expected = *prior.pose, prior.information, weight / max(len(points.ends), 1)
+        grids = tuple(map(tuple, self._map.levels))
         predicted = start == prior.pose
         length = FIRST if predicted else LONGEST
         ends, at = points.ends, tuple(start)
@@ -56,7 +55,7 @@ class Matcher:
 
     def learn(self, points: ScanReader, pose: Pose2) -> None:
         """Take the fitness of the last scan's pose for usual."""
-        fitness = match_kernels.fitness_of(tuple(self._map.grids[0]), points.ends, tuple(pose))
+        fitness = match_kernels.fitness_of(tuple(self._map.levels[0]), points.ends, tuple(pose))
         self.usual += (fitness - self.usual) / MEMORY
 
     def _restarted(
