@@ -49,7 +49,7 @@ class GreyMap:
         for grid in self.levels:
             cell = grid.resolution
             update = Update(p.free, p.max_weight, max(p.stroke * cell, scan.noise))
-            count = map_kernels.strokes(scan.points, scan.normals, scan.n, 0.5 * cell, ends)
+            count = map_kernels.strokes(scan.points, scan.normals, scan.n, cell, ends)
             map_kernels.blacken(grid, ends, count, at, mark, tuple(update))
             map_kernels.whiten(grid, ends, count, at, tuple(scan.mount), mark, tuple(update))
         if p.refine:

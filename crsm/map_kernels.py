@@ -17,7 +17,7 @@ from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats
 
-EDGE = 3.0  # widths beyond which a stroke is not drawn
+EDGE = 2.5  # widths beyond which a stroke is not drawn
 ALIKE = 0.9  # least cosine between the normals of end points of one stroke
 X, Y, NX, NY, HALF = 0, 1, 2, 3, 4  # columns of a stroke
 

@@ -130,7 +130,7 @@ def insert(grey, weight, strokes, pose, frame, rules):
             across, along = off @ (turn @ normal), off @ (turn @ (-normal[1], normal[0]))
         else:
             across, along = np.hypot(*np.moveaxis(off, -1, 0)), 0.0
-        near = (np.abs(across) <= 3.0 * width) & (np.abs(along) <= half + 0.5 * cell)
+        near = (np.abs(across) <= 2.5 * width) & (np.abs(along) <= half + 0.5 * cell)
         for j, i in zip(*np.nonzero(near), strict=True):
             dark = math.exp(-0.5 * (across[j, i] / width) ** 2)
             enter(j, i, dark, dark)
