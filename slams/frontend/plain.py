@@ -29,7 +29,7 @@ class PlainEstimator:
         self.match: Match | None = None
         self.pose = IDENTITY
         self.covariance = np.diag([math.inf] * 3)
-        self.counts = {"empty": 0, "matched": 0, "predicted": 0, "lost": 0}
+        self.counts = {"empty": 0, "matched": 0, "predicted": 0, "lost": 0, "odometry": 0}
         self._p = params
         self._last: Scan | None = None
         self._twist, self._step, self._dt = IDENTITY, IDENTITY, 0.0
@@ -41,6 +41,7 @@ class PlainEstimator:
         step = self._step
         if last is not None and last.odometry and scan.odometry and self._p.wheels:
             step = last.odometry.between(scan.odometry)
+            self.counts["odometry"] += 1
         if last is not None and last.yaw is not None and scan.yaw is not None and self._p.gyro:
             step = step._replace(theta=scan.yaw - last.yaw)
         self._before, self.pose = self.pose, self.pose @ step
