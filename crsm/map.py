@@ -65,7 +65,8 @@ class GreyMap:
         """Shares of the beams that are inliers at a pose, and that are in conflict with the map."""
         if self.params.refine:
             return self.lines.evaluate(scan, pose)
-        inliers, conflicts = match_kernels.evaluate(self.levels[0], scan.points, scan.n, tuple(pose))
+        fine, at = tuple(self.levels[0]), tuple(pose)
+        inliers, conflicts = match_kernels.evaluate(fine, scan.points, scan.n, at)
         return inliers, conflicts
 
     def lookup(self) -> Lookup:

@@ -120,11 +120,8 @@ class Crsm:
         Within half a cell both meet the same lines, and the start is the nearer: few rays end
         millimeters off. The climb itself is one more where it lies a cell elsewhere.
         """
-        cell, lines, expected = (
-            self.params.cell,
-            self._map.lines,
-            Prior(prior.pose, prior.information),
-        )
+        cell, lines = self.params.cell, self._map.lines
+        expected = Prior(prior.pose, prior.information)
         if gap(points, climbed.pose, start) <= CLOSE * cell:
             found = [lines.fit(points, start, expected, close=True)]
         else:
