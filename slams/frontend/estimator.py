@@ -33,7 +33,8 @@ TENTATIVE_SCANS, TENTATIVE_TIME, TENTATIVE_WAY = 4, 0.3, 0.3  # scans, s, m: a m
 LATENCY, SPEED, TURN_RATE = 0.5, 2.0, 2.0  # s, m/s, rad/s: of a scan, while a robot moves so fast
 SAME_PLACE, SAME_HEADING = 0.3, 0.2  # m, rad: two tentative matches are one
 LOST_XY, LOST_HEADING = 0.5, 0.3  # m, rad: deviation of a pose that holds no map together
-CONFIRMED = 1.0  # s that a match has to stand after the robot was lost
+CONFIRMED = 3.0  # s after the robot was lost, times agreement over the usual: a match has to stand
+LOST_AFTER = 1.0  # s without a match, after which the whole map is searched
 RELOCALIZED = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
 BEGIN_BEAMS = 10  # end points that a map begins with
 DEAD_RECKONING, FRAGMENT = 1.0, 3.0  # s without a match: scans are mapped by wheels; without
@@ -87,6 +88,7 @@ class PoseEstimator:
         self.counts = dict.fromkeys(names.split(), 0)
         self._p = params
         self._filter = MotionFilter(params)
+        self._pose = self._filter.pose
         self._prior = self._filter.prediction()
         self._usual = 0.0  # agreement of the matches so far
         self._unmatched = 0.0  # s since the last match
@@ -99,7 +101,7 @@ class PoseEstimator:
     @property
     def pose(self) -> Pose2:
         """The base in the map after the last call."""
-        return self._filter.pose
+        return self._pose
 
     @property
     def covariance(self) -> Floats:
@@ -110,6 +112,7 @@ class PoseEstimator:
         """The pose at `scan` as wheels, gyro and the twist so far foresee it."""
         self._scan = scan
         self._prior = self._filter.predict(scan)
+        self._pose = self._prior.pose
         self.counts["odometry"] += self._filter.wheels
         return self._prior
 
@@ -121,6 +124,7 @@ class PoseEstimator:
         """The pose of a scan is known without matching."""
         self._filter.predict(scan)
         self._filter.place(pose, np.diag(MAP_ERROR**2))
+        self._pose = pose
 
     def decide(
         self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap, rematch: Rematch
@@ -178,10 +182,13 @@ class PoseEstimator:
     def _accepts(self, match: Match, agreement: float, points: EndPoints, grid: MatchedMap) -> bool:
         distance = self._prior.distance(match.pose)
         good = agreement - unlikely(distance) / PIECES >= ACCEPTED
+        usual = agreement >= USUAL * self._usual
+        if self._unconfirmed > 0.0 and usual:
+            return True
         if distance > GATE and not self._is_within_latency(match.pose):
             return self._p.tentative and good and self._stands(match.pose)
         self._tentative = None
-        if good or agreement >= USUAL * self._usual:
+        if good or usual:
             return True
         inliers, conflicts = grid.evaluate(points, match.pose)
         known = inliers + conflicts
@@ -228,16 +235,22 @@ class PoseEstimator:
         """The robot is at a match."""
         self.match = match
         seen = of_scan(points, match.pose.theta) if self._p.degeneracy else ALL
-        information = match.seen * min(1.0, PIECES / max(points.n, 1))
         far = self._prior.distance(match.pose) > GATE
         self._late = far and not self._late and self._is_within_latency(match.pose)
         if self._late:
             self._filter.shift(match.pose)
+            self._pose = match.pose
         else:
-            self._filter.update(match.pose, information, seen)
+            self._pose = self._filter.update(match.pose, match.seen, seen)
         share = min(1.0, self._prior.dt / MEMORY) if self._usual > 0.0 else 1.0
-        self._usual += share * (agreement - self._usual)
-        self._unconfirmed = CONFIRMED if self._lost else self._unconfirmed - self._prior.dt
+        if agreement >= USUAL * self._usual:
+            self._unconfirmed = 0.0
+        elif self._lost:
+            self._unconfirmed = CONFIRMED
+        else:
+            self._unconfirmed -= self._prior.dt * agreement / self._usual
+        if self._unconfirmed <= 0.0:
+            self._usual += share * (agreement - self._usual)
         self._lost, self._unmatched, self._by_wheels = False, 0.0, True
         self._relocalizer.reset()
         self.quality = max(agreement, 0.0)
@@ -271,17 +284,18 @@ class PoseEstimator:
         return 1.0 - inliers - conflicts > conflicts
 
     def _relocalize(self, grid: MatchedMap) -> None:
-        """Global localization in the map; a pose that good wheels contradict is none."""
-        if self._unmatched < CONFIRMED:
+        """Global localization in the map; a pose that wheels contradict is none."""
+        if self._unmatched < LOST_AFTER:
             return
         (xx, _, _), (_, yy, _), _ = self._filter.covariance.tolist()
-        reach = math.sqrt(GATE * max(xx, yy))
+        reach = math.sqrt(GATE * max(xx, yy)) if self._by_wheels else math.inf
         found = self._relocalizer.update(self._scan, self.pose, reach, grid.cut)
-        if found is None or self._prior.distance(found) > GATE:
+        if found is None or (self._by_wheels and self._prior.distance(found) > GATE):
             return
         self._filter.place(found, RELOCALIZED)
+        self._pose = found
         self.counts["relocalized"] += 1
-        self._unconfirmed, self._unmatched = CONFIRMED, 0.0
+        self._unconfirmed, self._unmatched, self._lost = 0.0, 0.0, False
 
     def _is_sure(self) -> bool:
         (xx, _, _), (_, yy, _), (_, _, turn) = self._filter.covariance.tolist()
