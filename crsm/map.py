@@ -17,8 +17,6 @@ from slams.types import OccupancyGrid, Pose2
 
 COARSE = 4  # fine cells along a coarse one: 0.2 m, wide enough to climb from afar
 
-SPARE = 4  # times the most cells: a long building is not moved to larger arrays, which takes 1 s
-
 
 class GreyMap:
     """Grey levels of one scene, fine and coarse, each made from the scans themselves.
@@ -30,7 +28,7 @@ class GreyMap:
         self.params = params
         self.insertions = 0
         self.extent = Extent(params.max_cells, params.cell)
-        self._room = Room(SPARE * params.max_cells, params.cell, COARSE)
+        self._room = Room(params.max_cells, params.cell, COARSE)
         self.levels = [self._blank(1), self._blank(COARSE)]
         self._strokes = np.zeros((1, 5))
         self.lines = LineMap(params, *self._fine())
