@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from crsm.params import CrsmParams
-from crsm.slam import Crsm
 from hector.params import HectorParams
 from hector.slam import Hector
 from slams.localize import relocator
@@ -19,7 +17,7 @@ from tsd.slam import Tsd
 
 LIDAR = laser(541, range_max=30.0)
 HERE = Pose2(1.5, -2.0, 2.0)
-DEFAULTS = [(Hector, HectorParams), (Tsd, TsdParams), (Crsm, CrsmParams)]
+DEFAULTS = [(Hector, HectorParams), (Tsd, TsdParams)]
 
 
 def stamped(k, pose=HERE, segments=ROOM):
