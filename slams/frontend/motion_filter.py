@@ -22,7 +22,8 @@ DENSITY = np.array((0.5, 0.01, 2.0))  # m^2/s^3, m^2/s^3, rad^2/s^3: acceleratio
 CARRIED = 0.5  # m^2/s^3: lateral, of a laser without wheels, which may be carried
 MEMORY = np.array((100.0, 0.5, 10.0))  # s after which a twist is forgotten
 TWIST_DEVIATION = np.array((0.7, 0.5, 1.0))  # m/s, m/s, rad/s: of a robot of which nothing is known
-CALIBRATION = np.array((0.02, 0.05, 0.01))  # 1, 1, rad/s: wheels' scales, gyro's bias
+# 1, 1, rad/s, rad/m: wheels' scales, gyro's bias, drift of the wheels' heading
+CALIBRATION = np.array((0.02, 0.05, 0.01, 0.01))
 TICK = 0.001  # m, rad: deviation of a reading of the wheels at rest
 GYRO_SCALE = 0.003  # 1
 MAP_ERROR = np.array((0.0002, 0.0002, 0.0001))  # m, m, rad: of a match, however many beams it has

@@ -13,6 +13,7 @@ import numpy as np
 
 from slams.frontend.filter_kernels import (
     BIAS,
+    DRIFT,
     GYRO,
     LARGEST,
     POSE,
@@ -211,6 +212,7 @@ def judge_readings(
         else:
             scale = z[SCALE + (1 if i == 2 else 0)]
             expected, error = (1.0 + scale) * step[i], floor[i]
+            expected += z[DRIFT] * step[0] if i == 2 else 0.0
         off = readings[i, VALUE] - expected
         ratio = off * off / (readings[i, VARIANCE] + 2.0 * error)
         trust[i] += share * (min(max(ratio, 1.0), 1e4) - trust[i])
