@@ -128,8 +128,6 @@ class Crsm:
             found = [lines.fit(points, start, expected), lines.fit(points, climbed.pose, expected)]
             if gap(points, found[0].pose, found[1].pose) <= SAME * cell:
                 del found[0]
-        if gap(points, climbed.pose, found[-1].pose) > cell:
-            found.append(lines.seen_from(points, climbed.pose))
         return found
 
     def _learn(self, points: ScanReader) -> None:

@@ -121,8 +121,6 @@ class Hector:
             found = [lines.fit(points, start, prior), lines.fit(points, coarse.pose, prior)]
             if gap(points, found[0].pose, found[1].pose) <= SAME * cell:
                 del found[0]
-        if gap(points, coarse.pose, found[-1].pose) > cell:
-            found.append(coarse)
         return found
 
     def _learn(self, points: EndPoints) -> None:

@@ -34,7 +34,7 @@ from slams.types import Floats
 WEAKEST = 1e-2  # 1/m^2, 1/rad^2: information added where a match has none
 SHARPEST = 10.0  # NIS of one match that counts at most, in what is learned
 SLOWEST = 0.1  # least share of a twist's variance that a match has to remove, to be learned from
-SPREAD = 100.0  # times the usual acceleration density, at most and at least
+SPREAD = 20.0  # times the usual acceleration density, at most and at least
 
 
 @njit(inner=True, borrows=True)
