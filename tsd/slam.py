@@ -130,14 +130,11 @@ class Tsd:
         return [match._replace(coarse=coarse.pose) for match in found]
 
     def _refine(self, start: Pose2, coarse: Match, prior: Prior) -> list[Match]:
-        """Gauss-Newton on the field, from where ICP started and, if that is elsewhere, ended.
-
-        ICP's own match is one more where it lies a cell from both.
-        """
+        """Gauss-Newton on the field, from where ICP started and, if that is elsewhere, ended."""
         scan, cell = self._scan, self.params.cell
         found = [self._direct.align(scan, start, prior)]
         if gap(scan, coarse.pose, found[0].pose) > cell:
-            found += [self._direct.align(scan, coarse.pose, prior), coarse]
+            found.append(self._direct.align(scan, coarse.pose, prior))
         return found
 
     def _learn(self, points: SurfaceScan) -> None:
