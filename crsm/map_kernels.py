@@ -1,235 +1,190 @@
-"""The global map: walls with sub-cell position, and grey levels for the reader."""
+"""Kernels of the grey map: beams whiten the cells on their way and blacken the walls at their ends.
+
+Coordinates of a grid are real numbers in cells; the integer i is the CENTER of cell i, so that
+cell = (world - first) / resolution with `first` the center of cell [0, 0].
+"""
 
 from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from slams.cells import deepcopied
 from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
-from slams.types import Pose2
+from slams.types import Floats
 
-BLUR = 1.0  # dark cells, sigma of a blot: the least that is smooth between their middles
-ROUND = 0.5  # map cells: a blot that is so long has 1 in its middle, a longer one less
-EDGE = 3.0  # sigma, beyond which a blot is not drawn
-FULL = 1.1  # sum of the blots on a straight wall that has an element in every cell
-HALF = 2.0  # of FULL, where half of the greatest darkness is reached
-MOVED, TURNED = 1e-3, 0.02  # m, rad that an element may go and turn before its blot follows
-X, Y, NX, NY, WEIGHT = 0, 1, 2, 3, 4
-WIDTH = 4  # of a blot
+EDGE = 2.5  # widths beyond which a stroke is not drawn
+ALIKE = 0.9  # least cosine between the normals of end points of one stroke
+X, Y, NX, NY, HALF = 0, 1, 2, 3, 4  # columns of a stroke
 
 
-class Joining(NamedTuple):
-    """Which points an element averages over.
+class Grid(NamedTuple):
+    """Grey levels of square cells; arrays are indexed [iy, ix].
 
-    near [m] it and compat, least cosine between the normals; most of them, then it follows slowly.
+    `grey` (ny, nx) from 1, wall, over 0, unknown, to -1, free: the weighted mean of what scans
+    observed; `weight` (ny, nx) of that mean; `stamp` (ny, nx) the last scan that touched a cell;
+    x0, y0 [m] the center of cell [0, 0]; `resolution` [m].
     """
 
-    near: float
-    compat: float
+    grey: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    stamp: NDArray[np.int32]
+    x0: float
+    y0: float
+    resolution: float
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Grid:
+        return Grid(*deepcopied(self, memo))
+
+
+class Update(NamedTuple):
+    """Weight of a beam that passed a cell (a hit has 1); greatest weight of a cell.
+
+    `width` of a stroke across its wall [m], its standard deviation.
+    """
+
+    free: float
     most: float
-
-
-class WallMap(NamedTuple):
-    """Cells [iy, ix] of edge `cell` [m]; cell [0, 0] has its lower corner at corner (x, y) [m].
-
-    wall (ny, nx, 5) float32: mean end point x, y [m], wall normal (0, 0 for a lone point), weight
-    (0: nothing there). blot (ny, nx, 5) float32: the wall element as its blot stands in `dark`,
-    x, y, normal, and its width across the wall (sigma in dark cells, 0: it has none). In `sharp`
-    times smaller cells, (sharp ny, sharp nx) float32: dark, the sum of all blots. In `fine` times
-    smaller cells: grey, float32, 1 wall .. 0 unknown .. -1 free; drawn, int32: the last drawing
-    that touched a cell. stroke: sigma of a blot along its wall in map cells.
-    """
-
-    wall: NDArray[Any]
-    blot: NDArray[Any]
-    dark: NDArray[Any]
-    grey: NDArray[Any]
-    drawn: NDArray[Any]
-    corner: tuple[float, float]
-    cell: float
-    fine: int
-    sharp: int
-    stroke: float
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> WallMap:
-        return WallMap(*deepcopied(self, memo))
-
-
-@njit(inner=True)
-def add_blot(grid: WallMap, at: Any, width: float, sign: float) -> None:
-    """ours: add (or take away) the blot of the wall element at (x, y, nx, ny) to the dark field.
-
-    A Gaussian of `width` (sigma in dark cells), along the wall of the map's `stroke`; a round one
-    of a lone point. Straight walls are as dark whatever the stroke.
-    """
-    step, dark = grid.cell / grid.sharp, grid.dark
-    x0, y0 = grid.corner
-    u, v = (at[X] - x0) / step, (at[Y] - y0) / step
-    nx, ny = at[NX], at[NY]
-    length = width
-    if nx == 0.0 and ny == 0.0:
-        nx = 1.0
-    else:
-        length = max(grid.stroke * grid.sharp, width)
-    ink = sign * ROUND / grid.stroke
-    reach_x = math.ceil(EDGE * math.hypot(width * nx, length * ny))
-    reach_y = math.ceil(EDGE * math.hypot(width * ny, length * nx))
-    across, along = 0.5 / (width * width), 0.5 / (length * length)
-    ix, iy = math.floor(u), math.floor(v)
-    for jy in range(max(iy - reach_y, 0), min(iy + reach_y + 1, dark.shape[0])):
-        dy = jy + 0.5 - v
-        for jx in range(max(ix - reach_x, 0), min(ix + reach_x + 1, dark.shape[1])):
-            dx = jx + 0.5 - u
-            off, by = dx * nx + dy * ny, dy * nx - dx * ny
-            square = across * off * off + along * by * by
-            if square < 0.5 * EDGE * EDGE:
-                dark[jy, jx] += ink * math.exp(-square)
+    width: float
 
 
 @njit
-def redraw(grid: WallMap, cells: Any, width: float) -> None:
-    """ours: let the blots of the wall elements in these cells, (k,) along the rows, follow them.
+def strokes(points: Points, normals: Points, n: int, length: float, out: Floats) -> int:
+    """Neighboring end points with like normals, not more than `length` [m] apart, as one stroke.
 
-    Those that are drawn anew are of this width (sigma in dark cells).
+    ours: a wall near the laser is drawn once a cell, not once a beam. points, normals (3, >= n) in
+    the base frame; out (>= n, 5): middle [m], unit normal (0, 0 of a lone point), half length [m]
+    with half of the gap to the next beam. Returns how many.
     """
-    nx = grid.wall.shape[1]
-    for k in range(cells.shape[0]):
-        iy, ix = cells[k] // nx, cells[k] % nx
-        wall, blot = grid.wall[iy, ix], grid.blot[iy, ix]
-        is_wall, is_drawn = wall[WEIGHT] > 0.0, blot[WIDTH] > 0.0
-        dx, dy = wall[X] - blot[X], wall[Y] - blot[Y]
-        turn = math.hypot(wall[NX] - blot[NX], wall[NY] - blot[NY])
-        if is_wall and is_drawn and dx * dx + dy * dy < MOVED * MOVED and turn < TURNED:
+    count, i = 0, 0
+    while i < n:
+        x, y, nx, ny, gap = points[0, i], points[1, i], normals[0, i], normals[1, i], normals[2, i]
+        first, total_x, total_y = i, x, y
+        while i + 1 < n and (nx != 0.0 or ny != 0.0):
+            dx, dy = points[0, i + 1] - x, points[1, i + 1] - y
+            alike = nx * normals[0, i + 1] + ny * normals[1, i + 1]
+            if dx * dx + dy * dy > length * length or alike < ALIKE:
+                break
+            i += 1
+            total_x, total_y = total_x + points[0, i], total_y + points[1, i]
+        dx, dy = points[0, i] - x, points[1, i] - y
+        k = i + 1 - first
+        out[count, X], out[count, Y] = total_x / k, total_y / k
+        out[count, NX], out[count, NY] = nx, ny
+        out[count, HALF] = 0.5 * (math.sqrt(dx * dx + dy * dy) + gap)
+        count += 1
+        i += 1
+    return count
+
+
+@njit(inner=True, borrows=True)
+def observe(
+    grid: Grid, u: np.uint64, v: np.uint64, value: float, weight: float, most: float
+) -> None:
+    """Weighted mean of what was observed of cell [v, u], of at most so much weight.
+
+    [Tsardoulias13] map update: the surer a cell is, the smaller its steps; ours: as a mean.
+    """
+    total = grid.weight[v, u] + weight
+    grid.grey[v, u] += (value - grid.grey[v, u]) * weight / total
+    grid.weight[v, u] = min(total, most)
+
+
+@njit
+def blacken(grid: Grid, ends: Floats, count: int, pose: Any, mark: int, update: Any) -> None:
+    """[Tsardoulias13] map update: the ends of beams get black; ours: with their sub-cell position.
+
+    A stroke along the wall, as dark as a Gaussian of the distance across it. Each cell counts it by
+    that darkness, too: so a stroke says nothing of the other face of a thin wall, or of the next
+    wall at a corner. ends (>= count, 5) of `strokes`; pose x, y, theta; `Update` as a plain tuple.
+    """
+    x0, y0, theta = pose
+    _, most, width = update
+    height, wide = grid.grey.shape
+    scale = 1.0 / grid.resolution
+    c, s = math.cos(theta), math.sin(theta)
+    sigma = width * scale
+    fall = 0.5 / (sigma * sigma)
+    for i in range(count):
+        px, py = ends[i, X], ends[i, Y]
+        u = (c * px - s * py + x0 - grid.x0) * scale
+        v = (s * px + c * py + y0 - grid.y0) * scale
+        nx, ny = c * ends[i, NX] - s * ends[i, NY], s * ends[i, NX] + c * ends[i, NY]
+        lone = nx == 0.0 and ny == 0.0
+        half = EDGE * sigma if lone else ends[i, HALF] * scale + 0.5
+        across = EDGE * sigma
+        reach_x = half if lone else across * abs(nx) + half * abs(ny)
+        reach_y = half if lone else across * abs(ny) + half * abs(nx)
+        low_x, high_x = max(math.ceil(u - reach_x), 0), min(math.floor(u + reach_x), wide - 1)
+        low_y, high_y = max(math.ceil(v - reach_y), 0), min(math.floor(v + reach_y), height - 1)
+        for iy in range(low_y, high_y + 1):
+            dy = iy - v
+            for ix in range(low_x, high_x + 1):
+                dx = ix - u
+                off, along = dx * nx + dy * ny, dy * nx - dx * ny
+                square = dx * dx + dy * dy if lone else off * off
+                if abs(along) > half or square > across * across:
+                    continue
+                dark = math.exp(-fall * square)
+                grid.stamp[iy, ix] = mark
+                observe(grid, np.uint64(ix), np.uint64(iy), dark, dark, most)
+
+
+@njit
+def whiten(
+    grid: Grid, ends: Floats, count: int, pose: Any, mount: Any, mark: int, update: Any
+) -> None:
+    """[Tsardoulias13] map update: the ways of beams get whiter, by less the whiter they are.
+
+    ours: a cell changes once per scan, `mark` is its number, and not where a wall of the same scan
+    was drawn. Arguments as of `blacken`; mount x, y, theta of the laser.
+    """
+    x0, y0, theta = pose
+    mx, my, _ = mount
+    free, most, _ = update
+    scale = 1.0 / grid.resolution
+    c, s = math.cos(theta), math.sin(theta)
+    ax = (c * mx - s * my + x0 - grid.x0) * scale + 0.5
+    ay = (s * mx + c * my + y0 - grid.y0) * scale + 0.5
+    for i in range(count):
+        px, py = ends[i, X], ends[i, Y]
+        dx = (c * px - s * py + x0 - grid.x0) * scale + 0.5 - ax
+        dy = (s * px + c * py + y0 - grid.y0) * scale + 0.5 - ay
+        length = math.sqrt(dx * dx + dy * dy)
+        steps = math.floor(length) - 1
+        if steps < 1:
             continue
-        if is_drawn:
-            add_blot(grid, blot, blot[WIDTH], -1.0)
-            blot[WIDTH] = 0.0
-        if is_wall:
-            for i in range(WIDTH):
-                blot[i] = wall[i]
-            blot[WIDTH] = width
-            add_blot(grid, blot, blot[WIDTH], 1.0)
+        dx, dy = dx / length, dy / length
+        for j in range(steps):
+            u, v = np.uint64(ax + j * dx), np.uint64(ay + j * dy)
+            if grid.stamp[v, u] != mark:
+                grid.stamp[v, u] = mark
+                observe(grid, u, v, -1.0, free, most)
 
 
-@njit(fastmath=FAST, inner=True)
-def darkness(grid: WallMap, x: float, y: float) -> float:
-    """ours: how dark the map is at (x, y) [m]: 0 nothing, about 1 on a wall, smooth.
+@njit(fastmath=FAST, inner=True, borrows=True)
+def darkness(grid: Grid, x: float, y: float) -> float:
+    """How black the map is at (x, y) [cells]: 0 unknown or free, 1 on a wall, smooth. ours.
 
-    Quadratic splines over the 3 x 3 dark cells around it; blots upon each other count less.
+    Quadratic splines over the 3 x 3 cells around it.
     """
-    step, dark = grid.cell / grid.sharp, grid.dark
-    x0, y0 = grid.corner
-    u, v = (x - x0) / step, (y - y0) / step
-    ix, iy = math.floor(u), math.floor(v)
-    if min(ix, iy) < 1 or ix >= dark.shape[1] - 1 or iy >= dark.shape[0] - 1:
+    height, width = grid.grey.shape
+    u, v = x + 0.5, y + 0.5
+    if not (u >= 1.0 and v >= 1.0 and u < width - 1 and v < height - 1):
         return 0.0
+    ix, iy = np.uint64(u), np.uint64(v)
     s, t = u - ix, v - iy
     s1, t1 = 1.0 - s, 1.0 - t
     a, b, c = 0.5 * (s1 * s1), 0.5 + s - s * s, 0.5 * s * s
     total = 0.0
+    one = np.uint64(1)
     for j in range(3):
         row = 0.5 * (t1 * t1) if j == 0 else (0.5 + t - t * t if j == 1 else 0.5 * t * t)
-        i = iy - 1 + j
-        total += row * (a * dark[i, ix - 1] + b * dark[i, ix] + c * dark[i, ix + 1])
-    return (1.0 + HALF) * total / (HALF * FULL + total)
-
-
-@njit(inner=True)
-def wall_of(wall: Any, ix: int, iy: int, point: Any, rule: Joining) -> Any:
-    """ours: cell (ix, iy) of the element that the point (x, y, nx, ny) seen in this cell is of.
-
-    The nearest around of its kind, if that is near enough; else the cell itself.
-    """
-    x, y, nx, ny = point
-    lone = nx == 0.0 and ny == 0.0
-    nearest = rule.near * rule.near
-    found_x, found_y = ix, iy
-    for jy in range(iy - 1, iy + 2):
-        for jx in range(ix - 1, ix + 2):
-            wx, wy = wall[jy, jx, NX], wall[jy, jx, NY]
-            alike = wx * nx + wy * ny > rule.compat or (lone and wx == 0.0 and wy == 0.0)
-            dx, dy = x - wall[jy, jx, X], y - wall[jy, jx, Y]
-            d2 = dx * dx + dy * dy
-            if wall[jy, jx, WEIGHT] > 0.0 and alike and d2 < nearest:
-                nearest = d2
-                found_x, found_y = jx, jy
-    return found_x, found_y
-
-
-@njit(inner=True)
-def joins(element: Any, point: Any, rule: Joining) -> bool:
-    """ours: whether a point is of an element's kind and near; it may begin an empty one.
-
-    A wall takes the place of a lone point.
-    """
-    x, y, nx, ny = point
-    wx, wy, lone = element[NX], element[NY], nx == 0.0 and ny == 0.0
-    if element[WEIGHT] <= 0.0 or (wx == 0.0 and wy == 0.0 and not lone):
-        element[X], element[Y], element[NX], element[NY], element[WEIGHT] = x, y, nx, ny, 0.0
-        return True
-    dx, dy = x - element[X], y - element[Y]
-    alike = wx * nx + wy * ny > rule.compat or (lone and wx == 0.0 and wy == 0.0)
-    near: bool = dx * dx + dy * dy < rule.near * rule.near
-    return alike and near
-
-
-@njit
-def add_points(
-    grid: WallMap, points: Points, normals: Points, m: int, pose: Pose2, rule: Joining, out: Any
-) -> int:
-    """ours: running means of wall elements with the m points of a scan; how many there are of.
-
-    points, normals (3, >= m) in the base frame; out (>= m,): numbers of the cells, counted along
-    the rows, some more than once.
-    """
-    wall, (x0, y0), cell = grid.wall, grid.corner, grid.cell
-    c, s = math.cos(pose.theta), math.sin(pose.theta)
-    count = 0
-    for i in range(m):
-        x, y = (
-            pose.x + c * points[0, i] - s * points[1, i],
-            pose.y + s * points[0, i] + c * points[1, i],
-        )
-        nx, ny = c * normals[0, i] - s * normals[1, i], s * normals[0, i] + c * normals[1, i]
-        point = (x, y, nx, ny)
-        ix, iy = wall_of(
-            wall, math.floor((x - x0) / cell), math.floor((y - y0) / cell), point, rule
-        )
-        element = wall[iy, ix]
-        if not joins(element, point, rule):
-            continue
-        weight = min(element[WEIGHT] + 1.0, rule.most)
-        for k in range(4):
-            element[k] += (point[k] - element[k]) / weight
-        length = math.sqrt(element[NX] * element[NX] + element[NY] * element[NY])
-        if length > 0.0:
-            element[NX] /= length
-            element[NY] /= length
-        element[WEIGHT] = weight
-        out[count] = iy * wall.shape[1] + ix
-        count += 1
-    return count
-
-
-@njit
-def whiten(grid: WallMap, start: Any, ends: Any, mark: int, share: float) -> None:
-    """[Tsardoulias13] map update: the ways of beams get whiter, by less the whiter they are.
-
-    ours: a cell changes once per drawing, `mark` is its number. start (x, y) and ends (2, k) are in
-    grey cells from the corner; share: first step as a share of the way to white.
-    """
-    grey, drawn = grid.grey, grid.drawn
-    for i in range(ends.shape[1]):
-        dx, dy = ends[0, i] - start[0], ends[1, i] - start[1]
-        length = math.sqrt(dx * dx + dy * dy)
-        for j in range(math.floor(length) - 1):
-            along = j / length
-            ix, iy = math.floor(start[0] + along * dx), math.floor(start[1] + along * dy)
-            if drawn[iy, ix] != mark:
-                drawn[iy, ix] = mark
-                g = grey[iy, ix]
-                grey[iy, ix] = max(-1.0, g - share * (1.0 - math.sqrt(max(0.0, -g))))
+        i = iy - one + np.uint64(j)
+        left, middle = max(grid.grey[i, ix - one], 0.0), max(grid.grey[i, ix], 0.0)
+        total += row * (a * left + b * middle + c * max(grid.grey[i, ix + one], 0.0))
+    return total

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crsm.climber import Climber
-from crsm.map import WallGrid
+from crsm.map import GreyMap
+from crsm.matcher import Matcher
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
+from slams.frontend.motion_filter import Prediction
 from slams.room import scan_at
 from slams.types import IDENTITY, Floats, Laser, Pose2
 
@@ -40,7 +41,7 @@ def draw(path: Path) -> None:
     from matplotlib.figure import Figure
 
     params = CrsmParams(critical_rays=COUNT)
-    view, grid = ScanReader(params), WallGrid(params)
+    view, grid = ScanReader(params), GreyMap(params)
     for seed in (1, 2):
         view.take(scan_at(IDENTITY, LASER, WALLS, 0.01, np.random.default_rng(seed)), IDENTITY)
         grid.insert(view, IDENTITY)
@@ -54,30 +55,29 @@ def draw(path: Path) -> None:
 
 def _rays(axes: Axes, view: ScanReader) -> None:
     points = view.points[:2, : view.n].T
-    for x, y in points[view.rays]:
+    for x, y in view.ends:
         axes.plot([0, x], [0, y], color="#D55E00", linewidth=0.6)
     axes.plot(points[:, 0], points[:, 1], ".", color="0.45", markersize=2)
-    axes.plot(*points[view.rays].T, ".", color="#D55E00", markersize=6)
+    axes.plot(*view.ends.T, ".", color="#D55E00", markersize=6)
     axes.plot(0, 0, "o", color="black")
-    title = f"{len(view.rays)} critical rays of {view.n} beams: more where few beams fix the pose"
+    title = f"{len(view.ends)} critical rays of {view.n} beams: more where few beams fix the pose"
     axes.set(title=title, xlabel="x [m]")
 
 
-def _search(axes: Axes, view: ScanReader, grid: WallGrid) -> None:
-    climber, ends, cells = Climber(CrsmParams(critical_rays=COUNT)), view.ends, grid.cells
-    climber.learn(grid, view, IDENTITY, 0.0)
-    prior = climber.prior(OFF, np.eye(3) / DOUBT**2, len(ends))
-    best = climber.climb(grid, view, prior, DOUBT)
-    if not climber.is_enough(best):
-        best = climber.restart(grid, view, prior, [], best)
-    rows, columns = cells.dark.shape
-    (x, y), step = cells.corner, cells.cell / cells.sharp
+def _search(axes: Axes, view: ScanReader, grid: GreyMap) -> None:
+    matcher = Matcher(CrsmParams(critical_rays=COUNT), grid)
+    matcher.usual = 1.0  # restarts until the best
+    prior = Prediction(OFF, np.eye(3) / DOUBT**2, np.eye(3) * DOUBT**2, IDENTITY, 0.0)
+    best = matcher.climb(view, OFF, prior)
+    shown = grid.grid()
+    dark = np.nan_to_num(2.0 * shown.p - 1.0).clip(0.0)
+    (x, y), (rows, columns), step = shown.origin, dark.shape, shown.resolution
     extent = (x, x + columns * step, y, y + rows * step)
-    axes.imshow(cells.dark, cmap="gray_r", origin="lower", extent=extent)
+    axes.imshow(dark, cmap="gray_r", origin="lower", extent=extent)
     for at, color, name in ((OFF, "#0072B2", "start"), (best.pose, "#D55E00", "found")):
-        at_ends: Floats = at.transform(ends)
+        at_ends: Floats = at.transform(view.ends)
         axes.plot(*at_ends.T, ".", color=color, markersize=4, label=name)
-    title = f"fitness = darkness under their ends: {best.fitness:.2f}, {climber.restarts} restarts"
+    title = f"fitness = darkness under their ends: {best.share:.2f}, {matcher.restarts} restarts"
     axes.set(title=title, xlabel="x [m]")
     axes.legend(loc="upper left")
 

@@ -4,8 +4,8 @@ import dataclasses
 
 from slams.params import RosNames
 
-WALLS = "the default's map has walls in its cells, not gray levels alone"
-SEARCH = "the default's steps and restarts follow what is expected, down to a millimeter"
+WALLS = "the default's cells are weighted means with sub-cell walls, not bytes"
+SEARCH = "the default's climbs begin with 16 mm and its restarts with 128 mm, on any map"
 
 ORIGINAL = RosNames(
     package="crsm_slam",
@@ -21,6 +21,7 @@ ROS = dataclasses.replace(
     original_only={
         "slam_occupancy_grid_dimentionality": WALLS,
         "map_update_density": WALLS,
+        "map_update_obstacle_density": WALLS,
         "slam_container_size": "the map grows as needed",
         "hill_climbing_disparity": SEARCH,
         "max_hill_climbing_iterations": SEARCH,

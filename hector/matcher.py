@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from hector.map import LogOddsPyramid
@@ -51,9 +49,3 @@ class Matcher:
         else:
             tolerance = FINE * cell if level else p.converged
         return Solver(steps, p.max_shift, p.max_turn, tolerance, p.damping, stride)
-
-
-def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:
-    """How far two poses are apart [m], as the end points half way out see it."""
-    turn = math.remainder(one.theta - other.theta, 2.0 * math.pi)
-    return math.hypot(one.x - other.x, one.y - other.y) + 0.5 * points.far * abs(turn)

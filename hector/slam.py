@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from hector.map import LogOddsPyramid
-from hector.matcher import Matcher, gap
+from hector.matcher import Matcher
 from hector.params import HectorParams
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
@@ -27,7 +27,7 @@ from slams.frontend.plain import estimator_for
 from slams.geometry import Prior
 from slams.params import Params
 from slams.refine.lines import Match
-from slams.scan.end_points import EndPoints
+from slams.scan.end_points import EndPoints, gap
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
 CLOSE, SAME = 0.5, 0.25  # of a cell: starts that lead to the same lines; fits that are one
@@ -121,8 +121,6 @@ class Hector:
             found = [lines.fit(points, start, prior), lines.fit(points, coarse.pose, prior)]
             if gap(points, found[0].pose, found[1].pose) <= SAME * cell:
                 del found[0]
-        if gap(points, coarse.pose, found[-1].pose) > cell:
-            found.append(coarse)
         return found
 
     def _learn(self, points: EndPoints) -> None:

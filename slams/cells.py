@@ -29,6 +29,7 @@ GIVEN = np.uint64(3 << 62)  # of such a word: in memory, swapped
 SMALL = 1 << 16  # bytes that may lie anywhere
 NORESERVE = 0x4000  # Linux: no promise of memory; Python has a name for it from 3.13 on
 EVEN = 1 << 10  # cells: of four bytes a page, and as many as the sets of a cache share
+EDGE = 2  # times that of the largest square map: a long building seldom outgrows it
 SPARE = 0.5  # of its edge that a room which is too small grows at least
 
 
@@ -98,9 +99,9 @@ def _deepcopy(value: Any, memo: dict[int, Any]) -> Any:
 class Room:
     """The rectangle of cells that a map's arrays have, as numbers of cells from the map's origin.
 
-    It begins as a square around the origin that has `max_cells`, in whole blocks; a block wider
-    where rows would be whole pages: cells above each other would all want the same few lines of the
-    cache, and scans would enter a map five times as slowly.
+    It begins as a square around the origin, `EDGE` times as wide as one of `max_cells`; a block
+    wider where rows would be whole pages: cells above each other would all want the same few lines
+    of the cache, and scans would enter a map five times as slowly.
 
     Args:
         max_cells: cells of the largest map.
@@ -110,7 +111,7 @@ class Room:
 
     def __init__(self, max_cells: int, cell: float, block: int = 1) -> None:
         self._cell, self._block = cell, block
-        half = max(math.isqrt(max_cells) // (2 * block), 1) * block
+        half = max(EDGE * math.isqrt(max_cells) // (2 * block), 1) * block
         self.x0 = self.y0 = -half
         self.width = self.height = 2 * half
         if self.width % EVEN == 0:

@@ -10,7 +10,7 @@ import numpy as np
 from slams.geometry import add_prior, solve3, wrap_angle
 from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
-from tsd.model_kernels import Model
+from tsd.model_kernels import Model, ray_at
 
 ALIKE = 0.7  # cosine between the normals of a pair
 TRIMMED = 3.0  # pairs farther apart than this many of the usual distances are left out
@@ -37,12 +37,10 @@ class IcpRule(NamedTuple):
 def find_pair(model: Model, x: float, y: float, nx: float, ny: float, window: int) -> int:
     """The nearest model point that faces alike among the rays beside a point; -1 if none.
 
-    ours: projective association (A2) in place of the original's nearest of all.
+    ours: projective association in place of the original's nearest of all.
     """
     fan = model.fan
-    middle = 0.5 * (fan.rays - 1)
-    bearing = math.atan2(y - model.y, x - model.x) - model.heading - fan.first
-    ray = round(wrap_angle(bearing - middle * fan.gap) / fan.gap + middle)
+    ray = ray_at(fan, math.atan2(y - model.y, x - model.x) - model.heading)
     found, nearest = -1, math.inf
     for j in range(ray - window, ray + window + 1):
         k = j % fan.around if fan.around > 0 else j
@@ -67,7 +65,7 @@ def sum_pairs(
 ) -> tuple[float, float]:
     """Normal equations of sum w (n (T p - m))^2 over all pairs within the gate.
 
-    Original code: point to point; ours: point to line on the model's normals (A2), weighed by what
+    Original code: point to point; ours: point to line on the model's normals, weighed by what
     an element knows, less near the gate (trimmed). out_H, four rows (n, 3): the equations and
     their right side. Returns how many pairs there are and the rms of their distances [m].
     """
@@ -124,7 +122,7 @@ def icp(
 ) -> tuple[float, float, int]:
     """ICP from out_pose (3,), which it moves. Returns pairs, rms [m], iterations.
 
-    Original code: gate that shrinks; ours: it follows the residual (D3), and what is known
+    Original code: gate that shrinks; ours: it follows the residual, and what is known
     beforehand, a pose `mean` (3,) with information `prior` (3, 3), holds what the scan does not
     see. out_H (5, 3) is room to work; its first three rows are left as what the pairs know.
     """

@@ -6,68 +6,126 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.cells import Room, move, zeros
-from slams.extent import USUAL_CELLS, Box
-from slams.types import Floats
+from slams.extent import Box, Extent
+from slams.frontend.correlative import Lookup
+from slams.refine.lines import Match
+from slams.scan.end_points import EndPoints
+from slams.types import Floats, OccupancyGrid, Pose2
 from tsd.drawing import CERTAIN, Drawing
 from tsd.image import Image, Picture
-from tsd.map_kernels import LAYERS, SIDE, Field, PushRule, carve, list_rows, push_rows
+from tsd.map_kernels import (
+    LAYERS,
+    SIDE,
+    WALL,
+    Field,
+    PushRule,
+    carve,
+    list_rows,
+    push_rows,
+)
+from tsd.match_kernels import evaluate
+from tsd.params import TsdParams
+from tsd.scan import SurfaceScan
 
 ROWS = 1 << 14  # of cells one scan can touch
-START = Box(0.0, 0.0, 0.0, 0.0)
-Table = tuple[NDArray[np.int32], NDArray[np.uint8]]
+LEAST_ERROR = 0.001  # m
+Table = tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.float32]]
 
 
 class TileField:
     """Signed distances near surfaces, in one layer per facing.
 
+    `error` [m] is that of the field, by the last match.
+
     Args:
-        cell: edge of a cell [m].
-        truncation: greatest distance kept [m].
-        max_weight: cap of a cell's weight.
-        max_cells: cells of the largest map.
+        params: parameters.
     """
 
-    def __init__(
-        self, cell: float, truncation: float, max_weight: float, max_cells: int = USUAL_CELLS
-    ) -> None:
-        self._truncation, self._max_weight = truncation, max_weight
+    def __init__(self, params: TsdParams) -> None:
+        p = self.params = params
+        self.insertions = 0
+        self.error = p.range_noise
+        self.extent = Extent(p.max_cells, p.cell)
         self._rows = np.zeros((ROWS, 4))
-        self._room, self._covered = Room(max_cells, cell, SIDE), START
-        slots, seen = self._table()
+        self._room = Room(p.max_cells, p.cell, SIDE)
+        slots, seen, walls = self._table()
         tiles = slots.size, SIDE, SIDE
         self.kernel = Field(
             slots=slots,
             tsd=zeros(tiles, np.float32),
             weight=zeros(tiles, np.float32),
             corner=np.array(self._room.corner),
-            cell=cell,
+            cell=p.cell,
             used=np.ones(1, np.int64),
             seen=seen,
+            walls=walls,
         )
         self.kernel.tsd[0] = np.nan
 
-    def push(self, lines: Floats, box: Box, gap: float, x: float, y: float) -> None:
+    @property
+    def empty(self) -> bool:
+        """Whether no scan has entered the map."""
+        return self.insertions == 0
+
+    def insert(self, scan: SurfaceScan, pose: Pose2) -> bool:
+        """Let a scan taken at `pose` enter; False if the map does not grow so far."""
+        lines, box = scan.lines(pose)
+        laser = pose @ scan.laser.mount
+        return self.push(lines, box, scan.beams.angle_increment, laser.x, laser.y)
+
+    def push(self, lines: Floats, box: Box, gap: float, x: float, y: float) -> bool:
         """Enter lines (n, 7) of `place_lines` within a box, seen from x, y by beams `gap` apart."""
-        if len(lines) == 0:
-            return
-        self._cover(box.joined(Box.around(x, y, 0.0)))
-        rule = PushRule(self._truncation, self._max_weight, gap)
+        p, beside = self.params, 0.5 + 2.0 * self.params.truncation
+        box = box.joined(Box.around(x, y, 0.0))
+        needed = Box(box.x0 - beside, box.y0 - beside, box.x1 + beside, box.y1 + beside)
+        if not self.extent.admits(needed):
+            return False
+        self.insertions += 1
+        self._cover(needed)
+        rule = PushRule(p.truncation, p.max_weight, gap)
         n_rows = list_rows(self.kernel, lines, len(lines), rule, self._rows)
         push_rows(self.kernel, lines, self._rows, n_rows, rule)
         carve(self.kernel, lines, len(lines), x, y, rule)
+        return True
+
+    def learn(self, match: Match) -> None:
+        """Take this match's distances for the error of the field."""
+        self.error = max(self.params.map_noise * match.square**0.5, LEAST_ERROR)
+
+    def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
+        """Shares of the elements that are inliers at a pose, and in conflict with the map."""
+        if not isinstance(points, SurfaceScan):
+            raise TypeError(f"points are of a {type(points).__name__}, expected a SurfaceScan")
+        elements, n, at = points.elements, points.count, np.array(pose)
+        inliers, conflicts = evaluate(self.kernel, elements, n, at, points.softness)
+        n = max(n, 1)
+        return inliers / n, conflicts / n
+
+    def lookup(self) -> Lookup:
+        """Cells of half a tile, 1 where a surface crosses them, less beside it."""
+        f = self.kernel
+        cell = WALL * f.cell
+        x, y = (f.corner + 0.5 * cell).tolist()
+        return Lookup(f.walls, x, y, cell)
+
+    def grid(self) -> OccupancyGrid:
+        """The map as it stands."""
+        return self.sketch().draw()
+
+    def cut(self, box: Box) -> OccupancyGrid | None:
+        """The part of the map in a box, None if nothing was observed there."""
+        window = self._window(box)
+        if not self.kernel.seen[window[0]].any():
+            return None
+        return self._drawing(window).draw()
 
     def sketch(self) -> Drawing:
         """What the map is drawn from, taken quickly."""
-        f, used = self.kernel, int(self.kernel.used[0])
-        (rows, columns), (ty, tx) = self._window()
-        corner = f.corner + f.cell * np.array([columns.start, rows.start])
-        tsd = np.where(f.weight[:used] >= CERTAIN, f.tsd[:used], np.float32(np.nan))
-        slots, seen = f.slots[ty, tx].copy(), f.seen[rows, columns].copy()
-        return Drawing(slots, tsd, seen, f.cell, (float(corner[0]), float(corner[1])))
+        return self._drawing(self._window(self.extent.covered))
 
     def picture(self) -> Picture:
         """Of every cell the distance [m] to its closest surface, and the weight."""
-        f, ((rows, columns), _) = self.kernel, self._window()
+        f, ((rows, columns), _) = self.kernel, self._window(self.extent.covered)
         tsd = np.stack([self._dense(layer, f.tsd) for layer in range(LAYERS)])
         weight = np.stack([self._dense(layer, f.weight) for layer in range(LAYERS)])
         nearest = np.where(np.isnan(tsd), np.inf, np.abs(tsd)).argmin(axis=0)[None]
@@ -75,35 +133,49 @@ class TileField:
         corner = f.corner + f.cell * np.array([columns.start, rows.start])
         return images[0], images[1], f.cell, (float(corner[0]), float(corner[1]))
 
+    def _drawing(self, window: tuple[tuple[slice, slice], tuple[slice, slice]]) -> Drawing:
+        f, ((rows, columns), (ty, tx)) = self.kernel, window
+        corner = f.corner + f.cell * np.array([columns.start, rows.start])
+        used, index = np.unique(f.slots[ty, tx], return_inverse=True)
+        tsd = np.where(f.weight[used] >= CERTAIN, f.tsd[used], np.float32(np.nan))
+        slots = index.reshape(f.slots[ty, tx].shape).astype(np.int32)
+        if used[0] != 0:  # no tile is missing: number 0 is still that of none
+            tsd = np.concatenate([np.full((1, SIDE, SIDE), np.nan, np.float32), tsd])
+            slots += 1
+        seen = f.seen[rows, columns].copy()
+        return Drawing(slots, tsd, seen, f.cell, (float(corner[0]), float(corner[1])))
+
     def _dense(self, layer: int, pool: Image) -> Image:
         """One layer of the part of the map that was seen, as an image."""
-        slots = self.kernel.slots[self._window()[1]][..., layer]
+        slots = self.kernel.slots[self._window(self.extent.covered)[1]][..., layer]
         ny, nx = slots.shape
         image: Image = pool[slots].transpose(0, 2, 1, 3).reshape(ny * SIDE, nx * SIDE)
         return image
 
-    def _window(self) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-        """The whole tiles that were touched: their cells, and themselves."""
-        rows, columns = self._room.window(self._covered)
+    def _window(self, box: Box) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+        """The whole tiles in a box that were covered: their cells, and themselves."""
+        seen = self.extent.covered
+        low = max(box.x0, seen.x0), max(box.y0, seen.y0)
+        rows, columns = self._room.window(Box(*low, min(box.x1, seen.x1), min(box.y1, seen.y1)))
         tiles = [slice(at.start // SIDE, -(-at.stop // SIDE)) for at in (rows, columns)]
         cells = [slice(at.start * SIDE, at.stop * SIDE) for at in tiles]
         return (cells[0], cells[1]), (tiles[0], tiles[1])
 
     def _cover(self, box: Box) -> None:
-        """Have room for a box and what is beside it."""
-        f, beside = self.kernel, 0.5 + 2.0 * self._truncation
-        box = Box(box.x0 - beside, box.y0 - beside, box.x1 + beside, box.y1 + beside)
-        self._covered = self._covered.joined(box)
+        """Have room for a box."""
         added = self._room.reach(box)
         if added is None:
             return
-        below, left = added
-        slots, seen = self._table()
+        f, (below, left) = self.kernel, added
+        slots, seen, walls = self._table()
         move(f.slots, slots, below // SIDE, left // SIDE)
         move(f.seen, seen, below, left)
-        self.kernel = f._replace(slots=slots, seen=seen, corner=np.array(self._room.corner))
+        move(f.walls, walls, below // WALL, left // WALL)
+        corner = np.array(self._room.corner)
+        self.kernel = f._replace(slots=slots, seen=seen, walls=walls, corner=corner)
 
     def _table(self) -> Table:
         ny, nx = self._room.height, self._room.width
         slots = zeros((ny // SIDE, nx // SIDE, LAYERS), np.int32)
-        return slots, zeros((ny, nx), np.uint8)
+        walls = zeros((ny // WALL, nx // WALL), np.float32)
+        return slots, zeros((ny, nx), np.uint8), walls

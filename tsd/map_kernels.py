@@ -13,7 +13,9 @@ from slams.jit import FAST, njit
 from slams.types import Floats
 from tsd.scan_kernels import Beams
 
-SIDE = 8  # cells per tile edge
+SHIFT = 3
+SIDE, INSIDE = 1 << SHIFT, (1 << SHIFT) - 1  # cells per tile edge; bits of a cell's number in it
+WALL = SIDE // 2  # cells per edge of a cell of `walls`
 LAYERS = 4  # facings: +x, +y, -x, -y
 SHARED = 0.55  # a surface is written to every layer whose axis is within 57 degrees of its normal
 PASSED, BEHIND = 1, 2  # bits of `seen`: a beam passed the cell; it lies behind some surface
@@ -28,7 +30,8 @@ class Field(NamedTuple):
     `slots` (ny, nx, 4) gives each tile's place in the pool; 0 is a tile that is unknown everywhere,
     for all that are not there. `tsd` [m] (n, SIDE, SIDE) is nan where unknown. `corner` (2,) [m]
     is the outer corner of tile [0, 0]. `used` (1,) counts slots taken. `seen` (ny SIDE, nx SIDE)
-    holds the bits PASSED and BEHIND.
+    holds the bits PASSED and BEHIND. `walls` (ny SIDE / WALL, nx SIDE / WALL): how close the
+    nearest surface came to a cell's center, 1 for zero, 0 for a truncation.
     """
 
     slots: NDArray[np.int32]
@@ -38,6 +41,7 @@ class Field(NamedTuple):
     cell: float
     used: NDArray[np.int64]
     seen: NDArray[np.uint8]
+    walls: NDArray[np.float32]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Field:
         return Field(*deepcopied(self, memo))
@@ -59,22 +63,22 @@ def facing(nx: float, ny: float) -> int:
     return 1 if ny >= 0.0 else 3
 
 
-@njit(fastmath=FAST, inner=True)
+@njit(fastmath=FAST, inner=True, borrows=True)
 def slot_of(field: Field, layer: int, iy: int, ix: int) -> int:
     """Place in the pool of the tile that a cell lies in, 0 where there is none. ours."""
-    ty, tx = iy // SIDE, ix // SIDE
+    ty, tx = iy >> SHIFT, ix >> SHIFT
     if ty < 0 or tx < 0 or ty >= field.slots.shape[0] or tx >= field.slots.shape[1]:
         return 0
     return int(field.slots[ty, tx, layer])
 
 
-@njit(fastmath=FAST, inner=True)
+@njit(fastmath=FAST, inner=True, borrows=True)
 def cell_value(field: Field, layer: int, iy: int, ix: int) -> float:
     """Signed distance [m] in one cell, nan where unknown or outside. ours."""
-    return float(field.tsd[slot_of(field, layer, iy, ix), iy % SIDE, ix % SIDE])
+    return float(field.tsd[slot_of(field, layer, iy, ix), iy & INSIDE, ix & INSIDE])
 
 
-@njit(fastmath=FAST, inner=True)
+@njit(fastmath=FAST, inner=True, borrows=True)
 def seen_at(field: Field, x: float, y: float) -> int:
     """Bits PASSED and BEHIND of the cell at a point, 0 outside. ours."""
     ix = math.floor((x - field.corner[0]) / field.cell)
@@ -83,40 +87,37 @@ def seen_at(field: Field, x: float, y: float) -> int:
     return int(field.seen[iy, ix]) if inside else 0
 
 
-@njit(fastmath=FAST, inner=True)
+@njit(fastmath=FAST, inner=True, borrows=True)
 def read_field(field: Field, layer: int, x: float, y: float) -> tuple[float, float, float]:
     """Bilinear signed distance [m] and its gradient at a point; nan next to unknown cells.
 
     [May14] interpolation between the four surrounding cell centers; ours: the gradient is that
-    of the interpolant (A1).
+    of the interpolant, so that Gauss-Newton descends what it sums.
     """
-    u = (x - field.corner[0]) / field.cell - 0.5
-    v = (y - field.corner[1]) / field.cell - 0.5
+    scale = 1.0 / field.cell
+    u = (x - field.corner[0]) * scale - 0.5
+    v = (y - field.corner[1]) * scale - 0.5
     ix, iy = math.floor(u), math.floor(v)
     wx, wy = u - ix, v - iy
-    value, gx, gy = 0.0, 0.0, 0.0
-    slot, jx, jy = slot_of(field, layer, iy, ix), ix % SIDE, iy % SIDE
-    within = jx < SIDE - 1 and jy < SIDE - 1
-    if within and slot == 0:
-        return math.nan, math.nan, math.nan
-    for m in range(4):
-        i, j = m % 2, m // 2
-        ax, ay = (wx if i else 1.0 - wx), (wy if j else 1.0 - wy)
-        if within:
-            sd = float(field.tsd[slot, jy + j, jx + i])
-        else:
-            sd = cell_value(field, layer, iy + j, ix + i)
-        value += ax * ay * sd
-        gx += (2 * i - 1) * ay * sd
-        gy += (2 * j - 1) * ax * sd
-    return value, gx / field.cell, gy / field.cell
+    slot, jx, jy = slot_of(field, layer, iy, ix), ix & INSIDE, iy & INSIDE
+    if jx < INSIDE and jy < INSIDE:
+        if slot == 0:
+            return math.nan, math.nan, math.nan
+        a, b = float(field.tsd[slot, jy, jx]), float(field.tsd[slot, jy, jx + 1])
+        c, d = float(field.tsd[slot, jy + 1, jx]), float(field.tsd[slot, jy + 1, jx + 1])
+    else:
+        a, b = float(field.tsd[slot, jy, jx]), cell_value(field, layer, iy, ix + 1)
+        c, d = cell_value(field, layer, iy + 1, ix), cell_value(field, layer, iy + 1, ix + 1)
+    low, high = a + wx * (b - a), c + wx * (d - c)
+    gx = (b - a) + wy * ((d - c) - (b - a))
+    return low + wy * (high - low), gx * scale, (high - low) * scale
 
 
 @njit
 def place_lines(
     surfaces: Floats, count: int, runs: Floats, beams: Beams, pose: Floats, out_lines: Floats
 ) -> tuple[float, float, float, float]:
-    """Surface elements in the map. ours: A5.
+    """Surface elements in the map. ours: what is pushed are lines, not the ends of beams.
 
     surfaces (n, 8) as made by `fit_surfaces`; runs (n, 2) as made by `find_runs`; pose (3,) of the
     base. out_lines (n, 7): x, y [m], normal x, y, cosine of incidence, distance [m] times the beams
@@ -147,7 +148,7 @@ def place_lines(
 def list_rows(field: Field, lines: Floats, count: int, rule: PushRule, out_rows: Floats) -> int:
     """Rows of cells that cross a line, up to halfway to its neighbors, for each layer it faces.
 
-    ours: S2, only the cells beside surfaces are visited. lines (n, 7) as made by `place_lines`;
+    ours: only the cells beside surfaces are visited. lines (n, 7) as made by `place_lines`;
     layers 0 and 2 go by rows, 1 and 3 by columns. out_rows (m, 4): line, layer, number of the
     row, where the line crosses it [m from the corner]. Returns how many.
     """
@@ -201,7 +202,7 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
     """Push: every cell of the rows takes its distance to the line, a running weighted mean.
 
     [May14] update of tsd and weight; ours: distance to the local line instead of along the ray,
-    each surface in the layers it faces, less weight behind it (A5, A6).
+    each surface in the layers it faces, less weight behind it, where no beam has been.
     """
     cell, tau = field.cell, rule.truncation
     for m in range(n_rows):
@@ -212,7 +213,7 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
         last = math.floor((v + tau / abs(nv)) / cell - 0.5)
         for i in range(max(first, 0), last + 1):
             iy, ix = (row, i) if across == 0 else (i, row)
-            ty, tx = iy // SIDE, ix // SIDE
+            ty, tx = iy >> SHIFT, ix >> SHIFT
             if iy < 0 or ix < 0 or ty >= field.slots.shape[0] or tx >= field.slots.shape[1]:
                 continue
             slot = field.slots[ty, tx, layer]
@@ -221,7 +222,7 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
                 if slot == 0:
                     continue
                 field.slots[ty, tx, layer] = slot
-            jy, jx = iy - ty * SIDE, ix - tx * SIDE
+            jy, jx = iy & INSIDE, ix & INSIDE
             sd = ((i + 0.5) * cell - v) * nv
             weight = lines[k, 4] * max(min(1.0 + sd / tau, 1.0), 0.01)
             old = field.weight[slot, jy, jx]
@@ -230,13 +231,16 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
             field.weight[slot, jy, jx] = min(old + weight, rule.max_weight)
             if sd < -cell:
                 field.seen[iy, ix] |= BEHIND
+            near = 1.0 - abs(sd) / tau
+            if near > field.walls[iy // WALL, ix // WALL]:
+                field.walls[iy // WALL, ix // WALL] = near
 
 
 @njit(fastmath=FAST, inner=True)
 def forget(field: Field, layer: int, iy: int, ix: int, share: float, limit: float) -> bool:
     """Leave a cell below `limit` [m] a share of its weight; true when it was its last. ours."""
-    ty, tx = iy // SIDE, ix // SIDE
-    slot, j, i = field.slots[ty, tx, layer], iy % SIDE, ix % SIDE
+    ty, tx = iy >> SHIFT, ix >> SHIFT
+    slot, j, i = field.slots[ty, tx, layer], iy & INSIDE, ix & INSIDE
     if slot == 0 or not field.tsd[slot, j, i] < limit:
         return False
     field.weight[slot, j, i] *= share
@@ -252,7 +256,7 @@ def carve(field: Field, lines: Floats, count: int, x: float, y: float, rule: Pus
     """Note the cells that beams from the laser at x, y passed, and forget walls they crossed.
 
     ours: free space costs one beam per cell, not one update per cell; only a beam that crosses a
-    surface from its front and goes on for two truncations contradicts it (D2, D8). A cell behind
+    surface from its front and goes on for two truncations contradicts it. A cell behind
     the surface loses half its weight, and with its last the surface in front of it goes too.
     """
     back = int(rule.truncation / field.cell) + 1

@@ -8,14 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from slams.geometry import add_prior, solve3, wrap_angle
-from slams.jit import FAST, njit
+from slams.jit import njit
 from slams.types import Floats, Pose2
 from tsd.map_kernels import PASSED, Field, facing, read_field, seen_at
-from tsd.scan_kernels import Beams
 
 FLAT = 0.3  # least slope of the field for a direction of its own
 ALIKE = 0.85  # cosine between that and an element's normal, below which values of two lines meet
-SPARSE = 10.0  # cells between hits along a wall, beyond which the map has gaps there
 SETTLED = 0.1  # of the robust scale: after a longer step it stays for another
 ANNEAL = 2.0  # the robust scale follows the residual down, in residuals
 
@@ -43,7 +41,7 @@ def accumulate(
 ) -> tuple[float, float, float]:
     """Normal equations of sum w rho(sd(T p)), the sum over all elements that the field knows.
 
-    ours: A1, residual = field value [m], Jacobian = the field's own direction: an element's normal
+    ours: residual = field value [m], Jacobian = the field's own direction: an element's normal
     is noisy, and noise that points along a corridor holds the pose there. So does the field's own
     where values of two lines meet: an element whose normal is told by its hits, and not alike, says
     nothing. Returns how many elements are known, how many close (robustly), and the rms of the
@@ -100,7 +98,8 @@ def align(
 ) -> tuple[float, float, float, int]:
     """Gauss-Newton from out_pose (3,), which it moves.
 
-    ours: A1, A3. Returns known, close and residual as `accumulate`, and the iterations.
+    ours: the model is the field itself, without a ray cast. Returns known, close and residual as
+    `accumulate`, and the iterations.
     prior (3, 3): information [1/m2, 1/(m rad), 1/rad2] of a pose `mean` (3,) known beforehand,
     which holds the directions that the scan does not see; out_H is left without it.
     """
@@ -132,17 +131,17 @@ def align(
 
 
 @njit
-def explain(
-    field: Field, surfaces: Floats, count: int, pose: Floats, robust: float
-) -> tuple[float, float, float, float]:
-    """What the field makes of a scan at a pose: elements known, close, against, and their rms.
+def evaluate(
+    field: Field, surfaces: Floats, count: int, pose: Floats, softness: float
+) -> tuple[float, float]:
+    """Sum of inliers, by robust weight, and number of conflicts of a scan's elements at a pose.
 
-    ours: evidence. Known have a distance there, close count by how near zero it is (robust [m]);
-    against are those that stand where beams passed and no surface ever was.
+    ours: an inlier is an element near zero, by `softness` [m]; a conflict is one that stands where
+    beams passed and no surface ever was. Elements where nothing is known are neither.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    known, close, against, squares = 0.0, 0.0, 0.0, 0.0
-    scale = 1.0 / (robust * robust)
+    inliers, conflicts = 0.0, 0.0
+    scale = 1.0 / (softness * softness)
     for k in range(count):
         nx = c * surfaces[k, 2] - s * surfaces[k, 3]
         ny = s * surfaces[k, 2] + c * surfaces[k, 3]
@@ -150,66 +149,7 @@ def explain(
         y = pose[1] + s * surfaces[k, 0] + c * surfaces[k, 1]
         v, _, _ = read_field(field, facing(nx, ny), x, y)
         if v == v:
-            known += 1.0
-            squares += v * v
-            close += 1.0 / (1.0 + v * v * scale)
+            inliers += 1.0 / (1.0 + v * v * scale)
         elif seen_at(field, x, y) == PASSED:
-            against += 1.0
-    return known, close, against, math.sqrt(squares / max(known, 1.0))
-
-
-@njit(fastmath=FAST, inner=True)
-def agreement(field: Field, layer: int, x: float, y: float, scale: float) -> float:
-    """How well an element at (x, y) agrees, 0 to 1; -1 where nothing was ever seen. ours.
-
-    Where beams passed and there is no surface it disagrees; scale [1/m2].
-    """
-    v, _, _ = read_field(field, layer, x, y)
-    if v == v:
-        return 1.0 / (1.0 + v * v * scale)
-    return 0.0 if seen_at(field, x, y) else -1.0
-
-
-@njit
-def leads_along(
-    field: Field,
-    surfaces: Floats,
-    count: int,
-    beams: Beams,
-    pose: Floats,
-    offsets: Floats,
-    rule: MatchRule,
-    out: Floats,
-) -> tuple[float, float]:
-    """How much better a scan agrees with the field at a pose moved by offsets (n, 2) [m]. ours.
-
-    out (n, 2): the sum over the elements of what each agrees more there than at the pose, and of
-    the squares of that. Where nothing was ever seen an element says nothing. Hits so sparse that
-    the map has gaps between them are left out: gaps move with the robot. Returns how many elements
-    lie where beams were before, at the pose itself, and how many of those agree.
-    """
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    scale = 1.0 / (rule.robust * rule.robust)
-    seen, agree = 0.0, 0.0
-    for i in range(offsets.shape[0]):
-        out[i, 0], out[i, 1] = 0.0, 0.0
-    for k in range(count):
-        rx, ry = beams.mount_x - surfaces[k, 0], beams.mount_y - surfaces[k, 1]
-        facing_it = rx * surfaces[k, 2] + ry * surfaces[k, 3]
-        if (rx * rx + ry * ry) * abs(beams.angle_increment) > SPARSE * field.cell * facing_it:
-            continue
-        nx = c * surfaces[k, 2] - s * surfaces[k, 3]
-        ny = s * surfaces[k, 2] + c * surfaces[k, 3]
-        layer = facing(nx, ny)
-        x0 = pose[0] + c * surfaces[k, 0] - s * surfaces[k, 1]
-        y0 = pose[1] + s * surfaces[k, 0] + c * surfaces[k, 1]
-        here = agreement(field, layer, x0, y0, scale)
-        if here < 0.0:
-            continue
-        seen, agree = seen + 1.0, agree + here
-        for i in range(offsets.shape[0]):
-            there = agreement(field, layer, x0 + offsets[i, 0], y0 + offsets[i, 1], scale)
-            if there >= 0.0:
-                out[i, 0] += there - here
-                out[i, 1] += (there - here) * (there - here)
-    return seen, agree
+            conflicts += 1.0
+    return inliers, conflicts

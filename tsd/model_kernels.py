@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slams.geometry import wrap_angle
 from slams.jit import FAST, njit
 from slams.types import Floats
 from tsd.map_kernels import LAYERS, SIDE, Field, read_field
@@ -15,6 +16,7 @@ FRONT = 0.71  # cosine between a ray and a layer's axis: a layer beyond shows it
 LEAST_SLOPE, MOST_SLOPE = 0.6, 1.5  # of one surface; borders between two have others
 BLIND = 2.0  # cells a ray goes where nothing is known: fewer than lie before a surface
 EDGE = 1e-6  # m beyond the edge of a tile
+Pair = tuple[float, float]
 
 
 class Fan(NamedTuple):
@@ -45,7 +47,7 @@ class Model(NamedTuple):
 
 @njit(fastmath=FAST, inner=True)
 def layers_there(field: Field, ty: int, tx: int, dx: float, dy: float) -> int:
-    """Bits of the layers that have cells in a tile and show a ray their front. ours: S3."""
+    """Bits of the layers that have cells in a tile and show a ray their front. ours."""
     bits = 0
     for layer in range(4):
         along = dx if layer % 2 == 0 else dy
@@ -56,29 +58,37 @@ def layers_there(field: Field, ty: int, tx: int, dx: float, dy: float) -> int:
 
 @njit(fastmath=FAST, inner=True)
 def way_through(at: float, step: float, size: float) -> float:
-    """Way [m] along a ray to the edge of its tile, on one axis; `at` in tiles. ours: S3."""
+    """Way [m] along a ray to the edge of its tile, on one axis; `at` in tiles. ours."""
     if step == 0.0:
         return math.inf
     return (math.floor(at) + (1.0 if step > 0.0 else 0.0) - at) * size / step
 
 
-@njit(inner=True)
+@njit(fastmath=FAST, inner=True)
 def settle(
-    field: Field, layer: int, model: Model, dx: float, dy: float, low: float, high: float
-) -> float:
-    """Way [m] along a ray to where a layer's distance is zero; inf if that is no surface's front.
+    field: Field,
+    layer: int,
+    model: Model,
+    dx: float,
+    dy: float,
+    ways: Pair,
+    sides: Pair,
+    out: Floats,
+) -> None:
+    """The zero of a layer's distance along a ray, if it is a surface's front nearer than out[4].
 
-    The distance is positive at `low` and not at `high`. Original code: linear between the two;
-    ours: from the slope there, which must be that of one surface.
+    The distances `sides`, at two `ways` [m], are positive and not. Original code: linear between
+    the two; ours: from the slope there, which must be that of one surface. out (5,) as in `Model`.
     """
-    before, _, _ = read_field(field, layer, model.x + low * dx, model.y + low * dy)
-    after, _, _ = read_field(field, layer, model.x + high * dx, model.y + high * dy)
+    (low, high), (before, after) = ways, sides
     hit = low + (high - low) * before / (before - after)
     at, gx, gy = read_field(field, layer, model.x + hit * dx, model.y + hit * dy)
     fall, slope = gx * dx + gy * dy, math.sqrt(gx * gx + gy * gy)
     if LEAST_SLOPE < slope < MOST_SLOPE and fall < 0.0:
-        return min(max(hit - at / fall, low), high)
-    return math.inf
+        hit = min(max(hit - at / fall, low), high)
+        if hit < out[4]:
+            out[0], out[1] = model.x + hit * dx, model.y + hit * dy
+            out[2], out[3], out[4] = gx / slope, gy / slope, hit
 
 
 @njit(fastmath=FAST, inner=True)
@@ -89,14 +99,16 @@ def forget_last(before: Floats) -> None:
 
 
 @njit(fastmath=FAST, inner=True)
-def cast_ray(field: Field, model: Model, dx: float, dy: float, before: Floats) -> tuple[float, int]:
-    """Way [m] along a ray to the nearest surface, inf if nowhere, and the layer that has it.
+def cast_ray(field: Field, model: Model, dx: float, dy: float, before: Floats, out: Floats) -> bool:
+    """The nearest surface along a ray: out (5,), as a row of `Model.points`; False if nowhere.
 
-    [May14] ray cast; ours: tiles without cells are jumped over, so that a surface beside one is
-    not missed (S3, D12), steps elsewhere are as long as the least distance. before (4,): room.
+    [May14] ray cast; ours: tiles without cells are jumped over to their edges, so that a surface
+    beside one is not missed, and steps elsewhere are as long as the least distance. before (4,):
+    room.
     """
     size, cell = field.cell * SIDE, field.cell
     way, last = 0.0, 0.0
+    out[4] = math.inf
     forget_last(before)
     while way < model.fan.reach:
         x, y = model.x + way * dx, model.y + way * dy
@@ -109,23 +121,28 @@ def cast_ray(field: Field, model: Model, dx: float, dy: float, before: Floats) -
             forget_last(before)
             way += min(way_through(u, dx, size), way_through(v, dy, size)) + EDGE
             continue
-        nearest, seen, step = math.inf, -1, math.inf
+        step = math.inf
         for layer in range(4):
             sd = math.nan
             if bits & (1 << layer):
                 sd, _, _ = read_field(field, layer, x, y)
             if before[layer] > 0.0 and sd <= 0.0:
-                hit = settle(field, layer, model, dx, dy, last, way)
-                if hit < nearest:
-                    nearest, seen = hit, layer
+                settle(field, layer, model, dx, dy, (last, way), (before[layer], sd), out)
             before[layer] = sd
             if sd > 0.0:
                 step = min(step, sd)
-        if seen >= 0:
-            return nearest, seen
+        if out[4] < math.inf:
+            return True
         last = way
         way += max(step, cell) if step < math.inf else BLIND * cell
-    return math.inf, -1
+    return False
+
+
+@njit(fastmath=FAST, inner=True)
+def ray_at(fan: Fan, bearing: float) -> int:
+    """Number of the ray nearest to a bearing [rad] in the laser's frame. ours."""
+    middle = 0.5 * (fan.rays - 1)
+    return round(wrap_angle(bearing - fan.first - middle * fan.gap) / fan.gap + middle)
 
 
 @njit
@@ -140,17 +157,8 @@ def cast_rays(field: Field, model: Model) -> int:
     before = np.empty((1, LAYERS))[0]  # a kind of array that is compiled already
     for k in range(fan.rays):
         angle = model.heading + fan.first + k * fan.gap
-        dx, dy = math.cos(angle), math.sin(angle)
-        way, layer = cast_ray(field, model, dx, dy, before)
-        out[k, 4] = 0.0
-        if layer < 0:
-            continue
-        x, y = model.x + way * dx, model.y + way * dy
-        _, gx, gy = read_field(field, layer, x, y)
-        slope = math.sqrt(gx * gx + gy * gy)
-        if not slope > 0.0:
-            continue
-        out[k, 0], out[k, 1], out[k, 2], out[k, 3] = x, y, gx / slope, gy / slope
-        out[k, 4] = way
-        n_hits += 1
+        if cast_ray(field, model, math.cos(angle), math.sin(angle), before, out[k]):
+            n_hits += 1
+        else:
+            out[k, 4] = 0.0
     return n_hits

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from slams.extent import max_cells
-from slams.motion.params import MotionParams
+from slams.frontend.params import FrontendParams
 from slams.params import RosNames, param
 from slams.scan.params import ScanParams
 from tsd.ros import ROS as ROS_NAMES
@@ -16,18 +16,13 @@ ORIGINAL = "original code"
 
 
 @dataclass(frozen=True)
-class TsdParams(ScanParams, MotionParams):
+class TsdParams(ScanParams, FrontendParams):
     """Parameters of the default, `Tsd`; the published program has its own."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
-    # Ranges of the LDS deviate by 2 cm at 1 m: with the UTM-30LX's 1 cm every other scan looks
-    # like a bad match and is searched for. Error per scan down by a sixth, CPU time to a seventh.
-    SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        laser: {"range_noise": 0.04, "robust": 0.06} for laser in ("lds01", "lds02")
-    }
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "tsd.original:Original",
-        "paper": {"refine": False, "relocate": False},
+        "paper": {"estimator": "plain", "refine": False},
     }
 
     cell: float = param(
@@ -57,6 +52,14 @@ class TsdParams(ScanParams, MotionParams):
     push_rotation: float = param(
         0.03, "rad", "push again after this turn", source=ORIGINAL, low=0.0
     )
+    settle: int = param(
+        1,
+        "1",
+        "scans at the start that are all pushed",
+        source="ours: noise averages by scans",
+        low=1,
+        high=10_000,
+    )
 
     min_range: float = param(
         0.1,
@@ -76,11 +79,11 @@ class TsdParams(ScanParams, MotionParams):
         0.12,
         "m",
         "half length of the window a surface line is fitted in",
-        source="ours: A5, noise 1/6 of a beam's at 2 m",
+        source="ours: noise 1/6 of a beam's at 2 m",
         low=0.0,
     )
     spacing: float = param(
-        0.05, "m", "distance of surface elements along a wall", source="ours: S4", low=0.0
+        0.05, "m", "distance of surface elements along a wall", source="ours: a cell", low=0.0
     )
     max_slope: float = param(
         8.0,
@@ -103,17 +106,25 @@ class TsdParams(ScanParams, MotionParams):
         15, "1", "most Gauss-Newton iterations", source="ours: 3 are usual", low=1, high=1_000
     )
     robust: float = param(
-        0.03, "m", "distance at which a residual loses half its say", source="ours: A1", low=1e-3
+        0.03,
+        "m",
+        "distance at which a residual loses half its say",
+        source="ours: 3 range noises",
+        low=1e-3,
     )
     map_noise: float = param(
-        1.0, "1", "error of the field per residual seen so far", source="ours: A6", low=0.0
+        1.0,
+        "1",
+        "error of the field per residual of the last match",
+        source="ours: its errors are alike",
+        low=0.0,
     )
     max_cells: int = max_cells()
     refine: bool = param(
         True,
         "1",
-        "align to the field itself, behind ICP",
-        source="ours: A1; the paper ends with ICP",
+        "fit the scan to the field itself, behind ICP",
+        source="ours: the paper ends with ICP",
         switch=True,
     )
     rays: int = param(
@@ -137,33 +148,29 @@ class TsdParams(ScanParams, MotionParams):
         2,
         "1",
         "rays to either side among which a pair is looked for",
-        source="ours: A2",
+        source="ours: pairs by projection; original code: of all",
         low=0,
         high=100,
     )
     search_translation: float = param(
-        0.6, "m", "half width of the wide search, doubled when it fails", source="ours: R2", low=0.0
+        0.6,
+        "m",
+        "half width of RANSAC's window, doubled when it fails",
+        source="ours: the original searches all of its map",
+        low=0.0,
     )
     search_rotation: float = param(
         0.6,
         "rad",
-        "half width of the wide search, doubled when it fails",
-        source="ours: R2",
+        "half width of RANSAC's window, doubled when it fails",
+        source="ours: the original searches all of its map",
         low=0.0,
     )
     convincing: float = param(
         0.97,
         "1",
-        "share of the usual agreement below which other starts are tried",
-        source="ours: A3",
-        low=0.0,
-        high=1.0,
-    )
-    min_close: float = param(
-        0.5,
-        "1",
-        "least agreement of the known elements of an accepted match",
-        source="ours: A7",
+        "share of the usual agreement below which RANSAC is tried",
+        source="ours: a pose beside the right one still explains most of a scan",
         low=0.0,
         high=1.0,
     )
@@ -171,14 +178,14 @@ class TsdParams(ScanParams, MotionParams):
         0.15,
         "1",
         "least share of elements on known surfaces of an accepted match",
-        source="ours: A7",
+        source="ours: fewer pairs are chance",
         low=0.0,
         high=1.0,
     )
     trials: int = param(
         100,
         "1",
-        "surface elements that propose poses in the wide search",
+        "points of the model scan that propose poses in RANSAC",
         source=ORIGINAL,
         low=1,
         high=10_000,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slams.jit import FAST, njit
 from slams.types import Floats
-from tsd.map_kernels import PASSED, SIDE, Field, facing
+from tsd.map_kernels import INSIDE, PASSED, SHIFT, Field, facing
 
 Ints = NDArray[np.int64]
 AGAINST = 0.5  # what an element costs that the field contradicts
@@ -42,10 +42,10 @@ def score_pose(
         u = (pose[0] + c * surfaces[k, 0] - s * surfaces[k, 1] - field.corner[0]) / field.cell
         v = (pose[1] + s * surfaces[k, 0] + c * surfaces[k, 1] - field.corner[1]) / field.cell
         ix, iy = math.floor(u), math.floor(v)
-        ty, tx = iy // SIDE, ix // SIDE
+        ty, tx = iy >> SHIFT, ix >> SHIFT
         if 0 <= ty < field.slots.shape[0] and 0 <= tx < field.slots.shape[1]:
             slot = field.slots[ty, tx, facing(nx, ny)]
-            sd = field.tsd[slot, iy - ty * SIDE, ix - tx * SIDE]
+            sd = field.tsd[slot, iy & INSIDE, ix & INSIDE]
             sd += field.cell * (nx * (u - ix - 0.5) + ny * (v - iy - 0.5))
             if abs(sd) < rule.truncation:
                 total += 1.0 - abs(sd) / rule.truncation
@@ -67,18 +67,19 @@ def try_pairs(
     rule: PairRule,
     out_best: Floats,
 ) -> None:
-    """For every line tried the best pose that lays a surface element on it.
+    """The best pose that lays a surface element on one of the lines tried, or the start.
 
     Original code: RANSAC of oriented points, one pair is a full hypothesis; ours: within limits
-    about the start (D10). lines (n, 7) as made by `place_lines`; out_best (trials + 1, 4): x, y,
-    theta, score, 0 = none; its last row is room to work.
+    about the start, as the original searches all of its map and finds another room. lines (n, 7) as
+    made by `place_lines`; out_best (2, 4): x, y, theta, score; its last row is room to work.
     """
-    pose = out_best[trials.shape[0]]
+    pose, best = out_best[1], score_pose(field, surfaces, count, start, rule, -math.inf)
     c0, s0 = math.cos(start[2]), math.sin(start[2])
+    for i in range(3):
+        out_best[0, i] = start[i]
     for t in range(trials.shape[0]):
         m = trials[t]
         x, y, nx, ny = lines[m, 0], lines[m, 1], lines[m, 2], lines[m, 3]
-        best = 0.0
         for k in range(count):
             mx = c0 * surfaces[k, 2] - s0 * surfaces[k, 3]
             my = s0 * surfaces[k, 2] + c0 * surfaces[k, 3]
@@ -94,5 +95,5 @@ def try_pairs(
             if score > best:
                 best = score
                 for i in range(3):
-                    out_best[t, i] = pose[i]
-        out_best[t, 3] = best
+                    out_best[0, i] = pose[i]
+    out_best[0, 3] = best

@@ -3,37 +3,28 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from slams.motion.track import Track
-from slams.types import Floats, Pose2
-from tsd.evidence import Evidence, near
+from slams.frontend.motion_filter import Prediction
+from slams.geometry import Prior
+from slams.refine.lines import Match
+from slams.types import Laser, Pose2
 from tsd.icp_kernels import IcpRule, icp
 from tsd.map import TileField
 from tsd.model_kernels import Fan, Model, cast_rays
 from tsd.params import TsdParams
 from tsd.ransac_kernels import PairRule, try_pairs
-from tsd.view import View
+from tsd.scan import SurfaceScan
 
 FARTHEST = 30.0  # m a ray is followed
-TAKEN = 3  # hypotheses that ICP starts from
-APART = 0.1, 0.05  # closer hypotheses [m], [rad] are one
 SCORED = 100  # elements that make and score hypotheses
 ENOUGH = 100  # elements for an ICP that the field itself makes exact
 SLOPPY = 1e-4, 1e-5  # steps of ICP [m], [rad] that are none
 ROUGHLY = 1e-3, 5e-4  # the same of an ICP that the field itself makes exact
-
-
-class Found(NamedTuple):
-    """What ICP found: a pose, and what the pairs know of it (3, 3) [1/m2, 1/(m rad), 1/rad2].
-
-    The information is overwritten by the next ICP.
-    """
-
-    pose: Pose2
-    information: Floats
+UNSURE = 0.15  # m, deviation of a prediction from which ICP may not converge
+WIDTHS = 1.0, 2.0  # of RANSAC's window: the wider one if hardly anything fits
+MEMORY = 1.0  # s over which the share of inliers is usual
 
 
 class Registration:
@@ -41,87 +32,85 @@ class Registration:
 
     Args:
         params: parameters.
-        view: the last scan.
         field: the map.
-        track: what is known of the pose before the scan.
-        evidence: what weighs the poses found.
         rng: source of every random draw.
     """
 
-    def __init__(
-        self,
-        params: TsdParams,
-        view: View,
-        field: TileField,
-        track: Track,
-        evidence: Evidence,
-        rng: np.random.Generator,
-    ) -> None:
-        self._params, self._view, self._field = params, view, field
-        self._track, self._evidence, self._rng = track, evidence, rng
+    def __init__(self, params: TsdParams, field: TileField, rng: np.random.Generator) -> None:
+        self._p, self._field, self._rng = params, field, rng
         self._points = np.zeros((params.rays, 5))
-        self._best = np.zeros((params.trials + 1, 4))
+        self._best = np.zeros((2, 4))
         self._room = np.zeros((5, 3))
+        self._usual = 0.0  # share of inliers
 
-    def cast(self, base: Pose2) -> Model:
+    def match(self, scan: SurfaceScan, start: Pose2, prior: Prediction) -> Match:
+        """ICP from a start; in doubt about the prediction also from RANSAC's pose around it."""
+        expected = Prior(prior.pose, prior.information)
+        found = self.icp(scan, start, expected)
+        if start != prior.pose:
+            return found
+        (xx, _, _), (_, yy, _), _ = prior.covariance.tolist()
+        unsure = xx + yy > UNSURE**2
+        for width in WIDTHS:
+            if not unsure and found.share >= self._p.convincing * self._usual / width:
+                break
+            other = self.icp(scan, self.ransac(scan, start, width), expected)
+            found, unsure = max(found, other, key=lambda match: match.share), False
+        gain = min(prior.dt / MEMORY, 1.0) if self._usual > 0.0 else 1.0
+        self._usual += gain * (found.share - self._usual)
+        return found
+
+    def cast(self, base: Pose2, laser: Laser) -> Model:
         """The model scan: what the laser would see of the map, were the base there."""
-        laser = base @ self._view.laser.mount
-        self._model = Model(self._points, self._fan(), laser.x, laser.y, laser.theta)
-        self._hits = cast_rays(self._field.kernel, self._model)
-        return self._model
+        at = base @ laser.mount
+        model = Model(self._points, self._fan(laser), at.x, at.y, at.theta)
+        cast_rays(self._field.kernel, model)
+        return model
 
-    def icp(self, start: Pose2, known: Pose2) -> Found | None:
-        """ICP of the scan to the model scan cast from `start`; None if too little of it pairs.
-
-        `known` is the pose known beforehand: the prediction, or a hypothesis.
-        """
-        p, view = self._params, self._view
-        x, model = np.array(start), self.cast(start)
-        noise = view.noise / p.range_noise
+    def icp(self, scan: SurfaceScan, start: Pose2, prior: Prior) -> Match:
+        """ICP of the scan to the model scan cast from `start`; that pose if too little pairs."""
+        p, x = self._p, np.array(start)
         rule = IcpRule(
             p.icp_iterations,
             *(ROUGHLY if p.refine else SLOPPY),
             p.widest_gate,
-            p.narrowest_gate * noise,
+            max(p.narrowest_gate, scan.softness),
             p.pair_window,
-            self._evidence.map_noise,
-            max(view.count // ENOUGH, 1) if p.refine else 1,
+            self._field.error,
+            max(scan.count // ENOUGH, 1) if p.refine else 1,
         )
-        mean, prior = np.array(known), self._track.prior(known)
-        pairs, _, _ = icp(model, view.elements, view.count, mean, prior, rule, x, self._room)
+        model, mean, room = self.cast(start, scan.laser), np.array(prior.pose), self._room
+        information = prior.information
+        pairs, rms, _ = icp(model, scan.elements, scan.count, mean, information, rule, x, room)
         pose = Pose2(*x.tolist())
-        if pairs <= p.min_known * view.count or not all(map(math.isfinite, pose)):
-            return None
-        return Found(pose, self._room[:3])
+        if pairs <= p.min_known * scan.count or not all(map(math.isfinite, pose)):
+            return Match(start, 0.0, rough=p.refine)
+        inliers, conflicts = self._field.evaluate(scan, pose)
+        return Match(pose, inliers - conflicts, rms * rms, room[:3].copy(), p.refine)
 
-    def ransac(self, start: Pose2, width: float) -> list[Pose2]:
-        """Poses near `start` that a pair of oriented points proposes and the field agrees with.
+    def ransac(self, scan: SurfaceScan, start: Pose2, width: float) -> Pose2:
+        """The pose near `start` that agrees best with the field, if a pair proposes it.
 
-        Points of the model scan against elements of the scan; `width` scales the search.
+        Pairs are of a point of the model scan and an element of the scan [Koch15]; `width` scales
+        the window.
         """
-        p, view = self._params, self._view
+        p = self._p
         angle = min(p.search_rotation * width, math.pi)
         rule = PairRule(p.search_translation * width, math.cos(angle), p.truncation)
-        stride = max(view.count // SCORED, 1)
-        some = np.ascontiguousarray(view.elements[: view.count : stride])
-        model = self.cast(start)
+        stride = max(scan.count // SCORED, 1)
+        some = np.ascontiguousarray(scan.elements[: scan.count : stride])
+        model = self.cast(start, scan.laser)
         rays = np.flatnonzero(model.points[: model.fan.rays, 4])
-        trials = self._rng.permutation(rays)[: p.trials]
-        best = self._best[: len(trials) + 1]
+        trials, best = self._rng.permutation(rays)[: p.trials], self._best
+        best[0, :3] = start
         try_pairs(
             self._field.kernel, model.points, trials, some, len(some), np.array(start), rule, best
         )
-        found: list[Pose2] = []
-        for *numbers, score in best[np.argsort(-best[:-1, 3], kind="stable")].tolist():
-            pose = Pose2(*numbers)
-            if score > 0.0 and not any(near(pose, other, APART) for other in found):
-                found.append(pose)
-        return found[:TAKEN]
+        return Pose2(*best[0, :3].tolist())
 
-    def _fan(self) -> Fan:
+    def _fan(self, laser: Laser) -> Fan:
         """Rays over the laser's field of view, fewer than its beams."""
-        laser = self._view.laser
-        count = min(self._params.rays, laser.n_beams)
+        count = min(self._p.rays, laser.n_beams)
         width = abs(laser.angle_increment) * (laser.n_beams - 1)
         middle = laser.angle_min + 0.5 * laser.angle_increment * (laser.n_beams - 1)
         reach = min(laser.range_max, FARTHEST)

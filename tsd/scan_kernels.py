@@ -9,8 +9,9 @@ from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats
 
+SMOOTH = 1.5  # variances of the noise, below which a window has no corner
 FEW = 2.0  # hits to either side in a window, below which they do not tell a normal of their own
-GAP = 3.0  # beams from hit to hit, beyond which a surface ends
+GAP, NEAR = 3.0, 0.3  # beams from hit to hit, or m, beyond which a surface ends
 
 
 class Beams(NamedTuple):
@@ -38,11 +39,11 @@ class SurfaceRule(NamedTuple):
     keeps_alone: bool
 
 
-@njit
+@njit(inner=True)
 def hits_of(points: Points, n: int, beams: Beams, out_hits: Floats) -> None:
-    """End points (3, >= n) with how far they are from the laser.
+    """End points (3, >= n) with their distances from the laser. ours: a scan is read once.
 
-    ours: D9. out_hits (>= n, 4): x, y [m] in the base frame, range [m], number of the beam.
+    out_hits (>= n, 4): x, y [m] in the base frame, range [m], number of the beam.
     """
     for k in range(n):
         x, y = points[0, k], points[1, k]
@@ -80,10 +81,12 @@ def side_by_side(hits: Floats, a: int, b: int, beams: Beams, rule: SurfaceRule) 
     steps = hits[b, 3] - hits[a, 3]
     spacing = min(hits[b, 2], hits[a, 2]) * abs(beams.angle_increment) * steps
     jump = abs(hits[b, 2] - hits[a, 2])
-    return bool(steps <= GAP and jump <= rule.max_slope * spacing + 4.0 * rule.noise)
+    return bool(
+        (steps <= GAP or spacing < NEAR) and jump <= rule.max_slope * spacing + 4.0 * rule.noise
+    )
 
 
-@njit
+@njit(inner=True)
 def find_runs(hits: Floats, count: int, beams: Beams, rule: SurfaceRule, out_runs: Floats) -> None:
     """First and one-past-last hit of the unbroken surface every hit lies on. ours.
 
@@ -103,9 +106,9 @@ def find_runs(hits: Floats, count: int, beams: Beams, rule: SurfaceRule, out_run
             start = k
 
 
-@njit
+@njit(inner=True)
 def sum_moments(hits: Floats, count: int, out_sums: Floats) -> None:
-    """Running sums of 1, x, y, xx, xy, yy, so that any window's moments cost O(1). ours: S6."""
+    """Running sums of 1, x, y, xx, xy, yy, so that any window's moments cost O(1). ours."""
     for i in range(5):
         out_sums[0, i] = 0.0
     for k in range(count):
@@ -121,7 +124,7 @@ def sum_moments(hits: Floats, count: int, out_sums: Floats) -> None:
 def fit_line(sums: Floats, a: int, b: int) -> tuple[float, float, float, float, float]:
     """Total least squares line through hits a..b-1: center x, y, normal x, y, variance [m2].
 
-    ours: A5; PCA as in the published normals, by running sums.
+    ours: PCA as in the published normals, by running sums.
     """
     n = float(b - a)
     mx = (sums[b, 0] - sums[a, 0]) / n
@@ -139,13 +142,16 @@ def fit_line(sums: Floats, a: int, b: int) -> tuple[float, float, float, float, 
 
 @njit(fastmath=FAST, inner=True)
 def fit_best_line(
-    sums: Floats, k: int, reach: int, first: int, last: int
+    sums: Floats, k: int, reach: int, first: int, last: int, smooth: float
 ) -> tuple[float, float, float, float, float]:
     """The line of hit k from the window around, before or after it: the smoothest one.
 
-    ours: near a corner one of the three windows lies on one surface only.
+    ours: near a corner one of the three windows lies on one surface only; where the one around is
+    of a variance below `smooth` [m2] there is no corner.
     """
     best = fit_line(sums, max(k - reach, first), min(k + reach + 1, last))
+    if best[4] < smooth:
+        return best
     limit = 0.5 * best[4]
     before, after = max(k - 2 * reach, first), min(k + 2 * reach + 1, last)
     if k + 1 - before > 2 * min(reach, 1):
@@ -170,16 +176,16 @@ def fit_surfaces(
     spacing: float,
     out_surfaces: Floats,
 ) -> int:
-    """Surface elements every `spacing` metres: point on the local line, normal, information.
+    """Surface elements every `spacing` [m]: point on the local line, normal, information.
 
-    ours: A5, A6. out_surfaces (n, 8): x, y [m], normal x, y (towards the laser), information
-    [1/m2] of the beams it stands for, index of its hit, how many beams, 1 if hits are close enough
-    to tell its normal. One hit alone where beams
-    are far apart may lie on a wall of any direction: taken to face the laser it would move with the
-    robot. It has no normal (0, 0), or is left out.
+    ours: lines through many hits are less noisy than a hit. out_surfaces (n, 8): x, y [m], normal
+    x, y (towards the laser), information [1/m2] of the beams it stands for, index of its hit, how
+    many beams, 1 if hits are close enough to tell its normal. One hit alone where beams are far
+    apart may lie on a wall of any direction: taken to face the laser it would move with the robot.
+    It has no normal (0, 0), or is left out.
     """
-    n_elements = 0
-    k = 0
+    n_elements, k = 0, 0
+    smooth = SMOOTH * rule.noise * rule.noise
     while k < count:
         step_length = max(hits[k, 2] * abs(beams.angle_increment), 1e-6)
         reach = max(int(rule.window / step_length), 2)
@@ -190,7 +196,7 @@ def fit_surfaces(
         r = math.sqrt(rx * rx + ry * ry) + 1e-9
         if last - first >= 3:
             while True:
-                mx, my, nx, ny, variance = fit_best_line(sums, center, reach, first, last)
+                mx, my, nx, ny, variance = fit_best_line(sums, center, reach, first, last, smooth)
                 if variance <= rule.rough or reach <= 1:
                     break
                 reach = reach // 2
@@ -219,3 +225,19 @@ def fit_surfaces(
             n_elements += 1
         k += stride
     return n_elements
+
+
+@njit
+def read_scan(
+    points: Points,
+    n: int,
+    beams: Beams,
+    rule: SurfaceRule,
+    hits: Floats,
+    runs: Floats,
+    sums: Floats,
+) -> None:
+    """Hits, runs and sums of a scan's n end points (3, >= n), for `fit_surfaces`. ours."""
+    hits_of(points, n, beams, hits)
+    find_runs(hits, n, beams, rule, runs)
+    sum_moments(hits, n, sums)

@@ -13,8 +13,9 @@ import math
 from typing import NamedTuple
 
 from slams.scan.end_points import EndPoints
+from slams.scan.scan_kernels import scatter
 
-NORMAL_ERROR = 0.1  # rad, deviation of a normal fitted to a few beams
+NORMAL_ERROR = 0.14  # rad, deviation of a normal by a few beams
 BY_CHANCE = 1.0  # normals of a scan that face any way: a person, a corner
 KNOWN = 0.5  # share of the end points that must have a normal, or nothing is known
 OBSERVED = 0.9  # share from which a direction counts as observed
@@ -53,9 +54,8 @@ def observability(xx: float, xy: float, yy: float) -> Observability:
 
 
 def of_scan(points: EndPoints, theta: float) -> Observability:
-    """That of a scan taken at the heading `theta` [rad], by the normals of its end points."""
-    nx, ny = points.normals[0, : points.n], points.normals[1, : points.n]
-    xx, xy, yy = float(nx @ nx), float(nx @ ny), float(ny @ ny)
+    """That of a scan taken at the heading `theta` [rad], by which way its end points face."""
+    xx, xy, yy = scatter(points.facing, points.n)
     if xx + yy < KNOWN * points.n:
         return ALL
     seen = observability(xx, xy, yy)

@@ -17,6 +17,7 @@ from slams.frontend.degeneracy import ALL, of_scan
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
 from slams.frontend.relocalize import Relocalizer
+from slams.frontend.tentative import TentativeMatch
 from slams.geometry import unlikely
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
@@ -29,11 +30,10 @@ WITHIN_GATE = 0.1, 0.2  # score of a match inside the gate: of all beams, of tho
 USUAL = 0.85  # of the usual score; less is doubtful
 MEMORY = 0.5  # s over which a score is usual
 GATE = 49.0  # squared Mahalanobis distance from the prior that one scan cannot prove
-TENTATIVE_SCANS, TENTATIVE_TIME, TENTATIVE_WAY = 4, 0.3, 0.3  # scans, s, m: a match has to stand
 LATENCY, SPEED, TURN_RATE = 0.5, 2.0, 2.0  # s, m/s, rad/s: of a scan, while a robot moves so fast
-SAME_PLACE, SAME_HEADING = 0.3, 0.2  # m, rad: two tentative matches are one
 LOST_XY, LOST_HEADING = 0.5, 0.3  # m, rad: deviation of a pose that holds no map together
-CONFIRMED = 1.0  # s that a match has to stand after the robot was lost
+CONFIRMED = 3.0  # s after the robot was lost, times agreement over the usual: a match has to stand
+LOST_AFTER = 1.0  # s without a match, after which the whole map is searched
 RELOCALIZED = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
 BEGIN_BEAMS = 10  # end points that a map begins with
 DEAD_RECKONING, FRAGMENT = 1.0, 3.0  # s without a match: scans are mapped by wheels; without
@@ -62,13 +62,23 @@ class MatchedMap(Protocol):
         ...
 
 
-class Tentative(NamedTuple):
-    """A pose beyond the gate that scans keep matching at: scans, seconds and way [m] so far."""
+class Candidate(NamedTuple):
+    """A match, its squared distance from the prior, and shares of beams for and against it."""
 
-    pose: Pose2
-    scans: int
-    seconds: float
-    way: float
+    match: Match
+    distance: float
+    inliers: float
+    conflicts: float
+
+    @property
+    def agreement(self) -> float:
+        """What the scan says."""
+        return self.inliers - self.conflicts
+
+    @property
+    def score(self) -> float:
+        """What scan and prior say."""
+        return self.agreement - unlikely(self.distance) / PIECES
 
 
 class PoseEstimator:
@@ -87,19 +97,20 @@ class PoseEstimator:
         self.counts = dict.fromkeys(names.split(), 0)
         self._p = params
         self._filter = MotionFilter(params)
+        self._pose = self._filter.pose
         self._prior = self._filter.prediction()
         self._usual = 0.0  # agreement of the matches so far
         self._unmatched = 0.0  # s since the last match
         self._by_wheels = True  # all that time
         self._unconfirmed = 0.0  # s that matches still have to stand
-        self._tentative: Tentative | None = None
+        self._tentative = TentativeMatch()
         self._lost = self._late = False
         self._relocalizer = Relocalizer(params.relocate)
 
     @property
     def pose(self) -> Pose2:
         """The base in the map after the last call."""
-        return self._filter.pose
+        return self._pose
 
     @property
     def covariance(self) -> Floats:
@@ -110,6 +121,7 @@ class PoseEstimator:
         """The pose at `scan` as wheels, gyro and the twist so far foresee it."""
         self._scan = scan
         self._prior = self._filter.predict(scan)
+        self._pose = self._prior.pose
         self.counts["odometry"] += self._filter.wheels
         return self._prior
 
@@ -121,6 +133,7 @@ class PoseEstimator:
         """The pose of a scan is known without matching."""
         self._filter.predict(scan)
         self._filter.place(pose, np.diag(MAP_ERROR**2))
+        self._pose = pose
 
     def correct(self, pose: Pose2) -> None:
         """The map has changed, and the robot is at `pose` in it; it moves as before."""
@@ -136,41 +149,34 @@ class PoseEstimator:
         if points.n == 0:
             self.counts["empty"] += 1
             return self._miss(None, points, grid)
-        best, score = self._best(points, matches, grid)
-        if self._p.search and self._is_doubtful(best, score):
-            best, score = self._searched(points, best, grid, rematch)
-        if self._accepts(best, score, points, grid):
-            return self._take(best, score, points)
-        return self._miss(score, points, grid)
+        best = self._best(points, matches, grid)
+        if self._p.search and (best.distance > GATE or not self._is_usual(best)):
+            best = self._searched(points, best, grid, rematch)
+        if self._accepts(best):
+            return self._take(best, points)
+        return self._miss(best, points, grid)
 
     # rank
 
-    def _score(self, points: EndPoints, pose: Pose2, grid: MatchedMap) -> tuple[float, float]:
-        """Score of a pose, and the scan's part of it: inliers less conflicts."""
-        inliers, conflicts = grid.evaluate(points, pose)
-        agreement = inliers - conflicts
-        return agreement - unlikely(self._prior.distance(pose)) / PIECES, agreement
+    def _rank(self, points: EndPoints, match: Match, grid: MatchedMap) -> Candidate:
+        inliers, conflicts = grid.evaluate(points, match.pose)
+        return Candidate(match, self._prior.distance(match.pose), inliers, conflicts)
 
-    def _best(
-        self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap
-    ) -> tuple[Match, float]:
-        """The match with the highest score, and its agreement; by less than a piece the first."""
-        scores = [self._score(points, match.pose, grid) for match in matches]
-        best = max(range(len(scores)), key=lambda k: scores[k][0])
-        if scores[best][0] - scores[0][0] < 1.0 / PIECES:
-            best = 0
-        return matches[best], scores[best][1]
+    def _best(self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap) -> Candidate:
+        """The match with the highest score; the first if it leads by less than a piece."""
+        ranked = [self._rank(points, match, grid) for match in matches]
+        best = max(ranked, key=lambda candidate: candidate.score)
+        return best if best.score - ranked[0].score >= 1.0 / PIECES else ranked[0]
 
-    def _is_doubtful(self, match: Match, agreement: float) -> bool:
-        far = self._prior.distance(match.pose) > GATE
-        return agreement < USUAL * self._usual or far
+    def _is_usual(self, candidate: Candidate) -> bool:
+        return candidate.agreement >= USUAL * self._usual
 
     def _searched(
-        self, points: EndPoints, first: Match, grid: MatchedMap, rematch: Rematch
-    ) -> tuple[Match, float]:
+        self, points: EndPoints, first: Candidate, grid: MatchedMap, rematch: Rematch
+    ) -> Candidate:
         """The best match from the poses that a correlative search of the prior's window finds."""
         self.counts["searched"] += 1
-        prior, found = self._prior, [first]
+        prior, found = self._prior, [first.match]
         ends = points.points[:, : points.n]
         starts = search(grid.lookup(), ends, points.far, prior.pose, prior.covariance, TRIES)
         for start in starts:
@@ -179,18 +185,18 @@ class PoseEstimator:
 
     # decide
 
-    def _accepts(self, match: Match, agreement: float, points: EndPoints, grid: MatchedMap) -> bool:
-        distance = self._prior.distance(match.pose)
-        good = agreement - unlikely(distance) / PIECES >= ACCEPTED
-        if distance > GATE and not self._is_within_latency(match.pose):
-            return self._p.tentative and good and self._stands(match.pose)
-        self._tentative = None
-        if good or agreement >= USUAL * self._usual:
+    def _accepts(self, best: Candidate) -> bool:
+        if self._unconfirmed > 0.0 and self._is_usual(best):
             return True
-        inliers, conflicts = grid.evaluate(points, match.pose)
-        known = inliers + conflicts
+        if best.distance > GATE and not self._is_within_latency(best.match.pose):
+            good = best.score >= ACCEPTED
+            return self._p.tentative and good and self._stands(best.match.pose)
+        self._tentative.reset()
+        if best.score >= ACCEPTED or self._is_usual(best):
+            return True
         everywhere, where_known = WITHIN_GATE
-        return agreement >= everywhere and agreement >= where_known * known
+        known = best.inliers + best.conflicts
+        return best.agreement >= max(everywhere, where_known * known)
 
     def _is_within_latency(self, pose: Pose2) -> bool:
         """Whether a scan that came an interval late, or was stamped so, can be at a pose."""
@@ -202,25 +208,10 @@ class PoseEstimator:
 
     def _stands(self, pose: Pose2) -> bool:
         """Whether matches beyond the gate agree on one place over several scans and some way."""
-        before, dt = self._tentative, self._prior.dt
-        self._tentative = Tentative(pose, 1, dt, 0.0)
-        if before is None:
-            return False
-        step = self._filter.step
-        expected = before.pose @ step
-        near = math.hypot(expected.x - pose.x, expected.y - pose.y) < SAME_PLACE
-        if not near or abs(wrap_angle(expected.theta - pose.theta)) > SAME_HEADING:
-            return False
-        moved = before.pose.between(pose)
-        way = before.way + math.hypot(moved.x, moved.y) + abs(moved.theta)
-        now = Tentative(pose, before.scans + 1, before.seconds + dt, way)
-        self._tentative = now
-        driven = now.way >= TENTATIVE_WAY or not self._by_wheels
-        if now.scans < TENTATIVE_SCANS or now.seconds < TENTATIVE_TIME or not driven:
-            return False
-        self.counts["tentative"] += 1
-        self._tentative = None
-        return True
+        step, dt = self._filter.step, self._prior.dt
+        stands = self._tentative.stands(pose, step, dt, self._by_wheels)
+        self.counts["tentative"] += stands
+        return stands
 
     def _begin(self, points: EndPoints) -> Pose2:
         """The first scan with enough to see begins the map."""
@@ -228,20 +219,27 @@ class PoseEstimator:
         self._call("matched" if self.maps else "predicted")
         return self.pose
 
-    def _take(self, match: Match, agreement: float, points: EndPoints) -> Pose2:
+    def _take(self, best: Candidate, points: EndPoints) -> Pose2:
         """The robot is at a match."""
+        match, agreement = best.match, best.agreement
         self.match = match
         seen = of_scan(points, match.pose.theta) if self._p.degeneracy else ALL
-        information = match.seen * min(1.0, PIECES / max(points.n, 1))
-        far = self._prior.distance(match.pose) > GATE
+        far = best.distance > GATE
         self._late = far and not self._late and self._is_within_latency(match.pose)
         if self._late:
             self._filter.shift(match.pose)
+            self._pose = match.pose
         else:
-            self._filter.update(match.pose, information, seen)
+            self._pose = self._filter.update(match.pose, match.seen, seen)
         share = min(1.0, self._prior.dt / MEMORY) if self._usual > 0.0 else 1.0
-        self._usual += share * (agreement - self._usual)
-        self._unconfirmed = CONFIRMED if self._lost else self._unconfirmed - self._prior.dt
+        if self._is_usual(best):
+            self._unconfirmed = 0.0
+        elif self._lost:
+            self._unconfirmed = CONFIRMED
+        else:
+            self._unconfirmed -= self._prior.dt * agreement / self._usual
+        if self._unconfirmed <= 0.0:
+            self._usual += share * (agreement - self._usual)
         self._lost, self._unmatched, self._by_wheels = False, 0.0, True
         self._relocalizer.reset()
         self.quality = max(agreement, 0.0)
@@ -249,7 +247,7 @@ class PoseEstimator:
         self._call("matched" if self.maps and self._is_sure() else "lost")
         return self.pose
 
-    def _miss(self, agreement: float | None, points: EndPoints, grid: MatchedMap) -> Pose2:
+    def _miss(self, best: Candidate | None, points: EndPoints, grid: MatchedMap) -> Pose2:
         """No match: the pose is the prediction. Mapping goes on where that does no harm."""
         self._unmatched += self._prior.dt
         self._by_wheels &= self._filter.wheels
@@ -257,7 +255,7 @@ class PoseEstimator:
             self._unconfirmed, self._lost = CONFIRMED, True
         sure = self._is_sure()
         self._lost |= not sure
-        self.quality = max(agreement or 0.0, 0.0)
+        self.quality = max(best.agreement, 0.0) if best else 0.0
         self.maps = points.n > 0 and self._maps_unmatched(points, grid)
         self._call("lost" if self._lost or not sure else "predicted")
         if self._lost:
@@ -275,17 +273,18 @@ class PoseEstimator:
         return 1.0 - inliers - conflicts > conflicts
 
     def _relocalize(self, grid: MatchedMap) -> None:
-        """Global localization in the map; a pose that good wheels contradict is none."""
-        if self._unmatched < CONFIRMED:
+        """Global localization in the map; a pose that wheels contradict is none."""
+        if self._unmatched < LOST_AFTER:
             return
         (xx, _, _), (_, yy, _), _ = self._filter.covariance.tolist()
-        reach = math.sqrt(GATE * max(xx, yy))
+        reach = math.sqrt(GATE * max(xx, yy)) if self._by_wheels else math.inf
         found = self._relocalizer.update(self._scan, self.pose, reach, grid.cut)
-        if found is None or self._prior.distance(found) > GATE:
+        if found is None or (self._by_wheels and self._prior.distance(found) > GATE):
             return
         self._filter.place(found, RELOCALIZED)
+        self._pose = found
         self.counts["relocalized"] += 1
-        self._unconfirmed, self._unmatched = CONFIRMED, 0.0
+        self._unconfirmed, self._unmatched, self._lost = 0.0, 0.0, False
 
     def _is_sure(self) -> bool:
         (xx, _, _), (_, yy, _), (_, _, turn) = self._filter.covariance.tolist()

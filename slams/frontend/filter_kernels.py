@@ -1,9 +1,10 @@
 """Kernels of the motion filter: propagate, fuse wheels and gyro, compose, condition on a match.
 
-State z (12,): pose x, y [m], theta [rad] in the map; step since the scan before as a midpoint
+State z (13,): pose x, y [m], theta [rad] in the map; step since the scan before as a midpoint
 increment (longitudinal, lateral [m], rotation [rad]: seen from the heading half way, where an error
 of the rotation moves the end neither along nor across); body twist [m/s, rad/s]; scale errors of
-the wheels' distance and rotation [1]; bias of the gyro [rad/s]. P (12, 12) is its covariance.
+the wheels' distance and rotation [1]; bias of the gyro [rad/s]; drift of the wheels' heading
+[rad/m], of wheels that differ. P (13, 13) is its covariance.
 
 [Thrun05] S. Thrun, W. Burgard, D. Fox: Probabilistic Robotics, 2005.
 [Roth13] M. Roth, E. Ozkan, F. Gustafsson: A Student's t filter for heavy tailed process and
@@ -23,8 +24,8 @@ from slams.geometry import FREEDOM, wrap_angle
 from slams.jit import njit
 from slams.types import Floats
 
-N = 12
-POSE, STEP, TWIST, SCALE, BIAS = 0, 3, 6, 9, 11
+N = 13
+POSE, STEP, TWIST, SCALE, BIAS, DRIFT = 0, 3, 6, 9, 11, 12
 # rows of the readings of one step: wheels' distance, sideways, rotation; gyro's rotation
 VALID, VALUE, VARIANCE, USED = 0, 1, 2, 3  # its own variance, and the one that was used
 GYRO = 3
@@ -48,7 +49,7 @@ def scale_rows(P: Floats, first: int, last: int, by: float) -> None:
 
 @njit(inner=True)
 def is_positive_definite(P: Floats) -> bool:
-    """Whether Cholesky's factorization of P (12, 12) succeeds, with a margin for rounding. ours."""
+    """Whether Cholesky's factorization of P (13, 13) succeeds, with a margin for rounding. ours."""
     L = np.zeros((N, N))
     for i in range(N):
         for k in range(i + 1):
@@ -119,9 +120,9 @@ def propagate(z: Floats, P: Floats, dt: float, density: Floats, memory: Floats) 
 
 @njit(inner=True, borrows=True)
 def fuse(z: Floats, P: Floats, H: Floats, residual: float, variance: float, room: Floats) -> None:
-    """Kalman update with one number whose residual and row H (12,) are given, in Joseph's form.
+    """Kalman update with one number whose residual and row H (13,) are given, in Joseph's form.
 
-    ours: of the general form P <- (1 - K H) P (1 - K H)^T + K R K^T with one row. room (2, 12).
+    ours: of the general form P <- (1 - K H) P (1 - K H)^T + K R K^T with one row. room (2, 13).
     """
     total = variance + times(P, H, room)
     for i in range(N):
@@ -147,7 +148,7 @@ def times(P: Floats, H: Floats, room: Floats) -> float:
 
 @njit(inner=True, borrows=True)
 def linearize(z: Floats, dt: float, i: int, readings: Floats, H: Floats) -> float:
-    """Row H (12,) of a reading and its residual: (1 + scale) step, or rotation plus bias. ours."""
+    """Row H (13,) of a reading and its residual: (1 + scale) step, or rotation plus bias. ours."""
     H[:] = 0.0
     if i == GYRO:
         H[STEP + 2], H[BIAS] = 1.0, dt
@@ -159,6 +160,9 @@ def linearize(z: Floats, dt: float, i: int, readings: Floats, H: Floats) -> floa
         scale = SCALE + (1 if i == 2 else 0)
         H[STEP + i], H[scale] = 1.0 + z[scale], readings[i, VALUE]
         expected = (1.0 + z[scale]) * z[STEP + i]
+        if i == 2:
+            H[DRIFT] = readings[0, VALUE]
+            expected += z[DRIFT] * readings[0, VALUE]
     residual: float = readings[i, VALUE] - expected
     return residual
 

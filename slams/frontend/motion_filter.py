@@ -22,10 +22,13 @@ DENSITY = np.array((0.5, 0.01, 2.0))  # m^2/s^3, m^2/s^3, rad^2/s^3: acceleratio
 CARRIED = 0.5  # m^2/s^3: lateral, of a laser without wheels, which may be carried
 MEMORY = np.array((100.0, 0.5, 10.0))  # s after which a twist is forgotten
 TWIST_DEVIATION = np.array((0.7, 0.5, 1.0))  # m/s, m/s, rad/s: of a robot of which nothing is known
-CALIBRATION = np.array((0.02, 0.05, 0.01))  # 1, 1, rad/s: wheels' scales, gyro's bias
+# 1, 1, rad/s, rad/m: wheels' scales, gyro's bias, drift of the wheels' heading
+CALIBRATION = np.array((0.02, 0.05, 0.01, 0.01))
 TICK = 0.001  # m, rad: deviation of a reading of the wheels at rest
 GYRO_SCALE = 0.003  # 1
-MAP_ERROR = np.array((0.002, 0.002, 0.001))  # m, m, rad: of the map, alike from scan to scan
+MAP_ERROR = np.array((0.0002, 0.0002, 0.0001))  # m, m, rad: of a match, however many beams it has
+# m, m, rad, beside the covariance of a prior: it drew the map, and would hold poses off old walls
+PRIOR_ERROR = np.array((0.002, 0.002, 0.001))
 UNSEEN = 0.5  # s in which a robot does not drive there and back
 LEARNING, JUDGING = 3.0, 2.0  # s over which accelerations and readings are learned
 MOST_LEARNED = 0.1, 0.5  # share that one scan counts for in them at most
@@ -76,7 +79,7 @@ class MotionFilter:
         self._last: Scan | None = None
         self._before = np.zeros(3)
         self._dt = 0.0
-        self._match, self._how = np.zeros((4, 3)), np.zeros((3, 3))
+        self._match, self._how = np.zeros((4, 3)), np.zeros((4, 3))
         self._floor = MAP_ERROR**2
 
     @property
@@ -108,11 +111,21 @@ class MotionFilter:
             self._read(last, scan, wheels)
             arrays = self._z, self._P, dt, self._learned, MEMORY, self._readings
             kernels.predict(*arrays)
+        late = self._timing.jitter  # s: the robot was elsewhere then
+        self._floor = MAP_ERROR**2 + (late * self._moving) ** 2
         return self.prediction()
 
+    @property
+    def _moving(self) -> Floats:
+        """Speed along x and y of the map, and turn rate [m/s, rad/s]."""
+        x, y, turn = self._z[TWIST:SCALE].tolist()
+        c, s = math.cos(self._z[2]), math.sin(self._z[2])
+        return np.array((c * x - s * y, s * x + c * y, turn))
+
     def prediction(self) -> Prediction:
-        """The pose as it is known, as a prior of a match: the map's own error is added."""
-        covariance = self._P[:3, :3] + np.diag(self._floor)
+        """The pose as it is known, as a prior of a match."""
+        covariance = self._P[:3, :3].copy()
+        covariance.flat[::4] += self._floor + PRIOR_ERROR**2
         twist = Pose2(*self._z[TWIST:SCALE].tolist())
         return Prediction(self.pose, inverse3(covariance), covariance, twist, self._dt)
 
@@ -123,17 +136,21 @@ class MotionFilter:
         gain = self._P[TWIST:SCALE, :3] @ inverse3(self._P[:3, :3])
         return Pose2(*(self._z[TWIST:SCALE] + gain @ off).tolist())
 
-    def update(self, pose: Pose2, information: Floats, seen: Observability) -> None:
-        """Condition on a match, fused with the prior, of which the scan has `information`."""
+    def update(self, pose: Pose2, information: Floats, seen: Observability) -> Pose2:
+        """Condition on a match, fused with the prior, of which the scan has `information`.
+
+        Returns it without what noise says along an unobservable direction.
+        """
         self._match[0], self._match[1:] = pose, information
         p, dt = self._p, self._dt
         learning = min(dt / LEARNING, MOST_LEARNED[0]) if p.learn_acceleration else 0.0
         judging = min(dt / JUDGING, MOST_LEARNED[1]) if p.learn_odometry else 0.0
         self._how[0] = seen
         self._how[1] = dt, learning, judging
-        self._how[2] = self._floor
+        self._how[2], self._how[3] = self._floor, self._floor + PRIOR_ERROR**2
         arrays = self._z, self._P, self._match, self._how, self._before
         update_kernels.update(*arrays, self._learned, self._usual, self._readings)
+        return Pose2(*self._match[0].tolist())
 
     def shift(self, pose: Pose2) -> None:
         """The scan is of another time than its stamp: the robot is at `pose`, moving as before."""

@@ -29,21 +29,22 @@ class PlainEstimator:
         self.match: Match | None = None
         self.pose = IDENTITY
         self.covariance = np.diag([math.inf] * 3)
-        self.counts = {"empty": 0, "matched": 0, "predicted": 0, "lost": 0}
+        self.counts = {"empty": 0, "matched": 0, "predicted": 0, "lost": 0, "odometry": 0}
         self._p = params
         self._last: Scan | None = None
-        self._twist, self._dt = IDENTITY, 0.0
+        self._twist, self._step, self._dt = IDENTITY, IDENTITY, 0.0
 
     def predict(self, scan: Scan) -> Prediction:
-        """The pose by wheels, or by the twist of the last step; no information."""
+        """The pose by wheels, or by the last step once more; no information."""
         last, self._last = self._last, scan
         self._dt = 0.0 if last is None else max(scan.t - last.t, 0.0)
-        step = Pose2(*(v * self._dt for v in self._twist))
+        step = self._step  # not twist times interval: stamps jitter, steps hardly do
         if last is not None and last.odometry and scan.odometry and self._p.wheels:
             step = last.odometry.between(scan.odometry)
+            self.counts["odometry"] += 1
         if last is not None and last.yaw is not None and scan.yaw is not None and self._p.gyro:
             step = step._replace(theta=scan.yaw - last.yaw)
-        self._before, self.pose = self.pose, self.pose @ step
+        self._step, self._before, self.pose = step, self.pose, self.pose @ step
         return Prediction(self.pose, NOTHING, NOTHING, self._twist, self._dt)
 
     def twist_at(self, pose: Pose2) -> Pose2:
@@ -52,7 +53,7 @@ class PlainEstimator:
 
     def place(self, scan: Scan, pose: Pose2) -> None:
         """The pose of a scan is known."""
-        self._last, self.pose, self._twist = scan, pose, IDENTITY
+        self._last, self.pose, self._twist, self._step = scan, pose, IDENTITY, IDENTITY
 
     def correct(self, pose: Pose2) -> None:
         """The map has changed, and the robot is at `pose` in it; it moves as before."""
@@ -69,7 +70,7 @@ class PlainEstimator:
         self.match = matches[-1] if self.maps else None
         if self.maps:
             self.pose, self.quality = matches[-1].pose, matches[-1].share
-            self._twist = self.twist_at(self.pose)
+            self._twist, self._step = self.twist_at(self.pose), self._before.between(self.pose)
         return self.pose
 
 

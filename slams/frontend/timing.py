@@ -28,6 +28,15 @@ class ScanTiming:
         self._before = 0.0  # s, deviation of the interval before
         self._variance = self._covariance = 0.0
 
+    @property
+    def jitter(self) -> float:
+        """Deviation of the stamps [s]."""
+        return math.sqrt(self._jitter) if self._smooth else 0.0
+
+    @property
+    def _jitter(self) -> float:
+        return min(max(-self._covariance, 0.0), 0.5 * self._variance)
+
     def elapsed(self, t: float) -> float:
         """Seconds since the scan before, for a scan stamped `t`; 0 for the first."""
         stamped = t - self._last
@@ -50,7 +59,7 @@ class ScanTiming:
 
     def _filtered(self, stamped: float) -> float:
         """The interval between the filtered times."""
-        jitter = min(max(-self._covariance, 0.0), 0.5 * self._variance)
+        jitter = self._jitter
         if not self._smooth or jitter <= 0.0:
             self._late = 0.0
             return stamped

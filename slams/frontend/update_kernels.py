@@ -13,6 +13,7 @@ import numpy as np
 
 from slams.frontend.filter_kernels import (
     BIAS,
+    DRIFT,
     GYRO,
     LARGEST,
     POSE,
@@ -33,7 +34,7 @@ from slams.types import Floats
 WEAKEST = 1e-2  # 1/m^2, 1/rad^2: information added where a match has none
 SHARPEST = 10.0  # NIS of one match that counts at most, in what is learned
 SLOWEST = 0.1  # least share of a twist's variance that a match has to remove, to be learned from
-SPREAD = 100.0  # times the usual acceleration density, at most and at least
+SPREAD = 20.0  # times the usual acceleration density, at most and at least
 
 
 @njit(inner=True, borrows=True)
@@ -125,15 +126,21 @@ def decouple(z: Floats, P: Floats, direction: Floats, share: float) -> None:
 
 @njit(inner=True)
 def remap(
-    z: Floats, P: Floats, pose: Floats, seen: Floats, direction: Floats, share: float, floor: Floats
+    z: Floats,
+    P: Floats,
+    pose: Floats,
+    seen: Floats,
+    direction: Floats,
+    share: float,
+    prior: Floats,
 ) -> None:
     """Take out of a match what noise says along an unobservable direction, in place.
 
     Solution remapping [Zhang16]: where the scan alone has the pose follows from the fused `pose`
-    (3,) and the prior's weight; it is fused again with the information `seen` (3, 3) of which only
-    `share` is left along `direction` (2,).
+    (3,) and the prior's weight, of P and the variances `prior` (3,); it is fused again with the
+    information `seen` (3, 3) of which only `share` is left along `direction` (2,).
     """
-    C, off = P[:3, :3] + np.diag(floor), np.empty(3)
+    C, off = P[:3, :3] + np.diag(prior), np.empty(3)
     W = inverse3(C)
     offset_from(z, pose, off)
     w = (FREEDOM + 3.0) / (FREEDOM + mahalanobis(W, off))
@@ -205,6 +212,7 @@ def judge_readings(
         else:
             scale = z[SCALE + (1 if i == 2 else 0)]
             expected, error = (1.0 + scale) * step[i], floor[i]
+            expected += z[DRIFT] * step[0] if i == 2 else 0.0
         off = readings[i, VALUE] - expected
         ratio = off * off / (readings[i, VARIANCE] + 2.0 * error)
         trust[i] += share * (min(max(ratio, 1.0), 1e4) - trust[i])
@@ -223,32 +231,49 @@ def update(
 ) -> None:
     """Condition the state on a match: limit its information, fuse, regress, learn. ours.
 
-    match (4, 3): pose; information of the scan about it. how (3, 3): unobservable direction and the
-    share observed along it; dt, shares to learn accelerations and readings by; variances of the
-    map's error. before (3,): the last scan's pose.
+    match (4, 3): pose, remapped in place; information of the scan about it. how (4, 3):
+    unobservable direction and the share observed along it; dt, shares to learn accelerations and
+    readings by; variances of the match that no scan removes; those beside P in its prior. before
+    (3,): the last scan's pose.
     """
     pose, seen, direction, share = match[0], match[1:], how[0, :2], how[0, 2]
-    dt, floor = how[1, 0], how[2]
+    dt, floor, beside = how[1, 0], how[2], how[3]
     if share < 1.0:
         decouple(z, P, direction, share)
-        remap(z, P, pose, seen, direction, share, floor)
-    off, step, change = np.empty(3), np.empty(3), np.empty(3)
+        remap(z, P, pose, seen, direction, share, beside)
+    off, step, change, state = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     variance, covariance = np.empty(3), np.empty((3, 3))
     for i in range(3):
         change[i], variance[i] = z[TWIST + i], P[TWIST + i, TWIST + i]
     offset_from(z, pose, off)
-    nis = mahalanobis(inverse3(P[:3, :3] + np.diag(floor)), off)
+    nis = mahalanobis(inverse3(P[:3, :3] + np.diag(beside)), off)
     widen = (FREEDOM + min(nis, LARGEST)) / (FREEDOM + 3.0)
     if widen > 1.0:  # [Roth13]: a match that surprises says that the prior was too sure
         scale_rows(P, POSE, SCALE, math.sqrt(widen))
     alone = inverse3(seen + WEAKEST * np.eye(3)) + np.diag(floor)
     covariance[:, :] = inverse3(inverse3(alone) + inverse3(P[:3, :3]))
-    condition(z, P, pose, covariance)
+    toward_stamp(z, P, pose, floor, state)
+    condition(z, P, state, covariance)
     for i in range(3):
         change[i] = z[TWIST + i] - change[i]
     learn_density(change, variance, P, how[1, 1], usual, learned[0])
-    between_halfway(before, pose, step)
+    between_halfway(before, z[:3], step)
     judge_readings(z, step, dt, how[1, 2], floor, readings, learned[1])
+
+
+@njit(inner=True)
+def toward_stamp(z: Floats, P: Floats, pose: Floats, floor: Floats, out: Floats) -> None:
+    """The state's pose (3,) by a match that errs by `floor` (3,), its stamp's error above all.
+
+    ours: of the matched difference P (P + floor)^-1 is the robot's, the rest is the scan's.
+    """
+    off, share = np.empty(3), inverse3(P[:3, :3] + np.diag(floor))
+    offset_from(z, pose, off)
+    for i in range(3):
+        out[i] = z[i]
+        for k in range(3):
+            out[i] += P[i, k] * (share[k, 0] * off[0] + share[k, 1] * off[1] + share[k, 2] * off[2])
+    out[2] = wrap_angle(out[2])
 
 
 @njit(inner=True, borrows=True)

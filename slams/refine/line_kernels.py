@@ -198,9 +198,9 @@ def evidence(
 
 @njit
 def evaluate(
-    walls: Any, points: Points, n: int, mount: Any, pose: Any, soft: float
+    walls: Any, points: Points, n: int, stride: int, mount: Any, pose: Any, soft: float
 ) -> tuple[float, float]:
-    """Sum of inliers, by robust weight, and number of conflicts of a scan at a pose.
+    """Shares of every `stride`-th end that are inliers, by robust weight, and conflicts at a pose.
 
     ours: an inlier is an end near a line, a conflict an end in a cell that was seen free more than
     once and has no line. Ends where nothing is known are neither. Plain tuples as in `fit`.
@@ -212,7 +212,7 @@ def evaluate(
     c, s = math.cos(theta), math.sin(theta)
     sx, sy = px + c * mx - s * my, py + s * mx + c * my
     inliers = conflicts = 0.0
-    for i in range(n):
+    for i in range(0, n, stride):
         x = px + c * points[0, i] - s * points[1, i]
         y = py + s * points[0, i] + c * points[1, i]
         fx, fy = (x - surface.x0) * scale + 0.5, (y - surface.y0) * scale + 0.5
@@ -224,4 +224,5 @@ def evaluate(
             continue
         e, _, _, w = facing_line(surface, x, y, sx, sy)
         inliers += 1.0 / (1.0 + e * e * soft) if w > 0.0 else 0.0
-    return inliers, conflicts
+    used = max((n + stride - 1) // stride, 1)
+    return inliers / used, conflicts / used

@@ -103,12 +103,9 @@ class LineMap:
 
     def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
         """Shares of the beams that lie on a line at a pose, and that end where it was free."""
-        soft = 1.0 / self._softness(points) ** 2
-        inliers, conflicts = evaluate(
-            tuple(self.surface), points.points, points.n, tuple(points.mount), tuple(pose), soft
-        )
-        n = max(points.n, 1)
-        return inliers / n, conflicts / n
+        view = tuple(points.mount), tuple(pose), 1.0 / self._softness(points) ** 2
+        stride = max(min(THINNED, points.n // ENOUGH), 1)
+        return evaluate(tuple(self.surface), points.points, points.n, stride, *view)
 
     def learn(self, match: Match, points: EndPoints) -> None:
         """Take this match's distances for usual."""

@@ -150,3 +150,9 @@ class EndPoints:
         self._room = np.zeros((3, n_beams))
         self._chords = np.zeros((2, n_beams))
         self.moments = np.zeros((6, n_beams + 1))
+
+
+def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:
+    """Distance of two poses [m], as the end points half way out see it."""
+    turn = math.remainder(one.theta - other.theta, 2.0 * math.pi)
+    return math.hypot(one.x - other.x, one.y - other.y) + 0.5 * points.far * abs(turn)

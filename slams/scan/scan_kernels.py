@@ -283,3 +283,17 @@ def chords(points: Points, n: int, mount: Pose2, step: float, grain: Grain, out:
             side = 0.0 if b - a < 2 else -1.0 if nx * rx + ny * ry > 0.0 else 1.0
             out[0, i], out[1, i] = side * nx, side * ny
         first = last + 1
+
+
+@njit
+def scatter(facing: Points, n: int) -> tuple[float, float, float]:
+    """Sums of n n^T over the unit vectors along facing (2, >= n), 0 where there is none. ours."""
+    xx = xy = yy = 0.0
+    for i in range(n):
+        x, y = facing[0, i], facing[1, i]
+        square = x * x + y * y
+        if square > 0.0:
+            xx += x * x / square
+            xy += x * y / square
+            yy += y * y / square
+    return xx, xy, yy

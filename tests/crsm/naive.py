@@ -101,76 +101,54 @@ def draw(grid, d, angles, pose, cell, m, rho, kappa):
     return grid
 
 
-def insert(walls, points, normals, pose, grid, rules):
-    """End points of one scan, one by one, join the wall elements of a dict or begin new ones."""
-    cell, corner = grid
-    near, compat, most = rules
+def observe(cell, value, weight, most):
+    """Weighted mean [value, weight] of a cell with one more observation."""
+    total = cell[1] + weight
+    cell[0] += (value - cell[0]) * weight / total
+    cell[1] = min(total, most)
+
+
+def insert(grey, weight, strokes, pose, frame, rules):
+    """Strokes (k, 5) and their beams enter grey levels and weights (ny, nx), in place."""
+    (x0, y0), cell = frame
+    laser, free, most, width = rules
+    ny, nx = grey.shape
+    centers = np.stack(np.meshgrid(x0 + cell * np.arange(nx), y0 + cell * np.arange(ny)), axis=-1)
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    rotation = np.array([[c, -s], [s, c]])
-    for p, n in zip(points, normals, strict=True):
-        at, normal = rotation @ p + pose[:2], rotation @ n
-        ix, iy = np.floor((at - corner) / cell).astype(int).tolist()
-        around = [(x, y) for y in range(iy - 1, iy + 2) for x in range(ix - 1, ix + 2)]
-        of = [(_away(walls[k], at), k) for k in around if k in walls]
-        of = [(d, k) for d, k in of if d < near and _alike(walls[k], normal, compat)]
-        key = min(of)[1] if of else (ix, iy)
-        is_lone = key in walls and not walls[key]["normal"].any()
-        if key not in walls or (is_lone and normal.any()):
-            walls[key] = {"mean": at, "normal": normal, "weight": 0}
-        w = walls[key]
-        if not (_alike(w, normal, compat) and _away(w, at) < near):
-            continue
-        w["weight"] = min(w["weight"] + 1, most)
-        w["mean"] = w["mean"] + (at - w["mean"]) / w["weight"]
-        w["normal"] = w["normal"] + (normal - w["normal"]) / w["weight"]
-        w["normal"] = w["normal"] / (math.hypot(*w["normal"]) or 1.0)
+    turn = np.array([[c, -s], [s, c]])
+    drawn = np.zeros(grey.shape, bool)
+
+    def enter(j, i, value, by):
+        state = [float(grey[j, i]), float(weight[j, i])]
+        observe(state, value, by, most)
+        grey[j, i], weight[j, i] = state
+        drawn[j, i] = True
+
+    for x, y, *normal, half in strokes:
+        off = centers - (turn @ (x, y) + pose[:2])
+        if any(normal):
+            across, along = off @ (turn @ normal), off @ (turn @ (-normal[1], normal[0]))
+        else:
+            across, along = np.hypot(*np.moveaxis(off, -1, 0)), 0.0
+        near = (np.abs(across) <= 2.5 * width) & (np.abs(along) <= half + 0.5 * cell)
+        for j, i in zip(*np.nonzero(near), strict=True):
+            dark = math.exp(-0.5 * (across[j, i] / width) ** 2)
+            enter(j, i, dark, dark)
+    start = turn @ laser + pose[:2]
+    for x, y, *_ in strokes:
+        way = turn @ (x, y) + pose[:2] - start
+        length = math.hypot(*way)
+        for k in range(math.floor(length / cell) - 1):
+            i, j = np.floor((start + way / length * k * cell - (x0, y0)) / cell + 0.5).astype(int)
+            if not drawn[j, i]:
+                enter(j, i, -1.0, free)
 
 
-def _away(wall, at):
-    return math.hypot(*(at - wall["mean"]))
-
-
-def _alike(wall, normal, compat):
-    """Both are walls of like direction, or lone."""
-    if not normal.any():
-        return not wall["normal"].any()
-    return wall["normal"] @ normal > compat
-
-
-def draw_grey(grey, points, pose, grid, steps):
-    """Grey levels after one drawing: dict of the cells that change."""
-    step, corner = grid
-    white, black = steps
-
-    def shade(v, by):
-        gain = 1.0 - math.sqrt(abs(v)) if v * by > 0 else 1.0
-        return max(-1.0, min(1.0, v + gain * by))
-
-    def cell_of(at):
-        return tuple(np.floor((at - corner) / step).astype(int).tolist())
-
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    start = np.array(pose[:2])
-    ends = [start + np.array([c * p[0] - s * p[1], s * p[0] + c * p[1]]) for p in points]
-    values = {key: shade(float(grey[key[1], key[0]]), black) for key in map(cell_of, ends)}
-    for end in ends:
-        length = math.hypot(*(end - start))
-        for j in range(math.floor(length / step) - 1):
-            key = cell_of(start + (end - start) / length * step * j)
-            if key not in values:
-                values[key] = shade(float(grey[key[1], key[0]]), white)
-    return values
-
-
-def leverages(points, normals, variances, lone_variance):
-    """Share of each point in fixing (x, y, theta): trace of w J' J H^-1."""
-    blocks = []
-    for p, n, v in zip(points, normals, variances, strict=True):
-        rows, variance = (n[None], v) if n.any() else (np.eye(2), lone_variance)
-        jacobian = np.column_stack((rows, rows @ np.array([-p[1], p[0]])))
-        blocks.append(jacobian.T @ jacobian / variance)
-    inverse = np.linalg.inv(sum(blocks))
-    return np.array([np.trace(b @ inverse) for b in blocks])
+def leverages(points, normals):
+    """Share of each point in fixing (x, y, theta): c' H^-1 c."""
+    rows = np.column_stack((normals, normals[:, 1] * points[:, 0] - normals[:, 0] * points[:, 1]))
+    inverse = np.linalg.inv(rows.T @ rows)
+    return np.einsum("ij,jk,ik->i", rows, inverse, rows)
 
 
 def spread_out(owed):

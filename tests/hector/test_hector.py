@@ -571,7 +571,7 @@ def test_the_map_grows_and_keeps_what_it_has():
     pyramid.insert(points, IDENTITY)
     before = pyramid.grid()
     shapes = [level.p.shape for level in pyramid.levels]
-    pyramid._cover(Pose2(30.0, -25.0, 0.0), 5.0)
+    pyramid._cover(Pose2(0.0, -70.0, 0.0), 5.0)
     after = pyramid.grid()
     assert np.array_equal(before.p, after.p, equal_nan=True)
     assert before.origin == pytest.approx(after.origin)

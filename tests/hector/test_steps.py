@@ -6,10 +6,11 @@ import pytest
 from hector import Hector, HectorParams
 from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
-from hector.matcher import BLUR, FINE, ROUGH, Matcher, gap
+from hector.matcher import BLUR, FINE, ROUGH, Matcher
 from slams.frontend.estimator import BEGIN_BEAMS
 from slams.geometry import Prior
 from slams.refine.lines import ENOUGH, Match
+from slams.scan.end_points import gap
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import LIDAR, calls, laser, scan_at, still
 

@@ -68,7 +68,7 @@ def test_arrays_that_are_shared_stay_so_in_a_deep_copy():
 
 
 def test_a_room_is_a_square_around_the_origin():
-    room = Room(10_000, 0.1, block=4)
+    room = Room(2_500, 0.1, block=4)
     assert (room.width, room.height) == (96, 96)
     assert room.corner == pytest.approx((-4.8, -4.8))
     assert room.reach(Box(-4.75, -4.8, 4.8, 4.75)) is None
@@ -76,7 +76,7 @@ def test_a_room_is_a_square_around_the_origin():
 
 
 def test_rows_of_a_large_room_are_no_whole_pages():
-    room = Room(1 << 26, 0.05, block=4)
+    room = Room(1 << 24, 0.05, block=4)
     assert (room.width, room.height) == (8196, 8192)
     assert room.corner == pytest.approx((-204.8, -204.8))
 
@@ -91,7 +91,7 @@ def test_rows_of_a_large_room_are_no_whole_pages():
     ],
 )
 def test_a_room_grows_in_blocks_to_the_side_it_needs(box, added):
-    room, before = Room(10_000, 0.1, block=4), Room(10_000, 0.1, block=4)
+    room, before = Room(2_500, 0.1, block=4), Room(2_500, 0.1, block=4)
     assert room.reach(box) == added
     assert room.reach(box) is None
     assert (before.y0 - room.y0, before.x0 - room.x0) == added

@@ -8,6 +8,7 @@ from slams.scan.scan_kernels import Limits, end_points
 from slams.types import IDENTITY, Pose2
 from tests.rooms import drive
 from tsd import Tsd, TsdParams
+from tsd.map import TileField
 from tsd.map_kernels import facing, read_field
 from tsd.original import Original, OriginalParams
 from tsd.scan_kernels import Beams, SurfaceRule
@@ -30,8 +31,12 @@ def error(a, b):
     return math.hypot(step.x, step.y), abs(step.theta)
 
 
+def field_of(**changes):
+    return TileField(TsdParams().replace(**changes))
+
+
 def field_at(slam, x, y, normal):
-    return read_field(slam._field.kernel, facing(*normal), x, y)
+    return read_field(slam._map.kernel, facing(*normal), x, y)
 
 
 def occupied(slam, x, y):
@@ -46,7 +51,7 @@ def scanned(n=10, **changes):
     slam = default(**changes)
     for scan in drive(n=n):
         slam.update(scan)
-    view = slam._view
+    view = slam._scan
     return slam, view.elements[: view.count].copy()
 
 
@@ -61,4 +66,4 @@ def hits_of(ranges, lidar):
 
 RULE = SurfaceRule(0.12, 0.01, 8.0, 0.02**2, 0.2, 0.15, False)
 HALLWAY = [(-60.0, 1.0, 60.0, 1.0), (-60.0, -1.0, 60.0, -1.0)]
-NICHES = [(-6.0, 0.96), (2.1, -1.0), (7.5, 0.96)]
+PILLARS = [(-6.0, 0.7), (2.1, -1.0), (7.5, 0.7)]

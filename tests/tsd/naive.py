@@ -126,36 +126,6 @@ def runs_of(points, ranges, beams, step, max_slope, noise):
     return [(a, b) for a, b in zip(cuts, cuts[1:], strict=False) for _ in range(a, b)]
 
 
-def agreements(kernel, elements, pose, offset, robust):
-    """How well each element agrees at a moved pose, 0 to 1; nan where nothing was seen."""
-    found = []
-    for x, y, nx, ny, *_ in elements:
-        point = Pose2(*pose).transform(np.array([[x, y]]))[0] + offset
-        normal = Pose2(0.0, 0.0, pose[2]).transform(np.array([[nx, ny]]))[0]
-        iy, ix = np.floor((point - kernel.corner) / kernel.cell).astype(int)[::-1]
-        around = (point - kernel.corner) / kernel.cell - 0.5
-        low = np.floor(around).astype(int)
-        wx, wy = around - low
-        corners = [
-            cell_of(kernel, layer_of(normal), *(kernel.corner + kernel.cell * (low + d + 0.5)))
-            for d in np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
-        ]
-        weights = [(1 - wx) * (1 - wy), wx * (1 - wy), (1 - wx) * wy, wx * wy]
-        v = sum(w * corner[0] for w, corner in zip(weights, corners, strict=True))
-        if not math.isnan(v):
-            found.append(1.0 / (1.0 + (v / robust) ** 2))
-        else:
-            found.append(0.0 if kernel.seen[iy, ix] else math.nan)
-    return np.array(found)
-
-
-def leads(kernel, elements, pose, offsets, robust):
-    """For each offset of a pose how much more the elements agree there, and the squares' sum."""
-    here = agreements(kernel, elements, pose, np.zeros(2), robust)
-    more = [agreements(kernel, elements, pose, offset, robust) - here for offset in offsets]
-    return np.array([(np.nansum(lead), np.nansum(lead**2)) for lead in more]), here
-
-
 def passed(laser, ends, corner, cell, shape):
     """Cells that the beams from a laser to their ends pass, in steps of a cell."""
     seen = np.zeros(shape, bool)

@@ -7,36 +7,15 @@ import pytest
 
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import box, laser, scan_at
-from tests.tsd import naive as naive_tsd
-from tests.tsd.cases import HALLWAY, NICHES, default, scanned
-from tsd.match_kernels import MatchRule, leads_along
+from tests.tsd.cases import HALLWAY, PILLARS, default
 
 
-def test_leads_along_equal_the_naive_twin():
-    slam, elements = scanned()
-    offsets = np.array([(0.0, 0.0), (0.1, 0.0), (-0.3, 0.2)])
-    pose, rule = np.array(slam._track.pose), MatchRule(1, 1e-4, 1e-5, 0.03, 0.01)
-    out = np.zeros((3, 2))
-    kernel = slam._field.kernel
-    counts = leads_along(
-        kernel, elements, len(elements), slam._view.beams, pose, offsets, rule, out
-    )
-    twin, here = naive_tsd.leads(kernel, elements, pose, offsets, 0.03)
-    assert out == pytest.approx(twin, rel=1e-4, abs=1e-3)
-    seen = ~np.isnan(here)
-    assert counts == pytest.approx((seen.sum(), here[seen].sum()), rel=1e-4)
-    assert counts[1] > 0.9 * counts[0] and out[2, 0] < -0.1 * counts[0]
-
-
-def driven(segments, n_beams, with_odometry, slip=0.0, step=0.03, seed=3):
-    """Where a default is after 59 steps [m] along a corridor, slipped half way."""
+def driven(segments, n_beams, with_odometry, step=0.03, seed=3):
+    """Where a default is after 59 steps [m] along a corridor."""
     slam, lidar, rng = default(), laser(n_beams), np.random.default_rng(seed)
     for i in range(60):
         at = Pose2(step * i, 0.0, 0.0)
         scan = scan_at(at, lidar, np.array(segments), noise=0.01, rng=rng, t=0.1 * i)
-        if i == 30:
-            slam._track.pose = slam._track.pose @ Pose2(slip, 0.0, 0.0)
-            slam._track.covariance[0, 0] += slip * slip
         odometry = Pose2(at.x + 5.0, 0.0, 0.0) if with_odometry else None
         found = slam.update(Scan(scan.t, scan.ranges, scan.laser, odometry))
     return found.x
@@ -47,27 +26,13 @@ def test_a_bare_corridor_does_not_hold_the_robot(n_beams):
     assert driven(HALLWAY, n_beams, with_odometry=True) == pytest.approx(1.77, abs=0.2)
 
 
-@pytest.mark.parametrize("n_beams", [181, 1081])
-def test_niches_of_a_corridor_are_enough_without_odometry(n_beams):
-    sides = [side for x, y in NICHES for side in box(x, y, x + 0.15, y + 0.04)]
+@pytest.mark.parametrize("n_beams", [361, 1081])
+def test_pillars_of_a_corridor_are_enough_without_odometry(n_beams):
+    sides = [side for x, y in PILLARS for side in box(x, y, x + 0.5, y + 0.3)]
     assert driven([*HALLWAY, *sides], n_beams, with_odometry=False) == pytest.approx(1.77, abs=0.2)
 
 
-@pytest.mark.parametrize(("step", "way", "most"), [(0.03, 1.77, 0.15), (0.0, 0.0, 0.2)])
-def test_niches_of_a_corridor_hold_most_robots(step, way, most):
-    """Two beams meet them: some are off by meters, whatever the noise makes of these two."""
-    sides = [side for x, y in NICHES for side in box(x, y, x + 0.15, y + 0.04)]
-    found = (driven([*HALLWAY, *sides], 181, False, step=step, seed=seed) for seed in range(16))
-    assert np.median([abs(x - way) for x in found]) < most
-
-
-def test_a_slip_along_a_corridor_is_taken_back():
-    sides = [side for x, y in NICHES for side in box(x, y, x + 0.15, y + 0.04)]
-    slipped = driven([*HALLWAY, *sides], 181, with_odometry=True, slip=-0.3)
-    assert slipped == pytest.approx(1.77, abs=0.06)
-
-
-def test_few_beams_do_not_look_for_a_slip_that_wheels_rule_out():
+def test_few_beams_in_a_bare_ring_are_held_by_wheels():
     """Around a corner of a bare ring: what 45 beams say along a corridor is chance."""
     ring = np.array([*box(-13.0, -8.0, 13.0, 8.0), *box(-15.0, -10.0, 15.0, 10.0)])
     steps = [Pose2(0.08, 0.0, 0.0)] * 168 + [Pose2(0.08, 0.0, -0.08)] * 20

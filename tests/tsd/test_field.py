@@ -9,10 +9,18 @@ from slams.extent import Box
 from slams.types import Pose2
 from tests.rooms import box, drive, laser, scan_at
 from tests.tsd import naive as naive_tsd
-from tests.tsd.cases import CORNER, PLANE, default, error, field_at, occupied, original
+from tests.tsd.cases import (
+    CORNER,
+    PLANE,
+    default,
+    error,
+    field_at,
+    field_of,
+    occupied,
+    original,
+)
 from tsd.drawing import CERTAIN, surface_cells
 from tsd.image import colored
-from tsd.map import TileField
 from tsd.map_kernels import (
     PASSED,
     PushRule,
@@ -66,7 +74,7 @@ def test_both_sides_of_a_thin_plate_stay_where_they_are():
 
 
 def layers_of(normal):
-    field = TileField(0.05, 0.15, 100.0).kernel
+    field = field_of(max_weight=100.0).kernel
     line, rows = np.array([[1.0, -2.0, *normal, 1.0, 2.0, 0.0]]), np.zeros((99, 4))
     n = list_rows(field, line, 1, PushRule(0.15, 100.0, 0.2), rows)
     return set(rows[:n, 1].astype(int))
@@ -84,7 +92,7 @@ def test_gradient_is_the_interpolants():
     slam = default()
     for scan in drive(n=30, lidar=laser(361)):
         slam.update(scan)
-    kernel = slam._field.kernel
+    kernel = slam._map.kernel
     rng = np.random.default_rng(2)
     checked = 0
     for _ in range(12000):
@@ -131,8 +139,8 @@ def test_map_and_field_show_the_room(make):
 
 
 def test_push_blends_every_line_into_its_cells():
-    field = TileField(0.05, 0.15, 3.0)
-    field._cover(Box(0.0, -1.0, 2.0, 1.0))
+    field = field_of(max_weight=3.0)
+    field.extent.covered = Box(0.0, -1.0, 2.0, 1.0)
     rule = PushRule(0.15, 3.0, 0.2)
     rng, rows = np.random.default_rng(6), np.zeros((999, 4))
     lines = np.array([[1.0, 0.02 * rng.normal(), -0.05 * k, 1.0, 0.9, 1.0, 0.0] for k in range(5)])
@@ -151,7 +159,7 @@ def test_push_blends_every_line_into_its_cells():
 
 
 def test_a_sparse_line_is_not_continued_far_beyond_its_hit():
-    field = TileField(0.05, 0.15, 100.0).kernel
+    field = field_of(max_weight=100.0).kernel
     line = np.array([[2.0, 0.0, 0.0, 1.0, 0.2, 8.0, 0.0]])
     rows = np.zeros((999, 4))
     n = list_rows(field, line, 1, PushRule(0.15, 100.0, 0.2), rows)
@@ -160,7 +168,7 @@ def test_a_sparse_line_is_not_continued_far_beyond_its_hit():
 
 
 def test_carve_marks_what_every_beam_passes():
-    field = TileField(0.05, 0.15, 100.0).kernel
+    field = field_of(max_weight=100.0).kernel
     gap, laser_at = 0.01, np.array([0.3, -0.2])
     angles = -1.0 + gap * np.arange(200)
     ends = laser_at + 4.02 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -176,7 +184,7 @@ def test_carve_marks_what_every_beam_passes():
 def test_a_frozen_map_stays_and_an_inserted_scan_enters_it():
     slam, room = default(), np.array(box(-3.0, -2.0, 2.5, 2.2))
     slam.insert_at(scan_at((1.0, 0.5, 0.3), segments=room), Pose2(1.0, 0.5, 0.3))
-    assert slam.report()["pushed"] == 1 and slam._track.pose == Pose2(1.0, 0.5, 0.3)
+    assert slam.report()["inserted"] == 1 and slam._estimator.pose == Pose2(1.0, 0.5, 0.3)
     assert occupied(slam, 2.5, 0.5)
     slam.frozen = True
     before = slam.map().p.copy()
@@ -203,7 +211,7 @@ def test_the_map_shows_what_the_picture_does_where_tiles_meet():
     slam = default()
     for scan in drive(n=30):
         slam.update(scan)
-    field, grid = slam._field, slam.map()
+    field, grid = slam._map, slam.map()
     expected = np.zeros(grid.p.shape, bool)
     for layer in range(4):
         tsd, weight = (
@@ -250,7 +258,7 @@ def test_pictures_show_both_sides_of_the_field():
 
 
 def test_a_map_that_outgrows_its_room_keeps_what_it_has():
-    small, large = (TileField(0.05, 0.15, 100.0, cells) for cells in (1 << 16, 1 << 24))
+    small, large = (field_of(max_cells=cells) for cells in (1 << 16, 1 << 24))
     for k, x in enumerate((0.013, 12.013, -31.013, 3.013)):
         at = (x + 1.0, 0.313 * k + 0.007)
         lines = np.array([[x + 2.0, at[1] + 0.02 * i, -1.0, 0.0, 1.0, 1.0, 1.0] for i in range(9)])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tsd.map_kernels import LAYERS, SIDE, Field
+from tsd.map_kernels import LAYERS, SIDE, WALL, Field
 from tsd.model_kernels import Fan, Model, cast_rays
 
 CELL, TILES = 0.05, 8
@@ -27,7 +27,8 @@ def field_of(planes):
                 tiles.append(part)
     tsd = np.array(tiles, np.float32)
     corner, seen = np.full(2, -0.5 * n * CELL), np.zeros((n, n), np.uint8)
-    return Field(slots, tsd, np.ones_like(tsd), corner, CELL, np.array([len(tsd)]), seen)
+    walls = np.zeros((n // WALL, n // WALL), np.float32)
+    return Field(slots, tsd, np.ones_like(tsd), corner, CELL, np.array([len(tsd)]), seen, walls)
 
 
 @pytest.mark.parametrize(("right", "top"), [(1.0, 1.002), (1.002, 1.0)])

@@ -40,7 +40,8 @@ def test_a_window_beside_is_taken_only_if_it_is_twice_as_smooth():
         for side in (before, after):
             if side[4] < limit:
                 best, limit = side, side[4]
-        found = fit_best_line(sums, k, reach, 0, 21)
+        found = fit_best_line(sums, k, reach, 0, 21, 0.0)
         assert found == best
+        assert fit_best_line(sums, k, reach, 0, 21, 1.001 * around[4]) == around
         beside.append(best is not around)
     assert 5 < sum(beside) < 100

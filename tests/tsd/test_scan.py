@@ -10,14 +10,14 @@ from slams.motion.chord import travelled
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import ROOM, box, cast, laser, scan_at
 from tests.tsd import naive as naive_tsd
-from tests.tsd.cases import RULE, default, hits_of
-from tsd.map import TileField
+from tests.tsd.cases import RULE, default, field_of, hits_of
 from tsd.map_kernels import (
     PushRule,
     list_rows,
     place_lines,
 )
 from tsd.params import TsdParams
+from tsd.scan import SurfaceScan
 from tsd.scan_kernels import (
     find_runs,
     fit_best_line,
@@ -25,7 +25,6 @@ from tsd.scan_kernels import (
     fit_surfaces,
     sum_moments,
 )
-from tsd.view import View
 
 
 def test_line_fit_is_total_least_squares():
@@ -54,11 +53,11 @@ def test_hits_of_a_moving_laser_lie_on_the_walls():
         ranges[i] = cast(walls, pose @ Pose2(0.0, 0.0, lidar.angles[i] - one.angles[0]), one)[0]
     scan, off = Scan(0.0, ranges, lidar), []
     for known in (velocity, IDENTITY):
-        view = View(TsdParams()).take(scan, known)
+        view = SurfaceScan(TsdParams()).take(scan, known)
         assert view.count > 30
         x, y = view.elements[: view.count, :2].T
         off.append(np.min(np.abs([x + 3.0, x - 2.0, y + 2.0, y - 3.0]), axis=0).max())
-    assert off[0] < 1e-5
+    assert off[0] < 1e-3
     assert off[1] > 0.02
 
 
@@ -84,7 +83,7 @@ def test_the_best_of_three_windows_lies_on_one_wall_only():
     sums = np.zeros((41, 5))
     sum_moments(np.column_stack([points, np.zeros((40, 2))]), 40, sums)
     for k, normal in ((17, (0.0, 1.0)), (18, (0.0, 1.0)), (21, (1.0, 0.0)), (22, (1.0, 0.0))):
-        *_, nx, ny, variance = fit_best_line(sums, k, 4, 0, 40)
+        *_, nx, ny, variance = fit_best_line(sums, k, 4, 0, 40, 0.0)
         assert abs(nx * normal[0] + ny * normal[1]) == pytest.approx(1.0, abs=1e-6)
         assert variance < 1e-10
 
@@ -98,7 +97,8 @@ def test_surface_elements_stand_for_their_beams():
     sum_moments(hits, count, sums)
     n = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.05, out)
     x, y, nx, ny, information, index, beams_each, told = out[:n].T
-    assert np.min(np.abs([x + 2.0, x - 4.0, y + 3.0, y - 2.5]), axis=0).max() < 1e-3
+    off = np.min(np.abs([x + 2.0, x - 4.0, y + 3.0, y - 2.5]), axis=0)
+    assert off.max() < 0.01 and np.mean(off < 1e-3) > 0.95  # corners: within the noise
     assert (nx * x + ny * y < 0.0).all()  # towards the laser
     assert np.abs(np.hypot(nx, ny) - 1.0).max() < 1e-9
     assert (np.diff(index) > 0).all()
@@ -126,7 +126,7 @@ def test_range_noise_is_measured():
         slam = default()
         for i in range(30):
             slam.update(scan_at((0.0, 0.0, 0.0), laser(721), walls, sigma, rng, 0.1 * i))
-        assert slam._view.noise == pytest.approx(max(sigma, 0.01), rel=0.15)
+        assert slam._scan.noise == pytest.approx(sigma, rel=0.15)
 
 
 def test_a_hit_alone_between_far_beams_has_no_normal():
@@ -146,7 +146,7 @@ def test_a_hit_alone_between_far_beams_has_no_normal():
         line = out.copy()
         lines = np.zeros((1, 7))
         place_lines(line, 1, runs, beams, np.zeros(3), lines)
-        field, rows = TileField(0.05, 0.15, 100.0).kernel, np.zeros((999, 4))
+        field, rows = field_of(max_weight=100.0).kernel, np.zeros((999, 4))
         rule = PushRule(0.15, 100.0, lidar.angle_increment)
         assert not alone or list_rows(field, lines, 1, rule, rows) == 0
 
@@ -157,11 +157,11 @@ def test_hits_that_nothing_is_seen_beside_are_left_out():
     for segments in (ROOM, corridor):  # far along a corridor hits are a meter apart
         scan = scan_at((0.3, -0.2, 0.5), lidar, segments)
         count = ((scan.ranges > 0.1) & (scan.ranges < 30.0)).sum()
-        assert View(TsdParams()).take(scan, IDENTITY).n >= count - 2
+        assert SurfaceScan(TsdParams()).take(scan, IDENTITY).n >= count - 2
     clean = scan_at((0.3, -0.2, 0.5), lidar)
     struck = rng.random(1081) < 0.3
     short = np.where(struck, rng.uniform(0.1, clean.ranges), clean.ranges).astype(np.float32)
-    view = View(TsdParams()).take(dataclasses.replace(clean, ranges=short), IDENTITY)
+    view = SurfaceScan(TsdParams()).take(dataclasses.replace(clean, ranges=short), IDENTITY)
     kept = view.points[2, : view.n].astype(int)
     assert (np.diff(kept) > 0).all()
     assert struck[kept].sum() < 0.3 * struck.sum()
@@ -173,19 +173,19 @@ def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():
     scan = scan_at((0.3, -0.2, 0.5), laser(1081), noise=0.01, rng=rng)
     struck = rng.random(1081) < 0.3
     short = np.where(struck, rng.uniform(0.1, scan.ranges), scan.ranges).astype(np.float32)
-    few = clean._view.take(scan, IDENTITY).count
-    assert dusty._view.take(dataclasses.replace(scan, ranges=short), IDENTITY).count < 1.5 * few
+    few = clean._scan.take(scan, IDENTITY).count
+    assert dusty._scan.take(dataclasses.replace(scan, ranges=short), IDENTITY).count < 1.5 * few
 
 
 def test_lines_half_a_cell_apart_make_the_field_that_every_hit_makes(monkeypatch):
     pools = []
     for lines in (0.5, 0.0):
-        monkeypatch.setattr("tsd.view.LINES", lines)
+        monkeypatch.setattr("tsd.scan.LINES", lines)
         slam = default()
         for k in range(3):
             slam.update(scan_at((0.0, 0.0, 0.0), laser(1081), ROOM, t=0.1 * k))
         pools.append(slam.field())
-        counts = slam._view.lines(IDENTITY)[0].shape[0]
+        counts = slam._scan.lines(IDENTITY)[0].shape[0]
     (few, _, _, a), (all_hits, _, _, b) = pools
     known = np.isfinite(few) & np.isfinite(all_hits)
     assert a == b and counts > 1000

@@ -67,7 +67,7 @@ def test_covariance_is_that_of_the_poses():
     for i in range(60):
         poses.append(slam.update(scan_at((0.0, 0.0, 0.0), lidar, noise=0.01, rng=rng, t=0.1 * i)))
     ratio = np.sqrt(np.diag(slam.covariance)) / np.std(poses, axis=0)
-    assert (ratio > 0.4).all() and (ratio < 2.5).all()
+    assert (ratio > 1.0).all() and (ratio < 10.0).all()  # with errors of the map, alike in all
     assert 0.9 < slam.quality <= 1.0
 
 
@@ -89,27 +89,18 @@ def test_scans_that_were_lost_on_the_way_change_nothing():
         found = slam.update(scan)
         step = Pose2(*truth[0]).between(Pose2(*truth[i]))
         assert error(step, found)[0] < 0.01, i
-    assert slam.report()["searched"] == slam.report()["rejected"] == 0
+    assert slam.report()["predicted"] == slam.report()["lost"] == 0
 
 
-def test_a_slow_sweep_is_seen_again_with_the_velocity_that_was_found():
+def test_a_slow_sweep_is_read_again_with_the_velocity_that_was_found():
     lidar = laser(361, time_increment=0.19 / 361)
     log = drive(n=60, rate=5.0, lidar=lidar, odometry=False, gyro=False)
     truth, errors = log.truth_at(log.t), []
     steps = [Pose2(*a).between(Pose2(*b)) for a, b in pairwise(truth)]
-    for again in (True, False):
-        slam = default()
-        if not again:
-            slam._looks_again = lambda scan, pose: False
-        found = [Pose2(*p) for p in replay(slam, log).poses]
-        errors.append(
-            np.mean(
-                [
-                    error(a.between(b), s)[0]
-                    for (a, b), s in zip(pairwise(found), steps, strict=True)
-                ]
-            )
-        )
+    for deskew in (True, False):
+        found = [Pose2(*p) for p in replay(default(deskew=deskew), log).poses]
+        made = zip(pairwise(found), steps, strict=True)
+        errors.append(np.mean([error(a.between(b), s)[0] for (a, b), s in made]))
     assert errors[0] < 0.8 * errors[1]
 
 
@@ -123,4 +114,4 @@ def test_odometry_that_stalls_and_jumps_is_overruled():
         found = slam.update(Scan(scan.t, scan.ranges, scan.laser, jumped))
         distance, turn = error(Pose2(*truth[0]).between(Pose2(*p)), found)
         assert distance < 0.02 and turn < 0.01, i
-    assert slam.report()["rejected"] == 0
+    assert slam.report()["lost"] == 0

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from crsm.params import CrsmParams
-from crsm.slam import Crsm
 from hector.params import HectorParams
 from hector.slam import Hector
 from slams.localize import relocator
@@ -19,7 +17,7 @@ from tsd.slam import Tsd
 
 LIDAR = laser(541, range_max=30.0)
 HERE = Pose2(1.5, -2.0, 2.0)
-DEFAULTS = [(Hector, HectorParams), (Tsd, TsdParams), (Crsm, CrsmParams)]
+DEFAULTS = [(Hector, HectorParams), (Tsd, TsdParams)]
 
 
 def stamped(k, pose=HERE, segments=ROOM):
@@ -192,10 +190,11 @@ def test_an_algorithm_carried_elsewhere_in_its_map_is_found_again(kind, params, 
     for k in range(30, 45):
         slam.update(Scan(0.1 * k, dark.ranges, LIDAR))
     there = Pose2(1.5, -2.0, 2.0)
-    for k in range(45, 70):
+    for k in range(45, 80):
         found = slam.update(stamped(k, there))
     off = Pose2(-3.0, 1.0, 0.0).between(there)
-    assert slam.report()["found_again"] <= on
+    report = slam.report()
+    assert report.get("relocalized", report.get("found_again")) <= on
     if on:
         assert found == pytest.approx(off, abs=0.03)
         assert slam.state == "matched"

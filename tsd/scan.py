@@ -1,8 +1,6 @@
-"""View: what one scan shows, as surface elements with normals."""
+"""SurfaceScan: what one scan shows, as surface elements with normals."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 
@@ -11,14 +9,14 @@ from slams.scan.end_points import EndPoints
 from slams.types import Floats, Laser, Pose2, Scan
 from tsd.map_kernels import place_lines
 from tsd.params import TsdParams
-from tsd.scan_kernels import Beams, SurfaceRule, find_runs, fit_surfaces, hits_of, sum_moments
+from tsd.scan_kernels import Beams, SurfaceRule, fit_surfaces, read_scan
 
 SPARSE = 10.0  # cells between beams, beyond which a hit alone is no surface
 LINES = 0.5  # cells from line to line of a push: each row of cells takes one of them
-CLUTTER = 2.0  # times the declared noise, which rough surfaces alone can look like
+SOFT = 3.0  # deviations of the noise at which an element counts half
 
 
-class View(EndPoints):
+class SurfaceScan(EndPoints):
     """The last scan: its end points, and its surface elements, thinned for registration.
 
     `elements` (>= count, 8) of `fit_surfaces`, `beams` as the kernels see them.
@@ -29,26 +27,34 @@ class View(EndPoints):
 
     def __init__(self, params: TsdParams) -> None:
         super().__init__(params)
-        p = self._params = params
+        self._p = params
         self._rule = SurfaceRule(
-            p.normal_window, 0.0, p.max_slope, 0.0, p.beam_width, SPARSE * p.cell, False
+            params.normal_window, 0.0, params.max_slope, 0.0, params.beam_width, 0.0, False
         )
         self.count = 0
 
-    def take(self, scan: Scan, velocity: Pose2) -> View:
+    def take(self, scan: Scan, velocity: Pose2) -> SurfaceScan:
         """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
         super().take(scan, velocity)
-        rule = self._measured()
-        hits_of(self.points, self.n, self.beams, self._hits)
-        find_runs(self._hits, self.n, self.beams, rule, self._runs)
-        sum_moments(self._hits, self.n, self._sums)
-        self.count = self._fit(rule, self._params.spacing, self.elements)
+        p, noise = self._p, self.noise
+        rule = self._rule = SurfaceRule(
+            self.grain.window,
+            noise,
+            p.max_slope,
+            (p.roughness * noise) ** 2,
+            p.beam_width,
+            SPARSE * p.cell,
+            False,
+        )
+        room = self._hits, self._runs, self._sums
+        read_scan(self.points, self.n, self.beams, rule, *room)
+        self.count = self._fit(rule, p.spacing, self.elements)
         return self
 
     def lines(self, pose: Pose2) -> tuple[Floats, Box]:
         """Lines (n, 7) in the map, for a push, with the box around them."""
         rule = self._rule._replace(keeps_alone=True)
-        count = self._fit(rule, LINES * self._params.cell, self._dense)
+        count = self._fit(rule, LINES * self._p.cell, self._dense)
         lines = self._lines[:count]
         box = place_lines(self._dense, count, self._runs, self.beams, np.array(pose), lines)
         return lines, Box(*box)
@@ -57,34 +63,21 @@ class View(EndPoints):
     def laser(self) -> Laser:
         """Of the last scan."""
         if self._laser is None:
-            raise LookupError("no scan was seen yet; call take() first")
+            raise LookupError("no scan was taken yet; call take() first")
         return self._laser
 
     @property
-    def noise(self) -> float:
-        """Of the ranges [m]: what is declared, unless scans show clearly more."""
-        seen, declared = super().noise, self._params.range_noise
-        return seen if seen > CLUTTER * declared else declared
-
-    def _measured(self) -> SurfaceRule:
-        """What counts as a surface, at the noise of the last scans."""
-        p, noise = self._params, self.noise
-        rough = (p.roughness * noise) ** 2
-        window = p.normal_window * math.sqrt(noise / p.range_noise)
-        self._rule = self._rule._replace(window=window, noise=noise, rough=rough)
-        return self._rule
+    def softness(self) -> float:
+        """Distance from a surface [m] at which an element counts half."""
+        return max(self._p.robust, SOFT * self.noise)
 
     def _adopt(self, laser: Laser, n_beams: int) -> None:
         super()._adopt(laser, n_beams)
         n = n_beams
         self.beams = Beams(laser.mount.x, laser.mount.y, laser.angle_increment)
-        self._hits, self._runs, self._sums = (
-            np.zeros((n, 4)),
-            np.zeros((n, 2)),
-            np.zeros((n + 1, 5)),
-        )
+        self._hits, self._runs = np.zeros((n, 4)), np.zeros((n, 2))
+        self._sums, self._lines = np.zeros((n + 1, 5)), np.zeros((n, 7))
         self.elements, self._dense = np.zeros((n, 8)), np.zeros((n, 8))
-        self._lines = np.zeros((n, 7))
 
     def _fit(self, rule: SurfaceRule, spacing: float, out: Floats) -> int:
         return int(

@@ -1,0 +1,171 @@
+"""Random restart hill climbing: fitness and score by hand, the climb, its restarts."""
+
+import math
+
+import numpy as np
+import pytest
+
+from crsm import match_kernels
+from crsm.map_kernels import Update, blacken
+from crsm.match_kernels import Expected, climb, fitness, score
+from crsm.matcher import FINEST, FIRST, LONGEST, MEMORY, ROUGH, Matcher, gap
+from slams.frontend.motion_filter import Prediction
+from slams.jit import njit
+from slams.types import IDENTITY, Pose2
+from tests.crsm.room import Parameters, drive, noisy_view, run, scans_of
+from tests.crsm.test_map import blank, darkness_at, wall
+from tests.rooms import calls
+
+LOOSE = Expected(0.0, 0.0, 0.0, np.eye(3), 1e-6)
+OFF = Pose2(0.33, -0.3, 0.4)
+
+
+@njit(inner=True)
+def fitness_at(grid, ends, pose):
+    return fitness(grid, ends, pose)
+
+
+@njit(inner=True)
+def score_at(grid, ends, prior, pose):
+    return score(grid, ends, prior, pose)
+
+
+def one_wall():
+    grid, ends = blank(), wall(0.0, 1.0)
+    blacken(grid, ends, len(ends), IDENTITY, 1, tuple(Update(0.3, 100.0, 0.035)))
+    return grid
+
+
+def mapped(poses=10, **changes):
+    """CRSM with a map of the room, and a scan of it from the start."""
+    slam, _ = run(scans_of(drive(poses)), **changes)
+    return slam, noisy_view(9)
+
+
+def expecting(pose, deviation):
+    return Prediction(pose, np.eye(3) / deviation**2, np.eye(3) * deviation**2, IDENTITY, 0.1)
+
+
+def test_fitness_is_the_mean_darkness_under_turned_ends():
+    grid = one_wall()
+    ends = np.array([[1.0, 0.0], [1.0, 0.3], [0.2, 0.0]])
+    dark = [darkness_at(grid, x, y) for x, y in ends]
+    assert fitness_at(grid, ends, (0.0, 0.0, 0.0)) == pytest.approx(np.mean(dark))
+    turned = ends @ np.array([[0.0, -1.0], [1.0, 0.0]]) + (0.1, -0.2)  # by -90 degrees
+    pose = (-0.2, -0.1, math.pi / 2)  # takes it back
+    assert fitness_at(grid, turned, pose) == pytest.approx(np.mean(dark))
+    assert match_kernels.fitness_of(tuple(grid), turned, pose) == pytest.approx(np.mean(dark))
+
+
+def test_score_charges_for_leaving_the_prediction():
+    grid = one_wall()
+    ends, information = np.array([[1.0, 0.0]]), np.diag([100.0, 400.0, 900.0])
+    prior = Expected(0.1, 0.2, 0.3, information, 0.5)
+    pose = (0.2, 0.1, 0.25)
+    distance = 100 * 0.1**2 + 400 * 0.1**2 + 900 * 0.05**2
+    expected = fitness_at(grid, ends, pose) - 0.5 * 3.0 * math.log1p(distance / 3.0)
+    assert score_at(grid, ends, prior, pose) == pytest.approx(expected)
+
+
+def test_climb_ends_where_no_finest_step_gains():
+    slam, view = mapped()
+    levels, fine = tuple(map(tuple, slam._map.levels)), slam._map.levels[0]
+    start = (0.04, -0.03, 0.03)
+    (x, y, theta), fit, top = climb(levels, view.ends, tuple(LOOSE), start, 0.032, FINEST)
+    assert (abs(x), abs(y), abs(theta)) < (0.02, 0.02, 0.01)
+    assert fit == pytest.approx(fitness_at(fine, view.ends, (x, y, theta)))
+    assert top == pytest.approx(score_at(fine, view.ends, LOOSE, (x, y, theta)))
+    for dx, dy in ((FINEST, 0.0), (-FINEST, 0.0), (0.0, FINEST), (0.0, -FINEST)):
+        assert score_at(fine, view.ends, LOOSE, (x + dx, y + dy, theta)) <= top
+    middle = view.ends.mean(axis=0)
+    angle = FINEST / np.sqrt(((view.ends - middle) ** 2).sum(axis=1).mean())
+    for turn in (angle, -angle):  # about the middle of the rays
+        before, after = Pose2(x, y, theta), Pose2(x, y, theta + turn)
+        shift = before.transform(middle[None])[0] - after.transform(middle[None])[0]
+        at = (x + shift[0], y + shift[1], theta + turn)
+        assert score_at(fine, view.ends, LOOSE, at) <= top
+
+
+def test_climb_is_exact_to_millimeters():
+    slam, _ = mapped(refine=False)
+    levels, off = tuple(map(tuple, slam._map.levels)), []
+    for seed in range(6):
+        ends = noisy_view(20 + seed).ends
+        found = climb(levels, ends, tuple(LOOSE), (0.03, 0.02, -0.02), 0.032, FINEST)
+        off.append(found[0])
+    assert np.abs(np.mean(off, axis=0)).max() < 0.007
+    assert np.std(off, axis=0)[:2].max() < 0.006
+
+
+def test_long_steps_are_made_on_the_coarse_grid():
+    slam, view = mapped()
+    levels = tuple(map(tuple, slam._map.levels))
+    at = [
+        climb(levels, view.ends, tuple(LOOSE), (0.25, -0.2, 0.25), step, FINEST)[1]
+        for step in (FIRST, LONGEST)
+    ]
+    assert at[1] > at[0] + 0.1
+    assert at[1] > 0.6
+
+
+def test_restarts_find_what_one_climb_does_not():
+    slam, view = mapped()
+    matcher = Matcher(Parameters(), slam._map)
+    alone = matcher.climb(view, OFF, expecting(OFF, 0.3))
+    assert matcher.restarts == 0  # nothing is usual yet
+    assert gap(view, alone.pose, IDENTITY) > 0.2
+    for _ in range(5 * MEMORY):
+        matcher.learn(view, IDENTITY)
+    found = matcher.climb(view, OFF, expecting(OFF, 0.3))
+    assert gap(view, found.pose, IDENTITY) < 0.05
+    assert 0 < matcher.restarts <= Parameters().climbs + 1
+    assert found.share > 0.9 * matcher.usual
+
+
+def test_a_start_that_is_not_the_prediction_is_climbed_from_with_long_steps_alone(monkeypatch):
+    slam, view = mapped()
+    matcher = Matcher(Parameters(), slam._map)
+    matcher.usual = 2.0  # nothing is enough
+    made = calls(monkeypatch, match_kernels, "climb")
+    matcher.climb(view, OFF, expecting(IDENTITY, 0.3))
+    assert [step for *_, step, _ in made] == [LONGEST]
+    assert matcher.restarts == 0
+    matcher.climb(view, IDENTITY, expecting(IDENTITY, 0.3))
+    assert [step for *_, step, _ in made][1:3] == [FIRST, LONGEST]
+    assert made[1][3] == made[2][3] == tuple(IDENTITY)
+
+
+def test_a_prior_counts_by_the_noise_over_the_width_of_a_wall(monkeypatch):
+    slam, view = mapped()
+    made = calls(monkeypatch, match_kernels, "climb")
+    for stroke in (0.5, 1.0):
+        Matcher(Parameters(stroke=stroke), slam._map).climb(view, OFF, expecting(OFF, 0.3))
+        expected = (view.noise / (0.05 * stroke)) ** 2 / len(view.ends)
+        assert made[-1][2][-1] == pytest.approx(expected)
+
+
+def test_usual_is_a_mean_over_so_many_scans():
+    slam, view = mapped()
+    matcher = Matcher(Parameters(), slam._map)
+    matcher.learn(view, IDENTITY)
+    fit = fitness_at(slam._map.levels[0], view.ends, (0.0, 0.0, 0.0))
+    assert matcher.usual == pytest.approx(fit / MEMORY)
+
+
+def test_a_fit_to_lines_follows_a_rough_climb_and_weighs_it(monkeypatch):
+    slam, view = mapped()
+    made = calls(monkeypatch, match_kernels, "climb")
+    rough = Matcher(Parameters(), slam._map).climb(view, IDENTITY, expecting(IDENTITY, 0.1))
+    alone = Matcher(Parameters(refine=False), slam._map)
+    found = alone.climb(view, IDENTITY, expecting(IDENTITY, 0.1))
+    assert [finest for *_, finest in made] == [ROUGH, FINEST]
+    assert not rough.seen.any()
+    seen = view.information(found.pose.theta) * found.share
+    assert found.seen == pytest.approx(seen)
+
+
+def test_gap_is_of_the_end_points_half_way_out():
+    view = noisy_view()
+    moved, turned = Pose2(0.3, 0.4, 0.0), Pose2(0.0, 0.0, 2.0 * math.pi - 0.1)
+    assert gap(view, IDENTITY, moved) == pytest.approx(0.5)
+    assert gap(view, IDENTITY, turned) == pytest.approx(0.05 * view.far)

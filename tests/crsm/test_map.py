@@ -1,0 +1,216 @@
+"""The grey map: its update against a naive twin, its darkness between cells, its growth."""
+
+import math
+
+import numpy as np
+import pytest
+
+from crsm.map import GreyMap
+from crsm.map_kernels import Grid, Update, blacken, darkness, strokes, whiten
+from crsm.match_kernels import evaluate
+from slams.jit import njit
+from slams.types import IDENTITY, Pose2
+from tests.crsm import naive
+from tests.crsm.room import Parameters, drive, noisy_view, off_the_walls, reader_of, run, scans_of
+
+RULE = Update(0.3, 100.0, 0.035)
+
+
+@njit(inner=True)
+def darkness_at(grid, x, y):
+    return darkness(grid, (x - grid.x0) / grid.resolution, (y - grid.y0) / grid.resolution)
+
+
+def blank(n=100, cell=0.05):
+    """Cells around the origin, of which one has its center there."""
+    corner = -cell * (n // 2)
+    arrays = np.zeros((n, n), np.float32), np.zeros((n, n), np.float32), np.zeros((n, n), np.int32)
+    return Grid(*arrays, corner, corner, cell)
+
+
+def wall(angle, off, spacing=0.02, length=2.0):
+    """Strokes of one straight wall at a distance `off` [m], facing the origin."""
+    c, s = math.cos(angle), math.sin(angle)
+    along = np.arange(-length, length, spacing)
+    ends = np.empty((len(along), 5))
+    ends[:, 0], ends[:, 1] = off * c - along * s, off * s + along * c
+    ends[:, 2:] = -c, -s, 0.5 * spacing
+    return ends
+
+
+def test_neighbors_of_one_wall_are_one_stroke():
+    points, normals = np.zeros((3, 6)), np.zeros((3, 6))
+    points[:2] = [(1.0, 1.0, 1.0, 1.0, 0.9, 0.8), (0.0, 0.01, 0.02, 0.05, 0.05, 0.05)]
+    normals[0, :4], normals[1, 4] = -1.0, -1.0
+    normals[2] = 0.01
+    out = np.zeros((6, 5))
+    assert strokes(points, normals, 6, 0.025, out) == 4
+    expected = [
+        (1.0, 0.01, -1.0, 0.0, 0.015),  # three of them, and half of a gap at each end
+        (1.0, 0.05, -1.0, 0.0, 0.005),  # too far off
+        (0.9, 0.05, 0.0, -1.0, 0.005),  # another wall
+        (0.8, 0.05, 0.0, 0.0, 0.005),  # a lone point
+    ]
+    np.testing.assert_allclose(out[:4], expected, atol=1e-12)
+
+
+def test_map_update_equals_the_naive_one():
+    grid, laser = blank(240), Pose2(0.3, 0.1, 0.0)
+    grey, weight, ends = grid.grey.copy(), grid.weight.copy(), np.zeros((400, 5))
+    for mark, pose in enumerate(drive(3), 1):
+        view = noisy_view(mark, pose)
+        count = strokes(view.points, view.normals, view.n, 0.025, ends)
+        assert 0 < (~ends[:count, 2:4].any(axis=1)).sum() < count < view.n
+        blacken(grid, ends, count, tuple(pose), mark, tuple(RULE))
+        whiten(grid, ends, count, tuple(pose), tuple(laser), mark, tuple(RULE))
+        frame, rules = ((grid.x0, grid.y0), grid.resolution), (laser[:2], *RULE)
+        naive.insert(grey, weight, ends[:count], pose, frame, rules)
+    off = (np.abs(grid.grey - grey) > 1e-4) | (np.abs(grid.weight - weight) > 1e-4)
+    assert off.sum() <= 4  # a sample on the border of two cells
+    assert (grid.grey < -0.9).sum() > 3000
+    assert (grid.grey > 0.5).sum() > 300
+
+
+def test_a_cell_remembers_so_much():
+    grid, ends = blank(), wall(0.0, 1.0)
+    for mark in range(1, 30):
+        blacken(grid, ends, len(ends), IDENTITY, mark, (0.3, 7.0, 0.035))
+    assert grid.weight.max() == 7.0
+
+
+def test_darkness_is_the_spline_of_the_cells_around():
+    def spline(d):
+        d = abs(d)
+        return 0.75 - d * d if d < 0.5 else 0.5 * max(1.5 - d, 0.0) ** 2
+
+    grid, rng = blank(), np.random.default_rng(0)
+    grid.grey[:] = rng.uniform(-1.0, 1.0, grid.grey.shape)
+    for u, v in rng.uniform(20.0, 40.0, (20, 2)):
+        expected = sum(
+            spline(u - i) * spline(v - j) * max(grid.grey[j, i], 0.0)
+            for i in range(math.floor(u) - 2, math.floor(u) + 4)
+            for j in range(math.floor(v) - 2, math.floor(v) + 4)
+        )
+        at = grid.x0 + u * grid.resolution, grid.y0 + v * grid.resolution
+        assert darkness_at(grid, *at) == pytest.approx(expected, rel=1e-5)
+    assert darkness_at(grid, -2.6, 0.0) == darkness_at(grid, 0.0, 99.0) == 0.0  # beyond the map
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, 1.2])
+@pytest.mark.parametrize("off", [1.0, 1.013, 1.029])
+def test_darkness_has_its_ridge_on_the_wall_wherever_in_the_cells_it_is(angle, off):
+    grid, ends = blank(), wall(angle, off)
+    blacken(grid, ends, len(ends), IDENTITY, 1, tuple(RULE))
+    normal = np.array([math.cos(angle), math.sin(angle)])
+    distances = off + np.arange(-0.1, 0.1001, 0.002)
+    along = np.linspace(-0.5, 0.5, 21)[:, None] * (-normal[1], normal[0])
+    dark = [np.mean([darkness_at(grid, *(d * normal + a)) for a in along]) for d in distances]
+    assert distances[int(np.argmax(dark))] == pytest.approx(off, abs=0.005)
+    assert 0.7 < max(dark) < 1.0
+    assert dark[0] < 0.1
+    assert (np.diff(dark)[: len(dark) // 3] > 0).all()  # there is a way up from afar
+
+
+@pytest.mark.parametrize("between", [0.1, 0.15])
+def test_two_faces_of_a_thin_wall_each_have_their_ridge(between):
+    grid, distances = blank(), np.arange(0.9, 1.25, 0.002)
+    for mark, off in enumerate((1.0, 1.0 + between) * 5, 1):
+        ends = wall(0.0, off)
+        blacken(grid, ends, len(ends), IDENTITY, mark, tuple(RULE))
+    dark = np.array([darkness_at(grid, d, 0.0) for d in distances])
+    for off in (1.0, 1.0 + between):
+        near = np.abs(distances - off) < 0.04
+        assert distances[near][np.argmax(dark[near])] == pytest.approx(off, abs=0.01)
+
+
+def test_a_corner_is_as_dark_as_its_walls():
+    grid = blank()
+    for mark in range(1, 11):
+        for angle in (0.0, math.pi / 2):
+            ends = wall(angle, 1.0, length=1.0)
+            blacken(grid, ends, len(ends), IDENTITY, mark, tuple(RULE))
+    assert darkness_at(grid, 1.0, 0.93) > 0.85 * darkness_at(grid, 1.0, 0.3)
+
+
+def test_what_has_gone_fades_and_what_passes_is_no_wall():
+    grid, box, behind = blank(), wall(0.0, 0.8, 0.05, 0.2), wall(0.0, 1.6)
+    blacken(grid, box, len(box), IDENTITY, 1, tuple(RULE))
+    assert darkness_at(grid, 0.8, 0.0) > 0.7
+    for mark in range(2, 14):
+        blacken(grid, behind, len(behind), IDENTITY, mark, tuple(RULE))
+        whiten(grid, behind, len(behind), IDENTITY, IDENTITY, mark, tuple(RULE))
+    assert darkness_at(grid, 0.8, 0.0) == 0.0
+    assert darkness_at(grid, 1.6, 0.0) > 0.7
+    blacken(grid, box, len(box), IDENTITY, 14, tuple(RULE))  # once: hardly a wall
+    assert darkness_at(grid, 0.8, 0.0) < 0.3
+
+
+def test_inliers_are_dark_and_conflicts_free():
+    slam, _ = run(scans_of(drive(12)), refine=False)
+    view = noisy_view(9)
+    inliers, conflicts = slam._map.evaluate(view, IDENTITY)
+    assert inliers > 0.6
+    assert conflicts < 0.05
+    aside = slam._map.evaluate(view, Pose2(0.5, 0.5, 0.0))
+    assert aside[0] < inliers - 0.2
+    assert aside[1] > conflicts + 0.1
+    nowhere = evaluate(tuple(slam._map.levels[0]), view.points, view.n, (1e4, 0.0, 0.0))
+    assert tuple(nowhere) == (0.0, 0.0)
+
+
+def test_with_lines_these_are_asked():
+    slam, _ = run(scans_of(drive(12)))
+    view = noisy_view(9)
+    assert slam._map.evaluate(view, IDENTITY) == slam._map.lines.evaluate(view, IDENTITY)
+
+
+def test_coarse_cells_are_dark_where_fine_ones_are():
+    grid, view = GreyMap(Parameters()), reader_of()
+    grid.insert(view, IDENTITY)
+    coarse = grid.lookup()
+    assert coarse.resolution == pytest.approx(0.2)
+    ends = np.floor((view.points[:2, : view.n].T - (coarse.x0, coarse.y0)) / 0.2 + 0.5).astype(int)
+    assert coarse.likelihood[ends[:, 1], ends[:, 0]].mean() > 0.7
+
+
+def test_map_grows_and_keeps_its_content():
+    grid, view = GreyMap(Parameters(max_cells=1 << 20)), reader_of()
+    grid.insert(view, IDENTITY)
+    before = (grid.levels[0].grey > 0.5).sum()
+    assert grid.insert(view, Pose2(40.0, 30.0, 0.0))
+    after = (grid.levels[0].grey > 0.5).sum()
+    assert after == pytest.approx(2 * before, rel=0.1)
+    assert not grid.insert(view, Pose2(1e6, 0.0, 0.0))
+    assert (grid.levels[0].grey > 0.5).sum() == after
+
+
+def test_a_building_that_begins_at_the_start_is_not_moved(monkeypatch):
+    grid, view = GreyMap(Parameters()), reader_of()
+    before = grid.levels[0].grey
+    side = 0.05 * math.isqrt(1 << 16)
+    assert grid.insert(view, Pose2(0.5 * side, 0.0, 0.0))
+    assert grid.levels[0].grey is before
+
+
+def test_map_shows_walls_and_floor():
+    slam, _ = run(scans_of(drive(60)))
+    grid = slam.map()
+
+    def at(x, y):
+        return grid.p[
+            math.floor((y - grid.origin[1]) / grid.resolution),
+            math.floor((x - grid.origin[0]) / grid.resolution),
+        ]
+
+    assert at(0.5, -0.5) < 0.3
+    assert max(at(0.5, -1.98), at(0.5, -2.02)) > 0.8
+    iy, ix = np.nonzero(grid.p > 0.8)
+    points = grid.origin + grid.resolution * (np.column_stack((ix, iy)) + 0.5)
+    assert off_the_walls(points).max() < 0.08
+    assert slam._map.cut(slam._map.extent.covered).p.shape == grid.p.shape
+
+
+def test_an_empty_map_is_one_unknown_cell():
+    slam, _ = run([])
+    assert slam._map.empty
+    assert np.isnan(slam.map().p).all()

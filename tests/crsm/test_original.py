@@ -1,0 +1,164 @@
+"""The published program: kernels against naive twins and hand examples, and against its traces."""
+
+import numpy as np
+import pytest
+
+import slams
+from crsm.original import Original, OriginalParams
+from crsm.original import map_kernels as byte_map
+from crsm.original import match_kernels as lattice
+from crsm.original import scan_kernels as picker
+from slams.formats.trajectory import read_csv
+from slams.jit import njit
+from slams.types import IDENTITY
+from tests.crsm import naive
+from tests.crsm.room import LASER, cast, drive, errors, run, scans_of
+from tests.places import SHARED
+
+
+@pytest.mark.parametrize("level", [100.0, 5.0, -3.0])
+def test_published_rays_equal_the_naive_selection(level):
+    rng = np.random.default_rng(1)
+    d = cast(IDENTITY, noise=0.01, rng=rng).astype(float)
+    d[100:104] = 0.0
+    picked = np.zeros(len(d), np.bool_)
+    density, longest = picker.range_changes(d, 0.3, 29.95, picked)
+    count = picker.picked_between(d, level, 29.5, longest, picked)
+    picker.fill_gaps(25, picked)
+    rays, expected, mean = naive.critical_rays(d, 30.0, 0.3, level)
+    assert np.flatnonzero(picked).tolist() == rays
+    assert count == expected
+    assert density == pytest.approx(mean)
+
+
+def test_published_rays_of_a_scan_by_hand():
+    d = np.array([1.0, 1.0, 1.0, 3.0, 3.0, 3.0])
+    picked = np.zeros(6, np.bool_)
+    picker.range_changes(d, 0.3, 29.95, picked)
+    assert np.flatnonzero(picked).tolist() == [0, 2, 3, 5]  # both ends, both sides of the jump
+
+
+def test_published_fitness_of_five_cells_by_hand():
+    grid = np.full((103, 103), 255, np.uint8)
+    grid[51, 51], grid[50, 51] = 20, 127  # dark center, one unknown neighbor
+    table = np.zeros(grid.shape, np.int16)
+    lattice.score_table(grid, (0, 0, 103, 103), table)
+    assert table[51, 51] == 10 * 235 + 128
+    rays = np.zeros((1, 2), np.float32)
+    f = lattice.fitness(table, rays, 1, (0.0, 0.0, 51.0, 51.0), 0.0)
+    assert f == pytest.approx((10 * 235 / 255 + 128 / 255) / 14)
+    assert lattice.fitness(table, rays, 1, (0.0, -1.0, 51.0, 51.0), 0.0) == 0.0
+
+
+def test_fast_search_takes_the_step_of_the_published_loop():
+    rng = np.random.default_rng(5)
+    grid = rng.integers(0, 256, (300, 300)).astype(np.uint8)
+    ends = rng.integers(-80, 80, (40, 2))
+    draws = rng.integers(0, 40, (3000, 3)).astype(np.int16)
+    table, step = np.zeros(grid.shape, np.int16), np.zeros(3)
+    lattice.score_table(grid, (0, 0, 300, 300), table)
+    memory = (
+        np.zeros((40, 21, 21), np.float32),
+        np.zeros((40, 40, 2), np.float32),
+        np.zeros((40, 2), np.float32),
+    )
+    start = (3.0, -2.0, 0.3, 150.0, 150.0)
+    f = lattice.hill_climb(table, ends.astype(np.float32), 40, start, draws, 40, memory, step)
+
+    def score(s):
+        return naive.fitness(grid, ends, (3 + s[0], -2 + s[1], 0.3 + s[2]), (150, 150))
+
+    expected, best = naive.hill_climb(score, draws, 40)
+    assert step == pytest.approx(expected, abs=1e-6)
+    assert f == pytest.approx(best, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("m", "free", "hit", "both"),
+    [
+        (0.2, [135, 141, 146, 150, 154], [102, 88, 77, 67, 59], [110, 99, 90, 81, 74]),
+        (0.04, [128, 129, 130], [122, 118, 114, 110, 106], [123, 120, 117, 114, 111]),
+    ],
+)
+def test_intensities_of_the_published_map_update(m, free, hit, both):
+    tables = np.zeros((3, 256), np.int64)
+    byte_map.intensity_tables(m, 40.0, 120.0, tables)
+    for table, expected in zip(tables, (free, hit, both), strict=True):
+        v = 127
+        for value in expected:
+            v = table[v]
+            assert v == value
+
+
+def test_published_map_update_equals_the_naive_one():
+    d = cast(IDENTITY).astype(float)
+    d[7] = 0.0
+    ends, clean = np.zeros((361, 2), np.int64), np.zeros(361)
+    picker.clean(d.astype(np.float32), LASER.directions, (0.1, 30.0, 0.02), clean, ends)
+    grid = np.full((700, 700), 127, np.uint8)
+    tables = np.zeros((3, 256), np.int64)
+    byte_map.intensity_tables(0.2, 40.0, 120.0, tables)
+    a = LASER.angles + 0.1
+    directions = np.stack((np.cos(a), np.sin(a)), axis=1)
+    expected = grid
+    for _ in range(2):
+        expected = naive.draw(expected, clean, LASER.angles, (300, 310, 0.1), 0.02, 0.2, 40, 3)
+        byte_map.draw(
+            clean, ends, directions, LASER.angle_increment, (300.0, 310.0), 0.02, tables, grid
+        )
+    assert (grid == expected).all()
+
+
+class LibcRandom:
+    """The draws of a C program that never seeds rand(): additive feedback, r31 + r3."""
+
+    def __init__(self):
+        r = [1]
+        for _ in range(30):
+            r.append(16807 * r[-1] % (2**31 - 1))
+        self._ring, self._at = np.array([*r, *r[:3]], np.int64), np.full(1, 34)
+        self.integers(0, 1, 310)
+
+    def integers(self, low, high, shape, dtype=np.int64):
+        out = np.zeros(shape, dtype)
+        libc_draws(self._ring, self._at, high, out.reshape(-1))
+        return out
+
+
+@njit(inner=True)
+def libc_draws(ring, at, high, out):
+    for k in range(out.size):
+        i = at[0]
+        ring[i % 34] = (ring[(i - 31) % 34] + ring[(i - 3) % 34]) & 0xFFFFFFFF
+        out[k] = (ring[i % 34] >> 1) % high
+        at[0] = i + 1
+
+
+def test_draws_of_the_c_library():
+    assert LibcRandom().integers(0, 1 << 40, 3).tolist() == [1804289383, 846930886, 1681692777]
+
+
+def test_original_takes_the_steps_of_the_program_with_its_random_numbers(shared_data):
+    _, expected = read_csv(shared_data("reference/robocup/crsm_s1.csv.gz"))
+    log = slams.load(shared_data("data/robocup/robocup.npz")).select(100, odometry=False)
+    slam = Original(OriginalParams())
+    slam._rng = LibcRandom()
+    poses = np.array([slam.update(scan) for scan in log])
+    assert np.abs(poses[40:]).max() > 0.2  # it has left the start
+    assert np.abs(poses - expected[: len(poses)]).max() < 1e-6
+
+
+def test_original_holds_then_follows_within_its_lattice():
+    truth = drive(30)
+    _, poses = run(scans_of(truth), preset="original", hold=5, iterations=20000)
+    assert (poses[:5] == 0.0).all()
+    late = errors(poses, truth)[10:]
+    assert late[:, 0].max() < 0.18
+    assert late[:, 1].max() < 0.08
+
+
+@pytest.mark.skipif(not (SHARED / "data").exists(), reason="the shared logs are not here")
+def test_original_takes_as_many_rays_as_the_published_program():
+    log = slams.load(SHARED / "data" / "robocup" / "robocup.npz").select(120)
+    slam, _ = run(log, preset="original", iterations=2000)
+    assert 60 < slam.report()["rays"] / 120 < 130
