@@ -19,6 +19,7 @@ class View(EndPoints):
     """
 
     params: GMappingParams
+    facing_error = 0.05  # rad: of normals over a window
 
     def __init__(self, params: GMappingParams) -> None:
         super().__init__(params)

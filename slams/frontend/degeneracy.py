@@ -15,7 +15,6 @@ from typing import NamedTuple
 from slams.scan.end_points import EndPoints
 from slams.scan.scan_kernels import scatter
 
-NORMAL_ERROR = 0.14  # rad, deviation of a normal by a few beams
 BY_CHANCE = 1.0  # normals of a scan that face any way: a person, a corner
 KNOWN = 0.5  # share of the end points that must have a normal, or nothing is known
 OBSERVED = 0.9  # share from which a direction counts as observed
@@ -35,10 +34,10 @@ class Observability(NamedTuple):
 ALL = Observability(1.0, 0.0, 1.0)
 
 
-def observability(xx: float, xy: float, yy: float) -> Observability:
+def observability(xx: float, xy: float, yy: float, error: float) -> Observability:
     """Eigenvalues of the scatter of so many unit normals against their noise floor [Zhang16].
 
-    xx, xy, yy: sums over the normals n of n n^T, in the map's frame.
+    xx, xy, yy: sums over the normals n of n n^T, in the map's frame; `error` of a normal [rad].
     """
     total = xx + yy
     if not total > 3.0 * BY_CHANCE:
@@ -46,7 +45,7 @@ def observability(xx: float, xy: float, yy: float) -> Observability:
     radius, middle = math.hypot(0.5 * (xx - yy), xy), 0.5 * total
     angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
     least, greatest = middle - radius, middle + radius
-    floor = NORMAL_ERROR**2 * greatest + BY_CHANCE * greatest / total
+    floor = error**2 * greatest + BY_CHANCE * greatest / total
     share = 1.0 - floor / least if least > floor else 0.0
     if share >= OBSERVED:
         return ALL
@@ -58,6 +57,6 @@ def of_scan(points: EndPoints, theta: float) -> Observability:
     xx, xy, yy = scatter(points.facing, points.n)
     if xx + yy < KNOWN * points.n:
         return ALL
-    seen = observability(xx, xy, yy)
+    seen = observability(xx, xy, yy, points.facing_error)
     c, s = math.cos(theta), math.sin(theta)
     return Observability(c * seen.x - s * seen.y, s * seen.x + c * seen.y, seen.share)

@@ -44,11 +44,13 @@ def test_a_gap_is_a_gap_and_stamps_that_go_back_are_an_interval():
 
 def test_a_corridor_is_degenerate_along_itself_and_a_room_is_not():
     seen = observability(200.0 * math.sin(0.3) ** 2, -200.0 * math.sin(0.3) * math.cos(0.3),
-                         200.0 * math.cos(0.3) ** 2)  # fmt: skip
+                         200.0 * math.cos(0.3) ** 2, 0.14)  # fmt: skip
     assert seen.share == 0.0
     assert abs(seen.x * math.cos(0.3) + seen.y * math.sin(0.3)) == pytest.approx(1.0)
-    assert observability(100.0, 0.0, 100.0) == ALL
-    assert 0.0 < observability(8.0, 0.0, 200.0).share < 0.9
+    assert observability(100.0, 0.0, 100.0, 0.14) == ALL
+    assert 0.0 < observability(8.0, 0.0, 200.0, 0.14).share < 0.9
+    assert observability(2.0, 0.0, 150.0, 0.14).share == 0.0
+    assert observability(2.0, 0.0, 150.0, 0.05).share > 0.3  # better normals show less of it
 
 
 def test_a_search_finds_the_pose_that_the_wall_shows():
