@@ -25,6 +25,15 @@ def systematic(w: Floats, u: float) -> NDArray[np.int64]:
     return np.asarray(np.minimum(ancestors, last), np.int64)
 
 
+def staying(ancestors: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The same generation in an order in which who lives on stays where it is."""
+    n = len(ancestors)
+    children = np.bincount(ancestors, minlength=n)
+    out = np.arange(n)
+    out[children == 0] = np.repeat(out, np.maximum(children - 1, 0))
+    return out
+
+
 class Particles:
     """Robot poses (n, 3) with log weights, each at the end of a history of its own.
 
@@ -99,7 +108,7 @@ class Particles:
         if self._steady and self.best not in ancestors:
             twins = np.flatnonzero(ancestors == np.bincount(ancestors).argmax())
             ancestors[twins[-1]] = self.best
-        return ancestors
+        return staying(ancestors)
 
     def follow(self, ancestors: NDArray[np.int64]) -> None:
         """Become the children of these ancestors, all of one weight."""

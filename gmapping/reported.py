@@ -19,7 +19,7 @@ from slams.types import OccupancyGrid, Pose2
 
 OLD = 15.0  # m of way after which ground is old: no robot sees a room that long without a loop
 NEAR = 3.0  # m from where the robot was then: what it saw there, it sees from here
-SELDOM = 1.0  # m of way between two looks for a loop
+SELDOM = 0.5  # m of way between two looks for a loop
 SCANS = 20  # old scans that are looked at
 DRIFT = np.diag((0.33, 0.33, 0.03)) ** 2  # m, m, rad: of the way around a loop; 3 deviations
 WINDOWS = 0.25, 0.5, 1.0  # of the drift that is searched: the nearer place is the likelier one

@@ -22,6 +22,8 @@ from slams.types import Floats, Pose2, wrap_angle
 
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 OLD = 15.0  # m of way, after which ground is old: no robot sees a room that long without a loop
+CHANCE, EXPLAINED = 0.3, 0.9  # share of the beams that parallel walls explain anywhere; all
+KNOWN = 0.5  # share on ground of old from which a particle looks no further
 GAIN, FOUND = 0.2, 0.4  # share of the beams that it explains more where a loop closes, and at least
 REVISITED = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found so
 PLACES = 0.2  # of the independent beams tell one place from another like it
@@ -55,7 +57,8 @@ class SurfaceMatcher:
 
         Of the beams only some are `independent`: the others say the same, and share the errors of
         the same walls. The weight is the likelihood of the beams on ground of old: where a particle
-        has just come from its scan fits whatever the way before, and chance alone would choose.
+        has just come from its scan fits whatever the way before, and chance alone would choose, as
+        it would among the parallel walls of a building.
         Particles whose ground of old explains more of the scan at `revisited` go there.
         """
         n, peaks, how = len(means), means.copy(), self._how(view, information[0])
@@ -65,7 +68,7 @@ class SurfaceMatcher:
         peaks -= (peaks - means) @ blind
         full, closes = how.width**2 * view.beams, np.zeros(n, np.bool_)
         for place in revisited:
-            owners = np.flatnonzero(out[:, 6] < FOUND * full)
+            owners = np.flatnonzero(out[:, 6] < KNOWN * full)
             others = np.tile(np.array(place), (len(owners), 1))
             prior = kernels.Prior(others.copy(), np.tile(REVISITED, (len(owners), 1, 1)))
             h2, out2 = self._climb(view, owners, prior, how, others)
@@ -76,7 +79,8 @@ class SurfaceMatcher:
         worth, sees = self._worth(view), np.eye(3) - blind
         h = sees @ h @ sees
         factors = np.asarray(np.linalg.cholesky(worth * h + information), np.float64)
-        return Proposals(peaks, factors, 0.5 * PLACES * worth * out[:, 6], closes)
+        told = np.clip(out[:, 6] - CHANCE * full, 0.0, (EXPLAINED - CHANCE) * full)
+        return Proposals(peaks, factors, 0.5 * PLACES * worth * told, closes)
 
     def insert(self, view: View, poses: Floats, way: float) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""

@@ -86,32 +86,36 @@ def own_slot(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
 
 
 @njit
-def inherit(tiles: Tiles, ancestors: NDArray[np.int64], out_tables: NDArray[np.int32]) -> None:
-    """Hand every particle the map of its ancestor; slots nobody points at become free.
+def inherit(tiles: Tiles, ancestors: NDArray[np.int64]) -> None:
+    """Hand every particle the map of its ancestor, which keeps its own; unused slots become free.
 
-    ours: tables are copied, tiles only counted. `out_tables` as `tiles.tables`, scratch.
+    ours: tables are copied, tiles only counted, and those of the past both have in common.
     """
     n, layers, height, width = tiles.tables.shape
     for particle in range(n):
-        for layer in range(layers):
-            for ty in range(height):
-                for tx in range(width):
-                    slot = tiles.tables[ancestors[particle], layer, ty, tx]
-                    out_tables[particle, layer, ty, tx] = slot
-                    if slot >= 0:
-                        tiles.references[slot] += 1
-    for particle in range(n):
+        if ancestors[particle] == particle:
+            continue
         for layer in range(layers):
             for ty in range(height):
                 for tx in range(width):
                     slot = tiles.tables[particle, layer, ty, tx]
-                    tiles.tables[particle, layer, ty, tx] = out_tables[particle, layer, ty, tx]
-                    if slot < 0:
+                    new = tiles.tables[ancestors[particle], layer, ty, tx]
+                    if slot == new:
                         continue
-                    tiles.references[slot] -= 1
-                    if tiles.references[slot] == 0:
-                        tiles.free[0] += 1
-                        tiles.free[tiles.free[0]] = slot
-                        for k in range(CELLS):  # what is zero takes no room in a saved state
-                            for j in range(tiles.cells.shape[2]):
-                                tiles.cells[slot, k, j] = 0.0
+                    tiles.tables[particle, layer, ty, tx] = new
+                    if new >= 0:
+                        tiles.references[new] += 1
+                    if slot >= 0:
+                        release(tiles, slot)
+
+
+@njit(inner=True, borrows=True)
+def release(tiles: Tiles, slot: int) -> None:
+    """One table less points at a slot. ours: what is zero takes no room in a saved state."""
+    tiles.references[slot] -= 1
+    if tiles.references[slot] == 0:
+        tiles.free[0] += 1
+        tiles.free[tiles.free[0]] = slot
+        for k in range(CELLS):
+            for j in range(tiles.cells.shape[2]):
+                tiles.cells[slot, k, j] = 0.0
