@@ -10,7 +10,7 @@ from slams.types import IDENTITY, Pose2
 INTERVAL_MEMORY = 10.0  # changes of the odometry over which its usual interval is a mean
 SLOWEST = 0.5  # s: odometry that does not change for longer is of a robot at rest
 BETWEEN = 0.9  # of the usual interval: odometry that has not changed is that of the last message
-FASTEST = 5.0, 15.0  # m/s, rad/s: no wheels drive a robot of this kind so fast
+FASTEST = 5.0, 6.3  # m/s, rad/s: no wheels drive a robot of this kind so fast
 
 
 class WheelStep(NamedTuple):
