@@ -87,7 +87,7 @@ def test_lines_are_fitted_from_the_start_and_where_the_climb_went_far_from_there
 def test_the_climb_alone_keeps_no_lines_and_fits_nothing(monkeypatch):
     slam = settled(refine=False)
     assert slam._map.lines.surface.slot.max() == 0
-    fitted = calls(monkeypatch, slam._map.lines, "_fitted")
+    fitted = calls(monkeypatch, slam._map.lines, "fit")
     slam.update(still(12))
     assert not fitted and slam.state == "matched"
 
