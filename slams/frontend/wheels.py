@@ -31,7 +31,7 @@ class WheelSteps:
     def __init__(self) -> None:
         self._last: Pose2 | None = None
         self._since = self._unchanged = 0.0  # s since the last increment, since it changed
-        self._interval = 0.0  # s between changes, moving average
+        self._changes = self._interval = 0.0  # how many, and s between them: a moving average
 
     def take(self, odometry: Pose2 | None, dt: float) -> WheelStep | None:
         """The increment up to a scan `dt` [s] after the one before, None if there is none."""
@@ -55,4 +55,5 @@ class WheelSteps:
 
     def _learn(self, interval: float) -> None:
         if interval < SLOWEST:
-            self._interval += (interval - self._interval) / INTERVAL_MEMORY
+            self._changes = min(self._changes + 1.0, INTERVAL_MEMORY)
+            self._interval += (interval - self._interval) / self._changes
