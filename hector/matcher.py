@@ -30,8 +30,7 @@ class Matcher:
         solvers = self._solvers(points.n // ENOUGH)
         pose, share, square = self._map.match(points, start, prior, solvers, self._H)
         variance = self._map.lines.variance
-        rough = self.params.refine
-        return Match(pose, share, variance, self._H / max(square, BLUR), rough)
+        return Match(pose, share, variance, self._H / max(square, BLUR))
 
     def _solvers(self, most: int) -> tuple[Solver, ...]:
         """How each level is solved if not more than every `most`-th beam may be left out."""

@@ -360,7 +360,7 @@ def test_compare_takes_the_files_of_ros_nodes(log_file, tmp_path, capsys):
         ("o.yaml", "laser_max_dist: 9.0\n"),
     ):
         (tmp_path / name).write_text(text)
-    algorithms = ["hector@original", "hector", "tsd"]
+    algorithms = ["hector@original", "hector", "crsm@original"]
     arguments = [str(log_file), "--algorithms", *algorithms, "--limit", "4", "--seed", "7"]
     files = [("hector", "a=1.yaml"), ("hector@original", "o.yaml"), ("hector", "b.yaml")]
     for label, name in files:
@@ -371,10 +371,10 @@ def test_compare_takes_the_files_of_ros_nodes(log_file, tmp_path, capsys):
     assert told.startswith("hector_mapping -> hector: 2 mapped, 1 ignored\n  map_resolution = 0.2")
     assert "hector_mapping -> hector@original: 1 mapped, " in told
     results = json.loads((tmp_path / "out" / "results.json").read_text())
-    original, hector, tsd = (row["parameters"] for row in results["rows"])
+    original, hector, crsm = (row["parameters"] for row in results["rows"])
     assert (hector["resolution"], hector["max_range"], hector["seed"]) == (0.2, 12.0, 7)
     assert (original["resolution"], original["start"]) == (0.025, "auto"), "as the node's own"
-    assert (tsd["range_noise"], tsd["seed"]) == (0.04, 7), "as the laser's, no file speaks of it"
+    assert (crsm["hold"], crsm["seed"]) == (4, 7), "as the laser's, no file speaks of it"
     said = results["ros_params"]
     assert list(said) == ["hector", "hector@original"]
     assert said["hector"]["files"] == [str(tmp_path / "a=1.yaml"), str(tmp_path / "b.yaml")]

@@ -84,9 +84,9 @@ class Registration:
         pairs, rms, _ = icp(model, scan.elements, scan.count, mean, information, rule, x, room)
         pose = Pose2(*x.tolist())
         if pairs <= p.min_known * scan.count or not all(map(math.isfinite, pose)):
-            return Match(start, 0.0, rough=p.refine)
+            return Match(start, 0.0)
         inliers, conflicts = self._field.evaluate(scan, pose)
-        return Match(pose, inliers - conflicts, rms * rms, room[:3].copy(), p.refine)
+        return Match(pose, inliers - conflicts, rms * rms, room[:3].copy())
 
     def ransac(self, scan: SurfaceScan, start: Pose2, width: float) -> Pose2:
         """The pose near `start` that agrees best with the field, if a pair proposes it.

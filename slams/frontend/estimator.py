@@ -153,7 +153,7 @@ class PoseEstimator:
         if self._p.search and (best.distance > GATE or not self._is_usual(best)):
             best = self._searched(points, best, grid, rematch)
         if self._accepts(best):
-            return self._take(best, points)
+            return self._take(best, points, grid)
         return self._miss(best, points, grid)
 
     # rank
@@ -219,7 +219,7 @@ class PoseEstimator:
         self._call("matched" if self.maps else "predicted")
         return self.pose
 
-    def _take(self, best: Candidate, points: EndPoints) -> Pose2:
+    def _take(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> Pose2:
         """The robot is at a match."""
         match, agreement = best.match, best.agreement
         self.match = match
@@ -240,11 +240,16 @@ class PoseEstimator:
             self._unconfirmed -= self._prior.dt * agreement / self._usual
         if self._unconfirmed <= 0.0:
             self._usual += share * (agreement - self._usual)
-        self._lost, self._unmatched, self._by_wheels = False, 0.0, True
-        self._relocalizer.reset()
+        self._lost = False
         self.quality = max(agreement, 0.0)
         self.maps = self._unconfirmed <= 0.0
         self._call("matched" if self.maps and self._is_sure() else "lost")
+        if self.maps:
+            self._unmatched, self._by_wheels = 0.0, True
+            self._relocalizer.reset()
+        else:  # what explains so little may be another place
+            self._unmatched += self._prior.dt
+            self._relocalize(grid)
         return self.pose
 
     def _miss(self, best: Candidate | None, points: EndPoints, grid: MatchedMap) -> Pose2:

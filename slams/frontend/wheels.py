@@ -10,7 +10,7 @@ from slams.types import IDENTITY, Pose2
 INTERVAL_MEMORY = 10.0  # changes of the odometry over which its usual interval is a mean
 SLOWEST = 0.5  # s: odometry that does not change for longer is of a robot at rest
 BETWEEN = 0.9  # of the usual interval: odometry that has not changed is that of the last message
-FASTEST = 5.0, 15.0  # m/s, rad/s: no wheels drive a robot of this kind so fast
+FASTEST = 5.0, 6.3  # m/s, rad/s: no wheels drive a robot of this kind so fast
 
 
 class WheelStep(NamedTuple):
@@ -31,7 +31,7 @@ class WheelSteps:
     def __init__(self) -> None:
         self._last: Pose2 | None = None
         self._since = self._unchanged = 0.0  # s since the last increment, since it changed
-        self._interval = 0.0  # s between changes, moving average
+        self._changes = self._interval = 0.0  # how many, and s between them: a moving average
 
     def take(self, odometry: Pose2 | None, dt: float) -> WheelStep | None:
         """The increment up to a scan `dt` [s] after the one before, None if there is none."""
@@ -55,4 +55,5 @@ class WheelSteps:
 
     def _learn(self, interval: float) -> None:
         if interval < SLOWEST:
-            self._interval += (interval - self._interval) / INTERVAL_MEMORY
+            self._changes = min(self._changes + 1.0, INTERVAL_MEMORY)
+            self._interval += (interval - self._interval) / self._changes

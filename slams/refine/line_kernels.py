@@ -172,31 +172,6 @@ def fit(
 
 
 @njit
-def evidence(
-    surface: Surface, points: Points, n: int, mount: Pose2, pose: Pose2, soft: float, out: Floats
-) -> None:
-    """What every end point says for `pose`: out (>= n,), 1 explained, -1 contradicted, 0 nothing.
-
-    ours: explained is a line near, by its weight; contradicted an end in a cell seen free more than
-    once that has no line. Ends in the unknown are neither.
-    """
-    height, width = surface.slot.shape
-    scale = 1.0 / surface.resolution
-    c, s = math.cos(pose.theta), math.sin(pose.theta)
-    sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
-    for i in range(n):
-        x = pose.x + c * points[0, i] - s * points[1, i]
-        y = pose.y + s * points[0, i] + c * points[1, i]
-        e, _, _, w = facing_line(surface, x, y, sx, sy)
-        out[i] = 1.0 / (1.0 + e * e * soft) if w > 0.0 else 0.0
-        fx, fy = (x - surface.x0) * scale + 0.5, (y - surface.y0) * scale + 0.5
-        if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
-            u, v = np.uint64(fx), np.uint64(fy)
-            if surface.slot[v, u] == 0 and surface.seen[v, u] < FREE:
-                out[i] = -1.0
-
-
-@njit
 def evaluate(
     walls: Any, points: Points, n: int, stride: int, mount: Any, pose: Any, soft: float
 ) -> tuple[float, float]:

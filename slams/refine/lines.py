@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from slams.cells import move, zeros
 from slams.geometry import Prior
-from slams.refine.line_kernels import Fit, evaluate, evidence, fit
+from slams.refine.line_kernels import Fit, evaluate, fit
 from slams.refine.params import RefineParams
 from slams.refine.surface_kernels import LAYERS, SUMS, Splat, Surface, add_scan
 from slams.scan.end_points import EndPoints
-from slams.types import IDENTITY, Floats, Pose2
+from slams.types import Floats, Pose2
 
 THINNED, ENOUGH = 4, 180  # a fit begins with every fourth beam, if those are so many
 NEAR = 0.2  # of a cell: a step below it is the last of so few beams
@@ -24,7 +24,6 @@ ONCE = 0.1  # trust in a line that one scan alone has seen: it may have been a l
 STANDING = 0.5  # the same, times s, of scans so far apart: no leg is there still when it matters
 BLURRED = 2.0  # deviations of the noise that a hit may lie off the cell of its wall
 LEAST_ROWS, CELLS_PER_ROW = 1 << 18, 16  # of the pool: few cells have a wall
-NOTHING = Prior(IDENTITY, np.zeros((3, 3)))
 Grid = NDArray[np.float32]
 
 
@@ -35,15 +34,14 @@ class Match(NamedTuple):
     """A matched pose and how well it fits.
 
     The share of beams that the map explains, the variance of their distance from it [m^2], the
-    information (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2]; `rough`: by cells,
-    though there are lines. `coarse`: where the paper's mechanism ended, that it began from.
+    information (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2]. `coarse`: where the
+    paper's mechanism ended, that it began from.
     """
 
     pose: Pose2
     share: float = 1.0
     square: float = 0.0
     seen: Floats = UNKNOWN
-    rough: bool = False
     coarse: Pose2 | None = None
 
 
@@ -89,17 +87,17 @@ class LineMap:
 
         From a start that is `close` all beams take part at once: one step is enough.
         """
-        return self._fitted(points, start, prior, self.params.line_steps, close)
-
-    def seen_from(self, points: EndPoints, pose: Pose2) -> Match:
-        """What the lines say of a pose as it is."""
-        return self._fitted(points, pose, NOTHING, 0)
-
-    def evidence(self, points: EndPoints, pose: Pose2) -> Floats:
-        """What each beam says for `pose`: (n,), 1 explained, -1 contradicted, 0 nothing."""
-        out, soft = np.zeros(points.n), 1.0 / self._softness(points) ** 2
-        evidence(self.surface, points.points, points.n, points.mount, pose, soft, out)
-        return out
+        stride = max(min(THINNED, points.n // ENOUGH), 1)
+        near, soft = NEAR * self.surface.resolution, self._softness(points)
+        tolerance = self.params.converged * (LAST if close and stride > 1 else stride)
+        how = Fit(
+            self.params.line_steps, tolerance, near, 1 if close else stride, soft, self.variance
+        )
+        view, H = (points.points, points.facing, points.n, tuple(points.mount)), self._H
+        known = tuple(prior.pose), prior.information
+        pose, share, square = fit(tuple(self.surface), view, tuple(start), known, tuple(how), H)
+        variance = max(square, points.noise**2)
+        return Match(Pose2(*pose), share, variance, H / variance)
 
     def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
         """Shares of the beams that lie on a line at a pose, and that end where it was free."""
@@ -110,19 +108,6 @@ class LineMap:
     def learn(self, match: Match, points: EndPoints) -> None:
         """Take this match's distances for usual."""
         self.variance = max(match.square, points.noise**2)
-
-    def _fitted(
-        self, points: EndPoints, start: Pose2, prior: Prior, steps: int, close: bool = False
-    ) -> Match:
-        stride = max(min(THINNED, points.n // ENOUGH), 1)
-        near, soft = NEAR * self.surface.resolution, self._softness(points)
-        tolerance = self.params.converged * (LAST if close and stride > 1 else stride)
-        how = Fit(steps, tolerance, near, 1 if close else stride, soft, self.variance)
-        view, H = (points.points, points.facing, points.n, tuple(points.mount)), self._H
-        known = tuple(prior.pose), prior.information
-        pose, share, square = fit(tuple(self.surface), view, tuple(start), known, tuple(how), H)
-        variance = max(square, points.noise**2)
-        return Match(Pose2(*pose), share, variance, H / variance)
 
     def _softness(self, points: EndPoints) -> float:
         return max(self.params.softness, SOFT * points.noise)

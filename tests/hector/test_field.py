@@ -134,13 +134,15 @@ def test_a_wall_near_its_cells_border_is_not_pushed_away():
     assert -found[2] == pytest.approx(border + 0.004, abs=5e-4)
 
 
-def test_each_beam_says_whether_it_is_explained_contradicted_or_neither():
-    lines, out = surface(), np.zeros(3)
+def test_each_beam_is_an_inlier_in_conflict_or_neither():
+    lines = surface()
     surface_kernels.add_scan(lines, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1, ONCE))
     lines.seen[:, 60] = -1.0
     ends = np.array([[1.0, 60 * CELL - 2.5, -1.0], [0.1, 0.1, 0.1]])
-    line_kernels.evidence(lines, ends, 3, IDENTITY, IDENTITY, 400.0, out)
-    assert out == pytest.approx([1.0, -1.0, 0.0], abs=1e-6)
+    for k, said in enumerate([(1.0, 0.0), (0.0, 1.0), (0.0, 0.0)]):
+        one, here = np.ascontiguousarray(ends[:, k : k + 1]), tuple(IDENTITY)
+        found = line_kernels.evaluate(tuple(lines), one, 1, 1, here, here, 400.0)
+        assert found == pytest.approx(said, abs=1e-6)
 
 
 def test_the_occupancy_speaks_for_the_mechanism_alone():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from crsm import Crsm, CrsmParams
 from hector.params import HectorParams
 from hector.slam import Hector
 from slams.localize import relocator
@@ -17,7 +18,7 @@ from tsd.slam import Tsd
 
 LIDAR = laser(541, range_max=30.0)
 HERE = Pose2(1.5, -2.0, 2.0)
-DEFAULTS = [(Hector, HectorParams), (Tsd, TsdParams)]
+DEFAULTS = [(Hector, HectorParams), (Tsd, TsdParams), (Crsm, CrsmParams)]
 
 
 def stamped(k, pose=HERE, segments=ROOM):

@@ -35,6 +35,9 @@ def mapped(times=3):
     return lines, points
 
 
+NOTHING = Prior(IDENTITY, np.zeros((3, 3)))
+
+
 def hit(n=1.0, x=0.0, y=0.0, nx=0.0, ny=1.0):
     return Hits(n, x, y, nx, ny)
 
@@ -45,13 +48,13 @@ def row_of(lines, ix, iy):
 
 def test_a_hit_whose_wall_looks_another_way_is_not_used():
     lines, points = mapped()
-    assert lines.seen_from(points, IDENTITY).share > 0.8
+    assert lines.fit(points, IDENTITY, NOTHING).share > 0.8
     normals = points.normals[:2].copy()
     points.normals[0], points.normals[1] = -normals[1], normals[0]  # a quarter turn
-    none = lines.seen_from(points, IDENTITY)
+    none = lines.fit(points, IDENTITY, NOTHING)
     assert none.share < 0.05
     points.normals[:2] = 0.0  # one that has no normal is used
-    assert lines.seen_from(points, IDENTITY).share > 0.8
+    assert lines.fit(points, IDENTITY, NOTHING).share > 0.8
 
 
 def test_a_prior_counts_by_the_variance_of_a_beam():
@@ -82,7 +85,8 @@ def test_one_scan_alone_is_believed_where_the_next_is_far_off(apart, once):
 
 def test_what_is_seen_is_in_units_of_the_variance_that_is_learned():
     lines, points = mapped()
-    match = lines.seen_from(points, Pose2(0.01, 0.01, 0.0))
+    held = Prior(Pose2(0.01, 0.01, 0.0), 1e12 * np.eye(3))
+    match = lines.fit(points, held.pose, held)
     assert match.seen == pytest.approx(lines._H / match.square)
     lines.learn(match, points)
     assert lines.variance == match.square > points.noise**2
@@ -94,10 +98,10 @@ def test_an_end_is_contradicted_only_where_a_cell_was_seen_free_more_than_once()
     lines, points = blank(), seen_at()
     for level, said in ((-0.4, 0.0), (-0.6, -1.0)):
         lines.surface.seen[:] = level
-        assert (lines.evidence(points, IDENTITY) == said).all()
+        assert lines.evaluate(points, IDENTITY) == (0.0, -said)
     lines, points = mapped()
     lines.surface.seen[:] = -0.6
-    assert np.mean(lines.evidence(points, IDENTITY) > 0.9) > 0.9
+    assert lines.evaluate(points, IDENTITY)[0] > 0.9
 
 
 def test_a_line_that_one_scan_alone_has_seen_is_hardly_trusted():
@@ -168,10 +172,10 @@ def test_what_stands_where_it_was_free_is_no_wall():
 
 def test_a_map_that_has_grown_keeps_its_lines_where_they_were():
     lines, points = mapped()
-    before = lines.seen_from(points, IDENTITY)
+    before = lines.fit(points, IDENTITY, NOTHING)
     larger, cells = np.ones((SIZE + 40, SIZE + 60), np.float32), (30, 50)  # below, left
     first = FIRST[0] - cells[1] * CELL, FIRST[1] - cells[0] * CELL
     lines.move(larger, first, *cells)
-    after = lines.seen_from(points, IDENTITY)
+    after = lines.fit(points, IDENTITY, NOTHING)
     assert after.share == pytest.approx(before.share, abs=1e-3)
     assert after.seen == pytest.approx(before.seen, rel=1e-2, abs=1.0)

@@ -1,0 +1,123 @@
+"""What wheels, stamps and single matches are worth to the front end."""
+
+import numpy as np
+import pytest
+
+from hector import Hector, HectorParams
+from slams.frontend import update_kernels
+from slams.frontend.degeneracy import ALL
+from slams.frontend.estimator import DEAD_RECKONING, Candidate
+from slams.frontend.filter_kernels import DRIFT, N
+from slams.frontend.motion_filter import MotionFilter
+from slams.frontend.params import FrontendParams
+from slams.frontend.tentative import SCANS, TentativeMatch
+from slams.frontend.wheels import WheelSteps
+from slams.refine.lines import Match
+from slams.types import IDENTITY, Pose2
+from tests.rooms import LIDAR, scan_at
+from tests.slams.frontend.test_filter import SHARP, scan
+
+
+def steps(poses, dt=0.1):
+    wheels = WheelSteps()
+    return [wheels.take(pose, dt) for pose in poses]
+
+
+def test_each_scan_brings_an_increment_and_the_first_none():
+    first, *rest = steps([Pose2(0.05 * k, 0.0, 0.0) for k in range(5)])
+    assert first is None
+    assert [step.increment.x for step in rest] == pytest.approx([0.05] * 4)
+    assert [step.seconds for step in rest] == pytest.approx([0.1] * 4)
+
+
+def test_scans_between_two_messages_of_the_wheels_bring_none():
+    told = [Pose2(0.2 * (k // 4), 0.0, 0.0) for k in range(80)]
+    late = steps(told)[40:]
+    brought = [step for step in late if step is not None]
+    assert [step.increment.x for step in brought] == pytest.approx([0.2] * 10)
+    assert [step.seconds for step in brought] == pytest.approx([0.4] * 10)
+
+
+def test_a_robot_at_rest_measures_that():
+    moving = [Pose2(0.05 * k, 0.0, 0.0) for k in range(20)]
+    resting = steps(moving + [moving[-1]] * 20)[20:]
+    assert all(step is not None and step.increment == IDENTITY for step in resting)
+
+
+@pytest.mark.parametrize("jump", [Pose2(2.0, 0.0, 0.0), Pose2(0.0, 0.0, 1.0)])
+def test_what_no_robot_can_do_is_a_reset_of_the_odometry(jump):
+    poses = [Pose2(0.05 * k, 0.0, 0.0) for k in range(20)]
+    found = steps(poses[:10] + [jump @ pose for pose in poses[10:]])
+    assert found[10] is None
+    assert found[11].increment.x == pytest.approx(0.05)
+
+
+def test_an_odometry_that_was_not_there_is_begun_anew():
+    assert steps([IDENTITY, None, Pose2(1.0, 0.0, 0.0), Pose2(1.05, 0.0, 0.0)])[2] is None
+
+
+def test_the_drift_of_the_heading_is_learned_from_matches():
+    motion, drift = MotionFilter(FrontendParams()), 0.05  # rad/m
+    wheels = Pose2(0.0, 0.0, 0.0)
+    for k in range(300):
+        wheels @= Pose2(0.05, 0.0, 0.05 * drift)
+        motion.predict(scan(0.1 * k, wheels))
+        motion.update(Pose2(0.05 * k, 0.0, 0.0), SHARP, ALL)
+    assert motion._z[DRIFT] == pytest.approx(drift, rel=0.2)
+
+
+def test_of_a_match_whose_stamp_jitters_the_state_takes_its_share():
+    z, P, out = np.zeros(N), np.diag(np.full(N, 1e-4)), np.empty(3)
+    match = np.array((0.1, -0.2, 0.05))
+    for error, share in ((0.0, 1.0), (1e-4, 0.5), (1e-2, 1.0 / 101.0)):
+        update_kernels.toward_stamp(z, P, match, np.full(3, error), out)
+        assert out == pytest.approx(share * match)
+
+
+def test_late_stamps_widen_the_prior_by_the_way_that_is_driven_meanwhile():
+    rng, wide = np.random.default_rng(3), []
+    for jitter in (0.0, 0.03):
+        motion = MotionFilter(FrontendParams())
+        for k in range(100):
+            pose = Pose2(0.05 * k, 0.0, 0.0)
+            prior = motion.predict(scan(0.1 * k + jitter * rng.uniform(), pose))
+            motion.update(pose, SHARP, ALL)
+        wide.append(np.sqrt(np.diag(prior.covariance)))
+    assert wide[1][0] > 1.3 * wide[0][0]  # half a meter a second, 9 ms
+    assert wide[1][1] == pytest.approx(wide[0][1], rel=0.3)
+
+
+def test_a_match_stands_after_some_scans_of_one_place():
+    steady, jumping = TentativeMatch(), TentativeMatch()
+    stood = [steady.stands(Pose2(0.1 * k, 5.0, 0.0), Pose2(0.1, 0, 0), 0.1, True) for k in range(6)]
+    assert stood.index(True) == SCANS - 1
+    for k in range(12):
+        assert not jumping.stands(Pose2(0.0, 5.0 * (k % 2), 0.0), IDENTITY, 0.1, False)
+
+
+def test_at_rest_wheels_are_not_contradicted():
+    still = TentativeMatch()
+    assert not any(still.stands(Pose2(0.0, 5.0, 0.0), IDENTITY, 0.1, True) for _ in range(20))
+    assert any(still.stands(Pose2(0.0, 5.0, 0.0), IDENTITY, 0.1, False) for _ in range(20))
+
+
+def test_a_score_is_what_scan_and_prior_say():
+    near, far = (Candidate(Match(IDENTITY), square, 0.8, 0.1) for square in (0.0, 400.0))
+    assert near.score == near.agreement == pytest.approx(0.7)
+    assert far.agreement == near.agreement and far.score < near.score - 0.1
+
+
+@pytest.mark.parametrize(("unknown", "maps"), [(0.5, True), (0.3, False)])
+def test_where_nothing_matches_new_ground_enters_the_map(unknown, maps, monkeypatch):
+    slam = Hector(HectorParams())
+    for k in range(5):
+        slam.update(scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, odometry=IDENTITY))
+    conflicts = 0.45
+    shares = max(1.0 - unknown - conflicts, 0.0), conflicts
+    monkeypatch.setattr(slam._map, "evaluate", lambda points, pose: shares)
+    slam._estimator._usual = 1.0
+    for k in range(5, 20):
+        slam.update(scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, odometry=IDENTITY))
+        seconds = 0.1 * (k - 4)
+        if abs(seconds - DEAD_RECKONING) > 0.05:
+            assert slam._estimator.maps == (maps and seconds > DEAD_RECKONING)
