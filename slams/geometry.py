@@ -115,21 +115,8 @@ def inverse3(A: Floats) -> Floats:
     return out
 
 
-@njit
-def widened(information: Floats, off: Floats) -> tuple[Floats, float]:
-    """Inverse (3, 3) of C + d d^T, of C's inverse and d = `off` (3,); and d^T C^-1 d.
-
-    ours: by Sherman and Morrison.
-    """
-    out, room = np.empty((3, 3)), np.empty((1, 3))  # alike: two kinds compile longer
-    distance = 0.0
-    for i in range(3):
-        told = 0.0
-        for k in range(3):
-            told += information[i, k] * off[k]
-        room[0, i] = told
-        distance += off[i] * told
-    for i in range(3):
-        for k in range(3):
-            out[i, k] = information[i, k] - room[0, i] * room[0, k] / (1.0 + distance)
-    return out, distance
+def travelled(twist: Pose2, seconds: float) -> Pose2:
+    """The step of a base that keeps its twist [m/s, rad/s], in its own frame; may go back."""
+    x, y, turn = (v * seconds for v in twist)
+    c, s = math.cos(0.5 * turn), math.sin(0.5 * turn)
+    return Pose2(c * x - s * y, s * x + c * y, wrap_angle(turn))

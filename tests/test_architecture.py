@@ -89,7 +89,7 @@ def kernels():
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_an_algorithm_imports_only_itself_and_the_interface(name):
-    parts = ("types", "params", "jit", "geometry", "motion", "extent", "cells", "scan", "refine")
+    parts = ("types", "params", "jit", "geometry", "extent", "cells", "scan", "refine")
     parts += (
         "patience",
         "usual",
@@ -100,8 +100,6 @@ def test_an_algorithm_imports_only_itself_and_the_interface(name):
         "refine.lines",
         "refine.params",
     )
-    parts += tuple(f"motion.{part}" for part in ("chord", "model", "params", "track", "trust"))
-    parts += ("localize.relocator",)
     parts += tuple(
         f"frontend.{part}"
         for part in ("correlative", "degeneracy", "keyframes", "motion_filter", "params", "plain")

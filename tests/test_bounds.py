@@ -9,7 +9,7 @@ import typing
 import numpy as np
 import pytest
 
-import slams.motion
+import slams.frontend
 from slams.params import FARTHEST, GREATEST, MOST, SEEDS, Params, bounds
 from slams.registry import BUILT_IN, find
 
@@ -25,7 +25,7 @@ LABELS = [label for label in LABELS if label.partition("@")[0] not in ("odometry
 
 def classes():
     """Every class of parameters there is in this code."""
-    for module in pkgutil.iter_modules(slams.motion.__path__, "slams.motion."):
+    for module in pkgutil.iter_modules(slams.frontend.__path__, "slams.frontend."):
         importlib.import_module(module.name)
     for label in (*LABELS, "odometry", "kiss"):
         find(label)
@@ -43,7 +43,7 @@ CLASSES = classes()
 
 def test_all_classes_are_walked():
     names = {cls.__module__ for cls in CLASSES}
-    assert {"hector.params", "hector.original.params", "slams.motion.params"} <= names
+    assert {"hector.params", "hector.original.params", "slams.frontend.params"} <= names
     assert len(CLASSES) >= 11
 
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slams.localize.along import farther_along
 from slams.localize.chart import Chart
 from slams.localize.places import Places, Ranking, ends_of, view_of
 from slams.types import Floats, OccupancyGrid, Pose2, Scan, wrap_angle
@@ -74,12 +73,6 @@ class Atlas:
         """What speaks for the base being near `pose`, where it fits best; odds 1."""
         found = self._looked_at(self._ends_of(scan), pose @ scan.laser.mount)
         return found._replace(pose=found.pose @ scan.laser.mount.inverse())
-
-    def farther_along(self, scan: Scan, pose: Pose2, along: Floats) -> Pose2 | None:
-        """Where along the unit vector `along` (2,) the scan tells more than at the base's pose."""
-        ends, mount = self._ends_of(scan), scan.laser.mount
-        found = farther_along(self.chart, ends, pose @ mount, along)
-        return None if found is None else found @ mount.inverse()
 
     def _ends_of(self, scan: Scan) -> Floats:
         if self._ends is None or self._ends[0] is not scan:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from slams.motion.chord import travelled
+from slams.geometry import travelled
 from slams.scan import scan_kernels as kernels
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import Grain, Limits, Points, Twist

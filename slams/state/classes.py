@@ -17,7 +17,6 @@ SHARED = (
     "types",
     "params",
     "geometry",
-    "motion",
     "frontend",
     "extent",
     "cells",

@@ -11,7 +11,7 @@ from gmapping.original.match_kernels import hill_climb, log_likelihood, score
 from gmapping.original.motion import Step as OriginalStep
 from gmapping.original.scan import EndPoints as OriginalPoints
 from slams.formats.trajectory import read_csv
-from slams.motion.chord import travelled
+from slams.geometry import travelled
 from slams.registry import find
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Laser, Pose2

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from slams.geometry import inverse3, solve3, widened, wrap_angle
+from slams.geometry import inverse3, solve3, wrap_angle
 from slams.types import wrap_angle as plain
 
 
@@ -24,12 +24,8 @@ def test_solve3_solves_and_refuses_what_is_singular():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_inverse_and_widened_equal_numpy(seed):
+def test_the_inverse_equals_numpys(seed):
     rng = np.random.default_rng(seed)
-    root, off = rng.normal(0.0, 1.0, (3, 3)), rng.normal(0.0, 2.0, 3)
+    root = rng.normal(0.0, 1.0, (3, 3))
     A = root @ root.T + np.diag([0.1, 10.0, 1.0])
     assert inverse3(A) == pytest.approx(np.linalg.inv(A), rel=1e-9)
-    found, distance = widened(A, off)
-    covariance = np.linalg.inv(A)
-    assert distance == pytest.approx(off @ A @ off)
-    assert found == pytest.approx(np.linalg.inv(covariance + np.outer(off, off)), rel=1e-8)

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from slams.motion.chord import travelled
+from slams.geometry import travelled
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import ROOM, box, cast, laser, scan_at
 from tests.tsd import naive as naive_tsd
