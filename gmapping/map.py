@@ -96,6 +96,6 @@ class TileMap:
         self.tiles = self.tiles._replace(tables=grown, corner_x=x, corner_y=y)
 
     def inherit(self, ancestors: NDArray[np.int64]) -> None:
-        """Hand every particle the map of its ancestor, without copying tiles; ancestors keep theirs."""
+        """Hand every particle its ancestor's map, without copying tiles; ancestors keep theirs."""
         self._peak = self.peak
         inherit(self.tiles, ancestors)

@@ -6,7 +6,7 @@ import pytest
 from gmapping import GMapping, GMappingParams
 from gmapping.map import TileMap
 from gmapping.map_kernels import insert
-from gmapping.particles import Particles, normalize, systematic
+from gmapping.particles import Particles, normalize, staying, systematic
 from gmapping.tile_kernels import own_slot
 from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping.scenes import (
@@ -134,7 +134,7 @@ def test_nothing_leaks_in_ten_thousand_resamplings():
     tiles = mapped(surface, n=5)
     alone = tiles.used // 5
     for i in range(10_000):
-        tiles.inherit(rng.integers(0, 5, 5))
+        tiles.inherit(staying(rng.integers(0, 5, 5)))
         if i % 100 == 0:
             poses = rng.normal(0.0, 0.01, (5, 3))
             assert insert(tiles.tiles, poses, surface, SPLAT) == 0

@@ -9,7 +9,7 @@ from gmapping.map_kernels import DEPTH, LAYERS, ONCE, insert, place_of
 from gmapping.match_kernels import Prior, evaluate
 from gmapping.render import Ray, Renderer
 from gmapping.scan import View
-from gmapping.surfaces import OLD, PLACES, SurfaceMatcher
+from gmapping.surfaces import SurfaceMatcher
 from gmapping.tile_kernels import slot_of
 from slams import geometry, load
 from slams.types import IDENTITY, Laser, Pose2
@@ -227,31 +227,6 @@ def test_inliers_lie_on_surfaces_and_conflicts_end_where_beams_came_by():
     assert inliers < 0.1 * n and conflicts > 0.8 * n
     far = surface * [9.0, 9.0, 1.0, 1.0, 1.0]  # where nothing is known
     assert evaluate(tiles, 0, far, np.zeros(3), 0.03, renderer.counts) == (0.0, 0.0)
-
-
-def test_only_ground_of_old_weighs_a_particle():
-    poses = np.array([[0.0, 0.0, 0.0], [0.06, 0.0, 0.0]])
-    matcher, view = matcher_of(*poses), view_of(IDENTITY, quietest=0.01)
-    sure, at = np.tile(4e7 * np.eye(3), (2, 1, 1)), np.zeros((2, 3))
-    matcher.insert(view, poses, 1.0 + OLD - 0.1)
-    np.testing.assert_array_equal(matcher.propose(view, at, sure, []).log_w, 0.0)
-    matcher.insert(view, poses, 1.0 + OLD + 0.1)
-    found, width = matcher.propose(view, at, sure, []), GMappingParams().width
-    tiles = matcher.tiles.tiles
-    spared = linearized(tiles, found.peaks[0], view.pieces, width, 1.0 + 0.1)[5]
-    worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
-    assert found.log_w[0] == pytest.approx(0.5 * PLACES * worth * spared, rel=1e-3)
-    assert found.log_w[0] > found.log_w[1] + 1.0  # its map is elsewhere
-
-
-@pytest.mark.parametrize("way", [1.0 + OLD - 0.1, 1.0 + OLD + 0.1])
-def test_particles_go_where_ground_of_old_explains_more_of_a_scan(way):
-    matcher, view = matcher_of(IDENTITY), view_of(IDENTITY)
-    apart, sure = np.array([[0.55, -0.5, 0.05]]), 1e6 * np.eye(3)[None]
-    matcher._way = way
-    found = matcher.propose(view, apart, sure, [Pose2(0.04, 0.03, 0.0)])
-    assert found.closes.tolist() == [way > 1.0 + OLD]
-    np.testing.assert_allclose(found.peaks, 0.0 if found.closes[0] else apart, atol=0.02)
 
 
 def test_a_proposal_keeps_the_way_along_a_bare_corridor():

@@ -1,0 +1,104 @@
+"""Loops: who comes back to ground of old, and what is no ground of old."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gmapping.particles import staying
+from gmapping.surfaces import CHANCE, EXPLAINED, OLD, PLACES
+from slams.room import box, cast, laser
+from slams.types import IDENTITY, Pose2, Scan
+from tests.gmapping.scenes import linearized, matcher_of, run, view_of
+
+LENGTH, HEIGHT, WIDTH = 24.0, 15.0, 2.0  # m: a ring of bare corridors
+STEP, BEYOND = 0.3, 40  # m between scans; scans after the way around
+SENSOR = laser(181, math.pi, range_max=6.0)
+
+
+def around(seed):
+    """True poses of a way around the ring and on, and scans with wheels that drift."""
+    rng, d = np.random.default_rng(seed), 0.5 * WIDTH
+    walls = np.array(
+        box(-d, -d, LENGTH + d, HEIGHT + d) + box(d, d, LENGTH - d, HEIGHT - d), np.float64
+    )
+    truth = [Pose2(0.5 * LENGTH, 0.0, 0.0)]
+    for side in (0.5 * LENGTH, HEIGHT, LENGTH, HEIGHT, 0.5 * LENGTH + STEP * BEYOND):
+        for _ in range(round(side / STEP)):
+            truth.append(truth[-1] @ Pose2(STEP, 0.0, 0.0))
+        truth += [truth[-1] @ Pose2(0.0, 0.0, 0.25 * math.pi * k) for k in (1, 2)]
+    scale, veer = 1.03 + 0.02 * rng.random(), rng.choice((-0.02, 0.02))
+    wheels, scans = IDENTITY, []
+    for i, at in enumerate(truth):
+        way = truth[max(i - 1, 0)].between(at)
+        wheels = wheels @ Pose2(scale * way.x, 0.0, way.theta + veer * way.x)
+        ranges = (cast(walls, at, SENSOR) + rng.normal(0.0, 0.02, 181)).astype(np.float32)
+        ranges[ranges > SENSOR.range_max] = np.inf
+        ranges.flags.writeable = False
+        scans.append(Scan(0.3 * i, ranges, SENSOR, wheels))
+    return [truth[0].between(at) for at in truth], scans
+
+
+def revisit(poses, truth, i):
+    """How far scan i is [m] from where the map of the first visit has its place."""
+    k = int(np.argmin(np.hypot(*(np.array(truth)[:100, :2] - truth[i][:2]).T)))
+    expected = Pose2(*poses[k]) @ truth[k].between(truth[i])
+    return math.dist(expected[:2], poses[i][:2])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_robot_that_comes_back_closes_the_loop(seed):
+    truth, scans = around(seed)
+    slam, poses = run(scans)
+    off = np.array([revisit(poses, truth, i) for i in range(len(poses) - BEYOND, len(poses))])
+    assert off[:20].max() > 0.25  # .3 to 2 m
+    assert off[-3:].max() < 0.2  # .03 to .1 m
+    assert slam.report()["closed"] >= 1
+
+
+OLDER, YOUNGER = 1.0 + OLD + 0.1, 1.0 + OLD - 0.1  # m driven; the map is of the first meter
+
+
+@pytest.mark.parametrize(
+    ("way", "place", "closes"),
+    [
+        (OLDER, Pose2(0.04, 0.03, 0.0), True),
+        (YOUNGER, Pose2(0.04, 0.03, 0.0), False),
+        (OLDER, Pose2(2.0, 0.0, 0.0), False),
+        (OLDER, Pose2(0.0, 2.0, 0.0), False),
+        (OLDER, Pose2(0.04, 0.03, 0.5 * math.pi), False),
+    ],
+)
+def test_particles_go_where_ground_of_old_explains_more_of_a_scan(way, place, closes):
+    matcher, view = matcher_of(IDENTITY), view_of(IDENTITY)
+    apart, sure = np.array([[0.55, -0.5, 0.05]]), 1e6 * np.eye(3)[None]
+    matcher._way = way
+    found = matcher.propose(view, apart, sure, [place])
+    assert found.closes.tolist() == [closes]
+    np.testing.assert_allclose(found.peaks, 0.0 if closes else apart, atol=0.02)
+
+
+def test_only_ground_of_old_weighs_a_particle_and_no_more_than_parallel_walls_explain():
+    poses = np.array([[0.0, 0.0, 0.0], [0.06, 0.0, 0.0]])
+    matcher, view = matcher_of(*poses), view_of(IDENTITY, quietest=0.01)
+    sure, at = np.tile(4e7 * np.eye(3), (2, 1, 1)), np.zeros((2, 3))
+    matcher.insert(view, poses, YOUNGER)
+    np.testing.assert_array_equal(matcher.propose(view, at, sure, []).log_w, 0.0)
+    matcher.insert(view, poses, OLDER)
+    found, p = matcher.propose(view, at, sure, []), matcher._params
+    width, tiles = p.width, matcher.tiles.tiles
+    full = width**2 * view.beams
+    spared = linearized(tiles, found.peaks[0], view.pieces, width, 1.0 + 0.1)[5]
+    told = min(spared, EXPLAINED * full) - CHANCE * full
+    worth = min(1.0, p.independent / view.beams) / p.range_noise**2
+    assert found.log_w[0] == pytest.approx(0.5 * PLACES * worth * told, rel=1e-3)
+    assert found.log_w[0] > found.log_w[1] + 1.0  # its map is elsewhere
+
+
+def test_who_lives_on_stays_where_it_is():
+    rng = np.random.default_rng(4)
+    for _ in range(100):
+        ancestors = np.sort(rng.integers(0, 9, 9))
+        out = staying(ancestors)
+        np.testing.assert_array_equal(np.sort(out), ancestors)
+        np.testing.assert_array_equal(out[out], out)
