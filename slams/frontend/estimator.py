@@ -93,8 +93,8 @@ class PoseEstimator:
         self.quality = 1.0
         self.maps = False  # whether the last scan may enter the map
         self.match: Match | None = None  # that the last pose is of
-        names = "empty matched predicted lost searched tentative relocalized odometry"
-        self.counts = dict.fromkeys(names.split(), 0)
+        named = "empty matched predicted lost searched tentative relocalized odometry gyro"
+        self.counts = dict.fromkeys(named.split(), 0)
         self._p = params
         self._filter = MotionFilter(params)
         self._pose = self._filter.pose
@@ -123,6 +123,7 @@ class PoseEstimator:
         self._prior = self._filter.predict(scan)
         self._pose = self._prior.pose
         self.counts["odometry"] += self._filter.wheels
+        self.counts["gyro"] += self._filter.gyroscope
         return self._prior
 
     def twist_at(self, pose: Pose2) -> Pose2:
@@ -152,9 +153,8 @@ class PoseEstimator:
         best = self._best(points, matches, grid)
         if self._p.search and (best.distance > GATE or not self._is_usual(best)):
             best = self._searched(points, best, grid, rematch)
-        if self._accepts(best):
-            return self._take(best, points, grid)
-        return self._miss(best, points, grid)
+        settle = self._take if self._accepts(best) else self._miss
+        return settle(best, points, grid)
 
     # rank
 
@@ -208,8 +208,8 @@ class PoseEstimator:
 
     def _stands(self, pose: Pose2) -> bool:
         """Whether matches beyond the gate agree on one place over several scans and some way."""
-        step, dt = self._filter.step, self._prior.dt
-        stands = self._tentative.stands(pose, step, dt, self._by_wheels)
+        step = self._filter.step
+        stands = self._tentative.stands(pose, step, self._prior.dt, self._by_wheels)
         self.counts["tentative"] += stands
         return stands
 
@@ -281,8 +281,8 @@ class PoseEstimator:
         """Global localization in the map; a pose that wheels contradict is none."""
         if self._unmatched < LOST_AFTER:
             return
-        (xx, _, _), (_, yy, _), _ = self._filter.covariance.tolist()
-        reach = math.sqrt(GATE * max(xx, yy)) if self._by_wheels else math.inf
+        variance = max(self._filter.covariance.diagonal()[:2].tolist())
+        reach = math.sqrt(GATE * variance) if self._by_wheels else math.inf
         found = self._relocalizer.update(self._scan, self.pose, reach, grid.cut)
         if found is None or (self._by_wheels and self._prior.distance(found) > GATE):
             return
@@ -292,7 +292,7 @@ class PoseEstimator:
         self._unconfirmed, self._unmatched, self._lost = 0.0, 0.0, False
 
     def _is_sure(self) -> bool:
-        (xx, _, _), (_, yy, _), (_, _, turn) = self._filter.covariance.tolist()
+        xx, yy, turn = self._filter.covariance.diagonal().tolist()
         return bool(xx + yy < LOST_XY**2 and turn < LOST_HEADING**2)
 
     def _call(self, state: State) -> None:

@@ -29,7 +29,14 @@ class PlainEstimator:
         self.match: Match | None = None
         self.pose = IDENTITY
         self.covariance = np.diag([math.inf] * 3)
-        self.counts = {"empty": 0, "matched": 0, "predicted": 0, "lost": 0, "odometry": 0}
+        self.counts = {
+            "empty": 0,
+            "matched": 0,
+            "predicted": 0,
+            "lost": 0,
+            "odometry": 0,
+            "gyro": 0,
+        }
         self._p = params
         self._last: Scan | None = None
         self._twist, self._step, self._dt = IDENTITY, IDENTITY, 0.0
@@ -44,6 +51,7 @@ class PlainEstimator:
             self.counts["odometry"] += 1
         if last is not None and last.yaw is not None and scan.yaw is not None and self._p.gyro:
             step = step._replace(theta=scan.yaw - last.yaw)
+            self.counts["gyro"] += 1
         self._step, self._before, self.pose = step, self.pose, self.pose @ step
         return Prediction(self.pose, NOTHING, NOTHING, self._twist, self._dt)
 
