@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from crsm import map_kernels, match_kernels
 from crsm.map_kernels import Grid, Update
 from crsm.params import CrsmParams
-from slams.cells import Room, move, zeros
+from slams.cells import Room, move, observed, zeros
 from slams.extent import Box, Extent
 from slams.frontend.correlative import Lookup
 from slams.refine.lines import LineMap
@@ -83,16 +83,13 @@ class GreyMap:
     def cut(self, box: Box) -> OccupancyGrid | None:
         """The part in a box that was observed, None if nothing was."""
         grid, window = self.levels[0], self._room.window(box)
-        grey, seen = grid.grey[window], grid.weight[window] > 0.0
-        rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-        if rows.size == 0:
+        seen = grid.weight[window] > 0.0
+        found = observed(seen, window, (grid.x0, grid.y0), grid.resolution)
+        if found is None:
             return None
-        part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        p = np.where(seen[part], 0.5 + 0.5 * grey[part], np.nan)
-        first_y, first_x = (float(at.start) - 0.5 for at in window)
-        corner_x = grid.x0 + (float(columns[0]) + first_x) * grid.resolution
-        corner_y = grid.y0 + (float(rows[0]) + first_y) * grid.resolution
-        return OccupancyGrid(p.astype(np.float32), grid.resolution, (corner_x, corner_y))
+        part, corner = found
+        p = np.where(seen[part], 0.5 + 0.5 * grid.grey[window][part], np.nan)
+        return OccupancyGrid(p.astype(np.float32), grid.resolution, corner)
 
     def _blank(self, side: int) -> Grid:
         room, cell = self._room, self.params.cell

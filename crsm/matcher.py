@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from crsm.params import CrsmParams
 from crsm.scan import ScanReader
 from slams.frontend.motion_filter import Prediction
 from slams.refine.lines import Match
-from slams.scan.end_points import EndPoints
 from slams.types import Floats, Pose2
 
 MEMORY = 20  # scans over which the fitness is a mean
@@ -78,9 +76,3 @@ class Matcher:
             if best[1] >= p.enough * self.usual:
                 break
         return best
-
-
-def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:
-    """How far two poses are apart [m], as the end points half way out see it."""
-    turn = math.remainder(one.theta - other.theta, 2.0 * math.pi)
-    return math.hypot(one.x - other.x, one.y - other.y) + 0.5 * points.far * abs(turn)

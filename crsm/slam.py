@@ -21,7 +21,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from crsm.map import GreyMap
-from crsm.matcher import Matcher, gap
+from crsm.matcher import Matcher
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
 from slams.frontend.keyframes import Keyframes
@@ -30,10 +30,8 @@ from slams.frontend.plain import estimator_for
 from slams.geometry import Prior
 from slams.params import Params
 from slams.refine.lines import Match
-from slams.scan.end_points import EndPoints
+from slams.scan.end_points import EndPoints, gap
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
-
-CLOSE, SAME = 0.5, 0.25  # of a cell: starts that lead to the same lines; fits that are one
 
 
 class Crsm:
@@ -107,28 +105,11 @@ class Crsm:
         if self._map.empty or points.n == 0:
             return [Match(start)]
         climbed = self._matcher.climb(self._scan, start, prior)  # 3.
-        if not self.params.refine:
-            return [climbed._replace(coarse=climbed.pose)]
-        found = self._refine(points, start, climbed, prior)  # 4.
+        found = [climbed]
+        if self.params.refine:
+            expected = Prior(prior.pose, prior.information)
+            found = self._map.lines.refine(points, start, climbed.pose, expected)  # 4.
         return [match._replace(coarse=climbed.pose) for match in found]
-
-    def _refine(
-        self, points: EndPoints, start: Pose2, climbed: Match, prior: Prediction
-    ) -> list[Match]:
-        """Gauss-Newton on the lines, from where the climb ended and from its start.
-
-        Within half a cell both meet the same lines, and the start is the nearer: few rays end
-        millimeters off. The climb itself is one more where it lies a cell elsewhere.
-        """
-        cell, lines = self.params.cell, self._map.lines
-        expected = Prior(prior.pose, prior.information)
-        if gap(points, climbed.pose, start) <= CLOSE * cell:
-            found = [lines.fit(points, start, expected, close=True)]
-        else:
-            found = [lines.fit(points, start, expected), lines.fit(points, climbed.pose, expected)]
-            if gap(points, found[0].pose, found[1].pose) <= SAME * cell:
-                del found[0]
-        return found
 
     def _learn(self, points: ScanReader) -> None:
         """Count how the match that was taken came about; how well it fits is usual from now on."""

@@ -11,7 +11,7 @@ from hector import map_kernels, match_kernels
 from hector.map_kernels import Level, Update
 from hector.match_kernels import Solver
 from hector.params import HectorParams
-from slams.cells import Room, move, zeros
+from slams.cells import Room, move, observed, zeros
 from slams.extent import Box, Extent
 from slams.frontend.correlative import Lookup
 from slams.geometry import Prior
@@ -100,16 +100,12 @@ class LogOddsPyramid:
         """The part of the finest level in a box that was observed, None if nothing was."""
         level, window = self.levels[0], self._room.window(box)
         log_odds = level.log_odds[window]
-        seen = log_odds != 0.0
-        rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-        if rows.size == 0:
+        found = observed(log_odds != 0.0, window, (level.x0, level.y0), level.resolution)
+        if found is None:
             return None
-        part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        p = np.where(seen[part], 0.5 + 0.5 * np.tanh(0.5 * log_odds[part]), np.nan)
-        first_y, first_x = (float(at.start) - 0.5 for at in window)
-        corner_x = level.x0 + (float(columns[0]) + first_x) * level.resolution
-        corner_y = level.y0 + (float(rows[0]) + first_y) * level.resolution
-        return OccupancyGrid(p.astype(np.float32), level.resolution, (corner_x, corner_y))
+        log_odds, corner = log_odds[found[0]], found[1]
+        p = np.where(log_odds != 0.0, 0.5 + 0.5 * np.tanh(0.5 * log_odds), np.nan)
+        return OccupancyGrid(p.astype(np.float32), level.resolution, corner)
 
     def _empty(self, level: int) -> Level:
         shape = (self._room.height >> level, self._room.width >> level)

@@ -30,8 +30,6 @@ from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints, gap
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
-CLOSE, SAME = 0.5, 0.25  # of a cell: starts that lead to the same lines; fits that are one
-
 
 class Hector:
     """Gradient map matching on a grid pyramid; see the module for the steps.
@@ -103,25 +101,10 @@ class Hector:
             return [Match(start)]
         expected = Prior(prior.pose, prior.information)
         coarse = self._matcher.climb(points, start, expected)  # 3.
-        if not self.params.refine:
-            return [coarse._replace(coarse=coarse.pose)]
-        found = self._refine(points, start, coarse, expected)  # 4.
+        found = [coarse]
+        if self.params.refine:
+            found = self._map.lines.refine(points, start, coarse.pose, expected)  # 4.
         return [match._replace(coarse=coarse.pose) for match in found]
-
-    def _refine(self, points: EndPoints, start: Pose2, coarse: Match, prior: Prior) -> list[Match]:
-        """Gauss-Newton on the lines, from where the pyramid ended and from its start.
-
-        Within half a cell both meet the same lines, and the start is the nearer: cells end
-        millimeters off. The pyramid's own match is one more where it lies a cell elsewhere.
-        """
-        cell, lines = self.params.resolution, self._map.lines
-        if gap(points, coarse.pose, start) <= CLOSE * cell:
-            found = [lines.fit(points, start, prior, close=True)]
-        else:
-            found = [lines.fit(points, start, prior), lines.fit(points, coarse.pose, prior)]
-            if gap(points, found[0].pose, found[1].pose) <= SAME * cell:
-                del found[0]
-        return found
 
     def _learn(self, points: EndPoints) -> None:
         """Count how the match that was taken came about; its residuals are usual from now on."""

@@ -155,6 +155,32 @@ class Room:
         return math.ceil((missing + SPARE * n) / self._block) * self._block
 
 
+def observed(
+    seen: NDArray[np.bool_],
+    window: tuple[slice, slice],
+    first: tuple[float, float],
+    cell: float,
+) -> tuple[tuple[slice, slice], tuple[float, float]] | None:
+    """Rows and columns of the cells of a window that were observed, and where they begin.
+
+    Args:
+        seen: whether each cell of the window was.
+        window: rows and columns of the window in the map.
+        first: center of the map's cell [0, 0], x, y [m].
+        cell: edge of a cell [m].
+
+    Returns:
+        The part of the window and its corner x, y [m]; None if nothing was observed.
+    """
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    if rows.size == 0:
+        return None
+    part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    x = first[0] + (float(window[1].start + columns[0]) - 0.5) * cell
+    y = first[1] + (float(window[0].start + rows[0]) - 0.5) * cell
+    return part, (x, y)
+
+
 def move(source: Array, target: Array, below: int, left: int) -> None:
     """Copy rows of cells into a larger array of zeros; what was never touched stays so there."""
     for row in _given_rows(source).tolist():

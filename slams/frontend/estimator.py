@@ -123,7 +123,7 @@ class PoseEstimator:
         self._prior = self._filter.predict(scan)
         self._pose = self._prior.pose
         self.counts["odometry"] += self._filter.wheels
-        self.counts["gyro"] += self._filter.gyroscope
+        self.counts["gyro"] += self._filter.gyro
         return self._prior
 
     def twist_at(self, pose: Pose2) -> Pose2:
@@ -163,7 +163,7 @@ class PoseEstimator:
         return Candidate(match, self._prior.distance(match.pose), inliers, conflicts)
 
     def _best(self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap) -> Candidate:
-        """The match with the highest score; the first if it leads by less than a piece."""
+        """The match with the highest score, if it leads the first by a piece of wall at least."""
         ranked = [self._rank(points, match, grid) for match in matches]
         best = max(ranked, key=lambda candidate: candidate.score)
         return best if best.score - ranked[0].score >= 1.0 / PIECES else ranked[0]

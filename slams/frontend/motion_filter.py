@@ -60,11 +60,11 @@ class Prediction(NamedTuple):
 class MotionFilter:
     """The state of `filter_kernels` and what was learned of the robot.
 
-    `wheels`, `gyroscope`: whether they measured the last step.
+    `wheels`: whether they measured the last step.
     """
 
     def __init__(self, params: FrontendParams) -> None:
-        self.wheels = self.gyroscope = False
+        self.wheels = False
         self._p = params
         self._z, self._P = np.zeros(kernels.N), np.zeros((kernels.N, kernels.N))
         self._P[SCALE:, SCALE:] = np.diag(CALIBRATION**2)
@@ -93,6 +93,11 @@ class MotionFilter:
         return self._P[:3, :3]
 
     @property
+    def gyro(self) -> bool:
+        """Whether the gyro measured the last step."""
+        return bool(self._readings[GYRO, 0])
+
+    @property
     def step(self) -> Pose2:
         """The last step as a midpoint increment [m, rad]."""
         return Pose2(*self._z[3:6].tolist())
@@ -102,7 +107,7 @@ class MotionFilter:
         last, self._last = self._last, scan
         self._dt = dt = self._timing.elapsed(scan.t)
         self._before[:] = self._z[:3]
-        self.wheels = self.gyroscope = False
+        self.wheels = False
         wheels = self._wheels.take(scan.odometry, dt)
         if last is None:
             if scan.odometry is None:
@@ -194,8 +199,7 @@ class MotionFilter:
         self.wheels = p.wheels and last.odometry is not None and scan.odometry is not None
         if p.wheels and wheels is not None:
             self._read_wheels(wheels, dt)
-        self.gyroscope = p.gyro and last.yaw is not None and scan.yaw is not None
-        if self.gyroscope and last.yaw is not None and scan.yaw is not None:
+        if p.gyro and last.yaw is not None and scan.yaw is not None:
             turn = wrap_angle(scan.yaw - last.yaw)
             variance = p.gyro_noise**2 * dt + (GYRO_SCALE * turn) ** 2 + 1e-10
             readings[GYRO, :3] = 1.0, turn, variance

@@ -13,7 +13,7 @@ from slams.geometry import Prior
 from slams.refine.line_kernels import Fit, evaluate, fit
 from slams.refine.params import RefineParams
 from slams.refine.surface_kernels import LAYERS, SUMS, Splat, Surface, add_scan
-from slams.scan.end_points import EndPoints
+from slams.scan.end_points import EndPoints, gap
 from slams.types import Floats, Pose2
 
 THINNED, ENOUGH = 4, 180  # a fit begins with every fourth beam, if those are so many
@@ -23,6 +23,7 @@ SOFT = 3.0  # deviations of the noise at which a beam counts half
 ONCE = 0.1  # trust in a line that one scan alone has seen: it may have been a leg
 STANDING = 0.5  # the same, times s, of scans so far apart: no leg is there still when it matters
 BLURRED = 2.0  # deviations of the noise that a hit may lie off the cell of its wall
+CLOSE, SAME = 0.5, 0.25  # of a cell: starts that lead to the same lines; fits that are one
 LEAST_ROWS, CELLS_PER_ROW = 1 << 18, 16  # of the pool: few cells have a wall
 Grid = NDArray[np.float32]
 
@@ -98,6 +99,19 @@ class LineMap:
         pose, share, square = fit(tuple(self.surface), view, tuple(start), known, tuple(how), H)
         variance = max(square, points.noise**2)
         return Match(Pose2(*pose), share, variance, H / variance)
+
+    def refine(self, points: EndPoints, start: Pose2, coarse: Pose2, prior: Prior) -> list[Match]:
+        """Fits from where a match by cells began, and from where it ended if that is elsewhere.
+
+        Within half a cell both meet the same lines, and the start is the nearer: cells end
+        millimeters off.
+        """
+        cell = self.surface.resolution
+        if gap(points, coarse, start) <= CLOSE * cell:
+            return [self.fit(points, start, prior, close=True)]
+        found = [self.fit(points, start, prior), self.fit(points, coarse, prior)]
+        same = gap(points, found[0].pose, found[1].pose) <= SAME * cell
+        return found[1:] if same else found
 
     def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
         """Shares of the beams that lie on a line at a pose, and that end where it was free."""

@@ -8,9 +8,10 @@ import pytest
 from crsm import match_kernels
 from crsm.map_kernels import Update, blacken
 from crsm.match_kernels import Expected, climb, fitness, score
-from crsm.matcher import FINEST, FIRST, LONGEST, MEMORY, ROUGH, Matcher, gap
+from crsm.matcher import FINEST, FIRST, LONGEST, MEMORY, ROUGH, Matcher
 from slams.frontend.motion_filter import Prediction
 from slams.jit import njit
+from slams.scan.end_points import gap
 from slams.types import IDENTITY, Pose2
 from tests.crsm.room import Parameters, drive, noisy_view, run, scans_of
 from tests.crsm.test_map import blank, darkness_at, wall
@@ -162,10 +163,3 @@ def test_a_fit_to_lines_follows_a_rough_climb_and_weighs_it(monkeypatch):
     assert not rough.seen.any()
     seen = view.information(found.pose.theta) * found.share
     assert found.seen == pytest.approx(seen)
-
-
-def test_gap_is_of_the_end_points_half_way_out():
-    view = noisy_view()
-    moved, turned = Pose2(0.3, 0.4, 0.0), Pose2(0.0, 0.0, 2.0 * math.pi - 0.1)
-    assert gap(view, IDENTITY, moved) == pytest.approx(0.5)
-    assert gap(view, IDENTITY, turned) == pytest.approx(0.05 * view.far)

@@ -10,8 +10,7 @@ from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from crsm import Crsm, CrsmParams
 from slams.frontend.estimator import BEGIN_BEAMS
-from slams.refine.lines import Match
-from slams.types import IDENTITY, Pose2
+from slams.types import Pose2
 from tests.rooms import calls, laser, scan_at, still
 
 
@@ -53,35 +52,6 @@ def test_a_frozen_map_takes_no_scan_whose_pose_is_given():
         slam.frozen = frozen
         slam.insert_at(still(11), Pose2(1.0, 0.0, 0.0))
         assert slam.report()["inserted"] == 10 + more
-
-
-@pytest.mark.parametrize(
-    ("climbed", "fits", "found"),
-    [
-        (0.02, {0.0: 0.0}, [0.0]),  # near the start: one fit, from there
-        (0.04, {0.04: 0.03, 0.0: 0.0}, [0.0, 0.03]),  # half a cell off: one from the start, too
-        (0.04, {0.04: 0.03, 0.0: 0.025}, [0.03]),  # which is the same
-        (0.2, {0.2: 0.1, 0.0: 0.1}, [0.1]),
-    ],
-)
-def test_lines_are_fitted_from_the_start_and_where_the_climb_went_far_from_there(
-    climbed, fits, found, monkeypatch
-):
-    slam = settled(3)
-
-    def match(x):
-        return Match(Pose2(x, 0.0, 0.0))
-
-    monkeypatch.setattr(slam._matcher, "climb", lambda *_: match(climbed))
-    monkeypatch.setattr(
-        slam._map.lines,
-        "fit",
-        lambda points, start, prior, close=False: match(fits[round(start.x, 3)]),
-    )
-    prior = slam._estimator.predict(still(3))
-    matches = slam._match(slam._scan, IDENTITY, prior)
-    assert [match.pose.x for match in matches] == found
-    assert {match.coarse.x for match in matches} == {climbed}
 
 
 def test_the_climb_alone_keeps_no_lines_and_fits_nothing(monkeypatch):

@@ -9,7 +9,7 @@ from hector.match_kernels import Solver, gauss_newton, normal_equations
 from hector.matcher import BLUR, FINE, ROUGH, Matcher
 from slams.frontend.estimator import BEGIN_BEAMS
 from slams.geometry import Prior
-from slams.refine.lines import ENOUGH, Match
+from slams.refine.lines import ENOUGH
 from slams.scan.end_points import gap
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import LIDAR, calls, laser, scan_at, still
@@ -56,33 +56,6 @@ def test_a_frozen_map_takes_no_scan_whose_pose_is_given():
         slam.frozen = frozen
         slam.insert_at(still(11), Pose2(1.0, 0.0, 0.0))
         assert slam.report()["inserted"] == 10 + more
-
-
-@pytest.mark.parametrize(
-    ("climbed", "fits", "found"),
-    [
-        (0.02, {0.0: 0.0}, [0.0]),  # near the start: one fit, from there
-        (0.04, {0.04: 0.03, 0.0: 0.0}, [0.0, 0.03]),  # half a cell off: one from the start, too
-        (0.04, {0.04: 0.03, 0.0: 0.025}, [0.03]),  # which is the same
-        (0.2, {0.2: 0.1, 0.0: 0.1}, [0.1]),
-    ],
-)
-def test_lines_are_fitted_from_the_start_and_where_the_pyramid_went_far_from_there(
-    climbed, fits, found, monkeypatch
-):
-    slam = settled(3)
-
-    def match(x):
-        return Match(Pose2(x, 0.0, 0.0))
-
-    monkeypatch.setattr(
-        slam._map.lines,
-        "fit",
-        lambda points, start, prior, close=False: match(fits[round(start.x, 3)]),
-    )
-    prior = Prior(IDENTITY, np.eye(3))
-    tried = slam._refine(slam._scan, IDENTITY, match(climbed), prior)
-    assert [one.pose.x for one in tried] == found
 
 
 def test_one_step_of_gauss_newton_is_damped_and_limited():

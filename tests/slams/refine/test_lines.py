@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slams.geometry import Prior
-from slams.refine.lines import ONCE, STANDING, LineMap
+from slams.refine.lines import ONCE, STANDING, LineMap, Match
 from slams.refine.params import RefineParams
 from slams.refine.surface_kernels import Hits, Splat, add_to_cell, spread
 from slams.scan.end_points import EndPoints
@@ -179,3 +179,25 @@ def test_a_map_that_has_grown_keeps_its_lines_where_they_were():
     after = lines.fit(points, IDENTITY, NOTHING)
     assert after.share == pytest.approx(before.share, abs=1e-3)
     assert after.seen == pytest.approx(before.seen, rel=1e-2, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("coarse", "fits", "found"),
+    [
+        (0.02, {0.0: 0.0}, [0.0]),  # near the start: one fit, from there
+        (0.04, {0.04: 0.03, 0.0: 0.0}, [0.0, 0.03]),  # half a cell off: one from the start, too
+        (0.04, {0.04: 0.03, 0.0: 0.025}, [0.03]),  # which is the same
+    ],
+)
+def test_lines_are_fitted_from_the_start_and_where_a_coarse_match_ended(
+    coarse, fits, found, monkeypatch
+):
+    lines, points = mapped()
+
+    def fit(points, start, prior, close=False):
+        assert close == (len(fits) == 1)
+        return Match(Pose2(fits[round(start.x, 3)], 0.0, 0.0))
+
+    monkeypatch.setattr(lines, "fit", fit)
+    tried = lines.refine(points, IDENTITY, Pose2(coarse, 0.0, 0.0), NOTHING)
+    assert [one.pose.x for one in tried] == found
