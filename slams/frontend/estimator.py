@@ -104,7 +104,7 @@ class PoseEstimator:
         self._by_wheels = True  # all that time
         self._unconfirmed = 0.0  # s that matches still have to stand
         self._tentative = TentativeMatch()
-        self._lost = self._late = False
+        self._lost = False
         self._relocalizer = Relocalizer(params.relocate)
 
     @property
@@ -224,13 +224,7 @@ class PoseEstimator:
         match, agreement = best.match, best.agreement
         self.match = match
         seen = of_scan(points, match.pose.theta) if self._p.degeneracy else ALL
-        far = best.distance > GATE
-        self._late = far and not self._late and self._is_within_latency(match.pose)
-        if self._late:
-            self._filter.shift(match.pose)
-            self._pose = match.pose
-        else:
-            self._pose = self._filter.update(match.pose, match.seen, seen)
+        self._pose = self._filter.update(match.pose, match.seen, seen)
         share = min(1.0, self._prior.dt / MEMORY) if self._usual > 0.0 else 1.0
         if self._is_usual(best):
             self._unconfirmed = 0.0

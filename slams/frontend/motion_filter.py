@@ -158,7 +158,7 @@ class MotionFilter:
         return Pose2(*self._match[0].tolist())
 
     def shift(self, pose: Pose2) -> None:
-        """The scan is of another time than its stamp: the robot is at `pose`, moving as before."""
+        """Another pose is known for the last scan: the robot is there, moving as before."""
         P = self._P
         P[:3, 3:] = P[3:, :3] = 0.0
         self._z[:3] = pose
