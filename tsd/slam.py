@@ -81,6 +81,12 @@ class Tsd:
         self._estimator.place(scan, pose)
         self._insert(self._scan.take(scan, IDENTITY), pose)
 
+    def adopt(self, other: Tsd, pose: Pose2) -> None:
+        """Go on in the map of another instance, at `pose` in it, moving as before."""
+        self._map, self._keyframes = other._map, other._keyframes
+        self._registration, self._direct = other._registration, other._direct
+        self._estimator.correct(pose)
+
     def map(self) -> OccupancyGrid:
         """The map as it stands now."""
         return self._map.grid()
