@@ -1,4 +1,4 @@
-"""python -m slams: the commands with a line each; `slams run ...` is `python -m slams.run ...`."""
+"""slams: the commands with a line each; `slams run ...` is `python -m slams.run ...`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""python -m slams.check: does an algorithm keep the contract of `slams.types.Slam`?
+"""slams check: does an algorithm keep the contract of `slams.types.Slam`?
 
 Each clause is one check, over made-up scans of a small room; some seconds and no files.
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Scan, Slam
 
-PROGRAM = "slams.check"
+PROGRAM = "slams check"
 SHORT = 12
 FRAME_TOLERANCE = 1e-6  # rounding alone, m and rad
 
@@ -40,7 +40,7 @@ class Check(NamedTuple):
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="Check that an algorithm keeps the contract of slams.types.Slam.",
         epilog="Prints a line per clause; exit code 0 if all hold, 1 if not.",
     )

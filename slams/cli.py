@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 if TYPE_CHECKING:
     from slams.formats.options import SourceOptions
@@ -38,7 +38,10 @@ class TerminatedError(BaseException):
 
 
 class Parser(argparse.ArgumentParser):
-    """Arguments that do not fit get one sentence, like all other bad input."""
+    """Arguments that do not fit get one sentence; an option is known by its whole name alone."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(allow_abbrev=False, **settings)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments."""

@@ -1,4 +1,4 @@
-"""python -m slams.convert LOG OUT.npz: a recorded log of any kind as a scan log npz."""
+"""slams convert LOG OUT.npz: a recorded log of any kind as a scan log npz."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from slams import cli
 if TYPE_CHECKING:
     from slams.scanlog import ScanLog
 
-PROGRAM = "slams.convert"
+PROGRAM = "slams convert"
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="Turn a recorded log into an npz that loads at once and can be passed on.",
     )
     p.add_argument(

@@ -1,4 +1,4 @@
-"""python -m slams.run: one algorithm over one log, with map, trajectory and summary."""
+"""slams run: one algorithm over one log, with map, trajectory and summary."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from slams.watch.video import Video
     from slams.watch.view import View
 
-PROGRAM = "slams.run"
+PROGRAM = "slams run"
 RESULTS = ["map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", "summary.json"]
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="Replay every scan of a log through one SLAM algorithm, in order.",
         epilog=f"Writes {', '.join(RESULTS)}.",
     )

@@ -184,7 +184,7 @@ def test_an_output_that_is_a_file_is_refused_before_the_run(
     more = ["--out", out] if out else []
     assert slams_run.main(["odometry", str(log_file), *more]) == 2
     said = capsys.readouterr().err
-    assert said == f"slams.run: {name}: is a file; expected a folder for the results\n"
+    assert said == f"slams run: {name}: is a file; expected a folder for the results\n"
     assert (tmp_path / name).read_text() == "mine"
     assert len(list(tmp_path.iterdir())) == 1
 
@@ -233,7 +233,7 @@ def test_interrupt_is_130(monkeypatch, log_file, capsys):
 
     monkeypatch.setattr(slams_run, "_replayed", stop)
     assert slams_run.main(["hector", str(log_file)]) == 130
-    assert capsys.readouterr().err == "slams.run: interrupted\n"
+    assert capsys.readouterr().err == "slams run: interrupted\n"
 
 
 def test_compare_on_given_logs(log_file, tmp_path):

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from importlib import import_module
 from types import SimpleNamespace
 
 import pytest
@@ -109,9 +110,13 @@ def test_an_unknown_command_is_one_sentence_and_exit_2(word, hint, capsys):
     assert told.err == f"slams: unknown command {word!r}{hint} (known: {known})\n"
 
 
-def test_every_script_of_the_installation_leads_to_a_main():
+def test_slams_is_the_one_script_of_the_installation():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    targets = set(project["scripts"].values())
-    known = {f"{module}:main" for module in slams.COMMANDS.values()}
-    assert targets <= {*known, "slams.__main__:main"}
-    assert project["scripts"]["slams"] == "slams.__main__:main"
+    assert project["scripts"] == {"slams": "slams.__main__:main"}
+
+
+@pytest.mark.parametrize("name", slams.COMMANDS)
+def test_every_option_has_a_help_and_is_known_by_its_whole_name_alone(name):
+    parser = import_module(slams.COMMANDS[name]).parser()
+    assert [action.dest for action in parser._actions if not action.help] == []
+    assert not parser.allow_abbrev

@@ -82,7 +82,7 @@ def test_what_does_not_fit_is_refused_in_one_line(capsys, ros, arguments, senten
     assert command(*given, "--show-params") == 2
     told = capsys.readouterr()
     assert told.out == ""
-    assert told.err.startswith("slams.run: ")
+    assert told.err.startswith("slams run: ")
     assert sentence in told.err
     assert told.err.count("\n") == 1
 

@@ -151,7 +151,7 @@ def test_run_takes_a_bag_and_says_what_it_assumed(tmp_path, capsys):
     assert run.main(["odometry", str(path), "--out", str(tmp_path / "o")]) == 0
     shown = capsys.readouterr()
     assert "odometry on kitchen: 8 scans" in shown.out
-    assert shown.err.startswith("slams.run: note: no transform from a base to the laser's frame")
+    assert shown.err.startswith("slams run: note: no transform from a base to the laser's frame")
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
     assert summary["meta"]["source"]["scans"] == "/scan"
     assert "no transform" in summary["meta"]["notes"][0]

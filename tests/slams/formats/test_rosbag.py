@@ -74,7 +74,7 @@ def test_what_bags_say_survives_in_an_npz(tmp_path, capsys):
     shown = capsys.readouterr()
     assert "drive: 12 scans of 31 beams, 10.0 Hz, 1.1 s" in shown.out
     assert "odometry: 12 stamps from /odom" in shown.out
-    assert shown.err == f"slams.convert: note: {TRUTH_NOTE}\n"
+    assert shown.err == f"slams convert: note: {TRUTH_NOTE}\n"
     log, again = slams.load(path), slams.load(tmp_path / "o.npz")
     assert np.array_equal(again.ranges, log.ranges)
     assert again.laser == log.laser
@@ -455,7 +455,7 @@ def test_a_bag_cut_short_is_refused_or_salvaged(kind, fix, tmp_path, capsys):
     assert convert.main([str(path), str(out)]) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    assert err.startswith(f"slams.convert: {path}: cut short or damaged (")
+    assert err.startswith(f"slams convert: {path}: cut short or damaged (")
     assert fix in err
     assert err.endswith("--salvage reads what is whole\n")
     assert not out.exists()

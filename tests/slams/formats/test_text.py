@@ -216,7 +216,7 @@ def test_a_line_cut_in_half_is_refused_or_left_out(kind, tmp_path, capsys):
     assert convert.main([str(path), str(out)]) == 2
     word = HALVES[kind].split()[0]
     sentence = f"{path}: line 6 ({word}) is not whole; --salvage leaves such lines out\n"
-    assert capsys.readouterr().err == f"slams.convert: {sentence}"
+    assert capsys.readouterr().err == f"slams convert: {sentence}"
     assert not out.exists()
     assert convert.main([str(path), str(out), "--salvage"]) == 0
     assert "note: 1 lines are not whole and left out" in capsys.readouterr().err
