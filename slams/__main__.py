@@ -21,6 +21,7 @@ COMMANDS = {
     "localize": "bench.localize",
     "loops": "bench.loops",
     "simulate": "bench.simulate",
+    "info": "slams.info",
     "convert": "slams.convert",
     "check": "slams.check",
     "report": "bench.report.__main__",

@@ -206,7 +206,7 @@ def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):
     assert summary["report"]["empty"] == 3
 
 
-def test_help_is_fast_and_loads_nothing_heavy():
+def test_help_loads_nothing_heavy():
     ours = ("slams.run", "slams.convert", "slams.live", "slams.play")
     for module in (*ours, "bench.compare", "bench.sweep", "bench.ablation", "bench.report"):
         code = (
@@ -218,13 +218,10 @@ def test_help_is_fast_and_loads_nothing_heavy():
             "    heavy = ('numpy', 'numba', 'pandas', 'matplotlib', 'cv2', 'scipy', 'rosbags')\n"
             "    print('loaded', [m for m in heavy if m in sys.modules])\n"
         )
-        before = os.times()
         out = subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True
         )
-        after = os.times()
         assert out.stdout.rstrip().endswith("loaded []"), out.stdout[-200:]
-        assert after.children_user - before.children_user < 0.3, module
 
 
 def test_interrupt_is_130(monkeypatch, log_file, capsys):

@@ -4,8 +4,8 @@ import ast
 import subprocess
 import sys
 import tomllib
-from pathlib import Path
 from importlib import import_module
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest

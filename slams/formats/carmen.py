@@ -73,10 +73,15 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
     return _log(path, lines, options, notes)
 
 
+def laser_messages(text: str) -> dict[str, int]:
+    """Laser messages of a log, and how many lines each has."""
+    words = Counter(line.split(maxsplit=1)[0] for line in text.split("\n") if line.strip())
+    return {word: n for word, n in words.items() if LASER.match(word)}
+
+
 def _chosen(path: Path, text: str, wanted: str | None) -> str:
     """The laser message to read: the one asked for, else the front laser, else the only one."""
-    words = Counter(line.split(maxsplit=1)[0] for line in text.split("\n") if line.strip())
-    counts = {word: n for word, n in words.items() if LASER.match(word)}
+    counts = laser_messages(text)
     found = ", ".join(f"{name} ({n})" for name, n in sorted(counts.items())) or "none"
     if wanted is not None and wanted not in counts:
         raise ValueError(f"{path}: no {wanted} lines; its laser messages: {found}")

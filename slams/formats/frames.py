@@ -80,7 +80,7 @@ class Transforms:
         if not chain:
             return None
         tracks = [_planar_track(self.samples[edge]) for edge in chain]
-        alive = [k for k, edge in enumerate(chain) if not self._rigid(edge)]
+        alive = [k for k, edge in enumerate(chain) if not self.is_fixed(edge)]
         clock = max(alive or range(len(chain)), key=lambda k: len(np.unique(tracks[k].t)))
         t = tracks[clock].t
         poses = np.zeros((len(t), 3))
@@ -95,11 +95,11 @@ class Transforms:
 
     def _above(self, frame: str, rigid: bool) -> Edge | None:
         edges = [edge for edge in self.samples if edge[1] == frame]
-        edges = [edge for edge in edges if self._rigid(edge)] if rigid else edges
+        edges = [edge for edge in edges if self.is_fixed(edge)] if rigid else edges
         return edges[0] if edges else None
 
-    def _rigid(self, edge: Edge) -> bool:
-        """Static, or published again and again without a change."""
+    def is_fixed(self, edge: Edge) -> bool:
+        """Whether a transform is static, or published again and again without a change."""
         rows = self.samples[edge]
         if edge in self.static:
             return True

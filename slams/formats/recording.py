@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
+from typing import NamedTuple
 
-from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag
-from slams.formats.frames import BASES, bare, moved, planar
+from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag, Topic
+from slams.formats.frames import BASES, Transforms, bare, moved, planar
 from slams.formats.options import SourceOptions
 from slams.formats.packed import name_of
 from slams.formats.ros_messages import Messages
@@ -17,6 +18,13 @@ from slams.types import IDENTITY, Floats, Pose2
 
 KIND = {"bag": "ROS 1 bag", "mcap": "ROS 2 mcap", "db3": "ROS 2 db3", "folder": "ROS 2 bag"}
 RESULT, MAP = "/pose", "map"  # where the poses of a result stand
+
+
+class Contents(NamedTuple):
+    """What is in a recording: its topics, and how its frames are connected."""
+
+    topics: list[Topic]
+    transforms: Transforms
 
 
 class Recording:
@@ -70,6 +78,12 @@ class Recording:
         self._collect(scans=False)
         self.base = self._base_frame()
         return self._whole(*self._truth())
+
+    def contents(self) -> Contents:
+        """The topics that have messages, and all transforms."""
+        self.messages = Messages({})
+        self._take(self._tf())
+        return Contents(self.topics.found, self.messages.transforms)
 
     def _of_base_in_map(self) -> Track:
         """The base in the map, by transforms alone."""

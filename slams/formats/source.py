@@ -16,7 +16,7 @@ from slams.scanlog import ScanLog, load_npz
 
 FAMILY = {"npz": "an npz file", "carmen": "a CARMEN log", "breezy": "a BreezySLAM .dat"}
 NOT_IN = {  # options that say nothing about a kind; what is not named is a bag
-    "npz": ("scan_topic", "odom", "imu", "base_frame", "first_beam"),
+    "npz": ("scan_topic", "odom", "imu", "base_frame", "first_beam", "salvage"),
     "carmen": ("imu", "base_frame"),
     "breezy": ("scan_topic", "odom", "imu", "base_frame"),
 }
@@ -81,14 +81,12 @@ def _with_truth(paths: list[Path], kinds: list[str], options: SourceOptions) -> 
 
 
 def _read(paths: list[Path], kinds: list[str], options: SourceOptions) -> ScanLog:
-    if len(paths) > 1:
-        for path, kind in zip(paths, kinds, strict=True):
-            if kind not in BAGS:
-                raise ValueError(f"{path}: is no bag; of several files only bags make one log")
-        return rosbag.read_several(paths, kinds, options)
     path, kind = paths[0], kinds[0]
+    for other, its_kind in zip(paths, kinds, strict=True):
+        if len(paths) > 1 and its_kind not in BAGS:
+            raise ValueError(f"{other}: is no bag; of several files only bags make one log")
     if kind in BAGS:
-        return rosbag.read(path, kind, options)
+        return rosbag.read(paths, kinds, options)
     if kind == "npz":
         return _read_npz(path, options)
     return carmen.read(path, options) if kind == "carmen" else breezy.read(path, options)
@@ -112,7 +110,7 @@ def _noted(log: ScanLog, notes: list[str]) -> ScanLog:
 def _left_aside(kind: str, options: SourceOptions) -> list[str]:
     """Tell of options that were given and say nothing about this kind of log."""
     names = NOT_IN.get(kind, ("first_beam",))
-    given = [name for name in names if getattr(options, name) not in (None, "none")]
+    given = [name for name in names if getattr(options, name) not in (None, False, "none")]
     flags = ", ".join(f"--{name.replace('_', '-')}" for name in given)
     return [f"{flags}: nothing to choose in {FAMILY.get(kind, 'a bag')}"] if given else []
 
