@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from slams.formats.options import SourceOptions
-    from slams.formats.rosbag import Contents
+    from slams.formats.recording import Contents
     from slams.scanlog import ScanLog, Track
     from slams.types import Floats
 

@@ -16,9 +16,9 @@ import numpy as np
 from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.packed import name_of, text_of
 from slams.formats.sweep import Geometry, Sweep, common
-from slams.plausible import FAR, LATEST
 from slams.scanlog import ScanLog, Track
 from slams.types import IDENTITY, Floats, wrap_angle
+from slams.validation import FAR, LATEST
 
 HEAD, N_BEAMS, AHEAD = 25, 682, 340
 STEP = 2.0 * math.pi / 1024.0

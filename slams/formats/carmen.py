@@ -25,9 +25,9 @@ import numpy as np
 from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.packed import name_of, text_of
 from slams.formats.sweep import Geometry, Sweep, common, usable
-from slams.plausible import FAR, LATEST
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats, Laser, Pose2, Ranges
+from slams.validation import FAR, LATEST
 
 LASER = re.compile(r"(FLASER|RLASER|RAWLASER\d|ROBOTLASER\d)$")
 WORD = re.compile(r"^(PARAM|SYNC|ODOM|TRUEPOS|FLASER|RLASER|(RAW|ROBOT)LASER\d)[ \t]", re.M)

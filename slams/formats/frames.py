@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from slams.plausible import FAR
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Pose2, wrap_angle
+from slams.validation import FAR
 
 RIGID = 1e-4  # [m, and of a quaternion] that a transform moves by rounding
 BASES = ("base_link", "base_footprint")  # REP 105

@@ -11,8 +11,8 @@ from typing import Any
 from slams.formats import breezy, carmen, rosbag, trajectory
 from slams.formats.kind import BAGS, kind_of
 from slams.formats.options import SourceOptions
-from slams.plausible import expect
 from slams.scanlog import ScanLog, load_npz
+from slams.validation import expect
 
 FAMILY = {"npz": "an npz file", "carmen": "a CARMEN log", "breezy": "a BreezySLAM .dat"}
 NOT_IN = {  # options that say nothing about a kind; what is not named is a bag

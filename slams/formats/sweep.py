@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slams.plausible import LONGEST_RANGE
 from slams.types import Floats, Laser, Pose2, Ranges
+from slams.validation import LONGEST_RANGE
 
 SAME = 0.01  # directions that differ by less than this part of a step are the same
 
