@@ -93,7 +93,7 @@ def test_an_algorithm_imports_only_itself_and_the_interface(name):
     parts += (
         "patience",
         "usual",
-        "room",  # pictures and nothing else
+        "test_world",  # pictures and nothing else
         "scan.end_points",
         "scan.params",
         "scan.scan_kernels",

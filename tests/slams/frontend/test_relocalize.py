@@ -16,7 +16,7 @@ from slams.frontend.relocalize import Relocalizer
 from slams.localize import places, search
 from slams.localize.chart import Chart
 from slams.localize.places import TURNS, Disc, Places, view_of
-from slams.room import odd_scans
+from slams.test_world import odd_scans
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 from tests.floors import ALIKE, grid_of
 from tests.places import ROOT
