@@ -6,7 +6,7 @@ from __future__ import annotations
 class Backoff:
     """A pause after each failed try, twice as long every time, in seconds of the scans' stamps.
 
-    Whatever the rate of the scans, tries of c [s] of CPU come to cost at most c / longest of a core.
+    Tries of c [s] of CPU come to cost at most the share c / longest of a core at any scan rate.
 
     Args:
         first: the shortest pause [s].

@@ -20,7 +20,6 @@ SHARED = (
     "frontend",
     "extent",
     "cells",
-    "usual",
     "scan",
     "refine",
     "localize",
