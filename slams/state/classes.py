@@ -18,7 +18,7 @@ SHARED = (
     "params",
     "geometry",
     "frontend",
-    "extent",
+    "grid_bounds",
     "cells",
     "scan",
     "refine",

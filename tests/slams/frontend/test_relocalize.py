@@ -9,10 +9,10 @@ import sys
 import numpy as np
 import pytest
 
-from slams.extent import Box
 from slams.frontend import map_part, relocalize
 from slams.frontend.map_part import MapPart, coarsened
 from slams.frontend.relocalize import Relocalizer
+from slams.grid_bounds import Box
 from slams.localize import places, search
 from slams.localize.chart import Chart
 from slams.localize.places import TURNS, Disc, Places, view_of

@@ -7,9 +7,11 @@ from typing import Any, NamedTuple
 
 from slams.params import param
 
-LEAP = 100.0  # [m] from the map to what the next scan sees: nothing drives so far unseen
-USUAL_CELLS = 1 << 26  # 410 m x 410 m with cells of 0.05 m
-MOST_CELLS = 1 << 29
+MAX_UNSEEN_DISTANCE = (
+    100.0  # [m] from the map to what the next scan sees: nothing drives so far unseen
+)
+DEFAULT_MAX_CELLS = 1 << 26  # 410 m x 410 m with cells of 0.05 m
+MAX_CELLS_LIMIT = 1 << 29
 
 
 class Box(NamedTuple):
@@ -41,7 +43,7 @@ class Box(NamedTuple):
         return math.hypot(dx, dy)
 
 
-def max_cells(default: int = USUAL_CELLS) -> Any:
+def max_cells(default: int = DEFAULT_MAX_CELLS) -> Any:
     """Declare the field `max_cells` of an algorithm's `Params`."""
     return param(
         default,
@@ -49,11 +51,11 @@ def max_cells(default: int = USUAL_CELLS) -> Any:
         "cells of the smallest box around the map; what needs more is not mapped",
         source="ours: memory",
         low=1 << 16,
-        high=MOST_CELLS,
+        high=MAX_CELLS_LIMIT,
     )
 
 
-class Extent:
+class GridBounds:
     """Decides whether a map may grow to what a scan needs, and counts the scans that it may not.
 
     `covered` is the box around everything that scans have needed, beginning with the start.
@@ -74,7 +76,7 @@ class Extent:
         Not to where the robot cannot have driven to (`too_far`), and not beyond the most cells
         (`too_large`).
         """
-        if not self.covered.away(needed) <= LEAP:
+        if not self.covered.away(needed) <= MAX_UNSEEN_DISTANCE:
             self.counts["too_far"] += 1
             return False
         joined = self.covered.joined(needed)
