@@ -1,4 +1,4 @@
-"""How far a map may grow: what stands between one bad pose and all the memory there is."""
+"""Bounds of a growing grid: one bad pose must not take all the memory there is."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from typing import Any, NamedTuple
 
 from slams.params import param
 
-MAX_UNSEEN_DISTANCE = (
-    100.0  # [m] from the map to what the next scan sees: nothing drives so far unseen
-)
+MAX_UNSEEN_DISTANCE = 100.0  # [m] from the map to the next scan: no robot drives so far unseen
 DEFAULT_MAX_CELLS = 1 << 26  # 410 m x 410 m with cells of 0.05 m
-MAX_CELLS_LIMIT = 1 << 29
+MAX_CELLS_LIMIT = 1 << 29  # 2 GB in float32
 
 
 class Box(NamedTuple):
