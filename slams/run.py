@@ -48,9 +48,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--mcap", action="store_true", help="also write result.mcap for Foxglove, RViz, evo"
     )
-    p.add_argument(
-        "--video", metavar="FILE", help="also a film: .mp4, .gif, or a folder for png files"
-    )
+    p.add_argument("--video", metavar="FILE", help="also a film: .mp4, or a folder for png files")
     p.add_argument("--video-every", type=int, metavar="K", help="a frame every K scans")
     p.add_argument(
         "--view",
@@ -225,9 +223,9 @@ def _watchers(
 
         watchers.append(View(arguments.view, slam, title))
     if arguments.video:
-        from slams.watch.video import Video, usual_every
+        from slams.watch.video import Video, default_every
 
-        every = arguments.video_every or usual_every(len(log))
+        every = arguments.video_every or default_every(len(log))
         watchers.append(Video(arguments.video, slam, title, every))
     return watchers
 

@@ -140,7 +140,7 @@ def test_results_are_named_after_the_file_and_replaced_only_if_asked(log, tmp_pa
     ids=["state", "film", "npz"],
 )
 def test_no_file_is_overwritten_unless_asked(words, log, tmp_path, capsys):
-    target = {"--save-state": "x.state", "--video": "x.gif"}.get(words[-1], "x.npz")
+    target = {"--save-state": "x.state", "--video": "x.mp4"}.get(words[-1], "x.npz")
     (tmp_path / target).write_text("mine")
     assert main([*words, target]) == 2
     assert capsys.readouterr().err == (
