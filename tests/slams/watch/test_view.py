@@ -142,7 +142,7 @@ def run(*arguments):
 
 
 def test_run_makes_films(log_file, tmp_path, capsys):
-    out = ["--out", tmp_path / "o", "-q"]
+    out = ["--out", tmp_path / "o", "-q", "--force"]
     assert run("odometry", log_file, "--video", tmp_path / "v", "--video-every", 15, *out) == 0
     assert len(list((tmp_path / "v").iterdir())) == 3
     assert run("odometry", log_file, "--video", tmp_path / "w", *out) == 0
@@ -153,7 +153,7 @@ def test_run_makes_films(log_file, tmp_path, capsys):
         (tmp_path / "none" / "v.mp4", "there is no folder"),
         (log_file.with_suffix(""), ""),
     ):
-        code = run("odometry", log_file, "--video", target, "--out", tmp_path / "p")
+        code = run("odometry", log_file, "--video", target, "--out", tmp_path / "p", "--force")
         assert code == (2 if sentence else 0)
         error = capsys.readouterr().err
         assert sentence in error
@@ -291,7 +291,7 @@ def test_a_recording_holds_map_scan_way_and_quality(rerun, log, tmp_path):
 
 
 def test_view_as_a_user_types_it(rerun, log_file, tmp_path, capsys):
-    out = ["--out", tmp_path / "o", "-q"]
+    out = ["--out", tmp_path / "o", "-q", "--force"]
     assert run("odometry", log_file, "--view", *out) == 0
     assert Recording.last.target == "window"
     assert Recording.last.recording_id is None  # else the viewer adds it to the run before
