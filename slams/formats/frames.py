@@ -69,6 +69,18 @@ class Transforms:
         shared = next((name for name in up if name in over), None)
         return None if shared is None else np.linalg.inv(over[shared]) @ up[shared]
 
+    def base_of(self, laser: str, moving: str | None) -> str | None:
+        """The frame that poses are of, by what the laser is fixed to; None where that is open.
+
+        `moving` is the frame that the odometry is of and comes first, then base_link and
+        base_footprint (REP 105), in any namespace.
+        """
+        if moving and self.fixed(moving, laser) is not None:
+            return bare(moving)
+        above = self.ancestors(laser)
+        usual = [name for base in BASES for name in above if name.rpartition("/")[2] == base]
+        return usual[0] if usual else None
+
     def moving(self, parent: str, frame: str, strict: bool = False) -> Track | None:
         """The frame's planar pose in a frame above it, at the stamps of the quickest transform.
 

@@ -177,15 +177,14 @@ class Recording:
                 )
             return bare(wanted)
         above = self.messages.transforms.ancestors(laser)
-        odom = self.messages.frame(self.roles.odom) if self.roles.odom else ""
-        usual = [odom] if odom and self._fixed(odom, laser) is not None else []
-        usual += [frame for base in BASES for frame in above if frame.rpartition("/")[2] == base]
-        if not usual and len(above) > 2:
+        odom = self.messages.frame(self.roles.odom) if self.roles.odom else None
+        base = self.messages.transforms.base_of(laser, odom)
+        if base is None and len(above) > 2:
             raise ValueError(
                 f"{self.path}: the laser's frame {laser} hangs on {len(above) - 1} frames, "
                 f"--base-frame picks one: {some(above[1:])}"
             )
-        return usual[0] if usual else above[-1]
+        return base or above[-1]
 
     def _mount(self) -> tuple[Pose2, bool]:
         """The laser in the base, and whether it is upside down."""

@@ -155,7 +155,7 @@ def test_an_npz_of_others_says_what_it_likes_about_its_source(source, tmp_path, 
     trajectory.write_tum(tmp_path / "t.tum", np.arange(2.0), np.zeros((2, 3)))
     arguments = [str(tmp_path / "a.npz"), str(tmp_path / "b.npz")]
     assert convert.main([*arguments, "--truth", str(tmp_path / "t.tum")]) == 0
-    assert "odometry: 3 stamps\n" in capsys.readouterr().out
+    assert "odometry: 3 stamps, 20.0 Hz\n" in capsys.readouterr().out
     assert slams.load(tmp_path / "b.npz").meta["source"] == source
 
 

@@ -128,7 +128,7 @@ def test_run_writes_it_when_asked(tmp_path, capsys):
     drive(n=8).save(tmp_path / "room.npz")
     arguments = ["odometry", str(tmp_path / "room.npz"), "--out", str(tmp_path / "o"), "--mcap"]
     assert run.main(arguments) == 0
-    assert capsys.readouterr().out.rstrip().endswith("result.mcap")
+    assert capsys.readouterr().out.splitlines()[-1].count("result.mcap") == 1
     assert len(messages(tmp_path / "o" / "result.mcap")["/scan"]) == 8
     assert run.main([*arguments[:-2], str(tmp_path / "p")]) == 0
     assert not (tmp_path / "p" / "result.mcap").exists()
@@ -249,16 +249,13 @@ def test_colors_are_averaged(tmp_path):
 
 
 @pytest.mark.parametrize("negate", [0, 1])
-def test_the_trap_of_the_old_threshold_is_told_and_avoided_in_saved_maps(negate, tmp_path):
+def test_the_trap_of_the_old_threshold_is_told_and_avoided(negate, tmp_path):
     def pixels(*grays):
         return [[255 - gray if negate else gray for gray in grays]]
 
     trap, notes = {"free_thresh": 0.25, "negate": negate}, []
     same(cells(a_map(tmp_path, pixels(0, 254, 205), **trap), notes), [[1, 0, np.nan]])
-    assert "makes the gray of unknown cells (205) free; they are taken as unknown all" in notes[0]
-    drawn = pixels(0, 254, 205, 240)  # no saver writes this one: what the yaml says is meant
-    same(cells(a_map(tmp_path, drawn, **trap), notes), [[1, 0, 0, 0]])
-    assert notes[1].endswith("(205) free; 0.196 keeps them unknown")
+    assert "make the gray of unknown cells (205) free; they are taken as unknown all" in notes[0]
     notes.clear()
     cells(a_map(tmp_path, [[0, 254]], free_thresh=0.25), notes)
     cells(a_map(tmp_path, [[0, 254, 205]]), notes)

@@ -73,7 +73,7 @@ def test_what_bags_say_survives_in_an_npz(tmp_path, capsys):
     assert convert.main([str(path), str(tmp_path / "o.npz")]) == 0
     shown = capsys.readouterr()
     assert "drive: 12 scans of 31 beams, 10.0 Hz, 1.1 s" in shown.out
-    assert "odometry: 12 stamps from /odom" in shown.out
+    assert "odometry: 12 stamps, 10.0 Hz from /odom" in shown.out
     assert shown.err == f"slams convert: note: {TRUTH_NOTE}\n"
     log, again = slams.load(path), slams.load(tmp_path / "o.npz")
     assert np.array_equal(again.ranges, log.ranges)

@@ -166,7 +166,7 @@ def test_a_folder_with_other_files_is_left_alone(log_file, log, tmp_path, capsys
     folder = tmp_path / "precious"
     folder.mkdir()
     (folder / "thesis.txt").write_text("years")
-    assert run("odometry", log_file, "--video", folder, "--out", tmp_path / "o") == 2
+    assert run("odometry", log_file, "--video", folder, "--out", tmp_path / "o", "--force") == 2
     assert "precious: holds other files; expected a new folder" in capsys.readouterr().err
     assert [path.name for path in folder.iterdir()] == ["thesis.txt"]
     empty = tmp_path / "empty"
