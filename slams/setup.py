@@ -93,7 +93,10 @@ def _check_options(arguments: argparse.Namespace, program: str) -> None:
 
 
 def _folder(label: str, arguments: argparse.Namespace) -> Path:
-    """Where the results go, named after the log's file; nothing there is overwritten unasked."""
+    """Where the results go, named after the log's file; nothing is overwritten unasked.
+
+    A state that is resumed and saved under one name is one that grows: that is asked for.
+    """
     from slams.formats.files import check_folder, check_new
     from slams.formats.packed import name_of
 
@@ -101,7 +104,8 @@ def _folder(label: str, arguments: argparse.Namespace) -> Path:
     folder = Path(arguments.out or f"results/{name}")
     check_folder(folder)
     view = None if arguments.view == "live" else arguments.view
-    for target in (folder, arguments.save_state, arguments.video, view):
+    save = arguments.save_state if arguments.save_state != arguments.resume_state else None
+    for target in (folder, save, arguments.video, view):
         if target:
             check_new(target, arguments.force)
     return folder
