@@ -66,7 +66,7 @@ def take(params: Params, paths: Iterable[str | Path], preset: str = "default") -
     for name, value in values.items():
         mapping.take(name, value)
     for path, node in zip(files, found, strict=True):
-        if not node.given:  # its values stand in another file
+        if not node.missing:  # its values stand in another file
             mapping.check_use(path, node.values)
     if preset == "original":
         mapping.assume(names.defaults)
@@ -143,8 +143,16 @@ def _read(
     paths: Sequence[str | Path], names: RosNames, fields: dict[str, str]
 ) -> list[NodeParameters]:
     known = [*fields, *names.original_only, *names.ignored, *names.refused]
-    nodes, given = (names.package, *names.nodes), [Path(path).name for path in paths]
-    return [read_node(path, nodes, known, given) for path in paths]
+    found = [read_node(path, (names.package, *names.nodes), known) for path in paths]
+    given = {Path(path).name for path in paths}
+    for path, node in zip(paths, found, strict=True):
+        for missing in node.missing:
+            if Path(missing).name not in given:
+                raise ValueError(
+                    f"{path}: it loads {missing}, which is not in the same package; give it, too, "
+                    "or put it beside the launch file"
+                )
+    return found
 
 
 def _refuse(values: dict[str, Any], names: RosNames) -> None:
