@@ -215,7 +215,7 @@ def _replayed(
 def _watchers(
     slam: Slam, label: str, log: ScanLog, arguments: argparse.Namespace
 ) -> list[Video | View]:
-    """Whoever wants to see the run; what they miss is said before it starts."""
+    """What draws the run; what it lacks is said before the run starts."""
     title = f"{label} on {log.name}"
     watchers: list[Video | View] = []
     if arguments.view:

@@ -60,10 +60,10 @@ def test_what_became_of_each_parameter_goes_to_stderr(capsys, tmp_path, ros):
     drive(n=5).save(log)
     out = tmp_path / "o"
     assert command("hector", log, "--out", out, "--ros-params", ros) == 0
-    told = capsys.readouterr()
-    assert told.err.startswith("hector_mapping -> hector: 3 mapped, 1 ignored\n")
-    assert "  map_resolution = 0.1: resolution = 0.1 [m]\n" in told.err
-    assert "hector_mapping" not in told.out
+    printed = capsys.readouterr()
+    assert printed.err.startswith("hector_mapping -> hector: 3 mapped, 1 ignored\n")
+    assert "  map_resolution = 0.1: resolution = 0.1 [m]\n" in printed.err
+    assert "hector_mapping" not in printed.out
     assert json.loads((out / "summary.json").read_text())["parameters"]["resolution"] == 0.1
     assert command("hector", log, "--out", out, "--ros-params", ros, "-q", "--force") == 0
     assert capsys.readouterr().err == ""
@@ -81,11 +81,11 @@ def test_what_became_of_each_parameter_goes_to_stderr(capsys, tmp_path, ros):
 def test_what_does_not_fit_is_refused_in_one_line(capsys, ros, arguments, sentence):
     given = [ros if argument == "ROS" else argument for argument in arguments]
     assert command(*given, "--show-params") == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.startswith("slams run: ")
-    assert sentence in told.err
-    assert told.err.count("\n") == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("slams run: ")
+    assert sentence in printed.err
+    assert printed.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("module", ["slams.run", "slams.check"])

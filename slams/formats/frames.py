@@ -14,9 +14,9 @@ from slams.scanlog import Track
 from slams.types import Floats, Pose2, wrap_angle
 from slams.validation import FAR
 
-RIGID = 1e-4  # [m, and of a quaternion] that a transform moves by rounding
+RIGID_TOLERANCE = 1e-4  # [m, and of a quaternion] that a transform moves by rounding
 BASES = ("base_link", "base_footprint")  # REP 105
-TILT = math.radians(10.0)  # [rad] out of the plane that is too much
+MAX_TILT = math.radians(10.0)  # [rad] out of the plane that is too much
 
 Edge = tuple[str, str]  # parent, child
 
@@ -115,7 +115,7 @@ class Transforms:
         rows = self.samples[edge]
         if edge in self.static:
             return True
-        return bool(np.ptp(np.array(rows)[:, 1:], axis=0).max() < RIGID)
+        return bool(np.ptp(np.array(rows)[:, 1:], axis=0).max() < RIGID_TOLERANCE)
 
     def _to_root(self, frame: str) -> dict[str, Floats]:
         """The frame in each of its rigid ancestors."""
@@ -145,7 +145,7 @@ def planar(matrix: Floats, what: str, notes: list[str]) -> tuple[Pose2, bool]:
     """A pose in space as one in the plane, and whether it stands on its head."""
     upright = float(np.clip(matrix[2, 2], -1.0, 1.0))
     tilt = min(math.acos(upright), math.pi - math.acos(upright))
-    if tilt > TILT:
+    if tilt > MAX_TILT:
         notes.append(f"{what} is tilted by {math.degrees(tilt):.0f} degrees; it is taken as level")
     yaw = math.atan2(matrix[1, 0], matrix[0, 0])
     return Pose2(float(matrix[0, 3]), float(matrix[1, 3]), yaw), upright < 0.0

@@ -50,7 +50,7 @@ def read_map(path: str | Path, notes: list[str] | None = None) -> OccupancyGrid:
 
     Modes trinary, scale (p in between, nan where transparent) and raw (percent as pixels), negated
     or not. The gray that map savers give to unknown cells is unknown in trinary maps, whatever the
-    threshold. What a user should be told is added to `notes`.
+    threshold. Notes for the user are added to `notes`.
 
     Raises:
         OSError: the yaml or its picture cannot be read.
@@ -239,7 +239,7 @@ def _decoded(data: Pixels) -> NDArray[Any] | None:
 
 @contextmanager
 def silent_opencv() -> Iterator[None]:
-    """OpenCV's own complaints are held back: what fails is told in a sentence of ours."""
+    """OpenCV's own messages are held back: errors of ours say what fails."""
     import cv2
 
     logging = cv2.utils.logging

@@ -10,9 +10,9 @@ from pathlib import Path
 from slams.formats.options import DamagedError
 
 GZIP = b"\x1f\x8b"
-ROOM = 256 << 20  # bytes that any file may unpack to
-GROWTH = 50  # times its size beyond that; recordings grow 3 to 20 times
-BLOCK = 1 << 16  # bytes that are unpacked at a time
+MIN_UNPACKED_LIMIT = 256 << 20  # bytes that any file may unpack to
+MAX_GROWTH = 50  # times its size beyond that; recordings grow 3 to 20 times
+BLOCK_SIZE = 1 << 16  # bytes that are unpacked at a time
 
 
 def text_of(path: Path, salvage: bool, notes: list[str]) -> str:
@@ -44,7 +44,7 @@ def check_growth(path: str | Path, size: int, unpacked_size: int) -> None:
     Raises:
         ValueError: so much cannot come of a file of this size [bytes].
     """
-    if unpacked_size > max(ROOM, GROWTH * size):
+    if unpacked_size > max(MIN_UNPACKED_LIMIT, MAX_GROWTH * size):
         raise ValueError(
             f"{path}: unpacks to {1e-9 * unpacked_size:.1f} GB or more from {1e-6 * size:.1f} MB, "
             "as no recording does; if this is one, give it unpacked"
@@ -57,7 +57,7 @@ def all_unpacked(path: str | Path, data: bytes) -> tuple[bytes, str]:
     Raises:
         ValueError: it is more than a recording packs.
     """
-    text, reason = unpacked(data, max(ROOM, GROWTH * len(data)) + 1)
+    text, reason = unpacked(data, max(MIN_UNPACKED_LIMIT, MAX_GROWTH * len(data)) + 1)
     check_growth(path, len(data), len(text))
     return text, reason
 
@@ -67,7 +67,7 @@ def unpacked(data: bytes, most: int) -> tuple[bytes, str]:
     text = bytearray()
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
-            while len(text) < most and (part := file.read1(min(BLOCK, most - len(text)))):
+            while len(text) < most and (part := file.read1(min(BLOCK_SIZE, most - len(text)))):
                 text += part
     except EOFError:
         return bytes(text), "packed data end too early"

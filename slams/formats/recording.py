@@ -28,7 +28,7 @@ class Contents(NamedTuple):
 
 
 class Recording:
-    """A bag as it is read; `notes` are what the user should be told."""
+    """A bag as it is read; `notes` are for the user."""
 
     def __init__(self, path: Path, kind: str, bag: Bag, options: SourceOptions) -> None:
         self.path, self.kind, self.bag, self.options = path, kind, bag, options

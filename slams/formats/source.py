@@ -20,8 +20,8 @@ NOT_IN = {  # options that say nothing about a kind; what is not named is a bag
     "carmen": ("imu", "base_frame"),
     "breezy": ("scan_topic", "odom", "imu", "base_frame"),
 }
-SLOW, LONGEST_PERIOD = 10.0, 1000.0  # [s] from scan to scan: doubtful, and never
-COVERED = 0.9  # share of the scans that a track should reach over
+SLOW_SCAN_PERIOD, MAX_SCAN_PERIOD = 10.0, 1000.0  # [s] from scan to scan: doubtful, and never
+MIN_COVERED_SHARE = 0.9  # share of the scans that a track should reach over
 
 
 def load(
@@ -118,8 +118,8 @@ def _left_aside(kind: str, options: SourceOptions) -> list[str]:
 def _pace(log: ScanLog) -> list[str]:
     """Tell of stamps that go forward in another unit than seconds, as counts from 0 can."""
     period = log.scan_period
-    expect(period < LONGEST_PERIOD, "t", f"a scan every {period:g} s", "seconds")
-    if period < SLOW:
+    expect(period < MAX_SCAN_PERIOD, "t", f"a scan every {period:g} s", "seconds")
+    if period < SLOW_SCAN_PERIOD:
         return []
     return [f"a scan every {period:g} s; milliseconds? the stamps of a log are seconds"]
 
@@ -131,6 +131,6 @@ def _uncovered(log: ScanLog) -> list[str]:
     for name, track in tracks.items():
         if track is not None:
             inside = int(((log.t >= track.t.min()) & (log.t <= track.t.max())).sum())
-            if inside < COVERED * len(log):
+            if inside < MIN_COVERED_SHARE * len(log):
                 notes.append(f"{name} covers {inside} of {len(log)} scans")
     return notes

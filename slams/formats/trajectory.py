@@ -12,7 +12,7 @@ from slams.formats.options import SourceOptions
 from slams.scanlog import Track
 from slams.types import Floats
 
-DISORDER = 0.1  # share of stamps before the one ahead of them that is still a recording
+MAX_DISORDER = 0.1  # share of stamps before the one ahead of them that is still a recording
 
 
 def write_csv(path: str | Path, t: Floats, poses: Floats) -> None:
@@ -130,7 +130,7 @@ def read_csv(path: str | Path) -> tuple[Floats, Floats]:
 def _in_order(what: str, track: Track) -> Track:
     """Stamps ascending, the first of equal ones; at least two of them."""
     back = int((np.diff(track.t) < 0.0).sum())
-    if back > DISORDER * len(track.t):
+    if back > MAX_DISORDER * len(track.t):
         raise ValueError(
             f"{what}: {back} of {len(track.t)} stamps lie before the one ahead of them; expected "
             "poses in the order of time"

@@ -182,7 +182,7 @@ class _Mapping:
         self._original = original
         self._fields = _fields(params)
         self._given: dict[str, tuple[str, Any]] = {}  # field -> ROS name, value
-        self._heard: set[str] = set()
+        self._used: set[str] = set()
 
     def take(self, name: str, value: Any, fate: str = "mapped") -> None:
         """Let one name of the file find its field, or say why not."""
@@ -190,7 +190,7 @@ class _Mapping:
         if reason:
             self.fates.append(Fate(name, value, "ignored", reason))
             return
-        self._heard.add(name)
+        self._used.add(name)
         field = self._fields[name]
         if field in self._given:
             name, value = self._overruled(field, name, value)
@@ -199,7 +199,7 @@ class _Mapping:
 
     def check_use(self, path: str, names: Iterable[str]) -> None:
         """Refuse a file that changes nothing: it is not the one that was meant."""
-        if not self._heard & set(names):
+        if not self._used & set(names):
             there = ", ".join(sorted(names)) or "no parameter"
             raise ValueError(
                 f"{path}: nothing in it is taken over for {self._names.package} ({there})"

@@ -20,10 +20,10 @@ from slams.watch.scene import Scene
 if TYPE_CHECKING:
     from slams.types import Pose2, Scan, Slam
 
-RATE = 20  # frames per second
-LENGTH = 300  # frames, unless --video-every says otherwise
-REDRAW = 5  # frames from one drawing of the map to the next
-QUIET = "-8"  # ffmpeg's least talkative level
+FRAME_RATE = 20  # frames per second
+DEFAULT_FRAMES = 300  # frames, unless --video-every says otherwise
+FRAMES_PER_MAP = 5  # frames from one drawing of the map to the next
+QUIET_LOG_LEVEL = "-8"  # ffmpeg's least talkative level
 FRAME = re.compile(r"\d{5,}\.png")  # what a folder of frames holds, and nothing else
 
 
@@ -96,7 +96,7 @@ class Video:
             self._draw()
 
     def _draw(self) -> None:
-        if self._drawn % REDRAW == 0:
+        if self._drawn % FRAMES_PER_MAP == 0:
             self._painter.grid = self._slam.map()
         self._drawn += 1
         pose, seconds = self._scene.pose, self._t[-1] - self._t[0]
@@ -127,10 +127,10 @@ class _Mp4:
             name = str(self._partial).encode("utf-8").decode("utf-8")
         except UnicodeEncodeError:  # OpenCV crashes on these
             raise OSError(f"--video: {path}: the name is not UTF-8; a folder can do") from None
-        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", QUIET)
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", QUIET_LOG_LEVEL)
         self._frames = 0
         code = cv2.VideoWriter.fourcc(*"mp4v")
-        self._film = cv2.VideoWriter(name, code, RATE, (WIDTH, HEIGHT))
+        self._film = cv2.VideoWriter(name, code, FRAME_RATE, (WIDTH, HEIGHT))
         if not self._film.isOpened():
             raise OSError(f"--video: {path}: OpenCV cannot write mp4 here; a folder can do")
 
@@ -191,5 +191,5 @@ class _Folder:
 
 
 def default_every(n_scans: int) -> int:
-    """Scans from frame to frame, so that a film has about `LENGTH` frames."""
-    return max(1, math.ceil(n_scans / LENGTH))
+    """Scans from frame to frame, so that a film has about `DEFAULT_FRAMES` frames."""
+    return max(1, math.ceil(n_scans / DEFAULT_FRAMES))

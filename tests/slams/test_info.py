@@ -7,7 +7,7 @@ from tests import bags
 from tests.rooms import drive
 
 
-def told(capsys, *words):
+def lines_of(capsys, *words):
     assert info.main([*map(str, words)]) == 0
     printed = capsys.readouterr()
     assert printed.err == ""
@@ -29,8 +29,8 @@ def recorded(make):
 
 
 @pytest.mark.parametrize("kind", ["bag", "mcap"])
-def test_a_bag_is_told_by_topics_frames_lasers_gaps_and_uses(kind, tmp_path, capsys):
-    lines = told(capsys, bags.write(tmp_path, kind, recorded))
+def test_a_bag_is_shown_by_topics_frames_lasers_gaps_and_uses(kind, tmp_path, capsys):
+    lines = lines_of(capsys, bags.write(tmp_path, kind, recorded))
     assert lines[0] == f"drive.{kind}: 62 messages"
     assert f"  /scan           20  {bags.SCAN}" in lines
     assert f"  /chat            1  {bags.STRING}" in lines
@@ -51,37 +51,37 @@ def test_a_bag_is_told_by_topics_frames_lasers_gaps_and_uses(kind, tmp_path, cap
     assert lines[-1] == "2 lasers: --scan-topic picks the one to use"
 
 
-def test_a_laser_that_is_picked_is_the_only_one_told(tmp_path, capsys):
-    lines = told(capsys, bags.write(tmp_path, "mcap", recorded), "--scan-topic", "/scan")
+def test_a_laser_that_is_picked_is_the_only_one_shown(tmp_path, capsys):
+    lines = lines_of(capsys, bags.write(tmp_path, "mcap", recorded), "--scan-topic", "/scan")
     assert not any("rear" in line for line in lines if not line.startswith("  /rear"))
 
 
-def test_topics_are_told_of_a_bag_without_scans(tmp_path, capsys):
+def test_topics_are_shown_of_a_bag_without_scans(tmp_path, capsys):
     path = bags.write(tmp_path, "bag", lambda make: [("/chat", 0.0, make.string("x"))])
-    lines = told(capsys, path)
+    lines = lines_of(capsys, path)
     assert lines[1] == f"  /chat       1  {bags.STRING}"
     assert lines[2].startswith(f"it cannot be used: {path}: no laser scans; expected")
 
 
-def test_what_is_assumed_is_told(tmp_path, capsys):
+def test_what_is_assumed_is_shown(tmp_path, capsys):
     path = bags.write(tmp_path, "bag", lambda make: [("/scan", 0.1, make.scan(0.1, [2.0] * 9))])
     assert any(
-        "assumed: no transform from a base to the laser" in line for line in told(capsys, path)
+        "assumed: no transform from a base to the laser" in line for line in lines_of(capsys, path)
     )
 
 
 def test_an_npz_with_a_truth_can_be_compared_and_swept(tmp_path, capsys):
     drive(n=5).save(tmp_path / "a.npz")
-    lines = told(capsys, tmp_path / "a.npz")
+    lines = lines_of(capsys, tmp_path / "a.npz")
     assert lines[0] == "room: 5 scans of 361 beams, 20.0 Hz, 0.2 s"
     assert "each scan: taken as instantaneous, no time between beams is known" in lines
     assert lines[-1] == "usable by: slams run, play, convert, compare, sweep"
 
 
-def test_the_lasers_of_a_carmen_log_are_told(tmp_path, capsys):
+def test_the_lasers_of_a_carmen_log_are_shown(tmp_path, capsys):
     pose = "0 0 0 0 0 0 1.0 host 1.0"
     (tmp_path / "a.log").write_text(f"FLASER 2 1.0 2.0 {pose}\nRLASER 2 1.0 2.0 {pose}\n" * 2)
-    lines = told(capsys, tmp_path / "a.log")
+    lines = lines_of(capsys, tmp_path / "a.log")
     assert lines[:2] == ["  FLASER  2 lines", "  RLASER  2 lines"]
 
 
@@ -101,5 +101,5 @@ def test_a_damaged_bag_is_refused_unless_salvaged(tmp_path, capsys):
     path.write_bytes(path.read_bytes()[:-200])
     assert info.main([str(path)]) == 2
     assert "cut short or damaged" in capsys.readouterr().err
-    lines = told(capsys, path, "--salvage")
+    lines = lines_of(capsys, path, "--salvage")
     assert any(line.startswith("assumed: cut short or damaged") for line in lines)

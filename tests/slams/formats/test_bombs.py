@@ -18,7 +18,7 @@ MUCH = 4 * ROOM  # that a refusal may take
 
 @pytest.fixture(autouse=True)
 def _small_room(monkeypatch):
-    monkeypatch.setattr(packed, "ROOM", ROOM)
+    monkeypatch.setattr(packed, "MIN_UNPACKED_LIMIT", ROOM)
 
 
 @pytest.fixture

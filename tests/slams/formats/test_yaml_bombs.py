@@ -28,7 +28,7 @@ def merges(levels):
 
 
 def blocks(levels):
-    """A mapping in a mapping, told by the indent."""
+    """A mapping in a mapping, by the indent."""
     return "".join(f"{' ' * k}k:\n" for k in range(levels))
 
 

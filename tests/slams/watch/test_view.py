@@ -14,7 +14,7 @@ from slams.formats import occupancy
 from slams.registry import find
 from slams.types import OccupancyGrid, Pose2
 from slams.watch import scene, video, view
-from slams.watch.painter import HEAD, HEIGHT, SCAN_COLOR, WIDTH, Painter
+from slams.watch.painter import HEAD_HEIGHT, HEIGHT, SCAN_COLOR, WIDTH, Painter
 from tests.rooms import drive
 
 
@@ -92,7 +92,7 @@ def test_what_is_drawn_is_where_it_was_seen():
     image = painter.frame("text")
     scale, corner = painter._window()
     where = near(image, (0, 0, 0), 8)
-    dark = where[(where[:, 1] > HEAD) & (where[:, 1] < HEIGHT - 60)]
+    dark = where[(where[:, 1] > HEAD_HEIGHT) & (where[:, 1] < HEIGHT - 60)]
     x, y = dark.mean(axis=0)
     assert (x + 0.5) / scale + corner[0] == pytest.approx(0.3, abs=0.6 / scale)
     assert (HEIGHT - y - 0.5) / scale + corner[1] == pytest.approx(2.1, abs=0.6 / scale)
@@ -112,7 +112,7 @@ def test_a_map_finer_than_the_pixels_is_drawn_in_place():
     painter.grid = OccupancyGrid(p, 0.005, (-2.5, -2.5))
     scale, corner = painter._window()
     dark = near(painter.frame(""), (0, 0, 0), 8)
-    x, y = dark[(dark[:, 1] > HEAD) & (dark[:, 1] < HEIGHT - 60)].mean(axis=0)
+    x, y = dark[(dark[:, 1] > HEAD_HEIGHT) & (dark[:, 1] < HEIGHT - 60)].mean(axis=0)
     assert (x + 0.5) / scale + corner[0] == pytest.approx(-1.25, abs=1.0 / scale)
     assert (HEIGHT - y - 0.5) / scale + corner[1] == pytest.approx(0.75, abs=1.0 / scale)
 
