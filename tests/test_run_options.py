@@ -167,3 +167,12 @@ def test_no_option_is_ignored_or_guessed(words, sentence, log, capsys):
 def test_two_presets_are_refused(log, capsys):
     assert run.main(["hector@original", log, "--preset", "default"]) == 2
     assert "--preset: got default and hector@original" in capsys.readouterr().err
+
+
+def test_a_state_may_grow_under_its_name(log, tmp_path):
+    first = ["hector", log, "-q", "--limit", "3", "--out", "one", "--save-state", "x.state"]
+    assert run.main(first) == 0
+    before = (tmp_path / "x.state").read_bytes()
+    more = ["hector", log, "-q", "--out", "two", "--resume-state", "x.state"]
+    assert run.main([*more, "--save-state", "x.state"]) == 0
+    assert (tmp_path / "x.state").read_bytes() != before
