@@ -104,10 +104,12 @@ def _folder(label: str, arguments: argparse.Namespace) -> Path:
     folder = Path(arguments.out or f"results/{name}")
     check_folder(folder)
     view = None if arguments.view == "live" else arguments.view
-    save = arguments.save_state if arguments.save_state != arguments.resume_state else None
-    for target in (folder, save, arguments.video, view):
+    for target in (folder, arguments.video, view):
         if target:
             check_new(target, arguments.force)
+    save = arguments.save_state
+    if save and save != arguments.resume_state and Path(save).is_file():
+        check_new(save, arguments.force)
     return folder
 
 
