@@ -117,16 +117,6 @@ def read(path: str | Path) -> tuple[Floats, Floats]:
     return t, poses
 
 
-def read_csv(path: str | Path) -> tuple[Floats, Floats]:
-    """Read what `write_csv` wrote, or a csv whose header names such columns otherwise.
-
-    Raises:
-        OSError: the file cannot be opened.
-        ValueError: the file has other columns.
-    """
-    return pose_tables.csv(path, pose_tables.lines_of(path))
-
-
 def _in_order(what: str, track: Track) -> Track:
     """Stamps ascending, the first of equal ones; at least two of them."""
     back = int((np.diff(track.t) < 0.0).sum())
