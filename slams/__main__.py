@@ -12,6 +12,7 @@ from slams.registry import IDEAS, names
 PROGRAM = "slams"
 # known as text alone, as the algorithms are: slams is complete without bench
 COMMANDS = {
+    "info": "slams.info",
     "run": "slams.run",
     "live": "slams.live.__main__",
     "play": "slams.play",
@@ -21,7 +22,6 @@ COMMANDS = {
     "localize": "bench.localize",
     "loops": "bench.loops",
     "simulate": "bench.simulate",
-    "info": "slams.info",
     "convert": "slams.convert",
     "check": "slams.check",
     "report": "bench.report.__main__",

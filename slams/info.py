@@ -160,14 +160,17 @@ def _timing(log: ScanLog) -> Iterator[str]:
         else "taken as instantaneous, no time between beams is known"
     )
     yield f"each scan: {deskewed}"
-    stamps = {"scans": log.t} | {key: track.t for key, track in _tracks(log).items()}
-    for name, t in stamps.items():
-        steps = np.diff(np.sort(t))
-        steps = steps[steps > 0.0]
-        gaps = steps[steps > GAP * np.median(steps)] if len(steps) else steps
-        if len(gaps):
-            what = name.replace("_", " ")
-            yield f"gaps of the {what}: {len(gaps)}, the longest {gaps.max():.2f} s"
+    series = {"scans": log.t} | {key: track.t for key, track in _tracks(log).items()}
+    for name, t in series.items():
+        stamps = np.unique(t)
+        steps = np.diff(stamps)
+        gaps = int((steps > GAP * np.median(steps)).sum()) if len(steps) else 0
+        if gaps:
+            longest = int(steps.argmax())
+            yield (
+                f"gaps of the {name.replace('_', ' ')}: {gaps}, the longest {steps[longest]:.2f} s "
+                f"after {stamps[longest] - stamps[0]:.1f} s"
+            )
     if log.stamp_jumps:
         yield f"{log.stamp_jumps} stamps jump back; the order in the log rules"
     empty = int((~np.isfinite(log.ranges).any(axis=1)).sum())

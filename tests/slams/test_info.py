@@ -41,7 +41,7 @@ def test_a_bag_is_shown_by_topics_frames_lasers_gaps_and_uses(kind, tmp_path, ca
     assert "frames: scans /scan in laser" in lines
     assert "frames: poses are of base_link" in lines
     assert "each scan: swept in 20 ms, which is deskewed" in lines
-    assert "gaps of the scans: 1, the longest 1.10 s" in lines
+    assert "gaps of the scans: 1, the longest 1.10 s after 1.0 s" in lines
     assert sum(
         line.startswith("usable by: slams run, play, convert, compare with") for line in lines
     )
