@@ -14,12 +14,12 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from slams.frontend.backoff import Backoff
 from slams.frontend.map_part import MapPart
 from slams.grid_bounds import Box
 from slams.localize.finder import STILL, SURE, TURN, WAY
 from slams.localize.places import Disc
 from slams.localize.search import Atlas, Candidate, Search, apart, is_same, merged, shows_enough
+from slams.patience import Patience
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 MAX_HALF_WIDTH = 20.0  # m, of the part of the map that is searched: 800^2 cells of 0.05 m
@@ -57,7 +57,7 @@ class Relocalizer:
         self.found = 0
         self.work = 0.0
         self._enabled = enabled
-        self._pause = Backoff(*PAUSES)
+        self._pause = Patience(*PAUSES)
         self.reset()
 
     def reset(self) -> None:

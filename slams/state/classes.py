@@ -20,6 +20,7 @@ SHARED = (
     "frontend",
     "grid_bounds",
     "cells",
+    "patience",
     "scan",
     "refine",
     "localize",
