@@ -12,10 +12,10 @@ import pytest
 from slams import run as slams_run
 from slams.formats import occupancy
 from slams.registry import find
-from slams.types import OccupancyGrid, Pose2
+from slams.types import OccupancyGrid, Pose2, Scan
 from slams.watch import scene, video, view
 from slams.watch.painter import HEAD_HEIGHT, HEIGHT, SCAN_COLOR, WIDTH, Painter
-from tests.rooms import drive
+from tests.rooms import drive, laser
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +115,15 @@ def test_a_map_finer_than_the_pixels_is_drawn_in_place():
     x, y = dark[(dark[:, 1] > HEAD_HEIGHT) & (dark[:, 1] < HEIGHT - 60)].mean(axis=0)
     assert (x + 0.5) / scale + corner[0] == pytest.approx(-1.25, abs=1.0 / scale)
     assert (HEIGHT - y - 0.5) / scale + corner[1] == pytest.approx(0.75, abs=1.0 / scale)
+
+
+def test_the_points_of_a_scan_lie_where_it_hit():
+    lidar, pose = laser(4, mount=Pose2(0.2, 0.1, 0.3)), Pose2(1.0, -0.5, 0.7)
+    ranges = np.array([2.0, np.inf, 3.0, np.nan], np.float32)
+    seen = scene.Scene()
+    seen.add(Scan(0.0, ranges, lidar), pose)
+    hits = lidar.directions[[0, 2]] * np.array([[2.0], [3.0]])
+    assert seen.points == pytest.approx((pose @ lidar.mount).transform(hits))
 
 
 def test_nothing_is_left_of_a_film_that_failed(log, tmp_path):
