@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.tile_kernels import CELLS, SIDE, Tiles, inherit
-from slams.extent import USUAL_CELLS, Box, Extent
+from slams.grid_bounds import DEFAULT_MAX_CELLS, Box, GridBounds
 from slams.types import Floats, Pose2
 
 MARGIN = 8  # tiles added around what does not fit
@@ -30,11 +30,11 @@ class TileMap:
         layers: int,
         resolution: float,
         max_tiles: int,
-        max_cells: int = USUAL_CELLS,
+        max_cells: int = DEFAULT_MAX_CELLS,
         depth: int = 4,
     ) -> None:
         most = MOST_POINTERS * CELLS // (n_particles * layers)
-        self.extent = Extent(min(max_cells, most), resolution)
+        self.extent = GridBounds(min(max_cells, most), resolution)
         self._peak = 0
         self.tiles = Tiles(
             cells=np.empty((max_tiles, CELLS, depth), np.float32),

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gmapping.render_kernels import COARSE, Counts, draw
 from slams.cells import Room, move, zeros
-from slams.extent import USUAL_CELLS, Box
 from slams.frontend.correlative import Lookup
+from slams.grid_bounds import DEFAULT_MAX_CELLS, Box
 from slams.types import Floats, OccupancyGrid, Pose2
 
 FINER = 2  # cells to the edge of a cell where some scans alone are looked at
@@ -52,7 +52,9 @@ class Renderer:
         max_cells: of the map.
     """
 
-    def __init__(self, resolution: float, occupied: float, max_cells: int = USUAL_CELLS) -> None:
+    def __init__(
+        self, resolution: float, occupied: float, max_cells: int = DEFAULT_MAX_CELLS
+    ) -> None:
         self._power = math.log(0.5) / math.log(occupied)
         self._room = Room(max_cells, resolution, 1 << COARSE)
         self._low, self._high = np.zeros((2, 2), np.int64)  # cells that were needed, both included

@@ -11,9 +11,9 @@ from gmapping.match import Matcher
 from gmapping.particles import Particles
 from gmapping.render import Ends, Renderer
 from gmapping.scan import View
-from slams.extent import Box
 from slams.frontend.correlative import Lookup, search
 from slams.frontend.degeneracy import of_scan
+from slams.grid_bounds import Box
 from slams.scan.end_points import EndPoints
 from slams.types import OccupancyGrid, Pose2
 

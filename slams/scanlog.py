@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slams.formats.npz import read_npz, write_npz
-from slams.plausible import check_laser, check_stamps, check_track, expect
 from slams.types import Floats, Laser, Pose2, Ranges, Scan, wrap_angle
+from slams.validation import check_laser, check_stamps, check_track, expect
 
 FORMAT = "scanlog-1"
 REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")

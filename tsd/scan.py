@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slams.extent import Box
+from slams.grid_bounds import Box
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, Laser, Pose2, Scan
 from tsd.map_kernels import place_lines

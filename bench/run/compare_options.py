@@ -102,7 +102,8 @@ def parser() -> argparse.ArgumentParser:
         help="how many times slower than this machine's the robot's core is (default %(default)g)",
     )
     p.add_argument("--mcap", action="store_true", help="also write NAME.mcap of every run")
-    p.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), metavar="N")
+    processes = min(2, os.cpu_count() or 1)
+    p.add_argument("--jobs", type=int, default=processes, metavar="N", help="processes")
     p.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
     cli.add_log_options(p)
     return p

@@ -19,7 +19,7 @@ from bench.run.work import Result, Task
 from slams.metrics import ate
 from slams.player import WARM_UP_SCANS, warm_up
 from slams.registry import find
-from slams.room import ROOM, cast, laser
+from slams.test_world import ROOM, cast, laser
 from slams.types import IDENTITY, Floats, OccupancyGrid, Scan
 
 if TYPE_CHECKING:

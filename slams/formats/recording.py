@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
+from typing import NamedTuple
 
-from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag
-from slams.formats.frames import BASES, bare, moved, planar
+from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag, Topic
+from slams.formats.frames import BASES, Transforms, bare, moved, planar
 from slams.formats.options import SourceOptions
 from slams.formats.packed import name_of
 from slams.formats.ros_messages import Messages
@@ -19,8 +20,15 @@ KIND = {"bag": "ROS 1 bag", "mcap": "ROS 2 mcap", "db3": "ROS 2 db3", "folder": 
 RESULT, MAP = "/pose", "map"  # where the poses of a result stand
 
 
+class Contents(NamedTuple):
+    """What is in a recording: its topics, and how its frames are connected."""
+
+    topics: list[Topic]
+    transforms: Transforms
+
+
 class Recording:
-    """A bag as it is read; `notes` are what the user should be told."""
+    """A bag as it is read; `notes` are for the user."""
 
     def __init__(self, path: Path, kind: str, bag: Bag, options: SourceOptions) -> None:
         self.path, self.kind, self.bag, self.options = path, kind, bag, options
@@ -70,6 +78,12 @@ class Recording:
         self._collect(scans=False)
         self.base = self._base_frame()
         return self._whole(*self._truth())
+
+    def contents(self) -> Contents:
+        """The topics that have messages, and all transforms."""
+        self.messages = Messages({})
+        self._take(self._tf())
+        return Contents(self.topics.found, self.messages.transforms)
 
     def _of_base_in_map(self) -> Track:
         """The base in the map, by transforms alone."""
@@ -163,15 +177,14 @@ class Recording:
                 )
             return bare(wanted)
         above = self.messages.transforms.ancestors(laser)
-        odom = self.messages.frame(self.roles.odom) if self.roles.odom else ""
-        usual = [odom] if odom and self._fixed(odom, laser) is not None else []
-        usual += [frame for base in BASES for frame in above if frame.rpartition("/")[2] == base]
-        if not usual and len(above) > 2:
+        odom = self.messages.frame(self.roles.odom) if self.roles.odom else None
+        base = self.messages.transforms.base_of(laser, odom)
+        if base is None and len(above) > 2:
             raise ValueError(
                 f"{self.path}: the laser's frame {laser} hangs on {len(above) - 1} frames, "
                 f"--base-frame picks one: {some(above[1:])}"
             )
-        return usual[0] if usual else above[-1]
+        return base or above[-1]
 
     def _mount(self) -> tuple[Pose2, bool]:
         """The laser in the base, and whether it is upside down."""

@@ -27,10 +27,10 @@ from slams.formats.bag import (
 from slams.formats.frames import Transforms, bare, yaw_of
 from slams.formats.options import DamagedError
 from slams.formats.sweep import Geometry, Sweep
-from slams.plausible import FAR
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Ranges
+from slams.validation import FAR
 
 ZSTD = b"\x28\xb5\x2f\xfd"
 

@@ -14,8 +14,8 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from slams.extent import Box
 from slams.frontend.map_part import MapPart
+from slams.grid_bounds import Box
 from slams.localize.finder import STILL, SURE, TURN, WAY
 from slams.localize.places import Disc
 from slams.localize.search import Atlas, Candidate, Search, apart, is_same, merged, shows_enough

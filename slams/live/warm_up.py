@@ -17,7 +17,7 @@ def warm_up(slam_class: type[Slam], params: Params) -> None:
     """
     from slams.localize.finder import Finder
     from slams.localize.search import Atlas
-    from slams.room import drive, laser, scan_at
+    from slams.test_world import drive, laser, scan_at
 
     for increment, measured in ((0.0, True), (5e-4, False)):
         lidar = replace(laser(n_beams=91), time_increment=increment)

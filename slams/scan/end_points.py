@@ -8,10 +8,10 @@ import numpy as np
 
 from slams.geometry import travelled
 from slams.scan import scan_kernels as kernels
+from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import Grain, Limits, Points, Twist
 from slams.types import IDENTITY, Laser, Pose2, Scan
-from slams.usual import Usual
 
 NEAR = 0.1  # m, between two beams with a straight wall between them
 SLACK = 0.1  # m, between neighbors of one surface
@@ -41,8 +41,8 @@ class EndPoints:
         self.params = params
         self.n = 0
         self.far = 0.0
-        self._noise = Usual(MEMORY, params.range_noise)
-        self._apart, self._t = Usual(LONG), math.inf
+        self._noise = MovingAverage(MEMORY, params.range_noise)
+        self._apart, self._t = MovingAverage(LONG), math.inf
         self._known = self._chorded = False  # whether the normals are, and chords
         self.mount = IDENTITY
         self.step = 0.0

@@ -14,8 +14,8 @@ from bench.judge.bound import bound_of
 from bench.sim.degrade import CATALOG, degrade, find_degradation, parse
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
-from slams.room import way
 from slams.scanlog import ScanLog, Track
+from slams.test_world import way
 from tests.rooms import ROOM, cast, drive, laser
 
 CHANCE = {"noise", "dropout", "short", "people", "glass", "gap", "blind", "jitter"}

@@ -7,7 +7,7 @@ import pytest
 
 from gmapping.particles import staying
 from gmapping.surfaces import CHANCE, EXPLAINED, OLD, PLACES
-from slams.room import box, cast, laser
+from slams.test_world import box, cast, laser
 from slams.types import IDENTITY, Pose2, Scan
 from tests.gmapping.scenes import linearized, matcher_of, run, view_of
 

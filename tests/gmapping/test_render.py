@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gmapping.render import Ray, Renderer
-from slams.extent import Box
+from slams.grid_bounds import Box
 from slams.registry import find
 from slams.types import Pose2
 from tests.rooms import drive

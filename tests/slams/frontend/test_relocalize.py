@@ -9,14 +9,14 @@ import sys
 import numpy as np
 import pytest
 
-from slams.extent import Box
 from slams.frontend import map_part, relocalize
 from slams.frontend.map_part import MapPart, coarsened
 from slams.frontend.relocalize import Relocalizer
+from slams.grid_bounds import Box
 from slams.localize import places, search
 from slams.localize.chart import Chart
 from slams.localize.places import TURNS, Disc, Places, view_of
-from slams.room import odd_scans
+from slams.test_world import odd_scans
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 from tests.floors import ALIKE, grid_of
 from tests.places import ROOT

@@ -10,7 +10,7 @@ from slams.localize.chart import Chart
 from slams.localize.chart_kernels import compare
 from slams.localize.places import PITCH, TURNS, Places, view_of
 from slams.localize.search import APART, Atlas, Candidate, with_odds
-from slams.room import odd_scans
+from slams.test_world import odd_scans
 from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
 from tests.floors import ALIKE, grid_of
 from tests.rooms import ROOM, box, laser, scan_at

@@ -246,7 +246,15 @@ def errors(folder):
 
 
 def test_a_run_localizes_in_a_map_of_map_server(files, capsys):
-    there = ("hector", files / "room.npz", "--localize", files / "map.yaml", "--out", files / "o")
+    there = (
+        "hector",
+        files / "room.npz",
+        "--localize",
+        files / "map.yaml",
+        "--out",
+        files / "o",
+        "--force",
+    )
     assert command(*there) == 0
     said = capsys.readouterr().err
     assert "note: found at 0.3" in said and "by scan 0 of 40; odds" in said
@@ -262,7 +270,7 @@ def test_a_run_begins_at_the_scan_that_is_found(files, log, capsys):
     ranges = log.ranges.copy()
     ranges[:3] = np.nan
     type(log)(log.t, ranges, log.laser).save(files / "late.npz")
-    there = ("--localize", files / "map.yaml", "--out", files / "o")
+    there = ("--localize", files / "map.yaml", "--out", files / "o", "--force")
     assert command("hector", files / "late.npz", *there) == 0
     assert "by scan 3 of 40" in capsys.readouterr().err
     assert len(errors(files / "o")) == 37 and errors(files / "o").max() < 0.05

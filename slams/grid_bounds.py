@@ -1,4 +1,4 @@
-"""How far a map may grow: what stands between one bad pose and all the memory there is."""
+"""Bounds of a growing grid: one bad pose must not take all the memory there is."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from slams.params import param
 
-LEAP = 100.0  # [m] from the map to what the next scan sees: nothing drives so far unseen
-USUAL_CELLS = 1 << 26  # 410 m x 410 m with cells of 0.05 m
-MOST_CELLS = 1 << 29
+MAX_UNSEEN_DISTANCE = 100.0  # [m] from the map to the next scan: no robot drives so far unseen
+DEFAULT_MAX_CELLS = 1 << 26  # 410 m x 410 m with cells of 0.05 m
+MAX_CELLS_LIMIT = 1 << 29  # 2 GB in float32
 
 
 class Box(NamedTuple):
@@ -41,7 +41,7 @@ class Box(NamedTuple):
         return math.hypot(dx, dy)
 
 
-def max_cells(default: int = USUAL_CELLS) -> Any:
+def max_cells(default: int = DEFAULT_MAX_CELLS) -> Any:
     """Declare the field `max_cells` of an algorithm's `Params`."""
     return param(
         default,
@@ -49,11 +49,11 @@ def max_cells(default: int = USUAL_CELLS) -> Any:
         "cells of the smallest box around the map; what needs more is not mapped",
         source="ours: memory",
         low=1 << 16,
-        high=MOST_CELLS,
+        high=MAX_CELLS_LIMIT,
     )
 
 
-class Extent:
+class GridBounds:
     """Decides whether a map may grow to what a scan needs, and counts the scans that it may not.
 
     `covered` is the box around everything that scans have needed, beginning with the start.
@@ -74,7 +74,7 @@ class Extent:
         Not to where the robot cannot have driven to (`too_far`), and not beyond the most cells
         (`too_large`).
         """
-        if not self.covered.away(needed) <= LEAP:
+        if not self.covered.away(needed) <= MAX_UNSEEN_DISTANCE:
             self.counts["too_far"] += 1
             return False
         joined = self.covered.joined(needed)

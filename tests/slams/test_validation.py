@@ -7,8 +7,8 @@ import pytest
 
 import slams
 from slams import LiveSlam, Pose2
-from slams.room import scan_at
 from slams.scanlog import ScanLog, Track
+from slams.test_world import scan_at
 from tests import bags
 from tests.rooms import drive
 

@@ -1,4 +1,4 @@
-"""How a run begins: the algorithm, new or with a saved state, the scans for it, the folder."""
+"""How a run is set up: the algorithm, new or with a saved state, its scans, its folder."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from slams.types import Pose2, Slam
 
 
-class Beginning(NamedTuple):
-    """The algorithm before its first scan, its scans, where the results go, what to tell."""
+class Setup(NamedTuple):
+    """The algorithm before its first scan, its scans, the folder of results, notes for the user."""
 
     slam: Slam
     log: ScanLog
@@ -26,20 +26,20 @@ class Beginning(NamedTuple):
 
 
 def add_state_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command the options of states and of maps that stay as they are."""
+    """Give a command the options of saved states and of fixed maps."""
     group = parser.add_argument_group("states and maps")
-    group.add_argument("--save-state", metavar="FILE", help="also keep what the algorithm knows")
-    group.add_argument("--resume-state", metavar="FILE", help="go on from a saved state")
+    group.add_argument("--save-state", metavar="FILE", help="also save the algorithm's state")
+    group.add_argument("--resume-state", metavar="FILE", help="continue from a saved state")
     group.add_argument(
         "--localize",
         "--map",
         metavar="MAP",
-        help="a state or map.yaml to stay as it is; as in ROS also called --map",
+        help="localize in a saved state or map.yaml, which does not change",
     )
     group.add_argument(
         "--start",
         metavar="X,Y,THETA",
-        help="where in MAP [m, rad], as --start=-1,2,0.5; else it is found",
+        help="first pose in MAP [m, rad], as --start=-1,2,0.5; else it is searched for",
     )
 
 
@@ -60,30 +60,63 @@ def given_start(arguments: argparse.Namespace) -> Pose2 | None:
     return None if arguments.start is None else pose_of(arguments.start)
 
 
-def begin(entry: Entry, params: Params, arguments: argparse.Namespace, program: str) -> Beginning:
-    """All that a run needs; what cannot be read or written is told before it.
+def prepare(entry: Entry, params: Params, arguments: argparse.Namespace, program: str) -> Setup:
+    """All that a run needs; what cannot be read or written is refused before it.
 
     Raises:
         LookupError, OSError, TypeError, ValueError: one sentence about what the user gave.
     """
-    from slams.formats.files import check_folder
-
-    whole = _log(arguments, program)
-    folder = Path(arguments.out or f"results/{whole.name}-{entry.label.replace(':', '.')}")
-    check_folder(folder)
+    _check_options(arguments, program)
+    folder = _folder(entry.label, arguments)
+    whole = _log(arguments)
     slam, log, notes = _slam_and_rest(entry, params, whole, arguments)
     if arguments.save_state:
         from slams.state import session
 
         session.check_target(arguments.save_state, slam)
     log = log.select(arguments.limit, arguments.every, not arguments.no_odometry)
-    return Beginning(slam, log, folder, notes)
+    return Setup(slam, log, folder, notes)
+
+
+def _check_options(arguments: argparse.Namespace, program: str) -> None:
+    """Refuse options that have no meaning, or none together."""
+    if not arguments.log:
+        raise ValueError(f"no log given; expected {program} {arguments.algorithm} scans.npz")
+    for name in ("limit", "every", "video_every"):
+        value = getattr(arguments, name)
+        if value is not None and value < 1:
+            raise ValueError(f"--{name.replace('_', '-')}: got {value}, expected 1 or more")
+    if arguments.video_every and not arguments.video:
+        raise ValueError("--video-every: got no film; expected --video FILE, too")
+    if arguments.no_odometry and (arguments.odom or arguments.imu):
+        raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
+
+
+def _folder(label: str, arguments: argparse.Namespace) -> Path:
+    """Where the results go, named after the log's file; nothing is overwritten unasked.
+
+    A state that is resumed and saved under one name is one that grows: that is asked for.
+    """
+    from slams.formats.files import check_folder, check_new
+    from slams.formats.packed import name_of
+
+    name = f"{name_of(Path(arguments.log[0]))}-{label.replace(':', '.')}"
+    folder = Path(arguments.out or f"results/{name}")
+    check_folder(folder)
+    view = None if arguments.view == "live" else arguments.view
+    for target in (folder, arguments.video, view):
+        if target:
+            check_new(target, arguments.force)
+    save = arguments.save_state
+    if save and save != arguments.resume_state and Path(save).is_file():
+        check_new(save, arguments.force)
+    return folder
 
 
 def _slam_and_rest(
     entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
 ) -> tuple[Slam, ScanLog, list[str]]:
-    """The algorithm, and what of the log it has not seen."""
+    """The algorithm, and the scans of the log that its state has not got."""
     if arguments.localize or arguments.start:
         return _localizing(entry, params, log, arguments)
     if not arguments.resume_state:
@@ -99,7 +132,7 @@ def _slam_and_rest(
 def _localizing(
     entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
 ) -> tuple[Slam, ScanLog, list[str]]:
-    """The algorithm in a map that stays, and the log from where its place is sure."""
+    """The algorithm in a fixed map, and the log from the scan whose pose is known."""
     from slams.localize import source
 
     start, notes = given_start(arguments), list[str]()
@@ -112,13 +145,7 @@ def _localizing(
     return ready.at(found.pose), log.from_scan(found.scan), [*notes, found.note]
 
 
-def _log(arguments: argparse.Namespace, program: str) -> ScanLog:
+def _log(arguments: argparse.Namespace) -> ScanLog:
     from slams.formats.source import load
 
-    if not arguments.log:
-        raise ValueError(f"no log given; expected {program} {arguments.algorithm} scans.npz")
-    for name in ("limit", "every", "video_every"):
-        value = getattr(arguments, name)
-        if value is not None and value < 1:
-            raise ValueError(f"--{name.replace('_', '-')}: got {value}, expected 1 or more")
     return load(arguments.log, cli.log_options(arguments))

@@ -7,7 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from slams.extent import LEAP, Box, Extent
+from slams.grid_bounds import MAX_UNSEEN_DISTANCE, Box, GridBounds
 from slams.player import WARM_UP_SCANS, replay, warm_up
 from slams.registry import BUILT_IN, find
 from slams.scanlog import Track
@@ -30,18 +30,18 @@ def test_a_box_reaches_around_both_and_knows_what_is_how_far_away():
 
 
 def test_a_map_may_grow_step_by_step_but_not_leap():
-    extent = Extent(1 << 26, 0.05)
-    assert extent.admits(Box.around(0.99 * LEAP, 0.0, 10.0))
-    assert extent.admits(Box.around(1.98 * LEAP, 0.0, 10.0))
+    extent = GridBounds(1 << 26, 0.05)
+    assert extent.admits(Box.around(0.99 * MAX_UNSEEN_DISTANCE, 0.0, 10.0))
+    assert extent.admits(Box.around(1.98 * MAX_UNSEEN_DISTANCE, 0.0, 10.0))
     covered = extent.covered
-    for x in (4.0 * LEAP, 1e300, math.inf, math.nan):
+    for x in (4.0 * MAX_UNSEEN_DISTANCE, 1e300, math.inf, math.nan):
         assert not extent.admits(Box.around(x, 0.0, 10.0))
     assert extent.counts == {"too_far": 4, "too_large": 0}
     assert extent.covered == covered
 
 
 def test_a_map_that_is_full_still_takes_what_is_inside():
-    extent = Extent(10_000, 0.1)
+    extent = GridBounds(10_000, 0.1)
     assert extent.admits(Box(-5.0, -5.0, 4.9, 4.9))
     assert not extent.admits(Box(4.0, 0.0, 6.0, 1.0))
     assert not extent.admits(Box(0.0, 0.0, math.inf, 1.0))
@@ -80,7 +80,7 @@ def test_odometry_that_jumps_costs_no_memory(label, meters):
     assert grid.p.size < 1.1e6
     assert np.isfinite(run.poses).all()
     report = slam.report()
-    if np.abs(run.poses[-1, 1]) > LEAP and label in GROWING:
+    if np.abs(run.poses[-1, 1]) > MAX_UNSEEN_DISTANCE and label in GROWING:
         assert report["too_far"] > 0
 
 
