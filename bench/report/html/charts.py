@@ -1,19 +1,32 @@
-"""Errors and cost: [Kuehn] Fig. 2 and 3, and what they lack: small errors, time, the bound."""
+"""Errors and cost: shares below a value, error against CPU, [Kuehn] Fig. 2 and 3, over time."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS, SpanErrors, class_shares
-from bench.report.figures import CLASSES
+from bench.report.figures import CLASSES, class_width
+from bench.report.html.legend import Named
 from bench.report.html.markup import Markup, element, together
-from bench.report.html.plots import Axis, across, band, bar, envelope, figure, line, plot, thinned
+from bench.report.html.plots import (
+    Axis,
+    Note,
+    across,
+    band,
+    bar,
+    envelope,
+    figure,
+    line,
+    plot,
+    thinned,
+)
 from bench.report.html.runs import Run
 from bench.report.lines import BOUND
+from bench.report.pareto import Point, front
 from slams.types import Floats
 
 STRETCHES, MEANS = 600, 200  # of time that an area and a line are made of
@@ -53,14 +66,74 @@ PAPER = (
 MOTION = (PAPER[0]._replace(values=lambda e: e.se2_translation), PAPER[1]._replace(name="rotation"))
 
 
-def histograms(shown: Sequence[Run], bound: dict[str, Any]) -> Markup | None:
-    """[Kuehn] Fig. 2 and 3, each with the same errors as cumulative shares beside."""
+def errors(shown: Sequence[Run], bound: dict[str, Any], span: str) -> Markup | None:
+    """Shares of the poses with errors below a value, a curve for each run."""
+    judged = {run: run.outcome.errors[span] for run in shown if span in run.outcome.errors}
+    if not judged:
+        return None
+    over = "per update" if span == "update" else f"over {span}"
+    values = {run: 1e3 * found.se2_translation for run, found in judged.items()}
+    limit = _bound(bound, span, MOTION[0])
+    return figure(
+        f"Share of the poses whose error {over} is below a value: further left is better"
+        f"{_limit_words(limit, 'mm')}",
+        _cumulative(f"error of translation {over} [mm]", values, limit),
+    )
+
+
+def over_runs(found: Mapping[str, Sequence[float]], shown: Sequence[Named]) -> Markup | None:
+    """Shares of the runs with absolute errors [mm] below a value, a curve for each algorithm."""
+    finite = {name: np.sort([e for e in own if math.isfinite(e)]) for name, own in found.items()}
+    kept = [values for values in finite.values() if len(values)]
+    if not kept:
+        return None
+    x = _log_axis("absolute error [mm]", kept, None)
+    marks = []
+    for curve in shown:
+        values = finite[curve.name]
+        if len(values):
+            share = (np.arange(len(values)) + 1) / len(found[curve.name])
+            at = np.log10(np.maximum(values, 10.0**x.low))
+            steps = np.repeat(np.append(at, x.high), 2)[1:], np.repeat(share, 2)
+            up = np.append(steps[1], share[-1])
+            marks.append(line(steps[0], up, (x, SHARE), f"{curve.kind} mark", curve.name))
+    return figure(
+        "Share of the runs whose absolute error is below a value: further left and higher is "
+        "better; a run that failed never comes.",
+        plot("errors of all runs", x, SHARE, marks),
+    )
+
+
+def against_cost(points: Sequence[Point], kinds: Mapping[str, str]) -> Markup | None:
+    """Error against CPU time on logarithmic axes; a line along those that none beats in both."""
+    if not points:
+        return None
+    x = _point_axis("CPU per scan [ms]", [point.cpu_ms for point in points])
+    y = _point_axis("mean error [mm]", [point.error_mm for point in points])
+    at = {point: (math.log10(point.cpu_ms), math.log10(point.error_mm)) for point in points}
+    best = np.array([at[point] for point in front(points)])
+    marks = [line(best[:, 0], best[:, 1], (x, y), "front", "best")] if len(best) else []
+    for point, (across_x, up) in at.items():
+        words = f"{point.name}: {point.error_mm:.3g} mm, {point.cpu_ms:.3g} ms"
+        shape = "cross" if point.lost else "dot"
+        where = f"M{across_x:.4f} {up:.4f}h0"
+        kind = f"{shape} {kinds.get(point.name, '')} mark"
+        marks.append(element("path", element("title", words), class_=kind, d=where))
+    notes = [Note(*at[point], point.name, f"{kinds.get(point.name, '')} mark") for point in points]
+    return figure(
+        "Mean error against CPU time per scan, both logarithmic: lower left is better. The line "
+        "joins those that no other beats in both; squares were lost.",
+        plot("error against CPU per scan", x, y, marks, zoom="", notes=notes),
+    )
+
+
+def histograms(shown: Sequence[Run]) -> Markup | None:
+    """[Kuehn] Fig. 2 and 3: shares of the updates in classes of error."""
     judged = [run for run in shown if "update" in run.outcome.errors]
     if not judged:
         return None
-    return together(
-        *(_histogram(judged, measure, bound, k) for k, measure in enumerate(PAPER, start=2))
-    )
+    drawn = (_histogram(judged, measure, k) for k, measure in enumerate(PAPER, start=2))
+    return element("div", *drawn, class_="pair")
 
 
 def over_time(shown: Sequence[Run], bound: dict[str, Any], span: str) -> Markup | None:
@@ -92,23 +165,14 @@ def latency(shown: Sequence[Run]) -> Markup | None:
     )
 
 
-def _histogram(
-    judged: Sequence[Run], measure: Measure, bound: dict[str, Any], number: int
-) -> Markup:
-    errors = {run: measure.values(run.outcome.errors["update"]) for run in judged}
-    small = {run: 1e3 * values for run, values in errors.items()}
-    limit = _bound(bound, "update", measure)
+def _histogram(judged: Sequence[Run], measure: Measure, number: int) -> Markup:
+    values = {run: measure.values(run.outcome.errors["update"]) for run in judged}
+    width = class_width(list(values.values()), measure.width)
     title = f"error of {measure.name} per update"
     return figure(
-        f"Fig. {number} of the paper: {title}. Left: share of the updates in classes of "
-        f"{measure.width:g} {measure.base}, the bars of a class in the order of the legend. "
-        f"Right: share of the updates below a value{_limit_words(limit, measure.unit)}",
-        element(
-            "div",
-            _bars(f"{title} [{measure.base}]", errors, measure.width),
-            _cumulative(f"{title} [{measure.unit}]", small, limit),
-            class_="pair",
-        ),
+        f"Fig. {number} of the paper: {title}, share of the updates in classes of "
+        f"{1e3 * width:.3g} {measure.unit} (the paper's are {1e3 * measure.width:g}).",
+        _bars(f"{title} [{measure.unit}]", values, width),
     )
 
 
@@ -130,15 +194,17 @@ def _course(judged: Sequence[Run], measure: Measure, bound: dict[str, Any], span
 
 def _bars(title: str, errors: dict[Run, Floats], width: float) -> Markup:
     edges = width * np.arange(CLASSES)
-    x = Axis(title, 0.0, width * CLASSES, marks=tuple((float(e), f"{e:.3g}") for e in edges))
+    texts = tuple((float(edge), f"{1e3 * edge:.3g}") for edge in edges)
+    x = Axis(title, 0.0, width * CLASSES, marks=texts)
     thickness = 0.8 * width / len(errors)
+    shares = {run: class_shares(values, width, CLASSES) for run, values in errors.items()}
     marks = []
-    for k, (run, values) in enumerate(errors.items()):
-        for edge, share in zip(edges, class_shares(values, width, CLASSES), strict=True):
+    for k, run in enumerate(errors):
+        for edge, share in zip(edges, shares[run], strict=True):
             left, words = edge + 0.1 * width + k * thickness, f"{run.name}: {100 * share:.3g} %"
             if share > 0.0:
                 marks.append(bar(left, thickness, share, run.mark, words))
-    y = Axis("relative frequency", 0.0, 1.0)
+    y = Axis("relative frequency", 0.0, 1.05 * max(float(own.max()) for own in shares.values()))
     return plot(f"histogram: {title}", x, y, marks, zoom="")
 
 
@@ -183,6 +249,13 @@ def _log_axis(title: str, series: Sequence[Floats], limit: Limit | None) -> Axis
     return Axis(
         title, round(math.log10(low) - 0.05, 2), round(math.log10(high) + 0.05, 2), log=True
     )
+
+
+def _point_axis(title: str, values: Sequence[float]) -> Axis:
+    """A logarithmic axis around single values, with room for their names."""
+    low, high = math.log10(max(min(values), LEAST)), math.log10(max(max(values), LEAST))
+    margin = 0.15 + 0.08 * (high - low)
+    return Axis(title, round(low - margin, 2), round(high + margin, 2), log=True)
 
 
 def _start(shown: Sequence[Run]) -> float:

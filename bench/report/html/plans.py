@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.report.html.markup import Markup, element, together
+from bench.report.html.markup import Markup, element
 from bench.report.html.pictures import picture
-from bench.report.html.plots import Axis, figure, line, plot, thinned
+from bench.report.html.plots import Axis, Note, figure, line, plot, thinned
 from bench.report.html.runs import Run
+from bench.report.palette import bar_length
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
     from bench.results import LogResult
 
-ZOOMS = (1, 10, 100, 1000)  # of the errors in the trajectories
 MARGIN = 0.04  # of the shown part around what it must show
 AROUND_MAP = 1.0  # m
 WIDEST = 2.0  # width of a plan over its height
@@ -25,25 +25,19 @@ STILL = 0.1  # m, least size of a plan
 
 
 def trajectories(shown: Sequence[Run], done: LogResult) -> Markup | None:
-    """All paths in one plan, with the true one; report.js can draw their errors larger."""
+    """All paths in one plan, with the true one."""
     ways = {run: _seen_from_first(run) for run in shown if len(run.outcome.t)}
     if not ways:
         return None
     true = next((run.outcome.common.truth for run in ways if run.outcome.common), None)
     whole = done.reference.path if done.reference.path is not None else true
     x, y = _plan(_extent(_kept(ways) if whole is None else [whole]), narrowest=1.4)
-    axes = x._replace(steps=ZOOMS[-1] * x.steps), y._replace(steps=ZOOMS[-1] * y.steps)
-    marks = [] if true is None else [_way(true, axes, "truth", "true path", id="truth")]
-    for run, way in ways.items():
-        base = "truth" if true is not None and len(way) == len(true) else None
-        marks.append(_way(way, axes, run.mark, run.name, data_base=base))
+    marks = [] if true is None else [_way(true, (x, y), "truth", "true path", id="truth")]
+    marks += [_way(way, (x, y), run.mark, run.name) for run, way in ways.items()]
     words = "this log has no truth" if true is None else "the broad line is the true one"
-    return together(
-        None if true is None else _magnifier(),
-        figure(
-            f"Paths seen from the first pose; {words}.",
-            plot("trajectories of all algorithms", *axes, marks, "xy", "plan"),
-        ),
+    return figure(
+        f"Paths seen from the first pose; {words}.",
+        plot("trajectories of all algorithms", x, y, marks, "xy", "plan"),
     )
 
 
@@ -69,8 +63,9 @@ def maps(shown: Sequence[Run], done: LogResult) -> Markup | None:
         image = picture(grid, run.name, None if frame == IDENTITY else into(frame))
         panels.append(_panel(run.name, axes, [image, *true, way], run.mark))
     return figure(
-        "Fig. 4 of the paper: white is free, black occupied, gray never observed (inverted on a "
-        f"dark page). Each map with its path{' and, broad, the true one' if true else ''}.",
+        "Fig. 4 of the paper: white is free, black occupied, gray never observed (black and white "
+        "change places on a dark page). Each map with its path"
+        f"{' and, broad, the true one' if true else ''}.",
         element("div", *panels, class_="maps"),
     )
 
@@ -94,15 +89,14 @@ def _way(
 
 
 def _panel(name: str, axes: tuple[Axis, Axis], marks: list[Markup], kind: str = "") -> Markup:
-    drawn = plot(f"map: {name}", *axes, marks, "xy", "map")
+    """A map with its scale bar."""
+    x, y = axes
+    length, left, low = bar_length(x.span), x.low + 0.04 * x.span, y.low + 0.04 * y.span
+    ends = np.array([left, left + length]), np.array([low, low])
+    scale = line(*ends, axes, "scale", f"{length:g} m")
+    notes = [Note(left, low + 0.01 * y.span, f"{length:g} m", "scale")]
+    drawn = plot(f"map: {name}", *axes, [*marks, scale], "xy", "map", notes)
     return element("div", element("h3", name), drawn, class_=f"panel {kind}".rstrip())
-
-
-def _magnifier() -> Markup:
-    """A choice that report.js shows and obeys."""
-    options = [element("option", f"{zoom} ×", value=zoom) for zoom in ZOOMS]
-    choice = element("select", *options, id="magnify", autocomplete="off")
-    return element("label", "errors drawn ", choice, class_="tool", hidden=True)
 
 
 def _extent(ways: Sequence[Floats]) -> Floats:

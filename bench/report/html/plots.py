@@ -47,17 +47,33 @@ class Axis(NamedTuple):
         return self.marks or ticks(self.low, self.high, self.log)
 
 
+class Note(NamedTuple):
+    """A word beside a point of a plot; `kind` is its class."""
+
+    x: float
+    y: float
+    text: str
+    kind: str = ""
+
+
 def plot(
-    title: str, x: Axis, y: Axis, marks: Sequence[Markup], zoom: str = "x", group: str = ""
+    title: str,
+    x: Axis,
+    y: Axis,
+    marks: Sequence[Markup],
+    zoom: str = "x",
+    group: str = "",
+    notes: Sequence[Note] = (),
 ) -> Markup:
     """A plot of marks; `zoom` "x", "xy" with equal axes, or "" for none.
 
-    Plots of one `group` show the same part of their axes `zoom`.
+    Plots of one `group` show the same part of their axes `zoom`; `notes` stay where they are.
     """
     equal = zoom == "xy"
     view = f"{short(x.low)} {short(-y.high)} {short(x.span)} {short(y.span)}"
     drawing = element(
         "svg",
+        element("title", title),
         element("g", _grid(x, y), *marks, transform="scale(1 -1)"),
         viewBox=view,
         preserveAspectRatio="none",
@@ -69,6 +85,7 @@ def plot(
         element("span", y.label, class_="y-label"),
         element("div", *_labels(y, "bottom"), class_="y-ticks", aria_hidden="true"),
         drawing,
+        element("div", *(_note(note, x, y) for note in notes), class_="notes") if notes else None,
         element("div", *_labels(x, "left"), class_="x-ticks", aria_hidden="true"),
         element("span", x.label, class_="x-label"),
         class_="plot equal" if equal else "plot",
@@ -78,6 +95,14 @@ def plot(
         data_x="log" if x.log else None,
         data_y="log" if y.log else None,
     )
+
+
+def _note(note: Note, x: Axis, y: Axis) -> Markup:
+    left, bottom = ((at - axis.low) / axis.span for at, axis in ((note.x, x), (note.y, y)))
+    side = "right" if left > 0.75 else "left"
+    place = 100 * (1.0 - left if side == "right" else left)
+    where = f"{side}:{place:.1f}%;bottom:{100 * bottom:.1f}%"
+    return element("span", note.text, class_=note.kind or None, style=where)
 
 
 def figure(words: str, *drawn: Markup) -> Markup:
