@@ -79,6 +79,7 @@ def _others(
     relations: Floats | None,
 ) -> list[Outcome]:
     """The rows of other programs; their trajectories are of the one log."""
+    from bench.run.comparing import with_consistency
     from bench.run.foreign import foreign_case, read_foreign
 
     given = arguments.trajectory, arguments.map
@@ -87,7 +88,11 @@ def _others(
     if not any(given):
         return []
     found = read_foreign(*given, labels, arguments.logs[0], choice.options)
-    return [foreign_case(foreign, logs[0], relations) for foreign in found]
+    log = logs[0]
+    return [
+        with_consistency(foreign_case(one, log, relations), log, one.track.poses_at(log.t))
+        for one in found
+    ]
 
 
 def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:

@@ -74,8 +74,8 @@ def overview_table(log: Line, rows: Rows) -> pd.DataFrame:
             "drift [mm/m]": scaled(errors.get("drift"), 1e3),
             "dropped": errors.get("dropped"),
             "lost after [m]": truth.get("after_m") if loss["lost"] else None,
-            "posed [%]": scaled(row["posed"], 1e2),
-            "refined [%]": scaled(row["refined"], 1e2),
+            "posed [%]": scaled(row.get("posed"), 1e2),
+            "refined [%]": scaled(row.get("refined"), 1e2),
             "within limits [%]": scaled(truth.get("completed"), 1e2),
             "says lost": loss["report"]["scans"],
         }

@@ -17,7 +17,7 @@ from bench.results import Line, Rows
 if TYPE_CHECKING:
     from bench.results import Comparison
 
-TERMINAL = ("main",)
+TERMINAL = ("main", "starts")
 LATEX = {"&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "±": r"$\pm$", "x ": r"$\times$ "}
 
 

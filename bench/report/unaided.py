@@ -19,7 +19,9 @@ MEASURES = {
     "disagreement [mm]": "agreement with the others",
     "conflict [%]": "conflict with the map",
 }
-DECIDING = ("walls [x]", "revisits [mm]", "disagreement [mm]")  # the others rank worse than these
+# by their rank correlation with the truth, docs/comparison.md; two runs alone are equally far apart
+DECIDING, OF_TWO = ("disagreement [mm]",), ("walls [x]", "revisits [mm]")
+FEWEST = 3  # runs of which one can be the odd one out
 
 
 def measures(rows: Rows) -> dict[str, Line]:
@@ -43,31 +45,40 @@ def _measures(row: Row, least: float | None) -> Line:
 
 
 def ranks(found: dict[str, Line]) -> dict[str, float]:
-    """Mean rank of each algorithm over the deciding measures; 1 is the best."""
+    """Mean rank of each algorithm over the measures that decide; 1 is the best."""
     from scipy.stats import rankdata
 
-    used = [key for key in DECIDING if all(line[key] is not None for line in found.values())]
-    if not used or not found:
+    used = deciding(found)
+    if not used:
         return {}
     table = np.array([[round(line[key], 3) for key in used] for line in found.values()])
     return dict(zip(found, rankdata(table, axis=0).mean(axis=1).tolist(), strict=True))
 
 
+def deciding(found: dict[str, Line]) -> list[str]:
+    """The measures that decide between these runs, which all of them have."""
+    wanted = DECIDING if len(found) >= FEWEST else OF_TWO
+    there = [key for key in wanted if all(line[key] is not None for line in found.values())]
+    return there or [key for key in OF_TWO if all(line[key] is not None for line in found.values())]
+
+
 def answer(comparison: Comparison, names: set[str]) -> list[str]:
     """Which one comes first by the measures without a truth, over all logs."""
     places: dict[str, list[float]] = {}
+    used: dict[str, None] = {}
     for log in comparison.logs:
         own = {name: line for name, line in measures(log.rows).items() if name in names}
+        used |= dict.fromkeys(deciding(own) if own else [])
         for name, rank in ranks(own).items():
             places.setdefault(name, []).append(rank)
     if not places:
         return ["The log has neither truth nor relations, and no run can be judged without them."]
     mean = {name: float(np.mean(found)) for name, found in places.items()}
     order = sorted(mean, key=lambda name: mean[name])
-    words = listed([MEASURES[key] for key in DECIDING])
+    words = listed([MEASURES[key] for key in used])
     shown = [f"{name} ({mean[name]:.1f})" for name in order[:4]]
     return [
-        f"Without a truth: take {order[0]}, first by {words} together.",
-        f"Mean ranks: {listed(shown)}. They tell bad runs from good ones, not two good ones apart: "
-        "look at the maps.",
+        f"Without a truth: take {order[0]}, first by {words}.",
+        f"Mean ranks: {listed(shown)}. That tells bad runs from good ones, not two good ones "
+        "apart, and runs that err alike agree: look at the maps.",
     ]

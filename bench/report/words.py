@@ -121,7 +121,9 @@ def _when(row: Row) -> str:
 
 def _slow(rows: Rows) -> list[str]:
     """The algorithms for which the scans came too fast."""
-    factors = [(row["algorithm"], row["cost"]["real_time_factor"]) for row in rows if row["cost"]]
+    factors = [
+        (row["algorithm"], row["cost"]["real_time_factor"]) for row in rows if row.get("cost")
+    ]
     slow = dict.fromkeys(name for name, factor in factors if 0.0 < factor < 1.0)
     return [f"Slower than the scans came: {listed([*slow])}."] if slow else []
 

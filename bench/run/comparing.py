@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -110,7 +111,9 @@ def _result(job: Job, log: ScanLog, future: Future[Any]) -> Any:
     error = future.exception()
     if error is None:
         return future.result()
-    reason = " ".join(f"{type(error).__name__}: {error}".split())
+    died = isinstance(error, BrokenProcessPool)
+    reason = f"its process died ({error})" if died else f"{type(error).__name__}: {error}"
+    reason = " ".join(reason.split())
     if job.label is None:
         raise RuntimeError(f"{log.name}: its truth cannot be prepared: {reason}") from error
     return None if job.first is not None else failed(job.label, log, reason)

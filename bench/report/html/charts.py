@@ -115,7 +115,7 @@ def against_cost(points: Sequence[Point], kinds: Mapping[str, str]) -> Markup | 
     marks = [line(best[:, 0], best[:, 1], (x, y), "front", "best")] if len(best) else []
     for point, (across_x, up) in at.items():
         words = f"{point.name}: {point.error_mm:.3g} mm, {point.cpu_ms:.3g} ms"
-        shape = "cross" if point.lost else "dot"
+        shape = "cross" if point.lost else "point"
         where = f"M{across_x:.4f} {up:.4f}h0"
         kind = f"{shape} {kinds.get(point.name, '')} mark"
         marks.append(element("path", element("title", words), class_=kind, d=where))

@@ -43,7 +43,7 @@ def document(comparison: Comparison, done: LogResult) -> str:
     paper = together(_tables(made, rows, PAPER), charts.histograms(shown))
     others = tuple(key for key in made if key not in (*MAIN, *PAPER))
     folded = {
-        "The paper's tables and histograms": paper or None,
+        "Tables and histograms of the paper": paper or None,
         "Trajectories": plans.trajectories(shown, done),
         "Errors over time": charts.over_time(shown, _bound(entry), _span(shown)),
         "Cost per scan": charts.latency(shown),
