@@ -90,7 +90,9 @@ def as_text(log: Line, rows: Rows) -> str:
     """The comparison on one log, for a terminal."""
     made = tables.tables(log, rows)
     parts = [head(log), *(f"note: {note}" for note in log.get("notes", []))]
-    parts += [text_table(made[key]) for key in TERMINAL if key in made]
+    for key in TERMINAL:
+        if key in made:
+            parts += [*([TITLES[key]] if key != "main" else []), text_table(made[key])]
     return "\n\n".join([*parts, *words.failures(rows)])
 
 

@@ -76,7 +76,8 @@ def _take(comparison: Comparison, kept: list[Candidate]) -> list[str]:
     over = "over 1 s" if _has_truth(comparison) else "by the relations"
     what = f"{_mm(taken.error)} {over}{_cost(taken)}"
     others = [one.name for one in equal if one is not taken]
-    words = [f"Take {taken.name}: {what}."]
+    verb = "Take" if not taken.lost else "The most accurate all the same is"
+    words = [f"{verb} {taken.name}: {what}."]
     if others:
         words.append(f"As accurate within chance, and dearer: {listed(others)}.")
     behind = [one for one in judged if one not in equal]
@@ -121,10 +122,8 @@ def _when(row: Row) -> str:
 
 def _slow(rows: Rows) -> list[str]:
     """The algorithms for which the scans came too fast."""
-    factors = [
-        (row["algorithm"], row["cost"]["real_time_factor"]) for row in rows if row.get("cost")
-    ]
-    slow = dict.fromkeys(name for name, factor in factors if 0.0 < factor < 1.0)
+    costs = [(row["algorithm"], row.get("cost") or {}) for row in rows]
+    slow = dict.fromkeys(name for name, cost in costs if 0 < cost.get("real_time_factor", 0) < 1)
     return [f"Slower than the scans came: {listed([*slow])}."] if slow else []
 
 

@@ -18,7 +18,7 @@ from tests.rooms import drive
 def folder(tmp_path_factory):
     """A comparison of two logs, one of whose runs fails."""
     place = tmp_path_factory.mktemp("results")
-    for name, n in (("long", 60), ("short", 30)):
+    for name, n in (("long", 60), ("short", 12)):
         drive(n=n).save(place / f"{name}.npz")
     logs = [str(place / f"{name}.npz") for name in ("long", "short")]
     names = ["odometry", "tests.bench.test_html:Still", "tests.bench.test_html:Broken"]

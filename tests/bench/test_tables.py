@@ -223,7 +223,7 @@ def test_over_logs_those_lost_least_come_first_and_the_verdicts_are_those_over_a
 def test_if_all_are_lost_the_answer_says_so_and_still_names_the_best():
     found = words.answer(compared([strayed("a", error=0.002), strayed("b", error=0.001)]))
     assert found[0] == "Every algorithm was lost on 1 of 1 log."
-    assert found[1].startswith("Take b: 1.00 mm over 1 s")
+    assert found[1].startswith("The most accurate all the same is b: 1.00 mm over 1 s")
     failed = {"algorithm": "a", "failed": "ValueError: no"}
     assert words.answer(compared([failed])) == [
         "Every algorithm was lost or failed: none can be recommended here."
