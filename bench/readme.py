@@ -16,7 +16,7 @@ from typing import Any
 from bench.report import readme_sweep
 from bench.results import FORMAT, read_figures, sweep, write_figures
 from slams import cli
-from slams.registry import names
+from slams.registry import BASELINES, names
 
 PROGRAM = "bench.readme"
 ROOT = Path(__file__).resolve().parent.parent
@@ -25,11 +25,11 @@ RELATIONS = ROOT / "bench" / "readme_relations.json"
 RANKING = ROOT / "bench" / "readme_ranking.json"
 PUBLIC = ROOT / "bench" / "readme_public.json"
 SWEEP = ROOT / "bench" / "readme_sweep.json"
-PICTURES = ("fig2_translation.png", "fig4_maps.png")
-GLANCE = ("glance",)
-SHOWN = ("translation", "orientation", "spans", "bound", "overview", "maps", "cost")
+VALIDITY = ROOT / "bench" / "readme_validity.json"
+PICTURES = ("fig_errors.png", "fig4_maps.png")
+SHOWN = ("main", "translation", "orientation", "spans", "bound", "maps", "unaided", "cost")
 PART = re.compile(
-    r"(<!-- (table|choice|glance|results|sweep|field|relations|ranking|public|"
+    r"(<!-- (table|choice|results|validity|sweep|field|relations|ranking|public|cluster|"
     r"(?:ros-)?parameters: (\w+)) -->\n)"
     r".*?(<!-- end -->)",
     re.DOTALL,
@@ -44,7 +44,7 @@ def parser() -> cli.Parser:
         nargs="*",
         type=Path,
         metavar="DIR",
-        help="results of compare, sweep or ranking to adopt first",
+        help="results of compare, sweep, ranking or validity to adopt first",
     )
     return p
 
@@ -72,12 +72,13 @@ def readmes() -> list[Path]:
 def adopt(folder: Path) -> None:
     """Make a folder's results the README's.
 
-    One of bench.ranking; one of bench.sweep; one of bench.compare over several logs, the public
+    One of bench.ranking, validity or sweep; one of bench.compare over several logs, the public
     ones; one with relations for its algorithms on a real log; else the main one.
     """
-    if (folder / "ranking.json").exists():
-        shutil.copyfile(folder / "ranking.json", RANKING)
-        return
+    for name, kept in (("ranking.json", RANKING), ("validity.json", VALIDITY)):
+        if (folder / name).exists():
+            shutil.copyfile(folder / name, kept)
+            return
     if (folder / sweep.TRIALS).exists():
         readme_sweep.adopt(SWEEP, sweep.read(folder))
         return
@@ -163,11 +164,6 @@ def choice() -> str:
     return front.choice(readme_sweep.committed(SWEEP))
 
 
-def glance() -> str:
-    """The one-screen overview of the committed results."""
-    return _tables(GLANCE)
-
-
 def results() -> str:
     """The paper's tables and the others of the committed results, and the verdicts."""
     from bench.report.words import neighbors
@@ -213,6 +209,17 @@ def relations() -> str:
     return "\n".join(text) + "\n"
 
 
+def validity() -> str:
+    """How the measures without a truth rank runs, over drives that have one."""
+    from bench import validity as measured
+    from bench.report.text import markdown_table
+
+    found = read_figures(VALIDITY, measured.FORMAT)
+    drives = len({run["drive"] for run in found["runs"]})
+    head = f"`python -m bench.validity`: {len(found['runs'])} runs over {drives} degraded drives."
+    return f"{head}\n\n{markdown_table(measured.table(found), 'measure')}\n"
+
+
 def ranking() -> str:
     """The order of the published programs, counted over arenas."""
     from bench.ranking import as_markdown
@@ -232,6 +239,20 @@ def public() -> str:
         text.append(f"| {' | '.join(cells)} |")
     head = f"`{found['command']}`, CPU time of a scan on {found['cpu']}:"
     return f"{head}\n\n" + "\n".join(text) + "\n"
+
+
+def cluster() -> str:
+    """What 10,000 runs of each built-in algorithm cost on one core, by the committed results."""
+    found = read_figures(RESULTS)
+    log = found["logs"][0]
+    text = ["| algorithm | per scan [ms] | CPU per run [s] | 10 000 runs [core hours] |"]
+    text.append("| --- | ---: | ---: | ---: |")
+    costs = {row["algorithm"]: row["cost"]["mean_ms"] for row in found["rows"] if row.get("cost")}
+    own = {name: costs[name] for name in names() if name in costs and name not in BASELINES}
+    for name, ms in [*own.items(), ("all of them", sum(own.values()))]:
+        run = 1e-3 * ms * log["scans"]
+        text.append(f"| {name} | {ms:.3f} | {run:.1f} | {1e4 * run / 3600.0:.1f} |")
+    return "\n".join(text) + "\n"
 
 
 def _milliseconds(value: float | None) -> str:
@@ -282,13 +303,14 @@ def parameters(name: str) -> str:
 PARTS = {
     "table": table,
     "choice": choice,
-    "glance": glance,
     "results": results,
+    "validity": validity,
     "sweep": lambda: readme_sweep.part(SWEEP),
     "field": lambda: readme_sweep.field_part(SWEEP),
     "relations": relations,
     "ranking": ranking,
     "public": public,
+    "cluster": cluster,
 }
 
 

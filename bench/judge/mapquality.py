@@ -1,10 +1,9 @@
 """How good a map is: the occupancy grid of a run against the true one.
 
 The run's map is brought into the true map's frame by one rigid motion: by definition the true base
-pose of the first scan, so that drift counts against the map; `map_frame` also finds the one that
-lays the whole trajectory on the truth. A cell is occupied above a probability of 0.5 and free
-below; nan and 0.5 are unknown, and unknown is never free. Measures that compare cells do so in the
-run's grid: there a cell is truly occupied when a part of it is (walls may be thinner than a cell),
+pose of the first scan, so that drift counts against the map. A cell is occupied above a probability
+of 0.5 and free below; nan and 0.5 are unknown, and unknown is never free. Measures that compare
+cells do so in the run's grid: there a cell is truly occupied when a part of it is (walls may be thinner than a cell),
 else truly free when a part of it is. Distances are between the centers of occupied cells and need
 no common grid.
 """
@@ -28,7 +27,6 @@ from bench.judge.map_measures import (
     overlap,
     thickness,
 )
-from slams.metrics import align
 from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
@@ -92,18 +90,6 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     p = np.full(free.shape, np.nan, np.float32)
     p[free], p[walls] = 0.0, 1.0
     return OccupancyGrid(p, world.resolution, world.origin)
-
-
-def map_frame(estimate: Floats, truth: Floats, by_trajectory: bool = False) -> Pose2 | None:
-    """The frame of a run's map in the world, from its poses (n, 3) and the true ones there.
-
-    The true pose of the first scan; or the motion that brings all positions closest to the true
-    ones. None when the truth does not tell.
-    """
-    known = np.flatnonzero(np.isfinite(truth).all(axis=1))
-    if by_trajectory:
-        return align(estimate[known], truth[known]) if len(known) > 1 else None
-    return Pose2(*truth[0].tolist()) if len(known) and known[0] == 0 else None
 
 
 def compare(

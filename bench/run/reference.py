@@ -73,6 +73,5 @@ def _limits(log: ScanLog, truth: metrics.Common) -> dict[str, Any] | None:
     return {
         "strict": limit.strict,
         "open": limit.open,
-        "ate_m": limit.ate,
         "spans": spans,
     }

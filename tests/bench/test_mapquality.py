@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bench.judge.mapquality import _looked_at, compare, map_frame, truth_map
+from bench.judge.mapquality import _looked_at, compare, truth_map
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
 from bench.sim.world import World
@@ -276,7 +276,7 @@ def test_a_map_of_exact_ranges_at_true_poses_is_nearly_perfect():
     """Hits and their sights in cells of 0.05 m, in the frame of the first scan."""
     log = log_of()
     truth, poses = truth_map(log), log.truth_at(log.t)
-    frame = map_frame(poses, poses)
+    frame = Pose2(*poses[0].tolist())
     p = np.full((320, 320), np.nan, np.float32)
     for scan, pose in list(zip(log, poses, strict=True))[::20]:
         hits = np.isfinite(scan.ranges)
@@ -292,16 +292,3 @@ def test_a_map_of_exact_ranges_at_true_poses_is_nearly_perfect():
     assert found.adnn_from_truth.value < 0.06
     assert found.iou.value > 0.6 and found.iou.meaningful
     assert found.wall_thickness.value < 1.3 * found.true_wall_thickness.value
-
-
-def test_map_frame():
-    truth = np.array([[1.0, 2.0, 0.5], [2.0, 2.5, 0.6], [2.5, 3.5, 1.0]])
-    first = Pose2(*truth[0])
-    estimate = np.array([first.between(Pose2(*pose)) for pose in truth])
-    assert map_frame(estimate, truth) == first
-    assert map_frame(estimate, truth, by_trajectory=True) == pytest.approx(first)
-    late = truth.copy()
-    late[0] = np.nan
-    assert map_frame(estimate, late) is None
-    assert map_frame(estimate, late, by_trajectory=True) == pytest.approx(first)
-    assert map_frame(estimate[:1], late[:1], by_trajectory=True) is None

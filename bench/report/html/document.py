@@ -39,14 +39,13 @@ def document(comparison: Comparison, done: LogResult) -> str:
     before = {
         "Which one": together(_listed(words.answer(alone)), _tables(made, rows, MAIN)),
     }
-    drawn = _figures(entry, shown, done)
+    drawn = _figures(shown, done)
     paper = together(_tables(made, rows, PAPER), charts.histograms(shown))
     others = tuple(key for key in made if key not in (*MAIN, *PAPER))
     folded = {
         "Tables and histograms of the paper": paper or None,
         "Trajectories": plans.trajectories(shown, done),
-        "Errors over time": charts.over_time(shown, _bound(entry), _span(shown)),
-        "Cost per scan": charts.latency(shown),
+        "Errors over time": charts.over_time(shown, _span(shown)),
     }
     behind = {
         "All tables": together(_tables(made, rows, others), _failed(rows)) or None,
@@ -59,10 +58,10 @@ def document(comparison: Comparison, done: LogResult) -> str:
     return page.page(title, heading, parts, shown, {*folded, *behind})
 
 
-def _figures(entry: Line, shown: list[Run], done: LogResult) -> dict[str, Markup | None]:
+def _figures(shown: list[Run], done: LogResult) -> dict[str, Markup | None]:
     kinds = {run.outcome.row["algorithm"]: run.kind for run in shown}
     curves = [
-        charts.errors(shown, _bound(entry), _span(shown)),
+        charts.errors(shown, _span(shown)),
         charts.against_cost(pareto.points_of(done), kinds),
     ]
     pair = element("div", *(curve for curve in curves if curve), class_="pair")
@@ -70,10 +69,6 @@ def _figures(entry: Line, shown: list[Run], done: LogResult) -> dict[str, Markup
         "Maps": plans.maps(shown, done),
         "Errors": pair if any(curves) else None,
     }
-
-
-def _bound(entry: Line) -> Line:
-    return (entry.get("bound") or {}).get("spans") or {}
 
 
 def _span(shown: list[Run]) -> str:

@@ -134,28 +134,10 @@ def line(
     return element("path", element("title", title), class_=f"line {kind}", d=where, **attributes)
 
 
-def band(
-    x: Floats, low: Floats, high: Floats, axes: tuple[Axis, Axis], kind: str, title: str
-) -> Markup:
-    """The area between two lines."""
-    around = path(np.concatenate([x, x[::-1]]), np.concatenate([high, low[::-1]]), axes)
-    return element("path", element("title", title), class_=f"band {kind}", d=f"{around}Z")
-
-
 def bar(left: float, width: float, height: float, kind: str, title: str) -> Markup:
     """An upright bar on the x axis."""
     where = f"M{short(left)} 0V{short(height)}h{short(width)}V0Z"
     return element("path", element("title", title), class_=f"bar {kind}", d=where)
-
-
-def across(value: float, axis: Axis, title: str, upright: bool = False) -> Markup:
-    """A straight line across the plot at a value of one axis; `axis` is the other one."""
-    low, high = axis.low - axis.span, axis.high + axis.span
-    if upright:
-        where = f"M{value:.4f} {short(low)}V{short(high)}"
-    else:
-        where = f"M{short(low)} {value:.4f}H{short(high)}"
-    return element("path", element("title", title), class_="line limit", d=where)
 
 
 def path(x: Floats, y: Floats, axes: tuple[Axis, Axis]) -> str:
@@ -170,17 +152,15 @@ def thinned(n: int, most: int = POINTS) -> NDArray[np.int64]:
     return chosen
 
 
-def envelope(t: Floats, values: Floats, most: int) -> tuple[Floats, ...]:
-    """Time, least, mean and greatest value of at most `most` equal stretches of time."""
+def means(t: Floats, values: Floats, most: int) -> tuple[Floats, Floats]:
+    """Mean time and value of at most `most` equal stretches of time."""
     order = np.argsort(t, kind="stable")
     t, values = t[order], values[order]
     width = max(float(t[-1] - t[0]), 1e-9) / most
     stretch = np.minimum(((t - t[0]) / width).astype(np.int64), most - 1)
     starts = np.flatnonzero(np.diff(stretch, prepend=-1))
     counts = np.diff(starts, append=len(t))
-    means = [np.add.reduceat(series, starts) / counts for series in (t, values)]
-    least, greatest = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
-    return means[0], least, means[1], greatest
+    return np.add.reduceat(t, starts) / counts, np.add.reduceat(values, starts) / counts
 
 
 def _grid(x: Axis, y: Axis) -> Markup:
