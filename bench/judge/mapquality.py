@@ -3,9 +3,9 @@
 The run's map is brought into the true map's frame by one rigid motion: by definition the true base
 pose of the first scan, so that drift counts against the map. A cell is occupied above a probability
 of 0.5 and free below; nan and 0.5 are unknown, and unknown is never free. Measures that compare
-cells do so in the run's grid: there a cell is truly occupied when a part of it is (walls may be thinner than a cell),
-else truly free when a part of it is. Distances are between the centers of occupied cells and need
-no common grid.
+cells do so in the run's grid: there a cell is truly occupied when a part of it is (walls may be
+thinner than a cell), else truly free when a part of it is. Distances are between the centers of
+occupied cells and need no common grid.
 """
 
 from __future__ import annotations
