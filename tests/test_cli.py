@@ -243,7 +243,7 @@ def test_compare_on_given_logs(log_file, tmp_path):
     )
     assert done.returncode == 0, done.stderr
     answer, *screen, report = done.stdout.splitlines()
-    assert answer.startswith("Take hector")
+    assert answer.startswith("Take hector: ")
     assert len(screen) < 20
     assert [line.split()[0] for line in screen[-4:]] == names
     assert report == "The report: cmp/report.html; tables, figures and results.json beside it."

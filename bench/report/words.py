@@ -14,6 +14,8 @@ from slams.registry import BASELINES
 if TYPE_CHECKING:
     from bench.results import Comparison
 
+SAME = 1.25  # times the least error is the same accuracy, if chance may make the difference
+
 
 class Candidate(NamedTuple):
     """An algorithm over all logs: how many runs were lost or failed, mean error [m], CPU [ms].
@@ -71,7 +73,7 @@ def _take(comparison: Comparison, kept: list[Candidate]) -> list[str]:
     """The most accurate; of those as accurate within chance the cheapest."""
     judged = sorted((one for one in kept if one.error is not None), key=lambda one: one.error or 0)
     best = judged[0]
-    equal = [best, *(one for one in judged[1:] if _alike(comparison, best.name, one.name))]
+    equal = [best, *(one for one in judged[1:] if _alike(comparison, best, one))]
     taken = min(equal, key=lambda one: float("inf") if one.cpu_ms is None else one.cpu_ms)
     over = "over 1 s" if _has_truth(comparison) else "by the relations"
     what = f"{_mm(taken.error)} {over}{_cost(taken)}"
@@ -90,12 +92,16 @@ def _take(comparison: Comparison, kept: list[Candidate]) -> list[str]:
     return words
 
 
-def _alike(comparison: Comparison, a: str, b: str) -> bool:
-    """Whether chance may make the difference of two in translation."""
+def _alike(comparison: Comparison, best: Candidate, other: Candidate) -> bool:
+    """Whether chance may make the difference of two in translation, and it is a small one."""
+    if (other.error or 0.0) > SAME * (best.error or 0.0):
+        return False  # a log too short to prove anything proves no equality
     several = len(comparison.logs) > 1
     found = comparison.over_logs if several else comparison.logs[0].entry.get("verdicts") or []
     for verdict in found:
-        if {verdict["a"], verdict["b"]} == {a, b} and verdict["measure"] == "translation":
+        if {verdict["a"], verdict["b"]} == {best.name, other.name} and verdict[
+            "measure"
+        ] == "translation":
             p_value = verdict["p_value"]
             return not (p_value is not None and p_value < SIGNIFICANT)
     return False

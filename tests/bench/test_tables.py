@@ -194,13 +194,18 @@ def told(a, b, p_value):
 
 def test_the_answer_is_the_cheapest_of_those_as_accurate_within_chance():
     rows = [row("a", 0.0021, ms=3.0), row("b", 0.002, ms=4.0), row("c", 0.003, ms=1.0)]
+    rows += [row("e", 0.0026, ms=0.5)]
     rows += [strayed("d", error=0.001), row("odometry", 0.0, ms=0.1)]
     found = compared(rows)
-    found.logs[0].entry["verdicts"] = [told("b", "a", 0.3), told("c", "b", 0.001)]
+    found.logs[0].entry["verdicts"] = [
+        told("b", "a", 0.3),
+        told("c", "b", 0.001),
+        told("e", "b", 0.9),
+    ]
     assert words.answer(found) == [
         "Take a: 2.10 mm over 1 s, 3.000 ms per scan.",
         "As accurate within chance, and dearer: b.",
-        "Next: c 3.00 mm, 1.000 ms per scan.",
+        "Next: e 2.60 mm, 0.500 ms per scan and c 3.00 mm, 1.000 ms per scan.",
         "Lost or failed: d after 4 s.",
     ]
 
