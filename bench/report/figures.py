@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from bench.judge.metrics import class_shares
 from bench.report.palette import LINES, UNKNOWN, bar_length, shade
-from bench.report.pareto import Point, front
+from bench.report.pareto import Point, front, spread
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 CLASSES = 8
 FEW = 6  # maps that stand three in a row; more stand four in a row
+SHOWN_FROM = 0.02  # of its values, from where on a curve is in sight
 NICE = (1.0, 2.0, 2.5, 5.0, 10.0)  # widths of a class, times a power of ten
 
 
@@ -68,25 +69,31 @@ def overview(
         line = LINES[k % len(LINES)]
         ordered = np.maximum(np.sort(values), 1e-3)
         curves.plot(ordered, below, line, color=color_of[name], label=name)
+    low = min(float(np.quantile(values, SHOWN_FROM)) for values in errors.values())
     curves.set(xscale="log", xlabel="error over 1 s [mm]", ylabel="share of poses below")
-    curves.legend(loc="lower right", fontsize=8)
+    curves.set_xlim(left=max(low, 1e-3))
+    curves.legend(loc="upper left", fontsize=8)
+    costs.set(xscale="log", yscale="log", xlabel="CPU per scan [ms]", ylabel="mean error [mm]")
     for point in points:
         marker = "x" if point.lost else "o"
         costs.plot(point.cpu_ms, point.error_mm, marker, color=color_of[point.name])
-        costs.annotate(
-            point.name,
-            (point.cpu_ms, point.error_mm),
-            (5, 4),
-            textcoords="offset points",
-            fontsize=8,
-        )
+    costs.margins(0.18)
+    _write_names(costs, points)
     best = front(points)
     costs.plot([p.cpu_ms for p in best], [p.error_mm for p in best], color="0.5", linewidth=0.8)
-    costs.set(xscale="log", yscale="log", xlabel="CPU per scan [ms]", ylabel="mean error [mm]")
-    costs.margins(0.18)
     for axes in (curves, costs):
         axes.grid(visible=True, which="both", alpha=0.25)
     _save(figure, path)
+
+
+def _write_names(axes: Axes, points: Sequence[Point]) -> None:
+    """The names of the points beside them, none over another."""
+    to_share = axes.transData + axes.transAxes.inverted()
+    axes.autoscale_view()
+    at = [to_share.transform((point.cpu_ms, point.error_mm)) for point in points]
+    for point, (x, _), y in zip(points, at, spread([(x, y) for x, y in at]), strict=True):
+        side, shift = ("right", -0.015) if x > 0.75 else ("left", 0.015)
+        axes.text(x + shift, y, point.name, transform=axes.transAxes, fontsize=8, ha=side)
 
 
 def maps(

@@ -11,6 +11,8 @@ from bench.report.words import by_algorithm
 if TYPE_CHECKING:
     from bench.results import Comparison, LogResult
 
+NAME_WIDTH, STEP = 0.2, 0.06  # of the figure, that a name takes
+
 
 class Point(NamedTuple):
     """An algorithm: CPU time per scan [ms], error [mm], whether it was lost on any log."""
@@ -52,3 +54,19 @@ def front(of: Sequence[Point]) -> list[Point]:
         if not found or point.error_mm < found[-1].error_mm:
             found.append(point)
     return found
+
+
+def spread(at: Sequence[tuple[float, float]]) -> list[float]:
+    """Heights at which the names of points are written so that none covers another.
+
+    Places and heights are shares of the figure; a name stands right of its point, or, at the right
+    edge, left of it.
+    """
+    heights: dict[int, float] = {}
+    for k in sorted(range(len(at)), key=lambda k: at[k]):
+        x, y = at[k]
+        taken = [heights[j] for j in heights if abs(at[j][0] - x) < NAME_WIDTH]
+        steps = (STEP * sign * n for n in range(len(at) + 1) for sign in (1.0, -1.0))
+        free = (y + s for s in steps if all(abs(y + s - other) >= STEP for other in taken))
+        heights[k] = next(free, y)
+    return [heights[k] for k in range(len(at))]

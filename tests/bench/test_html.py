@@ -18,7 +18,7 @@ from bench.report.html.plans import into
 from bench.report.html.plots import Axis, means, path, thinned, ticks
 from bench.report.html.runs import runs
 from bench.report.palette import COLORS, UNKNOWN, bar_length, shade
-from bench.report.pareto import Point, front
+from bench.report.pareto import Point, front, spread
 from bench.results import Comparison, LogResult, Outcome, Reference
 from bench.run.cases import Choice, failed, replayed
 from bench.run.reference import facts
@@ -512,6 +512,13 @@ def test_unknown_is_darker_than_free_and_lighter_than_occupied_however_unsure():
 @pytest.mark.parametrize(("width", "length"), [(10.0, 2.0), (21.0, 5.0), (0.5, 0.1), (400, 100)])
 def test_a_scale_bar_is_round_and_at_most_a_quarter(width, length):
     assert bar_length(width) == pytest.approx(length)
+
+
+def test_no_name_of_a_point_covers_another():
+    at = [(0.5, 0.5), (0.52, 0.51), (0.55, 0.5), (0.1, 0.5)]
+    heights = spread(at)
+    assert (heights[0], heights[3]) == (0.5, 0.5)
+    assert np.diff(np.sort(heights[:3])).min() >= 0.06 - 1e-9
 
 
 def test_the_front_has_those_that_none_beats_in_both():

@@ -9,17 +9,16 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS, SpanErrors, class_shares
-from bench.report.figures import CLASSES, class_width
+from bench.report.figures import CLASSES, SHOWN_FROM, class_width
 from bench.report.html.legend import Named
 from bench.report.html.markup import Markup, element, together
 from bench.report.html.plots import Axis, Note, bar, figure, line, means, plot, thinned
 from bench.report.html.runs import Run
-from bench.report.pareto import Point, front
+from bench.report.pareto import Point, front, spread
 from slams.types import Floats
 
 STRETCHES = 300  # of time that a line is made of
 LEAST = 1e-4  # ms, mm or mrad; less is drawn as this
-NOTE_WIDTH, NOTE_HEIGHT = 0.2, 0.08  # of a plot, about, that the name of a point takes
 SHARE = Axis("share below", 0.0, 1.0)
 
 
@@ -106,17 +105,13 @@ def over_time(shown: Sequence[Run], span: str) -> Markup | None:
 def _names(
     at: Mapping[Point, tuple[float, float]], axes: tuple[Axis, Axis], kinds: Mapping[str, str]
 ) -> list[Note]:
-    """The names of the points, below those whose place another has taken."""
+    """The names of the points, none over another."""
     x, y = axes
-    notes: list[Note] = []
-    for point, (right, up) in sorted(at.items(), key=lambda item: item[1]):
-        taken = any(
-            abs(note.x - right) < NOTE_WIDTH * x.span and abs(note.y - up) < NOTE_HEIGHT * y.span
-            for note in notes
-        )
-        low = up - NOTE_HEIGHT * y.span if taken else up
-        notes.append(Note(right, low, point.name, f"{kinds.get(point.name, '')} mark"))
-    return notes
+    heights = spread([((a - x.low) / x.span, (b - y.low) / y.span) for a, b in at.values()])
+    return [
+        Note(right, y.low + height * y.span, point.name, f"{kinds.get(point.name, '')} mark")
+        for (point, (right, _)), height in zip(at.items(), heights, strict=True)
+    ]
 
 
 def _histogram(judged: Sequence[Run], measure: Measure, number: int) -> Markup:
@@ -177,7 +172,9 @@ def _shares(
     if not shown:
         return None
     values, counts = series
-    x = _log_axis(title, np.concatenate([values[curve.name] for curve in shown]))
+    found = [values[curve.name] for curve in shown]
+    inside = [own[own >= np.quantile(own, SHOWN_FROM)] for own in found]
+    x = _log_axis(title, np.concatenate(inside))
     marks = []
     for curve in shown:
         chosen = thinned(len(values[curve.name]))
