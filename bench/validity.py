@@ -65,10 +65,7 @@ def _command(arguments: argparse.Namespace) -> int:
     from bench.results import write_figures
     from slams.formats import files
 
-    for name, most in (("drives", len(DRIVES)), ("jobs", 64)):
-        if not 1 <= getattr(arguments, name) <= most:
-            value = getattr(arguments, name)
-            cli.refusing(_refused(f"--{name}: got {value}, expected 1 to {most}"))
+    cli.refusing(lambda: _check(arguments))
     found = {"format": FORMAT, "runs": _run_all(arguments)}
     with files.complete_folder(arguments.out) as folder:
         write_figures(folder / FIGURES, found)
@@ -77,11 +74,11 @@ def _command(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _refused(sentence: str) -> Any:
-    def _raise() -> None:
-        raise ValueError(sentence)
-
-    return _raise
+def _check(arguments: argparse.Namespace) -> None:
+    for name, most in (("drives", len(DRIVES)), ("jobs", 64)):
+        value = getattr(arguments, name)
+        if not 1 <= value <= most:
+            raise ValueError(f"--{name}: got {value}, expected 1 to {most}")
 
 
 def _run_all(arguments: argparse.Namespace) -> list[dict[str, Any]]:

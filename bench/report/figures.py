@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bench.judge.metrics import class_shares
-from bench.report.palette import LINES, UNKNOWN, bar_length, shade
+from bench.report.palette import LINES, RIGHT, UNKNOWN, bar_length, shade
 from bench.report.pareto import Point, front, spread
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2
 
@@ -72,7 +72,7 @@ def overview(
     low = min(float(np.quantile(values, SHOWN_FROM)) for values in errors.values())
     curves.set(xscale="log", xlabel="error over 1 s [mm]", ylabel="share of poses below")
     curves.set_xlim(left=max(low, 1e-3))
-    curves.legend(loc="upper left", fontsize=8)
+    curves.legend(loc="lower right", fontsize=8)
     costs.set(xscale="log", yscale="log", xlabel="CPU per scan [ms]", ylabel="mean error [mm]")
     for point in points:
         marker = "x" if point.lost else "o"
@@ -92,7 +92,7 @@ def _write_names(axes: Axes, points: Sequence[Point]) -> None:
     axes.autoscale_view()
     at = [to_share.transform((point.cpu_ms, point.error_mm)) for point in points]
     for point, (x, _), y in zip(points, at, spread([(x, y) for x, y in at]), strict=True):
-        side, shift = ("right", -0.015) if x > 0.75 else ("left", 0.015)
+        side, shift = ("right", -0.015) if x > RIGHT else ("left", 0.015)
         axes.text(x + shift, y, point.name, transform=axes.transAxes, fontsize=8, ha=side)
 
 

@@ -11,7 +11,8 @@ from bench.report.words import by_algorithm
 if TYPE_CHECKING:
     from bench.results import Comparison, LogResult
 
-NAME_WIDTH, STEP = 0.2, 0.06  # of the figure, that a name takes
+NAME_WIDTH, STEP = 0.15, 0.055  # of the figure, that a name takes
+LOWEST, HIGHEST = 0.01, 0.94  # of the figure, where a name is written
 
 
 class Point(NamedTuple):
@@ -67,6 +68,7 @@ def spread(at: Sequence[tuple[float, float]]) -> list[float]:
         x, y = at[k]
         taken = [heights[j] for j in heights if abs(at[j][0] - x) < NAME_WIDTH]
         steps = (STEP * sign * n for n in range(len(at) + 1) for sign in (1.0, -1.0))
-        free = (y + s for s in steps if all(abs(y + s - other) >= STEP for other in taken))
+        places = (y + step for step in steps if LOWEST <= y + step <= HIGHEST)
+        free = (up for up in places if all(abs(up - other) >= STEP for other in taken))
         heights[k] = next(free, y)
     return [heights[k] for k in range(len(at))]

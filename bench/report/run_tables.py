@@ -10,6 +10,7 @@ import pandas as pd
 from bench.report import unaided
 from bench.report.lines import deciding_error, frame_of, label, mean_of, scaled, second_of, sensors
 from bench.results import Line, Row, Rows
+from slams.registry import BASELINES
 
 if TYPE_CHECKING:
     from bench.results import Comparison
@@ -134,18 +135,27 @@ def logs_table(comparison: Comparison) -> pd.DataFrame:
     """A line per algorithm over all logs: lost runs, rank, mean and worst log.
 
     The error that counts is that over a second, or of the relations in a log without truth. A run
-    that failed or was lost ranks behind all others, and has no part in the mean.
+    that failed or was lost ranks behind all others, and has no part in the mean. Without either
+    the rank is that of `unaided.mean_ranks`.
     """
     names = list(dict.fromkeys(row["algorithm"] for row in comparison.rows))
     errors = [{row["algorithm"]: _kept_error(row) for row in log.rows} for log in comparison.logs]
+    own_names = {name for name in names if name.partition("@")[0] not in BASELINES}
+    without, _ = unaided.mean_ranks(comparison, own_names)
     lines: dict[str, Line] = {}
     for name in names:
         own = [found.get(name) for found in errors]
         kept = [error for error in own if error is not None]
         worst = max(range(len(own)), key=lambda k, own=own: _behind(own[k]))  # type: ignore[misc]
+        rows = [row for row in comparison.rows if row["algorithm"] == name]
         lines[name] = {
             "logs": len(own),
-            "lost or failed": len(own) - len(kept),
+            "lost or failed": sum(bool(row["failed"] or row["loss"]["lost"]) for row in rows),
+        }
+        if not any(error is not None for found in errors for error in found.values()):
+            lines[name]["mean rank"] = without.get(name)
+            continue
+        lines[name] |= {
             "mean rank": sum(_rank(name, found) for found in errors) / len(errors),
             "mean [mm]": scaled(sum(kept) / len(kept), 1e3) if kept else None,
             "worst [mm]": scaled(own[worst], 1e3),

@@ -28,7 +28,7 @@ TITLES = {
     "cost": "Cost on one thread",
     "published": "Published, per update, on other logs",
 }
-OVER_LOGS = "Over all logs: error over 1 s (without truth: of the relations) of the runs not lost"
+OVER_LOGS = "Over all logs: error over 1 s, or of the relations, of the runs not lost"
 DIFFERS = (
     "The paper's log is not public: another drive, map and simulator (stdr_simulator's ranges come "
     "in steps of its map's cell), each program at its own rate. Only the order can be compared."

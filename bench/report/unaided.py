@@ -62,8 +62,8 @@ def deciding(found: dict[str, Line]) -> list[str]:
     return there or [key for key in OF_TWO if all(line[key] is not None for line in found.values())]
 
 
-def answer(comparison: Comparison, names: set[str]) -> list[str]:
-    """Which one comes first by the measures without a truth, over all logs."""
+def mean_ranks(comparison: Comparison, names: set[str]) -> tuple[dict[str, float], list[str]]:
+    """Mean rank of each of the algorithms over the logs, and the measures that decided."""
     places: dict[str, list[float]] = {}
     used: dict[str, None] = {}
     for log in comparison.logs:
@@ -71,9 +71,14 @@ def answer(comparison: Comparison, names: set[str]) -> list[str]:
         used |= dict.fromkeys(deciding(own) if own else [])
         for name, rank in ranks(own).items():
             places.setdefault(name, []).append(rank)
-    if not places:
+    return {name: float(np.mean(found)) for name, found in places.items()}, [*used]
+
+
+def answer(comparison: Comparison, names: set[str]) -> list[str]:
+    """Which one comes first by the measures without a truth, over all logs."""
+    mean, used = mean_ranks(comparison, names)
+    if not mean:
         return ["The log has neither truth nor relations, and no run can be judged without them."]
-    mean = {name: float(np.mean(found)) for name, found in places.items()}
     order = sorted(mean, key=lambda name: mean[name])
     words = listed([MEASURES[key] for key in used])
     shown = [f"{name} ({mean[name]:.1f})" for name in order[:4]]

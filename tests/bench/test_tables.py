@@ -248,3 +248,9 @@ def test_without_a_truth_the_answer_is_by_mean_ranks():
 
 def test_nothing_and_what_is_no_number_is_a_dash():
     assert [cell("ATE [mm]", value) for value in (None, float("nan"), 1.234)] == ["-", "-", "1.23"]
+
+
+def test_over_logs_without_a_truth_a_run_is_not_lost_for_that():
+    loss = {"lost": False, "by": "report", "report": {"scans": 0}}
+    table = run_tables.logs_table(compared(*[[row("a", errors=None, loss=loss)]] * 2))
+    assert table.loc["a"].to_dict() == {"logs": 2, "lost or failed": 0}

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 MARGIN = 0.04  # of the shown part around what it must show
 AROUND_MAP = 1.0  # m
+AROUND_PATH = 15.0  # m around the paths in which walls are shown
 WIDEST = 2.0  # width of a plan over its height
+LARGER = 1.5  # times the size of the middle run: such a path has left the place
 STILL = 0.1  # m, least size of a plan
 
 
@@ -49,7 +51,12 @@ def maps(shown: Sequence[Run], done: LogResult) -> Markup | None:
     start, known = done.reference.start, done.reference.grid
     path = None if start is None else done.reference.path  # else in another frame than the maps
     ways = _kept({run: run.outcome.poses for run in grids}) if path is None else [path]
-    walls = [_walls(grid, run.outcome.frame) for run, grid in grids.items() if not run.lost]
+    reach = _extent(ways) + AROUND_PATH * np.array([[-1.0], [1.0]])
+    walls = [
+        np.clip(_walls(grid, run.outcome.frame), *reach)
+        for run, grid in grids.items()
+        if not run.lost
+    ]
     axes = _plan(np.concatenate([_extent(ways), *walls]), narrowest=0.8)
     true = [] if path is None else [_way(path, axes, "truth", "true path")]
     panels = []
@@ -77,8 +84,11 @@ def _seen_from_first(run: Run) -> Floats:
 
 
 def _kept(ways: dict[Run, Floats]) -> list[Floats]:
-    """The paths that set the shown part: those of lost runs only if there are no others."""
-    return [way for run, way in ways.items() if not run.lost] or list(ways.values())
+    """The paths that set the shown part: none of lost runs, or far larger ones, if others are."""
+    found = [way for run, way in ways.items() if not run.lost] or list(ways.values())
+    sizes = [float(np.ptp(way[:, :2], axis=0).max()) for way in found]
+    most = LARGER * float(np.median(sizes))
+    return [way for way, size in zip(found, sizes, strict=True) if size <= most]
 
 
 def _way(

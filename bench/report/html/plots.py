@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.report.html.markup import Markup, element
+from bench.report.palette import RIGHT
 from slams.types import Floats
 
 POINTS = 1500  # most of one line
@@ -99,7 +100,7 @@ def plot(
 
 def _note(note: Note, x: Axis, y: Axis) -> Markup:
     left, bottom = ((at - axis.low) / axis.span for at, axis in ((note.x, x), (note.y, y)))
-    side = "right" if left > 0.75 else "left"
+    side = "right" if left > RIGHT else "left"
     place = 100 * (1.0 - left if side == "right" else left)
     where = f"{side}:{place:.1f}%;bottom:{100 * bottom:.1f}%"
     return element("span", note.text, class_=note.kind or None, style=where)
