@@ -127,7 +127,10 @@ def _histogram(judged: Sequence[Run], measure: Measure, number: int) -> Markup:
 
 def _bars(title: str, values: dict[Run, Floats], width: float) -> Markup:
     edges = width * np.arange(CLASSES)
-    texts = tuple((float(edge), f"{1e3 * edge:.3g}") for edge in edges)
+    signs = [*[""] * (CLASSES - 1), "≥ "]
+    texts = tuple(
+        (float(edge), f"{sign}{1e3 * edge:.3g}") for edge, sign in zip(edges, signs, strict=True)
+    )
     x = Axis(title, 0.0, width * CLASSES, marks=texts)
     thickness = 0.8 * width / len(values)
     shares = {run: class_shares(found, width, CLASSES) for run, found in values.items()}
