@@ -26,6 +26,7 @@ COMMANDS = {
     "check": "slams.check",
     "report": "bench.report.__main__",
     "ranking": "bench.ranking",
+    "validity": "bench.validity",
     "soak": "bench.soak",
 }
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
+from scipy.sparse import coo_array, csc_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
@@ -89,8 +89,10 @@ class PoseGraph:
         n, steps = self.n, self.n - 1
         ends, noise = self._edges()
         cost = noise[:, 0, 0] + noise[:, 1, 1] + LEVER**2 * noise[:, 2, 2]
-        links = csr_matrix((cost, (ends[:, 0], ends[:, 1])), shape=(n, n))
-        distance, parents = dijkstra(links, directed=False, indices=root, return_predecessors=True)
+        links = csr_array((cost, (ends[:, 0], ends[:, 1])), shape=(n, n))
+        distance, parents = dijkstra(
+            links, directed=False, indices=np.array(root), return_predecessors=True
+        )
         order = np.argsort(distance, kind="stable")[1:]
         edges = np.maximum(np.maximum(np.arange(n), parents) - 1, 0)  # of a step
         known = {tuple(pair): steps + k for k, pair in enumerate(ends[steps:].tolist())}
@@ -114,16 +116,6 @@ class PoseGraph:
         R = np.zeros_like(noise)
         R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1], R[:, 2, 2] = c, -s, s, c, 1.0
         return ends, R @ noise @ R.transpose(0, 2, 1)
-
-    def residuals(self, edges: list[LoopEdge]) -> Floats:
-        """Squared Mahalanobis distance (m,) of each loop from the poses."""
-        earlier, later = [edge.earlier for edge in edges], [edge.later for edge in edges]
-        measured = np.array([edge.pose for edge in edges]).reshape(-1, 3)
-        r, _, _ = _linearized(self.poses[earlier], self.poses[later], measured)
-        squares: Floats = np.einsum(
-            "mi,mij,mj->m", r, np.array([edge.information for edge in edges]), r
-        )
-        return squares
 
     def iterate(self) -> float:
         """One Gauss-Newton iteration on all steps and loops; the largest move [m, rad].
@@ -181,7 +173,7 @@ def _linearized(a: Floats, b: Floats, measured: Floats) -> tuple[Floats, Floats,
     return r, A, B
 
 
-def _assembled(blocks: Sequence[tuple[Indices, Indices, Floats]], n: int) -> csc_matrix:
+def _assembled(blocks: Sequence[tuple[Indices, Indices, Floats]], n: int) -> csc_array:
     """The sparse matrix (3 n, 3 n) of blocks (rows, columns, (m, 3, 3)), the first pose held."""
     three = np.arange(3)
     rows = np.concatenate(
@@ -192,4 +184,4 @@ def _assembled(blocks: Sequence[tuple[Indices, Indices, Floats]], n: int) -> csc
     held = np.arange(3)
     rows, columns = np.concatenate([rows, held]), np.concatenate([columns, held])
     values = np.concatenate([values, np.full(3, ROOT_INFORMATION)])
-    return coo_matrix((values, (rows, columns)), shape=(3 * n, 3 * n)).tocsc()
+    return coo_array((values, (rows, columns)), shape=(3 * n, 3 * n)).tocsc()
