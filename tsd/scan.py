@@ -36,6 +36,7 @@ class SurfaceScan(EndPoints):
     def take(self, scan: Scan, velocity: Pose2) -> SurfaceScan:
         """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
         super().take(scan, velocity)
+        self.beams = self.beams._replace(mount_x=self.mount.x, mount_y=self.mount.y)
         p, noise = self._p, self.noise
         rule = self._rule = SurfaceRule(
             self.grain.window,
