@@ -49,9 +49,9 @@ class ScanLog:
     odom: Track | None = None
     truth: Track | None = None
     yaw_rate: Track | None = None
-    attitude: Track | None = None
     meta: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    attitude: Track | None = None
 
     def __post_init__(self) -> None:
         _check_scans(self.t, self.ranges, self.laser.n_beams)
@@ -138,11 +138,14 @@ class ScanLog:
 
     def rows(self, part: slice | NDArray[Any]) -> ScanLog:
         """The scans that a slice, a mask or indices pick; tracks noted row by row come along."""
-        tracks = {"odom": self.odom, "attitude": self.attitude}
-        for key, track in tracks.items():
-            if track is not None and np.array_equal(track.t, self.t):
-                tracks[key] = Track(self.t[part], track.values[part])
-        return replace(self, t=self.t[part], ranges=self.ranges[part], **tracks)
+        odom, attitude = self._track_rows(self.odom, part), self._track_rows(self.attitude, part)
+        t, ranges = self.t[part], self.ranges[part]
+        return replace(self, t=t, ranges=ranges, odom=odom, attitude=attitude)
+
+    def _track_rows(self, track: Track | None, part: slice | NDArray[Any]) -> Track | None:
+        if track is None or not np.array_equal(track.t, self.t):
+            return track
+        return Track(self.t[part], track.values[part])
 
     def save(self, path: str | Path) -> None:
         """Write "scanlog-1"; same log, same bytes. A temporary name is renamed when complete."""

@@ -19,15 +19,20 @@ MAX_STEP = math.radians(3.0)  # rad beside that, from scan to scan: noise and la
 STUCK_AFTER, STUCK_SCANS = 0.5, 4  # s and scans: a moving robot shakes
 MOVING = 0.05  # m/s or rad/s: the least speed of a robot that moves
 FLOOR_MEMORY, FLOOR_ENOUGH = 400.0, 50.0  # ends at the floor: kept in mind; that show anything
-MAX_LATENCY, DEVIATIONS = 0.02, 4.0  # s; deviations of the estimate: an attitude is called late
+MAX_LATENCY, DEVIATIONS = 0.02, 3.0  # s; deviations of the estimate: an attitude is called late
+ERRORS_LAST = 2.0  # s over which the errors of an attitude are one and the same
 MAX_INTERVAL = 0.5  # s between scans: over more an attitude has no rate
 FAULTS = ("beyond", "jumped", "stuck", "contradicted")
 
 
 class Tilt(NamedTuple):
-    """Stamp and attitude of a scan; rotation (3, 3) from base to level axes, its rate [1/s]."""
+    """Stamp and attitude of a scan; rotation (3, 3) from base to level axes, its rate [1/s].
+
+    `dt` [s] since the scan before.
+    """
 
     t: float
+    dt: float
     attitude: Attitude
     rotation: Floats
     rate: Floats
@@ -99,15 +104,15 @@ class Leveling:
 
     def _followed(self, last: Tilt | None, t: float, attitude: Attitude) -> Tilt:
         """The tilt with its rate; notes a jump."""
-        rotation, rate = attitude.rotation(), np.zeros((3, 3))
+        rotation, rate, dt = attitude.rotation(), np.zeros((3, 3)), 0.0
         if last is not None:
-            dt, step = t - last.t, np.subtract(attitude, last.attitude)
-            if np.abs(step).max() > MAX_TILT_RATE * max(dt, 0.0) + MAX_STEP:
+            dt, step = max(t - last.t, 0.0), np.subtract(attitude, last.attitude)
+            if np.abs(step).max() > MAX_TILT_RATE * dt + MAX_STEP:
                 self._jumps += step
                 self._ends = self._below = 0.0
             elif 0.0 < dt < MAX_INTERVAL:
                 rate = (rotation - last.rotation) / dt
-        return Tilt(t, attitude, rotation, rate)
+        return Tilt(t, dt, attitude, rotation, rate)
 
     def _is_stuck(self, last: Tilt | None, t: float, attitude: Attitude, speed: Pose2) -> bool:
         """Whether a robot moves, and its attitude has not changed in the last bit for a while."""
@@ -123,13 +128,14 @@ class Leveling:
         keep = max(1.0 - ends / FLOOR_MEMORY, 0.0)
         self._ends = keep * self._ends + ends
         self._below = keep * self._below + float(found[BELOW])
-        if found[HITS] > 0.0:
-            self._late -= float(found[LATE] / found[HITS])
-            self._swung += float(found[SWUNG] / found[HITS])
-        if self._swung > 0.0:
-            late, error = self._late / self._swung, 0.5 * ATTITUDE_ERROR / math.sqrt(self._swung)
-            if late > max(MAX_LATENCY, DEVIATIONS * error):
-                self.counts["attitude_late_ms"] = round(1e3 * late)
+        if found[SWUNG] > 0.0 and self._tilt is not None:
+            seconds = min(self._tilt.dt, MAX_INTERVAL)
+            self._late -= seconds * float(found[LATE] / found[HITS])
+            self._swung += seconds * float(found[SWUNG] / found[HITS])
+            late = self._late / self._swung
+            error = 0.5 * ATTITUDE_ERROR * math.sqrt(ERRORS_LAST / self._swung)
+            is_late = late > max(MAX_LATENCY, DEVIATIONS * error)
+            self.counts["attitude_late_ms"] = round(1e3 * late) if is_late else 0
 
 
 def _floor(laser: Laser) -> Floor:
