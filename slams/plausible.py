@@ -62,7 +62,12 @@ def check_laser(laser: Laser) -> None:
     """
     numbers: Any = (laser.angle_min, laser.angle_increment, laser.range_min, laser.range_max)
     numbers = (*numbers, laser.time_increment, *laser.mount, laser.mount_z, laser.height or 0.0)
-    expect(all(map(math.isfinite, numbers)), "the laser's geometry", numbers, "finite numbers")
+    expect(
+        all(map(math.isfinite, numbers)),
+        "the laser's geometry and height",
+        numbers,
+        "finite numbers",
+    )
     beams = f"at least one and at most {MOST_BEAMS}"
     expect(1 <= laser.n_beams <= MOST_BEAMS, "ranges", f"{laser.n_beams} beams", beams)
     expect(abs(laser.angle_min) < 100.0, "angle_min", laser.angle_min, "radians")

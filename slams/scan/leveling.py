@@ -14,11 +14,13 @@ from slams.types import Attitude, Floats, Laser, Pose2, Scan
 ATTITUDE_ERROR = math.radians(0.6)  # rad: two deviations of a good attitude reference
 CLEARANCE = 0.05  # m above the floor: bumps, and the width of a beam
 MAX_TILT = math.radians(50.0)  # rad: a robot that tilts more has fallen, or its IMU hangs overhead
-MAX_TILT_RATE = 2.0  # rad/s: of a robot that tips over a step
+MAX_TILT_RATE = 1.0  # rad/s: of a robot that tips over a step
 MAX_STEP = math.radians(3.0)  # rad beside that, from scan to scan: noise and latency
 STUCK_AFTER, STUCK_SCANS = 0.5, 4  # s and scans: a moving robot shakes
 MOVING = 0.05  # m/s or rad/s: the least speed of a robot that moves
 FLOOR_MEMORY, FLOOR_ENOUGH = 400.0, 50.0  # ends at the floor: kept in mind; that show anything
+WRONG, RIGHT = 0.4, 0.1  # shares of these below the floor: of one that is late a third at most
+RECOVERY = 10.0  # s: a wrong attitude is right whenever the robot is level; that lasts less
 MAX_LATENCY, DEVIATIONS = 0.02, 3.0  # s; deviations of the estimate: an attitude is called late
 ERRORS_LAST = 2.0  # s over which the errors of an attitude are one and the same
 MAX_INTERVAL = 0.5  # s between scans: over more an attitude has no rate
@@ -52,6 +54,7 @@ class Leveling:
         self._tilt: Tilt | None = None
         self._used = False
         self._jumps = np.zeros(2)  # rad: sum of jumps; one that is taken back was a single fault
+        self._jumped_at = self._doubted_until = -math.inf  # s
         self._same_since, self._same = math.inf, 0  # s, scans: of this very attitude
         self._ends, self._below = 0.0, 0.0  # lately at the floor or below; of these below
         self._late, self._swung = 0.0, 0.0  # sums for the regression of the latency
@@ -70,7 +73,7 @@ class Leveling:
         if self._tilt is None:
             return None
         tilt, laser, found = self._tilt, scan.laser, np.zeros(4)
-        arrays = points, n, tilt.rotation, tilt.rate, laser.time_increment, _floor(laser)
+        arrays = points, n, tilt.rotation, tilt.rate, laser.time_increment, floor_of(laser)
         left, far = level(*arrays, points if self._used else room, found)
         if not again:
             self._learn(found)
@@ -95,12 +98,14 @@ class Leveling:
         self._tilt = self._followed(last, t, attitude)
         if self._is_stuck(last, t, attitude, speed):
             return "stuck"
-        contradicted = self._below > 0.5 * self._ends
-        if self._ends >= FLOOR_ENOUGH and not contradicted:
-            self._jumps[:] = 0.0
+        below = self._below / self._ends if self._ends >= FLOOR_ENOUGH else math.nan
         if np.abs(self._jumps).max() > MAX_STEP:
-            return "jumped"
-        return "contradicted" if self._ends >= FLOOR_ENOUGH and contradicted else ""
+            if t < self._jumped_at + RECOVERY or not below < RIGHT:
+                return "jumped"
+            self._jumps[:] = 0.0
+        if below > (RIGHT if t < self._doubted_until else WRONG):
+            self._doubted_until = t + RECOVERY
+        return "contradicted" if t < self._doubted_until else ""
 
     def _followed(self, last: Tilt | None, t: float, attitude: Attitude) -> Tilt:
         """The tilt with its rate; notes a jump."""
@@ -109,6 +114,7 @@ class Leveling:
             dt, step = max(t - last.t, 0.0), np.subtract(attitude, last.attitude)
             if np.abs(step).max() > MAX_TILT_RATE * dt + MAX_STEP:
                 self._jumps += step
+                self._jumped_at = t
                 self._ends = self._below = 0.0
             elif 0.0 < dt < MAX_INTERVAL:
                 rate = (rotation - last.rotation) / dt
@@ -138,7 +144,8 @@ class Leveling:
             self.counts["attitude_late_ms"] = round(1e3 * late) if is_late else 0
 
 
-def _floor(laser: Laser) -> Floor:
+def floor_of(laser: Laser) -> Floor:
+    """Where the floor lies under a laser, and how much an end point near it may be off."""
     height = laser.above_floor
     below = math.inf if height is None else height - laser.mount_z
     mount = laser.mount.x, laser.mount.y, laser.mount_z
