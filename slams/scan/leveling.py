@@ -24,7 +24,7 @@ RECOVERY = 10.0  # s: a wrong attitude is right whenever the robot is level; tha
 MAX_LATENCY, DEVIATIONS = 0.02, 3.0  # s; deviations of the estimate: an attitude is called late
 ERRORS_LAST = 2.0  # s over which the errors of an attitude are one and the same
 MAX_INTERVAL = 0.5  # s between scans: over more an attitude has no rate
-FAULTS = ("beyond", "jumped", "stuck", "contradicted")
+COUNTS = ("beyond", "jumped", "stuck", "contradicted", "late_ms")
 
 
 class Tilt(NamedTuple):
@@ -86,7 +86,7 @@ class Leveling:
             self._tilt = None
             return False
         if not self.counts:
-            self.counts = {"leveled": 0} | {f"attitude_{fault}": 0 for fault in FAULTS}
+            self.counts = {"leveled": 0} | {f"attitude_{name}": 0 for name in COUNTS}
         fault = self._fault(scan.t, scan.attitude, speed)
         self.counts[f"attitude_{fault}" if fault else "leveled"] += 1
         return not fault

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from bench.sim.degrade.degradation import Degradation
 from bench.sim.degrade.spells import elapsed
-from bench.sim.wheels import wander
+from bench.sim.swing import HEIGHT, Swing, measured, ranges_of, rise
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats, Laser, Ranges
 
@@ -18,9 +17,6 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 BLOCK = 200  # scans at once
-HEIGHT, WALLS = 0.35, 1.2  # m above the floor: the laser, and the top of every wall
-PERIODS = (2.5, 6.0)  # s in which a body rolls and pitches that climbs over rubble
-ERROR, MEMORY = math.radians(0.3), 2.0  # rad, s: of an attitude reference, and how long it lasts
 FLOOR_NOISE = 0.01  # m, standard deviation of a range to the floor
 EDGE = 0.3  # share by which ranges of neighbors differ that meet two things
 
@@ -28,55 +24,12 @@ EDGE = 0.3  # share by which ranges of neighbors differ that meet two things
 def tilt(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     """Roll and pitch of up to `level` [deg] each about the laser; measured, to 0.3 deg."""
     tilted, attitudes = _tilted(log, level, rng)
-    dt = np.diff(elapsed(log.t), prepend=0.0)
-    errors = [wander(dt, ERROR, MEMORY, rng) for _ in ("roll", "pitch")]
-    return replace(tilted, attitude=Track(log.t, attitudes + np.stack(errors, axis=1)))
+    return replace(tilted, attitude=Track(log.t, measured(attitudes, elapsed(log.t), rng)))
 
 
 def tilt_unmeasured(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     """Roll and pitch of up to `level` [deg] each about the laser, and nothing that measures it."""
     return replace(_tilted(log, level, rng)[0], attitude=None)
-
-
-class Swing:
-    """Roll and pitch as two sines of periods and phases by chance."""
-
-    def __init__(self, level: float, rng: Generator) -> None:
-        self.most = math.radians(level)
-        self.rates = 2.0 * math.pi / rng.uniform(*PERIODS, 2)
-        self.phases = rng.uniform(0.0, 2.0 * math.pi, 2)
-
-    def at(self, t: Floats) -> Floats:
-        """Roll and pitch (..., 2) [rad] at times t (...) [s] of a drive."""
-        attitudes: Floats = self.most * np.sin(self.rates * t[..., None] + self.phases)
-        return attitudes
-
-
-def rise(directions: Floats, attitudes: Floats) -> tuple[Floats, Floats, Floats]:
-    """Where beams of a tilted body point to: length over ground, turn to the left, slope (...).
-
-    `directions` (..., 2) unit vectors in the base frame, `attitudes` (..., 2) roll, pitch [rad].
-    """
-    x, y = directions[..., 0], directions[..., 1]
-    (cr, cp), (sr, sp) = (
-        np.moveaxis(np.cos(attitudes), -1, 0),
-        np.moveaxis(np.sin(attitudes), -1, 0),
-    )
-    u, v, w = cp * x + sp * sr * y, cr * y, cp * sr * y - sp * x
-    return np.hypot(u, v), np.arctan2(x * v - y * u, x * u + y * v), w
-
-
-def ranges_of(walls: Floats, along: Floats, slope: Floats, height: float) -> Floats:
-    """Ranges [m] along tilted beams, of distances to walls over ground: these, or the floor.
-
-    inf where a beam passes above the wall.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ranges = walls / along
-        floor = np.where(slope < 0.0, -height / slope, np.inf)
-        ranges[ranges * slope > WALLS - height] = np.inf
-    found: Floats = np.minimum(ranges, floor)
-    return found
 
 
 def _tilted(log: ScanLog, level: float, rng: Generator) -> tuple[ScanLog, Floats]:
