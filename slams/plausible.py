@@ -61,10 +61,10 @@ def check_laser(laser: Laser) -> None:
         ValueError: the sentence names the field.
     """
     numbers: Any = (laser.angle_min, laser.angle_increment, laser.range_min, laser.range_max)
-    numbers = (*numbers, laser.time_increment, *laser.mount, laser.mount_z, laser.height or 0.0)
+    numbers = (*numbers, laser.time_increment, *laser.mount)
     expect(
         all(map(math.isfinite, numbers)),
-        "the laser's geometry and height",
+        "the laser's geometry",
         numbers,
         "finite numbers",
     )
