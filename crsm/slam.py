@@ -89,7 +89,8 @@ class Crsm:
         the map's bounds.
         """
         counts = self._counts | {"restarts": self._matcher.restarts}
-        return counts | self._estimator.counts | self._map.extent.counts
+        counts |= self._estimator.counts | self._map.extent.counts
+        return counts | self._scan.counts
 
     @property
     def state(self) -> State:

@@ -110,7 +110,8 @@ class GMapping:
 
     def report(self) -> dict[str, Any]:
         """Counts of scans, and what the particles' maps take."""
-        return self._counts | self._estimator.counts | self.tiles.counts
+        counts = self._counts | self._estimator.counts | self.tiles.counts
+        return counts | self._view.counts
 
     @property
     def state(self) -> State:

@@ -84,7 +84,8 @@ class Hector:
         `posed` by the pyramid, `kept` where the pose within a cell of that was taken, `refined` by
         the lines, `inserted`; those of the estimator and of the map's bounds.
         """
-        return self._counts | self._estimator.counts | self._map.extent.counts
+        counts = self._counts | self._estimator.counts | self._map.extent.counts
+        return counts | self._scan.counts
 
     @property
     def state(self) -> State:

@@ -62,7 +62,12 @@ def check_laser(laser: Laser) -> None:
     """
     numbers: Any = (laser.angle_min, laser.angle_increment, laser.range_min, laser.range_max)
     numbers = (*numbers, laser.time_increment, *laser.mount)
-    expect(all(map(math.isfinite, numbers)), "the laser's geometry", numbers, "finite numbers")
+    expect(
+        all(map(math.isfinite, numbers)),
+        "the laser's geometry",
+        numbers,
+        "finite numbers",
+    )
     beams = f"at least one and at most {MOST_BEAMS}"
     expect(1 <= laser.n_beams <= MOST_BEAMS, "ranges", f"{laser.n_beams} beams", beams)
     expect(abs(laser.angle_min) < 100.0, "angle_min", laser.angle_min, "radians")
@@ -76,6 +81,9 @@ def check_laser(laser: Laser) -> None:
     sweep = f">= 0 s, and a sweep of at most {LONGEST_SWEEP:g} s"
     expect(0.0 <= lasts <= LONGEST_SWEEP, "time_increment", laser.time_increment, sweep)
     near = math.hypot(laser.mount.x, laser.mount.y) <= REACH and abs(laser.mount.theta) < FAR
+    high = abs(laser.mount_z) <= REACH and (laser.height is None or 0.0 < laser.height <= REACH)
+    heights = (laser.mount_z, laser.height)
+    expect(high, "mount_z, height", heights, f"at most {REACH:g} m, height > 0")
     expect(near, "mount", tuple(laser.mount), f"at most {REACH:g} m from the base")
 
 

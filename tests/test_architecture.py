@@ -95,7 +95,9 @@ def test_an_algorithm_imports_only_itself_and_the_interface(name):
         "test_world",  # pictures and nothing else
         "scan.end_points",
         "scan.params",
+        "scan.leveling",
         "scan.scan_kernels",
+        "scan.tilt_kernels",
         "refine.lines",
         "refine.params",
     )

@@ -109,7 +109,8 @@ class Tsd:
         `posed` by ICP, `kept` where the pose within a cell of that was taken, `refined` on the
         field, `inserted`; those of the estimator and of the map's bounds.
         """
-        return self._counts | self._estimator.counts | self._map.extent.counts
+        counts = self._counts | self._estimator.counts | self._map.extent.counts
+        return counts | self._scan.counts
 
     @property
     def state(self) -> State:

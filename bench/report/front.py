@@ -40,6 +40,7 @@ SITUATIONS = {
         "jitter",
         "lag",
     ),
+    "A body that rolls and pitches": ("tilt", "tilt_unmeasured"),
     "Wheels or gyro that are wrong": (
         "slip",
         "stall",

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from slams.formats.attitude import about_vertical, attitude_of
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag, Topic
 from slams.formats.frames import BASES, Transforms, bare, moved, planar
 from slams.formats.options import SourceOptions
@@ -46,7 +48,11 @@ class Recording:
         t, ranges, laser = common(self._sweeps(), mount, flipped, self.notes)
         odom, odometry = self._odometry()
         truth, true_source = self._truth()
-        rate = self._yaw_rate()
+        attitude = self._attitude()
+        rate = self._yaw_rate(attitude)
+        matrix = self._fixed(self.base, self.messages.frame(self.roles.scan))
+        if attitude is not None and matrix is not None:
+            laser = replace(laser, mount_z=float(matrix[2, 3]))
         source = {
             "format": KIND[self.kind],
             "file": self.path.resolve().name,
@@ -58,7 +64,7 @@ class Recording:
             "laser_frame": self.messages.frame(self.roles.scan),
         }
         meta = {"name": name_of(self.path), "source": source}
-        return ScanLog(t, ranges, laser, odom, truth, rate, meta, tuple(self.notes))
+        return ScanLog(t, ranges, laser, odom, truth, rate, meta, tuple(self.notes), attitude)
 
     def track(self, wanted: str | None) -> Track:
         """The poses on a topic, or of the log's base in a frame as tf has them; None: a result's.
@@ -264,8 +270,14 @@ class Recording:
             )
         return track
 
-    def _yaw_rate(self) -> Track | None:
-        """The gyro's turn rate about the base's upright axis."""
+    def _attitude(self) -> Track | None:
+        """Roll and pitch of the base by the IMU, if the IMU's place on it is known."""
+        topic = self.roles.imu
+        matrix = self._fixed(self.base, self.messages.frame(topic)) if topic else None
+        return None if matrix is None else attitude_of(self.messages.inertial, matrix[:3, :3])
+
+    def _yaw_rate(self, attitude: Track | None) -> Track | None:
+        """The gyro's turn rate about the vertical; without attitude the base's upright axis."""
         topic = self.roles.imu
         track = self.messages.track(topic) if topic else None
         if topic is None or track is None:
@@ -275,4 +287,6 @@ class Recording:
         if matrix is None:
             self.notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
             return Track(track.t, track.values[:, 2].copy())
+        if attitude is not None:
+            return about_vertical(Track(track.t, track.values @ matrix[:3, :3].T), attitude)
         return Track(track.t, track.values @ matrix[2, :3])

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slams.formats.attitude import Inertial, inertial
 from slams.formats.bag import (
     ECHOES,
     IMU,
@@ -53,6 +54,7 @@ class Messages:
     def __init__(self, types: dict[str, Collection[str]]) -> None:
         self.types = types
         self.rows: dict[str, list[Row]] = {topic: [] for topic in types}
+        self.inertial: list[Inertial] = []
         self.transforms = Transforms()
         self.bad = 0
 
@@ -102,6 +104,9 @@ class Messages:
             self.transforms.add(message, record.topic.endswith("static"))
         elif record.msgtype in self.types.get(record.topic, ()):
             self.rows[record.topic] += _rows(record, message)
+            if record.msgtype == IMU:
+                sent = seconds(message.header.stamp)
+                self.inertial.append(inertial(message, 1e-9 * record.received, sent))
 
     def frame(self, topic: str) -> str:
         """The frame that most messages of a topic name."""

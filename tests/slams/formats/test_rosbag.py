@@ -308,6 +308,21 @@ def test_the_gyro_turns_about_the_upright_axis(roll, sign, tmp_path):
     assert log.yaw_rate.values == pytest.approx(sign * (0.4 + np.arange(N)))
 
 
+@pytest.mark.parametrize("kind", ["bag", "mcap", "db3"])
+def test_an_orientation_is_the_attitude_of_the_base(kind, tmp_path):
+    """The IMU looks backward, so that what rolls it to the left rolls the base to the right."""
+
+    def messages(make):
+        gyro = ("base_link", "imu", (0.0, 0.0, 0.1), math.pi, 0.0)
+        items = [("/imu", t, make.imu(t, (0.0,) * 3, roll=0.01 * i)) for i, t in enumerate(T)]
+        return [*tree(MOUNT, gyro)(make), *items]
+
+    log = slams.load(bags.write(tmp_path, kind, messages))
+    assert log.attitude.values[:, 0] == pytest.approx(-0.01 * np.arange(N), abs=1e-9)
+    assert log.attitude.values[:, 1] == pytest.approx(np.zeros(N), abs=1e-9)
+    assert log.laser.mount_z == pytest.approx(MOUNT[2][2])
+
+
 def test_a_gyro_that_gives_no_rates_is_left_out(tmp_path):
     def messages(make):
         return tree(MOUNT)(make) + [("/imu", t, make.imu(t, (0, 0, 0), given=False)) for t in T]
