@@ -45,7 +45,10 @@ class PlainEstimator:
         """The pose by wheels, with their noise, or by the last step once more; no information."""
         last, self._last = self._last, scan
         self._dt = 0.0 if last is None else max(scan.t - last.t, 0.0)
-        step, information = self._step, NOTHING  # not twist times interval: stamps jitter, steps hardly do
+        step, information = (
+            self._step,
+            NOTHING,
+        )  # not twist times interval: stamps jitter, steps hardly do
         if last is not None and last.odometry and scan.odometry and self._p.wheels:
             step = last.odometry.between(scan.odometry)
             information = self._information(step)

@@ -145,9 +145,8 @@ def matcher_of(*poses, **changes):
 
 
 def references_add_up(tiles):
-    pointers = np.bincount(
-        tiles.tables[tiles.tables >= 0].astype(int), minlength=len(tiles.references)
-    )
+    used = tiles.touched[tiles.touched > 0].astype(int)
+    pointers, tiles = np.bincount(used, minlength=len(tiles.tiles.references)), tiles.tiles
     np.testing.assert_array_equal(pointers, tiles.references)
     free = tiles.free[1 : tiles.free[0] + 1]
-    assert sorted(free) == sorted(np.flatnonzero(pointers == 0))
+    assert sorted(free) == (1 + np.flatnonzero(pointers[1:] == 0)).tolist()

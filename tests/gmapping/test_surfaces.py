@@ -173,7 +173,7 @@ def cells_along(gap, turned=0.0, sees=(0.0, 0.0), far=2.0, behind=0.0):
     x, reached = round(far / 0.05), []
     for iy in range(-20, 21):
         slot = slot_of(maps.tiles, 0, 2, x, iy)  # layer 2: it looks to -x
-        if slot >= 0 and maps.tiles.cells[slot, place_of(2, x, iy), 3] > 0.0:
+        if slot > 0 and maps.tiles.cells[slot, place_of(2, x, iy), 3] > 0.0:
             reached.append(iy)
     assert reached == list(range(reached[0], reached[-1] + 1))
     assert reached[0] == -reached[-1]
