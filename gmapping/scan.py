@@ -10,7 +10,7 @@ from gmapping.scan_kernels import pieces
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, Pose2, Scan
 
-SURFACE_ERROR = 0.01  # m: what the beams of one piece share, as walls are not straight
+SURFACE_ERROR = 0.005  # m: what the beams of one piece share, as walls are not straight
 
 
 class View(EndPoints):

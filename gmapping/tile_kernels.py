@@ -109,7 +109,12 @@ def inherit(tiles: Tiles, ancestors: NDArray[np.int64]) -> None:
     _, _, n, layers = tiles.tables.shape
     for y in range(tiles.window[1], tiles.window[3] + 1):
         for x in range(tiles.window[0], tiles.window[2] + 1):
-            here = tiles.tables[y - tiles.corner_y, x - tiles.corner_x]
+            here, seen = tiles.tables[y - tiles.corner_y, x - tiles.corner_x], 0
+            for particle in range(n):  # most of a window was never touched
+                for layer in range(layers):
+                    seen |= here[particle, layer]
+            if seen == 0:
+                continue
             for particle in range(n):
                 for layer in range(layers):
                     slot, new = here[particle, layer], here[ancestors[particle], layer]

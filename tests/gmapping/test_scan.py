@@ -75,5 +75,5 @@ def test_a_piece_weighs_what_its_beams_do_not_share():
     view._weigh(beams)
     shared, own = SURFACE_ERROR**2, 0.02**2
     expected = (shared + own) / (shared + own / np.array([1.0, 4.0, 1e9]))
-    np.testing.assert_allclose(beams, expected)  # 1, 2.5 and no more than 5
-    assert beams[0] == 1.0 and beams[2] == pytest.approx(5.0)
+    np.testing.assert_allclose(beams, expected)  # 1, 3.4 and no more than 17
+    assert beams[0] == 1.0 and beams[2] == pytest.approx(17.0)
