@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from slams.live.estimate import LOST
-from slams.localize.finder import Finder
+from slams.localize.global_localizer import GlobalLocalizer
 from slams.localize.localizer import Localizer
 from slams.localize.source import Given, Prepared, open_map, prepare
 from slams.params import Params
@@ -39,7 +39,7 @@ class Arrival:
 
     def __init__(self, ready: Prepared, start: Pose2 | None, notes: list[str]) -> None:
         self._ready, self._start, self._notes = ready, start, notes
-        self._finder = Finder(ready.atlas)
+        self._global = GlobalLocalizer(ready.map_index)
         self._localizer: Localizer | None = None
         self._sought = 0
 
@@ -55,7 +55,7 @@ class Arrival:
 
     def map(self) -> OccupancyGrid:
         """The map it was given."""
-        return self._ready.atlas.grid
+        return self._ready.map_index.grid
 
     def report(self) -> dict[str, Any]:
         """The algorithm's counts, how much the map explains, and the scans it was sought for."""
@@ -80,7 +80,7 @@ class Arrival:
         """Share of the last scan's beams that the map explains, 0..1."""
         if self._localizer is not None:
             return self._localizer.explained
-        return self._finder.candidates[0].explained if self._finder.candidates else 0.0
+        return self._global.candidates[0].inliers if self._global.candidates else 0.0
 
     @property
     def quality(self) -> float:
@@ -98,26 +98,27 @@ class Arrival:
         if self._localizer is not None:
             return ""
         places = (
-            f"{_text(c.pose)} with odds {c.odds:.2f}, {c.explained:.0%} explained"
-            for c in self._finder.candidates[:TOLD]
+            f"{_text(c.pose)} with probability {c.probability:.2f}, {c.inliers:.0%} explained"
+            for c in self._global.candidates[:TOLD]
         )
         return f"most likely: {'; '.join(places) or 'none'}"
 
     @property
     def _likeliest(self) -> Pose2:
-        return self._finder.candidates[0].pose if self._finder.candidates else IDENTITY
+        return self._global.candidates[0].pose if self._global.candidates else IDENTITY
 
     def _seek(self, scan: Scan) -> None:
         if self._start is not None:
-            seen = self._ready.atlas.look(scan, self._start)
-            self._begin(seen.pose, f"starts at {_text(seen.pose)}", seen.explained)
+            seen = self._ready.map_index.match(scan, [self._start])[0]
+            self._begin(seen.pose, f"starts at {_text(seen.pose)}", seen.inliers)
             return
-        found = self._finder.add(scan)
+        found = self._global.add(scan)
         if found is None:
             self._sought += 1
             return
-        how = f"found at {_text(found.pose)} after {self._sought} scans; odds {found.odds:.3f}"
-        self._begin(found.pose, how, found.explained)
+        how = f"found at {_text(found.pose)} after {self._sought} scans"
+        how += f"; probability {found.probability:.3f}"
+        self._begin(found.pose, how, found.inliers)
 
     def _begin(self, pose: Pose2, how: str, explained: float) -> None:
         self._notes.append(f"{how}; the map explains {explained:.0%} of the scan there")
@@ -143,7 +144,7 @@ def arrival(
     ready = prepare(entry, params, _given(place, notes))
     if start is not None:
         return Arrival(ready, Pose2(*map(float, start)), notes)
-    _ = ready.atlas.places  # a second per 1000 m^2, before the scans come
+    _ = ready.map_index.lattice  # a second per 1000 m^2, before the scans come
     return Arrival(ready, None, notes)
 
 
