@@ -1,7 +1,6 @@
 """Found from nothing in a map, and told when that is in doubt."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -149,6 +148,16 @@ def test_a_square_room_is_in_doubt_for_ever():
     assert max(c.probability for c in localizer.candidates) < 0.6
 
 
+class NothingFound:
+    """A search in vain."""
+
+    def __init__(self, index, scan):
+        self.found = []
+
+    def advance(self, work):
+        return True
+
+
 def test_all_places_in_doubt_move_by_the_wheels(monkeypatch):
     square = np.array(box(0.0, 0.0, 6.0, 6.0))
     localizer = GlobalLocalizer(grid_of(square, inside=(1.0, 1.0)))
@@ -159,8 +168,7 @@ def test_all_places_in_doubt_move_by_the_wheels(monkeypatch):
         localizer.add(noisy(poses[k], k, segments=square, odometry=odometry))
         if k == 0:
             expected = [c.pose @ far for c in localizer.candidates]
-            finds_nothing = SimpleNamespace(found=[], advance=lambda work: True)
-            monkeypatch.setattr(global_localizer, "Search", lambda *_: finds_nothing)
+            monkeypatch.setattr(global_localizer, "Search", NothingFound)
     assert len(localizer.candidates) == len(expected) == 4
     for pose in expected:
         assert min(off(c.pose, pose)[0] for c in localizer.candidates) < 0.05
