@@ -20,7 +20,6 @@ SHARED = (
     "frontend",
     "extent",
     "cells",
-    "patience",
     "usual",
     "scan",
     "refine",
