@@ -19,8 +19,6 @@ from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 if TYPE_CHECKING:
     from slams.registry import Entry
 
-TOLD = 3  # of the likely places
-
 
 class Arrival:
     """A `Slam` that seeks its place in a map, scan by scan, and from there on is a `Localizer`.
@@ -97,11 +95,7 @@ class Arrival:
         """The likeliest places while the place is sought, as a sentence's end; else nothing."""
         if self._localizer is not None:
             return ""
-        places = (
-            f"{_text(c.pose)} with probability {c.probability:.2f}, {c.inliers:.0%} explained"
-            for c in self._global.candidates[:TOLD]
-        )
-        return f"most likely: {'; '.join(places) or 'none'}"
+        return f"most likely: {self._global.likely}"
 
     @property
     def _likeliest(self) -> Pose2:
@@ -109,19 +103,17 @@ class Arrival:
 
     def _seek(self, scan: Scan) -> None:
         if self._start is not None:
-            seen = self._ready.map_index.match(scan, [self._start])[0]
-            self._begin(seen.pose, f"starts at {_text(seen.pose)}", seen.inliers)
+            match = self._ready.map_index.match(scan, [self._start])[0]
+            self._begin(match.pose, f"starts at {match}")
             return
         found = self._global.add(scan)
         if found is None:
             self._sought += 1
             return
-        how = f"found at {_text(found.pose)} after {self._sought} scans"
-        how += f"; probability {found.probability:.3f}"
-        self._begin(found.pose, how, found.inliers)
+        self._begin(found.pose, f"found at {found} after {self._sought} scans")
 
-    def _begin(self, pose: Pose2, how: str, explained: float) -> None:
-        self._notes.append(f"{how}; the map explains {explained:.0%} of the scan there")
+    def _begin(self, pose: Pose2, note: str) -> None:
+        self._notes.append(note)
         self._localizer = self._ready.at(pose)
 
 
@@ -152,7 +144,3 @@ def _given(place: str | Path | OccupancyGrid, notes: list[str]) -> Given:
     if isinstance(place, OccupancyGrid):
         return Given(place, None, "")
     return open_map(place, notes)
-
-
-def _text(pose: Pose2) -> str:
-    return f"{pose.x:.2f}, {pose.y:.2f} m, {pose.theta:.2f} rad"

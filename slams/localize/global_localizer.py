@@ -94,6 +94,12 @@ class GlobalLocalizer:
             pass
         return self.candidates[0] if not self._queue and self._is_certain else None
 
+    @property
+    def likely(self) -> str:
+        """The three most likely candidates, for a message."""
+        some = (f"{c} with probability {c.probability:.2f}" for c in self.candidates[:3])
+        return "; ".join(some) or "none"
+
     def explains(self, candidate: Candidate) -> bool:
         """Whether the map explains a scan at a candidate."""
         return candidate.score >= self._min_score and candidate.conflicts < MAX_CONFLICTS
@@ -153,10 +159,9 @@ class GlobalLocalizer:
 
     def _conclude(self, at: Observation, found: list[Candidate]) -> None:
         """Weigh the candidates anew, with those that the search has found."""
-        known, found = (
-            [c for c in some if at.reaches(c.pose)] for some in (self.candidates, found)
-        )
-        self.candidates = merged(known, found)[: self._max_candidates]
+        known = [candidate for candidate in self.candidates if at.reaches(candidate.pose)]
+        fresh = [candidate for candidate in found if at.reaches(candidate.pose)]
+        self.candidates = merged(known, fresh)[: self._max_candidates]
         self.failed = not any(map(self.explains, self.candidates))
         self._searched_at = at.scan.t
         if self.candidates:

@@ -63,6 +63,10 @@ class Candidate(NamedTuple):
         """Share of beams that are inliers, less those in conflict."""
         return self.inliers - self.conflicts
 
+    def __str__(self) -> str:
+        x, y, theta = self.pose
+        return f"{x:.2f}, {y:.2f} m, {theta:.2f} rad ({self.inliers:.0%} of the scan explained)"
+
 
 class MapIndex:
     """A map with its distances and its view lattice; a second of work per 1000 m^2.

@@ -89,13 +89,12 @@ class Start(NamedTuple):
 
 def start_at(index: MapIndex, log: ScanLog, pose: Pose2) -> Start:
     """The first scan, at the pose near the given one where it fits best."""
-    seen = index.match(next(iter(log)), [pose])[0]
-    note = f"starts at {_text(seen.pose)}; the map explains {seen.inliers:.0%} of the scan there"
-    return Start(0, seen.pose, note)
+    match = index.match(next(iter(log)), [pose])[0]
+    return Start(0, match.pose, f"starts at {match}")
 
 
 def find_start(index: MapIndex, log: ScanLog) -> Start:
-    """The first scan of a log at which its place in the map is sure.
+    """The first scan of a log at which its pose in the map is certain.
 
     Raises:
         RuntimeError: it never is; the sentence tells the most likely places.
@@ -104,18 +103,10 @@ def find_start(index: MapIndex, log: ScanLog) -> Start:
     for number, scan in enumerate(log):
         found = localizer.add(scan)
         if found is not None:
-            note = (
-                f"found at {_text(found.pose)} by scan {number} of {len(log)}; "
-                f"probability {found.probability:.3f}, the map explains {found.inliers:.0%} of it"
-            )
-            return Start(number, found.pose, note)
-    places = "; ".join(
-        f"{_text(c.pose)} with probability {c.probability:.2f}, {c.inliers:.0%} explained"
-        for c in localizer.candidates[:3]
-    )
+            return Start(number, found.pose, f"found at {found} by scan {number} of {len(log)}")
     raise RuntimeError(
         f"{log.name}: its place in the map is not sure after all {len(log)} scans (most likely: "
-        f"{places or 'none'}); expected a log that leaves alike places, or --start"
+        f"{localizer.likely}); expected a log that leaves alike places, or --start"
     )
 
 
@@ -132,7 +123,3 @@ def pose_of(text: str) -> Pose2:
     except ValueError:
         raise ValueError(f"--start: got {text!r}, expected x,y,theta in m and rad") from None
     return Pose2(x, y, theta)
-
-
-def _text(pose: Pose2) -> str:
-    return f"{pose.x:.2f}, {pose.y:.2f} m, {pose.theta:.2f} rad"

@@ -251,12 +251,12 @@ def test_a_run_localizes_in_a_map_of_map_server(files, capsys):
     there = ("hector", files / "room.npz", "--localize", files / "map.yaml", "--out", files / "o")
     assert command(*there) == 0
     said = capsys.readouterr().err
-    assert "note: found at 0.3" in said and "by scan 0 of 40; probability" in said
+    assert "note: found at 0.3" in said and "explained) by scan 0 of 40" in said
     assert errors(files / "o").max() < 0.05 and len(errors(files / "o")) == 40
     report = json.loads((files / "o" / "summary.json").read_text())["report"]
     assert report["explained"] > 0.9
     assert command(*there, "--start=0.35,-0.2,0.4", "--limit", "9") == 0
-    assert "% of the scan there" in capsys.readouterr().err
+    assert "% of the scan explained" in capsys.readouterr().err
     assert len(errors(files / "o")) == 9
 
 
