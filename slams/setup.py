@@ -139,9 +139,9 @@ def _localizing(
     ready = source.prepare(entry, params, source.open_map(arguments.localize, notes))
     seen = log if not arguments.no_odometry else log.select(odometry=False)
     if start is not None:
-        found = source.start_at(ready.atlas, seen, start)
+        found = source.start_at(ready.map_index, seen, start)
     else:
-        found = source.find_start(ready.atlas, seen)
+        found = source.find_start(ready.map_index, seen)
     return ready.at(found.pose), log.from_scan(found.scan), [*notes, found.note]
 
 

@@ -2,13 +2,13 @@ import math
 
 import numpy as np
 import pytest
-from slams.extent import Extent
 
 from gmapping import GMapping, GMappingParams
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, insert
 from gmapping.particles import Particles, normalize, staying, systematic
 from gmapping.tile_kernels import own_slot
+from slams.grid_bounds import GridBounds
 from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping.scenes import (
     LASER,
@@ -149,7 +149,7 @@ def test_growth_keeps_every_cell_where_it_was():
     before, used = linearized(tiles.tiles, np.zeros(3), surface), tiles.used
     assert insert(tiles.tiles, away, surface, SPLAT) > 0  # outside the tables
     assert tiles.used == used
-    tiles.extent = Extent(1 << 26, 0.05)
+    tiles.extent = GridBounds(1 << 26, 0.05)
     tiles.cover(np.array([-40.0, -3.0]), np.array([2.0, 25.0]))
     after = linearized(tiles.tiles, np.zeros(3), surface)
     for a, b in zip(before, after, strict=True):
