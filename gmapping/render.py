@@ -36,7 +36,7 @@ class Ends(NamedTuple):
     points: NDArray[np.float32]
     mount: Pose2
 
-    def ray(self) -> Ray:
+    def __call__(self) -> Ray:
         """What is drawn of it."""
         return Ray(self.points.astype(np.float64), np.array([[self.mount.x, self.mount.y]]))
 
