@@ -9,7 +9,7 @@ from typing import Any
 
 from slams.formats.bag import Record
 from slams.live.dds_types import packed, ros_name, sample, topic_name
-from slams.live.wire import Quality, Taker
+from slams.live.transport import Callback, Quality
 
 DEPTH = {Quality.SENSOR: 5, Quality.RELIABLE: 100, Quality.LATCHED: 1}  # as ROS's profiles keep
 UNREAD = 200  # messages of a topic that wait to be taken
@@ -25,7 +25,7 @@ LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
 _domains: dict[int, Any] = {}  # kept: a process configures a domain once
 
 
-class DdsWire:
+class DdsTransport:
     """One participant of a DDS domain.
 
     Args:
@@ -41,37 +41,37 @@ class DdsWire:
         if not 0 <= domain <= MOST_DOMAIN:
             raise ValueError(f"domain: got {domain}, expected 0 to {MOST_DOMAIN}")
         self._participant = _participant(domain, localhost)
-        self._readers: dict[str, tuple[Any, str, Taker]] = {}
+        self._readers: dict[str, tuple[Any, str, Callback]] = {}
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._receive, name="dds", daemon=True)
         self._published = _publications(self._participant)
 
-    def subscribe(self, topic: str, msgtype: str, quality: Quality, take: Taker) -> None:
-        """Have `take` called for every message of a topic; before `listen`."""
+    def subscribe(self, topic: str, msgtype: str, quality: Quality, callback: Callback) -> None:
+        """Have a callback called for every message of a topic; before `listen`."""
         from cyclonedds.sub import DataReader
 
         qos = _qos(quality, UNREAD)  # of all its writers together
         reader = DataReader(self._participant, self._topic(topic, msgtype), qos)
-        self._readers[topic] = (reader, msgtype, take)
+        self._readers[topic] = (reader, msgtype, callback)
 
-    def advertise(self, topic: str, msgtype: str, quality: Quality) -> DdsOutlet:
+    def advertise(self, topic: str, msgtype: str, quality: Quality) -> DdsPublisher:
         """Begin to publish a topic."""
         from cyclonedds.pub import DataWriter
 
         qos = _qos(quality, DEPTH[quality])
         writer = DataWriter(self._participant, self._topic(topic, msgtype), qos)
-        return DdsOutlet(writer, msgtype)
+        return DdsPublisher(writer, msgtype)
 
     def listen(self) -> None:
         """Begin to receive."""
         self._thread.start()
 
     def topics(self) -> dict[str, str]:
-        """Topics that somebody publishes, with their message types."""
+        """Topics that have a publisher, with their message types."""
         found = (e for e in self._published.read(10_000) if e.topic_name.startswith("rt/"))
         return {e.topic_name.removeprefix("rt"): ros_name(e.type_name) for e in found}
 
-    def writers(self, topic: str) -> int:
+    def publishers(self, topic: str) -> int:
         """How many publish a topic that is subscribed."""
         return len(self._readers[topic][0].get_matched_publications())
 
@@ -107,20 +107,20 @@ class DdsWire:
 
     def _take_all(self) -> None:
         received = time.time_ns()
-        for topic, (reader, msgtype, take) in self._readers.items():
+        for topic, (reader, msgtype, callback) in self._readers.items():
             for one in reader.take(UNREAD):
                 if hasattr(one, "cdr"):  # others say that a writer has left
-                    take(Record(topic, msgtype, received, one.cdr))
+                    callback(Record(topic, msgtype, received, one.cdr))
 
 
-class DdsOutlet:
+class DdsPublisher:
     """One topic that is published."""
 
     def __init__(self, writer: Any, msgtype: str) -> None:
         self._writer, self._msgtype = writer, msgtype
 
-    def send(self, data: bytes) -> None:
-        """Publish a message.
+    def publish(self, data: bytes) -> None:
+        """Send a message.
 
         Raises:
             OSError: DDS does not take it.
@@ -133,7 +133,7 @@ class DdsOutlet:
             raise OSError(f"DDS does not take a {self._msgtype}: {error}") from error
 
     @property
-    def readers(self) -> int:
+    def subscribers(self) -> int:
         """How many subscribe to it now."""
         return len(self._writer.get_matched_subscriptions())
 

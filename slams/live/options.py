@@ -1,4 +1,4 @@
-"""What a live node is told: topics, frames and times, with ROS's defaults."""
+"""Topics, frames and times of a live node, with ROS's defaults."""
 
 from __future__ import annotations
 
@@ -30,11 +30,10 @@ class NodeOptions:
         odom_frame: the odometry's frame.
         base_frame: the frame that poses are of; None: what the odometry is of, else base_link.
         odometry: "auto" (tf, else the topic), "tf", "topic" or "none".
-        imu: whether the gyro is listened to.
+        imu: whether the gyro is subscribed.
         queue: scans that wait at most.
-        patience: for the first scan, and for the frames that were asked for [s].
         wait: for odometry and gyro to catch up with a scan [s].
-        map_every: time between two maps [s]; 0 for none but the last.
+        map_every: time between two maps [s]; 0 for none.
         tf_ahead: how far ahead of its scan a transform is stamped, so that it holds until the
             next one [s].
     """
@@ -46,7 +45,6 @@ class NodeOptions:
     odometry: str = "auto"
     imu: bool = True
     queue: int = 20
-    patience: float = 5.0
     wait: float = 0.4
     map_every: float = 2.0
     tf_ahead: float = 0.1

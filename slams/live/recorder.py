@@ -1,4 +1,4 @@
-"""--record: all that comes in and goes out, as one mcap file."""
+"""--record: all messages in and out, as one mcap file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from slams.formats.bag import IMU, ODOMETRY, POSE_COV, SCAN, TF
 from slams.formats.mcap_file import McapFile
 from slams.live.options import Topics
-from slams.live.wire import MAP, STATUS
+from slams.live.transport import MAP, STATUS
 
 Entry = tuple[str, int, bytes]
 
