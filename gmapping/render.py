@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +31,8 @@ class Ray(NamedTuple):
         return Ray(pose.transform(self.points[:, :2]), pose.transform(self.sensor))
 
 
-class Ends(NamedTuple):
+@dataclass(frozen=True)
+class Ends:
     """What of a key scan is kept: end points (n, 2) x, y [m], and the laser's mount."""
 
     points: NDArray[np.float32]

@@ -109,7 +109,7 @@ def way(label: str, log: ScanLog) -> dict[str, Any]:
     slam = _warm(label, log.select(WARM_UP_SCANS))
     run = timed(slam, log, len(log))
     grid, drawing = _drawn(slam)
-    holding = _held(slam, len(log))
+    holding = _held(slam)
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(truth[:, :2], axis=0).T))])
     seen = float(np.isfinite(grid.p).sum()) * grid.resolution**2
     return {
@@ -159,27 +159,14 @@ def _warm(label: str, scans: Iterable[Scan]) -> Slam:
     return entry.cls(params)
 
 
-class Stopwatch:
-    """A lock that only tells for how long it was held at most, in CPU time [s]."""
-
-    def __init__(self) -> None:
-        self.longest = self._begun = 0.0
-
-    def __enter__(self) -> None:
-        self._begun = time.process_time()
-
-    def __exit__(self, *_: object) -> None:
-        self.longest = max(self.longest, time.process_time() - self._begun)
-
-
-def _held(slam: Slam, scans: int) -> float:
-    """For how long [s] a `LiveSlam` at the end of its way would hold scans for a map, at most."""
-    from slams.live.drawing import Drawer
-
-    drawer, lock = Drawer(), Stopwatch()
+def _held(slam: Slam) -> float:
+    """For how much CPU time [s] a `LiveSlam` would hold scans for a map, at most."""
+    times = []
     for _ in range(HOLDS):
-        drawer.draw(slam, lock, scans)
-    return lock.longest
+        begun = time.process_time()
+        getattr(slam, "snapshot", slam.map)()
+        times.append(time.process_time() - begun)
+    return max(times)
 
 
 def _drawn(slam: Slam) -> tuple[OccupancyGrid, float]:

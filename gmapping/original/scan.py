@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -47,7 +47,8 @@ class EndPoints:
         return Beams(*laser.mount, x, y, turn, laser.range_min, far)
 
 
-class KeptScan(NamedTuple):
+@dataclass(frozen=True)
+class KeptScan:
     """A keyframe's scan, which its rays are made of whenever it is drawn."""
 
     points: EndPoints

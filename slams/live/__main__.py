@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 from slams import cli
 from slams.begin import add_state_options, given_start
-from slams.live.options import NodeOptions, Topics
-from slams.live.transport import add_network_options, transport_of
+from slams.live.options import NodeOptions, Topics, add_network_options, transport_of
 from slams.run import chosen, parameter_table
 
 if TYPE_CHECKING:

@@ -213,12 +213,16 @@ class LiveSlam:
             return self._last
 
     def map(self) -> OccupancyGrid:
-        """The map as it stands now, drawn when asked for; pushes wait meanwhile."""
+        """The map as it stands now, drawn when asked for.
+
+        Pushes wait meanwhile, or only for a copy where the algorithm has a method `snapshot`, which
+        returns a function that draws the map as it stood while updates go on.
+        """
         with self._lock:
             begun = time.perf_counter()
-            grid = self._slam.map()
+            drawn = getattr(self._slam, "snapshot", self._slam.map)()
             self.held = time.perf_counter() - begun
-            return grid
+        return drawn if isinstance(drawn, OccupancyGrid) else drawn()
 
     def save(self, path: str | Path, **beside: Any) -> None:
         """Keep all that is known in one file, whole or not at all, to go on from by `state=`.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
-import os
 from collections.abc import Callable
 from enum import Enum
 from typing import Protocol
@@ -63,34 +61,3 @@ class Transport(Protocol):
     def close(self) -> None:
         """Leave the network."""
         ...
-
-
-def add_network_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command the options of ROS 2's network."""
-    group = parser.add_argument_group("network", "ROS 2 by DDS, with ROS's names and settings")
-    group.add_argument("--domain-id", type=int, metavar="N", help="default: ROS_DOMAIN_ID, else 0")
-    group.add_argument(
-        "--localhost-only",
-        action="store_true",
-        help="speak to this machine only, as with ROS_LOCALHOST_ONLY=1",
-    )
-
-
-def transport_of(arguments: argparse.Namespace) -> Transport:
-    """The network that the options name.
-
-    Raises:
-        LookupError: cyclonedds is not installed.
-        ValueError: no such domain, or no network.
-    """
-    from slams.live.dds import DdsTransport
-
-    domain: int | None = arguments.domain_id
-    if domain is None:
-        text = os.environ.get("ROS_DOMAIN_ID", "") or "0"
-        if not text.isdecimal():
-            raise ValueError(f"ROS_DOMAIN_ID: got {text!r}, expected a number")
-        domain = int(text)
-    local = os.environ.get("ROS_LOCALHOST_ONLY") == "1"  # of Humble; the next one of Jazzy
-    local |= os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "LOCALHOST"
-    return DdsTransport(domain, arguments.localhost_only or local)

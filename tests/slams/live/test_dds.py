@@ -184,9 +184,7 @@ def turtlebot(n=25):
     return slams.ScanLog(log.t, log.ranges, log.laser, fine.odom, None, None, {"name": "tb"})
 
 
-def test_a_run_of_the_recording_gives_the_poses_of_the_robot(
-    transports, started, tmp_path
-):
+def test_a_run_of_the_recording_gives_the_poses_of_the_robot(transports, started, tmp_path):
     turtlebot().save(tmp_path / "tb.npz")
     watcher, maps, moves = transports(), [], []
     watcher.subscribe("/map", MAP, Quality.LATCHED, maps.append)
