@@ -33,7 +33,7 @@ def parser() -> argparse.ArgumentParser:
     )
     cli.add_algorithm_options(p)
     p.add_argument("--out", metavar="DIR", help="default: results/live-<algorithm>")
-    p.add_argument("--record", metavar="FILE.mcap", help="keep all that comes in and goes out")
+    p.add_argument("--record", metavar="FILE.mcap", help="a bag of all messages in and out")
     p.add_argument("-q", "--quiet", action="store_true", help="no notes, no status line")
     add_state_options(p)
     _add_topics(p)
@@ -44,38 +44,44 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_topics(p: argparse.ArgumentParser) -> None:
     group, usual = p.add_argument_group("topics"), Topics()
-    group.add_argument("--scan-topic", metavar="TOPIC", default=usual.scan, help=usual.scan)
+    group.add_argument(
+        "--scan-topic", metavar="TOPIC", default=usual.scan, help=f"scans: {usual.scan}"
+    )
     group.add_argument(
         "--odom",
         metavar="TOPIC",
         default="auto",
         help="odometry: auto (tf where it has that frame, else /odom), tf, a topic or none",
     )
-    group.add_argument("--imu", metavar="TOPIC", default=usual.imu, help=f"{usual.imu}; or none")
+    group.add_argument(
+        "--imu", metavar="TOPIC", default=usual.imu, help=f"gyro: {usual.imu}; or none"
+    )
     for name in ("map", "pose", "state"):
         topic = getattr(usual, name)
-        group.add_argument(f"--{name}-topic", metavar="TOPIC", default=topic, help=topic)
+        group.add_argument(f"--{name}-topic", metavar="TOPIC", default=topic, help=f"out: {topic}")
 
 
 def _add_frames(p: argparse.ArgumentParser) -> None:
     group, usual = p.add_argument_group("frames and times"), NodeOptions()
-    group.add_argument("--map-frame", metavar="FRAME", default=usual.map_frame, help="map")
-    group.add_argument("--odom-frame", metavar="FRAME", default=usual.odom_frame, help="odom")
-    group.add_argument(
-        "--base-frame", metavar="FRAME", help="what the odometry is of, else base_link"
-    )
-    group.add_argument(
-        "--queue", type=int, metavar="N", default=usual.queue, help="scans that wait at most"
-    )
+    frames = {
+        "map_frame": "of map and poses",
+        "odom_frame": "of the odometry",
+        "base_frame": "of the robot, whose poses are published; default: that of the odometry, "
+        "else base_link",
+    }
     times = {
-        "map_every": "time between two maps [s], 0 for none but the last",
+        "map_every": "time between two maps [s], 0 for none",
         "wait": "for odometry and gyro to catch up with a scan [s]",
         "tf_ahead": "how far ahead of its scan a transform is stamped [s]",
     }
-    for name, text in times.items():
-        value = getattr(usual, name)
-        flag = f"--{name.replace('_', '-')}"
-        group.add_argument(flag, type=float, metavar="S", default=value, help=f"{text}: {value:g}")
+    for name, text in (frames | times).items():
+        value, flag = getattr(usual, name), f"--{name.replace('_', '-')}"
+        kind, unit = (float, "S") if name in times else (str, "FRAME")
+        shown = text if value is None else f"{text}: {value}"
+        group.add_argument(flag, type=kind, metavar=unit, default=value, help=shown)
+    group.add_argument(
+        "--queue", type=int, metavar="N", default=usual.queue, help="scans that wait at most: 20"
+    )
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -137,34 +143,24 @@ def _why_nothing(node: Node) -> str:
 
 
 def node_options(arguments: argparse.Namespace) -> NodeOptions:
-    """What the command line says of topics, frames and times.
+    """The options of topics, frames and times.
 
     Raises:
         ValueError: a number is out of its bounds.
     """
     usual, odom = Topics(), arguments.odom
-    named = odom not in ("auto", "tf", "none")
-    silent = arguments.imu == "none"
+    named, imu = odom not in ("auto", "tf", "none"), arguments.imu != "none"
     topics = Topics(
         scan=_absolute(arguments.scan_topic),
         odom=_absolute(odom) if named else usual.odom,
-        imu=usual.imu if silent else _absolute(arguments.imu),
+        imu=_absolute(arguments.imu) if imu else usual.imu,
         map=_absolute(arguments.map_topic),
         pose=_absolute(arguments.pose_topic),
         state=_absolute(arguments.state_topic),
     )
-    return NodeOptions(
-        topics=topics,
-        map_frame=arguments.map_frame,
-        odom_frame=arguments.odom_frame,
-        base_frame=arguments.base_frame,
-        odometry="topic" if named else odom,
-        imu=not silent,
-        queue=arguments.queue,
-        wait=arguments.wait,
-        map_every=arguments.map_every,
-        tf_ahead=arguments.tf_ahead,
-    )
+    same = ("map_frame", "odom_frame", "base_frame", "queue", "wait", "map_every", "tf_ahead")
+    values = {name: getattr(arguments, name) for name in same}
+    return NodeOptions(topics, odometry="topic" if named else odom, imu=imu, **values)
 
 
 def _absolute(topic: str) -> str:
@@ -209,7 +205,8 @@ def _drive(
         terminal.end()
         node.close()
         if node.recorder is not None:
-            cli.refusing(node.recorder.close if node.drive.t else node.recorder.abandon)
+            recorder, driven = node.recorder, bool(node.drive.t)
+            cli.refusing(lambda: recorder.close(keep=driven))
     return node
 
 

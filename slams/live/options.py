@@ -82,7 +82,7 @@ def transport_of(arguments: argparse.Namespace) -> Transport:
         LookupError: cyclonedds is not installed.
         ValueError: no such domain, or no network.
     """
-    from slams.live.dds import DdsTransport
+    from slams.live.transport import Transport
 
     domain: int | None = arguments.domain_id
     if domain is None:
@@ -92,4 +92,4 @@ def transport_of(arguments: argparse.Namespace) -> Transport:
         domain = int(text)
     local = os.environ.get("ROS_LOCALHOST_ONLY") == "1"  # of Humble; the next one of Jazzy
     local |= os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "LOCALHOST"
-    return DdsTransport(domain, arguments.localhost_only or local)
+    return Transport(domain, arguments.localhost_only or local)

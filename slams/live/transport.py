@@ -1,12 +1,16 @@
-"""The network of a node, whatever carries its messages: topics in, topics out, all in CDR."""
+"""The network of ROS 2 without ROS: DDS by the cyclonedds wheel (extra `live`), messages in CDR."""
 
 from __future__ import annotations
 
+import os
+import threading
+import time
 from collections.abc import Callable
 from enum import Enum
-from typing import Protocol
+from typing import Any
 
 from slams.formats.bag import IMU, ODOMETRY, POSE_COV, SCAN, TF, Record
+from slams.live.dds_types import packed, ros_name, sample, topic_name
 
 MAP, STATUS = "nav_msgs/msg/OccupancyGrid", "diagnostic_msgs/msg/DiagnosticArray"
 TYPES = (SCAN, ODOMETRY, IMU, TF, MAP, POSE_COV, STATUS)
@@ -22,42 +26,169 @@ class Quality(Enum):
     LATCHED = "transient local"  # a late subscriber gets the last message
 
 
-class Publisher(Protocol):
+DEPTH = {Quality.SENSOR: 5, Quality.RELIABLE: 100, Quality.LATCHED: 1}  # as ROS's profiles keep
+MAX_UNREAD = 200  # messages of a topic that wait to be taken
+END_PERIOD = 0.1  # [s] between looks at whether to end
+MAX_BLOCKING = 0.1  # [s] that a writer may wait for slow readers, as in ROS
+MAX_DOMAIN = 232  # beyond, DDS has no ports
+LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
+<NetworkInterface address="127.0.0.1" multicast="true"/></Interfaces></General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32
+</MaxAutoParticipantIndex><Peers><Peer address="localhost"/></Peers></Discovery>
+</Domain></CycloneDDS>"""
+
+_domains: dict[int, Any] = {}  # kept: a process configures a domain once
+
+
+class Transport:
+    """One participant of a DDS domain.
+
+    Args:
+        domain: its number, as ROS_DOMAIN_ID.
+        localhost: speak to this machine only. CYCLONEDDS_URI, where it is set, decides instead.
+
+    Raises:
+        LookupError: cyclonedds is not installed.
+        ValueError: no such domain, or DDS finds no network.
+    """
+
+    def __init__(self, domain: int = 0, localhost: bool = False) -> None:
+        if not 0 <= domain <= MAX_DOMAIN:
+            raise ValueError(f"domain: got {domain}, expected 0 to {MAX_DOMAIN}")
+        self._participant = _participant(domain, localhost)
+        self._readers: dict[str, tuple[Any, str, Callback]] = {}
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._receive, name="dds", daemon=True)
+        self._published = _publications(self._participant)
+
+    def subscribe(self, topic: str, msgtype: str, quality: Quality, callback: Callback) -> None:
+        """Have a callback called for every message of a topic; before `listen`."""
+        from cyclonedds.sub import DataReader
+
+        qos = _qos(quality, MAX_UNREAD)  # of all its writers together
+        reader = DataReader(self._participant, self._topic(topic, msgtype), qos)
+        self._readers[topic] = (reader, msgtype, callback)
+
+    def advertise(self, topic: str, msgtype: str, quality: Quality) -> Publisher:
+        """Begin to publish a topic."""
+        from cyclonedds.pub import DataWriter
+
+        qos = _qos(quality, DEPTH[quality])
+        writer = DataWriter(self._participant, self._topic(topic, msgtype), qos)
+        return Publisher(writer, msgtype)
+
+    def listen(self) -> None:
+        """Begin to receive."""
+        self._thread.start()
+
+    def topics(self) -> dict[str, str]:
+        """Topics that have a publisher, with their message types."""
+        found = (e for e in self._published.read(10_000) if e.topic_name.startswith("rt/"))
+        return {e.topic_name.removeprefix("rt"): ros_name(e.type_name) for e in found}
+
+    def publishers(self, topic: str) -> int:
+        """How many publish a topic that is subscribed."""
+        return len(self._readers[topic][0].get_matched_publications())
+
+    def close(self) -> None:
+        """Leave the domain; what was advertised is gone with it."""
+        self._ending.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._readers.clear()
+        self._published = self._participant = None
+
+    def _topic(self, topic: str, msgtype: str) -> Any:
+        from cyclonedds.core import DDSException
+        from cyclonedds.topic import Topic
+
+        try:
+            return Topic(self._participant, topic_name(topic), packed(msgtype))
+        except DDSException as error:
+            raise ValueError(f"{topic!r} is no name of a topic for DDS ({error})") from error
+
+    def _receive(self) -> None:
+        """Hand over messages as they come, until the end."""
+        from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
+        from cyclonedds.util import duration
+
+        waiting, new = WaitSet(self._participant), SampleState.NotRead
+        for reader, _, _ in self._readers.values():
+            mask = ViewState.Any | InstanceState.Any | new
+            waiting.attach(ReadCondition(reader, mask))
+        while not self._ending.is_set():
+            if waiting.wait(duration(seconds=END_PERIOD)):
+                self._take_all()
+
+    def _take_all(self) -> None:
+        received = time.time_ns()
+        for topic, (reader, msgtype, callback) in self._readers.items():
+            for one in reader.take(MAX_UNREAD):
+                if hasattr(one, "cdr"):  # others say that a writer has left
+                    callback(Record(topic, msgtype, received, one.cdr))
+
+
+class Publisher:
     """One topic that is published."""
 
+    def __init__(self, writer: Any, msgtype: str) -> None:
+        self._writer, self._msgtype = writer, msgtype
+
     def publish(self, data: bytes) -> None:
-        """Send a message, CDR with its header; OSError where the network does not take it."""
-        ...
+        """Send a message.
+
+        Raises:
+            OSError: DDS does not take it.
+        """
+        from cyclonedds.core import DDSException
+
+        try:
+            self._writer.write(sample(self._msgtype, data))
+        except DDSException as error:
+            raise OSError(f"DDS does not take a {self._msgtype}: {error}") from error
 
     @property
     def subscribers(self) -> int:
         """How many subscribe to it now."""
-        ...
+        return len(self._writer.get_matched_subscriptions())
 
 
-class Transport(Protocol):
-    """A participant of the network."""
+def _participant(domain: int, localhost: bool) -> Any:
+    try:
+        from cyclonedds.core import DDSException
+        from cyclonedds.domain import Domain, DomainParticipant
+    except ModuleNotFoundError as error:
+        raise LookupError(
+            "cyclonedds is not installed, which speaks to ROS 2; pip install 'slams[live]'"
+        ) from error
+    try:
+        if localhost and "CYCLONEDDS_URI" not in os.environ and domain not in _domains:
+            _domains[domain] = Domain(domain, LOOPBACK)
+        return DomainParticipant(domain)
+    except DDSException as error:
+        raise ValueError(
+            f"DDS cannot enter domain {domain} ({error}); is there a network, and does "
+            "CYCLONEDDS_URI, where it is set, name one of its interfaces?"
+        ) from error
 
-    def subscribe(self, topic: str, msgtype: str, quality: Quality, callback: Callback) -> None:
-        """Have a callback called for every message of a topic, in a thread of the transport."""
-        ...
 
-    def advertise(self, topic: str, msgtype: str, quality: Quality) -> Publisher:
-        """Begin to publish a topic."""
-        ...
+def _publications(participant: Any) -> Any:
+    from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 
-    def listen(self) -> None:
-        """Begin to receive, after all is subscribed."""
-        ...
+    return BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
 
-    def topics(self) -> dict[str, str]:
-        """Topics that have a publisher, with their message types."""
-        ...
 
-    def publishers(self, topic: str) -> int:
-        """How many publish a topic that is subscribed."""
-        ...
+def _qos(quality: Quality, depth: int) -> Any:
+    from cyclonedds.core import Policy, Qos
+    from cyclonedds.util import duration
 
-    def close(self) -> None:
-        """Leave the network."""
-        ...
+    reliable = Policy.Reliability.Reliable(duration(seconds=MAX_BLOCKING))
+    best = Policy.Reliability.BestEffort
+    stays, passes = Policy.Durability.TransientLocal, Policy.Durability.Volatile
+    return Qos(
+        best if quality is Quality.SENSOR else reliable,
+        stays if quality is Quality.LATCHED else passes,
+        Policy.History.KeepLast(depth),
+        Policy.IgnoreLocal.Participant,
+        Policy.DataRepresentation(use_cdrv0_representation=True),
+    )

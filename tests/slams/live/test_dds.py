@@ -24,13 +24,13 @@ pytest.importorskip("cyclonedds", reason="needs the extra live")
 @pytest.fixture
 def transports(monkeypatch):
     """Makes participants of one domain on loopback, and closes them."""
-    from slams.live.dds import DdsTransport
+    from slams.live.transport import Transport
 
     monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
     made = []
 
     def make():
-        made.append(DdsTransport(DOMAIN, localhost=True))
+        made.append(Transport(DOMAIN, localhost=True))
         return made[-1]
 
     yield make
@@ -168,10 +168,10 @@ def test_a_writer_that_leaves_is_no_message(transports):
 
 
 def test_a_domain_that_is_none_is_refused():
-    from slams.live.dds import DdsTransport
+    from slams.live.transport import Transport
 
     with pytest.raises(ValueError, match="domain: got 233, expected 0 to 232"):
-        DdsTransport(233)
+        Transport(233)
 
 
 # the commands
