@@ -44,21 +44,16 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_topics(p: argparse.ArgumentParser) -> None:
     group, usual = p.add_argument_group("topics"), Topics()
-    group.add_argument(
-        "--scan-topic", metavar="TOPIC", default=usual.scan, help=f"scans: {usual.scan}"
-    )
-    group.add_argument(
-        "--odom",
-        metavar="TOPIC",
-        default="auto",
-        help="odometry: auto (tf where it has that frame, else /odom), tf, a topic or none",
-    )
-    group.add_argument(
-        "--imu", metavar="TOPIC", default=usual.imu, help=f"gyro: {usual.imu}; or none"
-    )
-    for name in ("map", "pose", "state"):
-        topic = getattr(usual, name)
-        group.add_argument(f"--{name}-topic", metavar="TOPIC", default=topic, help=f"out: {topic}")
+    odometry = "odometry: auto (tf where it has that frame, else /odom), tf, a topic or none"
+    for flag, default, text in (
+        ("--scan-topic", usual.scan, f"scans: {usual.scan}"),
+        ("--odom", "auto", odometry),
+        ("--imu", usual.imu, f"gyro: {usual.imu}; or none"),
+        ("--map-topic", usual.map, f"out: {usual.map}"),
+        ("--pose-topic", usual.pose, f"out: {usual.pose}"),
+        ("--state-topic", usual.state, f"out: {usual.state}"),
+    ):
+        group.add_argument(flag, metavar="TOPIC", default=default, help=text)
 
 
 def _add_frames(p: argparse.ArgumentParser) -> None:

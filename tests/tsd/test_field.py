@@ -272,17 +272,6 @@ def test_a_map_that_outgrows_its_room_keeps_what_it_has():
     assert (small.snapshot().draw().p > 0.5).any()
 
 
-def test_a_snapshot_is_not_touched_by_what_comes_later():
-    slam = default()
-    scans = list(drive(n=20))
-    for scan in scans[:10]:
-        slam.update(scan)
-    before, draw = slam.map(), slam.snapshot()
-    for scan in scans[10:]:
-        slam.update(scan)
-    np.testing.assert_array_equal(draw().p, before.p)
-
-
 def test_the_picture_is_drawn(tmp_path):
     draw(tmp_path / "idea.png")
     assert 10_000 < (tmp_path / "idea.png").stat().st_size < 150_000

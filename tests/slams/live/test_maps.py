@@ -2,8 +2,14 @@
 
 import threading
 
+import numpy as np
+import pytest
+
+import slams
 from slams.live import LiveSlam
 from slams.live.maps import MAX_HELD_SHARE, MapThread
+from slams.registry import find
+from tests.rooms import drive
 
 ODOMETRY = "slams.baselines:Odometry"
 
@@ -55,3 +61,36 @@ def test_no_maps_when_none_are_wanted():
     maps.add(1)
     maps.close()
     assert maps.drawn == 0
+
+
+@pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
+def test_a_snapshot_is_not_touched_by_later_scans(name):
+    slam, scans = slams.create(name), list(drive(n=20))
+    for scan in scans[:10]:
+        slam.update(scan)
+    before, draw = slam.map(), slam.snapshot()
+    for scan in scans[10:]:
+        slam.update(scan)
+    drawn = draw()
+    np.testing.assert_array_equal(drawn.p, before.p)
+    assert (drawn.origin, drawn.resolution) == (before.origin, before.resolution)
+    assert not np.array_equal(slam.map().p, before.p, equal_nan=True)
+
+
+def test_no_push_waits_while_a_map_is_drawn_from_a_snapshot():
+    free = []
+
+    class Copied(find("odometry").cls):
+        def snapshot(self):
+            return self.draw
+
+        def draw(self):
+            other = threading.Thread(target=lambda: free.append(live._lock.acquire(blocking=False)))
+            other.start()
+            other.join()
+            return self.map()
+
+    live = LiveSlam(ODOMETRY, warm_up=False)
+    live._begin(Copied(live.params))
+    live.map()
+    assert free == [True]
