@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from slams.plausible import LATEST, can_be
+from slams.validation import LATEST, can_be
 
 LONGEST_GAP = 0.5  # s without a yaw rate that may still be bridged
 

@@ -22,6 +22,7 @@ Sensors = tuple[str, ...] | None  # what a run used, None = not known
 T = TypeVar("T")
 
 SIGNIFICANT = 0.05
+RESOLUTION = 1e-6  # m or rad: a smaller difference of two errors is rounding
 
 
 class Measure(NamedTuple):
@@ -154,11 +155,12 @@ def _used_over(outcomes: list[Outcome], algorithm: str, logs: list[str]) -> Sens
 
 
 def _same_times(a: SpanErrors, b: SpanErrors, measure: Measure) -> tuple[Floats, Floats]:
-    """Both series at the stamps that both have."""
-    if np.array_equal(a.t, b.t):
-        return measure.values(a), measure.values(b)
-    _, of_a, of_b = np.intersect1d(a.t, b.t, return_indices=True)
-    return measure.values(a)[of_a], measure.values(b)[of_b]
+    """Both series at the stamps that both have; what differs by rounding alone is equal."""
+    first, second = measure.values(a), measure.values(b)
+    if not np.array_equal(a.t, b.t):
+        _, of_a, of_b = np.intersect1d(a.t, b.t, return_indices=True)
+        first, second = first[of_a], second[of_b]
+    return first, np.where(np.abs(first - second) < RESOLUTION, first, second)
 
 
 def _entry(

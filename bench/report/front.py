@@ -40,6 +40,7 @@ SITUATIONS = {
         "jitter",
         "lag",
     ),
+    "A body that rolls and pitches": ("tilt", "tilt_unmeasured"),
     "Wheels or gyro that are wrong": (
         "slip",
         "stall",
@@ -56,9 +57,9 @@ Groups = dict[str, Group]
 def table(found: dict[str, Any], sweep: Sweep) -> str:
     """The algorithms of the sweep: idea, error on the clean log, survived, cost; and of what."""
     log, machine = found["logs"][0], found["machine"]["cpu"]
-    glance = run_tables.glance_table(log, found["rows"]).to_dict("index")
+    main = run_tables.main_table(log, found["rows"]).to_dict("index")
     groups = {mode: _groups(sweep, mode) for mode in MODES}
-    lines = {_linked(name): _line(name, glance, groups) for name in _names(groups)}
+    lines = {_linked(name): _line(name, main, groups) for name in _names(groups)}
     made = markdown_table(pd.DataFrame.from_dict(lines, orient="index"))
     made = made.replace(" ---: |", " --- |", 1)  # ideas are words
     return (
@@ -67,15 +68,15 @@ def table(found: dict[str, Any], sweep: Sweep) -> str:
     )
 
 
-def _line(name: str, glance: dict[Any, Any], groups: dict[bool, Groups]) -> dict[str, object]:
-    run = glance.get(name, {})
+def _line(name: str, main: dict[Any, Any], groups: dict[bool, Groups]) -> dict[str, object]:
+    run = main.get(name, {})
     survived = {
         f"survived, {MODES[mode]}": str(own[name].survived) if name in own else None
         for mode, own in groups.items()
     }
     return {
         "idea": IDEAS.get(name),
-        "error x bound": run.get("x bound"),
+        "error over 1 s [mm]": run.get("1 s [mm]"),
         **survived,
         "per scan [ms]": run.get("CPU [ms]"),
     }

@@ -59,6 +59,8 @@ def content_of(log: ScanLog) -> str:
         if track is not None:
             found.update(track.t.tobytes() + np.ascontiguousarray(track.values).tobytes())
         found.update(b"|")
+    if log.attitude is not None:
+        found.update(log.attitude.t.tobytes() + log.attitude.values.tobytes())
     return found.hexdigest()
 
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
-from slams.begin import add_state_options, given_start
 from slams.live.options import NodeOptions, Topics, add_network_options, transport_of
 from slams.run import chosen, parameter_table
+from slams.setup import add_state_options, given_start
 
 if TYPE_CHECKING:
     from slams.live.diagnostics import Terminal

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from slams.live.estimate import LOST
-from slams.localize.finder import Finder
+from slams.localize.global_localizer import GlobalLocalizer
 from slams.localize.localizer import Localizer
 from slams.localize.source import Given, Prepared, open_map, prepare
 from slams.params import Params
@@ -18,8 +18,6 @@ from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
 if TYPE_CHECKING:
     from slams.registry import Entry
-
-MAX_NAMED_CANDIDATES = 3
 
 
 class InGivenMap:
@@ -39,7 +37,7 @@ class InGivenMap:
 
     def __init__(self, ready: Prepared, start: Pose2 | None, notes: list[str]) -> None:
         self._ready, self._start, self._notes = ready, start, notes
-        self._finder = Finder(ready.atlas)
+        self._global = GlobalLocalizer(ready.map_index)
         self._localizer: Localizer | None = None
         self._sought = 0
         self.state: Any = LOST
@@ -55,8 +53,8 @@ class InGivenMap:
         localizer = self._localizer = self._localizer or self._sought_place(scan)
         if localizer is None:
             self._sought += 1
-            best = self._finder.candidates[:1]
-            self.explained = best[0].explained if best else 0.0
+            best = self._global.candidates[:1]
+            self.explained = best[0].inliers if best else 0.0
             return best[0].pose if best else IDENTITY
         pose = localizer.update(scan)
         self.state = getattr(localizer, "state", getattr(self._ready.slam, "state", None))
@@ -66,7 +64,7 @@ class InGivenMap:
 
     def map(self) -> OccupancyGrid:
         """The map it was given."""
-        return self._ready.atlas.grid
+        return self._ready.map_index.grid
 
     def report(self) -> dict[str, Any]:
         """The algorithm's counts, how much the map explains, and for how many scans it sought."""
@@ -80,26 +78,19 @@ class InGivenMap:
     @property
     def candidates(self) -> str:
         """The likeliest places in words, while the place is sought."""
-        if self.found:
-            return ""
-        places = (
-            f"{_text(c.pose)} with odds {c.odds:.2f}, {c.explained:.0%} explained"
-            for c in self._finder.candidates[:MAX_NAMED_CANDIDATES]
-        )
-        return f"most likely: {'; '.join(places) or 'none'}"
+        return "" if self.found else f"most likely: {self._global.likely}"
 
     def _sought_place(self, scan: Scan) -> Localizer | None:
         """The algorithm at the given start or at the place that was found; None while in doubt."""
         if self._start is not None:
-            at = self._ready.atlas.look(scan, self._start)
-            pose, explained, how = at.pose, at.explained, f"starts at {_text(at.pose)}"
+            match = self._ready.map_index.match(scan, [self._start])[0]
+            pose, note = match.pose, f"starts at {match}"
         else:
-            found = self._finder.add(scan)
+            found = self._global.add(scan)
             if found is None:
                 return None
-            pose, explained = found.pose, found.explained
-            how = f"found at {_text(pose)} after {self._sought} scans; odds {found.odds:.3f}"
-        self._notes.append(f"{how}; the map explains {explained:.0%} of the scan there")
+            pose, note = found.pose, f"found at {found} after {self._sought} scans"
+        self._notes.append(note)
         return self._ready.at(pose)
 
 
@@ -123,9 +114,5 @@ def in_given_map(
     ready = prepare(entry, params, whole)
     if start is not None:
         return InGivenMap(ready, Pose2(*map(float, start)), notes)
-    _ = ready.atlas.places  # a second per 1000 m^2, before the scans come
+    _ = ready.map_index.lattice  # a second per 1000 m^2, before the scans come
     return InGivenMap(ready, None, notes)
-
-
-def _text(pose: Pose2) -> str:
-    return f"{pose.x:.2f}, {pose.y:.2f} m, {pose.theta:.2f} rad"

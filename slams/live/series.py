@@ -14,8 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from slams.live.slam import LATE_IN_A_ROW
-from slams.plausible import LATEST, can_be
 from slams.types import Pose2, wrap_angle
+from slams.validation import LATEST, can_be
 
 MAX_SAMPLES = 2000  # at least as many are kept: 10 s at 200 Hz
 MAX_SILENCE = 1.0  # [s] after the last sample; then no scan waits for the next

@@ -21,12 +21,12 @@ from slams.live.estimate import Estimate, EstimateMaker
 from slams.live.given_map import in_given_map
 from slams.live.scan_checker import ScanChecker
 from slams.live.warm_up import warm_up as warm_up_kernels
-from slams.plausible import check_laser, check_stamps, expect
 from slams.registry import find
 from slams.ros.stamps import seconds
 from slams.scanlog import ScanLog, single
 from slams.state.session import check_target, resume, save_after
-from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan, Slam
+from slams.types import IDENTITY, Attitude, OccupancyGrid, Pose2, Scan, Slam
+from slams.validation import check_laser, check_stamps, expect
 
 LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
 MAX_RESUME_GAP = 60.0  # [s] after a state's last scan in which wheels are taken to have counted on
@@ -125,6 +125,7 @@ class LiveSlam:
         time_increment: float = 0.0,
         odometry: Sequence[float] | None = None,
         yaw_rate: float | None = None,
+        attitude: tuple[float, float] | None = None,
     ) -> Estimate:
         """Take one scan, with the fields of a sensor_msgs/LaserScan.
 
@@ -138,6 +139,7 @@ class LiveSlam:
             time_increment: from beam to beam [s]; less than 0 or not finite counts as 0.
             odometry: x, y [m], theta [rad] of the base in the odom frame at the stamp.
             yaw_rate: of the gyro at the stamp [rad/s]; or push it more often by `push_yaw_rate`.
+            attitude: roll and pitch [rad] of the base at the stamp.
 
         Raises:
             ValueError: the fields are not those of a scan.
@@ -158,6 +160,7 @@ class LiveSlam:
                 laser,
                 odometry=self._checker.pose_of(odometry),
                 yaw=self._heading.at(stamp),
+                attitude=None if attitude is None else Attitude(*map(float, attitude)),
             )
             return self.push_scan(scan)
 

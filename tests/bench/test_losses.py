@@ -8,19 +8,6 @@ from bench.judge.metrics import Common, RelationErrors
 from bench.judge.statistics import _sign_flips, least_p_value
 
 
-def test_the_limit_grows_with_the_way():
-    n = 101
-    truth = np.column_stack([np.arange(n), np.zeros((n, 2))])
-    for off in (3.4, 6.5):
-        estimate = truth.copy()
-        estimate[:, 1] += np.where(np.arange(n) <= 40, 0.0, 1.0) * off * np.arange(n) / 100.0
-        found = loss.by_truth(Common(np.arange(n) + 7.0, estimate, truth, 0))
-        share = off / 100.0  # of the way; one meter and 5 % of it are allowed
-        beyond = (np.arange(n) > 40) & (share * np.arange(n) > 1.0 + 0.05 * np.arange(n))
-        assert found["lost"] == bool(beyond.any())
-        assert found["completed"] == pytest.approx(1.0 - beyond.mean())
-
-
 def test_it_is_lost_where_it_first_was_and_after_the_way_until_there():
     n = 50
     truth = np.column_stack([0.5 * np.arange(n), np.zeros((n, 2))])

@@ -56,27 +56,7 @@ def test_a_way_has_its_error_its_area_and_its_memory():
     assert found["seen_m2"] == pytest.approx(np.isfinite(grid.p).sum() * grid.resolution**2)
     assert 0.0 < found["ate_m"] < 0.1
     assert found["early_ms"] > 0.0 < found["late_ms"]
-    assert found["hold_ms"] > 0.0
     assert found["scans"] == 60
-
-
-class Copied(Odometry):
-    """Its map takes long to draw, and no time to copy."""
-
-    drawn = 0
-
-    def map(self):
-        self.drawn += 1
-        return super().map()
-
-    def snapshot(self):
-        return self.map
-
-
-def test_a_live_run_is_held_for_the_copy_of_a_map_where_there_is_one():
-    slam = Copied(Copied.Params())
-    assert soaking._held(slam) >= 0.0
-    assert slam.drawn == 0
 
 
 def test_the_command_prints_and_writes_a_tiny_soak(tmp_path, capsys):
@@ -116,6 +96,20 @@ def test_a_run_that_fails_is_told_and_the_others_count(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "tests.bench.test_soak:Broken failed: ZeroDivisionError: on purpose" in said
     assert "odometry" in said
+
+
+def test_results_of_another_log_are_not_overwritten(tmp_path, capsys):
+    for name, n in (("one", 30), ("two", 40)):
+        log = drive(n=n)
+        type(log)(log.t, log.ranges, log.laser, log.odom, log.truth, None, {"name": name}).save(
+            tmp_path / f"{name}.npz"
+        )
+    words = ["--algorithms", "odometry", "--rest", "0", "--jobs", "1", "-q"]
+    words += ["--out", str(tmp_path / "out"), "--log"]
+    assert soak.main([*words, str(tmp_path / "one.npz")]) == 0
+    assert soak.main([*words, str(tmp_path / "two.npz")]) == 2
+    assert "has results of one; expected another --out, or --force" in capsys.readouterr().err
+    assert soak.main([*words, str(tmp_path / "two.npz"), "--force"]) == 0
 
 
 class Broken(Odometry):

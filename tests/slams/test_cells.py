@@ -18,7 +18,7 @@ from slams.cells import (
     taken,
     zeros,
 )
-from slams.extent import Box
+from slams.grid_bounds import Box
 from slams.registry import find
 from tests.rooms import drive
 

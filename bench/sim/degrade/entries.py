@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bench.sim.degrade import fan, readings, stamps, wheels
+from bench.sim.degrade import fan, readings, stamps, tilt, wheels
 from bench.sim.degrade.degradation import Degradation
 from bench.sim.degrade.glass import glass
 from bench.sim.degrade.people import people
@@ -283,6 +283,7 @@ ENTRIES = (
         high=360,
         needs=("gyro",),
     ),
+    *tilt.ENTRIES,
     Degradation(
         "poor_lidar",
         "1",
