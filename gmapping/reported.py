@@ -83,7 +83,7 @@ class ReportedMap:
         particles = self._particles
         x, y, theta = particles.poses[particles.best].tolist()
         self._ways.append(way)
-        self._picture.keep(ends.ray, Pose2(x, y, theta))
+        self._picture.keep(ends, Pose2(x, y, theta))
         if particles.lineage != self._drawn:
             history = particles.history(particles.best)
             if self._picture.follow(history, REDRAWN):

@@ -23,6 +23,7 @@ program, `gmapping@original`, stands in `original`.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -103,6 +104,10 @@ class GMapping:
     def map(self) -> OccupancyGrid:
         """The reported particle's map, drawn from its history of key scans."""
         return self._renderer.grid(self.trajectory())
+
+    def snapshot(self) -> Callable[[], OccupancyGrid]:
+        """A function that draws the map as it stands now, while updates go on."""
+        return self._renderer.snapshot(self.trajectory())
 
     def trajectory(self) -> Floats:
         """The reported particle's poses (k, 3) x, y [m], theta [rad] at the key scans."""

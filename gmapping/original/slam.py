@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,7 +25,7 @@ from numpy.typing import NDArray
 from gmapping.original.map import HitMap
 from gmapping.original.motion import Motion, Step
 from gmapping.original.params import OriginalParams
-from gmapping.original.scan import EndPoints
+from gmapping.original.scan import EndPoints, KeptScan
 from gmapping.particles import Particles
 from gmapping.render import Ray, Renderer
 from slams.params import Params
@@ -65,7 +64,7 @@ class Original:
             self._counts["rejected"] += 1
         elif self._due(step) and self.tiles.admits(self.pose, _farthest(points)):
             self._filter(points)
-            self._keep(partial(self._rays.ray, scan, step))
+            self._keep(KeptScan(self._rays, scan, step))
         self._counts["scans"] += 1
         self._motion.learn(before.between(self.pose))
         return self.pose

@@ -11,6 +11,7 @@ from slams.cells import (
     Room,
     copied,
     deepcopied,
+    filled,
     given_pages,
     move,
     runs,
@@ -19,7 +20,6 @@ from slams.cells import (
 )
 from slams.grid_bounds import Box
 from slams.registry import find
-from slams.state import memory
 from tests.rooms import drive
 
 told = pytest.mark.skipif(not PAGEMAP.exists(), reason="only Linux tells which pages it gave")
@@ -120,19 +120,20 @@ def test_what_grows_stays_untouched_where_it_was():
 
 
 @told
-def test_the_state_of_a_large_room_is_what_was_written_to_it():
+def test_of_a_large_room_the_written_blocks_are_known():
     array = zeros((1 << 15, 1 << 14), np.float32)  # 2 GB
     array[20_000, 5] = array[-1, -9] = 1.0
-    low = array.__array_interface__["data"][0]
-    piece, kept = memory.pack(low, low + array.nbytes)
-    data = np.concatenate(list(kept))
-    assert len(data) == 2 * memory.BLOCK
-    again, rest = memory.unpack(piece, data)
-    again = again.view(np.float32).reshape(array.shape)
-    assert again[20_000, 5] == again[-1, -9] == 1.0
-    assert np.count_nonzero(again[19_990:20_010]) == 1
-    assert len(rest) == 0
-    assert taken(again[:10_000]) == 0
+    array[0, :9] = 0.0  # written to, and zero
+    block = 20_000 * (4 << 14)
+    assert filled(array) == [(block, block + PAGE), (array.nbytes - PAGE, array.nbytes)]
+
+
+@pytest.mark.parametrize("offset", [0, 1, PAGE - 3, PAGE])
+def test_blocks_count_from_where_an_array_begins(offset):
+    array = zeros((20 * PAGE,), np.uint8)[offset : offset + 9 * PAGE + 7]
+    array[[2 * PAGE, 3 * PAGE, 8 * PAGE - 1, len(array) - 1]] = 1
+    spans = [(2 * PAGE, 4 * PAGE), (7 * PAGE, 8 * PAGE), (9 * PAGE, len(array))]
+    assert filled(array) == spans
 
 
 @told
