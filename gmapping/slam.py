@@ -101,6 +101,14 @@ class GMapping:
         self.particles.poses[:] = pose
         self._insert(self._view.take(scan, IDENTITY), pose)
 
+    def adopt(self, other: GMapping, pose: Pose2) -> None:
+        """Go on in the map of another instance, at `pose` in it, moving as before."""
+        self.particles, self._keyframes = other.particles, other._keyframes
+        self._matcher, self._renderer, self._map = other._matcher, other._renderer, other._map
+        self.particles.poses[:] = pose
+        self._key = pose
+        self._estimator.correct(pose)
+
     def map(self) -> OccupancyGrid:
         """The reported particle's map, drawn from its history of key scans."""
         return self._renderer.grid(self.trajectory())

@@ -21,7 +21,7 @@ PLAIN = (type(None), bool, int, float, str)
 NUMBERS = "biufc"  # kinds of dtypes: bool, integers, floats, complex
 # modules and packages of slams whose classes algorithms are made of, beside their own package
 SHARED = re.compile(
-    r"slams\.(types|params|geometry|frontend|grid_bounds|cells|scan|track|refine|localize|baselines)\b"
+    r"slams\.(types|params|geometry|frontend|grid_bounds|cells|scan|track|refine|localize|loops|baselines)\b"
 )
 
 
