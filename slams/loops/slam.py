@@ -80,6 +80,7 @@ class Looped:
 
     @frozen.setter
     def frozen(self, frozen: bool) -> None:
+        """Let the map stay as it is, or not."""
         self.slam.frozen = frozen
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:

@@ -10,6 +10,7 @@ import pytest
 import slams
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
+from slams import metrics
 from slams.loops.slam import MOVED, looped
 from slams.player import replay
 from slams.registry import find, label_of
@@ -58,7 +59,7 @@ def around():
 
 
 def ate(poses, log):
-    return slams.metrics.ate(poses, log.truth_at(log.t))
+    return metrics.ate(poses, log.truth_at(log.t))
 
 
 def test_loops_correct_the_poses_and_the_map_of_any_algorithm():
