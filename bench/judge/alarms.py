@@ -7,11 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.judge.metrics import Common
-from slams.types import Floats, wrap_angle
+from slams.types import Floats
 
-LIMIT_M = 0.5  # a pose further off is lost; a robot of that size runs into a wall
-LIMIT_RAD = 0.3
 PATIENCE = 1.0  # s in which a loss has to be said, and a pose has to hold to count as right again
 
 Flags = NDArray[np.bool_]
@@ -42,20 +39,13 @@ class Alarms(NamedTuple):
         return self.false / max(self.right, 1)
 
 
-def beyond(common: Common, limit_m: float = LIMIT_M, limit_rad: float = LIMIT_RAD) -> Flags:
-    """Where (n,) the pose is further off than the limits, in the frame of the first."""
-    off = np.hypot(*(common.estimate - common.truth)[:, :2].T)
-    turned = np.abs(wrap_angle(common.estimate[:, 2] - common.truth[:, 2]))
-    return np.asarray((off > limit_m) | (turned > limit_rad))
-
-
 def alarms(says_lost: Flags, t: Floats, off: Flags, patience: float = PATIENCE) -> Alarms:
     """Judge what a run said of itself.
 
     Args:
         says_lost: the scans (n,) that the algorithm called lost.
         t: their stamps (n,) [s]; where they jump back the clock is taken to stand still.
-        off: where the pose was of no use (n,), as by `beyond`.
+        off: where the pose was of no use (n,), as by `loss.limits_exceeded`.
         patience: in which a loss has to be said [s], and which an episode's end has to hold.
 
     Raises:
