@@ -33,11 +33,11 @@ DEGRADATIONS = (
     "glass",
     "blind",
     "speed",
-    "poor_lidar",
     "slip",
     "jump",
+    "poor_lidar",
 )
-QUICK = ("clean", "beams", "noise", "people", "speed")
+QUICK = ("clean", "beams", "people", "speed")
 PRESETS = ("", "@paper", "@original")  # rows of each algorithm: to use, the idea, as published
 SEEDS, QUICK_SEEDS = 10, 5  # drives in each arena
 DURATION, RATE = 20.0, 10.0  # s of each simulated drive, Hz

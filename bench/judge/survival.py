@@ -100,20 +100,30 @@ def curve(runs: Held, levels: int) -> list[Share]:
 
 
 def critical(shares: Sequence[Share], levels: Sequence[float]) -> Critical:
-    """Where the curve falls to half; the interval is where its band does.
+    """The level at which half of the runs are lost, by where the curve falls to one half.
 
-    That is the median survival of Kaplan and Meier's curve with the interval of Brookmeyer and
-    Crowley (1982), who invert the test of one half at every level; Wilson's band is that test.
+    The median survival of Kaplan and Meier's curve, between two levels on a logarithmic scale. Its
+    interval inverts the test of one half at every level (Brookmeyer and Crowley 1982; Wilson's
+    interval is the test): from the last level that surely more than half hold to the first that
+    surely fewer do. Nothing is known between two levels, so it ends at levels.
     """
-    middle = _crossing([one.k / one.n for one in shares], levels)
-    low, high = ([getattr(one, side) for one in shares] for side in ("low", "high"))
-    return Critical(middle, _crossing(low, levels), _crossing(high, levels))
+    lows, highs = ([getattr(one, side) for one in shares] for side in ("low", "high"))
+    first, last = _falls(lows), _falls(highs)
+    return Critical(
+        _crossing([one.k / one.n for one in shares], levels),
+        levels[first - 1] if first else -math.inf,
+        levels[last] if last < len(levels) else math.inf,
+    )
+
+
+def _falls(shares: Sequence[float]) -> int:
+    """The first of falling shares that is at most one half; their number if none is."""
+    return next((k for k, value in enumerate(shares) if value <= HALF), len(shares))
 
 
 def _crossing(shares: Sequence[float], levels: Sequence[float]) -> float:
-    """The level at which falling shares reach one half, between two on a logarithmic scale."""
-    below = next((k for k, value in enumerate(shares) if value <= HALF), None)
-    if below is None:
+    below = _falls(shares)
+    if below == len(shares):
         return math.inf
     if below == 0:
         return levels[0] if shares[0] == HALF else -math.inf

@@ -15,8 +15,7 @@ from bench.results.sweep import Sweep
 
 def adopt(path: Path, found: Sweep) -> None:
     """Keep what the pages show of a sweep: its analysis, not its thousands of trials."""
-    keys = ("name", "place", "seed")
-    logs = [{key: log[key] for key in keys} for log in found.facts["logs"]]
+    logs = [{"name": log["name"], "place": log["place"]} for log in found.facts["logs"]]
     known = {
         "facts": found.facts | {"logs": logs},
         "record": found.record | {"command": found.record["command"].partition(" --out")[0]},

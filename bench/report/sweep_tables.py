@@ -65,7 +65,8 @@ def shown_level(found: Critical, shares: list[Share], levels: list[float]) -> st
     if len(levels) == 1:
         return str(shares[0])
     level, low, high = (_bound(value, levels) for value in found)
-    return level if low == level == high else f"{level} ({low} to {high})"
+    outside = (-math.inf, levels[0]), (levels[-1], math.inf)
+    return level if found[1:] in outside else f"{level} ({low} to {high})"
 
 
 def _bound(value: float, levels: list[float]) -> str:

@@ -214,7 +214,7 @@ def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Gi
     """
     seeds = range(drives.first, drives.first + drives.seeds)
     if not paths:
-        return [_simulated(arena, seed, drives) for arena in drives.arenas for seed in seeds]
+        return [_simulated(arena, seed, drives) for seed in seeds for arena in drives.arenas]
     found = [_recorded(path, options) for path in paths]
     names = [given.log.name for given in found]
     if len(set(names)) < len(names):

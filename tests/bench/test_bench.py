@@ -30,7 +30,7 @@ def line(n, step=0.1):
 def test_a_run_that_leaves_the_limits_is_lost_and_may_come_back():
     truth = line(100)
     estimate = truth.copy()
-    estimate[40:60, 1] = 1.0 + 0.05 * 6.0 + 0.1  # beyond 1 m and 5 % of at most 6 m
+    estimate[40:60, 1] = 0.5 + 0.05 * 6.0 + 0.1  # beyond 0.5 m and 5 % of at most 6 m
     found = loss.by_truth(Common(5.0 + np.arange(100.0), estimate, truth, 0))
     assert found == {
         "lost": True,
@@ -38,9 +38,9 @@ def test_a_run_that_leaves_the_limits_is_lost_and_may_come_back():
         "after_m": pytest.approx(4.0),
         "completed": pytest.approx(0.8),
     }
-    estimate[40:60, 1] = 0.99
+    estimate[40:60, 1] = 0.49
     assert not loss.by_truth(Common(np.arange(100.0), estimate, truth, 0))["lost"]
-    estimate[70:, 2] = 0.51 + 2.0 * np.pi
+    estimate[70:, 2] = 0.31 + 2.0 * np.pi
     assert loss.by_truth(Common(np.arange(100.0), estimate, truth, 0))["at_s"] == 70.0
 
 

@@ -75,7 +75,8 @@ def _plot(cell: Cell, unit: str, shown: Sequence[Curve]) -> Markup:
     own = [curve for curve in shown if curve.name in cell.curves]
     for k, curve in enumerate(own):
         shares = cell.curves[curve.name]
-        x: Floats = np.arange(len(shares)) + SPREAD * (k / max(len(own) - 1, 1) - 0.5)
+        at: Floats = np.arange(float(len(shares)))
+        x: Floats = at + float(SPREAD * (k / max(len(own) - 1, 1) - 0.5))
         values: Floats = np.array([(s.k / s.n, s.low, s.high) for s in shares])
         share, low, high = values.T
         kind = f"{curve.kind} mark"
