@@ -1,4 +1,4 @@
-"""Verdicts: whose errors are paired with whose, at which times, with which sensors."""
+"""Verdicts: whose errors are paired with whose, at which times."""
 
 from types import SimpleNamespace
 
@@ -7,7 +7,7 @@ import pytest
 
 from bench.judge import verdicts
 from bench.judge.metrics import SpanErrors
-from bench.judge.verdicts import MEASURES, Pair
+from bench.judge.verdicts import MEASURES
 
 N = 200
 
@@ -29,6 +29,17 @@ def test_pairs_come_in_the_order_of_their_errors_and_tell_who_is_next_to_whom():
     assert pairs[:3] == [("a", "b", True), ("a", "c", False), ("b", "c", True)]
     assert {line["measure"] for line in found} == {"translation", "rotation"}
     assert found[0]["sentence"].startswith("translation: a is better than b on this log")
+
+
+def test_runs_that_differ_by_rounding_alone_are_called_the_same():
+    rows = [outcome("a", 0.001), outcome("b", 0.001 + 5e-10)]
+    translation, rotation = verdicts.on_one_log(rows)
+    assert translation["p_value"] < 0.001
+    words = "a and b are the same on this log: they differ by less than 0.001"
+    assert translation["sentence"] == f"translation: {words} mm per second"
+    assert rotation["sentence"] == f"rotation: {words} mrad per second"
+    apart = verdicts.on_one_log([outcome("a", 0.001), outcome("b", 0.001 + 5e-6)])
+    assert "a is better than b" in apart[0]["sentence"]
 
 
 def test_p_values_of_one_log_are_adjusted_for_all_its_pairs():
@@ -73,28 +84,3 @@ def test_too_few_logs_say_that_they_cannot_show_it():
     )
     many = {name: {f"l{k}": m + 1e-4 * k for k in range(8)} for name, m in (("a", 0.1), ("b", 0.2))}
     assert "cannot show" not in verdicts.over_means(many)[0]["sentence"]
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "words"),
-    [
-        (("laser",), ("laser",), ""),
-        (("laser", "wheels"), ("wheels", "laser"), ""),
-        (None, ("laser",), ""),
-        (("laser",), ("laser", "wheels", "gyro"), "x used laser alone, y laser, wheels and gyro"),
-        ((), ("laser",), "x used nothing, y laser alone"),
-    ],
-)
-def test_sensors_are_named_where_they_differ(a, b, words):
-    assert verdicts._difference(Pair("x", "y", a, b)) == words
-
-
-def test_sensors_over_logs_are_all_that_were_used_and_unknown_if_one_does_not_tell():
-    rows = [
-        outcome("a", log="l0", used=["laser"]),
-        outcome("a", log="l1", used=["laser", "wheels"]),
-        outcome("a", log="l2"),
-        outcome("b", log="l0", used=["gyro"]),
-    ]
-    assert verdicts._used_over(rows, "a", ["l0", "l1"]) == ("laser", "wheels")
-    assert verdicts._used_over(rows, "a", ["l0", "l2"]) is None
