@@ -59,8 +59,8 @@ def _command(arguments: argparse.Namespace, words: list[str]) -> int:
         sys.stdout.write(sweep.listed())
         return 0
     rows = cli.refusing(lambda: rows_of(arguments.algorithm))
-    usual = vars(sweep.parser().parse_args([]))  # of what is not asked here
-    asked = usual | vars(arguments) | {"algorithms": list(rows.values())}
+    defaults = vars(sweep.parser().parse_args([]))  # of options that only the sweep has
+    asked = defaults | vars(arguments) | {"algorithms": list(rows.values())}
     found = sweep.swept(argparse.Namespace(**asked), words, PROGRAM)
     if found is None:
         return 0

@@ -14,7 +14,7 @@ TRIALS, COSTS = "sweep.json", "costs.json"
 
 
 class Trial(TypedDict, total=False):
-    """One algorithm on one log at one level of a degradation; the same for whoever ran it.
+    """One algorithm on one log at one level of a degradation; the same wherever it ran.
 
     A trial that failed has the reason in `failed` and no figures. `place` is the kind of arena, or
     the log's name; `odometry` whether wheels and gyro were given. `lost` as in `bench.judge.loss`;

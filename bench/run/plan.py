@@ -97,15 +97,15 @@ class Plan:
         return params_of(algorithm, self.sensor, self.single).as_dict()
 
     def settings(self) -> dict[str, dict[str, Any]]:
-        """What is other than usual in the parameters of each algorithm and its label does not say.
+        """Parameters of each algorithm that differ from its preset without its label saying so.
 
         Only algorithms of which anything is.
         """
         found: dict[str, dict[str, Any]] = {}
         for algorithm in self.single:
-            usual = params_of(algorithm, self.sensor, {}).as_dict()
+            preset = params_of(algorithm, self.sensor, {}).as_dict()
             now = self.parameters(algorithm)
-            found[algorithm] = {key: value for key, value in now.items() if value != usual[key]}
+            found[algorithm] = {key: value for key, value in now.items() if value != preset[key]}
         return {algorithm: changes for algorithm, changes in found.items() if changes}
 
     def cases(self, place: Path) -> list[Case]:
@@ -122,7 +122,7 @@ class Plan:
         return found
 
     def gathered(self, cases: list[Case], store: Store, record: dict[str, Any]) -> Sweep:
-        """All trials with their figures; a climb that nobody could do is one that failed."""
+        """All trials with their figures; a climb without a result is one that failed."""
         trials: list[Trial] = []
         costs: list[Cost | None] = []
         for case in cases:
@@ -265,7 +265,7 @@ def _same_again(given: Given, degradation: Degradation) -> bool:
 
 
 def _makes_sense(given: Given, degradation: Degradation, odometry: bool) -> bool:
-    """Wheels that nobody looks at break nothing."""
+    """A degradation of what a run is not given changes nothing."""
     needs = set(degradation.needs)
     hidden = set() if odometry else {"odometry", "gyro"}
     if odometry and {"odometry", "gyro"} <= given.lacks:

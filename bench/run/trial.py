@@ -190,7 +190,7 @@ def _loaded(identity: tuple[tuple[str, Any], ...], recorded: str | None) -> Scan
     if "setting" in known:
         return simulate(Setting(**dict(known["setting"])))
     if recorded is None:
-        raise ValueError("a recorded log that nobody said the place of")
+        raise ValueError("a recorded log without its place on this machine")
     log = load_npz(Path(recorded))
     if content_of(log) != known["content"]:
         raise OSError(f"{recorded}: has changed since the sweep began; start again")

@@ -33,7 +33,7 @@ def test_a_loss_said_in_time_late_and_never():
     found = judged([(15, 20), (75, 80)], [(10, 20), (50, 80), (120, 140)])
     assert (found.episodes, found.in_time, found.late, found.missed) == (3, 1, 1, 1)
     assert found.delays == pytest.approx((0.5, 2.5))
-    assert judged([(75, 80)], [(50, 80)], patience=3.0).in_time == 1
+    assert judged([(75, 80)], [(50, 80)], window=3.0).in_time == 1
 
 
 def test_a_warning_right_before_a_loss_counts_as_said_and_is_not_false():
