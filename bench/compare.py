@@ -17,9 +17,8 @@ from bench.run.compare_options import parser as parser
 from slams import cli
 
 if TYPE_CHECKING:
-    from bench.results import Comparison, LogResult, Outcome
+    from bench.results import Comparison, Outcome
     from bench.run.cases import Choice
-    from bench.run.comparing import Plan
     from slams.scanlog import ScanLog
     from slams.types import Floats
 
@@ -42,40 +41,34 @@ def main(argv: list[str] | None = None) -> int:
 
 def _command(arguments: argparse.Namespace) -> int:
     from bench.judge.comparison import weighed
-    from bench.report import text
+    from bench.report import outputs, text
+    from bench.run import folder as folders
     from bench.run import ros_files
-    from bench.run.comparing import Wanted, plan
+    from bench.run.comparing import Wanted, Work, compared
     from slams.formats import files
 
     labels = cli.refusing(lambda: labels_of(arguments))
     choice, relations, logs = cli.refusing(lambda: checked(arguments, labels))
     others = cli.refusing(lambda: _others(arguments, labels, logs, choice, relations))
+    out = cli.refusing(
+        lambda: folders.claimed(
+            arguments.out, "compare", arguments.logs, outputs.FILES, arguments.force
+        )
+    )
     ros_files.say(choice.ros, arguments.quiet)
-    facts = _facts(choice, arguments)
-    with files.complete_folder(arguments.out) as folder:
+    wanted, work = Wanted(relations, arguments.starts), Work(arguments.jobs, arguments.quiet)
+    with files.complete_folder(out) as folder:
         logs = logs or [cli.refusing(lambda: simulated(folder, choice, arguments))]
-        wanted = Wanted(relations, arguments.starts)
-        planned = cli.refusing(lambda: plan(labels, logs, choice, wanted, facts["machine"]))
-        found = _run(planned, arguments)
+        found = compared(labels, logs, choice, wanted, work)
         found = [log._replace(outcomes=[*log.outcomes, *others]) for log in found]
-        comparison = weighed(found, facts)
+        comparison = weighed(found, _facts(choice, arguments))
         _write(folder, comparison, logs, arguments.mcap)
+        folders.cleared(out, outputs.FILES)
     if not arguments.quiet:
-        report = Path(arguments.out) / "report.html"
+        report = out / "report.html"
         more = f"The report: {report}; tables, figures and results.json beside it."
         sys.stdout.write(f"{text.terminal(comparison)}\n{more}\n")
     return cli.FAILED if all(row["failed"] for row in comparison.rows) else 0
-
-
-def _run(planned: Plan, arguments: argparse.Namespace) -> list[LogResult]:
-    """What came of every run; those that an earlier call finished are taken as they are."""
-    from bench.run.comparing import compared
-    from bench.run.local import LocalWorkers
-    from bench.run.store import Store
-
-    store = cli.refusing(lambda: Store(Path(arguments.out) / "runs"))
-    store.tell_kept(PROGRAM, {task.key for task in planned.tasks.values()}, arguments.quiet)
-    return compared(planned, store, LocalWorkers(arguments.jobs, fresh=True), arguments.quiet)
 
 
 def _others(
@@ -86,6 +79,7 @@ def _others(
     relations: Floats | None,
 ) -> list[Outcome]:
     """The rows of other programs; their trajectories are of the one log."""
+    from bench.run.comparing import with_consistency
     from bench.run.foreign import foreign_case, read_foreign
 
     given = arguments.trajectory, arguments.map
@@ -94,7 +88,11 @@ def _others(
     if not any(given):
         return []
     found = read_foreign(*given, labels, arguments.logs[0], choice.options)
-    return [foreign_case(foreign, logs[0], relations) for foreign in found]
+    log = logs[0]
+    return [
+        with_consistency(foreign_case(one, log, relations), log, one.track.poses_at(log.t))
+        for one in found
+    ]
 
 
 def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
@@ -105,7 +103,6 @@ def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
     return {
         "command": f"python -m {PROGRAM} {shlex.join(arguments.words)}".strip(),
         "odometry": choice.odometry,
-        "slower": choice.slower,
         "ros_params": {label: ros_files.record(taken) for label, taken in choice.ros.items()},
         "versions": versions(),
         "machine": timing.machine() | {"processes": arguments.jobs},
@@ -125,7 +122,7 @@ def _write(folder: Path, comparison: Comparison, logs: list[ScanLog], mcap: bool
         for outcome in comparison.logs[k].outcomes:
             if outcome.grid is not None and len(outcome.t) == len(log):
                 name = outputs.file_name(outcome.row["algorithm"])
-                write_mcap(place / f"{name}.mcap", log, outcome.poses, outcome.grid)
+                write_mcap(place / f"result-{name}.mcap", log, outcome.poses, outcome.grid)
 
 
 def simulated(folder: Path, choice: Choice, arguments: argparse.Namespace) -> ScanLog:

@@ -26,7 +26,7 @@ ARENAS = ("rescue", "office", "hall")
 PLAN = 0.05  # [m] of a cell of the floor plan
 NEAR, ALIGNED = 0.1, math.radians(3.0)  # [m], [rad]: a place that is found is right
 OTHER = 1000  # from a drive's seed to that of the second one
-SURE = 0.95  # odds
+SURE = 0.95  # probability
 SETTLING = 1.0  # [s] after it was found, in which the pose is pulled to where the map has it
 
 
@@ -146,22 +146,22 @@ def _searched(place: Place, n: int) -> Iterator[dict[str, Any]]:
     """Single scans of a drive, each found from nothing in the floor plan."""
     import numpy as np
 
-    from slams.localize.search import Atlas
+    from slams.localize.map_index import MapIndex
     from slams.types import Pose2
 
-    atlas, log = Atlas(place.plan), place.first
+    index, log = MapIndex(place.plan), place.first
     truth = log.truth_at(log.t)
     assert truth is not None
     scans = list(log)
-    atlas.search(scans[0])  # compiled
+    index.search(scans[0])  # compiled
     for k in np.linspace(0, len(scans) - 1, n).astype(int).tolist():
         start = time.process_time()
-        found = atlas.search(scans[k])
+        found = index.search(scans[k])
         spent = time.process_time() - start
         off = found[0].pose.between(Pose2(*truth[k])) if found else Pose2(math.inf, 0.0, 0.0)
         distance = math.hypot(off.x, off.y)
         right = bool(distance < NEAR and abs(off.theta) < ALIGNED)
-        sure = bool(found and found[0].odds >= SURE)
+        sure = bool(found and found[0].probability >= SURE)
         row = {"right": right, "sure": sure, "off_m": float(distance), "cpu_s": spent}
         yield {"place": place.name} | row
 
@@ -205,7 +205,7 @@ def _figures(ready: Prepared, log: ScanLog, made: Mapped) -> dict[str, float]:
     from slams.metrics import absolute_errors
     from slams.player import replay
 
-    start = find_start(ready.atlas, log)
+    start = find_start(ready.map_index, log)
     rest = log.from_scan(start.scan)
     run, truth = replay(ready.at(start.pose), rest), rest.truth_at(rest.t)
     assert truth is not None

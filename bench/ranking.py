@@ -33,7 +33,8 @@ def parser() -> argparse.ArgumentParser:
         "--duration", type=float, default=30.0, metavar="S", help="of each drive (%(default)g)"
     )
     cli.add_output_options(p, "results/ranking")
-    p.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), metavar="N")
+    processes = min(2, os.cpu_count() or 1)
+    p.add_argument("--jobs", type=int, default=processes, metavar="N", help="processes")
     return p
 
 

@@ -10,13 +10,13 @@ import re
 import shlex
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from bench.report import readme_sweep
+from bench.report import readme_logs, readme_sweep
 from bench.results import FORMAT, read_figures, sweep, write_figures
 from slams import cli
-from slams.registry import names
 
 PROGRAM = "bench.readme"
 ROOT = Path(__file__).resolve().parent.parent
@@ -25,11 +25,11 @@ RELATIONS = ROOT / "bench" / "readme_relations.json"
 RANKING = ROOT / "bench" / "readme_ranking.json"
 PUBLIC = ROOT / "bench" / "readme_public.json"
 SWEEP = ROOT / "bench" / "readme_sweep.json"
-PICTURES = ("fig2_translation.png", "fig4_maps.png")
-GLANCE = ("glance",)
-SHOWN = ("translation", "orientation", "spans", "bound", "overview", "maps", "cost")
+VALIDITY = ROOT / "bench" / "readme_validity.json"
+PICTURES = ("fig_errors.png", "fig4_maps.png")
+SHOWN = ("main", "translation", "orientation", "spans", "bound", "maps", "unaided", "cost")
 PART = re.compile(
-    r"(<!-- (table|choice|glance|results|sweep|field|relations|ranking|public|"
+    r"(<!-- (table|choice|results|validity|sweep|field|relations|ranking|public|cluster|"
     r"(?:ros-)?parameters: (\w+)) -->\n)"
     r".*?(<!-- end -->)",
     re.DOTALL,
@@ -44,7 +44,7 @@ def parser() -> cli.Parser:
         nargs="*",
         type=Path,
         metavar="DIR",
-        help="results of compare, sweep or ranking to adopt first",
+        help="results of compare, sweep, ranking or validity to adopt first",
     )
     return p
 
@@ -72,12 +72,13 @@ def readmes() -> list[Path]:
 def adopt(folder: Path) -> None:
     """Make a folder's results the README's.
 
-    One of bench.ranking; one of bench.sweep; one of bench.compare over several logs, the public
+    One of bench.ranking, validity or sweep; one of bench.compare over several logs, the public
     ones; one with relations for its algorithms on a real log; else the main one.
     """
-    if (folder / "ranking.json").exists():
-        shutil.copyfile(folder / "ranking.json", RANKING)
-        return
+    for name, kept in (("ranking.json", RANKING), ("validity.json", VALIDITY)):
+        if (folder / name).exists():
+            shutil.copyfile(folder / name, kept)
+            return
     if (folder / sweep.TRIALS).exists():
         readme_sweep.adopt(SWEEP, sweep.read(folder))
         return
@@ -161,11 +162,6 @@ def choice() -> str:
     return readme_sweep.choice(SWEEP)
 
 
-def glance() -> str:
-    """The one-screen overview of the committed results."""
-    return _tables(GLANCE)
-
-
 def results() -> str:
     """The paper's tables and the others of the committed results, and the verdicts."""
     from bench.report.words import neighbors
@@ -189,26 +185,15 @@ def _tables(keys: tuple[str, ...]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def relations() -> str:
-    """Errors of the relations on real logs, a column for each log, the published ones below."""
-    from bench.report.error_tables import published
+def validity() -> str:
+    """How the measures without a truth rank runs, over drives that have one."""
+    from bench import validity as measured
+    from bench.report.text import markdown_table
 
-    known = read_figures(RELATIONS)
-    lines: dict[str, dict[str, str]] = {}
-    for key, runs in known.items():
-        for label, run in runs.items():
-            lines.setdefault(label, {})[key] = _relation_cell(run)
-        with_odometry = key.endswith("with odometry")
-        for row in published("relations", key.partition(",")[0]) if with_odometry else []:
-            cell = f"{row['translation_mean']:.4f} ± {row['translation_std']:.4f}"
-            lines.setdefault(f"published: {row['program']}", {})[key] = cell
-    used = {key: max(_used(run) for run in runs.values()) for key, runs in known.items()}
-    heads = [f"{key} ({used[key]} relations)" for key in known]
-    text = [f"| | {' | '.join(heads)} |", "|---|" + "---:|" * len(heads)]
-    ours = {name: k for k, name in enumerate(names())}
-    for label, cells in sorted(lines.items(), key=lambda line: ours.get(line[0], len(ours))):
-        text.append(f"| {label} | {' | '.join(cells.get(key, '-') for key in known)} |")
-    return "\n".join(text) + "\n"
+    found = read_figures(VALIDITY, measured.FORMAT)
+    drives = len({run["drive"] for run in found["runs"]})
+    head = f"`python -m bench.validity`: {len(found['runs'])} runs over {drives} degraded drives."
+    return f"{head}\n\n{markdown_table(measured.table(found), 'measure')}\n"
 
 
 def ranking() -> str:
@@ -216,47 +201,6 @@ def ranking() -> str:
     from bench.ranking import as_markdown
 
     return as_markdown(read_figures(RANKING))
-
-
-def public() -> str:
-    """Size of the public logs, and what each algorithm costs on them."""
-    found = read_figures(PUBLIC)
-    labels = list(dict.fromkeys(label for log in found["logs"] for label in log["cpu_ms"]))
-    heads = ["log", "scans x beams", "lasts [s]", *(f"{label} [ms]" for label in labels)]
-    text = [f"| {' | '.join(heads)} |", "| --- |" + " ---: |" * (len(heads) - 1)]
-    for log in found["logs"]:
-        cells = [log["name"], f"{log['scans']} x {log['beams']}", f"{log['duration_s']:.0f}"]
-        cells += [_milliseconds(log["cpu_ms"].get(label)) for label in labels]
-        text.append(f"| {' | '.join(cells)} |")
-    head = f"`{found['command']}`, CPU time of a scan on {found['cpu']}:"
-    return f"{head}\n\n" + "\n".join(text) + "\n"
-
-
-def _milliseconds(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"
-
-
-def _used(run: dict[str, Any]) -> int:
-    return int(run["relations"]["used"])
-
-
-def _relation_cell(run: dict[str, Any]) -> str:
-    if "all" not in run["relations"]:
-        return "-"
-    error = run["relations"]["all"]["translation_m"]
-    lost = " (lost)" if run["loss"]["lost"] else ""
-    return f"{error['mean']:.4f} ± {error['std']:.4f}{lost}{_luck(run.get('starts'))}"
-
-
-def _luck(starts: dict[str, Any] | None) -> str:
-    """Over several start scans: mean, worst, how many above the limit; a lost run has no error."""
-    if not starts:
-        return ""
-    mean, worst = (
-        "-" if starts[key] is None else f"{starts[key]:.4f}" for key in ("mean", "worst")
-    )
-    above = f"{starts['above']} above {starts['limit_m']:g}"
-    return f"; {starts['n']} starts: mean {mean}, worst {worst}, {above}"
 
 
 def parameters(name: str) -> str:
@@ -277,16 +221,17 @@ def parameters(name: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-PARTS = {
+PARTS: dict[str, Callable[[], str]] = {
     "table": table,
     "choice": choice,
-    "glance": glance,
     "results": results,
+    "validity": validity,
     "sweep": lambda: readme_sweep.part(SWEEP),
     "field": lambda: readme_sweep.field_part(SWEEP),
-    "relations": relations,
+    "relations": lambda: readme_logs.relations_table(read_figures(RELATIONS)),
     "ranking": ranking,
-    "public": public,
+    "public": lambda: readme_logs.public_table(read_figures(PUBLIC)),
+    "cluster": lambda: readme_logs.cluster_table(read_figures(RESULTS)),
 }
 
 

@@ -47,7 +47,9 @@ def parser() -> argparse.ArgumentParser:
         "--size", type=float, default=SIZE, metavar="M", help="of the floor (%(default)g)"
     )
     p.add_argument("--log", metavar="LOG", help="a long log with a truth, instead of simulating")
-    cli.add_output_options(p, "results/soak")
+    p.add_argument("--out", metavar="DIR", help="default: results/soak, -LOG behind")
+    p.add_argument("--force", action="store_true", help="replace the results of another log")
+    p.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
     p.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (%(default)s)")
     cli.add_log_options(p)
     return p
@@ -62,9 +64,12 @@ def main(argv: list[str] | None = None) -> int:
 def _command(arguments: argparse.Namespace) -> int:
     from bench.report.soak_tables import as_markdown, as_text
     from bench.results import write_figures
+    from bench.run.folder import default
     from bench.run.store import Store
     from slams.formats import files
 
+    if arguments.out is None:
+        arguments.out = str(default("soak", [arguments.log] if arguments.log else []))
     labels, log = cli.refusing(lambda: _checked(arguments))
     store = cli.refusing(lambda: Store(Path(arguments.out) / "runs"))
     found = _run_all(labels, log, store, arguments)
@@ -92,11 +97,27 @@ def _checked(arguments: argparse.Namespace) -> tuple[list[str], ScanLog | None]:
         find(label)
     files.check_folder(arguments.out)
     if not arguments.log:
-        return labels, _simulated(arguments) if arguments.length else None
-    log = load(arguments.log, cli.log_options(arguments))
-    if log.truth is None:
-        raise ValueError(f"{arguments.log}: has no truth; expected a log with one (--truth FILE)")
+        log = _simulated(arguments) if arguments.length else None
+    else:
+        log = load(arguments.log, cli.log_options(arguments))
+        if log.truth is None:
+            raise ValueError(f"{arguments.log}: has no truth; expected one (--truth FILE)")
+    _check_other_log(arguments, log)
     return labels, log
+
+
+def _check_other_log(arguments: argparse.Namespace, log: ScanLog | None) -> None:
+    """Results of one log go on where they were; those of another are not overwritten."""
+    from bench.results import read_figures
+
+    path = Path(arguments.out) / "soak.json"
+    if arguments.force or not path.exists():
+        return
+    known, name = read_figures(path, FORMAT)["log"], None if log is None else log.name
+    if known is not None and name is not None and known != name:
+        raise FileExistsError(
+            f"{arguments.out}: has results of {known}; expected another --out, or --force"
+        )
 
 
 def _simulated(arguments: argparse.Namespace) -> ScanLog:

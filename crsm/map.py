@@ -9,8 +9,8 @@ from crsm import map_kernels, match_kernels
 from crsm.map_kernels import Grid, Update
 from crsm.params import CrsmParams
 from slams.cells import Room, move, observed, zeros
-from slams.extent import Box, Extent
 from slams.frontend.correlative import Lookup
+from slams.grid_bounds import Box, GridBounds
 from slams.refine.lines import LineMap
 from slams.scan.end_points import EndPoints
 from slams.types import OccupancyGrid, Pose2
@@ -27,7 +27,7 @@ class GreyMap:
     def __init__(self, params: CrsmParams) -> None:
         self.params = params
         self.insertions = 0
-        self.extent = Extent(params.max_cells, params.cell)
+        self.extent = GridBounds(params.max_cells, params.cell)
         self._room = Room(params.max_cells, params.cell, COARSE)
         self.levels = [self._blank(1), self._blank(COARSE)]
         self._strokes = np.zeros((1, 5))

@@ -13,7 +13,7 @@ from crsm.matcher import Matcher
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
 from slams.frontend.motion_filter import Prediction
-from slams.room import scan_at
+from slams.test_world import scan_at
 from slams.types import IDENTITY, Floats, Laser, Pose2
 
 if TYPE_CHECKING:

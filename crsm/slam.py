@@ -71,6 +71,12 @@ class Crsm:
         self._estimator.place(scan, pose)
         self._insert(self._scan.take(scan, IDENTITY), pose)
 
+    def adopt(self, other: Crsm, pose: Pose2) -> None:
+        """Go on in the map of another instance, at `pose` in it, moving as before."""
+        self._map, self._matcher = other._map, other._matcher
+        self._keyframes = other._keyframes
+        self._estimator.correct(pose)
+
     def map(self) -> OccupancyGrid:
         """The grey levels of the map as probabilities."""
         return self._map.grid()
@@ -83,7 +89,8 @@ class Crsm:
         the map's bounds.
         """
         counts = self._counts | {"restarts": self._matcher.restarts}
-        return counts | self._estimator.counts | self._map.extent.counts
+        counts |= self._estimator.counts | self._map.extent.counts
+        return counts | self._scan.counts
 
     @property
     def state(self) -> State:

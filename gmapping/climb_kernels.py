@@ -56,7 +56,7 @@ def distances(
         ix, iy = cell_of(x, edge), cell_of(y, edge)
         slot, beams = slot_of(tiles, particle, 0, ix, iy), ends[i, 4]
         square = -1.0
-        if slot >= 0:
+        if slot > 0:
             cell = tiles.cells[slot, inside_tile(ix, iy)]
             if cell[5] > 0.0:
                 square = (x - cell[3]) ** 2 + (y - cell[4]) ** 2
@@ -237,7 +237,7 @@ def evaluate(
         y = pose[1] + s * ends[i, 0] + c * ends[i, 1]
         ix, iy = cell_of(x, edge), cell_of(y, edge)
         slot = slot_of(tiles, owner, 0, ix, iy)
-        known = slot >= 0 and tiles.cells[slot, inside_tile(ix, iy), 5] > 0.0
+        known = slot > 0 and tiles.cells[slot, inside_tile(ix, iy), 5] > 0.0
         if not known and is_free(seen, x, y):
             conflicts += ends[i, 4]
     return inliers(tiles, owner, ends, pose), conflicts

@@ -11,7 +11,7 @@ from gmapping import climb_kernels as kernels
 from gmapping.climb_kernels import Field
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
 from gmapping.map import TileMap
-from gmapping.match import Proposals
+from gmapping.match import Proposals, Revisit
 from gmapping.match_kernels import Prior as Priors
 from gmapping.params import GMappingParams
 from gmapping.render_kernels import Counts
@@ -30,20 +30,20 @@ class EndPointMatcher:
         self.tiles = TileMap(p.n_particles, 1, p.resolution, p.max_tiles, p.max_cells, HIT_DEPTH)
 
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
-        """The peak near `start` in the map of one particle."""
+        """The mean of the samples around the peak near `start`, in the map of one particle."""
         poses, owners = np.array([start]), np.array([owner])
-        known, value = Priors(np.array([prior.pose]), prior.information[None]), np.zeros(1)
-        field, tiles = self._field(view), self.tiles.tiles
-        kernels.climb(tiles, owners, view.pieces, field, known, poses, value)
+        known = Priors(np.array([prior.pose]), prior.information[None])
+        covariance, _ = self._gaussians(view, owners, known, poses)
+        if known.information.any():  # what the scan alone says
+            free = Priors(poses.copy(), np.zeros((1, 3, 3)))
+            covariance, _ = self._gaussians(view, owners, free, poses.copy())
         x, y, theta = poses[0].tolist()
-        share = kernels.inliers(tiles, owner, view.pieces, poses[0]) / view.beams
-        free, covariance = Priors(poses.copy(), np.zeros((1, 3, 3))), np.zeros((1, 3, 3))
-        kernels.sample(tiles, owners, view.pieces, field, free, poses, covariance, value)
-        seen = np.linalg.inv(covariance[0])
-        return Match(Pose2(x, y, float(wrap_angle(theta))), share, 1.0 / field.worth, seen)
+        share = kernels.inliers(self.tiles.tiles, owner, view.pieces, poses[0]) / view.beams
+        pose, seen = Pose2(x, y, float(wrap_angle(theta))), np.linalg.inv(covariance[0])
+        return Match(pose, share, 1.0 / self._field(view).worth, seen)
 
     def propose(
-        self, view: View, means: Floats, information: Floats, revisited: list[Pose2]
+        self, view: View, means: Floats, information: Floats, revisit: Revisit
     ) -> Proposals:
         """[Grisetti07] improved proposal, mean, covariance and weight of samples at the peak."""
         poses = means.copy()

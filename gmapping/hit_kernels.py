@@ -30,7 +30,7 @@ def insert_ends(tiles: Tiles, poses: Floats, ends: Floats, cap: float) -> int:
             px, py = poses[particle, 0] + c * x - s * y, poses[particle, 1] + s * x + c * y
             ix, iy = cell_of(px, edge), cell_of(py, edge)
             slot = own_slot(tiles, particle, 0, ix, iy)
-            if slot < 0:
+            if slot == 0:
                 lacking += 1
                 continue
             cell = tiles.cells[slot, inside_tile(ix, iy)]
@@ -43,7 +43,7 @@ def insert_ends(tiles: Tiles, poses: Floats, ends: Floats, cap: float) -> int:
             for number in range(9):
                 jx, jy = ix + number // 3 - 1, iy + number % 3 - 1
                 slot = own_slot(tiles, particle, 0, jx, jy)
-                if slot < 0:
+                if slot == 0:
                     continue
                 near = tiles.cells[slot, inside_tile(jx, jy)]
                 cx, cy = jx * edge, jy * edge

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.tile_kernels import CELLS, SIDE, Tiles, inherit
-from slams.extent import USUAL_CELLS, Box, Extent
+from slams.cells import Room, move, zeros
+from slams.grid_bounds import DEFAULT_MAX_CELLS, Box, GridBounds
 from slams.types import Floats, Pose2
 
-MARGIN = 8  # tiles added around what does not fit
 MOST_POINTERS = 1 << 28  # of all tables together: 1 GB
 
 
@@ -20,8 +20,8 @@ class TileMap:
     """One map per particle; equal parts are stored once until one particle writes to them.
 
     `tiles` is what kernels take; it is replaced when the tables grow, so it is asked for anew
-    before every call. The pool is reserved whole, but never touched before a tile is used: memory
-    that was not written to costs nothing.
+    before every call. Pool and tables are reserved whole: memory that was not written to costs
+    nothing, and only a long, narrow map ever moves its tables.
     """
 
     def __init__(
@@ -30,26 +30,35 @@ class TileMap:
         layers: int,
         resolution: float,
         max_tiles: int,
-        max_cells: int = USUAL_CELLS,
+        max_cells: int = DEFAULT_MAX_CELLS,
         depth: int = 4,
     ) -> None:
         most = MOST_POINTERS * CELLS // (n_particles * layers)
-        self.extent = Extent(min(max_cells, most), resolution)
+        self.extent = GridBounds(min(max_cells, most), resolution)
+        self._room = Room(min(max_cells, most), resolution, SIDE)
         self._peak = 0
         self.tiles = Tiles(
-            cells=np.empty((max_tiles, CELLS, depth), np.float32),
-            tables=np.full((n_particles, layers, 2 * MARGIN, 2 * MARGIN), -1, np.int32),
-            references=np.zeros(max_tiles, np.int32),
-            free=np.concatenate([[max_tiles], np.arange(max_tiles)[::-1]]).astype(np.int32),
-            corner_x=-MARGIN,
-            corner_y=-MARGIN,
+            cells=zeros((max_tiles + 1, CELLS, depth), np.float32),
+            tables=self._tables(n_particles, layers),
+            references=np.zeros(max_tiles + 1, np.int32),
+            free=np.concatenate([[max_tiles], np.arange(max_tiles, 0, -1)]).astype(np.int32),
+            window=np.array((0, 0, -1, -1)),
+            corner_x=self._room.x0 // SIDE,
+            corner_y=self._room.y0 // SIDE,
             resolution=resolution,
         )
 
     @property
     def used(self) -> int:
         """Tiles in use now."""
-        return len(self.tiles.references) - int(self.tiles.free[0])
+        return len(self.tiles.references) - 1 - int(self.tiles.free[0])
+
+    @property
+    def touched(self) -> NDArray[np.int32]:
+        """The tables (ny, nx, particles, layers) of all tiles that were ever written to, a view."""
+        x0, y0, x1, y1 = self.tiles.window.tolist()
+        x, y = self.tiles.corner_x, self.tiles.corner_y
+        return self.tiles.tables[y0 - y : y1 + 1 - y, x0 - x : x1 + 1 - x]
 
     @property
     def peak(self) -> int:
@@ -59,13 +68,17 @@ class TileMap:
     @property
     def shared(self) -> float:
         """Share of the particles' tiles that is stored elsewhere already."""
-        pointers = int((self.tiles.tables >= 0).sum())
+        pointers = int(np.count_nonzero(self.touched))
         return 1.0 - self.used / pointers if pointers else 0.0
 
     @property
     def counts(self) -> dict[str, Any]:
         """What the maps take, and where they might not grow, for a report."""
-        tiles = {"particles": len(self.tiles.tables), "tiles": self.used, "tiles_peak": self.peak}
+        tiles = {
+            "particles": self.tiles.tables.shape[2],
+            "tiles": self.used,
+            "tiles_peak": self.peak,
+        }
         return tiles | {"tiles_shared": round(self.shared, 3)} | self.extent.counts
 
     def admits(self, pose: Pose2, far: float) -> bool:
@@ -80,20 +93,19 @@ class TileMap:
         """Let the tables reach from `low` to `high`, (x, y) [m] each, if they may grow so far."""
         if not self.extent.admits(Box(*low.tolist(), *high.tolist())):
             return
-        edge = SIDE * self.tiles.resolution
-        first = np.floor(low / edge).astype(np.int64) - 1
-        last = np.floor(high / edge).astype(np.int64) + 1
-        tables = self.tiles.tables
-        corner = np.array([self.tiles.corner_x, self.tiles.corner_y])
-        size = np.array(tables.shape[:1:-1])
-        before = np.where(first < corner, corner - first + MARGIN, 0)
-        after = np.where(last >= corner + size, last - corner - size + 1 + MARGIN, 0)
-        if not (before.any() or after.any()):
+        edge, old = self.tiles.resolution, self.tiles.tables
+        added = self._room.reach(Box(*(low - edge).tolist(), *(high + edge).tolist()))
+        if added is None:
             return
-        pad = ((0, 0), (0, 0), (before[1], after[1]), (before[0], after[0]))
-        grown = np.ascontiguousarray(np.pad(tables, pad, constant_values=-1))
-        x, y = (corner - before).tolist()
-        self.tiles = self.tiles._replace(tables=grown, corner_x=x, corner_y=y)
+        below, left = (cells // SIDE for cells in added)
+        tables = self._tables(*old.shape[2:])
+        move(old, tables, below, left)
+        x, y = self.tiles.corner_x - left, self.tiles.corner_y - below
+        self.tiles = self.tiles._replace(tables=tables, corner_x=x, corner_y=y)
+
+    def _tables(self, n_particles: int, layers: int) -> NDArray[np.int32]:
+        shape = self._room.height // SIDE, self._room.width // SIDE
+        return zeros((*shape, n_particles, layers), np.int32)
 
     def inherit(self, ancestors: NDArray[np.int64]) -> None:
         """Hand every particle its ancestor's map, without copying tiles; ancestors keep theirs."""

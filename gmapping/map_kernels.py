@@ -115,7 +115,7 @@ def write(
     edge, now = tiles.resolution, np.float32(splat.driven)  # as a cell keeps it
     reach, lacking = (splat.band + 0.5) * edge, 0
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    tu, tv, last, slot = 0, 0, -1, -1  # the tile written last
+    tu, tv, last, slot = 0, 0, -1, 0  # the tile written last
     for i in range(surface.shape[0]):
         x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
         px, py = pose[0] + c * x - s * y, pose[1] + s * x + c * y
@@ -140,7 +140,7 @@ def write(
                     tu, tv, last = ju >> BITS, jv >> BITS, layer
                     jx, jy = (ju, jv) if level else (jv, ju)
                     slot = own_slot(tiles, particle, layer, jx, jy)
-                if slot < 0:
+                if slot == 0:
                     lacking += 1
                     continue
                 cell = tiles.cells[slot, inside_tile(ju, jv)]

@@ -15,6 +15,13 @@ from slams.refine.lines import Match
 from slams.types import Floats, Pose2
 
 
+class Revisit(NamedTuple):
+    """Poses that the robot may have come back to, and what was seen from around there long ago."""
+
+    poses: list[Pose2]
+    seen: Counts
+
+
 class Proposals(NamedTuple):
     """The Gaussians that particles are drawn from, and what they make of the weights.
 
@@ -38,11 +45,11 @@ class Matcher(Protocol):
         ...
 
     def propose(
-        self, view: View, means: Floats, information: Floats, revisited: list[Pose2]
+        self, view: View, means: Floats, information: Floats, revisit: Revisit
     ) -> Proposals:
         """[Grisetti07] improved proposal of every particle; means (n, 3), information (n, 3, 3).
 
-        ours: particles may be where a pose was `revisited`.
+        ours: particles may be where the robot has come back to.
         """
         ...
 

@@ -72,7 +72,7 @@ def linearize(
         layer = facing(tiles, c * nx - s * ny, s * nx + c * ny)
         slot = slot_of(tiles, particle, layer, ix, iy)
         cost += surface[i, 4] * k2
-        if slot < 0:
+        if slot == 0:
             continue
         cell = tiles.cells[slot, place_of(layer, ix, iy)]
         if cell[3] <= 0.0:
@@ -157,7 +157,7 @@ def evaluate(
         ix, iy = cell_of(px, edge), cell_of(py, edge)
         layer = facing(tiles, c * nx - s * ny, s * nx + c * ny)
         slot, place = slot_of(tiles, owner, layer, ix, iy), place_of(layer, ix, iy)
-        if slot >= 0 and tiles.cells[slot, place, 3] > 0.0:
+        if slot > 0 and tiles.cells[slot, place, 3] > 0.0:
             cell = tiles.cells[slot, place]
             r = cell[0] + cell[1] * (px - ix * edge) + cell[2] * (py - iy * edge)
             inliers += surface[i, 4] * k2 / (k2 + r * r)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from gmapping.ros import ROS as ROS_NAMES
-from slams.extent import max_cells
 from slams.frontend.params import FrontendParams
+from slams.grid_bounds import max_cells
 from slams.params import RosNames, param
 from slams.scan.params import ScanParams
 

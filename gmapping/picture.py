@@ -84,15 +84,15 @@ def _histories(axes: Axes, particles: Particles, truth: Floats) -> None:
 
 
 def _tiles(axes: Axes, tiles: TileMap) -> None:
-    edge, tables = SIDE * tiles.tiles.resolution, tiles.tiles.tables
-    height, width = tables.shape[2:]
+    edge, tables = SIDE * tiles.tiles.resolution, tiles.touched
+    height, width = tables.shape[:2]
     shown = np.full((height, width), np.nan)
-    for ty, tx in np.argwhere((tables >= 0).any(axis=(0, 1))):
-        slots = tables[..., ty, tx]
-        slots = slots[slots >= 0]
+    for ty, tx in np.argwhere(tables.any(axis=(2, 3))):
+        slots = tables[ty, tx]
+        slots = slots[slots > 0]
         shown[ty, tx] = len(slots) / len(np.unique(slots))
-    x = (tiles.tiles.corner_x - 0.5 / SIDE) * edge
-    y = (tiles.tiles.corner_y - 0.5 / SIDE) * edge
+    x = (tiles.tiles.window[0] - 0.5 / SIDE) * edge
+    y = (tiles.tiles.window[1] - 0.5 / SIDE) * edge
     extent = (x, x + width * edge, y, y + height * edge)
     image = axes.imshow(shown, cmap="Blues", vmin=0, origin="lower", extent=extent)
     axes.figure.colorbar(image, ax=axes, label="particles to a stored tile", shrink=0.6)

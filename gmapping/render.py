@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from gmapping.render_kernels import COARSE, Counts, draw
 from slams.cells import Room, move, zeros
-from slams.extent import USUAL_CELLS, Box
 from slams.frontend.correlative import Lookup
+from slams.grid_bounds import DEFAULT_MAX_CELLS, Box
 from slams.types import Floats, OccupancyGrid, Pose2
 
-FINER = 2  # cells to the edge of a cell where some scans alone are looked at
+FULL = 1 << COARSE  # cells to the edge of a coarse one
 SURE = 3.0  # hits from which a coarse cell is a wall
 
 
@@ -41,6 +41,14 @@ class Ends(NamedTuple):
         return Ray(self.points.astype(np.float64), np.array([[self.mount.x, self.mount.y]]))
 
 
+def walls(counts: Counts) -> Lookup:
+    """Where beams ended, in cells twice as wide, for correlative search."""
+    edge, (height, width) = counts.resolution, counts.hits.shape
+    pairs = counts.hits.reshape(height // 2, 2, width // 2, 2)
+    likelihood = np.asarray(pairs.any(axis=(1, 3)), np.float32)
+    return Lookup(likelihood, (counts.x0 + 0.5) * edge, (counts.y0 + 0.5) * edge, 2.0 * edge)
+
+
 class Renderer:
     """Keeps the key scans, and draws them at the poses that a particle's history gives them.
 
@@ -52,7 +60,9 @@ class Renderer:
         max_cells: of the map.
     """
 
-    def __init__(self, resolution: float, occupied: float, max_cells: int = USUAL_CELLS) -> None:
+    def __init__(
+        self, resolution: float, occupied: float, max_cells: int = DEFAULT_MAX_CELLS
+    ) -> None:
         self._power = math.log(0.5) / math.log(occupied)
         self._room = Room(max_cells, resolution, 1 << COARSE)
         self._low, self._high = np.zeros((2, 2), np.int64)  # cells that were needed, both included
@@ -107,15 +117,20 @@ class Renderer:
         """Numbers and poses of the first `end` kept scans that are drawn."""
         return [(k, at) for k, at in enumerate(self._drawn[:end]) if at is not None]
 
-    def walls(self, scans: list[tuple[int, Pose2]]) -> Lookup:
-        """Likelihood of walls by some kept scans alone, by numbers and poses."""
-        edge = FINER * self.counts.resolution
-        ends = np.concatenate([self._scans[k]().seen_from(pose).points for k, pose in scans])
-        low = ends.min(axis=0) - edge
-        cells = np.floor((ends - low) / edge + 0.5).astype(np.int64)
-        likelihood = np.zeros(cells.max(axis=0)[::-1] + 2, np.float32)
-        likelihood[cells[:, 1], cells[:, 0]] = 1.0
-        return Lookup(likelihood, float(low[0]), float(low[1]), edge)
+    def only(self, scans: list[tuple[int, Pose2]]) -> Counts:
+        """What some kept scans alone have seen, by numbers and poses."""
+        rays, edge = [self._scans[k]().seen_from(pose) for k, pose in scans], self.counts.resolution
+        ends = np.concatenate([part for ray in rays for part in ray])
+        low = np.floor(ends.min(axis=0) / edge).astype(np.int64) >> COARSE
+        high = np.ceil(ends.max(axis=0) / edge).astype(np.int64) >> COARSE
+        width, height = (high - low + 2).tolist()
+        hits, visits = np.zeros((2, height * FULL, width * FULL), np.int32)
+        coarse = np.zeros((height, width), np.int32)
+        x0, y0 = (low << COARSE).tolist()
+        counts = Counts(hits, visits, coarse, x0, y0, edge)
+        for ray in rays:
+            draw(ray.points, ray.sensor[0], counts, 1)
+        return counts
 
     def lookup(self) -> Lookup:
         """Likelihood of walls in coarse cells, for correlative search."""

@@ -8,14 +8,16 @@ from numpy.typing import NDArray
 from gmapping.params import GMappingParams
 from gmapping.scan_kernels import pieces
 from slams.scan.end_points import EndPoints
-from slams.types import Pose2, Scan
+from slams.types import Floats, Pose2, Scan
+
+SURFACE_ERROR = 0.005  # m: what the beams of one piece share, as walls are not straight
 
 
 class View(EndPoints):
     """The pieces of surface of the scan at hand; the buffers serve every scan.
 
-    `pieces` (k, 5): x, y [m], nx, ny in the base frame at the middle of the sweep, how many beams;
-    `beams` of all of them together.
+    `pieces` (k, 5): x, y [m], nx, ny in the base frame at the middle of the sweep, and the weight:
+    as many independent beams; `beams` of all of them together.
     """
 
     params: GMappingParams
@@ -34,10 +36,19 @@ class View(EndPoints):
         grain = self.params.grain
         n = pieces(self.points, self.normals, self.n, self.mount, grain, self._buffer)
         self.pieces = self._buffer[:n]
+        self._weigh(self.pieces[:, 4])
         self.beams = float(self.pieces[:, 4].sum())
         if n == 0:
             self.n = 0
         return self
+
+    def _weigh(self, beams: Floats) -> None:
+        """Turn the beams (k,) of pieces into weights, inverse variances over that of one beam.
+
+        ours: a leg near the laser has more beams than the far end of a corridor, and knows less.
+        """
+        beam, surface = self.noise**2, SURFACE_ERROR**2
+        beams[:] = (beam + surface) / (beam / beams + surface)
 
     @property
     def ends(self) -> NDArray[np.float32]:

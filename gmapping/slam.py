@@ -110,7 +110,8 @@ class GMapping:
 
     def report(self) -> dict[str, Any]:
         """Counts of scans, and what the particles' maps take."""
-        return self._counts | self._estimator.counts | self.tiles.counts
+        counts = self._counts | self._estimator.counts | self.tiles.counts
+        return counts | self._view.counts
 
     @property
     def state(self) -> State:
@@ -162,8 +163,8 @@ class GMapping:
             none = np.zeros(n), np.zeros(n, np.bool_)
             proposals = Proposals(particles.poses.copy(), factors, *none)
         else:
-            revisited = self._map.revisited(view, pose, self._way + math.hypot(way.x, way.y))
-            proposals = self._matcher.propose(view, particles.poses, information, revisited)
+            revisit = self._map.revisited(view, pose, self._way + math.hypot(way.x, way.y))
+            proposals = self._matcher.propose(view, particles.poses, information, revisit)
         normals = self._rng.standard_normal((n, 3))
         particles.draw(proposals.peaks, proposals.factors, self.params.spread * normals)
         if self.params.refine and not proposals.closes[particles.best]:

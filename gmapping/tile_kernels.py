@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slams.cells import deepcopied
 from slams.jit import njit
 
 BITS = 4
@@ -20,21 +21,26 @@ class Tiles(NamedTuple):
     """The maps of all particles: tables of slots in one pool.
 
     `cells` (slots, CELLS, k) k numbers a cell, whatever the matcher keeps there; `tables`
-    (particles, layers, ny, nx) slot of each tile, -1 = never touched; `references` (slots,) how
-    many tables point at a slot; `free` (slots + 1,) how many slots are free, then these slots;
-    `corner_x`, `corner_y` tile index of tables[..., 0, 0]; `resolution` [m]; `axis_x`, `axis_y` a
-    unit vector, the way one of the walls faces.
+    (ny, nx, particles, layers) slot of each tile, 0 = never touched: reserved for the largest map,
+    in memory where it was touched; `references` (slots,) how many tables point at a slot; `free`
+    (slots,) how many slots are free, then these slots; `window` (4,) indices of the tiles that were
+    touched: first x, y, last x, y; `corner_x`, `corner_y` index of tables[0, 0]; `resolution` [m];
+    `axis_x`, `axis_y` a unit vector, the way one of the walls faces.
     """
 
     cells: NDArray[np.float32]
     tables: NDArray[np.int32]
     references: NDArray[np.int32]
     free: NDArray[np.int32]
+    window: NDArray[np.int64]
     corner_x: int
     corner_y: int
     resolution: float
     axis_x: float = 1.0
     axis_y: float = 0.0
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Tiles:
+        return Tiles(*deepcopied(self, memo))
 
 
 @njit(inner=True, borrows=True)
@@ -51,38 +57,47 @@ def inside_tile(ix: int, iy: int) -> int:
 
 @njit(inner=True, borrows=True)
 def slot_of(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
-    """Slot of the tile that holds a cell, -1 if absent or outside. ours."""
+    """Slot of the tile that holds a cell, 0 if absent or outside. ours."""
     tx, ty = (ix >> BITS) - tiles.corner_x, (iy >> BITS) - tiles.corner_y
-    if tx < 0 or ty < 0 or ty >= tiles.tables.shape[2] or tx >= tiles.tables.shape[3]:
-        return -1
-    slot: int = tiles.tables[particle, layer, ty, tx]
+    if tx < 0 or ty < 0 or ty >= tiles.tables.shape[0] or tx >= tiles.tables.shape[1]:
+        return 0
+    slot: int = tiles.tables[ty, tx, particle, layer]
     return slot
 
 
 @njit(inner=True, borrows=True)
 def own_slot(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
-    """Slot of a tile that only this particle has, to write to; -1 if there is no room.
+    """Slot of a tile that only this particle has, to write to; 0 if there is no room.
 
     ours: copy on write; a tile is copied only while another table points at it too.
     """
     tx, ty = (ix >> BITS) - tiles.corner_x, (iy >> BITS) - tiles.corner_y
-    if tx < 0 or ty < 0 or ty >= tiles.tables.shape[2] or tx >= tiles.tables.shape[3]:
-        return -1
-    old: int = tiles.tables[particle, layer, ty, tx]
-    if old >= 0 and tiles.references[old] == 1:
+    if tx < 0 or ty < 0 or ty >= tiles.tables.shape[0] or tx >= tiles.tables.shape[1]:
+        return 0
+    old: int = tiles.tables[ty, tx, particle, layer]
+    if old > 0 and tiles.references[old] == 1:
         return old
     if tiles.free[0] == 0:
-        return -1
+        return 0
     new: int = tiles.free[tiles.free[0]]
     tiles.free[0] -= 1
     tiles.references[new] = 1
-    tiles.tables[particle, layer, ty, tx] = new
-    if old >= 0:
+    tiles.tables[ty, tx, particle, layer] = new
+    if old > 0:
         tiles.references[old] -= 1
+    else:
+        touch(tiles.window, ix >> BITS, iy >> BITS)
     for k in range(CELLS):  # loops: assigning slices takes numba seconds to compile
         for j in range(tiles.cells.shape[2]):
-            tiles.cells[new, k, j] = tiles.cells[old, k, j] if old >= 0 else 0.0
+            tiles.cells[new, k, j] = tiles.cells[old, k, j] if old > 0 else 0.0
     return new
+
+
+@njit(inner=True, borrows=True)
+def touch(window: NDArray[np.int64], x: int, y: int) -> None:
+    """Let a window (4,) reach to a tile. ours."""
+    window[0], window[1] = min(window[0], x), min(window[1], y)
+    window[2], window[3] = max(window[2], x), max(window[3], y)
 
 
 @njit
@@ -91,21 +106,24 @@ def inherit(tiles: Tiles, ancestors: NDArray[np.int64]) -> None:
 
     ours: tables are copied, tiles only counted, and those of the past both have in common.
     """
-    n, layers, height, width = tiles.tables.shape
-    for particle in range(n):
-        if ancestors[particle] == particle:
-            continue
-        for layer in range(layers):
-            for ty in range(height):
-                for tx in range(width):
-                    slot = tiles.tables[particle, layer, ty, tx]
-                    new = tiles.tables[ancestors[particle], layer, ty, tx]
+    _, _, n, layers = tiles.tables.shape
+    for y in range(tiles.window[1], tiles.window[3] + 1):
+        for x in range(tiles.window[0], tiles.window[2] + 1):
+            here, seen = tiles.tables[y - tiles.corner_y, x - tiles.corner_x], 0
+            for particle in range(n):  # most of a window was never touched
+                for layer in range(layers):
+                    seen |= here[particle, layer]
+            if seen == 0:
+                continue
+            for particle in range(n):
+                for layer in range(layers):
+                    slot, new = here[particle, layer], here[ancestors[particle], layer]
                     if slot == new:
                         continue
-                    tiles.tables[particle, layer, ty, tx] = new
-                    if new >= 0:
+                    here[particle, layer] = new
+                    if new > 0:
                         tiles.references[new] += 1
-                    if slot >= 0:
+                    if slot > 0:
                         release(tiles, slot)
 
 

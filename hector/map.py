@@ -12,9 +12,9 @@ from hector.map_kernels import Level, Update
 from hector.match_kernels import Solver
 from hector.params import HectorParams
 from slams.cells import Room, move, observed, zeros
-from slams.extent import Box, Extent
 from slams.frontend.correlative import Lookup
 from slams.geometry import Prior
+from slams.grid_bounds import Box, GridBounds
 from slams.refine.lines import LineMap
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, OccupancyGrid, Pose2
@@ -30,7 +30,7 @@ class LogOddsPyramid:
     def __init__(self, params: HectorParams) -> None:
         self.params = params
         self.insertions = 0
-        self.extent = Extent(params.max_cells, params.resolution)
+        self.extent = GridBounds(params.max_cells, params.resolution)
         self._block: int = 1 << (params.levels - 1)
         self._room = Room(params.max_cells, params.resolution, self._block)
         self._update = Update(

@@ -68,6 +68,12 @@ class Hector:
         self._estimator.place(scan, pose)
         self._insert(self._scan.take(scan, IDENTITY), pose)
 
+    def adopt(self, other: Hector, pose: Pose2) -> None:
+        """Go on in the map of another instance, at `pose` in it, moving as before."""
+        self._map, self._matcher = other._map, other._matcher
+        self._keyframes = other._keyframes
+        self._estimator.correct(pose)
+
     def map(self) -> OccupancyGrid:
         """The finest level as probabilities."""
         return self._map.grid()
@@ -78,7 +84,8 @@ class Hector:
         `posed` by the pyramid, `kept` where the pose within a cell of that was taken, `refined` by
         the lines, `inserted`; those of the estimator and of the map's bounds.
         """
-        return self._counts | self._estimator.counts | self._map.extent.counts
+        counts = self._counts | self._estimator.counts | self._map.extent.counts
+        return counts | self._scan.counts
 
     @property
     def state(self) -> State:

@@ -1,4 +1,4 @@
-"""python -m slams: the commands with a line each; `slams run ...` is `python -m slams.run ...`."""
+"""slams: the commands with a line each; `slams run ...` is `python -m slams.run ...`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from slams.registry import IDEAS, names
 PROGRAM = "slams"
 # known as text alone, as the algorithms are: slams is complete without bench
 COMMANDS = {
+    "info": "slams.info",
     "run": "slams.run",
     "live": "slams.live.__main__",
     "play": "slams.play",
@@ -25,6 +26,7 @@ COMMANDS = {
     "check": "slams.check",
     "report": "bench.report.__main__",
     "ranking": "bench.ranking",
+    "validity": "bench.validity",
     "soak": "bench.soak",
 }
 

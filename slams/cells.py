@@ -19,7 +19,7 @@ import numpy as np
 from numpy.lib.array_utils import byte_bounds
 from numpy.typing import DTypeLike, NDArray
 
-from slams.extent import Box
+from slams.grid_bounds import Box
 
 Array = NDArray[Any]
 

@@ -1,4 +1,4 @@
-"""python -m slams.check: does an algorithm keep the contract of `slams.types.Slam`?
+"""slams check: does an algorithm keep the contract of `slams.types.Slam`?
 
 Each clause is one check, over made-up scans of a small room; some seconds and no files.
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Scan, Slam
 
-PROGRAM = "slams.check"
+PROGRAM = "slams check"
 SHORT = 12
 FRAME_TOLERANCE = 1e-6  # rounding alone, m and rad
 
@@ -40,7 +40,7 @@ class Check(NamedTuple):
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="Check that an algorithm keeps the contract of slams.types.Slam.",
         epilog="Prints a line per clause; exit code 0 if all hold, 1 if not.",
     )
@@ -111,7 +111,7 @@ def _new(entry: Entry) -> Slam:
 
 def _log() -> ScanLog:
     """Anew each time: an algorithm may write to what it is given."""
-    from slams.room import drive
+    from slams.test_world import drive
 
     return drive(n=SHORT)
 
@@ -147,7 +147,7 @@ def _starts_at_the_origin(entry: Entry) -> None:
 
 
 def _stays_finite(entry: Entry) -> None:
-    from slams.room import odd_scans, scan_at
+    from slams.test_world import odd_scans, scan_at
     from slams.types import Pose2
 
     odd = odd_scans()
@@ -257,7 +257,7 @@ def _takes_any_odom_frame(entry: Entry) -> None:
 
 
 def _takes_a_changing_laser(entry: Entry) -> None:
-    from slams.room import laser, scan_at
+    from slams.test_world import laser, scan_at
 
     lasers = (laser(181), laser(361))
     scans = [scan_at((0.02 * k, 0.0, 0.0), lasers[k % 2], t=0.05 * k) for k in range(6)]

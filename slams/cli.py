@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 if TYPE_CHECKING:
     from slams.formats.options import SourceOptions
@@ -38,7 +38,10 @@ class TerminatedError(BaseException):
 
 
 class Parser(argparse.ArgumentParser):
-    """Arguments that do not fit get one sentence, like all other bad input."""
+    """Arguments that do not fit get one sentence; an option is known by its whole name alone."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(allow_abbrev=False, **settings)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments."""
@@ -154,6 +157,11 @@ def add_output_options(parser: argparse.ArgumentParser, out: str) -> None:
     """Give a command the folder its results go to, and `-q`."""
     parser.add_argument("--out", metavar="DIR", default=out, help="default: %(default)s")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
+
+
+def add_force_option(parser: argparse.ArgumentParser) -> None:
+    """Give a command `--force`; without it nothing that exists is overwritten."""
+    parser.add_argument("--force", action="store_true", help="replace files that exist")
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:

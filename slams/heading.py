@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from slams.plausible import LATEST, can_be
+from slams.validation import LATEST, can_be
 
 LONGEST_GAP = 0.5  # s without a yaw rate that may still be bridged
 

@@ -1,4 +1,4 @@
-"""python -m slams.play: publish a log as a robot would, so that all can be tried on one machine."""
+"""slams play: publish a log as a robot would, so that all can be tried on one machine."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from slams.live.wire import Wire
     from slams.scanlog import ScanLog
 
-PROGRAM = "slams.play"
+PROGRAM = "slams play"
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="Publish a log as a robot would: /scan, /tf_static, and what it has of /odom, "
         "/tf and /imu, by ROS 2, in the time it took. No ROS needed.",
     )

@@ -2,7 +2,7 @@
 
 A name is a built-in ("hector"), an entry point of the group `slams.algorithms`, or the path
 "module:Class"; "name@preset" picks a preset: other values of the class's parameters, or a class of
-its own, as its `Params.PRESETS` says.
+its own, as its `Params.PRESETS` says. "+loops" behind it adds a pose graph that closes loops.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from slams.types import Slam
 
 GROUP = "slams.algorithms"
+LOOPS = "+loops"
 
 BUILT_IN = {
     "hector": "hector.slam:Hector",
@@ -63,12 +64,17 @@ def names() -> list[str]:
 
 
 def find(label: str) -> Entry:
-    """Resolve "name", "name@preset" or "module:Class[@preset]".
+    """Resolve "name", "name@preset" or "module:Class[@preset]", each with "+loops" or without.
 
     Raises:
         LookupError: no such name, module, class or preset.
-        TypeError: what was found is not a Slam.
+        TypeError: what was found is not a Slam, or lacks what loops need.
     """
+    if LOOPS in label:
+        from slams.loops import looped
+
+        entry = find(label.replace(LOOPS, "", 1))
+        return Entry(label, looped(entry.cls, entry.label), entry.preset)
     name, _, preset = label.partition("@")
     cls, preset = _slam_class(name, _target(name)), preset or "default"
     known = cls.Params.presets()
@@ -86,6 +92,8 @@ def create(label: str, **changes: Any) -> Slam:
 
 def label_of(cls: type[Any]) -> str:
     """The label that `find` has a class under: a name, "name@preset", or "module:Class"."""
+    if hasattr(cls, "algorithm"):  # with loops
+        return label_of(cls.algorithm) + LOOPS
     package = cls.__module__.partition(".")[0]
     for name in names():
         if _target(name).partition(".")[0] == package:

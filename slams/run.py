@@ -1,15 +1,16 @@
-"""python -m slams.run: one algorithm over one log, with map, trajectory and summary."""
+"""slams run: one algorithm over one log, with map, trajectory and summary."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
-from slams.begin import add_state_options, begin
+from slams.setup import add_state_options, prepare
 
 if TYPE_CHECKING:
     from slams.params import Params
@@ -21,14 +22,15 @@ if TYPE_CHECKING:
     from slams.watch.video import Video
     from slams.watch.view import View
 
-PROGRAM = "slams.run"
-RESULTS = ["map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", "summary.json"]
+PROGRAM = "slams run"
+SUMMARY = "summary.json"
+RESULTS = ["map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", SUMMARY]
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="Replay every scan of a log through one SLAM algorithm, in order.",
         epilog=f"Writes {', '.join(RESULTS)}.",
     )
@@ -39,15 +41,14 @@ def parser() -> argparse.ArgumentParser:
         help="scan log: npz, ROS bag (of a split one all files), CARMEN log, BreezySLAM .dat",
     )
     p.add_argument("--out", metavar="DIR", help="default: results/<log>-<algorithm>")
+    cli.add_force_option(p)
     p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
     p.add_argument("--limit", type=int, metavar="N", help="only N scans")
     p.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th scan")
     p.add_argument(
         "--mcap", action="store_true", help="also write result.mcap for Foxglove, RViz, evo"
     )
-    p.add_argument(
-        "--video", metavar="FILE", help="also a film: .mp4, .gif, or a folder for png files"
-    )
+    p.add_argument("--video", metavar="FILE", help="also a film: .mp4, or a folder for png files")
     p.add_argument("--video-every", type=int, metavar="K", help="a frame every K scans")
     p.add_argument(
         "--view",
@@ -73,7 +74,7 @@ def _command(arguments: argparse.Namespace) -> int:
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
-    slam, log, folder, notes = cli.refusing(lambda: begin(entry, params, arguments, PROGRAM))
+    slam, log, folder, notes = cli.refusing(lambda: prepare(entry, params, arguments, PROGRAM))
     cli.show_notes(PROGRAM, [*log.notes, *notes], arguments.quiet)
     params = getattr(slam, "params", params)
     run, start_up_s = _replayed(slam, entry, params, log, arguments)
@@ -85,11 +86,7 @@ def _command(arguments: argparse.Namespace) -> int:
         )
     )
     if not arguments.quiet:
-        from slams.types import Illustrated
-
-        more = ["result.mcap"] if arguments.mcap else []
-        more += ["the algorithm's own pictures"] if isinstance(slam, Illustrated) else []
-        sys.stdout.write(f"{text}\n{folder}/: {', '.join(RESULTS + more)}\n")
+        sys.stdout.write(f"{text}\n{folder}/: {', '.join(files_of_run(folder))}\n")
     return 0
 
 
@@ -102,6 +99,8 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
 
     label = arguments.algorithm
     if arguments.preset:
+        if label.partition("@")[2] not in ("", arguments.preset):
+            raise ValueError(f"--preset: got {arguments.preset} and {label}; expected one preset")
         label = f"{label.partition('@')[0]}@{arguments.preset}"
     entry = find(label)
     params = entry.params()
@@ -159,17 +158,27 @@ def write_results(
 
         summary["ros_params"] = ros_params.record(ros)
     grid = slam.map()
-    with files.complete_folder(folder) as partial:
+    with files.complete_folder(folder, files_of_run(folder)) as partial:
         trajectory.write_csv(partial / "trajectory.csv", run.t, run.poses)
         trajectory.write_tum(partial / "trajectory.tum", run.t, run.poses)
         occupancy.write_map(partial, grid)
         occupancy.write_picture(partial / "map.png", grid, run.poses)
-        (partial / "summary.json").write_text(as_json(summary), encoding="utf-8")
         if isinstance(slam, Illustrated):
             occupancy.write_images(partial, slam.pictures())
         if mcap:
             _write_mcap(partial / "result.mcap", log, run, grid)
+        summary["files"] = sorted([*(path.name for path in partial.iterdir()), SUMMARY])
+        (partial / SUMMARY).write_text(as_json(summary), encoding="utf-8")
     return as_text(summary)
+
+
+def files_of_run(folder: Path) -> list[str]:
+    """Names of the files that an earlier run wrote to a folder, by its summary."""
+    try:
+        names = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))["files"]
+    except (OSError, ValueError, LookupError, TypeError):
+        return []
+    return [name for name in names if isinstance(name, str) and Path(name).name == name]
 
 
 def _write_mcap(path: Path, log: ScanLog, run: Run, grid: OccupancyGrid) -> None:
@@ -206,7 +215,7 @@ def _replayed(
 def _watchers(
     slam: Slam, label: str, log: ScanLog, arguments: argparse.Namespace
 ) -> list[Video | View]:
-    """Whoever wants to see the run; what they miss is said before it starts."""
+    """What draws the run; what it lacks is said before the run starts."""
     title = f"{label} on {log.name}"
     watchers: list[Video | View] = []
     if arguments.view:
@@ -214,9 +223,9 @@ def _watchers(
 
         watchers.append(View(arguments.view, slam, title))
     if arguments.video:
-        from slams.watch.video import Video, usual_every
+        from slams.watch.video import Video, default_every
 
-        every = arguments.video_every or usual_every(len(log))
+        every = arguments.video_every or default_every(len(log))
         watchers.append(Video(arguments.video, slam, title, every))
     return watchers
 

@@ -2,9 +2,10 @@
 
 Keys of the file: `format`; `t` (n,) s, stamp of the first beam; `ranges` (n, b) m; `angle_min`,
 `angle_increment` rad; `range_min`, `range_max` m; `time_increment` s per beam; `mount` (3,) the
-laser in the base frame; optional `odom` (k, 3), `truth` (k, 3), `yaw_rate` (k,), each with stamps
-of its own `odom_t`, `truth_t`, `yaw_rate_t` (absent: the scans'); `meta` JSON text. Others are
-ignored.
+laser in the base frame; optional `mount_z` m, its height there, and `height` m, that above the
+floor; optional `odom` (k, 3), `truth` (k, 3), `yaw_rate` (k,), `attitude` (k, 2), each with stamps
+of its own `odom_t`, `truth_t`, `yaw_rate_t`, `attitude_t` (absent: the scans'); `meta` JSON text.
+Others are ignored.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,54 +20,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slams.formats.npz import read_npz, write_npz
-from slams.plausible import check_laser, check_stamps, check_track, expect
-from slams.types import Floats, Laser, Pose2, Ranges, Scan, wrap_angle
+from slams.track import Track as Track
+from slams.types import Attitude, Floats, Laser, Pose2, Ranges, Scan
+from slams.validation import check_laser, check_stamps, check_track, expect
 
 FORMAT = "scanlog-1"
 REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
-TRACKS = ("odom", "truth", "yaw_rate")
+TRACKS = ("odom", "truth", "yaw_rate", "attitude")
+HEIGHTS = ("mount_z", "height")
 KEYS = (
-    *("format", *REQUIRED, "time_increment", "mount", "meta"),
+    *("format", *REQUIRED, "time_increment", "mount", *HEIGHTS, "meta"),
     *(key for track in TRACKS for key in (track, f"{track}_t")),
 )
-
-
-@dataclass(frozen=True)
-class Track:
-    """A signal over time: stamps t (k,) [s] and values (k, 3) poses or (k,) rates, as recorded.
-
-    Stamps may jump back; for looking up they are put in order.
-    """
-
-    t: Floats
-    values: Floats
-
-    @cached_property
-    def in_order(self) -> tuple[Floats, Floats]:
-        """Stamps and values sorted by stamp, equal stamps in the order of recording."""
-        order = np.argsort(self.t, kind="stable")
-        return self.t[order], self.values[order]
-
-    def poses_at(self, t: Floats) -> Floats:
-        """Poses (n, 3) at the stamps t (n,): linear in x, y and the unwrapped angle.
-
-        Never extrapolates: a stamp outside the track gives a row of nan.
-        """
-        stamps, values = self.in_order
-        columns = (values[:, 0], values[:, 1], np.unwrap(values[:, 2]))
-        poses: Floats = np.stack(
-            [np.interp(t, stamps, column, left=np.nan, right=np.nan) for column in columns], axis=1
-        )
-        poses[:, 2] = wrap_angle(poses[:, 2])
-        return poses
-
-    def integral_at(self, t: Floats) -> Floats:
-        """The integral of a rate from its first stamp to each of t (n,), nan outside."""
-        stamps, rate = self.in_order
-        steps = np.diff(stamps) * 0.5 * (rate[1:] + rate[:-1])
-        total = np.concatenate([[0.0], np.cumsum(steps)])
-        integral: Floats = np.interp(t, stamps, total, left=np.nan, right=np.nan)
-        return integral
 
 
 @dataclass(frozen=True)
@@ -87,6 +51,7 @@ class ScanLog:
     yaw_rate: Track | None = None
     meta: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    attitude: Track | None = None
 
     def __post_init__(self) -> None:
         _check_scans(self.t, self.ranges, self.laser.n_beams)
@@ -94,7 +59,8 @@ class ScanLog:
         for key in TRACKS:
             track = getattr(self, key)
             if track is not None:
-                check_track(key, track.t, track.values)
+                finite = np.nan_to_num(track.values) if key == "attitude" else track.values
+                check_track(key, track.t, finite)
         object.__setattr__(self, "ranges", _rep117(self.ranges, self.laser))
 
     def __len__(self) -> int:
@@ -107,6 +73,7 @@ class ScanLog:
     def __iter__(self) -> Iterator[Scan]:
         odometry = self.odometry_at_scans()
         yaw = None if self.yaw_rate is None else self.yaw_rate.integral_at(self.t)
+        attitudes = self.attitude_at_scans()
         for i, (t, ranges) in enumerate(zip(self.t.tolist(), self.ranges, strict=True)):
             pose = None if odometry is None else Pose2(*odometry[i].tolist())
             heading = None if yaw is None else float(yaw[i])
@@ -116,6 +83,7 @@ class ScanLog:
                 self.laser,
                 None if pose is None or pose.x != pose.x else pose,
                 None if heading is None or heading != heading else heading,
+                None if attitudes is None else Attitude(*attitudes[i].tolist()),
             )
 
     @property
@@ -141,6 +109,14 @@ class ScanLog:
             return self.odom.values
         return self.odom.poses_at(self.t)
 
+    def attitude_at_scans(self) -> Floats | None:
+        """Roll and pitch (n, 2) [rad] at each scan; rows of nan where they were not measured."""
+        if self.attitude is None:
+            return None
+        if np.array_equal(self.attitude.t, self.t):
+            return self.attitude.values
+        return self.attitude.attitudes_at(self.t)
+
     def truth_at(self, t: Floats) -> Floats | None:
         """True poses (n, 3) at the stamps t (n,), nan where not covered; None without truth."""
         return None if self.truth is None else self.truth.poses_at(np.asarray(t, np.float64))
@@ -161,11 +137,15 @@ class ScanLog:
         return self.rows(slice(first, None))
 
     def rows(self, part: slice | NDArray[Any]) -> ScanLog:
-        """The scans that a slice, a mask or indices pick; odometry noted row by row comes along."""
-        odom = self.odom
-        if odom is not None and np.array_equal(odom.t, self.t):
-            odom = Track(self.t[part], odom.values[part])
-        return replace(self, t=self.t[part], ranges=self.ranges[part], odom=odom)
+        """The scans that a slice, a mask or indices pick; tracks noted row by row come along."""
+        odom, attitude = self._track_rows(self.odom, part), self._track_rows(self.attitude, part)
+        t, ranges = self.t[part], self.ranges[part]
+        return replace(self, t=t, ranges=ranges, odom=odom, attitude=attitude)
+
+    def _track_rows(self, track: Track | None, part: slice | NDArray[Any]) -> Track | None:
+        if track is None or not np.array_equal(track.t, self.t):
+            return track
+        return Track(self.t[part], track.values[part])
 
     def save(self, path: str | Path) -> None:
         """Write "scanlog-1"; same log, same bytes. A temporary name is renamed when complete."""
@@ -181,6 +161,8 @@ class ScanLog:
             "mount": np.array(self.laser.mount),
             "meta": json.dumps(self.meta, sort_keys=True),
         }
+        heights = {"mount_z": self.laser.mount_z or None, "height": self.laser.height}
+        arrays |= {key: value for key, value in heights.items() if value is not None}
         for key in TRACKS:
             track = getattr(self, key)
             if track is not None:
@@ -215,9 +197,10 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
         t=t,
         ranges=ranges,
         laser=_laser(data, ranges.shape[1]),
-        odom=_track(data, "odom", t, 2),
-        truth=_track(data, "truth", t, 2),
-        yaw_rate=_track(data, "yaw_rate", t, 1),
+        odom=_track(data, "odom", t, (3,)),
+        truth=_track(data, "truth", t, (3,)),
+        yaw_rate=_track(data, "yaw_rate", t, ()),
+        attitude=_track(data, "attitude", t, (2,)),
         meta={"name": stem} | meta,
     )
 
@@ -233,6 +216,7 @@ def _laser(data: dict[str, Any], n_beams: int) -> Laser:
     expect(mount.shape == (3,), "mount", mount.shape, "(3,)")
     scalars = {key: float(_numbers(data, key, 0)) for key in REQUIRED[2:]}
     between = float(_numbers(data, "time_increment", 0)) if "time_increment" in data else 0.0
+    scalars |= {key: float(_numbers(data, key, 0)) for key in HEIGHTS if key in data}
     return Laser(n_beams=n_beams, mount=Pose2(*mount.tolist()), time_increment=between, **scalars)
 
 
@@ -245,12 +229,12 @@ def _meta(data: dict[str, Any]) -> dict[str, Any]:
     return dict(meta)
 
 
-def _track(data: dict[str, Any], key: str, t: Floats, ndim: int) -> Track | None:
+def _track(data: dict[str, Any], key: str, t: Floats, row: tuple[int, ...]) -> Track | None:
     if key not in data:
         return None
-    values = _numbers(data, key, ndim)
+    values = _numbers(data, key, 1 + len(row))
     stamps = _numbers(data, f"{key}_t", 1) if f"{key}_t" in data else t
-    shape = (len(stamps), 3)[:ndim]
+    shape = (len(stamps), *row)
     expect(values.shape == shape and len(stamps) > 0, key, values.shape, f"{shape}")
     return Track(stamps, values)
 

@@ -27,10 +27,15 @@ class Span(NamedTuple):
 
 
 SPANS = (Span("update"), Span("1 s", seconds=1.0), Span("10 s", seconds=10.0))
-# what an algorithm's report may count that its user must know of, and what to do
+# what a report may count that its user must know of, and what to do
 UNMAPPED = {
     "too_far": "scans not entered into the map: where the robot cannot have driven to",
     "too_large": "scans not entered into the map: it has reached max_cells (--set max_cells=N)",
+    "attitude_beyond": "scans whose attitude no robot survives: not used, is the IMU overhead?",
+    "attitude_jumped": "scans after a jump of the attitude: not used until the floor confirms it",
+    "attitude_stuck": "scans whose attitude stays the same while the robot moves: not used",
+    "attitude_contradicted": "scans whose attitude the floor contradicts: not used; signs, axes?",
+    "attitude_late_ms": "ms, about, that the attitude is late by",
     "collapsed": "times the particles' maps did not fit: all went on from the best (max_tiles)",
 }
 LIBRARIES = (
@@ -72,6 +77,7 @@ def summarize(
         "duration_s": duration,
         "path_length_m": metrics.path_length(run.poses),
         "stamps_back": log.stamp_jumps,
+        "scans_without_attitude": _without_attitude(log),
         "scans_without_return": int((~np.isfinite(log.ranges).any(axis=1)).sum()),
         "cpu_ms_per_scan": spent["mean_ms"],
         "cpu_ms": {name: spent[f"{name}_ms"] for name in ("p50", "p95", "max")},
@@ -85,6 +91,12 @@ def summarize(
         "versions": versions(),
         "machine": f"{platform.machine()} {platform.system()}",
     }
+
+
+def _without_attitude(log: ScanLog) -> int:
+    """How many scans lack one in a log that has attitudes."""
+    attitudes = log.attitude_at_scans()
+    return 0 if attitudes is None else int((~np.isfinite(attitudes).all(axis=1)).sum())
 
 
 def cost(seconds: Floats, duration: float) -> dict[str, float]:
@@ -179,6 +191,8 @@ def _odd_scans(summary: dict[str, Any]) -> list[str]:
     notes = []
     if summary["stamps_back"]:
         notes.append(f"{summary['stamps_back']} stamps jump back (the order in the log rules)")
+    if summary["scans_without_attitude"]:
+        notes.append(f"{summary['scans_without_attitude']} scans have no attitude: taken as level")
     if summary["scans_without_return"]:
         notes.append(f"{summary['scans_without_return']} scans have no return at all")
     report = summary["report"]

@@ -78,13 +78,31 @@ class Pose2(NamedTuple):
 IDENTITY = Pose2(0.0, 0.0, 0.0)
 
 
+class Attitude(NamedTuple):
+    """Roll and pitch [rad] of the base against gravity.
+
+    First pitch about y, then roll about the x axis that follows from it; a positive roll raises
+    the left side, a positive pitch lowers the front.
+    """
+
+    roll: float
+    pitch: float
+
+    def rotation(self) -> Floats:
+        """The matrix (3, 3) from base axes to level axes of the same heading."""
+        cr, sr = math.cos(self.roll), math.sin(self.roll)
+        cp, sp = math.cos(self.pitch), math.sin(self.pitch)
+        return np.array(((cp, sp * sr, sp * cr), (0.0, cr, -sr), (-sp, cp * sr, cp * cr)))
+
+
 @dataclass(frozen=True)
 class Laser:
     """Geometry of a scanning laser; one object serves all scans of a log.
 
-    `mount` is the laser's pose in the robot's base frame. `time_increment` [s] is the time from
-    one beam to the next, 0 for an instantaneous scan. A negative `angle_increment` is a laser
-    that turns clockwise.
+    `mount` is the laser's pose in the robot's base frame, `mount_z` [m] its height there, `height`
+    [m] its height above the floor; None: `mount_z`, if that is positive, else unknown.
+    `time_increment` [s] is the time from one beam to the next, 0 for an instantaneous scan. A
+    negative `angle_increment` is a laser that turns clockwise.
     """
 
     angle_min: float
@@ -94,6 +112,15 @@ class Laser:
     range_max: float
     mount: Pose2 = IDENTITY
     time_increment: float = 0.0
+    mount_z: float = 0.0
+    height: float | None = None
+
+    @property
+    def above_floor(self) -> float | None:
+        """Height above a level floor [m], None where it is not known."""
+        if self.height is None and self.mount_z > 0.0:
+            return self.mount_z
+        return self.height
 
     @property
     def sweep_time(self) -> float:
@@ -121,9 +148,9 @@ class Scan:
 
     `t` [s] is the stamp of the first beam. `ranges` (n_beams,) float32 [m] is read-only: inf =
     nothing up to range_max, nan = no valid reading. `odometry` is the base's pose in an arbitrary
-    odom frame; `yaw` [rad] the heading integrated from the gyro, origin arbitrary; either is None
-    where it was not measured, and becomes None where it is not finite. The truth is never part of
-    a scan.
+    odom frame; `yaw` [rad] the heading integrated from the gyro, origin arbitrary; `attitude` roll
+    and pitch of the base at `t`. Each is None where it was not measured, and becomes None where it
+    is not finite. The truth is never part of a scan.
     """
 
     t: float
@@ -131,12 +158,15 @@ class Scan:
     laser: Laser
     odometry: Pose2 | None = None
     yaw: float | None = None
+    attitude: Attitude | None = None
 
     def __post_init__(self) -> None:
         if self.odometry is not None and not all(map(math.isfinite, self.odometry)):
             object.__setattr__(self, "odometry", None)
         if self.yaw is not None and not math.isfinite(self.yaw):
             object.__setattr__(self, "yaw", None)
+        if self.attitude is not None and not all(map(math.isfinite, self.attitude)):
+            object.__setattr__(self, "attitude", None)
 
 
 @dataclass(frozen=True)

@@ -82,11 +82,13 @@ class Make:
         pose = self.of("geometry_msgs/msg/PoseWithCovariance", self.pose(x, y, yaw), np.zeros(36))
         return self.of(POSE_COV, self.header(t, "world"), pose)
 
-    def imu(self, t, rates, frame="imu", given=True):
+    def imu(self, t, rates, frame="imu", given=True, roll=0.0):
         nine = np.zeros(9)
         rate = np.array([0.0 if given else -1.0, *[0.0] * 8])
         w, a = self.vector(*rates), self.vector(0.0, 0.0, 9.81)
-        return self.of(IMU, self.header(t, frame), self.quaternion(0.0), nine, w, rate, a, nine)
+        return self.of(
+            IMU, self.header(t, frame), self.quaternion(0.0, roll), nine, w, rate, a, nine
+        )
 
     def tf(self, t, *transforms, old=False):
         """Each transform: parent, child, (x, y, z), yaw, roll."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from slams.room import ROOM, box, cast, drive, laser, scan_at, way
+from slams.test_world import ROOM, box, cast, drive, laser, scan_at, way
 
 __all__ = [
     "CORRIDOR",

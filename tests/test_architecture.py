@@ -89,14 +89,14 @@ def kernels():
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_an_algorithm_imports_only_itself_and_the_interface(name):
-    parts = ("types", "params", "jit", "geometry", "extent", "cells", "scan", "refine")
+    parts = ("types", "params", "jit", "geometry", "grid_bounds", "cells", "scan", "refine")
     parts += (
-        "patience",
-        "usual",
-        "room",  # pictures and nothing else
+        "test_world",  # pictures and nothing else
         "scan.end_points",
         "scan.params",
+        "scan.leveling",
         "scan.scan_kernels",
+        "scan.tilt_kernels",
         "refine.lines",
         "refine.params",
     )

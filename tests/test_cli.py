@@ -57,7 +57,7 @@ def test_run_writes_everything_and_says_so(log_file, tmp_path):
     assert summary["parameters"]["resolution"] == 0.05
     assert summary["versions"]["numba"]
     assert summary["errors"]["per_update"]["translation_m"]["mean"] < 0.005
-    t, poses = trajectory.read_csv(out / "trajectory.csv")
+    t, poses = trajectory.read(out / "trajectory.csv")
     assert (len(t), poses.shape) == (60, (60, 3))
     assert yaml.safe_load((out / "map.yaml").read_text())["free_thresh"] == 0.196
     assert cv2.imread(str(out / "map.png")).std() > 10.0
@@ -184,7 +184,7 @@ def test_an_output_that_is_a_file_is_refused_before_the_run(
     more = ["--out", out] if out else []
     assert slams_run.main(["odometry", str(log_file), *more]) == 2
     said = capsys.readouterr().err
-    assert said == f"slams.run: {name}: is a file; expected a folder for the results\n"
+    assert said == f"slams run: {name}: is a file; expected a folder for the results\n"
     assert (tmp_path / name).read_text() == "mine"
     assert len(list(tmp_path.iterdir())) == 1
 
@@ -206,7 +206,7 @@ def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):
     assert summary["report"]["empty"] == 3
 
 
-def test_help_is_fast_and_loads_nothing_heavy():
+def test_help_loads_nothing_heavy():
     ours = ("slams.run", "slams.convert", "slams.live", "slams.play")
     for module in (*ours, "bench.compare", "bench.sweep", "bench.ablation", "bench.report"):
         code = (
@@ -218,13 +218,10 @@ def test_help_is_fast_and_loads_nothing_heavy():
             "    heavy = ('numpy', 'numba', 'pandas', 'matplotlib', 'cv2', 'scipy', 'rosbags')\n"
             "    print('loaded', [m for m in heavy if m in sys.modules])\n"
         )
-        before = os.times()
         out = subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True
         )
-        after = os.times()
         assert out.stdout.rstrip().endswith("loaded []"), out.stdout[-200:]
-        assert after.children_user - before.children_user < 0.3, module
 
 
 def test_interrupt_is_130(monkeypatch, log_file, capsys):
@@ -233,7 +230,7 @@ def test_interrupt_is_130(monkeypatch, log_file, capsys):
 
     monkeypatch.setattr(slams_run, "_replayed", stop)
     assert slams_run.main(["hector", str(log_file)]) == 130
-    assert capsys.readouterr().err == "slams.run: interrupted\n"
+    assert capsys.readouterr().err == "slams run: interrupted\n"
 
 
 def test_compare_on_given_logs(log_file, tmp_path):
@@ -242,11 +239,10 @@ def test_compare_on_given_logs(log_file, tmp_path):
         log_file, "--algorithms", *names, "--out", "cmp", cwd=tmp_path, module="bench.compare"
     )
     assert done.returncode == 0, done.stderr
-    assert "Table I: relative error of translation per update [m]" in done.stdout
-    assert "Table II: relative error of orientation per update [rad]" in done.stdout
-    *screen, answer, cost, report = done.stdout.splitlines()
-    assert len(screen) < 40
-    assert (answer[:15], cost[:18]) == ("Survives most: ", "Cheapest of those:")
+    answer, *screen, report = done.stdout.splitlines()
+    assert answer.startswith("Take hector: ")
+    assert len(screen) < 20
+    assert [line.split()[0] for line in screen[-4:]] == names
     assert report == "The report: cmp/report.html; tables, figures and results.json beside it."
     out = tmp_path / "cmp"
     results = json.loads((out / "results.json").read_text())
@@ -264,9 +260,7 @@ def test_compare_on_given_logs(log_file, tmp_path):
     assert table["translation_m"].mean() == pytest.approx(means["hector"], abs=1e-8)
     assert (out / "errors-hector-original.csv").is_file()
     assert (
-        (out / "table-translation.csv")
-        .read_text()
-        .startswith("algorithm,used,mean,deviation,min,max")
+        (out / "table-translation.csv").read_text().startswith("algorithm,mean,deviation,min,max")
     )
 
 
@@ -316,7 +310,7 @@ def test_compare_with_relations_and_without_truth(log_file, tmp_path, capsys):
     arguments += ["--relations", str(tmp_path / "l.relations"), "--out", str(tmp_path / "out")]
     assert compare.main(arguments) == 0
     out = capsys.readouterr().out
-    assert "Errors of the relations, mean and deviation" in out
+    assert "relations [mm]" in out
     assert "note: 10 of 11 relations have both stamps in the log" in out
     row = json.loads((tmp_path / "out" / "results.json").read_text())["rows"][0]
     assert (row["relations"]["used"], row["relations"]["given"]) == (10, 11)
@@ -383,25 +377,21 @@ def test_compare_takes_the_files_of_ros_nodes(log_file, tmp_path, capsys):
     assert became["map_frame"][:2] == ("map", "ignored")
 
 
-def test_compare_on_two_logs_as_a_live_node(log_file, tmp_path, capsys):
+def test_compare_on_two_logs(log_file, tmp_path):
     from bench import compare
 
     (tmp_path / "second.npz").write_bytes(log_file.read_bytes())
     arguments = [str(log_file), str(tmp_path / "second.npz"), "--algorithms", "hector", "odometry"]
-    arguments += ["--realtime", "--slower", "1e5", "--mcap", "--out", str(tmp_path / "out")]
+    arguments += ["--mcap", "--out", str(tmp_path / "out")]
     assert compare.main(arguments) == 0
-    assert "As a live node" in capsys.readouterr().out
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert results["command"].endswith("--mcap --out " + str(tmp_path / "out"))
     assert [row["log"] for row in results["rows"][::2]] == [log["name"] for log in results["logs"]]
     assert {entry["n"] for entry in results["over_logs"]} <= {2}
-    live = results["rows"][0]["live"]
-    assert live["dropped"] > 0
-    assert live["share"] == pytest.approx(live["dropped"] / 60)
     for k, log in enumerate(results["logs"]):
         folder = tmp_path / "out" / f"{k + 1}-{log['name']}"
         names = {path.name for path in folder.iterdir()}
-        assert {"report.html", "tables.tex", "hector.mcap", "errors-hector.csv"} <= names
+        assert {"report.html", "tables.tex", "result-hector.mcap", "errors-hector.csv"} <= names
 
 
 def test_compare_survives_a_log_of_one_scan_and_a_truth_beside_it(log_file, tmp_path, capsys):
@@ -416,7 +406,8 @@ def test_compare_survives_a_log_of_one_scan_and_a_truth_beside_it(log_file, tmp_
         (log_file, "note: one scan only"),
     ):
         more = ["--limit", "1"] if log is log_file else []
-        arguments = [str(log), "--algorithms", "odometry", "--out", str(tmp_path / "o"), *more]
+        out = str(tmp_path / f"o-{log.stem}")
+        arguments = [str(log), "--algorithms", "odometry", "--out", out, *more]
         assert compare.main(arguments) == 0
         assert sentence in capsys.readouterr().out
 

@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -29,14 +30,14 @@ def programs():
 def test_every_command_stands_in_the_list_with_what_it_does(capsys):
     assert set(slams.COMMANDS.values()) == set(programs()) - OF_THE_HOUSE
     assert slams.main([]) == slams.main(["--help"]) == 0
-    told = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for name, module in slams.COMMANDS.items():
         path = ROOT / f"{module.replace('.', '/')}.py"
         line = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))).splitlines()[0]
         assert len(slams.purpose(module)) > 15
         assert slams.purpose(module) in line
-        assert f"  slams {name} " in told
-        assert f"  {slams.purpose(module)}\n" in told
+        assert f"  slams {name} " in printed
+        assert f"  {slams.purpose(module)}\n" in printed
 
 
 def test_every_algorithm_has_its_idea_in_about_five_words():
@@ -103,15 +104,19 @@ def test_python_asked_to_be_safe_looks_nowhere_else(elsewhere, monkeypatch, caps
 )
 def test_an_unknown_command_is_one_sentence_and_exit_2(word, hint, capsys):
     assert slams.main([word]) == 2
-    told = capsys.readouterr()
+    printed = capsys.readouterr()
     known = ", ".join(slams.COMMANDS)
-    assert told.out == ""
-    assert told.err == f"slams: unknown command {word!r}{hint} (known: {known})\n"
+    assert printed.out == ""
+    assert printed.err == f"slams: unknown command {word!r}{hint} (known: {known})\n"
 
 
-def test_every_script_of_the_installation_leads_to_a_main():
+def test_slams_is_the_one_script_of_the_installation():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    targets = set(project["scripts"].values())
-    known = {f"{module}:main" for module in slams.COMMANDS.values()}
-    assert targets <= {*known, "slams.__main__:main"}
-    assert project["scripts"]["slams"] == "slams.__main__:main"
+    assert project["scripts"] == {"slams": "slams.__main__:main"}
+
+
+@pytest.mark.parametrize("name", slams.COMMANDS)
+def test_every_option_has_a_help_and_is_known_by_its_whole_name_alone(name):
+    parser = import_module(slams.COMMANDS[name]).parser()
+    assert [action.dest for action in parser._actions if not action.help] == []
+    assert not parser.allow_abbrev

@@ -3,7 +3,6 @@
 import importlib
 import re
 import shlex
-import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -20,7 +19,6 @@ from tests.places import ROOT
 
 DOCS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 OTHERS = [path for path in readme.readmes() if path not in DOCS]
-SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["scripts"]
 PARSERS = {
     module.removesuffix(".__main__"): importlib.import_module(module).parser()
     for module in [*COMMANDS.values(), "bench.readme"]
@@ -72,8 +70,6 @@ def program_of(words):
             return module, rest
         case ["slams", name, *rest] if name != "COMMAND":
             return COMMANDS[name].removesuffix(".__main__"), rest
-        case [script, *rest] if script != "slams" and (script in SCRIPTS or "slams-" in script):
-            return SCRIPTS[script].partition(":")[0], rest
         case [module, *rest] if module in PARSERS and rest:
             return module, rest
     return None
@@ -134,7 +130,7 @@ def test_every_command_is_one_that_its_program_takes(path):
 def test_commands_are_found_wherever_they_stand():
     text = (
         "say\n\n    slams run hector a.bag  # why\n    .venv/bin/python -m bench.sweep && ls\n"
-        "    slams-run tsd \\\n        b.bag\n\nor `python -m bench.report\nDIR`, `bench.compare`, "
+        "    slams run tsd \\\n        b.bag\n\nor `python -m bench.report\nDIR`, `bench.compare`, "
         "`bench.compare a.npz`, `slams`."
     )
     assert commands(text) == [

@@ -41,7 +41,7 @@ def test_the_measured_tables_are_generated():
 
 
 def test_one_reads_the_front_page():
-    assert len(FRONT.splitlines()) <= 150
+    assert len(FRONT.splitlines()) <= 130
 
 
 def several_logs(folder):

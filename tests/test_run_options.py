@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from slams import check, run
+from slams.__main__ import main
 from slams.registry import find
 from tests.places import ROOT
 from tests.rooms import drive
@@ -59,12 +60,12 @@ def test_what_became_of_each_parameter_goes_to_stderr(capsys, tmp_path, ros):
     drive(n=5).save(log)
     out = tmp_path / "o"
     assert command("hector", log, "--out", out, "--ros-params", ros) == 0
-    told = capsys.readouterr()
-    assert told.err.startswith("hector_mapping -> hector: 3 mapped, 1 ignored\n")
-    assert "  map_resolution = 0.1: resolution = 0.1 [m]\n" in told.err
-    assert "hector_mapping" not in told.out
+    printed = capsys.readouterr()
+    assert printed.err.startswith("hector_mapping -> hector: 3 mapped, 1 ignored\n")
+    assert "  map_resolution = 0.1: resolution = 0.1 [m]\n" in printed.err
+    assert "hector_mapping" not in printed.out
     assert json.loads((out / "summary.json").read_text())["parameters"]["resolution"] == 0.1
-    assert command("hector", log, "--out", out, "--ros-params", ros, "-q") == 0
+    assert command("hector", log, "--out", out, "--ros-params", ros, "-q", "--force") == 0
     assert capsys.readouterr().err == ""
 
 
@@ -80,11 +81,11 @@ def test_what_became_of_each_parameter_goes_to_stderr(capsys, tmp_path, ros):
 def test_what_does_not_fit_is_refused_in_one_line(capsys, ros, arguments, sentence):
     given = [ros if argument == "ROS" else argument for argument in arguments]
     assert command(*given, "--show-params") == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.startswith("slams.run: ")
-    assert sentence in told.err
-    assert told.err.count("\n") == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("slams run: ")
+    assert sentence in printed.err
+    assert printed.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("module", ["slams.run", "slams.check"])
@@ -105,3 +106,73 @@ def test_the_check_is_a_command_like_the_others(capsys):
     assert check.main([]) == 2
     assert check.main(["hecter"]) == 2
     assert "did you mean 'hector'" in capsys.readouterr().err
+
+
+@pytest.fixture
+def log(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    drive(n=5).save(tmp_path / "a.npz")  # called "room" by its meta
+    return "a.npz"
+
+
+def test_results_are_named_after_the_file_and_replaced_only_if_asked(log, tmp_path, capsys):
+    words = ["odometry", log, "-q"]
+    assert run.main([*words, "--mcap"]) == 0
+    out = tmp_path / "results" / "a-odometry"
+    (out / "mine.txt").write_text("mine")
+    before = {path: path.read_bytes() for path in out.iterdir()}
+    assert run.main([*words, "--limit", "3"]) == 2
+    assert "results/a-odometry: exists; --force replaces it" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in out.iterdir()} == before
+    assert run.main([*words, "--limit", "3", "--force"]) == 0
+    assert not (out / "result.mcap").exists(), "of the earlier run"
+    assert (out / "mine.txt").read_text() == "mine"
+    assert {*run.files_of_run(out), "mine.txt"} == {path.name for path in out.iterdir()}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "odometry", "a.npz", "-q", "--save-state"],
+        ["run", "odometry", "a.npz", "-q", "--video"],
+        ["convert", "a.npz", "-q"],
+    ],
+    ids=["state", "film", "npz"],
+)
+def test_no_file_is_overwritten_unless_asked(words, log, tmp_path, capsys):
+    target = {"--save-state": "x.state", "--video": "x.mp4"}.get(words[-1], "x.npz")
+    (tmp_path / target).write_text("mine")
+    assert main([*words, target]) == 2
+    assert capsys.readouterr().err == (
+        f"slams {words[0]}: {target}: exists; --force replaces it, or choose another name\n"
+    )
+    assert (tmp_path / target).read_text() == "mine"
+    assert main([*words, target, "--force"]) == 0
+    assert (tmp_path / target).read_bytes() != b"mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--video-every", "2"], "--video-every: got no film"),
+        (["--no-odometry", "--odom", "none"], "--no-odometry: got --odom or --imu, too"),
+        (["--lim", "3"], "unrecognized arguments: --lim"),
+    ],
+)
+def test_no_option_is_ignored_or_guessed(words, sentence, log, capsys):
+    assert run.main(["odometry", log, *words]) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_two_presets_are_refused(log, capsys):
+    assert run.main(["hector@original", log, "--preset", "default"]) == 2
+    assert "--preset: got default and hector@original" in capsys.readouterr().err
+
+
+def test_a_state_may_grow_under_its_name(log, tmp_path):
+    first = ["hector", log, "-q", "--limit", "3", "--out", "one", "--save-state", "x.state"]
+    assert run.main(first) == 0
+    before = (tmp_path / "x.state").read_bytes()
+    more = ["hector", log, "-q", "--out", "two", "--resume-state", "x.state"]
+    assert run.main([*more, "--save-state", "x.state"]) == 0
+    assert (tmp_path / "x.state").read_bytes() != before

@@ -44,15 +44,15 @@ def said(*words, cwd):
 
 
 def used(commands, place):
-    """Every script answers, and all four make a map of a simulated drive."""
+    """Every command answers, and all four make a map of a simulated drive."""
     where = said(commands / "python", "-c", "import slams; print(slams.__file__)", cwd=place)
     assert Path(where.strip()).is_relative_to(commands.parent), where
     assert "slams compare" in said(commands / "slams", cwd=place)
     for script in ("run", "convert", "compare", "simulate", "sweep"):
-        assert "usage:" in said(commands / f"slams-{script}", "--help", cwd=place)
+        assert "usage:" in said(commands / "slams", script, "--help", cwd=place)
     said(commands / "slams", "simulate", "log.npz", "--duration", SECONDS, cwd=place)
     for name in ALGORITHMS:
-        said(commands / "slams-run", name, "log.npz", "--out", name, cwd=place)
+        said(commands / "slams", "run", name, "log.npz", "--out", name, cwd=place)
         found = json.loads((place / name / "summary.json").read_text())
         assert found["errors"]["end_m"] < FARTHEST, (name, found["errors"])
         assert (place / name / "map.pgm").stat().st_size > 1000

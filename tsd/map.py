@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.cells import Room, move, zeros
-from slams.extent import Box, Extent
 from slams.frontend.correlative import Lookup
+from slams.grid_bounds import Box, GridBounds
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, OccupancyGrid, Pose2
@@ -45,7 +45,7 @@ class TileField:
         p = self.params = params
         self.insertions = 0
         self.error = p.range_noise
-        self.extent = Extent(p.max_cells, p.cell)
+        self.extent = GridBounds(p.max_cells, p.cell)
         self._rows = np.zeros((ROWS, 4))
         self._room = Room(p.max_cells, p.cell, SIDE)
         slots, seen, walls = self._table()

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from slams.extent import max_cells
 from slams.frontend.params import FrontendParams
+from slams.grid_bounds import max_cells
 from slams.params import RosNames, param
 from slams.scan.params import ScanParams
 from tsd.ros import ROS as ROS_NAMES

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from slams.room import cast, scan_at
+from slams.test_world import cast, scan_at
 from slams.types import Floats, Laser, Pose2, Ranges
 from tsd.image import colored
 from tsd.params import TsdParams

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slams.extent import Box
+from slams.grid_bounds import Box
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, Laser, Pose2, Scan
 from tsd.map_kernels import place_lines
@@ -36,6 +36,7 @@ class SurfaceScan(EndPoints):
     def take(self, scan: Scan, velocity: Pose2) -> SurfaceScan:
         """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
         super().take(scan, velocity)
+        self.beams = Beams(self.mount.x, self.mount.y, scan.laser.angle_increment)
         p, noise = self._p, self.noise
         rule = self._rule = SurfaceRule(
             self.grain.window,
@@ -74,7 +75,6 @@ class SurfaceScan(EndPoints):
     def _adopt(self, laser: Laser, n_beams: int) -> None:
         super()._adopt(laser, n_beams)
         n = n_beams
-        self.beams = Beams(laser.mount.x, laser.mount.y, laser.angle_increment)
         self._hits, self._runs = np.zeros((n, 4)), np.zeros((n, 2))
         self._sums, self._lines = np.zeros((n + 1, 5)), np.zeros((n, 7))
         self.elements, self._dense = np.zeros((n, 8)), np.zeros((n, 8))

@@ -81,6 +81,12 @@ class Tsd:
         self._estimator.place(scan, pose)
         self._insert(self._scan.take(scan, IDENTITY), pose)
 
+    def adopt(self, other: Tsd, pose: Pose2) -> None:
+        """Go on in the map of another instance, at `pose` in it, moving as before."""
+        self._map, self._keyframes = other._map, other._keyframes
+        self._registration, self._direct = other._registration, other._direct
+        self._estimator.correct(pose)
+
     def map(self) -> OccupancyGrid:
         """The map as it stands now."""
         return self._map.grid()
@@ -103,7 +109,8 @@ class Tsd:
         `posed` by ICP, `kept` where the pose within a cell of that was taken, `refined` on the
         field, `inserted`; those of the estimator and of the map's bounds.
         """
-        return self._counts | self._estimator.counts | self._map.extent.counts
+        counts = self._counts | self._estimator.counts | self._map.extent.counts
+        return counts | self._scan.counts
 
     @property
     def state(self) -> State:

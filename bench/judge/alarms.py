@@ -7,9 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.types import Floats
+from bench.judge.metrics import Common
+from slams.types import Floats, wrap_angle
 
-WINDOW = 1.0  # s in which a loss has to be reported, and a pose has to hold to count as right again
+LIMIT_M = 0.5  # a pose further off is lost; a robot of that size runs into a wall
+LIMIT_RAD = 0.3
+PATIENCE = 1.0  # s in which a loss has to be said, and a pose has to hold to count as right again
 
 Flags = NDArray[np.bool_]
 
@@ -18,9 +21,9 @@ class Alarms(NamedTuple):
     """What was said of the loss episodes of a run.
 
     An episode begins where the pose leaves the limits, and ends where it is within them again for
-    `WINDOW`. Each is `in_time`, `late` (said, but only while it lasted on) or `missed`. `delays`
+    `PATIENCE`. Each is `in_time`, `late` (said, but only while it lasted on) or `missed`. `delays`
     [s] are from the beginning to the first alarm, of those that were said; 0 if it came before.
-    Of `right` scans outside of all episodes, and not right before one, `false` were reported lost.
+    Of `right` scans outside of all episodes, and not right before one, `false` were called lost.
     `right_again`: the pose was within the limits at the end; None if it never left them.
     """
 
@@ -35,18 +38,25 @@ class Alarms(NamedTuple):
 
     @property
     def false_share(self) -> float:
-        """Share of the right scans that were reported lost; 0 without any."""
+        """Share of the right scans that were called lost; 0 without any."""
         return self.false / max(self.right, 1)
 
 
-def alarms(says_lost: Flags, t: Floats, off: Flags, window: float = WINDOW) -> Alarms:
+def beyond(common: Common, limit_m: float = LIMIT_M, limit_rad: float = LIMIT_RAD) -> Flags:
+    """Where (n,) the pose is further off than the limits, in the frame of the first."""
+    off = np.hypot(*(common.estimate - common.truth)[:, :2].T)
+    turned = np.abs(wrap_angle(common.estimate[:, 2] - common.truth[:, 2]))
+    return np.asarray((off > limit_m) | (turned > limit_rad))
+
+
+def alarms(says_lost: Flags, t: Floats, off: Flags, patience: float = PATIENCE) -> Alarms:
     """Judge what a run said of itself.
 
     Args:
-        says_lost: the scans (n,) that the algorithm reported lost.
+        says_lost: the scans (n,) that the algorithm called lost.
         t: their stamps (n,) [s]; where they jump back the clock is taken to stand still.
-        off: where the pose was of no use (n,), as by `loss.limits_exceeded`.
-        window: in which a loss has to be reported [s], and which an episode's end has to hold.
+        off: where the pose was of no use (n,), as by `beyond`.
+        patience: in which a loss has to be said [s], and which an episode's end has to hold.
 
     Raises:
         ValueError: there is no scan, or not as many of each.
@@ -57,11 +67,11 @@ def alarms(says_lost: Flags, t: Floats, off: Flags, window: float = WINDOW) -> A
             "as many of each, one at least"
         )
     clock = np.maximum.accumulate(t)
-    found = _episodes(clock, off, window)
-    delays = [_delay(clock, says_lost, *episode, window) for episode in found]
+    found = _episodes(clock, off, patience)
+    delays = [_delay(clock, says_lost, *episode, patience) for episode in found]
     said = tuple(delay for delay in delays if delay is not None)
-    in_time = sum(delay <= window for delay in said)
-    right = _right(clock, found, window)
+    in_time = sum(delay <= patience for delay in said)
+    right = _right(clock, found, patience)
     return Alarms(
         episodes=len(found),
         in_time=in_time,
@@ -70,34 +80,36 @@ def alarms(says_lost: Flags, t: Floats, off: Flags, window: float = WINDOW) -> A
         delays=said,
         right=int(right.sum()),
         false=int((right & says_lost).sum()),
-        right_again=not off[clock >= clock[-1] - window].any() if found else None,
+        right_again=not off[clock >= clock[-1] - patience].any() if found else None,
     )
 
 
-def _episodes(clock: Floats, off: Flags, window: float) -> list[tuple[int, int]]:
+def _episodes(clock: Floats, off: Flags, patience: float) -> list[tuple[int, int]]:
     """First scan of each episode and the one behind its last that was off."""
     edges = np.flatnonzero(np.diff(off, prepend=False, append=False))
     found: list[tuple[int, int]] = []
     for first, after in edges.reshape(-1, 2).tolist():
-        if found and clock[first] - clock[found[-1][1]] < window:
+        if found and clock[first] - clock[found[-1][1]] < patience:
             first = found.pop()[0]
         found.append((first, after))
     return found
 
 
-def _delay(clock: Floats, says_lost: Flags, first: int, after: int, window: float) -> float | None:
+def _delay(
+    clock: Floats, says_lost: Flags, first: int, after: int, patience: float
+) -> float | None:
     """Time from an episode's beginning to the first alarm [s]; None without any."""
-    reported = says_lost & (clock >= clock[first] - window)
-    reported[after:] = False
-    if not reported.any():
+    heard = says_lost & (clock >= clock[first] - patience)
+    heard[after:] = False
+    if not heard.any():
         return None
-    return max(0.0, float(clock[np.argmax(reported)] - clock[first]))
+    return max(0.0, float(clock[np.argmax(heard)] - clock[first]))
 
 
-def _right(clock: Floats, episodes: list[tuple[int, int]], window: float) -> Flags:
+def _right(clock: Floats, episodes: list[tuple[int, int]], patience: float) -> Flags:
     """Scans in no episode, and not so shortly before one that an alarm would be a warning."""
     right = np.ones(len(clock), bool)
     for first, after in episodes:
         right[first:after] = False
-        right[:first] &= clock[:first] < clock[first] - window
+        right[:first] &= clock[:first] < clock[first] - patience
     return right

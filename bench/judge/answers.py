@@ -37,6 +37,7 @@ SITUATIONS = {
     "Scans that are slow, late or missing, a robot in a hurry": (
         *("rate", "sweep", "gap", "blind", "speed", "jitter", "lag"),
     ),
+    "A body that rolls and pitches": ("tilt", "tilt_unmeasured"),
     "Wheels or gyro that are wrong": (
         *("slip", "stall", "jump", "wheel_scale", "wheel_rate", "heading_bias", "gyro_bias"),
     ),

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.sim.rays import rays_of, true_poses
-from slams.types import Floats, Laser, Ranges, wrap_angle
+from slams.types import Floats, Laser, Ranges
 
 if TYPE_CHECKING:
     from bench.sim.range_errors import Errors
@@ -84,12 +84,6 @@ class Bound:
         """How many scans leave their pose open."""
         return int(np.isnan(self.translation).sum())
 
-    @property
-    def ate(self) -> float:
-        """Absolute trajectory error [m] of a fix at each pose that is not open; nan without any."""
-        fixed = self.translation[~np.isnan(self.translation)]
-        return float(np.sqrt(np.mean(fixed**2))) if len(fixed) else math.nan
-
     def relative(self, lag: int) -> Expected:
         """What `slams.metrics.relative_errors` finds on average between fixes `lag` poses apart."""
         n = len(self.poses)
@@ -108,19 +102,6 @@ class Bound:
         both = lever @ a @ lever.transpose(0, 2, 1) + b[:, :2, :2]
         turn = np.sqrt(2.0 / math.pi * (a[:, 2, 2] + b[:, 2, 2]))
         return Expected(mean_length(both), turn)
-
-    def sample(self, seed: int = 0) -> Floats:
-        """Poses (n, 3) of a localizer that reaches the bound at every scan by itself, by chance.
-
-        For whatever metric has no expected value here; nan where the pose is open.
-        """
-        noise = np.random.default_rng(seed).standard_normal(self.poses.shape)
-        fixed = ~np.isnan(self.translation)
-        poses = np.full(self.poses.shape, np.nan)
-        roots = np.linalg.cholesky(self.covariance[fixed])
-        poses[fixed] = self.poses[fixed] + (roots @ noise[fixed, :, None])[:, :, 0]
-        poses[:, 2] = wrap_angle(poses[:, 2])
-        return poses
 
 
 def bound(

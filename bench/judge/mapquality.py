@@ -1,12 +1,11 @@
 """How good a map is: the occupancy grid of a run against the true one.
 
 The run's map is brought into the true map's frame by one rigid motion: by definition the true base
-pose of the first scan, so that drift counts against the map; `map_frame` also finds the one that
-lays the whole trajectory on the truth. A cell is occupied above a probability of 0.5 and free
-below; nan and 0.5 are unknown, and unknown is never free. Measures that compare cells do so in the
-run's grid: there a cell is truly occupied when a part of it is (walls may be thinner than a cell),
-else truly free when a part of it is. Distances are between the centers of occupied cells and need
-no common grid.
+pose of the first scan, so that drift counts against the map. A cell is occupied above a probability
+of 0.5 and free below; nan and 0.5 are unknown, and unknown is never free. Measures that compare
+cells do so in the run's grid: there a cell is truly occupied when a part of it is (walls may be
+thinner than a cell), else truly free when a part of it is. Distances are between the centers of
+occupied cells and need no common grid.
 """
 
 from __future__ import annotations
@@ -22,17 +21,12 @@ from bench.judge.map_cells import Cells, Mask, cells_of, cut, resampled, true_wi
 from bench.judge.map_measures import (
     FEWEST_WALLS,
     Quality,
-    around,
     coverage,
     distances,
-    greater_of,
     mean_of,
     overlap,
-    similarity_of,
     thickness,
-    too_small,
 )
-from slams.metrics import align
 from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
@@ -53,11 +47,6 @@ class MapQuality:
     - adnn_to_truth: average distance [m] from an occupied cell to the nearest true wall: accuracy.
     - adnn_from_truth: average distance [m] from a true wall to the nearest occupied cell:
       completeness. Where cells of 0.05 m meet true ones of 0.02 m, either is 0.01 to 0.02 at best.
-    - hausdorff: the greatest of all these distances [m], either way: a single cell decides it.
-    - hausdorff_95: the greater of the 95th percentiles [m] of the two directions.
-    - ssim: structural similarity [Wang04] of the maps as pictures in black and white, mean over
-      the cells known in both. Open space counts as alike.
-    - ssim_walls: its mean over the windows that hold a wall in either map.
     - wall_thickness: area of the walls over half of their outline [m].
     - true_wall_thickness: of the true walls in the run's grid, what a perfect map would have.
     - coverage: share of the cells known in the true map that the run's map knows.
@@ -68,10 +57,6 @@ class MapQuality:
     iou: Quality
     adnn_to_truth: Quality
     adnn_from_truth: Quality
-    hausdorff: Quality
-    hausdorff_95: Quality
-    ssim: Quality
-    ssim_walls: Quality
     wall_thickness: Quality
     true_wall_thickness: Quality
     coverage: Quality
@@ -107,18 +92,6 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     return OccupancyGrid(p, world.resolution, world.origin)
 
 
-def map_frame(estimate: Floats, truth: Floats, by_trajectory: bool = False) -> Pose2 | None:
-    """The frame of a run's map in the world, from its poses (n, 3) and the true ones there.
-
-    The true pose of the first scan; or the motion that brings all positions closest to the true
-    ones. None when the truth does not tell.
-    """
-    known = np.flatnonzero(np.isfinite(truth).all(axis=1))
-    if by_trajectory:
-        return align(estimate[known], truth[known]) if len(known) > 1 else None
-    return Pose2(*truth[0].tolist()) if len(known) and known[0] == 0 else None
-
-
 def compare(
     grid: OccupancyGrid,
     truth: OccupancyGrid,
@@ -139,18 +112,12 @@ def compare(
     walls = cells_of(grid.p).occupied
     doubt = _doubt(int(walls.sum()), known, there)
     to_truth, from_truth = distances(grid, truth, T_world_map)
-    similarity = similarity_of(here.occupied, there.occupied, known)
-    beside_walls = around(here.occupied | there.occupied, known)
     return MapQuality(
         alignment=alignment,
         resolution=grid.resolution,
         iou=overlap(here.occupied & known, there.occupied & known, doubt),
         adnn_to_truth=mean_of(to_truth, doubt),
         adnn_from_truth=mean_of(from_truth, doubt),
-        hausdorff=greater_of(to_truth, from_truth, 1.0, doubt),
-        hausdorff_95=greater_of(to_truth, from_truth, 0.95, doubt),
-        ssim=mean_of(similarity[known], doubt or too_small(known)),
-        ssim_walls=mean_of(similarity[beside_walls], doubt or too_small(beside_walls)),
         wall_thickness=thickness(walls, grid.resolution),
         true_wall_thickness=thickness(there.occupied, grid.resolution),
         coverage=coverage(known, there.known),

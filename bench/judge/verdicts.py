@@ -21,6 +21,7 @@ Lines = list[Line]
 T = TypeVar("T")
 
 SIGNIFICANT = 0.05
+RESOLUTION = 1e-6  # m or rad: a smaller difference of two errors is rounding
 
 
 class Measure(NamedTuple):
@@ -121,11 +122,12 @@ def _judged(outcomes: list[Outcome]) -> list[Outcome]:
 
 
 def _same_times(a: SpanErrors, b: SpanErrors, measure: Measure) -> tuple[Floats, Floats]:
-    """Both series at the stamps that both have."""
-    if np.array_equal(a.t, b.t):
-        return measure.values(a), measure.values(b)
-    _, of_a, of_b = np.intersect1d(a.t, b.t, return_indices=True)
-    return measure.values(a)[of_a], measure.values(b)[of_b]
+    """Both series at the stamps that both have; what differs by rounding alone is equal."""
+    first, second = measure.values(a), measure.values(b)
+    if not np.array_equal(a.t, b.t):
+        _, of_a, of_b = np.intersect1d(a.t, b.t, return_indices=True)
+        first, second = first[of_a], second[of_b]
+    return first, np.where(np.abs(first - second) < RESOLUTION, first, second)
 
 
 def _entry(

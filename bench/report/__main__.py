@@ -47,11 +47,13 @@ def redraw(folder: Path) -> str:
 def _redrawn_comparison(folder: Path) -> str:
     from bench import results
     from bench.report import outputs, text
+    from bench.run.folder import cleared
     from slams.formats import files
 
     comparison = results.read(folder)
     with files.complete_folder(folder) as partial:
         outputs.write(partial, comparison)
+        cleared(folder, outputs.DRAWN)
     return text.terminal(comparison)
 
 

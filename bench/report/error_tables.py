@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bench.report.lines import BOUND, FILTER, frame_of, label, span_of, spans_of
+from bench.report.lines import BOUND, frame_of, label, span_of, spans_of
 from bench.results import Line, Row, Rows
 
 PUBLISHED = Path(__file__).with_name("published.csv")
@@ -18,46 +18,26 @@ BOUND_KEYS = {
 }
 
 
-def paper_table(log: Line, rows: Rows, key: str) -> pd.DataFrame:
-    """[Kuehn] Table I or II: mean, deviation (ddof 0), least and greatest error per update.
-
-    Beside them the 95 % interval of the mean, and below them the physical limit.
-    """
-    limit, ours = BOUND_KEYS[key]
-    bound = _bound(log, "update", limit)
+def paper_table(rows: Rows, key: str) -> pd.DataFrame:
+    """[Kuehn] Table I or II: mean, deviation (ddof 0), least and greatest error per update."""
     lines: dict[str, Line] = {}
     for row in rows:
         update = span_of(row, "update")
         if update is not None:
-            lines[label(row)] = {
-                "mean": update[key]["mean"],
-                "deviation": update[key]["std"],
-                "min": update[key]["min"],
-                "max": update[key]["max"],
-                "95 % from": update[key]["low"],
-                "to": update[key]["high"],
-                "x bound": update[ours]["mean"] / bound if bound else None,
-            }
-    if bound is not None and lines:
-        lines[BOUND] = {"mean": bound}
+            found = update[key]
+            names = {"mean": "mean", "deviation": "std", "min": "min", "max": "max"}
+            lines[label(row)] = {name: found[ours] for name, ours in names.items()}
     return frame_of(lines)
 
 
 def span_table(log: Line, rows: Rows) -> pd.DataFrame:
-    """Mean SE(2) errors over each span; per-update errors reward those that update often."""
-    lines = {label(row): _span_line(row, "se2_translation_m", rotation=True) for row in rows}
-    bound = log.get("bound") or {}
-    for name, limits in ((BOUND, bound.get("spans")), (FILTER, bound.get("filter"))):
-        for span, limit in (limits or {}).items():
-            line = lines.setdefault(name, {})
-            line[f"{span} [mm]"] = 1e3 * limit["translation_m"]
-            line[f"{span} [mrad]"] = 1e3 * limit["rotation_rad"]
+    """Mean SE(2) errors over each span, and the bound of two independent fixes below."""
+    lines = {label(row): _span_line(row) for row in rows}
+    for span, limit in ((log.get("bound") or {}).get("spans") or {}).items():
+        line = lines.setdefault(BOUND, {})
+        line[f"{span} [mm]"] = 1e3 * limit["translation_m"]
+        line[f"{span} [mrad]"] = 1e3 * limit["rotation_rad"]
     return frame_of(lines)
-
-
-def component_table(log: Line, rows: Rows) -> pd.DataFrame:
-    """The paper's difference of components over each span."""
-    return frame_of({label(row): _span_line(row, "translation_m", rotation=False) for row in rows})
 
 
 def bound_table(log: Line, rows: Rows) -> pd.DataFrame:
@@ -76,7 +56,7 @@ def bound_table(log: Line, rows: Rows) -> pd.DataFrame:
 
 def relation_table(log: Line, rows: Rows) -> pd.DataFrame:
     """[Kuemmerle09]: absolute errors; the published ones of the log below."""
-    lines = {label(row): _relation_line(row, "m", "rad", ("all",)) for row in rows}
+    lines = {label(row): _relation_line(row, ("all",)) for row in rows}
     if not any(lines.values()):
         return pd.DataFrame()
     for known in published("relations", log["name"]):
@@ -89,11 +69,9 @@ def relation_table(log: Line, rows: Rows) -> pd.DataFrame:
     return frame_of(lines)
 
 
-def parts_table(
-    rows: Rows, length: str, turn: str, parts: tuple[str, ...] = ("local", "loop")
-) -> pd.DataFrame:
-    """[Kuemmerle09]: absolute or squared errors of local relations and loops."""
-    return frame_of({label(row): _relation_line(row, length, turn, parts) for row in rows})
+def parts_table(_: Line, rows: Rows) -> pd.DataFrame:
+    """[Kuemmerle09]: absolute errors of local relations and of loops."""
+    return frame_of({label(row): _relation_line(row, ("local", "loop")) for row in rows})
 
 
 def published(kind: str, log: str | None = None) -> list[Line]:
@@ -130,24 +108,23 @@ def published_table(_: Line, rows: Rows) -> pd.DataFrame:
     return frame_of(lines)
 
 
-def _relation_line(row: Row, length: str, turn: str, parts: tuple[str, ...]) -> Line:
+def _relation_line(row: Row, parts: tuple[str, ...]) -> Line:
     found, line = row["relations"] or {}, {}
     for part in parts:
         if part in found:
             own = "" if part == "all" else f"{part} "
-            for key, unit in ((f"translation_{length}", length), (f"rotation_{turn}", turn)):
+            for key, unit in (("translation_m", "m"), ("rotation_rad", "rad")):
                 line[f"{own}[{unit}]"] = found[part][key]["mean"]
                 line[f"{own}± [{unit}]"] = found[part][key]["std"]
             line[f"{own}relations"] = found[part]["used"]
     return line
 
 
-def _span_line(row: Row, key: str, rotation: bool) -> Line:
+def _span_line(row: Row) -> Line:
     line: Line = {}
     for span, found in spans_of(row).items():
-        line[f"{span} [mm]"] = 1e3 * found[key]["mean"]
-        if rotation:
-            line[f"{span} [mrad]"] = 1e3 * found["orientation_rad"]["mean"]
+        line[f"{span} [mm]"] = 1e3 * found["se2_translation_m"]["mean"]
+        line[f"{span} [mrad]"] = 1e3 * found["orientation_rad"]["mean"]
     return line
 
 

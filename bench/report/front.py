@@ -18,12 +18,12 @@ from slams.registry import BUILT_IN, IDEAS
 def table(found: dict[str, Any], weighed: Analysis, known: dict[str, Any]) -> str:
     """The algorithms of the sweep: idea, error on the clean log, levels held, cost; and of what."""
     log, machine = found["logs"][0], found["machine"]["cpu"]
-    glance = run_tables.glance_table(log, found["rows"]).to_dict("index")
+    main = run_tables.main_table(log, found["rows"]).to_dict("index")
     rows: dict[str, dict[bool, Figures]] = {}
     for name, odometry, figures in weighed.rows:
         if "@" not in name:
             rows.setdefault(name, {})[odometry] = figures
-    lines = {_linked(name): _line(name, glance, of) for name, of in rows.items()}
+    lines = {_linked(name): _line(name, main, of) for name, of in rows.items()}
     made = markdown_table(pd.DataFrame.from_dict(lines, orient="index"))
     made = made.replace(" ---: |", " --- |", 1)  # ideas are words
     return (
@@ -33,13 +33,13 @@ def table(found: dict[str, Any], weighed: Analysis, known: dict[str, Any]) -> st
     )
 
 
-def _line(name: str, glance: dict[Any, Any], figures: dict[bool, Figures]) -> dict[str, object]:
-    run = glance.get(name, {})
+def _line(name: str, main: dict[Any, Any], figures: dict[bool, Figures]) -> dict[str, object]:
+    run = main.get(name, {})
     held = {mode: of.levels for mode, of in figures.items() if of.levels[1]}
     shown = {mode: f"{100.0 * k / n:.1f}" for mode, (k, n) in held.items()}
     return {
         "idea": IDEAS.get(name),
-        "error x bound": run.get("x bound"),
+        "error over 1 s [mm]": run.get("1 s [mm]"),
         **{f"levels held, {words} [%]": shown.get(mode) for mode, words in MODES.items()},
         "per scan [ms]": run.get("CPU [ms]"),
     }

@@ -7,7 +7,7 @@ import pandas as pd
 from bench.results import Line, Row
 
 BOUND = "Cramer-Rao bound"
-FILTER = "filter at the bound, with wheels and gyro"
+DECIDING_SPANS = ("1 s", "10 s", "update")  # the first that a log has tells runs apart
 
 
 def label(row: Row) -> str:
@@ -48,6 +48,23 @@ def span_of(row: Row, name: str) -> Line | None:
     return spans_of(row).get(name)
 
 
+def second_of(row: Row) -> tuple[str, Line] | None:
+    """The span that decides, 1 s where the log has it, and the moments of the errors over it."""
+    spans = spans_of(row)
+    return next(((name, spans[name]) for name in DECIDING_SPANS if name in spans), None)
+
+
 def mean_of(found: Line, key: str) -> float | None:
     """The mean among the moments of one kind of error."""
     return found[key]["mean"] if found else None
+
+
+def deciding_error(row: Row) -> float | None:
+    """The error over 1 s (or, in a log without truth, of its relations) [m]."""
+    if row["failed"]:
+        return None
+    found = second_of(row)
+    if found is not None:
+        return float(found[1]["se2_translation_m"]["mean"])
+    known = (row["relations"] or {}).get("all")
+    return None if known is None else float(known["translation_m"]["mean"])

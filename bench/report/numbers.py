@@ -8,9 +8,6 @@ DECIMALS = {
     "after [m]": 1,
     "[m]": 4,
     "[rad]": 4,
-    "[m2]": 6,
-    "[rad2]": 6,
-    "Hausdorff": 0,
     "walls [mm]": 0,
     "[mm]": 2,
     "[mrad]": 3,
@@ -19,10 +16,10 @@ DECIMALS = {
     "[s]": 1,
     "[%]": 2,
     "real time": 0,
-    "slower core": 0,
+    "walls [x]": 3,
 }
-MAP_SHARES = ("IoU", "SSIM", "SSIM at walls")
-FIVE = ("mean", "deviation", "min", "max", "95 % from", "to")
+MAP_SHARES = ("IoU",)
+FIVE = ("mean", "deviation", "min", "max")
 
 
 def cell(column: str, value: Any) -> str:

@@ -5,12 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bench.report import figures, run_tables, text
+from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS
+from bench.report import figures, palette, pareto, run_tables, text
+from bench.results import ARRAYS, FIGURES
 from slams.formats import trajectory
 
 if TYPE_CHECKING:
     from bench.results import Comparison, LogResult, Outcome
     from slams.types import Floats
+
+DRAWN = (
+    "report.html",
+    "tables.md",
+    "tables.tex",
+    "table-*.csv",
+    "errors-*.csv",
+    "trajectory-*.tum",
+    "fig*.png",
+    "fig*.pdf",
+)
+FILES = (FIGURES, ARRAYS, *DRAWN, "rescue-*.npz", "result-*.mcap")  # all that bench.compare writes
 
 
 def write(folder: Path, comparison: Comparison) -> None:
@@ -55,18 +69,20 @@ def _write_run(folder: Path, outcome: Outcome) -> None:
 
 
 def _draw_errors(folder: Path, log: LogResult) -> None:
-    """[Kuehn] Fig. 2 and 3, where the log has a truth."""
+    """[Kuehn] Fig. 2 and 3, and the errors over 1 s, where the log has a truth."""
     errors = {o.row["algorithm"]: o.errors["update"] for o in log.outcomes if "update" in o.errors}
     if not errors:
         return
-    limit = (log.entry.get("bound") or {}).get("spans", {}).get("update", {})
-    for number, kind, key in (
-        (2, "translation", "translation_m"),
-        (3, "orientation", "rotation_rad"),
+    for number, kind, most in (
+        (2, "translation", TRANSLATION_CLASS),
+        (3, "orientation", ORIENTATION_CLASS),
     ):
         values = {name: getattr(found, kind) for name, found in errors.items()}
-        path = folder / f"fig{number}_{kind}"
-        figures.histograms(values, kind, limit.get(key), _colors(log), path)
+        figures.histograms(values, kind, most, _colors(log), folder / f"fig{number}_{kind}")
+    second = {o.row["algorithm"]: o.errors["1 s"] for o in log.outcomes if "1 s" in o.errors}
+    if second:
+        small = {name: 1e3 * found.se2_translation for name, found in second.items()}
+        figures.overview(small, pareto.points_of(log), _colors(log), folder / "fig_errors")
 
 
 def _draw_maps(folder: Path, log: LogResult) -> None:
@@ -81,4 +97,4 @@ def _draw_maps(folder: Path, log: LogResult) -> None:
 
 
 def _colors(log: LogResult) -> dict[str, str]:
-    return figures.colors([row["algorithm"] for row in log.rows])
+    return palette.colors([row["algorithm"] for row in log.rows])

@@ -1,4 +1,4 @@
-"""Tables of runs: at a glance, the whole run, maps, cost, as a live node, start luck."""
+"""Tables of runs: the one that decides, the whole run, maps, cost, start luck."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, cast
 
 import pandas as pd
 
-from bench.report.lines import frame_of, label, mean_of, scaled, span_of
+from bench.report import unaided
+from bench.report.lines import deciding_error, frame_of, label, mean_of, scaled, second_of, sensors
 from bench.results import Line, Row, Rows
+from slams.registry import BASELINES
 
 if TYPE_CHECKING:
     from bench.results import Comparison
@@ -18,54 +20,63 @@ MAP_MEASURES = {
     "iou": ("IoU", 1.0),
     "adnn_to_truth": ("ADNN to truth [mm]", 1e3),
     "adnn_from_truth": ("from truth [mm]", 1e3),
-    "hausdorff_95": ("Hausdorff 95 % [mm]", 1e3),
-    "hausdorff": ("Hausdorff [mm]", 1e3),
-    "ssim": ("SSIM", 1.0),
-    "ssim_walls": ("SSIM at walls", 1.0),
     "wall_thickness": ("walls [mm]", 1e3),
     "true_wall_thickness": ("true walls [mm]", 1e3),
     "coverage": ("coverage [%]", 1e2),
 }
 
 
-def glance_table(log: Line, rows: Rows) -> pd.DataFrame:
-    """The run on one screen: whose steps, error, bound, lost or not, cost."""
-    limit = (log.get("bound") or {}).get("spans", {}).get("1 s")
+def main_table(log: Line, rows: Rows) -> pd.DataFrame:
+    """The one table: error, whether the run was lost, cost; without a truth what stands for it."""
+    without = unaided.measures(rows) if not any(row["errors"] for row in rows) else {}
     lines: dict[str, Line] = {}
     for row in rows:
-        errors, loss, cost = row["errors"], row["loss"], row["cost"] or {}
-        second = span_of(row, "1 s") or {}
-        mean = mean_of(second, "se2_translation_m")
+        errors, cost = row["errors"], row["cost"] or {}
+        found = second_of(row)
         relations = (row["relations"] or {}).get("all")
+        error = f"{found[0] if found else '1 s'} [mm]"
         lines[label(row)] = {
-            "posed [%]": scaled(row["posed"], 1e2),
-            "1 s [mm]": scaled(mean, 1e3),
-            "1 s [mrad]": scaled(mean_of(second, "orientation_rad"), 1e3),
-            "x bound": mean / limit["translation_m"] if mean and limit else None,
-            "relations [mm]": scaled(relations["translation_m"]["mean"], 1e3)
-            if relations
-            else None,
+            error: scaled(mean_of(found[1] if found else {}, "se2_translation_m"), 1e3),
             "ATE [mm]": scaled(errors["ate_m"] if errors else None, 1e3),
-            "lost": "yes" if loss["lost"] else "no",
-            "within limits [%]": scaled((loss.get("truth") or {}).get("completed"), 1e2),
+            "relations [mm]": scaled(mean_of(relations or {}, "translation_m"), 1e3),
+            **without.get(row["algorithm"], {}),
+            "lost": _lost(row),
             "CPU [ms]": cost.get("mean_ms"),
+            "memory [MB]": cost.get("peak_memory_mb"),
+            "start-up [s]": cost.get("start_up_s"),
+            "used": sensors(row),
         }
     return frame_of(lines)
 
 
+def _lost(row: Row) -> str:
+    """Whether a run was lost, and when."""
+    loss = row["loss"]
+    at = (loss.get(loss["by"]) or {}).get("at_s")
+    return "no" if not loss["lost"] else "yes" if at is None else f"after {at:.0f} s"
+
+
+def unaided_table(_: Line, rows: Rows) -> pd.DataFrame:
+    """The measures that need no truth, where there is one: they can be held against it."""
+    if not any(row["errors"] for row in rows):
+        return pd.DataFrame()  # they stand in the one table
+    found = unaided.measures(rows)
+    return frame_of({label(row): found[row["algorithm"]] for row in rows})
+
+
 def overview_table(log: Line, rows: Rows) -> pd.DataFrame:
-    """ATE, error at the end, drift, and failure as a result."""
+    """Error at the end, drift, shares of the scans by what the pose came from."""
     lines: dict[str, Line] = {}
     for row in rows:
         errors, loss = cast("Line", row["errors"] or {}), row["loss"]
         truth = loss.get("truth") or {}
         lines[label(row)] = {
-            "ATE [mm]": scaled(errors.get("ate_m"), 1e3),
             "end [mm]": scaled(errors.get("end_m"), 1e3),
             "drift [mm/m]": scaled(errors.get("drift"), 1e3),
             "dropped": errors.get("dropped"),
-            "lost at [s]": loss.get(loss["by"], {}).get("at_s") if loss["lost"] else None,
-            "after [m]": truth.get("after_m") if loss["lost"] else None,
+            "lost after [m]": truth.get("after_m") if loss["lost"] else None,
+            "posed [%]": scaled(row.get("posed"), 1e2),
+            "refined [%]": scaled(row.get("refined"), 1e2),
             "within limits [%]": scaled(truth.get("completed"), 1e2),
             "says lost": loss["report"]["scans"],
         }
@@ -73,15 +84,9 @@ def overview_table(log: Line, rows: Rows) -> pd.DataFrame:
 
 
 def map_table(log: Line, rows: Rows) -> pd.DataFrame:
-    """Map quality; a figure that means nothing is left out, results.json has the reason.
-
-    Below what cells and noise alone leave: a plain mapper at true poses, the true map in cells.
-    """
+    """Map quality; a figure that means nothing is left out, results.json has the reason."""
     lines = {label(row): _map_line(row.get("map") or {}) for row in rows}
-    if not any(lines.values()):
-        return pd.DataFrame()
-    floor = {name: _map_line(found) for name, found in (log.get("map_floor") or {}).items()}
-    return frame_of(lines | floor)
+    return frame_of(lines) if any(lines.values()) else pd.DataFrame()
 
 
 def _map_line(found: Line) -> Line:
@@ -93,7 +98,7 @@ def _map_line(found: Line) -> Line:
 
 
 def cost_table(log: Line, rows: Rows) -> pd.DataFrame:
-    """CPU time of a scan, times real time, memory; compilation apart."""
+    """CPU time of a scan, and how many times faster than the log the run was."""
     names = {
         "mean_ms": "mean [ms]",
         "p50_ms": "p50 [ms]",
@@ -101,38 +106,13 @@ def cost_table(log: Line, rows: Rows) -> pd.DataFrame:
         "p99_ms": "p99 [ms]",
         "max_ms": "max [ms]",
         "real_time_factor": "x real time",
-        "peak_memory_mb": "memory [MB]",
-        "compile_s": "load + compile [s]",
-        "iterate_ms": "not counted: reading a scan [ms]",
-        "live_push_ms": "LiveSlam more [ms]",
-        "map_ms": "drawing the map [ms]",
     }
     lines: dict[str, Line] = {}
     for row in rows:
         cost = row["cost"]
         if cost is None:
             continue
-        line = lines[label(row)] = {new: cost[key] for key, new in names.items()}
-        if cost["slower"] != 1.0:
-            slow = f"x real time, core {cost['slower']:g}x slower"
-            line[slow] = cost["real_time_factor_slower"]
-    return frame_of(lines)
-
-
-def live_table(log: Line, rows: Rows) -> pd.DataFrame:
-    """What dropping scans does to the error."""
-    lines: dict[str, Line] = {}
-    for row in rows:
-        if live := row.get("live"):
-            offline = span_of(row, "1 s") or {}
-            online = live["errors"].get("1 s") or {}
-            lines[label(row)] = {
-                "dropped": live["dropped"],
-                "dropped [%]": 1e2 * live["share"],
-                "1 s [mm], all scans": scaled(mean_of(offline, "se2_translation_m"), 1e3),
-                "1 s [mm], live": scaled(mean_of(online, "se2_translation_m"), 1e3),
-                "lost": "yes" if live["loss"]["lost"] else "no",
-            }
+        lines[label(row)] = {new: cost[key] for key, new in names.items()}
     return frame_of(lines)
 
 
@@ -155,18 +135,27 @@ def logs_table(comparison: Comparison) -> pd.DataFrame:
     """A line per algorithm over all logs: lost runs, rank, mean and worst log.
 
     The error that counts is that over a second, or of the relations in a log without truth. A run
-    that failed or was lost ranks behind all others, and has no part in the mean.
+    that failed or was lost ranks behind all others, and has no part in the mean. Without either
+    the rank is that of `unaided.mean_ranks`.
     """
     names = list(dict.fromkeys(row["algorithm"] for row in comparison.rows))
     errors = [{row["algorithm"]: _kept_error(row) for row in log.rows} for log in comparison.logs]
+    own_names = {name for name in names if name.partition("@")[0] not in BASELINES}
+    without, _ = unaided.mean_ranks(comparison, own_names)
     lines: dict[str, Line] = {}
     for name in names:
         own = [found.get(name) for found in errors]
         kept = [error for error in own if error is not None]
         worst = max(range(len(own)), key=lambda k, own=own: _behind(own[k]))  # type: ignore[misc]
+        rows = [row for row in comparison.rows if row["algorithm"] == name]
         lines[name] = {
             "logs": len(own),
-            "lost or failed": len(own) - len(kept),
+            "lost or failed": sum(bool(row["failed"] or row["loss"]["lost"]) for row in rows),
+        }
+        if not any(error is not None for found in errors for error in found.values()):
+            lines[name]["mean rank"] = without.get(name)
+            continue
+        lines[name] |= {
             "mean rank": sum(_rank(name, found) for found in errors) / len(errors),
             "mean [mm]": scaled(sum(kept) / len(kept), 1e3) if kept else None,
             "worst [mm]": scaled(own[worst], 1e3),
@@ -179,11 +168,7 @@ def _kept_error(row: Row) -> float | None:
     """The error that counts [m]; None of a run that failed or was lost."""
     if row["failed"] or row["loss"]["lost"]:
         return None
-    second = span_of(row, "1 s")
-    if second is not None:
-        return mean_of(second, "se2_translation_m")
-    known = (row["relations"] or {}).get("all")
-    return None if known is None else float(known["translation_m"]["mean"])
+    return deciding_error(row)
 
 
 def _behind(error: float | None) -> float:

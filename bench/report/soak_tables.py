@@ -30,7 +30,6 @@ WAY = {
     "memory_mb": "memory [MB]",
     "seen_m2": "seen [m2]",
     "map_ms": "map [ms]",
-    "hold_ms": "held for it [ms]",
     "ate_m": "ATE [m]",
 }
 

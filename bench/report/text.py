@@ -17,8 +17,7 @@ from bench.results import Line, Rows
 if TYPE_CHECKING:
     from bench.results import Comparison
 
-TERMINAL = ("published", "glance", "relations", "starts", "live")
-PAIR, MOMENTS = ("translation", "orientation"), ["mean", "deviation", "min", "max"]
+TERMINAL = ("main", "starts")
 LATEX = {"&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "±": r"$\pm$", "x ": r"$\times$ "}
 
 
@@ -79,12 +78,11 @@ def head(log: Line) -> str:
 
 
 def terminal(comparison: Comparison) -> str:
-    """The paper's tables, one screen of all the rest, and the answer; the files have more."""
-    parts = [as_text(log.entry, log.rows) for log in comparison.logs]
+    """The answer, then one table for each log; the files have more."""
+    parts = ["\n".join(words.answer(comparison))]
     if len(comparison.logs) > 1:
         parts += [tables.OVER_LOGS, text_table(run_tables.logs_table(comparison))]
-        parts += [entry["sentence"] for entry in words.neighbors(comparison.over_logs)]
-    parts.append("\n".join(words.answer(comparison)))
+    parts += [as_text(log.entry, log.rows) for log in comparison.logs]
     return "\n\n".join(parts)
 
 
@@ -92,20 +90,10 @@ def as_text(log: Line, rows: Rows) -> str:
     """The comparison on one log, for a terminal."""
     made = tables.tables(log, rows)
     parts = [head(log), *(f"note: {note}" for note in log.get("notes", []))]
-    if set(PAIR) <= set(made):
-        parts += ["\n".join(TITLES[key] for key in PAIR), text_table(side_by_side(made))]
     for key in TERMINAL:
         if key in made:
-            parts += [TITLES[key], text_table(made[key])]
-            parts += [tables.DIFFERS] if key == "published" else []
+            parts += [*([TITLES[key]] if key != "main" else []), text_table(made[key])]
     return "\n\n".join([*parts, *words.failures(rows)])
-
-
-def side_by_side(made: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """The paper's two tables in one, so that everything stands on one screen."""
-    left, right = (made[key][MOMENTS] for key in PAIR)
-    rule = pd.DataFrame({"|": "|"}, index=left.index)
-    return pd.concat([left, rule, right], axis=1)
 
 
 def as_markdown(log: Line, rows: Rows) -> str:

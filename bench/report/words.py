@@ -1,11 +1,12 @@
-"""The comparison in words: who is best and how far from possible, who failed, what it costs."""
+"""The answer in words: which one to take, what else is as good, what is lost or too slow."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from bench.judge.verdicts import SPANS
-from bench.report.lines import BOUND, label, listed, sensors, spans_of
+from bench.judge.verdicts import SIGNIFICANT
+from bench.report import unaided
+from bench.report.lines import deciding_error, listed
 from bench.report.numbers import cell
 from bench.results import Line, Row, Rows
 from slams.registry import BASELINES
@@ -13,24 +14,41 @@ from slams.registry import BASELINES
 if TYPE_CHECKING:
     from bench.results import Comparison
 
+SAME = 1.25  # times the least error is the same accuracy, if chance may make the difference
 
-class Ranked(NamedTuple):
-    """A run that kept its way and its mean errors [m], [rad]."""
+
+class Candidate(NamedTuple):
+    """An algorithm over all logs: how many runs were lost or failed, mean error [m], CPU [ms].
+
+    The error is that over 1 s, or of the relations; None where there is neither. CPU is None where
+    nobody measured it.
+    """
 
     name: str
-    translation: float
-    rotation: float
+    lost: int
+    error: float | None
+    cpu_ms: float | None
 
 
-def summary(entry: Line, rows: Rows) -> list[str]:
-    """One paragraph about a log, as sentences."""
-    done = [row for row in rows if not row["failed"]]
-    return [*_accuracy(entry, done), *_failures(rows, done), *_cost(done)]
+def answer(comparison: Comparison) -> list[str]:
+    """Which one to take, on what grounds, and what else there is to know; a sentence each."""
+    every = [_candidate(name, rows) for name, rows in by_algorithm(comparison).items()]
+    own = [one for one in every if one.name.partition("@")[0] not in BASELINES] or every
+    least = min((one.lost for one in own), default=0)
+    kept = [one for one in own if one.lost == least]
+    if not kept or (least == len(comparison.logs) and not any(one.error for one in kept)):
+        return ["Every algorithm was lost or failed: none can be recommended here."]
+    if all(one.error is None for one in kept):
+        return unaided.answer(comparison, {one.name for one in kept})
+    return [*_take(comparison, kept), *_lost(comparison), *_slow(comparison.rows)]
 
 
-def neighbors(verdicts: list[Line]) -> list[Line]:
-    """Of all pairs, those of algorithms that follow one another in the order of their errors."""
-    return [verdict for verdict in verdicts if verdict["next"]]
+def by_algorithm(comparison: Comparison) -> dict[str, Rows]:
+    """The rows of each algorithm, a row for each log."""
+    found: dict[str, Rows] = {}
+    for row in comparison.rows:
+        found.setdefault(row["algorithm"], []).append(row)
+    return found
 
 
 def failures(rows: Rows) -> list[str]:
@@ -38,189 +56,98 @@ def failures(rows: Rows) -> list[str]:
     return [f"{row['algorithm']} failed: {row['failed']}" for row in rows if row["failed"]]
 
 
-def answer(comparison: Comparison) -> list[str]:
-    """Which one? The most accurate, the one that survives most, the cheapest that survives."""
-    survived: dict[str, int] = {}
-    for row in comparison.rows:
-        kept = not row["failed"] and not row["loss"]["lost"]
-        survived[row["algorithm"]] = survived.get(row["algorithm"], 0) + kept
-    own = {name: n for name, n in survived.items() if name.partition("@")[0] not in BASELINES}
-    most = max(own.values(), default=0)
-    if not most:
-        return ["Every algorithm was lost or failed: none can be recommended here."]
-    best = [name for name, n in own.items() if n == most]
-    return [
-        *_most_accurate(comparison, best),
-        *_survivors(comparison, own, most),
-        *_cheapest(comparison, best),
-    ]
+def neighbors(verdicts: list[Line]) -> list[Line]:
+    """Of all pairs, those of algorithms that follow one another in the order of their errors."""
+    return [verdict for verdict in verdicts if verdict["next"]]
 
 
-def _most_accurate(comparison: Comparison, names: list[str]) -> list[str]:
-    """Of those that survive most, by the mean over the logs of the error per second."""
-    means: dict[str, list[float]] = {}
-    used: dict[str, str | None] = {}
-    for row in comparison.rows:
-        error = _deciding_error(row)
-        if row["algorithm"] in names and error is not None:
-            means.setdefault(row["algorithm"], []).append(error)
-            used[row["algorithm"]] = sensors(row)
-    if not means:
-        return []
-    mean = {name: sum(values) / len(values) for name, values in means.items()}
-    best = min(mean, key=lambda name: mean[name])
-    what = f" ({used[best]})" if used[best] else ""
-    over = (
-        "over a second"
-        if any(row["errors"] for row in comparison.rows if not row["failed"])
-        else "by the relations"
-    )
-    return [f"Most accurate: {best}{what}, {_mm(mean[best])} {over}."]
+def _candidate(name: str, rows: Rows) -> Candidate:
+    whole = [row for row in rows if not row["failed"]]
+    lost = len(rows) - sum(not row["loss"]["lost"] for row in whole)
+    errors = [error for row in whole if (error := deciding_error(row)) is not None]
+    times = [row["cost"]["mean_ms"] for row in whole if row["cost"]]
+    return Candidate(name, lost, _mean(errors), _mean(times))
 
 
-def _survivors(comparison: Comparison, survived: dict[str, int], most: int) -> list[str]:
-    logs = len(comparison.logs)
-    best = [name for name, n in survived.items() if n == most]
-    if len(best) == len(survived) and most == logs:
-        return [f"Survives most: none was lost on {_counted(logs)}; the sweep tells them apart."]
-    return [f"Survives most: {listed(best)}, {most} of {_counted(logs)}."]
+def _take(comparison: Comparison, kept: list[Candidate]) -> list[str]:
+    """The most accurate; of those as accurate within chance the cheapest."""
+    judged = sorted((one for one in kept if one.error is not None), key=lambda one: one.error or 0)
+    best = judged[0]
+    equal = [best, *(one for one in judged[1:] if _alike(comparison, best, one))]
+    taken = min(equal, key=lambda one: float("inf") if one.cpu_ms is None else one.cpu_ms)
+    over = "over 1 s" if _has_truth(comparison) else "by the relations"
+    what = f"{_mm(taken.error)} {over}{_cost(taken)}"
+    others = [one.name for one in equal if one is not taken]
+    verb = "Take" if not taken.lost else "The most accurate all the same is"
+    words = [f"{verb} {taken.name}: {what}."]
+    if others:
+        words.append(f"As accurate within chance, and dearer: {listed(others)}.")
+    behind = [one for one in judged if one not in equal]
+    if behind:
+        words.append(
+            f"Next: {listed([f'{one.name} {_mm(one.error)}{_cost(one)}' for one in behind[:3]])}."
+        )
+    if kept[0].lost:
+        words.insert(0, f"Every algorithm was lost on {kept[0].lost} of {_logs(comparison)}.")
+    return words
 
 
-def _counted(logs: int) -> str:
-    return "this log" if logs == 1 else f"{logs} logs"
+def _alike(comparison: Comparison, best: Candidate, other: Candidate) -> bool:
+    """Whether chance may make the difference of two in translation, and it is a small one."""
+    if (other.error or 0.0) > SAME * (best.error or 0.0):
+        return False  # a log too short to prove anything proves no equality
+    several = len(comparison.logs) > 1
+    found = comparison.over_logs if several else comparison.logs[0].entry.get("verdicts") or []
+    for verdict in found:
+        if {verdict["a"], verdict["b"]} == {best.name, other.name} and verdict[
+            "measure"
+        ] == "translation":
+            p_value = verdict["p_value"]
+            return not (p_value is not None and p_value < SIGNIFICANT)
+    return False
 
 
-def _cheapest(comparison: Comparison, names: list[str]) -> list[str]:
-    spent: dict[str, float] = {}
-    for row in comparison.rows:
-        if row["algorithm"] in names and not row["failed"] and row["cost"]:
-            spent[row["algorithm"]] = spent.get(row["algorithm"], 0.0) + row["cost"]["mean_ms"]
-    if not spent:
-        return []
-    best = min(spent, key=lambda name: spent[name])
-    mean = spent[best] / len(comparison.logs)
-    return [f"Cheapest of those: {best}, {cell('[ms]', mean)} ms per scan."]
+def _lost(comparison: Comparison) -> list[str]:
+    """The algorithms that were lost or failed, on how many logs, on one log when."""
+    words = []
+    for name, rows in by_algorithm(comparison).items():
+        lost = [row for row in rows if row["failed"] or row["loss"]["lost"]]
+        if lost and len(comparison.logs) == 1:
+            words.append(f"{name}{_when(lost[0])}")
+        elif lost:
+            words.append(f"{name} on {len(lost)} of {len(rows)} logs")
+    return [f"Lost or failed: {listed(words)}."] if words else []
 
 
-def _deciding_error(row: Row) -> float | None:
-    """The error over 1 s (or, in a log without truth, of its relations) [m]."""
+def _when(row: Row) -> str:
     if row["failed"]:
-        return None
-    span = over_what([row])
-    if span is not None:
-        return _means(row, span).translation
-    known = (row["relations"] or {}).get("all")
-    return None if known is None else float(known["translation_m"]["mean"])
+        return " (failed)"
+    at = (row["loss"].get(row["loss"]["by"]) or {}).get("at_s")
+    return "" if at is None else f" after {at:.0f} s"
 
 
-def over_what(rows: Rows) -> str | None:
-    """The span that decides: 1 s, where the log has it."""
-    judged = [row["errors"]["spans"] for row in rows if not row["failed"] and row["errors"]]
-    shared = (span for span in SPANS if judged and all(span in spans for spans in judged))
-    return next(shared, None)
+def _slow(rows: Rows) -> list[str]:
+    """The algorithms for which the scans came too fast."""
+    costs = [(row["algorithm"], row.get("cost") or {}) for row in rows]
+    slow = dict.fromkeys(name for name, cost in costs if 0 < cost.get("real_time_factor", 0) < 1)
+    return [f"Slower than the scans came: {listed([*slow])}."] if slow else []
 
 
-def _accuracy(entry: Line, rows: Rows) -> list[str]:
-    span = over_what(rows)
-    if span is None:
-        return _by_relations(rows)
-    ranked = sorted((_means(row, span) for row in rows if _kept(row)), key=lambda r: r.translation)
-    if not ranked:
-        return ["No run kept its way, so none is the best."]
-    best, limit = ranked[0], (entry.get("bound") or {}).get("spans", {}).get(span)
-    first = f"{best.name} is the most accurate: its mean error {SPANS[span]} is {_errors(best)}"
-    if limit:
-        first += f", {_multiples(best, limit)} times the {BOUND} of {_errors(_as_ranked(limit))}"
-    return [f"{first}.", *_followers(ranked[1:], limit), *_how_sure(entry, best)]
+def _has_truth(comparison: Comparison) -> bool:
+    return any(row["errors"] for row in comparison.rows if not row["failed"])
 
 
-def _followers(others: list[Ranked], limit: Line | None) -> list[str]:
-    if not others:
-        return []
-    words = [
-        f"{run.name} with {_mm(run.translation)}"
-        + (f" ({run.translation / limit['translation_m']:.1f} times the bound)" if limit else "")
-        for run in others
-    ]
-    return [f"It is followed by {listed(words)}."]
+def _logs(comparison: Comparison) -> str:
+    return "1 log" if len(comparison.logs) == 1 else f"{len(comparison.logs)} logs"
 
 
-def _how_sure(entry: Line, best: Ranked) -> list[str]:
-    """The verdict on the best and the one next to it."""
-    for verdict in neighbors(entry.get("verdicts") or []):
-        if verdict["measure"] == "translation" and best.name in (verdict["a"], verdict["b"]):
-            return [f"{verdict['sentence'].partition(': ')[2]}."]
-    return []
+def _cost(one: Candidate) -> str:
+    return "" if one.cpu_ms is None else f", {cell('[ms]', one.cpu_ms)} ms per scan"
 
 
-def _by_relations(rows: Rows) -> list[str]:
-    """The order by the log's relations, where it has no truth."""
-    found = ((label(row), (row["relations"] or {}).get("all")) for row in rows)
-    known = {name: line for name, line in found if line is not None}
-    if not known:
-        return ["The log has neither truth nor relations: nothing is known of the errors."]
-    order = sorted(known, key=lambda name: float(known[name]["translation_m"]["mean"]))
-    errors = {name: _mm(known[name]["translation_m"]["mean"]) for name in order}
-    best = f"By the log's relations {order[0]} is the most accurate: {errors[order[0]]} mean error"
-    others = [f"{name} with {errors[name]}" for name in order[1:]]
-    return [best + (f", followed by {listed(others)}." if others else ".")]
+def _mm(meters: float | None) -> str:
+    return f"{cell('[mm]', 1e3 * (meters or 0.0))} mm"
 
 
-def _failures(rows: Rows, done: Rows) -> list[str]:
-    sentences = [f"{line}." for line in failures(rows)]
-    sentences += [_lost(row) for row in done if row["loss"]["lost"]]
-    return sentences or ["No run failed, none was lost."]
-
-
-def _lost(row: Row) -> str:
-    verdict = row["loss"].get(row["loss"]["by"]) or {}
-    words = f"{row['algorithm']} was lost"
-    if verdict.get("at_s") is not None:
-        words += f" after {cell('[s]', verdict['at_s'])} s"
-    if verdict.get("after_m") is not None:
-        words += f" and {cell('after [m]', verdict['after_m'])} m"
-    return f"{words}."
-
-
-def _cost(rows: Rows) -> list[str]:
-    """The fastest algorithm, the baselines aside, and who is too slow for the log."""
-    timed = [(row, row["cost"]) for row in rows if row["cost"]]
-    own = [one for one in timed if one[0]["algorithm"].partition("@")[0] not in BASELINES] or timed
-    if not own:
-        return []
-    fastest, cost = min(own, key=lambda one: float(one[1]["mean_ms"]))
-    words = f"{label(fastest)} is the fastest with {cell('[ms]', cost['mean_ms'])} ms per scan"
-    slow = [label(row) for row, cost in timed if 0.0 < cost["real_time_factor"] < 1.0]
-    too = (
-        f"slower than the scans came: {listed(slow)}"
-        if slow
-        else "every run kept up with the scans"
-    )
-    return [f"{words} on one core; {too}."]
-
-
-def _kept(row: Row) -> bool:
-    return bool(row["errors"]) and not row["loss"]["lost"]
-
-
-def _means(row: Row, span: str) -> Ranked:
-    errors = spans_of(row)[span]
-    translation, rotation = errors["se2_translation_m"], errors["orientation_rad"]
-    return Ranked(row["algorithm"], float(translation["mean"]), float(rotation["mean"]))
-
-
-def _as_ranked(limit: dict[str, Any]) -> Ranked:
-    return Ranked(BOUND, float(limit["translation_m"]), float(limit["rotation_rad"]))
-
-
-def _errors(run: Ranked) -> str:
-    return f"{_mm(run.translation)} and {cell('[mrad]', 1e3 * run.rotation)} mrad"
-
-
-def _mm(meters: float) -> str:
-    return f"{cell('[mm]', 1e3 * meters)} mm"
-
-
-def _multiples(run: Ranked, limit: Line) -> str:
-    shares = (run.translation / limit["translation_m"], run.rotation / limit["rotation_rad"])
-    return " and ".join(f"{share:.1f}" for share in shares)
+def _mean(values: list[float]) -> float | None:
+    return sum(values) / len(values) if values else None

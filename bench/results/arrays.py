@@ -2,38 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import io
-import json
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from bench.results.runs import Line, Outcome, Reference, Row
 from slams.types import OccupancyGrid, Pose2
-
-FIGURES_KEY = "figures"  # of the packed array with the figures' JSON
-
-
-def pack_outcome(outcome: Outcome) -> str:
-    """A run as one text, for a store of results."""
-    return _packed(dict(outcome.row), arrays_of_outcome(outcome))
-
-
-def unpack_outcome(text: str) -> Outcome:
-    """The run of `pack_outcome`."""
-    figures, arrays = _unpacked(text)
-    return outcome_of(cast("Row", figures), arrays)
-
-
-def pack_reference(reference: Reference) -> str:
-    """What is known of a log as one text, for a store of results."""
-    return _packed(reference.entry, arrays_of_reference(reference))
-
-
-def unpack_reference(text: str) -> Reference:
-    """What is known of the log of `pack_reference`."""
-    return reference_of(*_unpacked(text))
 
 
 def arrays_of_outcome(outcome: Outcome) -> dict[str, Any]:
@@ -90,19 +64,3 @@ def _grid(arrays: dict[str, Any]) -> OccupancyGrid | None:
         return None
     resolution, x, y = arrays["grid_place"].tolist()
     return OccupancyGrid(arrays["grid"], resolution, (x, y))
-
-
-def _packed(figures: Line, arrays: dict[str, Any]) -> str:
-    """Figures as JSON in the order they have, and arrays, in an npz in base64."""
-    from slams.formats.npz import write_archive
-    from slams.summary import as_json
-
-    buffer = io.BytesIO()
-    write_archive(buffer, {FIGURES_KEY: as_json(figures), **arrays})
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
-
-
-def _unpacked(text: str) -> tuple[Line, dict[str, Any]]:
-    with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as archive:
-        arrays = {key: archive[key] for key in archive.files}
-    return json.loads(str(arrays.pop(FIGURES_KEY))), arrays

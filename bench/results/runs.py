@@ -41,7 +41,6 @@ class Row(TypedDict, total=False):
     scans: int
     duration_s: float
     cpu_ms_per_scan: float
-    compile_s: float
     real_time_factor: float
     cost: dict[str, Any] | None
     errors: Errors | None
@@ -49,7 +48,9 @@ class Row(TypedDict, total=False):
     starts: dict[str, Any] | None
     loss: dict[str, Any]
     map: dict[str, Any] | None
-    live: dict[str, Any] | None
+    consistency: dict[str, Any]
+    disagreement_m: float | None
+    conflict: float | None
     report: dict[str, Any]
     seed: int
     parameters: dict[str, Any]

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
+import slams.jit  # noqa: F401 so that numba is loaded before the memory is measured
 from bench.judge import loss, metrics
 from bench.judge.statistics import mean_interval
 from bench.results import Errors, Outcome, Row
 from bench.run.single import Single
-from bench.run.timing import LiveScans, PeakMemory, cost, overheads
+from bench.run.timing import PeakMemory
 from slams import load
 from slams.formats.options import SourceOptions
 from slams.metrics import path_length
@@ -23,26 +24,22 @@ from slams.player import WARM_UP_SCANS, replay, warm_up
 from slams.registry import Entry, find
 from slams.ros.ros_params import Taken
 from slams.scanlog import ScanLog
-from slams.summary import moments, summarize
-from slams.types import Floats, Slam
+from slams.summary import cost, moments, summarize
+from slams.types import Confident, Floats, Pose2, Scan, Slam
 
 
 @dataclass(frozen=True)
 class Choice:
     """Which part of a log is used and how; the seed of every algorithm.
 
-    `realtime` also replays each log as a live node would see it; `slower` is how many times slower
-    than this machine's the core of that node is; `options` say how a recorded log is read;
-    `sensor` names the laser that the parameters are for; `ros` has what ROS files say and `single`
-    what is given for one algorithm alone, by label.
+    `options` say how a recorded log is read; `sensor` names the laser that the parameters are for;
+    `ros` has what ROS files say and `single` what is given for one algorithm alone, by label.
     """
 
     limit: int | None = None
     every: int = 1
     odometry: bool = True
     seed: int | None = None
-    realtime: bool = False
-    slower: float = 5.0
     options: SourceOptions | None = None
     sensor: str | None = None
     ros: Mapping[str, Taken] = field(default_factory=dict)
@@ -70,20 +67,26 @@ def replayed(label: str, log: ScanLog, choice: Choice, relations: Floats | None 
     with PeakMemory() as memory:
         start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
         slam: Slam = entry.cls(params)
-        run = replay(slam, log)
+        quality: list[float] = []
+        run = replay(slam, log, _watch(slam, quality))
         grid = slam.map()
     summary = summarize(run, log, label, params, start_up_s, spans=())
     row = cast("Row", summary) | sources(run.report, len(run))
-    row["cost"] = cost(run.seconds, row["duration_s"], choice.slower) | {
-        "compile_s": row["compile_s"],
+    row["cost"] = cost(run.seconds, row["duration_s"]) | {
+        "start_up_s": summary["compile_s"],
         "peak_memory_mb": memory.mb,
-        **overheads(label, log, params),
     }
+    row["conflict"] = 1.0 - float(np.mean(quality)) if quality else None
     row |= judged(log, run.t, run.poses, relations, run.report)
-    if choice.realtime:
-        row["live"] = _live(entry.cls(params), log, choice)
     common = metrics.common_with(log, run.t, run.poses)
     return Outcome(row, run.t, run.poses, run.seconds, grid, common)
+
+
+def _watch(slam: Slam, quality: list[float]) -> Callable[[Scan, Pose2], None] | None:
+    """Gathers the share of each scan that the map explains, where the algorithm tells it."""
+    if not isinstance(slam, Confident):
+        return None
+    return lambda scan, pose: quality.append(slam.quality)
 
 
 def failed(label: str, log: ScanLog, reason: str) -> Outcome:
@@ -182,20 +185,6 @@ def _losses(
         verdicts["truth"] = loss.by_truth(common)
     best = next(name for name in ("truth", "relations", "report") if name in verdicts)
     return verdicts | {"lost": verdicts[best]["lost"], "by": best}
-
-
-def _live(slam: Slam, log: ScanLog, choice: Choice) -> dict[str, Any]:
-    """The same log as a live node would see it: what was dropped, and what that did."""
-    scans = LiveScans(log, choice.slower)
-    run = replay(slam, scans)
-    common = metrics.common_with(log, run.t, run.poses)
-    errors = {} if common is None else metrics.errors_over_spans(common)
-    return {
-        "dropped": scans.dropped,
-        "share": scans.dropped / len(log),
-        "errors": {name: _moments(found) for name, found in errors.items()},
-        "loss": _losses(common, None, run.t, run.report),
-    }
 
 
 def read_relations(path: str | Path) -> Floats:

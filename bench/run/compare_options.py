@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.run import single
@@ -29,8 +28,7 @@ def parser() -> argparse.ArgumentParser:
         description="Replay scan logs through SLAM algorithms and compare their pose errors. "
         "Without a log: a simulated rescue maze, UTM-30LX, five minutes.",
         epilog="Writes report.html, results.json, tables as csv, markdown and LaTeX, errors per "
-        "update as csv, trajectories, figures as png and pdf. Runs that are done are kept in "
-        "OUT/runs and not done again: a comparison that was ended goes on where it was.",
+        "update as csv, trajectories, figures as png and pdf.",
     )
     p.add_argument("logs", nargs="*", metavar="LOG", help="scan logs; default: simulate one")
     p.add_argument(
@@ -40,7 +38,10 @@ def parser() -> argparse.ArgumentParser:
         help=f"name, name@preset or module:Class; default: {' '.join(names())}, and NAME@{IDEA} "
         "of each that has one",
     )
-    p.add_argument("--out", metavar="DIR", default="results/compare", help="default: %(default)s")
+    p.add_argument(
+        "--out", metavar="DIR", help="default: results/compare, -LOG behind; -2 where it is taken"
+    )
+    p.add_argument("--force", action="store_true", help="replace the results that are there")
     size = p.add_mutually_exclusive_group()
     size.add_argument("--quick", action="store_true", help="a minute of the log only")
     size.add_argument(
@@ -89,20 +90,14 @@ def parser() -> argparse.ArgumentParser:
         help="of the simulation and the algorithms; ALGORITHM:N of one; may be given again",
     )
     p.add_argument("--duration", type=float, metavar="S", help="of the simulation")
+    p.add_argument("--mcap", action="store_true", help="also write result-NAME.mcap of every run")
     p.add_argument(
-        "--realtime",
-        action="store_true",
-        help="also replay as a live node sees the log: scans that come too fast are dropped",
+        "--jobs",
+        type=int,
+        default=min(2, os.cpu_count() or 1),
+        metavar="N",
+        help="processes at a time (%(default)s)",
     )
-    p.add_argument(
-        "--slower",
-        type=float,
-        default=5.0,
-        metavar="X",
-        help="how many times slower than this machine's the robot's core is (default %(default)g)",
-    )
-    p.add_argument("--mcap", action="store_true", help="also write NAME.mcap of every run")
-    p.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), metavar="N")
     p.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
     cli.add_log_options(p)
     return p
@@ -145,11 +140,13 @@ def _check_options(arguments: argparse.Namespace) -> None:
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise ValueError(f"--{name}: got {value}, expected 1 or more")
-    if not 0.0 < arguments.slower < 1e6:
-        raise ValueError(f"--slower: got {arguments.slower}, expected a factor above 0")
-    out = Path(arguments.out)
-    if out.exists() and not out.is_dir():
-        raise NotADirectoryError(f"{out}: is a file; expected a folder for the results")
+    if arguments.logs and arguments.duration is not None:
+        raise ValueError("--duration: is of the simulation; got a log as well")
+    options = cli.log_options(arguments)
+    given = [name for name, value in vars(options).items() if value != getattr(type(options), name)]
+    if given and not arguments.logs:
+        option = given[0].replace("_", "-")
+        raise ValueError(f"--{option}: got no log, expected the one it is of")
 
 
 def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
@@ -164,10 +161,8 @@ def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
         arguments.every,
         not arguments.no_odometry,
         common,
-        arguments.realtime,
-        arguments.slower,
-        cli.log_options(arguments),
-        arguments.sensor,
+        options=cli.log_options(arguments),
+        sensor=arguments.sensor,
     )
     choice = replace(
         choice,

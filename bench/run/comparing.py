@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bench.judge.starts import start_scans, summarize_starts
 from bench.results import LogResult, Outcome
-from bench.results.arrays import unpack_outcome, unpack_reference
-from bench.run.case_tasks import given, reference_task, run_task
-from bench.run.cases import failed, relation_error
-from bench.run.work import run_all
+from bench.run import pool
+from bench.run.cases import failed, relation_error, replayed
+from bench.run.reference import reference
 from slams import cli
 from slams.types import Floats
 
 if TYPE_CHECKING:
     from bench.run.cases import Choice
-    from bench.run.store import Store
-    from bench.run.work import Executor, Task
     from slams.scanlog import ScanLog
 
 
@@ -40,51 +39,53 @@ class Wanted(NamedTuple):
     limit_m: float = 0.03
 
 
-class Plan(NamedTuple):
-    """A comparison before it is made: what is compared, and a task for every job."""
+class Work(NamedTuple):
+    """How the runs are done: processes at a time, progress shown or not."""
 
-    labels: list[str]
-    logs: list[ScanLog]
-    wanted: Wanted
-    tasks: dict[Job, Task]
+    jobs: int
+    quiet: bool
 
 
-def plan(
-    labels: list[str],
-    logs: list[ScanLog],
-    choice: Choice,
-    wanted: Wanted,
-    machine: dict[str, Any],
-) -> Plan:
-    """Every algorithm on every log, in the order asked for; costs are those of `machine`.
+def compared(
+    labels: list[str], logs: list[ScanLog], choice: Choice, wanted: Wanted, work: Work
+) -> list[LogResult]:
+    """Every algorithm on every log; a run that fails leaves the others as they are.
 
     Raises:
-        LookupError: no such algorithm, or one that has no source text to tell versions by.
-        ValueError, TypeError: parameters that have no exact text.
+        RuntimeError: the truth of a log cannot be prepared.
     """
-    tasks: dict[Job, Task] = {}
+    calls: dict[Job, tuple[Any, tuple[Any, ...]]] = {}
     # the last first: the baselines are slow, and a long case must not begin at the end
     for k, log in reversed(list(enumerate(logs))):
-        it = given(log, wanted.relations)
-        tasks[Job(None, k)] = reference_task(it)
+        calls[Job(None, k)] = (reference, (log,))
         for label in reversed(labels):
             for first in (None, *_later_starts(log, wanted)):
-                tasks[Job(label, k, first)] = run_task(it, label, choice, machine, first)
-    for task in tasks.values():
-        _ = task.key  # now, so that what has no name is told before the work
-    return Plan(labels, logs, wanted, tasks)
-
-
-def compared(what: Plan, store: Store, executor: Executor, quiet: bool) -> list[LogResult]:
-    """Do the tasks that the store has no result of; everything that came of the comparison."""
-    jobs = {task: job for job, task in what.tasks.items()}
-    work = run_all(what.tasks.values(), store, executor)
-    shown = cli.progress(work, len(jobs), "comparing", quiet, unit="run")
-    found = {jobs[task]: _result(jobs[task], what, value) for task, value in shown}
+                calls[Job(label, k, first)] = (run, (label, log, choice, wanted.relations, first))
+    ended = pool.finished(calls, work.jobs)
+    shown = cli.progress(ended, len(calls), "comparing", work.quiet, unit="run")
+    found = {job: _result(job, logs[job.k], future) for job, future in shown}
     return [
-        LogResult(found[Job(None, k)], [_outcome(found, label, k, what) for label in what.labels])
-        for k in range(len(what.logs))
+        LogResult(found[Job(None, k)], [_outcome(found, Job(label, k), wanted) for label in labels])
+        for k in range(len(logs))
     ]
+
+
+def run(
+    label: str, log: ScanLog, choice: Choice, relations: Floats | None, first: int | None
+) -> Outcome | float | None:
+    """One run in this process; with `first`, only its error of the relations from that scan on."""
+    if first is not None:
+        return relation_error(replayed(label, log.from_scan(first), choice, relations))
+    outcome = replayed(label, log, choice, relations)
+    return with_consistency(outcome, log, outcome.poses)
+
+
+def with_consistency(outcome: Outcome, log: ScanLog, poses: Floats) -> Outcome:
+    """The run with what its scans tell of it; poses (n, 3) at those of the log, nan for none."""
+    from bench.judge.consistency import consistency
+
+    found = consistency(log, poses)._asdict()
+    return replace(outcome, row=outcome.row | {"consistency": found})
 
 
 def _later_starts(log: ScanLog, wanted: Wanted) -> list[int]:
@@ -94,29 +95,25 @@ def _later_starts(log: ScanLog, wanted: Wanted) -> list[int]:
     return [int(first) for first in start_scans(len(log), wanted.starts)[1:]]
 
 
-def _outcome(found: dict[Job, Any], label: str, k: int, what: Plan) -> Outcome:
+def _outcome(found: dict[Job, Any], job: Job, wanted: Wanted) -> Outcome:
     """The run from the first scan, with the spread over all starts where there are several."""
-    outcome: Outcome = found[Job(label, k)]
-    later = [found[job] for job in what.tasks if (job.label, job.k) == (label, k) and job.first]
+    outcome: Outcome = found[job]
+    later = [found[other] for other in found if other[:2] == job[:2] and other.first]
     if not later or outcome.row["failed"]:
         return outcome
     errors = [relation_error(outcome), *later]
-    limit = what.wanted.limit_m
-    starts = summarize_starts(errors, limit)._asdict() | {"limit_m": limit}
+    starts = summarize_starts(errors, wanted.limit_m)._asdict() | {"limit_m": wanted.limit_m}
     return replace(outcome, row=outcome.row | {"starts": starts})
 
 
-def _result(job: Job, what: Plan, value: dict[str, Any]) -> Any:
-    """What came of a job; a run that failed, or whose process died, leaves the others as they are.
-
-    Raises:
-        RuntimeError: nothing is known of the log; there is nothing to compare with.
-    """
-    log, reason = what.logs[job.k], value.get("failed")
+def _result(job: Job, log: ScanLog, future: Future[Any]) -> Any:
+    """What came of a job: a run that raised, or whose process died, has failed."""
+    error = future.exception()
+    if error is None:
+        return future.result()
+    died = isinstance(error, BrokenProcessPool)
+    reason = f"its process died ({error})" if died else f"{type(error).__name__}: {error}"
+    reason = " ".join(reason.split())
     if job.label is None:
-        if reason:
-            raise RuntimeError(f"{log.name}: its truth cannot be prepared: {reason}")
-        return unpack_reference(value["reference"])
-    if job.first is not None:
-        return value.get("error_m")
-    return failed(job.label, log, reason) if reason else unpack_outcome(value["outcome"])
+        raise RuntimeError(f"{log.name}: its truth cannot be prepared: {reason}") from error
+    return None if job.first is not None else failed(job.label, log, reason)

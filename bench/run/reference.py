@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 
 from bench.judge import bound, mapquality, metrics
-from bench.judge.filter_bound import filter_spans
 from bench.results import Reference
-from bench.run.floor import floor_rows
 from slams.scanlog import ScanLog
 from slams.types import Pose2
 
@@ -26,8 +24,6 @@ def reference(log: ScanLog) -> Reference:
     entry["bound"] = _limits(log, found)
     at_first = Pose2(*truth[0].tolist()) if np.isfinite(truth[0]).all() else None
     true_map = mapquality.truth_map(log)
-    floor = {} if true_map is None else floor_rows(log, true_map)
-    entry["map_floor"] = {name: quality.as_dict() for name, quality in floor.items()}
     return Reference(entry, found.truth, true_map, at_first)
 
 
@@ -77,7 +73,5 @@ def _limits(log: ScanLog, truth: metrics.Common) -> dict[str, Any] | None:
     return {
         "strict": limit.strict,
         "open": limit.open,
-        "ate_m": limit.ate,
         "spans": spans,
-        "filter": filter_spans(log, limit, truth),
     }

@@ -19,7 +19,7 @@ from bench.run.work import Result, Task
 from slams.metrics import ate
 from slams.player import WARM_UP_SCANS, warm_up
 from slams.registry import find
-from slams.room import ROOM, cast, laser
+from slams.test_world import ROOM, cast, laser
 from slams.types import IDENTITY, Floats, OccupancyGrid, Scan
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ BEAMS, PERIOD, NOISE = 360, 0.1, 0.01  # [1, s, m] of the laser at rest
 SAMPLE = 50  # scans between two looks at the memory
 EARLY = 500.0  # [m] of the way with which its end is compared
 STRETCH = 100.0  # [m] over which the time per scan is averaged
-HOLDS = 3  # maps for which a live run is held
 SHARE = 0.1  # of the scans at rest, the same
 
 
@@ -109,7 +108,6 @@ def way(label: str, log: ScanLog) -> dict[str, Any]:
     slam = _warm(label, log.select(WARM_UP_SCANS))
     run = timed(slam, log, len(log))
     grid, drawing = _drawn(slam)
-    holding = _held(slam, len(log))
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(truth[:, :2], axis=0).T))])
     seen = float(np.isfinite(grid.p).sum()) * grid.resolution**2
     return {
@@ -124,7 +122,6 @@ def way(label: str, log: ScanLog) -> dict[str, Any]:
         "memory_mb": float(run.resident.max()),
         "seen_m2": seen,
         "map_ms": 1e3 * drawing,
-        "hold_ms": 1e3 * holding,
         "ate_m": ate(run.poses, truth),
         "report": slam.report(),
     }
@@ -157,29 +154,6 @@ def _warm(label: str, scans: Iterable[Scan]) -> Slam:
     params = entry.params()
     warm_up(entry.cls, params, scans)
     return entry.cls(params)
-
-
-class Stopwatch:
-    """A lock that only tells for how long it was held at most, in CPU time [s]."""
-
-    def __init__(self) -> None:
-        self.longest = self._begun = 0.0
-
-    def __enter__(self) -> None:
-        self._begun = time.process_time()
-
-    def __exit__(self, *_: object) -> None:
-        self.longest = max(self.longest, time.process_time() - self._begun)
-
-
-def _held(slam: Slam, scans: int) -> float:
-    """For how long [s] a `LiveSlam` at the end of its way would hold scans for a map, at most."""
-    from slams.live.drawing import Drawer
-
-    drawer, lock = Drawer(), Stopwatch()
-    for _ in range(HOLDS):
-        drawer.draw(slam, lock, scans)
-    return lock.longest
 
 
 def _drawn(slam: Slam) -> tuple[OccupancyGrid, float]:

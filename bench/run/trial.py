@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from bench.judge import metrics
-from bench.judge.alarms import alarms
-from bench.judge.loss import limits_exceeded
+from bench.judge.alarms import alarms, beyond
 from bench.results.sweep import Cost, Trial
 from bench.run.cases import sources
 from bench.run.code import sources_with
@@ -65,6 +64,8 @@ def content_of(log: ScanLog) -> str:
         if track is not None:
             found.update(track.t.tobytes() + np.ascontiguousarray(track.values).tobytes())
         found.update(b"|")
+    if log.attitude is not None:
+        found.update(log.attitude.t.tobytes() + log.attitude.values.tobytes())
     return found.hexdigest()
 
 
@@ -133,7 +134,7 @@ def judged(run: Run, log: ScanLog) -> Trial:
     if common is None:
         return {"failed": f"{log.name}: fewer than two scans have a truth"}
     row = sources(run.report, len(run))
-    off = limits_exceeded(common)
+    off = beyond(common)
     covered = ~np.isnan(log.truth_at(run.t)[:, 0])  # type: ignore[index]
     said = alarms(run.says_lost[covered], common.t, off)
     second = metrics.errors_over_spans(common).get("1 s")

@@ -85,6 +85,14 @@ class Setting:
     sweep: bool = _option(
         False, bool, "measure beam after beam while the robot moves, as a turning mirror does"
     )
+    tilt: float = _option(
+        0.0,
+        float,
+        "roll and pitch of up to that much each [deg], of a body with its laser 0.35 m above the"
+        " floor; the attitude is measured to 0.3 deg",
+        0.0,
+        40.0,
+    )
     truth_rate: float | None = _option(
         None,
         float,

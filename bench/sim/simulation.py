@@ -18,6 +18,7 @@ from bench.sim.range_errors import Errors
 from bench.sim.routes import Progress
 from bench.sim.sensors import Sensor, find_sensor
 from bench.sim.setting import ARENAS, FINE, Setting
+from bench.sim.swing import HEIGHT, Swing, measured, ranges_of, rise, sway
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
 from slams.scanlog import ScanLog, Track
@@ -42,11 +43,12 @@ class Chance:
     odometry: Generator
     gyro: Generator
     people: Generator
+    tilt: Generator
 
     @classmethod
     def of(cls, seed: int) -> Chance:
         """The streams of a seed."""
-        return cls(*np.random.default_rng(seed).spawn(6))
+        return cls(*np.random.default_rng(seed).spawn(7))
 
 
 def simulate(
@@ -67,16 +69,21 @@ def simulate(
     setting = setting or Setting()
     sensor, chance = find_sensor(setting.sensor), Chance.of(setting.seed)
     world = _world(setting, chance.arena)
+    swing = Swing(setting.tilt, chance.tilt) if setting.tilt else None
     true = _drive(setting, sensor, world, chance.drive, planning)
     t = np.arange(max(1, math.floor(true.t[-1] * sensor.rate + 1e-6))) / sensor.rate
+    measuring = _Measuring(setting, sensor, world, true, chance, swing)
     return ScanLog(
         t=t,
-        ranges=_Measuring(setting, sensor, world, true, chance).scans(t, progress),
-        laser=sensor.laser(setting.sweep),
+        ranges=measuring.scans(t, progress),
+        laser=measuring.laser,
         odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance.odometry)),
         truth=_track(true, _truth_rate(setting, sensor), lambda stamps: _truth(true, stamps)),
         yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance.gyro)),
         meta=_meta(setting, world),
+        attitude=None
+        if swing is None
+        else _track(true, GYRO, lambda stamps: measured(swing.at(stamps), stamps, chance.tilt)),
     )
 
 
@@ -177,10 +184,18 @@ class _Measuring:
     """The sensor on its way through the world."""
 
     def __init__(
-        self, setting: Setting, sensor: Sensor, world: World, true: Drive, chance: Chance
+        self,
+        setting: Setting,
+        sensor: Sensor,
+        world: World,
+        true: Drive,
+        chance: Chance,
+        swing: Swing | None,
     ) -> None:
         self.world, self.true, self.rng = world, true, chance.ranges
-        self.laser = sensor.laser(setting.sweep)
+        self.laser, self.swing = sensor.laser(setting.sweep), swing
+        if swing is not None:
+            self.laser = dataclasses.replace(self.laser, mount_z=HEIGHT)
         self.errors = _errors(setting, sensor, world)
         self.legs = legs(world, true, setting.people, chance.people) if setting.people else None
 
@@ -200,7 +215,18 @@ class _Measuring:
         delays = self.laser.time_increment * np.arange(self.laser.n_beams)
         stamps = (t[:, None] + delays).ravel()
         rays = self.true.poses_at(stamps)
-        rays[:, 2] += np.tile(self.laser.angles, len(t))
+        if self.swing is None:
+            rays[:, 2] += np.tile(self.laser.angles, len(t))
+            return self._met(rays, stamps)
+        directions = np.tile(self.laser.directions, (len(t), 1))
+        attitudes = self.swing.at(stamps)
+        along, turn, slope = rise(directions, attitudes)
+        height = sway(rays, attitudes)
+        rays[:, 2] += np.tile(self.laser.angles, len(t)) + turn
+        return ranges_of(self._met(rays, stamps), along, slope, height)
+
+    def _met(self, rays: Floats, stamps: Floats) -> Floats:
+        """Distances (m,) [m] over ground along rays (m, 3) to walls and legs."""
         distances = self.world.cast(rays)
         if self.legs is not None:
             from bench.sim.world_kernels import occlude

@@ -68,7 +68,7 @@ def counted(poses: Floats, t: Floats, rng: Generator, wheels: WheelErrors) -> Fl
     ahead, aside, turn = steps(poses)
     way, turned, n = np.hypot(ahead, aside), np.abs(turn), len(turn)
     scale, turning, straight = rng.normal(0.0, (wheels.scale, wheels.turning, wheels.straight))
-    floor = _wander(np.diff(t), wheels.floor, wheels.floor_memory, rng)
+    floor = wander(np.diff(t), wheels.floor, wheels.floor_memory, rng)
     slip = rng.standard_normal((3, n)) * np.sqrt([way, turned, way])
     d_ahead = (1.0 + scale) * ahead + wheels.ahead_by_way * slip[0] + wheels.ahead_by_turn * slip[1]
     d_turn = (1.0 + turning + floor) * turn + straight * way
@@ -98,7 +98,7 @@ def integrate(ahead: Floats, aside: Floats, turn: Floats, start: Floats = ORIGIN
     return poses
 
 
-def _wander(dt: Floats, deviation: float, memory: float, rng: Generator) -> Floats:
+def wander(dt: Floats, deviation: float, memory: float, rng: Generator) -> Floats:
     """A value (n,) that drifts around 0 with a standard deviation and a memory [s]."""
     keep = math.exp(-float(dt.mean()) / memory)
     wander = rng.normal(0.0, deviation * math.sqrt(1.0 - keep * keep), len(dt))

@@ -7,7 +7,7 @@ import numpy as np
 from crsm.original import map_kernels as kernels
 from crsm.original.params import OriginalParams
 from crsm.original.scan import RayPicker
-from slams.extent import Box, Extent
+from slams.grid_bounds import Box, GridBounds
 from slams.types import OccupancyGrid, Pose2
 
 INTENSITY = (0.04, 0.2)  # bounds of what a scan's mean range difference weighs
@@ -23,7 +23,7 @@ class ByteMap:
 
     def __init__(self, params: OriginalParams) -> None:
         self.params = params
-        self.extent = Extent(params.max_cells, params.cell)
+        self.extent = GridBounds(params.max_cells, params.cell)
         self.cells = np.full((params.side, params.side), kernels.UNKNOWN, np.uint8)
         self.scores = np.zeros_like(self.cells, np.int16)
         self.origin = np.array([params.side // 2, params.side // 2])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from crsm.ros import ORIGINAL
-from slams.extent import max_cells
+from slams.grid_bounds import max_cells
 from slams.params import Params, RosNames, param
 
 CODE = "original code"

@@ -27,7 +27,7 @@ def insert_hits(tiles: Tiles, poses: Floats, points: Floats) -> int:
             px, py = poses[particle, 0] + c * x - s * y, poses[particle, 1] + s * x + c * y
             ix, iy = cell_of(px, tiles.resolution), cell_of(py, tiles.resolution)
             slot = own_slot(tiles, particle, 0, ix, iy)
-            if slot < 0:
+            if slot == 0:
                 lacking += 1
                 continue
             cell = tiles.cells[slot, inside_tile(ix, iy)]
@@ -39,6 +39,6 @@ def insert_hits(tiles: Tiles, poses: Floats, points: Floats) -> int:
             for bit in range(9):  # the first hit: the cells around learn of it
                 jx, jy = ix + 1 - bit // 3, iy + 1 - bit % 3
                 slot = own_slot(tiles, particle, 0, jx, jy)
-                if slot >= 0:
+                if slot > 0:
                     tiles.cells[slot, inside_tile(jx, jy), 3] += float(1 << bit)
     return lacking

@@ -48,7 +48,7 @@ def nearest(cells: Cells, table: Table, ix: int, iy: int, x: float, y: float) ->
     if tx < 0 or ty < 0 or ty >= table.shape[0] or tx >= table.shape[1]:
         return NONE
     slot = table[ty, tx]
-    if slot < 0:
+    if slot == 0:
         return NONE
     mask = int(cells[slot, inside_tile(ix, iy), 3])
     best = NONE
@@ -86,7 +86,7 @@ def score(
     [Grisetti07] original code. Given up, with what it has, once `floor` cannot be
     exceeded (ours, same result of the climb). pose (3,), points (n, 3).
     """
-    cells, table = tiles.cells, tiles.tables[particle, 0]
+    cells, table = tiles.cells, tiles.tables[:, :, particle, 0]
     first_x, first_y = tiles.corner_x << BITS, tiles.corner_y << BITS
     c, s = math.cos(pose[2]), math.sin(pose[2])
     total, left, x0, y0 = 0.0, points.shape[0], pose[0], pose[1]
@@ -113,7 +113,7 @@ def log_likelihood(
 
     [Grisetti07] original code. pose (3,), points (n, 3).
     """
-    cells, table = tiles.cells, tiles.tables[particle, 0]
+    cells, table = tiles.cells, tiles.tables[:, :, particle, 0]
     first_x, first_y = tiles.corner_x << BITS, tiles.corner_y << BITS
     c, s = math.cos(pose[2]), math.sin(pose[2])
     total = 0.0

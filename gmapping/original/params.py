@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from gmapping.ros import ORIGINAL as ROS_NAMES
-from slams.extent import max_cells
+from slams.grid_bounds import max_cells
 from slams.params import Params, RosNames, param
 
 ORIGINAL = "original code"

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hector.original import scan_kernels as kernels
 from hector.original.params import OriginalParams
 from hector.original.scan_kernels import Limits, Twist
-from slams.types import Laser, Pose2, Scan
+from slams.scan.leveling import floor_of
+from slams.scan.tilt_kernels import level
+from slams.types import Attitude, Laser, Pose2, Scan
 
 
 class EndPoints:
@@ -27,6 +31,14 @@ class EndPoints:
         self.n = kernels.end_points(
             scan.ranges, laser.directions, laser.mount, self._limits, self.points
         )
+        if scan.attitude is not None:
+            self._level(scan.attitude)
         if self.sweeps:
             twist = Twist(velocity.x, velocity.y, velocity.theta, laser.time_increment)
             kernels.deskew(self.points, self.n, twist)
+
+    def _level(self, attitude: Attitude) -> None:
+        """As the node's transform to its stabilized frame; it knows no floor."""
+        floor = floor_of(self.laser)._replace(below=math.inf)
+        how = attitude.rotation(), np.zeros((3, 3)), 0.0, floor
+        self.n, _ = level(self.points, self.n, *how, self.points, np.zeros(4))

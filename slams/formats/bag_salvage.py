@@ -38,7 +38,7 @@ UNPACK_ERRORS = (OSError, EOFError, ValueError, RuntimeError, zstd.ZstdError)
 
 TOPICS = "SELECT id, name, type FROM topics"
 ROWS = "SELECT topic_id, timestamp, data FROM messages"
-MOST = 1 << 42  # bytes, a database this large is a broken number
+MAX_DATABASE_SIZE = 1 << 42  # bytes, a database this large is a broken number
 
 Found = Iterator[tuple[str, str, int, bytes]]  # topic, type, received [ns], data
 Bytes = bytes | mmap.mmap
@@ -110,7 +110,7 @@ def _pad(database: Path) -> None:
     with database.open("rb") as file:
         page, pages = struct.unpack(">H10xI", file.read(32)[16:].ljust(16, b"\0"))
     size = (65536 if page == 1 else page) * pages
-    if database.stat().st_size < size < MOST:
+    if database.stat().st_size < size < MAX_DATABASE_SIZE:
         os.truncate(database, size)
 
 

@@ -25,18 +25,18 @@ import numpy as np
 from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.packed import name_of, text_of
 from slams.formats.sweep import Geometry, Sweep, common, usable
-from slams.plausible import FAR, LATEST
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats, Laser, Pose2, Ranges
+from slams.validation import FAR, LATEST
 
 LASER = re.compile(r"(FLASER|RLASER|RAWLASER\d|ROBOTLASER\d)$")
 WORD = re.compile(r"^(PARAM|SYNC|ODOM|TRUEPOS|FLASER|RLASER|(RAW|ROBOT)LASER\d)[ \t]", re.M)
 FRONT = ("ROBOTLASER1", "FLASER", "RAWLASER1")  # one laser's; the first tells most
-TAIL = 3
-STEPS = {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5}  # [deg] of a SICK, where no line tells it
+N_TAIL_WORDS = 3
+SICK_STEPS = {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5}  # [deg] of a SICK, where no line tells it
 RANGE_MIN, RANGE_MAX = 0.1, 81.0  # of a SICK, the same
-RIGID = 2e-3  # [m, rad] that a laser on its robot seems to move by rounding
-CODE = 10  # times as frequent as any reading near it: the code for "nothing seen"
+RIGID_TOLERANCE = 2e-3  # [m, rad] that a laser on its robot seems to move by rounding
+NO_RETURN_FREQUENCY = 10  # times as frequent as any reading near it: the code for "nothing seen"
 
 
 class Reading(NamedTuple):
@@ -73,10 +73,15 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
     return _log(path, lines, options, notes)
 
 
+def laser_messages(text: str) -> dict[str, int]:
+    """Laser messages of a log, and how many lines each has."""
+    words = Counter(line.split(maxsplit=1)[0] for line in text.split("\n") if line.strip())
+    return {word: n for word, n in words.items() if LASER.match(word)}
+
+
 def _chosen(path: Path, text: str, wanted: str | None) -> str:
     """The laser message to read: the one asked for, else the front laser, else the only one."""
-    words = Counter(line.split(maxsplit=1)[0] for line in text.split("\n") if line.strip())
-    counts = {word: n for word, n in words.items() if LASER.match(word)}
+    counts = laser_messages(text)
     found = ", ".join(f"{name} ({n})" for name, n in sorted(counts.items())) or "none"
     if wanted is not None and wanted not in counts:
         raise ValueError(f"{path}: no {wanted} lines; its laser messages: {found}")
@@ -140,18 +145,18 @@ class Lines:
     def _old_laser(self, words: list[str]) -> None:
         """FLASER n r1..rn laser pose, robot pose."""
         n = int(words[1])
-        _expect(n >= 1 and len(words) == 2 + n + 6 + TAIL)
+        _expect(n >= 1 and len(words) == 2 + n + 6 + N_TAIL_WORDS)
         poses = _numbers(words[2 + n : 8 + n])
         sweep = _sweep(words, words[2 : 2 + n], self._old_geometry(n))
         self.readings.append(Reading(sweep, Pose2(*poses[:3]), Pose2(*poses[3:])))
 
     def _old_geometry(self, n: int) -> Geometry:
         """The lines do not tell the angles: the parameters do, or else 180 degrees it is."""
-        usual = STEPS.get(n, 180.0 / max(n - 1, 1))
+        usual = SICK_STEPS.get(n, 180.0 / max(n - 1, 1))
         step = self.number("laser_front_laser_resolution", usual)
         if step * (n - 1) > 360.0:  # the parameter is of another laser
             step = usual
-        first = -90.0 if n in STEPS else -0.5 * step * (n - 1)
+        first = -90.0 if n in SICK_STEPS else -0.5 * step * (n - 1)
         first = math.radians(first if self.first_beam is None else self.first_beam)
         high = self.number("robot_front_laser_max", RANGE_MAX)
         return Geometry(n, first, math.radians(step), RANGE_MIN, high)
@@ -159,8 +164,8 @@ class Lines:
     def _new_laser(self, words: list[str]) -> None:
         """RAWLASERn and ROBOTLASERn; the number of words tells what stands at their end."""
         n = int(words[8])
-        _expect(n >= 1 and len(words) >= 9 + n + TAIL)
-        poses = _end_poses(words[9 + n : -TAIL], 11 if words[0].startswith("ROBOT") else 0)
+        _expect(n >= 1 and len(words) >= 9 + n + N_TAIL_WORDS)
+        poses = _end_poses(words[9 + n : -N_TAIL_WORDS], 11 if words[0].startswith("ROBOT") else 0)
         geometry = self._new_geometry(n, _numbers(words[2:6]))
         sweep = _sweep(words, words[9 : 9 + n], geometry)
         self.readings.append(Reading(sweep, *(poses or (None, None))))
@@ -193,12 +198,12 @@ def _sweep(words: list[str], readings: list[str], geometry: Geometry) -> Sweep:
 
 def _pose_row(words: list[str]) -> list[float]:
     """Stamp and first pose of an ODOM or TRUEPOS line."""
-    _expect(len(words) == 7 + TAIL)
+    _expect(len(words) == 7 + N_TAIL_WORDS)
     return [_stamp(words), *_numbers(words[1:4])]
 
 
 def _stamp(words: list[str]) -> float:
-    stamp = float(words[-TAIL])
+    stamp = float(words[-N_TAIL_WORDS])
     _expect(abs(stamp) < LATEST)
     return stamp
 
@@ -239,7 +244,7 @@ def _mount(lines: Lines, notes: list[str]) -> Pose2:
         return offset
     middle = Pose2(*np.median(np.array(seen), axis=0).tolist())
     apart = np.abs([middle.between(pose) for pose in seen])
-    if np.median(apart, axis=0).max() > RIGID:
+    if np.median(apart, axis=0).max() > RIGID_TOLERANCE:
         notes.append("laser and robot poses do not move together; the laser is taken at the robot")
         return offset
     return middle
@@ -273,6 +278,6 @@ def _no_return(ranges: Ranges, laser: Laser) -> float:
         return laser.range_max
     values, counts = np.unique(readings[readings > 0.8 * readings.max()], return_counts=True)
     others = counts[:-1].max() if len(counts) > 1 else 1
-    if counts[-1] <= CODE * others or values[-1] <= laser.range_min:
+    if counts[-1] <= NO_RETURN_FREQUENCY * others or values[-1] <= laser.range_min:
         return laser.range_max
     return min(laser.range_max, float(values[-1]))

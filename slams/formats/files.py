@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import shutil
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -22,11 +22,24 @@ def check_folder(folder: str | Path) -> None:
             raise NotADirectoryError(f"{path}: is a file; expected a folder for the results")
 
 
+def check_new(path: str | Path, force: bool) -> None:
+    """Refuse a file, or a folder with anything in it, that exists; unless `force` replaces it.
+
+    Raises:
+        FileExistsError: the sentence names the option.
+    """
+    path = Path(path)
+    taken = any(path.iterdir()) if path.is_dir() else path.exists()
+    if taken and not force:
+        raise FileExistsError(f"{path}: exists; --force replaces it, or choose another name")
+
+
 @contextmanager
-def complete_folder(folder: str | Path) -> Iterator[Path]:
+def complete_folder(folder: str | Path, stale: Collection[str] = ()) -> Iterator[Path]:
     """A temporary folder whose files move to `folder` when the block ends without an error.
 
-    Files already there are replaced only by files of the same name.
+    Files already there are replaced only by files of the same name; those named in `stale`, of an
+    earlier result, are removed.
 
     Raises:
         OSError: the folder cannot be made or written.
@@ -39,6 +52,9 @@ def complete_folder(folder: str | Path) -> Iterator[Path]:
     partial.mkdir()
     try:
         yield partial
+        for name in stale:
+            if (folder / name).is_file():
+                (folder / name).unlink()
         _move(partial, folder)
     finally:
         shutil.rmtree(partial, ignore_errors=True)

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from slams.plausible import FAR
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Pose2, wrap_angle
+from slams.validation import FAR
 
-RIGID = 1e-4  # [m, and of a quaternion] that a transform moves by rounding
+RIGID_TOLERANCE = 1e-4  # [m, and of a quaternion] that a transform moves by rounding
 BASES = ("base_link", "base_footprint")  # REP 105
-TILT = math.radians(10.0)  # [rad] out of the plane that is too much
+MAX_TILT = math.radians(10.0)  # [rad] out of the plane that is too much
 
 Edge = tuple[str, str]  # parent, child
 
@@ -69,6 +69,18 @@ class Transforms:
         shared = next((name for name in up if name in over), None)
         return None if shared is None else np.linalg.inv(over[shared]) @ up[shared]
 
+    def base_of(self, laser: str, moving: str | None) -> str | None:
+        """The frame that poses are of, by what the laser is fixed to; None where that is open.
+
+        `moving` is the frame that the odometry is of and comes first, then base_link and
+        base_footprint (REP 105), in any namespace.
+        """
+        if moving and self.fixed(moving, laser) is not None:
+            return bare(moving)
+        above = self.ancestors(laser)
+        usual = [name for base in BASES for name in above if name.rpartition("/")[2] == base]
+        return usual[0] if usual else None
+
     def moving(self, parent: str, frame: str, strict: bool = False) -> Track | None:
         """The frame's planar pose in a frame above it, at the stamps of the quickest transform.
 
@@ -80,7 +92,7 @@ class Transforms:
         if not chain:
             return None
         tracks = [_planar_track(self.samples[edge]) for edge in chain]
-        alive = [k for k, edge in enumerate(chain) if not self._rigid(edge)]
+        alive = [k for k, edge in enumerate(chain) if not self.is_fixed(edge)]
         clock = max(alive or range(len(chain)), key=lambda k: len(np.unique(tracks[k].t)))
         t = tracks[clock].t
         poses = np.zeros((len(t), 3))
@@ -95,15 +107,15 @@ class Transforms:
 
     def _above(self, frame: str, rigid: bool) -> Edge | None:
         edges = [edge for edge in self.samples if edge[1] == frame]
-        edges = [edge for edge in edges if self._rigid(edge)] if rigid else edges
+        edges = [edge for edge in edges if self.is_fixed(edge)] if rigid else edges
         return edges[0] if edges else None
 
-    def _rigid(self, edge: Edge) -> bool:
-        """Static, or published again and again without a change."""
+    def is_fixed(self, edge: Edge) -> bool:
+        """Whether a transform is static, or published again and again without a change."""
         rows = self.samples[edge]
         if edge in self.static:
             return True
-        return bool(np.ptp(np.array(rows)[:, 1:], axis=0).max() < RIGID)
+        return bool(np.ptp(np.array(rows)[:, 1:], axis=0).max() < RIGID_TOLERANCE)
 
     def _to_root(self, frame: str) -> dict[str, Floats]:
         """The frame in each of its rigid ancestors."""
@@ -133,7 +145,7 @@ def planar(matrix: Floats, what: str, notes: list[str]) -> tuple[Pose2, bool]:
     """A pose in space as one in the plane, and whether it stands on its head."""
     upright = float(np.clip(matrix[2, 2], -1.0, 1.0))
     tilt = min(math.acos(upright), math.pi - math.acos(upright))
-    if tilt > TILT:
+    if tilt > MAX_TILT:
         notes.append(f"{what} is tilted by {math.degrees(tilt):.0f} degrees; it is taken as level")
     yaw = math.atan2(matrix[1, 0], matrix[0, 0])
     return Pose2(float(matrix[0, 3]), float(matrix[1, 3]), yaw), upright < 0.0

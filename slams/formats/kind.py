@@ -7,8 +7,8 @@ from pathlib import Path
 from slams.formats import breezy, carmen
 from slams.formats.packed import GZIP, unpacked
 
-KNOWN = "an npz file, a ROS bag, a CARMEN log or a BreezySLAM .dat"
-HEAD = 1 << 16
+KNOWN_KINDS = "an npz file, a ROS bag, a CARMEN log or a BreezySLAM .dat"
+HEAD_SIZE = 1 << 16
 MAGIC = {
     b"PK": "npz",
     b"#ROSBAG V2.0\n": "bag",
@@ -17,7 +17,7 @@ MAGIC = {
 }
 BAGS = ("bag", "mcap", "db3", "folder")
 OLD_BAG = b"#ROS"
-PACKED = {b"\x28\xb5\x2f\xfd": "zstd -d", b"BZh": "bunzip2", b"\xfd7zXZ\0": "unxz"}
+UNPACK_COMMANDS = {b"\x28\xb5\x2f\xfd": "zstd -d", b"BZh": "bunzip2", b"\xfd7zXZ\0": "unxz"}
 
 
 def kind_of(path: Path) -> str:
@@ -58,17 +58,17 @@ def _binary_kind(path: Path) -> tuple[str | None, bytes]:
             return "folder", b""
         raise ValueError(f"{path}: is a directory without a ROS 2 bag (metadata.yaml, .mcap, .db3)")
     with path.open("rb") as file:
-        head = file.read(HEAD)
+        head = file.read(HEAD_SIZE)
     for magic, kind in MAGIC.items():
         if head.startswith(magic):
             return kind, head
-    for magic, command in PACKED.items():
+    for magic, command in UNPACK_COMMANDS.items():
         if head.startswith(magic):
             raise _packed(path, command)
     if head.startswith(OLD_BAG):
         raise ValueError(f"{path}: a bag of a version before 2.0; 'rosbag fix' makes a new one")
     if head.startswith(GZIP):
-        head = unpacked(head, HEAD)[0]
+        head = unpacked(head, HEAD_SIZE)[0]
         if head.startswith(tuple(MAGIC)):
             raise _packed(path, "gunzip")
     return None, head
@@ -85,4 +85,4 @@ def _kind_of_text(path: Path, head: bytes) -> str:
     if breezy.is_breezy(text):
         return "breezy"
     given = "" if head else "empty; "
-    raise ValueError(f"{path}: {given}not {KNOWN}")
+    raise ValueError(f"{path}: {given}not {KNOWN_KINDS}")

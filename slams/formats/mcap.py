@@ -22,7 +22,7 @@ from slams.types import Floats, OccupancyGrid, Pose2
 
 MAP, BASE, LASER = "map", "base_link", "laser"
 LAST_STAMP = 2.0**31  # [s], as much as a ROS time holds
-ONCE = ("/map", "/path", "/tf_static")  # kept for who comes later, as live nodes do
+ONCE = ("/map", "/path", "/tf_static")  # kept for later subscribers, as live nodes do
 TYPES = {
     "/map": "nav_msgs/msg/OccupancyGrid",
     "/path": "nav_msgs/msg/Path",

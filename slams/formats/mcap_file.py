@@ -18,7 +18,7 @@ class McapFile:
     Args:
         path: of the file.
         types: message type of each topic.
-        kept: topics whose last message stays for who subscribes later, as live nodes have it.
+        kept: topics whose last message stays for later subscribers, as live nodes have it.
 
     Raises:
         OSError: it cannot be written.
@@ -79,7 +79,7 @@ class McapFile:
 
 
 def _qos(kept: bool) -> Any:
-    """Reliable; what is sent once stays for who subscribes later."""
+    """Reliable; what is sent once stays for later subscribers."""
     from rosbags.interfaces import (
         Qos,
         QosDurability,

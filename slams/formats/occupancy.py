@@ -49,8 +49,8 @@ def read_map(path: str | Path, notes: list[str] | None = None) -> OccupancyGrid:
     """Read a map_server or nav2 yaml with its picture: p 1 occupied, 0 free, nan unknown.
 
     Modes trinary, scale (p in between, nan where transparent) and raw (percent as pixels), negated
-    or not. A threshold that makes unknown cells free is not followed where the picture has the
-    grays of a map saver alone. What a user should be told is added to `notes`.
+    or not. The gray that map savers give to unknown cells is unknown in trinary maps, whatever the
+    threshold. Notes for the user are added to `notes`.
 
     Raises:
         OSError: the yaml or its picture cannot be read.
@@ -62,16 +62,13 @@ def read_map(path: str | Path, notes: list[str] | None = None) -> OccupancyGrid:
         raise FileNotFoundError(f"{path}: there is no such picture as {head.image} beside it")
     image = _read_image(path.parent / head.image, transparent=head.mode == "scale")
     p = _cells(image, head)
-    if _unknown_is_free(image, head):
-        saved = _is_saved(image, head)
-        if saved:
-            p[image == _gray(UNKNOWN, head)] = np.nan
+    unknown = image == (255 - UNKNOWN if head.negate else UNKNOWN)
+    if head.mode == "trinary" and head.free > (255 - UNKNOWN) / 255.0 and unknown.any():
+        p[unknown] = np.nan  # the trap of nav2's old threshold 0.25
         if notes is not None:
-            keeps = f"{FREE_THRESH} keeps them unknown"
-            way_out = "they are taken as unknown all the same" if saved else keeps
             notes.append(
-                f"{path}: free_thresh {head.free:g} makes the gray of unknown cells ({UNKNOWN}) "
-                f"free; {way_out}"
+                f"{path}: free_thresh {head.free:g} would make the gray of unknown cells "
+                f"({UNKNOWN}) free; they are taken as unknown all the same"
             )
     return OccupancyGrid(p[::-1].astype(np.float32), head.resolution, head.origin)
 
@@ -155,22 +152,6 @@ def _probability(occupancy: Floats, head: Head) -> Floats:
     if head.mode == "scale":
         between = (occupancy - head.free) / max(head.occupied - head.free, 1e-9)
     return np.where(occupancy > head.occupied, 1.0, np.where(occupancy < head.free, 0.0, between))
-
-
-def _unknown_is_free(image: Floats, head: Head) -> bool:
-    """The trap of nav2's old threshold 0.25: darkness 0.196 is no longer unknown."""
-    trap = head.mode == "trinary" and head.free > (255 - UNKNOWN) / 255.0
-    return trap and _gray(UNKNOWN, head) in image
-
-
-def _is_saved(image: Floats, head: Head) -> bool:
-    """Whether a picture has the three grays that savers of trinary maps write, and no other."""
-    return bool(np.isin(image, [_gray(gray, head) for gray in (FREE, OCCUPIED, UNKNOWN)]).all())
-
-
-def _gray(gray: int, head: Head) -> int:
-    """A gray of an upright map as this one has it."""
-    return 255 - gray if head.negate else gray
 
 
 def trinary(grid: OccupancyGrid) -> Pixels:
@@ -258,7 +239,7 @@ def _decoded(data: Pixels) -> NDArray[Any] | None:
 
 @contextmanager
 def silent_opencv() -> Iterator[None]:
-    """OpenCV's own complaints are held back: what fails is told in a sentence of ours."""
+    """OpenCV's own messages are held back: errors of ours say what fails."""
     import cv2
 
     logging = cv2.utils.logging

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import gzip
+import io
 import zlib
 from pathlib import Path
 
 from slams.formats.options import DamagedError
 
 GZIP = b"\x1f\x8b"
-ROOM = 256 << 20  # bytes that any file may unpack to
-GROWTH = 50  # times its size beyond that; recordings grow 3 to 20 times
+MIN_UNPACKED_LIMIT = 256 << 20  # bytes that any file may unpack to
+MAX_GROWTH = 50  # times its size beyond that; recordings grow 3 to 20 times
+BLOCK_SIZE = 1 << 16  # bytes that are unpacked at a time
 
 
 def text_of(path: Path, salvage: bool, notes: list[str]) -> str:
@@ -41,15 +44,11 @@ def check_growth(path: str | Path, size: int, unpacked_size: int) -> None:
     Raises:
         ValueError: so much cannot come of a file of this size [bytes].
     """
-    if unpacked_size > _room(size):
+    if unpacked_size > max(MIN_UNPACKED_LIMIT, MAX_GROWTH * size):
         raise ValueError(
             f"{path}: unpacks to {1e-9 * unpacked_size:.1f} GB or more from {1e-6 * size:.1f} MB, "
             "as no recording does; if this is one, give it unpacked"
         )
-
-
-def _room(size: int) -> int:
-    return max(ROOM, GROWTH * size)
 
 
 def all_unpacked(path: str | Path, data: bytes) -> tuple[bytes, str]:
@@ -58,35 +57,20 @@ def all_unpacked(path: str | Path, data: bytes) -> tuple[bytes, str]:
     Raises:
         ValueError: it is more than a recording packs.
     """
-    text, reason = unpacked(data, _room(len(data)) + 1)
+    text, reason = unpacked(data, max(MIN_UNPACKED_LIMIT, MAX_GROWTH * len(data)) + 1)
     check_growth(path, len(data), len(text))
     return text, reason
 
 
-def unpacked(data: bytes, most: int = 0) -> tuple[bytes, str]:
-    """What gzip packed, at most so many bytes (0 = all), and what is wrong with it if anything."""
-    parts, size = [], 0
-    while data.startswith(GZIP):
-        stream = zlib.decompressobj(wbits=31)
-        try:
-            parts.append(stream.decompress(data, max(most - size, 1) if most else 0))
-        except zlib.error:
-            return b"".join([*parts, _whole_start(data)]), "packed data are corrupt"
-        size += len(parts[-1])
-        if most and size >= most:
-            return b"".join(parts), ""
-        if not stream.eof:
-            return b"".join(parts), "packed data end too early"
-        data = stream.unused_data
-    return b"".join(parts), ""
-
-
-def _whole_start(data: bytes, step: int = 4096) -> bytes:
-    """As much as unpacks before the first fault."""
-    stream, parts = zlib.decompressobj(wbits=31), []
+def unpacked(data: bytes, most: int) -> tuple[bytes, str]:
+    """What gzip packed, at most so many bytes, and what is wrong with it if anything."""
+    text = bytearray()
     try:
-        for start in range(0, len(data), step):
-            parts.append(stream.decompress(data[start : start + step]))
-    except zlib.error:
-        pass
-    return b"".join(parts)
+        with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
+            while len(text) < most and (part := file.read1(min(BLOCK_SIZE, most - len(text)))):
+                text += part
+    except EOFError:
+        return bytes(text), "packed data end too early"
+    except (zlib.error, OSError):
+        return bytes(text), "packed data are corrupt"
+    return bytes(text), ""

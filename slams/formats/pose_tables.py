@@ -19,7 +19,7 @@ BOM = b"\xef\xbb\xbf"  # that spreadsheets put before a csv
 TUM = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 CSV = ("t", "x", "y", "theta")
 ROTATION = ("qx", "qy", "qz", "qw")
-USUAL = {  # how others call them
+OTHER_NAMES = {  # how others call them
     "time": "t",
     "timestamp": "t",
     "stamp": "t",
@@ -32,7 +32,7 @@ USUAL = {  # how others call them
 }
 VECTORS = {"position_": "", "translation_": "", "orientation_": "q", "rotation_": "q"}
 UNIT = re.compile(r"\s*[\[(](s|m|rad)[\])]$|_(s|m|rad)$")
-LEAST_NORM = 1e-6  # of a quaternion that is a rotation
+MIN_QUATERNION_NORM = 1e-6  # of a quaternion that is a rotation
 
 Poses = tuple[Floats, Floats]  # t (n,), poses (n, 3)
 
@@ -91,7 +91,7 @@ def _name(cell: str) -> str:
     for vector, short in VECTORS.items():
         if vector in name:
             name = short + name.rpartition(vector)[2]
-    return USUAL.get(name, name)
+    return OTHER_NAMES.get(name, name)
 
 
 def _is_complete(names: Sequence[str]) -> bool:
@@ -124,7 +124,7 @@ def _heading(rotations: Floats) -> Floats:
     x, y, z, w = rotations.T
     with np.errstate(over="ignore", invalid="ignore"):  # no rotation
         heading = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-        is_rotation = np.linalg.norm(rotations, axis=1) > LEAST_NORM
+        is_rotation = np.linalg.norm(rotations, axis=1) > MIN_QUATERNION_NORM
     return np.where(is_rotation, heading, np.nan)
 
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
-from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag
-from slams.formats.frames import BASES, bare, moved, planar
+from slams.formats.attitude import about_vertical, attitude_of
+from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag, Topic
+from slams.formats.frames import BASES, Transforms, bare, moved, planar
 from slams.formats.options import SourceOptions
 from slams.formats.packed import name_of
 from slams.formats.ros_messages import Messages
@@ -19,8 +22,15 @@ KIND = {"bag": "ROS 1 bag", "mcap": "ROS 2 mcap", "db3": "ROS 2 db3", "folder": 
 RESULT, MAP = "/pose", "map"  # where the poses of a result stand
 
 
+class Contents(NamedTuple):
+    """What is in a recording: its topics, and how its frames are connected."""
+
+    topics: list[Topic]
+    transforms: Transforms
+
+
 class Recording:
-    """A bag as it is read; `notes` are what the user should be told."""
+    """A bag as it is read; `notes` are for the user."""
 
     def __init__(self, path: Path, kind: str, bag: Bag, options: SourceOptions) -> None:
         self.path, self.kind, self.bag, self.options = path, kind, bag, options
@@ -38,7 +48,11 @@ class Recording:
         t, ranges, laser = common(self._sweeps(), mount, flipped, self.notes)
         odom, odometry = self._odometry()
         truth, true_source = self._truth()
-        rate = self._yaw_rate()
+        attitude = self._attitude()
+        rate = self._yaw_rate(attitude)
+        matrix = self._fixed(self.base, self.messages.frame(self.roles.scan))
+        if attitude is not None and matrix is not None:
+            laser = replace(laser, mount_z=float(matrix[2, 3]))
         source = {
             "format": KIND[self.kind],
             "file": self.path.resolve().name,
@@ -50,7 +64,7 @@ class Recording:
             "laser_frame": self.messages.frame(self.roles.scan),
         }
         meta = {"name": name_of(self.path), "source": source}
-        return ScanLog(t, ranges, laser, odom, truth, rate, meta, tuple(self.notes))
+        return ScanLog(t, ranges, laser, odom, truth, rate, meta, tuple(self.notes), attitude)
 
     def track(self, wanted: str | None) -> Track:
         """The poses on a topic, or of the log's base in a frame as tf has them; None: a result's.
@@ -70,6 +84,12 @@ class Recording:
         self._collect(scans=False)
         self.base = self._base_frame()
         return self._whole(*self._truth())
+
+    def contents(self) -> Contents:
+        """The topics that have messages, and all transforms."""
+        self.messages = Messages({})
+        self._take(self._tf())
+        return Contents(self.topics.found, self.messages.transforms)
 
     def _of_base_in_map(self) -> Track:
         """The base in the map, by transforms alone."""
@@ -163,15 +183,14 @@ class Recording:
                 )
             return bare(wanted)
         above = self.messages.transforms.ancestors(laser)
-        odom = self.messages.frame(self.roles.odom) if self.roles.odom else ""
-        usual = [odom] if odom and self._fixed(odom, laser) is not None else []
-        usual += [frame for base in BASES for frame in above if frame.rpartition("/")[2] == base]
-        if not usual and len(above) > 2:
+        odom = self.messages.frame(self.roles.odom) if self.roles.odom else None
+        base = self.messages.transforms.base_of(laser, odom)
+        if base is None and len(above) > 2:
             raise ValueError(
                 f"{self.path}: the laser's frame {laser} hangs on {len(above) - 1} frames, "
                 f"--base-frame picks one: {some(above[1:])}"
             )
-        return usual[0] if usual else above[-1]
+        return base or above[-1]
 
     def _mount(self) -> tuple[Pose2, bool]:
         """The laser in the base, and whether it is upside down."""
@@ -251,8 +270,14 @@ class Recording:
             )
         return track
 
-    def _yaw_rate(self) -> Track | None:
-        """The gyro's turn rate about the base's upright axis."""
+    def _attitude(self) -> Track | None:
+        """Roll and pitch of the base by the IMU, if the IMU's place on it is known."""
+        topic = self.roles.imu
+        matrix = self._fixed(self.base, self.messages.frame(topic)) if topic else None
+        return None if matrix is None else attitude_of(self.messages.inertial, matrix[:3, :3])
+
+    def _yaw_rate(self, attitude: Track | None) -> Track | None:
+        """The gyro's turn rate about the vertical; without attitude the base's upright axis."""
         topic = self.roles.imu
         track = self.messages.track(topic) if topic else None
         if topic is None or track is None:
@@ -262,4 +287,6 @@ class Recording:
         if matrix is None:
             self.notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
             return Track(track.t, track.values[:, 2].copy())
+        if attitude is not None:
+            return about_vertical(Track(track.t, track.values @ matrix[:3, :3].T), attitude)
         return Track(track.t, track.values @ matrix[2, :3])

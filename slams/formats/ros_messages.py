@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slams.formats.attitude import Inertial, inertial
 from slams.formats.bag import (
     ECHOES,
     IMU,
@@ -27,10 +28,10 @@ from slams.formats.bag import (
 from slams.formats.frames import Transforms, bare, yaw_of
 from slams.formats.options import DamagedError
 from slams.formats.sweep import Geometry, Sweep
-from slams.plausible import FAR
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Ranges
+from slams.validation import FAR
 
 ZSTD = b"\x28\xb5\x2f\xfd"
 
@@ -53,6 +54,7 @@ class Messages:
     def __init__(self, types: dict[str, Collection[str]]) -> None:
         self.types = types
         self.rows: dict[str, list[Row]] = {topic: [] for topic in types}
+        self.inertial: list[Inertial] = []
         self.transforms = Transforms()
         self.bad = 0
 
@@ -102,6 +104,9 @@ class Messages:
             self.transforms.add(message, record.topic.endswith("static"))
         elif record.msgtype in self.types.get(record.topic, ()):
             self.rows[record.topic] += _rows(record, message)
+            if record.msgtype == IMU:
+                sent = seconds(message.header.stamp)
+                self.inertial.append(inertial(message, 1e-9 * record.received, sent))
 
     def frame(self, topic: str) -> str:
         """The frame that most messages of a topic name."""

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from slams.formats.bag import Bag, SeveralBags, open_bag
 from slams.formats.options import DamagedError, SourceOptions
-from slams.formats.recording import Recording
+from slams.formats.recording import Contents, Recording
 from slams.scanlog import ScanLog, Track
 
 T = TypeVar("T")
@@ -17,39 +17,15 @@ T = TypeVar("T")
 FOREIGN = ("ros1msg", "protobuf", "jsonschema", "flatbuffer")  # how mcap files call them
 
 
-def read(path: Path, kind: str, options: SourceOptions) -> ScanLog:
-    """The scans of one laser with odometry, yaw rate and truth.
+def read(paths: Sequence[Path], kinds: Sequence[str], options: SourceOptions) -> ScanLog:
+    """The scans of one laser with odometry, yaw rate and truth; several files are one recording.
 
     Raises:
-        OSError: the bag cannot be opened.
+        OSError: a bag cannot be opened.
         ValueError: it is damaged, has no scans, or leaves a choice open; the sentence says what
             to do.
     """
-    return _of_bag(path, kind, options, Recording.log)
-
-
-def read_several(paths: Sequence[Path], kinds: Sequence[str], options: SourceOptions) -> ScanLog:
-    """As `read`, of a recording in several files; it is called as the first of them.
-
-    Raises:
-        OSError: a file cannot be opened.
-        ValueError: as `read`; or some are of ROS 1 and some of ROS 2.
-    """
-    with ExitStack() as opened:
-        bags = [
-            _opened(path, kind, options, opened) for path, kind in zip(paths, kinds, strict=True)
-        ]
-        if len({bag.ros1 for bag in bags}) > 1:
-            raise ValueError(f"{paths[0]}: some of the files are of ROS 1 and of ROS 2 the others")
-        return Recording(paths[0], kinds[0], SeveralBags(bags), options).log()
-
-
-def _opened(path: Path, kind: str, options: SourceOptions, opened: ExitStack) -> Bag:
-    if not options.salvage:
-        return opened.enter_context(open_bag(path, kind))
-    from slams.formats.bag_salvage import SalvagedBag  # loads every decompressor
-
-    return SalvagedBag(path, kind)
+    return _of_bags(paths, kinds, options, Recording.log)
 
 
 def read_track(path: Path, kind: str, wanted: str | None, options: SourceOptions) -> Track:
@@ -62,26 +38,49 @@ def read_track(path: Path, kind: str, wanted: str | None, options: SourceOptions
         OSError: the bag cannot be opened.
         ValueError: as `read`; there is no such topic or frame, or it has no poses.
     """
-    return _of_bag(path, kind, options, lambda recording: recording.track(wanted))
+    return _of_bags([path], [kind], options, lambda recording: recording.track(wanted))
 
 
-def _of_bag(path: Path, kind: str, options: SourceOptions, work: Callable[[Recording], T]) -> T:
-    """Read a bag by the library, or what is whole in one that the library does not read."""
+def contents(paths: Sequence[Path], kinds: Sequence[str], options: SourceOptions) -> Contents:
+    """The topics and transforms of a recording, whatever is in it.
+
+    Raises:
+        OSError: a bag cannot be opened.
+        ValueError: it is damaged.
+    """
+    return _of_bags(paths, kinds, options, Recording.contents)
+
+
+def _of_bags(
+    paths: Sequence[Path],
+    kinds: Sequence[str],
+    options: SourceOptions,
+    work: Callable[[Recording], T],
+) -> T:
+    """Read a recording by the library, or what is whole where the library cannot."""
+    named = list(zip(paths, kinds, strict=True))
     try:
-        with open_bag(path, kind) as bag:
-            return work(Recording(path, kind, bag, options))
+        with ExitStack() as opened:
+            bags: list[Bag] = [opened.enter_context(open_bag(*pair)) for pair in named]
+            return work(Recording(paths[0], kinds[0], _joined(paths[0], bags), options))
     except DamagedError as error:
         if not (options.salvage or _has_foreign_messages(error)):
             raise
         from slams.formats.bag_salvage import SalvagedBag  # loads every decompressor
 
-        rest = SalvagedBag(path, kind)
-        if not rest.topics:
-            raise DamagedError(f"{path}: nothing in it can be salvaged") from error
-        recording = Recording(path, kind, rest, options)
+        bags = [SalvagedBag(*pair) for pair in named]
+        if not any(bag.topics for bag in bags):
+            raise DamagedError(f"{paths[0]}: nothing in it can be salvaged") from error
+        recording = Recording(paths[0], kinds[0], _joined(paths[0], bags), options)
         if not _has_foreign_messages(error):
-            recording.notes.append(str(error).partition("; ")[0].removeprefix(f"{path}: "))
+            recording.notes.append(str(error).partition("; ")[0].removeprefix(f"{paths[0]}: "))
         return work(recording)
+
+
+def _joined(path: Path, bags: Sequence[Bag]) -> Bag:
+    if len({bag.ros1 for bag in bags}) > 1:
+        raise ValueError(f"{path}: some of the files are of ROS 1 and of ROS 2 the others")
+    return bags[0] if len(bags) == 1 else SeveralBags(bags)
 
 
 def _has_foreign_messages(error: DamagedError) -> bool:

@@ -11,17 +11,17 @@ from typing import Any
 from slams.formats import breezy, carmen, rosbag, trajectory
 from slams.formats.kind import BAGS, kind_of
 from slams.formats.options import SourceOptions
-from slams.plausible import expect
 from slams.scanlog import ScanLog, load_npz
+from slams.validation import expect
 
 FAMILY = {"npz": "an npz file", "carmen": "a CARMEN log", "breezy": "a BreezySLAM .dat"}
 NOT_IN = {  # options that say nothing about a kind; what is not named is a bag
-    "npz": ("scan_topic", "odom", "imu", "base_frame", "first_beam"),
+    "npz": ("scan_topic", "odom", "imu", "base_frame", "first_beam", "salvage"),
     "carmen": ("imu", "base_frame"),
     "breezy": ("scan_topic", "odom", "imu", "base_frame"),
 }
-SLOW, LONGEST_PERIOD = 10.0, 1000.0  # [s] from scan to scan: doubtful, and never
-COVERED = 0.9  # share of the scans that a track should reach over
+SLOW_SCAN_PERIOD, MAX_SCAN_PERIOD = 10.0, 1000.0  # [s] from scan to scan: doubtful, and never
+MIN_COVERED_SHARE = 0.9  # share of the scans that a track should reach over
 
 
 def load(
@@ -81,14 +81,12 @@ def _with_truth(paths: list[Path], kinds: list[str], options: SourceOptions) -> 
 
 
 def _read(paths: list[Path], kinds: list[str], options: SourceOptions) -> ScanLog:
-    if len(paths) > 1:
-        for path, kind in zip(paths, kinds, strict=True):
-            if kind not in BAGS:
-                raise ValueError(f"{path}: is no bag; of several files only bags make one log")
-        return rosbag.read_several(paths, kinds, options)
     path, kind = paths[0], kinds[0]
+    for other, its_kind in zip(paths, kinds, strict=True):
+        if len(paths) > 1 and its_kind not in BAGS:
+            raise ValueError(f"{other}: is no bag; of several files only bags make one log")
     if kind in BAGS:
-        return rosbag.read(path, kind, options)
+        return rosbag.read(paths, kinds, options)
     if kind == "npz":
         return _read_npz(path, options)
     return carmen.read(path, options) if kind == "carmen" else breezy.read(path, options)
@@ -112,7 +110,7 @@ def _noted(log: ScanLog, notes: list[str]) -> ScanLog:
 def _left_aside(kind: str, options: SourceOptions) -> list[str]:
     """Tell of options that were given and say nothing about this kind of log."""
     names = NOT_IN.get(kind, ("first_beam",))
-    given = [name for name in names if getattr(options, name) not in (None, "none")]
+    given = [name for name in names if getattr(options, name) not in (None, False, "none")]
     flags = ", ".join(f"--{name.replace('_', '-')}" for name in given)
     return [f"{flags}: nothing to choose in {FAMILY.get(kind, 'a bag')}"] if given else []
 
@@ -120,8 +118,8 @@ def _left_aside(kind: str, options: SourceOptions) -> list[str]:
 def _pace(log: ScanLog) -> list[str]:
     """Tell of stamps that go forward in another unit than seconds, as counts from 0 can."""
     period = log.scan_period
-    expect(period < LONGEST_PERIOD, "t", f"a scan every {period:g} s", "seconds")
-    if period < SLOW:
+    expect(period < MAX_SCAN_PERIOD, "t", f"a scan every {period:g} s", "seconds")
+    if period < SLOW_SCAN_PERIOD:
         return []
     return [f"a scan every {period:g} s; milliseconds? the stamps of a log are seconds"]
 
@@ -133,6 +131,6 @@ def _uncovered(log: ScanLog) -> list[str]:
     for name, track in tracks.items():
         if track is not None:
             inside = int(((log.t >= track.t.min()) & (log.t <= track.t.max())).sum())
-            if inside < COVERED * len(log):
+            if inside < MIN_COVERED_SHARE * len(log):
                 notes.append(f"{name} covers {inside} of {len(log)} scans")
     return notes

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slams.plausible import LONGEST_RANGE
 from slams.types import Floats, Laser, Pose2, Ranges
+from slams.validation import LONGEST_RANGE
 
-SAME = 0.01  # directions that differ by less than this part of a step are the same
+DIRECTION_TOLERANCE = 0.01  # directions that differ by less than this part of a step are the same
 
 
 class Geometry(NamedTuple):
@@ -81,7 +81,7 @@ def same_directions(a: Geometry, b: Geometry) -> bool:
     """Whether the beams of both point the same way, drivers' rounding of angles set aside."""
     if a.n_beams != b.n_beams:
         return False
-    tolerance = SAME * abs(b.angle_increment)
+    tolerance = DIRECTION_TOLERANCE * abs(b.angle_increment)
     spread = (a.n_beams - 1) * abs(a.angle_increment - b.angle_increment)
     return abs(a.angle_min - b.angle_min) <= tolerance and spread <= tolerance
 

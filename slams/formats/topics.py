@@ -9,7 +9,7 @@ from typing import NamedTuple
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TRUTHS, Topic
 from slams.formats.options import SourceOptions
 
-FEW = 12  # names that a sentence lists
+MAX_LISTED_NAMES = 12  # names that a sentence lists
 
 
 class Roles(NamedTuple):
@@ -22,7 +22,7 @@ class Roles(NamedTuple):
 
 
 class Topics:
-    """The topics of a bag that have messages; `notes` get what a user should be told."""
+    """The topics of a bag that have messages; `notes` are for the user."""
 
     def __init__(
         self, path: Path, topics: Iterable[Topic], options: SourceOptions, notes: list[str]
@@ -120,5 +120,5 @@ def listed(found: Sequence[Topic]) -> str:
 
 def some(names: Sequence[str]) -> str:
     """The first names of a list, and how many more there are."""
-    more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
-    return ", ".join(names[:FEW]) + more
+    more = f" and {len(names) - MAX_LISTED_NAMES} more" if len(names) > MAX_LISTED_NAMES else ""
+    return ", ".join(names[:MAX_LISTED_NAMES]) + more

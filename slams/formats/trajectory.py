@@ -12,7 +12,7 @@ from slams.formats.options import SourceOptions
 from slams.scanlog import Track
 from slams.types import Floats
 
-DISORDER = 0.1  # share of stamps before the one ahead of them that is still a recording
+MAX_DISORDER = 0.1  # share of stamps before the one ahead of them that is still a recording
 
 
 def write_csv(path: str | Path, t: Floats, poses: Floats) -> None:
@@ -117,20 +117,10 @@ def read(path: str | Path) -> tuple[Floats, Floats]:
     return t, poses
 
 
-def read_csv(path: str | Path) -> tuple[Floats, Floats]:
-    """Read what `write_csv` wrote, or a csv whose header names such columns otherwise.
-
-    Raises:
-        OSError: the file cannot be opened.
-        ValueError: the file has other columns.
-    """
-    return pose_tables.csv(path, pose_tables.lines_of(path))
-
-
 def _in_order(what: str, track: Track) -> Track:
     """Stamps ascending, the first of equal ones; at least two of them."""
     back = int((np.diff(track.t) < 0.0).sum())
-    if back > DISORDER * len(track.t):
+    if back > MAX_DISORDER * len(track.t):
         raise ValueError(
             f"{what}: {back} of {len(track.t)} stamps lie before the one ahead of them; expected "
             "poses in the order of time"

@@ -11,7 +11,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from slams.extent import Box
 from slams.frontend.correlative import Lookup, search
 from slams.frontend.degeneracy import ALL, of_scan
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
@@ -19,6 +18,7 @@ from slams.frontend.params import FrontendParams
 from slams.frontend.relocalize import Relocalizer
 from slams.frontend.tentative import TentativeMatch
 from slams.geometry import unlikely
+from slams.grid_bounds import Box
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, OccupancyGrid, Pose2, Scan, State, wrap_angle

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from slams.frontend.estimator import MatchedMap, PoseEstimator, Rematch
-from slams.frontend.motion_filter import Prediction
+from slams.frontend.motion_filter import TICK, Prediction
 from slams.frontend.params import FrontendParams
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
-from slams.types import IDENTITY, Pose2, Scan, State
+from slams.types import IDENTITY, Floats, Pose2, Scan, State
 
 NOTHING = np.zeros((3, 3))
 
@@ -42,18 +42,32 @@ class PlainEstimator:
         self._twist, self._step, self._dt = IDENTITY, IDENTITY, 0.0
 
     def predict(self, scan: Scan) -> Prediction:
-        """The pose by wheels, or by the last step once more; no information."""
+        """The pose by wheels, with their noise, or by the last step once more; no information."""
         last, self._last = self._last, scan
         self._dt = 0.0 if last is None else max(scan.t - last.t, 0.0)
-        step = self._step  # not twist times interval: stamps jitter, steps hardly do
+        step, information = (
+            self._step,
+            NOTHING,
+        )  # not twist times interval: stamps jitter, steps hardly do
         if last is not None and last.odometry and scan.odometry and self._p.wheels:
             step = last.odometry.between(scan.odometry)
+            information = self._information(step)
             self.counts["odometry"] += 1
         if last is not None and last.yaw is not None and scan.yaw is not None and self._p.gyro:
             step = step._replace(theta=scan.yaw - last.yaw)
             self.counts["gyro"] += 1
         self._step, self._before, self.pose = step, self.pose, self.pose @ step
-        return Prediction(self.pose, NOTHING, NOTHING, self._twist, self._dt)
+        return Prediction(self.pose, information, NOTHING, self._twist, self._dt)
+
+    def _information(self, step: Pose2) -> Floats:
+        """Of a step (3, 3) that wheels measured: the motion model that papers have as their prior.
+
+        [Thrun05] 5.4, alike in every direction.
+        """
+        p, way, turn = self._p, math.hypot(step.x, step.y), abs(step.theta)
+        place = TICK**2 + p.slip**2 * way + p.slip_sideways**2 * turn
+        heading = TICK**2 + p.slip_sideways**2 * way + p.slip_rotation**2 * turn
+        return np.diag((1.0 / place, 1.0 / place, 1.0 / heading))
 
     def twist_at(self, pose: Pose2) -> Pose2:
         """The twist that leads to `pose`."""

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
-from slams.begin import add_state_options, given_start
 from slams.live.network import add_network_options, wire_of
 from slams.live.options import NodeOptions, Topics
 from slams.run import chosen, parameter_table
+from slams.setup import add_state_options, given_start
 
 if TYPE_CHECKING:
     from slams.live.node import Node

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from slams.live.estimate import LOST
-from slams.localize.finder import Finder
+from slams.localize.global_localizer import GlobalLocalizer
 from slams.localize.localizer import Localizer
 from slams.localize.source import Given, Prepared, open_map, prepare
 from slams.params import Params
@@ -18,8 +18,6 @@ from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
 if TYPE_CHECKING:
     from slams.registry import Entry
-
-TOLD = 3  # of the likely places
 
 
 class Arrival:
@@ -39,7 +37,7 @@ class Arrival:
 
     def __init__(self, ready: Prepared, start: Pose2 | None, notes: list[str]) -> None:
         self._ready, self._start, self._notes = ready, start, notes
-        self._finder = Finder(ready.atlas)
+        self._global = GlobalLocalizer(ready.map_index)
         self._localizer: Localizer | None = None
         self._sought = 0
 
@@ -55,7 +53,7 @@ class Arrival:
 
     def map(self) -> OccupancyGrid:
         """The map it was given."""
-        return self._ready.atlas.grid
+        return self._ready.map_index.grid
 
     def report(self) -> dict[str, Any]:
         """The algorithm's counts, how much the map explains, and the scans it was sought for."""
@@ -80,7 +78,7 @@ class Arrival:
         """Share of the last scan's beams that the map explains, 0..1."""
         if self._localizer is not None:
             return self._localizer.explained
-        return self._finder.candidates[0].explained if self._finder.candidates else 0.0
+        return self._global.candidates[0].inliers if self._global.candidates else 0.0
 
     @property
     def quality(self) -> float:
@@ -97,30 +95,25 @@ class Arrival:
         """The likeliest places while the place is sought, as a sentence's end; else nothing."""
         if self._localizer is not None:
             return ""
-        places = (
-            f"{_text(c.pose)} with odds {c.odds:.2f}, {c.explained:.0%} explained"
-            for c in self._finder.candidates[:TOLD]
-        )
-        return f"most likely: {'; '.join(places) or 'none'}"
+        return f"most likely: {self._global.likely}"
 
     @property
     def _likeliest(self) -> Pose2:
-        return self._finder.candidates[0].pose if self._finder.candidates else IDENTITY
+        return self._global.candidates[0].pose if self._global.candidates else IDENTITY
 
     def _seek(self, scan: Scan) -> None:
         if self._start is not None:
-            seen = self._ready.atlas.look(scan, self._start)
-            self._begin(seen.pose, f"starts at {_text(seen.pose)}", seen.explained)
+            match = self._ready.map_index.match(scan, [self._start])[0]
+            self._begin(match.pose, f"starts at {match}")
             return
-        found = self._finder.add(scan)
+        found = self._global.add(scan)
         if found is None:
             self._sought += 1
             return
-        how = f"found at {_text(found.pose)} after {self._sought} scans; odds {found.odds:.3f}"
-        self._begin(found.pose, how, found.explained)
+        self._begin(found.pose, f"found at {found} after {self._sought} scans")
 
-    def _begin(self, pose: Pose2, how: str, explained: float) -> None:
-        self._notes.append(f"{how}; the map explains {explained:.0%} of the scan there")
+    def _begin(self, pose: Pose2, note: str) -> None:
+        self._notes.append(note)
         self._localizer = self._ready.at(pose)
 
 
@@ -143,7 +136,7 @@ def arrival(
     ready = prepare(entry, params, _given(place, notes))
     if start is not None:
         return Arrival(ready, Pose2(*map(float, start)), notes)
-    _ = ready.atlas.places  # a second per 1000 m^2, before the scans come
+    _ = ready.map_index.lattice  # a second per 1000 m^2, before the scans come
     return Arrival(ready, None, notes)
 
 
@@ -151,7 +144,3 @@ def _given(place: str | Path | OccupancyGrid, notes: list[str]) -> Given:
     if isinstance(place, OccupancyGrid):
         return Given(place, None, "")
     return open_map(place, notes)
-
-
-def _text(pose: Pose2) -> str:
-    return f"{pose.x:.2f}, {pose.y:.2f} m, {pose.theta:.2f} rad"

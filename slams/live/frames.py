@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from slams.formats.frames import BASES, Transforms, bare, planar, yaw_of
+from slams.formats.frames import Transforms, bare, planar, yaw_of
 from slams.formats.topics import some
 from slams.ros.stamps import seconds
 from slams.types import IDENTITY, Floats, Pose2
@@ -67,7 +67,7 @@ class RobotFrames:
             moving: the frame that the odometry is of; it is the base where none was asked for.
         """
         laser = bare(laser)
-        base = self.base or self._base_of(laser, moving)
+        base = self.base or self._tree.base_of(laser, moving)
         if base is None:
             return None
         matrix = self._tree.fixed(base, laser)
@@ -93,14 +93,6 @@ class RobotFrames:
         if frames and self.base is not None:
             return f"tf has no fixed way from {self.base} to the laser's frame {laser}"
         return None
-
-    def _base_of(self, laser: str, moving: str | None) -> str | None:
-        """What the odometry is of, else base_link or so above the laser."""
-        above = self._tree.ancestors(laser)
-        if moving is not None and self._tree.fixed(moving, laser) is not None:
-            return bare(moving)
-        usual = [name for base in BASES for name in above if name.rpartition("/")[2] == base]
-        return usual[0] if usual else None
 
 
 def _pose(item: Any) -> Pose2:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from slams.plausible import LONGEST_SWEEP, can_be, check_laser
 from slams.types import Laser, Pose2, Scan
+from slams.validation import LONGEST_SWEEP, can_be, check_laser
 
 
 class Intake:

@@ -23,12 +23,12 @@ from slams.live.estimate import LOST, Confidence, Estimate, covariance, quality
 from slams.live.intake import Intake
 from slams.live.seam import Seam
 from slams.live.warm_up import warm_up as warm_up_kernels
-from slams.plausible import check_laser, check_stamps, expect
 from slams.registry import find
 from slams.ros.stamps import seconds
 from slams.scanlog import ScanLog, single
 from slams.state.session import check_target, resume, save_after
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan, Slam
+from slams.validation import check_laser, check_stamps, expect
 
 LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from slams.live.seam import BRIDGED
 from slams.live.slam import LATE_IN_A_ROW
-from slams.plausible import LATEST, can_be
 from slams.types import Pose2, wrap_angle
+from slams.validation import LATEST, can_be
 
 KEPT = 2000  # samples: 10 s at 200 Hz
 ALIVE = 1.0  # [s] of silence after which nobody waits for it

@@ -15,9 +15,8 @@ def warm_up(slam_class: type[Slam], params: Params) -> None:
 
     The room is looked for in its map, too: else the first robot that is lost would wait for that.
     """
-    from slams.localize.finder import Finder
-    from slams.localize.search import Atlas
-    from slams.room import drive, laser, scan_at
+    from slams.localize.global_localizer import GlobalLocalizer
+    from slams.test_world import drive, laser, scan_at
 
     for increment, measured in ((0.0, True), (5e-4, False)):
         lidar = replace(laser(n_beams=91), time_increment=increment)
@@ -26,6 +25,6 @@ def warm_up(slam_class: type[Slam], params: Params) -> None:
         for scan in (*log, scan_at((2.0, 1.5, 2.0), lidar, t=2.0)):
             slam.update(scan)
         with suppress(ValueError):  # a baseline's map has no floor
-            Finder(Atlas(slam.map())).add(scan_at((0.0, 0.0, 0.0), lidar, t=2.1))
+            GlobalLocalizer(slam.map()).add(scan_at((0.0, 0.0, 0.0), lidar, t=2.1))
         if isinstance(slam, Localizes):
             slam.insert_at(scan_at((0.0, 0.0, 0.0), lidar, t=2.2), IDENTITY)

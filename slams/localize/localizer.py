@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from slams.localize.hooks import Localizes
-from slams.localize.places import ends_of
-from slams.localize.search import Atlas
+from slams.localize.map_index import MapIndex
+from slams.localize.view_lattice import end_points
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
@@ -25,7 +25,7 @@ class Localizer:
 
     Args:
         slam: the algorithm, with its map.
-        atlas: the map that poses are given in.
+        index: the map that poses are given in.
         start: the base's pose in it at the first scan.
         origin: the algorithm's frame in that of the map.
     """
@@ -33,11 +33,11 @@ class Localizer:
     Params: ClassVar[type[Params]] = Params
 
     def __init__(
-        self, slam: Localizes, atlas: Atlas, start: Pose2, origin: Pose2 = IDENTITY
+        self, slam: Localizes, index: MapIndex, start: Pose2, origin: Pose2 = IDENTITY
     ) -> None:
         self.slam = slam
         self.explained = 1.0
-        self._atlas, self._origin = atlas, origin
+        self._index, self._origin = index, origin
         self._start: Pose2 | None = start
         self._scans = self._poor = 0
         self._sum = 0.0
@@ -60,7 +60,7 @@ class Localizer:
 
     def map(self) -> OccupancyGrid:
         """The map it was given."""
-        return self._atlas.grid
+        return self._index.grid
 
     def report(self) -> dict[str, Any]:
         """The algorithm's counts; the mean share explained; scans that are unlike the map."""
@@ -84,10 +84,10 @@ class Localizer:
         return np.asarray(turn @ np.asarray(own) @ turn.T, np.float64)
 
     def _judge(self, scan: Scan, pose: Pose2) -> None:
-        points = ends_of(scan)
+        points = end_points(scan)
         if not len(points):
             return
-        self.explained, _ = self._atlas.chart.explained(points, pose @ scan.laser.mount)
+        self.explained, _ = self._index.distances.evaluate(points, pose @ scan.laser.mount)
         self._scans += 1
         self._sum += self.explained
         self._poor += self.explained < POOR

@@ -6,10 +6,10 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from slams.localize.finder import Finder
+from slams.localize.global_localizer import GlobalLocalizer
 from slams.localize.hooks import Localizes, check_localizes
 from slams.localize.localizer import Localizer
-from slams.localize.search import Atlas
+from slams.localize.map_index import MapIndex
 from slams.localize.virtual import build
 from slams.types import IDENTITY, OccupancyGrid, Pose2
 
@@ -31,15 +31,15 @@ class Given(NamedTuple):
 
 
 class Prepared(NamedTuple):
-    """An algorithm with its own, frozen map of an atlas, and its frame's place in there."""
+    """An algorithm with its own, frozen map of a map index, and its frame's place in there."""
 
     slam: Localizes
-    atlas: Atlas
+    map_index: MapIndex
     origin: Pose2
 
     def at(self, start: Pose2) -> Localizer:
         """The algorithm, begun at a pose in the map."""
-        return Localizer(self.slam, self.atlas, start, self.origin)
+        return Localizer(self.slam, self.map_index, start, self.origin)
 
 
 def open_map(path: str | Path, notes: list[str] | None = None) -> Given:
@@ -70,13 +70,13 @@ def prepare(entry: Entry, params: Params, given: Given) -> Prepared:
     """
     from slams.registry import label_of
 
-    atlas = Atlas(given.grid)
+    index = MapIndex(given.grid)
     if given.slam is not None and given.label == label_of(entry.cls):
         slam = check_localizes(given.slam, entry.label)
         slam.frozen = True
-        return Prepared(slam, atlas, IDENTITY)
+        return Prepared(slam, index, IDENTITY)
     slam = check_localizes(entry.cls(params), entry.label)
-    return Prepared(slam, atlas, build(slam, atlas.chart))
+    return Prepared(slam, index, build(slam, index.distances))
 
 
 class Start(NamedTuple):
@@ -87,35 +87,26 @@ class Start(NamedTuple):
     note: str
 
 
-def start_at(atlas: Atlas, log: ScanLog, pose: Pose2) -> Start:
+def start_at(index: MapIndex, log: ScanLog, pose: Pose2) -> Start:
     """The first scan, at the pose near the given one where it fits best."""
-    seen = atlas.look(next(iter(log)), pose)
-    note = f"starts at {_text(seen.pose)}; the map explains {seen.explained:.0%} of the scan there"
-    return Start(0, seen.pose, note)
+    match = index.match(next(iter(log)), [pose])[0]
+    return Start(0, match.pose, f"starts at {match}")
 
 
-def find_start(atlas: Atlas, log: ScanLog) -> Start:
-    """The first scan of a log at which its place in the map is sure.
+def find_start(index: MapIndex, log: ScanLog) -> Start:
+    """The first scan of a log at which its pose in the map is certain.
 
     Raises:
         RuntimeError: it never is; the sentence tells the most likely places.
     """
-    finder = Finder(atlas)
+    localizer = GlobalLocalizer(index)
     for number, scan in enumerate(log):
-        found = finder.add(scan)
+        found = localizer.add(scan)
         if found is not None:
-            note = (
-                f"found at {_text(found.pose)} by scan {number} of {len(log)}; odds "
-                f"{found.odds:.3f}, the map explains {found.explained:.0%} of it"
-            )
-            return Start(number, found.pose, note)
-    places = "; ".join(
-        f"{_text(c.pose)} with odds {c.odds:.2f}, {c.explained:.0%} explained"
-        for c in finder.candidates[:3]
-    )
+            return Start(number, found.pose, f"found at {found} by scan {number} of {len(log)}")
     raise RuntimeError(
         f"{log.name}: its place in the map is not sure after all {len(log)} scans (most likely: "
-        f"{places or 'none'}); expected a log that leaves alike places, or --start"
+        f"{localizer.likely}); expected a log that leaves alike places, or --start"
     )
 
 
@@ -132,7 +123,3 @@ def pose_of(text: str) -> Pose2:
     except ValueError:
         raise ValueError(f"--start: got {text!r}, expected x,y,theta in m and rad") from None
     return Pose2(x, y, theta)
-
-
-def _text(pose: Pose2) -> str:
-    return f"{pose.x:.2f}, {pose.y:.2f} m, {pose.theta:.2f} rad"

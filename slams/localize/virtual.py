@@ -13,8 +13,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from slams.localize.chart import Chart
-from slams.localize.chart_kernels import measure
+from slams.localize.distance_kernels import measure
+from slams.localize.distance_map import DistanceMap
 from slams.localize.hooks import Localizes
 from slams.types import Floats, Laser, Pose2, Ranges, Scan
 
@@ -27,13 +27,13 @@ NEAREST, FARTHEST = 0.05, 30.0  # m
 AROUND = Laser(-math.pi, 2.0 * math.pi / N_BEAMS, N_BEAMS, NEAREST, FARTHEST)
 
 
-def stations(chart: Chart) -> Floats:
+def stations(distances: DistanceMap) -> Floats:
     """Places (n, 2) [m] in the map's frame that together see its free space, in a way to drive.
 
     In every square of `PITCH` the free cell with most room around it, if it has any.
     """
-    room = np.where(chart.free, chart.clearance, 0.0)
-    cells = max(1, round(PITCH / chart.resolution))
+    room = distances.gap * distances.resolution
+    cells = max(1, round(PITCH / distances.resolution))
     found = []
     for row, y0 in enumerate(range(0, room.shape[0], cells)):
         columns = range(0, room.shape[1], cells)
@@ -42,7 +42,7 @@ def stations(chart: Chart) -> Floats:
             if part.max() >= NARROW:
                 iy, ix = _most_central(part)
                 found.append((x0 + ix + 0.5, y0 + iy + 0.5))
-    return np.array(found).reshape(-1, 2) * chart.resolution + chart.origin
+    return np.array(found).reshape(-1, 2) * distances.resolution + distances.origin
 
 
 def _most_central(room: Floats) -> tuple[float, float]:
@@ -53,41 +53,40 @@ def _most_central(room: Floats) -> tuple[float, float]:
     return float(iy[best]), float(ix[best])
 
 
-def ranges_at(chart: Chart, pose: Pose2, laser: Laser = AROUND) -> Ranges:
+def ranges_at(distances: DistanceMap, pose: Pose2, laser: Laser = AROUND) -> Ranges:
     """What a laser at `pose` (the laser's own) measures in a map (n_beams,) [m].
 
     nan where the map does not know what is there, or nothing is in reach.
     """
-    x, y = ((np.array(pose[:2]) - chart.origin) / chart.resolution).tolist()
-    inner = np.array([x, y, pose.theta])
-    measured = np.empty(laser.n_beams)
-    measure(chart.cells, inner, laser.angles, laser.range_max / chart.resolution, measured)
-    measured *= chart.resolution
+    cell, measured = distances.resolution, np.empty(laser.n_beams)
+    far = laser.range_max / cell
+    measure(distances.distances, distances.in_cells(pose), laser.angles, far, measured)
+    measured *= cell
     measured[~(measured >= laser.range_min)] = np.nan
     ranges = measured.astype(np.float32)
     ranges.flags.writeable = False
     return ranges
 
 
-def scans_of(chart: Chart) -> Iterator[tuple[Scan, Pose2]]:
+def scans_of(distances: DistanceMap) -> Iterator[tuple[Scan, Pose2]]:
     """The scans of a virtual drive and the poses (in the map's frame) that they are taken at."""
-    for number, (x, y) in enumerate(stations(chart).tolist()):
+    for number, (x, y) in enumerate(stations(distances).tolist()):
         pose = Pose2(x, y, 0.0)
-        ranges = ranges_at(chart, pose)
+        ranges = ranges_at(distances, pose)
         if np.isfinite(ranges).any():
             yield Scan(PERIOD * number, ranges, AROUND), pose
 
 
-def build(slam: Localizes, chart: Chart) -> Pose2:
-    """Let an algorithm that has seen nothing yet make its own map of a chart; freeze it.
+def build(slam: Localizes, distances: DistanceMap) -> Pose2:
+    """Let an algorithm that has seen nothing yet make its own map of a distance map; freeze it.
 
-    Returns the drive's frame: where the algorithm's origin is in the chart's.
+    Returns the drive's frame: where the algorithm's origin is in the map's.
 
     Raises:
         ValueError: no wall can be seen from any place of the map.
     """
     origin: Pose2 | None = None
-    for scan, pose in scans_of(chart):
+    for scan, pose in scans_of(distances):
         origin = origin or pose
         slam.insert_at(scan, origin.between(pose))
     if origin is None:

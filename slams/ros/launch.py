@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slams.formats import yaml_file
-from slams.ros.names import DEEPEST, Leaf, by_name, leaves_of, parts
+from slams.ros.names import Leaf, by_name, leaves_of, parts
 from slams.ros.packages import beside
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
+MAX_DEPTH = 50  # groups in each other; launch files have one or two
 MOST_FILLED = 1 << 20  # characters that substitutions put into a launch file
 LONGEST_NUMBER = 100  # characters
 SUBSTITUTION = re.compile(r"\$\((\w+)\s+([^()]*)\)")
@@ -30,23 +31,20 @@ PARAMETERS = "ros__parameters"
 
 @dataclass
 class NodeParameters:
-    """Values by name, what the file left to others, and which of those are given, too."""
+    """Values by name, notes for the user, and files that the node loads but that are not there."""
 
     values: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    given: set[str] = field(default_factory=set)
+    missing: list[str] = field(default_factory=list)
 
 
-def read_node(
-    path: str | Path, nodes: Iterable[str], known: Iterable[str], given: Iterable[str] = ()
-) -> NodeParameters:
+def read_node(path: str | Path, nodes: Iterable[str], known: Iterable[str]) -> NodeParameters:
     """The parameters a file gives to a node.
 
     Args:
         path: YAML or launch XML; the content tells which.
         nodes: what the node may be called: package, executable or name.
         known: its parameters, for a file that calls the node otherwise.
-        given: names of files that are read as well, and need not be found.
 
     Raises:
         OSError: the file cannot be read.
@@ -56,7 +54,7 @@ def read_node(
     text = _text(path)
     try:
         if text.lstrip().startswith("<"):
-            return _of_launch(text, path, set(nodes), set(given))
+            return _of_launch(text, path, set(nodes))
         return _of_yaml(text, path, set(nodes), set(known))
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply for a parameter file") from None
@@ -74,7 +72,7 @@ def _of_yaml(text: str, path: Path, nodes: set[str], known: set[str]) -> NodePar
     content = yaml_file.parse(text, path)
     if not isinstance(content, dict):
         raise ValueError(f"{path}: expected parameters 'name: value', or a launch file")
-    leaves = list(leaves_of(content, path))
+    leaves = list(leaves_of(content))
     return NodeParameters(by_name(_of_node(leaves, path, nodes, known), path))
 
 
@@ -102,8 +100,8 @@ def _group(names: tuple[str, ...]) -> tuple[str, ...]:
     return names[:1] if len(names) > 1 else ()
 
 
-def _of_launch(text: str, path: Path, nodes: set[str], given: set[str]) -> NodeParameters:
-    launch = _Launch(path, nodes, given)
+def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
+    launch = _Launch(path, nodes)
     launch.walk(_parsed_xml(text, path), {}, ())
     if len(launch.found) > 1:
         raise ValueError(
@@ -116,7 +114,7 @@ def _of_launch(text: str, path: Path, nodes: set[str], given: set[str]) -> NodeP
     names = nodes | {launch.found[0][0]}
     outside = [leaf for leaf in launch.outside if names & set(leaf[0][:-1])]
     inside = by_name(launch.found[0][1], path)
-    return NodeParameters(by_name(outside, path) | inside, launch.notes, launch.given)
+    return NodeParameters(by_name(outside, path) | inside, launch.notes, launch.missing)
 
 
 def _parsed_xml(text: str, path: Path) -> Element:
@@ -139,20 +137,19 @@ def _parsed_xml(text: str, path: Path) -> Element:
 class _Launch:
     """One walk through a launch file, top to bottom as roslaunch does it."""
 
-    def __init__(self, path: Path, nodes: set[str], given: set[str]) -> None:
+    def __init__(self, path: Path, nodes: set[str]) -> None:
         self.notes: list[str] = []
         self.found: list[tuple[str, list[Leaf]]] = []
         self.others: set[str] = set()
         self.outside: list[Leaf] = []
-        self.given: set[str] = set()
+        self.missing: list[str] = []
         self._path = path
         self._nodes = nodes
-        self._others_given = given
         self._filled_in = 0
 
     def walk(self, parent: Element, args: dict[str, str], groups: tuple[str, ...]) -> None:
         """Take the parameters of a `<launch>` or `<group>`; `groups` are namespaces around it."""
-        if len(groups) > DEEPEST:
+        if len(groups) > MAX_DEPTH:
             raise ValueError(f"{self._path}: nested too deeply for a launch file")
         for element in parent:
             if not self._enabled(element, args):
@@ -213,20 +210,15 @@ class _Launch:
         """Leaves of what stands in an element, or in the file that it loads."""
         names = parts(f"{element.get('ns', '')}/{element.get('param', '')}")
         if isinstance(content, dict):
-            return [((*names, *leaf), value) for leaf, value in leaves_of(content, path)]
+            return [((*names, *leaf), value) for leaf, value in leaves_of(content)]
         return [(names, content)] if names else []
 
     def _loaded(self, element: Element, name: str, inside: bool) -> list[Leaf]:
-        """Leaves of a parameter file. What the node itself loads must be there."""
-        if Path(name).name in self._others_given:
-            self.given.add(Path(name).name)
-            return []
+        """Leaves of a parameter file, if it is there."""
         path = beside(self._path, name)
         if path is None and inside:
-            raise ValueError(
-                f"{self._path}: it loads {name}, which is not in the same package; give it, too, "
-                "or put it beside the launch file"
-            )
+            self.missing.append(name)
+            return []
         if path is None:
             self.notes.append(f"{name} is another file; give it, too, if it matters")
             return []

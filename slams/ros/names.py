@@ -7,29 +7,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-MOST_VALUES = 10_000
-DEEPEST = 50
-
 Leaf = tuple[tuple[str, ...], Any]
 
 
-def leaves_of(content: dict[Any, Any], path: Path) -> Iterator[Leaf]:
-    """Every value with its path of names; "a/b" and "a.b" are paths, too.
-
-    Raises:
-        ValueError: there are too many, or they stand too deep.
-    """
-    count = 0
-    stack: list[tuple[tuple[str, ...], Any]] = [((), content)]
-    while stack:
-        names, value = stack.pop()
-        count += 1
-        if count > MOST_VALUES or len(names) > DEEPEST:
-            raise ValueError(f"{path}: more values than a parameter file ever has")
+def leaves_of(content: dict[Any, Any]) -> Iterator[Leaf]:
+    """Every value with its path of names; "a/b" and "a.b" are paths, too."""
+    for key, value in content.items():
+        names = parts(str(key))
         if isinstance(value, dict):
-            stack.extend(
-                ((*names, *parts(str(key))), below) for key, below in reversed(value.items())
-            )
+            yield from (((*names, *below), leaf) for below, leaf in leaves_of(value))
         elif names:
             yield names, value
 

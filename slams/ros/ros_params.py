@@ -66,7 +66,7 @@ def take(params: Params, paths: Iterable[str | Path], preset: str = "default") -
     for name, value in values.items():
         mapping.take(name, value)
     for path, node in zip(files, found, strict=True):
-        if not node.given:  # its values stand in another file
+        if not node.missing:  # its values stand in another file
             mapping.check_use(path, node.values)
     if preset == "original":
         mapping.assume(names.defaults)
@@ -143,8 +143,16 @@ def _read(
     paths: Sequence[str | Path], names: RosNames, fields: dict[str, str]
 ) -> list[NodeParameters]:
     known = [*fields, *names.original_only, *names.ignored, *names.refused]
-    nodes, given = (names.package, *names.nodes), [Path(path).name for path in paths]
-    return [read_node(path, nodes, known, given) for path in paths]
+    found = [read_node(path, (names.package, *names.nodes), known) for path in paths]
+    given = {Path(path).name for path in paths}
+    for path, node in zip(paths, found, strict=True):
+        for missing in node.missing:
+            if Path(missing).name not in given:
+                raise ValueError(
+                    f"{path}: it loads {missing}, which is not in the same package; give it, too, "
+                    "or put it beside the launch file"
+                )
+    return found
 
 
 def _refuse(values: dict[str, Any], names: RosNames) -> None:
@@ -174,7 +182,7 @@ class _Mapping:
         self._original = original
         self._fields = _fields(params)
         self._given: dict[str, tuple[str, Any]] = {}  # field -> ROS name, value
-        self._heard: set[str] = set()
+        self._used: set[str] = set()
 
     def take(self, name: str, value: Any, fate: str = "mapped") -> None:
         """Let one name of the file find its field, or say why not."""
@@ -182,7 +190,7 @@ class _Mapping:
         if reason:
             self.fates.append(Fate(name, value, "ignored", reason))
             return
-        self._heard.add(name)
+        self._used.add(name)
         field = self._fields[name]
         if field in self._given:
             name, value = self._overruled(field, name, value)
@@ -191,7 +199,7 @@ class _Mapping:
 
     def check_use(self, path: str, names: Iterable[str]) -> None:
         """Refuse a file that changes nothing: it is not the one that was meant."""
-        if not self._heard & set(names):
+        if not self._used & set(names):
             there = ", ".join(sorted(names)) or "no parameter"
             raise ValueError(
                 f"{path}: nothing in it is taken over for {self._names.package} ({there})"

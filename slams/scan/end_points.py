@@ -8,10 +8,11 @@ import numpy as np
 
 from slams.geometry import travelled
 from slams.scan import scan_kernels as kernels
+from slams.scan.leveling import Leveling
+from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import Grain, Limits, Points, Twist
 from slams.types import IDENTITY, Laser, Pose2, Scan
-from slams.usual import Usual
 
 NEAR = 0.1  # m, between two beams with a straight wall between them
 SLACK = 0.1  # m, between neighbors of one surface
@@ -26,7 +27,7 @@ MEMORY = 1.0  # s over which the noise is a mean: five scans of a slow laser, an
 
 
 class EndPoints:
-    """End points of the scan at hand, in the base frame at the middle of its sweep.
+    """End points of the scan at hand, in the base frame at the middle of its sweep, leveled.
 
     There a velocity that is not quite right does least harm: what it bends before the middle, it
     bends the other way behind it. `at_stamp` goes back to the scan's stamp, that of its first beam.
@@ -41,13 +42,14 @@ class EndPoints:
         self.params = params
         self.n = 0
         self.far = 0.0
-        self._noise = Usual(MEMORY, params.range_noise)
-        self._apart, self._t = Usual(LONG), math.inf
+        self._noise = MovingAverage(MEMORY, params.range_noise)
+        self._apart, self._t = MovingAverage(LONG), math.inf
         self._known = self._chorded = False  # whether the normals are, and chords
         self.mount = IDENTITY
         self.step = 0.0
         self.sweeps = False
         self._velocity = IDENTITY
+        self._leveling = Leveling()
         self._laser: Laser | None = None
         self._size(1)
 
@@ -60,6 +62,10 @@ class EndPoints:
         self.n, self.far = kernels.end_points(
             scan.ranges, self._directions, laser.mount, self._limits, self.points
         )
+        self.mount = laser.mount
+        leveled = self._leveling.project(scan, velocity, self.points, self.n, self._room)
+        if leveled is not None:
+            self.n, self.far, self.mount = leveled
         self._measure_noise(scan.t)
         self._measure_apart(scan.t)
         self.n = kernels.drop_lone(
@@ -76,6 +82,11 @@ class EndPoints:
         if not self.sweeps or self._laser is None:
             return pose
         return pose @ travelled(self._velocity, -0.5 * self._laser.sweep_time)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Of scans: leveled by their attitude, and those whose attitude is wrong; of `Leveling`."""
+        return self._leveling.counts
 
     @property
     def noise(self) -> float:
@@ -139,7 +150,7 @@ class EndPoints:
         self._t = t
 
     def _adopt(self, laser: Laser, n_beams: int) -> None:
-        self._laser, self.mount, self.step = laser, laser.mount, abs(laser.angle_increment)
+        self._laser, self.step = laser, abs(laser.angle_increment)
         self._directions = laser.directions
         self.sweeps = self.params.deskew and laser.time_increment > 0.0
         near = max(self.params.min_range, laser.range_min)

@@ -12,9 +12,9 @@ from slams.watch.scene import Scene
 if TYPE_CHECKING:
     from slams.types import Floats, OccupancyGrid
 
-WIDTH, HEIGHT, HEAD = 960, 720, 40  # pixels; HEAD is the strip with the text
+WIDTH, HEIGHT, HEAD_HEIGHT = 960, 720, 40  # pixels; HEAD_HEIGHT is the strip with the text
 SCAN_COLOR, TEXT_COLOR = (200, 110, 20), (40, 40, 40)
-STEP, LEAST, MARGIN = 2.0, 8.0, 0.5  # m: the part of the world shown grows by STEP
+WINDOW_STEP, MIN_WINDOW, WINDOW_MARGIN = 2.0, 8.0, 0.5  # m: the part shown grows by steps
 ROBOT = np.array([[0.35, 0.0], [-0.2, 0.2], [-0.2, -0.2]])  # m: an arrow head
 
 
@@ -52,11 +52,11 @@ class Painter:
 
     def _window(self) -> tuple[float, Floats]:
         """Pixels per meter, and the world's point (2,) at the lower left corner."""
-        low = np.floor((self._scene.low - MARGIN) / STEP) * STEP
-        high = np.ceil((self._scene.high + MARGIN) / STEP) * STEP
-        size = np.maximum(high - low, LEAST)
-        scale = float(min(WIDTH / size[0], (HEIGHT - HEAD) / size[1]))
-        shown = np.array([WIDTH, HEIGHT - HEAD]) / scale
+        low = np.floor((self._scene.low - WINDOW_MARGIN) / WINDOW_STEP) * WINDOW_STEP
+        high = np.ceil((self._scene.high + WINDOW_MARGIN) / WINDOW_STEP) * WINDOW_STEP
+        size = np.maximum(high - low, MIN_WINDOW)
+        scale = float(min(WIDTH / size[0], (HEIGHT - HEAD_HEIGHT) / size[1]))
+        shown = np.array([WIDTH, HEIGHT - HEAD_HEIGHT]) / scale
         return scale, 0.5 * (low + high) - 0.5 * shown
 
 
@@ -86,7 +86,7 @@ def _draw_head(image: Pixels, text: str, scale: float) -> None:
     import cv2
 
     font = cv2.FONT_HERSHEY_SIMPLEX
-    image[:HEAD] = 245
+    image[:HEAD_HEIGHT] = 245
     text = text.encode("ascii", "replace").decode("ascii")  # all that the font has
     cv2.putText(image, text, (12, 26), font, 0.55, TEXT_COLOR, 1, cv2.LINE_AA)
     meters = max(1, round(0.15 * WIDTH / scale))

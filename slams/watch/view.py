@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from slams.types import Pose2, Scan, Slam
 
 LIVE = "live"
-REDRAW = 1.0  # s of the log from one drawing of the map to the next
-WAY_EVERY = 0.5  # s of the log from one drawing of the way to the next
-WAY_COLOR, SCAN_COLOR, ROBOT_COLOR = (231, 76, 60), (20, 110, 200), (39, 174, 96)
+MAP_PERIOD = 1.0  # s of the log from one drawing of the map to the next
+PATH_PERIOD = 0.5  # s of the log from one drawing of the way to the next
+PATH_COLOR, SCAN_COLOR, ROBOT_COLOR = (231, 76, 60), (20, 110, 200), (39, 174, 96)
 MAP_HEIGHT = -0.02  # m: the map lies under scan and way
 
 
@@ -101,10 +101,10 @@ class View:
         self._stream.set_time("log", duration=scan.t - self._start)
         self._stream.set_time("scan", sequence=len(self._scene.way) - 1)
         self._log_scan()
-        if abs(scan.t - self._map_at) >= REDRAW:  # also where stamps jump back
+        if abs(scan.t - self._map_at) >= MAP_PERIOD:  # also where stamps jump back
             self._map_at = scan.t
             self._log_map()
-        if abs(scan.t - self._way_at) >= WAY_EVERY:
+        if abs(scan.t - self._way_at) >= PATH_PERIOD:
             self._way_at = scan.t
             self._log_way()
 
@@ -123,7 +123,7 @@ class View:
 
     def _log_way(self) -> None:
         way = _flat(np.array(self._scene.way)[:, :2])
-        self._stream.log("map/way", self._rr.LineStrips3D([way], colors=[WAY_COLOR], radii=[0.02]))
+        self._stream.log("map/way", self._rr.LineStrips3D([way], colors=[PATH_COLOR], radii=[0.02]))
 
     def _log_map(self) -> None:
         rr, grid = self._rr, self._slam.map()

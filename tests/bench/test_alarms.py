@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.judge.alarms import alarms
+from bench.judge.alarms import alarms, beyond
+from bench.judge.metrics import Common
 
 STEP = 0.1
 
@@ -33,7 +34,7 @@ def test_a_loss_said_in_time_late_and_never():
     found = judged([(15, 20), (75, 80)], [(10, 20), (50, 80), (120, 140)])
     assert (found.episodes, found.in_time, found.late, found.missed) == (3, 1, 1, 1)
     assert found.delays == pytest.approx((0.5, 2.5))
-    assert judged([(75, 80)], [(50, 80)], window=3.0).in_time == 1
+    assert judged([(75, 80)], [(50, 80)], patience=3.0).in_time == 1
 
 
 def test_a_warning_right_before_a_loss_counts_as_said_and_is_not_false():
@@ -71,6 +72,15 @@ def test_a_clock_that_is_set_back_stands_still():
     found = alarms(flags(200, (152, 160)), t, flags(200, (140, 160)))
     assert found.episodes == found.in_time == 1
     assert found.delays == pytest.approx((0.3,))  # the clock goes on from 9.9 s at scan 150
+
+
+def test_limits_are_of_the_distance_and_the_turn_apart():
+    truth = np.zeros((5, 3))
+    estimate = truth.copy()
+    estimate[1:, :] = [(0.4, 0.0, 0.0), (0.4, 0.4, 0.0), (0.0, 0.0, -0.31), (0.0, 0.0, 6.2)]
+    common = Common(np.arange(5.0), estimate, truth, 0)
+    assert beyond(common).tolist() == [False, False, True, True, False]
+    assert beyond(common, 0.3, 0.5).tolist() == [False, True, True, False, False]
 
 
 def test_series_that_do_not_fit_are_refused():

@@ -14,7 +14,7 @@ from bench.sim.setting import Setting
 from bench.sim.simulation import errors_of, simulate, world_of
 from bench.sim.world import World, read_world
 from slams import load
-from slams.metrics import absolute_errors, relative_errors
+from slams.metrics import relative_errors
 from slams.scanlog import Track
 from slams.types import IDENTITY, Laser, Pose2, wrap_angle
 
@@ -335,6 +335,15 @@ def test_a_sweep_is_as_good_as_the_poses_it_was_seen_from():
         )
 
 
+def sample(found, seed=0):
+    """Poses (n, 3) of a localizer that reaches the bound at every scan by itself, by chance."""
+    noise = np.random.default_rng(seed).standard_normal(found.poses.shape)
+    roots = np.linalg.cholesky(found.covariance)
+    poses = found.poses + (roots @ noise[:, :, None])[:, :, 0]
+    poses[:, 2] = wrap_angle(poses[:, 2])
+    return poses
+
+
 def test_expected_errors_are_those_of_poses_drawn_at_the_bound():
     log = log_of(duration=20.0)
     found = bound_of(log)
@@ -343,15 +352,10 @@ def test_expected_errors_are_those_of_poses_drawn_at_the_bound():
     for lag in (1, 40, 200):
         expected = found.relative(lag)
         assert expected.translation.shape == (len(log) - lag,)
-        drawn = [relative_errors(found.sample(seed), truth, lag) for seed in range(20)]
+        drawn = [relative_errors(sample(found, seed), truth, lag) for seed in range(20)]
         translation, rotation = np.mean(drawn, axis=(0, 2))
         assert expected.translation.mean() == pytest.approx(translation, rel=0.02)
         assert expected.rotation.mean() == pytest.approx(rotation, rel=0.02)
-    drawn = found.sample()
-    spread = np.hypot(*(drawn - truth)[:, :2].T)
-    assert found.ate == pytest.approx(math.sqrt(np.mean(spread**2)), rel=0.05)
-    assert absolute_errors(drawn, truth).mean() < 1.1 * spread.mean()
-    np.testing.assert_array_equal(found.sample(3), found.sample(3))
 
 
 def test_mean_length_of_round_and_flat_gaussians():
@@ -409,8 +413,8 @@ def test_scans_that_the_truth_does_not_cover_are_open():
     known = log.truth.t <= log.t[100] + 1e-6
     cut = Track(log.truth.t[known], log.truth.values[known])
     found = bound_of(dataclasses.replace(log, truth=cut))
-    assert found.open == len(log) - 101 and np.isnan(found.sample()[-1]).all()
-    assert np.isnan(found.relative(1).translation[-1]) and math.isfinite(found.ate)
+    assert found.open == len(log) - 101
+    assert np.isnan(found.relative(1).translation[-1])
 
 
 def test_logs_without_a_known_world_or_error_have_no_bound(tmp_path):
@@ -425,4 +429,3 @@ def test_logs_without_a_known_world_or_error_have_no_bound(tmp_path):
     log.save(tmp_path / "log.npz")
     loaded = bound_of(load(tmp_path / "log.npz"))
     np.testing.assert_array_equal(loaded.covariance, bound_of(log).covariance)
-    assert (np.abs(wrap_angle(loaded.sample()[:, 2])) <= math.pi).all()

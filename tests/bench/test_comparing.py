@@ -1,91 +1,12 @@
-"""Runs of a comparison as tasks: what they are named by, how they travel, options of one alone."""
+"""Options of single algorithms, and the folders that results go to."""
 
-import math
-
-import numpy as np
 import pytest
 
-from bench.judge.metrics import Common
-from bench.results import Outcome, Reference
-from bench.results.arrays import pack_outcome, pack_reference, unpack_outcome, unpack_reference
-from bench.run import compare_options
-from bench.run.cases import Choice
-from bench.run.comparing import Job, Wanted, plan
-from bench.run.single import common_seed, singles
+from bench import compare
+from bench.run import compare_options, folder
+from bench.run.single import common_seed
 from slams.registry import find
-from slams.types import OccupancyGrid, Pose2
 from tests.rooms import drive
-
-HERE = {"cpu": "a", "processes": 2}
-GRID = OccupancyGrid(np.array([[0.1, np.nan]], np.float32), 0.05, (-1.0, 2.5))
-
-
-def same(a, b):
-    assert type(a) is type(b)
-    if isinstance(a, np.ndarray):
-        np.testing.assert_array_equal(a, b)
-        assert a.dtype == b.dtype
-    elif isinstance(a, (OccupancyGrid, Common)):
-        values = [vars(x) if hasattr(x, "__dict__") else x._asdict() for x in (a, b)]
-        for key in values[0]:
-            same(values[0][key], values[1][key])
-    else:
-        assert a == b
-
-
-def test_a_run_and_a_log_come_back_from_their_text():
-    rng = np.random.default_rng(0)
-    poses = rng.random((5, 3))
-    common = Common(rng.random(4), poses[:4], poses[:4] + 0.1, 1)
-    row = {"z": 0.1 + 0.2, "algorithm": "tsd", "spans": {"update": 1, "1 s": None}}
-    made = Outcome(row, rng.random(5), poses, rng.random(5), GRID, common, Pose2(1.0, 2.0, 3.0))
-    found = unpack_outcome(pack_outcome(made))
-    assert list(found.row["spans"]) == ["update", "1 s"], "tables have this order"
-    for name in ("row", "t", "poses", "seconds", "grid", "common", "frame"):
-        same(getattr(made, name), getattr(found, name))
-    bare = unpack_outcome(pack_outcome(Outcome({"odd": math.inf})))
-    assert (bare.row, bare.grid, bare.common) == ({"odd": None}, None, None)
-    known = Reference({"name": "a"}, poses, GRID, Pose2(1.0, 0.0, 0.0))
-    for a, b in zip(known, unpack_reference(pack_reference(known)), strict=True):
-        same(a, b)
-
-
-def names(log, choice=None, relations=None, machine=HERE):
-    found = plan(["hector", "odometry"], [log], choice or Choice(), Wanted(relations, 2), machine)
-    return {job: task.key for job, task in found.tasks.items()}
-
-
-@pytest.mark.parametrize(
-    ("changed", "hector_alone"),
-    [
-        ({"choice": Choice(single=singles(["hector"], [], ["hector:resolution=0.1"], []))}, True),
-        ({"choice": Choice(seed=3)}, False),
-        ({"choice": Choice(realtime=True)}, False),
-        ({"machine": {"cpu": "b", "processes": 2}}, False),
-        ({"relations": np.ones((1, 5))}, False),
-    ],
-)
-def test_all_that_a_run_follows_from_is_in_its_name(changed, hector_alone):
-    log = drive(n=60)
-    relations = np.zeros((1, 5))
-    before, after = (
-        names(log, relations=relations),
-        names(log, **{"relations": relations} | changed),
-    )
-    differ = {job for job in before if before[job] != after[job]}
-    runs = {job for job in before if job.label is not None}
-    hectors = {job for job in runs if job.label == "hector"}
-    assert {job for job in differ if job.label} == (hectors if hector_alone else runs)
-    assert len(set(before.values())) == len(before) == 5
-    assert names(log, relations=relations) == before
-
-
-def test_another_log_another_name_and_only_its_truth_matters_to_the_reference():
-    log = drive(n=8)
-    before, after = names(log), names(log.select(odometry=False))
-    assert not set(before.values()) & set(after.values())
-    assert names(log, Choice(seed=3))[Job(None, 0)] == before[Job(None, 0)]
-
 
 # options of single algorithms
 
@@ -135,3 +56,65 @@ def test_what_is_of_no_algorithm_is_refused_in_one_sentence(words, sentence):
 def test_the_last_seed_for_all_counts():
     assert common_seed(["1", "tsd:2", "3"]) == (3, ["tsd:2"])
     assert common_seed([]) == (None, [])
+
+
+# where the results go
+
+OURS = ("results.json", "fig*.png")
+
+
+def test_results_are_named_after_the_log_and_a_taken_name_gets_a_number(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def claimed(*logs, **more):
+        known = {"out": None, "command": "compare", "logs": logs, "ours": OURS, "force": False}
+        return folder.claimed(**known | more)
+
+    assert claimed() == folder.ROOT / "compare"
+    assert claimed("bags/drive.bag") == folder.ROOT / "compare-drive"
+    assert claimed("a.npz", "b.log.gz") == folder.ROOT / "compare-a-b"
+    (tmp_path / "results" / "compare-drive").mkdir(parents=True)
+    assert claimed("drive.bag").name == "compare-drive-2"
+    (tmp_path / "results" / "compare-drive" / "results.json").touch()
+    assert claimed("drive.bag", force=True).name == "compare-drive"
+
+
+def test_what_is_in_the_folder_asked_for_is_not_overwritten(tmp_path):
+    mine, theirs = tmp_path / "mine", tmp_path / "theirs"
+    for place, name in ((mine, "results.json"), (theirs, "thesis.tex")):
+        place.mkdir()
+        (place / name).touch()
+    for force in (False, True):
+        with pytest.raises(FileExistsError, match="files that are no results"):
+            folder.claimed(str(theirs), "compare", [], OURS, force)
+    with pytest.raises(FileExistsError, match="--force to replace"):
+        folder.claimed(str(mine), "compare", [], OURS, False)
+    assert folder.claimed(str(mine), "compare", [], OURS, True) == mine
+
+
+def test_no_stale_file_stays_beside_a_new_report(tmp_path, capsys):
+    drive(n=20).save(tmp_path / "room.npz")
+    out = tmp_path / "out"
+    words = [str(tmp_path / "room.npz"), "-q", "--jobs", "1", "--out", str(out), "--algorithms"]
+    assert compare.main([*words, "odometry", "tests.bench.test_html:Still"]) == 0
+    (out / "notes.txt").touch()
+    assert compare.main([*words, "odometry"]) == 2
+    assert "has results already" in capsys.readouterr().err
+    assert (out / "errors-tests.bench.test_html.Still.csv").exists()
+    assert compare.main([*words, "odometry", "--force"]) == 0
+    names = {path.name for path in out.iterdir()}
+    assert {"notes.txt", "errors-odometry.csv", "report.html"} <= names
+    assert not [name for name in names if "Still" in name]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--truth", "t.tum"], "--truth: got no log"),
+        (["--first-beam", "90"], "--first-beam: got no log"),
+        (["room.npz", "--duration", "3"], "--duration: is of the simulation"),
+    ],
+)
+def test_no_option_is_ignored(words, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        choice_of(*words)

@@ -14,8 +14,8 @@ from bench.judge.bound import bound_of
 from bench.sim.degrade import CATALOG, degrade, find_degradation, parse
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
-from slams.room import way
 from slams.scanlog import ScanLog, Track
+from slams.test_world import way
 from tests.rooms import ROOM, cast, drive, laser
 
 
@@ -27,7 +27,7 @@ def plain(n=120, rate=20.0, n_beams=181, time_increment=0.0):
 
 def content(log):
     digest = hashlib.sha256(log.t.tobytes() + log.ranges.tobytes() + repr(log.laser).encode())
-    for track in (log.odom, log.truth, log.yaw_rate):
+    for track in (log.odom, log.truth, log.yaw_rate, log.attitude):
         if track is not None:
             digest.update(track.t.tobytes() + track.values.tobytes())
     return digest.hexdigest() + repr(log.meta)

@@ -76,6 +76,8 @@ def test_errors_of_a_tum_file_are_those_of_evo(log, estimate, tmp_path):
     assert found.row["errors"]["ate_m"] == pytest.approx(rmse, abs=1e-9)
     tables = (tmp_path / "out" / "tables.md").read_text()
     assert tables.count("| toolbox |") >= 4
+    row = results.read(tmp_path / "out").logs[0].outcomes[1].row
+    assert row["consistency"]["walls_m2"] > 0.0
     assert "toolbox" in (tmp_path / "out" / "report.html").read_text()
     for figure in ("fig2_translation.png", "fig3_orientation.png"):
         assert (tmp_path / "out" / figure).stat().st_size > 1000

@@ -18,7 +18,7 @@ from tests.rooms import drive
 def folder(tmp_path_factory):
     """A comparison of two logs, one of whose runs fails."""
     place = tmp_path_factory.mktemp("results")
-    for name, n in (("long", 60), ("short", 30)):
+    for name, n in (("long", 60), ("short", 12)):
         drive(n=n).save(place / f"{name}.npz")
     logs = [str(place / f"{name}.npz") for name in ("long", "short")]
     names = ["odometry", "tests.bench.test_html:Still", "tests.bench.test_html:Broken"]
@@ -33,11 +33,11 @@ def test_everything_is_drawn_again_without_a_run(folder, tmp_path, capsys):
     for name in (results.FIGURES, results.ARRAYS):
         (copy / name).write_bytes((folder / name).read_bytes())
     assert again.main([str(copy)]) == 0
-    assert "Table I:" in capsys.readouterr().out
-    kept = folder / "runs"  # what a run that goes on needs, no report
-    files = [p for p in folder.rglob("*") if p.is_file() and kept not in p.parents]
-    made = sorted(p.relative_to(folder) for p in files)
+    assert "Over all logs:" in capsys.readouterr().out
+    made = sorted(p.relative_to(folder) for p in folder.rglob("*") if p.is_file())
     assert len(made) > 40
+    (copy / "table-old.csv").touch()
+    assert again.main([str(copy), "-q"]) == 0
     assert made == sorted(p.relative_to(copy) for p in copy.rglob("*") if p.is_file())
     assert [p for p in made if not filecmp.cmp(folder / p, copy / p, shallow=False)] == []
 
@@ -57,6 +57,8 @@ def test_several_logs_get_one_table_and_one_page(folder, tmp_path):
     assert ranks.sum() == pytest.approx(6.0), "1 + 2 + 3, those alike share"
     page = (folder / "report.html").read_text()
     assert page.count("/report.html") == 2
+    assert [f">{k}-room</a>: room: " in page for k in (1, 2)] == [True, True]
+    assert "odometry yes, gyro yes" in page and "none in the log" not in page
     for link in re.findall(r'href="([^"#]+)"', page):
         assert (folder / unquote(link)).is_file()
     assert (folder / "table-logs.csv").read_text().startswith("algorithm,logs,")

@@ -1,6 +1,5 @@
 """Commands that are ended from outside: no process stays, nothing half-written, what is done is."""
 
-import json
 import os
 import signal
 import sys
@@ -83,41 +82,24 @@ def ignores_ctrl_c(pid):
     return treats(pid, "SigIgn", signal.SIGINT)
 
 
-def kept(folder):
-    return [p for p in folder.glob("out/runs/*/*.json") if not p.name.endswith(".cost.json")]
-
-
-def test_a_comparison_that_was_ended_goes_on_where_it_was(tmp_path):
-    """Ended by SIGTERM, then by Ctrl-C: the runs that were done are not done again."""
+def test_a_comparison_that_is_ended_leaves_nothing(tmp_path):
+    """Ended by SIGTERM, then by Ctrl-C, in the midst of a run."""
     (tmp_path / "plugin.py").write_text(PLUGIN)
     drive(n=8).save(tmp_path / "room.npz")
-    labels = ["plugin:Quick", "plugin:Stuck"]
-    words = ["bench.compare", "room.npz", "--out", "out", "--jobs", "2", "--algorithms", *labels]
-
-    def is_at_the_last():
-        return len(kept(tmp_path)) == 2 and (tmp_path / "stuck").exists()
-
+    words = ["bench.compare", "room.npz", "--out", "out", "--jobs", "2", "--algorithms"]
+    words += ["plugin:Quick", "plugin:Stuck"]
     for send, number, code, word in (
         (signal_one, signal.SIGTERM, 143, "terminated"),
         (signal_group, signal.SIGINT, 130, "interrupted"),
     ):
         (tmp_path / "stuck").unlink(missing_ok=True)
         process = started(*words, folder=tmp_path)
-        wait_for(is_at_the_last, process)
-        begun = (tmp_path / "begun").read_text()
+        wait_for((tmp_path / "stuck").exists, process)
         returned, said = ended(process, send, number)
         assert (returned, said.splitlines()[-1]) == (code, f"bench.compare: {word}")
         assert "Traceback" not in said
         assert list(tmp_path.glob(".*.part")) == []
-        assert [path.name for path in (tmp_path / "out").iterdir()] == ["runs"]
-    (tmp_path / "free").touch()
-    done = started(*words, folder=tmp_path)
-    _, said = done.communicate(timeout=LONG)
-    assert done.returncode == 0, said
-    assert "2 of 3 runs are kept from before" in said
-    assert (tmp_path / "begun").read_text() == begun, "the quick one ran once"
-    rows = json.loads((tmp_path / "out" / "results.json").read_text())["rows"]
-    assert [(row["algorithm"], row["failed"]) for row in rows] == [(n, None) for n in labels]
+        assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """The soak, scaled down: figures of long runs, and the command."""
 
 import json
-import time
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from bench import soak
 from bench.report.soak_tables import as_markdown
 from bench.run import soaking
 from slams.baselines import Odometry
-from slams.live import snapshot
 from slams.registry import find
 from tests.rooms import drive
 
@@ -58,25 +56,7 @@ def test_a_way_has_its_error_its_area_and_its_memory():
     assert found["seen_m2"] == pytest.approx(np.isfinite(grid.p).sum() * grid.resolution**2)
     assert 0.0 < found["ate_m"] < 0.1
     assert found["early_ms"] > 0.0 < found["late_ms"]
-    assert found["hold_ms"] > 0.0
     assert found["scans"] == 60
-
-
-class SlowMap(Odometry):
-    """Its map takes a tenth of a second."""
-
-    def map(self):
-        end = time.process_time() + 0.1
-        while time.process_time() < end:
-            pass
-        return super().map()
-
-
-@pytest.mark.skipif(not snapshot.AT_HAND, reason="no fork on this system")
-def test_a_map_that_takes_long_holds_a_live_run_for_less():
-    found = soaking.way("tests.bench.test_soak:SlowMap", drive(n=60))
-    assert found["map_ms"] > 99.0
-    assert 0.0 < found["hold_ms"] < 50.0
 
 
 def test_the_command_prints_and_writes_a_tiny_soak(tmp_path, capsys):
@@ -116,6 +96,20 @@ def test_a_run_that_fails_is_told_and_the_others_count(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "tests.bench.test_soak:Broken failed: ZeroDivisionError: on purpose" in said
     assert "odometry" in said
+
+
+def test_results_of_another_log_are_not_overwritten(tmp_path, capsys):
+    for name, n in (("one", 30), ("two", 40)):
+        log = drive(n=n)
+        type(log)(log.t, log.ranges, log.laser, log.odom, log.truth, None, {"name": name}).save(
+            tmp_path / f"{name}.npz"
+        )
+    words = ["--algorithms", "odometry", "--rest", "0", "--jobs", "1", "-q"]
+    words += ["--out", str(tmp_path / "out"), "--log"]
+    assert soak.main([*words, str(tmp_path / "one.npz")]) == 0
+    assert soak.main([*words, str(tmp_path / "two.npz")]) == 2
+    assert "has results of one; expected another --out, or --force" in capsys.readouterr().err
+    assert soak.main([*words, str(tmp_path / "two.npz"), "--force"]) == 0
 
 
 class Broken(Odometry):

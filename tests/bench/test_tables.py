@@ -48,27 +48,58 @@ def compared(*logs):
 # runs
 
 
-def test_a_glance_gives_multiples_of_the_bound():
-    log = {"bound": {"spans": {"1 s": {"translation_m": 0.001, "rotation_rad": 0.1}}}}
-    line = run_tables.glance_table(log, [row(error=0.002)]).loc["a"]
-    assert line["x bound"] == pytest.approx(2.0)
-    assert (line["1 s [mm]"], line["1 s [mrad]"], line["ATE [mm]"]) == (2.0, 4.0, 10.0)
-    assert line["within limits [%]"] == 100.0 and line["posed [%]"] == 50.0
+def test_the_one_table_has_error_loss_and_cost_in_their_units():
+    cost = {"mean_ms": 0.5, "real_time_factor": 9.0, "peak_memory_mb": 70.0, "start_up_s": 0.25}
+    table = run_tables.main_table({}, [row(error=0.002, cost=cost), strayed("b")])
+    assert table.loc["a"].to_dict() == {
+        "1 s [mm]": 2.0,
+        "ATE [mm]": 10.0,
+        "lost": "no",
+        "CPU [ms]": 0.5,
+        "memory [MB]": 70.0,
+        "start-up [s]": 0.25,
+        "used": "laser",
+    }
+    assert table.loc["b (lost)", "lost"] == "after 4 s"
 
 
-@pytest.mark.parametrize(("by", "at"), [("truth", 4.0), ("relations", 9.0)])
+def test_without_a_truth_the_one_table_has_what_stands_for_it():
+    rows = [unaided("a", 20.0, 0.01, 0.03), unaided("b", 25.0, 0.02, None)]
+    table = run_tables.main_table({}, rows)
+    assert table.loc["b"].to_dict() | {"disagreement [mm]": 0} == {
+        "walls [x]": 1.25,
+        "revisits [mm]": 20.0,
+        "disagreement [mm]": 0,
+        "lost": "no",
+        "CPU [ms]": 1.0,
+        "used": "laser",
+    }
+    assert run_tables.unaided_table({}, rows).empty
+    truth = [unaided("a", 20.0, 0.01, 0.03) | {"errors": row()["errors"]}]
+    assert run_tables.unaided_table({}, truth).loc["a", "disagreement [mm]"] == 30.0
+
+
+def unaided(name, area, revisits, apart):
+    found = {"walls_m2": area, "revisits_m": revisits, "revisits": 3}
+    loss = {"lost": False, "by": "report", "report": {"scans": 0}}
+    more = {"consistency": found, "disagreement_m": apart, "conflict": None}
+    return row(name, errors=None, loss=loss, **more)
+
+
+@pytest.mark.parametrize(("by", "at"), [("truth", "after 4 s"), ("relations", "after 9 s")])
 def test_a_lost_run_tells_when_by_what_judged_it(by, at):
+    assert run_tables.main_table({}, [strayed(by=by)]).loc["a (lost)", "lost"] == at
     table = run_tables.overview_table({}, [strayed(by=by), row("b")])
-    assert table.loc["a (lost)", "lost at [s]"] == at
+    assert table.loc["a (lost)", "lost after [m]"] == 2.0
     assert table.loc["a (lost)", "within limits [%]"] == 25.0
-    assert table.loc["b"].isna()["lost at [s]"]
+    assert table.loc["b"].isna()["lost after [m]"]
 
 
 def test_a_figure_of_a_map_that_means_nothing_is_left_out():
     found = {
         "iou": {"value": 0.5, "meaningful": True},
         "adnn_to_truth": {"value": 0.02, "meaningful": True},
-        "ssim": {"value": 0.9, "meaningful": False},
+        "coverage": {"value": 0.9, "meaningful": False},
     }
     table = run_tables.map_table({}, [row(map=found)])
     assert table.to_dict("index") == {"a": {"IoU": 0.5, "ADNN to truth [mm]": 20.0}}
@@ -89,25 +120,69 @@ def test_over_logs_the_lost_rank_last_and_those_alike_share_their_ranks():
 # sentences
 
 
-def test_the_answer_is_about_those_that_survive_most_and_not_about_baselines():
-    logs = [
-        [row("a", 0.003, ms=3.0), row("b", 0.002, ms=4.0), row("c", 0.001), row("odometry", 0.0)],
-        [row("a", 0.003, ms=3.0), row("b", 0.002, ms=6.0), strayed("c"), row("odometry", 0.0)],
+def told(a, b, p_value):
+    return {"a": a, "b": b, "measure": "translation", "p_value": p_value, "next": True}
+
+
+def test_the_answer_is_the_cheapest_of_those_as_accurate_within_chance():
+    rows = [row("a", 0.0021, ms=3.0), row("b", 0.002, ms=4.0), row("c", 0.003, ms=1.0)]
+    rows += [row("e", 0.0026, ms=0.5)]
+    rows += [strayed("d", error=0.001), row("odometry", 0.0, ms=0.1)]
+    found = compared(rows)
+    found.logs[0].entry["verdicts"] = [
+        told("b", "a", 0.3),
+        told("c", "b", 0.001),
+        told("e", "b", 0.9),
     ]
-    accurate, survives, cheapest = words.answer(compared(*logs))
-    assert accurate == "Most accurate: b (laser), 2.00 mm over a second."
-    assert survives == "Survives most: a and b, 2 of 2 logs."
-    assert cheapest == "Cheapest of those: a, 3.000 ms per scan."
+    assert words.answer(found) == [
+        "Take a: 2.10 mm over 1 s, 3.000 ms per scan.",
+        "As accurate within chance, and dearer: b.",
+        "Next: e 2.60 mm, 0.500 ms per scan and c 3.00 mm, 1.000 ms per scan.",
+        "Lost or failed: d after 4 s.",
+    ]
 
 
-def test_a_log_is_told_with_who_was_lost_and_who_is_too_slow():
-    rows = [row("a", ms=2.0, factor=0.5), strayed("b", ms=3.0, factor=20.0)]
-    text = " ".join(words.summary({}, rows))
-    assert "a is the most accurate" in text
-    assert "b was lost after 4.0 s and 2.0 m." in text
-    assert "slower than the scans came: a." in text
-    assert "every run kept up" in " ".join(words.summary({}, rows[1:]))
+def test_over_logs_those_lost_least_come_first_and_the_verdicts_are_those_over_all():
+    logs = [
+        [row("a", 0.003), row("b", 0.002), row("c", 0.001), row("odometry", 0.0)],
+        [row("a", 0.003), row("b", 0.002, factor=0.5), strayed("c"), row("odometry", 0.0)],
+    ]
+    found = compared(*logs)._replace(over_logs=[told("a", "b", 0.001)])
+    take, following, lost, slow = words.answer(found)
+    assert take == "Take b: 2.00 mm over 1 s, 1.000 ms per scan."
+    assert following == "Next: a 3.00 mm, 1.000 ms per scan."
+    assert (lost, slow) == (
+        "Lost or failed: c on 1 of 2 logs.",
+        "Slower than the scans came: b.",
+    )
+
+
+def test_if_all_are_lost_the_answer_says_so_and_still_names_the_best():
+    found = words.answer(compared([strayed("a", error=0.002), strayed("b", error=0.001)]))
+    assert found[0] == "Every algorithm was lost on 1 of 1 log."
+    assert found[1].startswith("The most accurate all the same is b: 1.00 mm over 1 s")
+    failed = {"algorithm": "a", "failed": "ValueError: no"}
+    assert words.answer(compared([failed])) == [
+        "Every algorithm was lost or failed: none can be recommended here."
+    ]
+
+
+def test_without_a_truth_the_answer_is_by_mean_ranks():
+    rows = [unaided("a", 20.0, 0.02, 0.03), unaided("b", 21.0, 0.01, 0.02)]
+    rows += [unaided("odometry", 19.0, 0.0, 0.01)]
+    take, ranks = words.answer(compared(rows))
+    assert take == "Without a truth: take a, first by wall area and error at revisits."
+    assert ranks.startswith("Mean ranks: a (1.5) and b (1.5). ")
+    take, ranks = words.answer(compared([*rows, unaided("c", 19.0, 0.0, 0.9)]))
+    assert take == "Without a truth: take b, first by agreement with the others."
+    assert ranks.startswith("Mean ranks: b (1.0), a (2.0) and c (3.0). ")
 
 
 def test_nothing_and_what_is_no_number_is_a_dash():
     assert [cell("ATE [mm]", value) for value in (None, float("nan"), 1.234)] == ["-", "-", "1.23"]
+
+
+def test_over_logs_without_a_truth_a_run_is_not_lost_for_that():
+    loss = {"lost": False, "by": "report", "report": {"scans": 0}}
+    table = run_tables.logs_table(compared(*[[row("a", errors=None, loss=loss)]] * 2))
+    assert table.loc["a"].to_dict() == {"logs": 2, "lost or failed": 0}

@@ -8,7 +8,7 @@ from crsm.original import Original, OriginalParams
 from crsm.original import map_kernels as byte_map
 from crsm.original import match_kernels as lattice
 from crsm.original import scan_kernels as picker
-from slams.formats.trajectory import read_csv
+from slams.formats.trajectory import read
 from slams.jit import njit
 from slams.types import IDENTITY
 from tests.crsm import naive
@@ -139,7 +139,7 @@ def test_draws_of_the_c_library():
 
 
 def test_original_takes_the_steps_of_the_program_with_its_random_numbers(shared_data):
-    _, expected = read_csv(shared_data("reference/robocup/crsm_s1.csv.gz"))
+    _, expected = read(shared_data("reference/robocup/crsm_s1.csv.gz"))
     log = slams.load(shared_data("data/robocup/robocup.npz")).select(100, odometry=False)
     slam = Original(OriginalParams())
     slam._rng = LibcRandom()

@@ -11,7 +11,7 @@ import numpy as np
 import slams
 from slams import LiveSlam, convert
 from slams.registry import create
-from slams.room import drive, laser, scan_at, way
+from slams.test_world import drive, laser, scan_at, way
 from tests import bags
 from tests.fuzz.numbers import SAME_SHAPE, mutated, number
 

@@ -8,7 +8,7 @@ import pytest
 from gmapping import GMappingParams
 from gmapping.map_kernels import facing
 from gmapping.surfaces import SurfaceMatcher, _heading
-from slams.room import laser, scan_at
+from slams.test_world import laser, scan_at
 from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping.scenes import HOW, climb, mapped, one, run, surface_of, view_of
 

@@ -90,7 +90,7 @@ def test_the_nearest_mean_moves_with_the_cell_it_is_of():
     insert_ends(tiles, np.zeros((1, 3)), ends_of([[0.32, 0.01]]), 100.0)
     for x, y in ((0.3, 0.0), (0.25, 0.05), (0.35, -0.05)):
         np.testing.assert_allclose(cell(tiles, x, y)[3:5], [0.31, 0.005], atol=1e-6)
-    assert slot_of(tiles, 0, 0, cell_of(0.45, EDGE), 0) < 0 or cell(tiles, 0.45, 0.0)[5] == 0.0
+    assert slot_of(tiles, 0, 0, cell_of(0.45, EDGE), 0) == 0 or cell(tiles, 0.45, 0.0)[5] == 0.0
 
 
 def test_distances_are_those_to_mean_hits_and_what_has_none_is_charged_in_full():
@@ -228,7 +228,7 @@ def test_a_match_tells_share_and_information_without_the_prior():
     np.testing.assert_allclose(weak.pose, 0.0, atol=1e-3)
     assert weak.share == pytest.approx(1.0, abs=0.02)
     assert (np.linalg.eigvalsh(weak.seen) > 1e3).all()
-    np.testing.assert_allclose(np.diag(strong.seen), np.diag(weak.seen), rtol=1.0)
+    np.testing.assert_allclose(np.diag(strong.seen), np.diag(weak.seen), rtol=0.5)
     far = Pose2(0.7, 0.4, 0.3)
     assert matcher.match(view, 0, geometry.Prior(far, 1e9 * np.eye(3)), far).share < 0.5
 

@@ -10,7 +10,7 @@ from gmapping.original.map import HitMap
 from gmapping.original.match_kernels import hill_climb, log_likelihood, score
 from gmapping.original.motion import Step as OriginalStep
 from gmapping.original.scan import EndPoints as OriginalPoints
-from slams.formats.trajectory import read_csv
+from slams.formats.trajectory import read
 from slams.geometry import travelled
 from slams.registry import find
 from slams.scan.end_points import EndPoints
@@ -121,6 +121,6 @@ def test_the_original_drives_as_the_program_does(shared_data):
     assert np.hypot(*poses[:, :2].T).max() > 0.5  # it has left the start
     off = []
     for seed in (1, 2, 3):
-        _, expected = read_csv(shared_data(f"reference/robocup/gmapping_s{seed}.csv.gz"))
+        _, expected = read(shared_data(f"reference/robocup/gmapping_s{seed}.csv.gz"))
         off.append(np.abs(poses - expected[: len(poses)]).max())
     assert min(off) < 0.02 and max(off) < 0.03  # m, rad

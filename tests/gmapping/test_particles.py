@@ -5,9 +5,10 @@ import pytest
 
 from gmapping import GMapping, GMappingParams
 from gmapping.map import TileMap
-from gmapping.map_kernels import insert
+from gmapping.map_kernels import DEPTH, LAYERS, insert
 from gmapping.particles import Particles, normalize, staying, systematic
 from gmapping.tile_kernels import own_slot
+from slams.grid_bounds import GridBounds
 from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping.scenes import (
     LASER,
@@ -95,15 +96,13 @@ def test_writing_to_one_particle_never_shows_in_another():
     tiles = mapped(surface, n=3)
     tiles.inherit(np.array([0, 0, 2]))
     assert tiles.shared == pytest.approx(1 / 3)
-    before = [
-        tiles.tiles.cells[tiles.tiles.tables[i]][tiles.tiles.tables[i] >= 0] for i in range(3)
-    ]
+    before = [tiles.tiles.cells[tiles.touched[:, :, i]] for i in range(3)]
     insert(tiles.tiles, np.array([[0.01, 0.0, 0.0]]), surface, SPLAT)  # particle 0 alone
-    after = [tiles.tiles.cells[tiles.tiles.tables[i]][tiles.tiles.tables[i] >= 0] for i in range(3)]
+    after = [tiles.tiles.cells[tiles.touched[:, :, i]] for i in range(3)]
     assert not np.array_equal(before[0], after[0])
     np.testing.assert_array_equal(before[1], after[1])
     np.testing.assert_array_equal(before[2], after[2])
-    references_add_up(tiles.tiles)
+    references_add_up(tiles)
 
 
 def test_a_copied_tile_keeps_what_it_held():
@@ -125,7 +124,7 @@ def test_what_nobody_points_at_is_zero_and_takes_no_room_in_a_state():
     maps.inherit(np.zeros(2, np.int64))
     freed = maps.tiles.free[maps.tiles.free[0]]
     assert freed == slot and not maps.tiles.cells[freed].any()
-    assert maps.tiles.cells[maps.tiles.tables[1, 0].max()].min() == 1.0
+    assert maps.tiles.cells[maps.touched[:, :, 1].max()].min() == 1.0
 
 
 def test_nothing_leaks_in_ten_thousand_resamplings():
@@ -138,17 +137,19 @@ def test_nothing_leaks_in_ten_thousand_resamplings():
         if i % 100 == 0:
             poses = rng.normal(0.0, 0.01, (5, 3))
             assert insert(tiles.tiles, poses, surface, SPLAT) == 0
-    references_add_up(tiles.tiles)
+    references_add_up(tiles)
     tiles.inherit(np.zeros(5, np.int64))
     assert tiles.used <= 2 * alone
 
 
 def test_growth_keeps_every_cell_where_it_was():
-    surface = surface_of(IDENTITY)
-    tiles, away = mapped(surface), np.array([[-30.0, 20.0, 0.0]])
+    surface, away = surface_of(IDENTITY), np.array([[-30.0, 20.0, 0.0]])
+    tiles = TileMap(1, LAYERS, 0.05, 5000, 1 << 16, DEPTH)  # 25 m to either side
+    assert insert(tiles.tiles, np.zeros((1, 3)), surface, SPLAT) == 0
     before, used = linearized(tiles.tiles, np.zeros(3), surface), tiles.used
     assert insert(tiles.tiles, away, surface, SPLAT) > 0  # outside the tables
     assert tiles.used == used
+    tiles.extent = GridBounds(1 << 26, 0.05)
     tiles.cover(np.array([-40.0, -3.0]), np.array([2.0, 25.0]))
     after = linearized(tiles.tiles, np.zeros(3), surface)
     for a, b in zip(before, after, strict=True):
@@ -173,21 +174,22 @@ def test_after_the_pool_was_full_all_particles_have_the_same_map():
         slam.update(scan)
         if slam.report()["collapsed"]:
             break
-    tables = slam.tiles.tiles.tables
-    assert (tables == tables[0]).all()
-    references_add_up(slam.tiles.tiles)
+    tables = slam.tiles.touched
+    assert (tables == tables[:, :, :1]).all()
+    references_add_up(slam.tiles)
 
 
 def test_resampled_particles_go_on_with_pose_and_map_of_their_ancestor():
     slam, _ = run(drive(20)[1], n_particles=4, spread=1.0)
-    pose, table = slam.particles.poses[1].copy(), slam.tiles.tiles.tables[1].copy()
-    assert not np.array_equal(table, slam.tiles.tiles.tables[2])
+    pose, table = slam.particles.poses[1].copy(), slam.tiles.touched[:, :, 1].copy()
+    assert not np.array_equal(table, slam.tiles.touched[:, :, 2])
     slam.particles.weigh(np.array([-90.0, 0.0, -90.0, -90.0]), 1.0)
     slam.particles.best = 1
     slam._follow(slam.particles.draw_ancestors(0.5))
     np.testing.assert_array_equal(slam.particles.poses, np.tile(pose, (4, 1)))
-    np.testing.assert_array_equal(slam.tiles.tiles.tables, np.tile(table, (4, 1, 1, 1)))
-    references_add_up(slam.tiles.tiles)
+    for i in range(4):
+        np.testing.assert_array_equal(slam.tiles.touched[:, :, i], table)
+    references_add_up(slam.tiles)
 
 
 def test_a_loop_closes_for_every_particle():

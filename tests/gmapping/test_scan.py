@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gmapping import GMappingParams
-from gmapping.scan import View
+from gmapping.scan import SURFACE_ERROR, View
 from slams.types import IDENTITY, Pose2
 from tests.gmapping.scenes import (
     LASER,
@@ -17,7 +17,8 @@ from tests.gmapping.scenes import (
 from tests.rooms import CORRIDOR, laser, scan_at
 
 
-def test_a_view_has_all_beams_of_the_scan_in_fewer_pieces():
+def test_a_view_has_all_beams_of_the_scan_in_fewer_pieces(monkeypatch):
+    monkeypatch.setattr("gmapping.scan.SURFACE_ERROR", 0.0)
     view = view_of(IDENTITY)
     assert len(view.pieces) < LASER.n_beams
     assert view.beams == view.pieces[:, 4].sum() == pytest.approx(LASER.n_beams, abs=6)
@@ -65,3 +66,14 @@ def test_a_post_looks_at_the_laser_and_what_is_seen_edge_on_is_left_out():
     for cosine, kept in ((0.2, 2), (0.05, 0)):
         normals = np.tile([-cosine, math.sqrt(1.0 - cosine**2)], (2, 1))
         assert len(pieces_of(wall, normals)) == kept
+
+
+def test_a_piece_weighs_what_its_beams_do_not_share():
+    view = view_of(IDENTITY)
+    view._noise.value = 0.02
+    beams = np.array([1.0, 4.0, 1e9])
+    view._weigh(beams)
+    shared, own = SURFACE_ERROR**2, 0.02**2
+    expected = (shared + own) / (shared + own / np.array([1.0, 4.0, 1e9]))
+    np.testing.assert_allclose(beams, expected)  # 1, 3.4 and no more than 17
+    assert beams[0] == 1.0 and beams[2] == pytest.approx(17.0)

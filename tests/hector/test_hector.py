@@ -613,10 +613,10 @@ def test_the_original_forgets_the_motion_of_a_sweep_unless_told():
 
 def test_the_original_follows_the_program_it_is_modeled_on(shared_data):
     from slams import load
-    from slams.formats.trajectory import read_csv
+    from slams.formats.trajectory import read
 
     reference = shared_data("reference/robocup/hector.csv.gz")
     log = load(shared_data("data/robocup/robocup.npz")).select(100, odometry=False)
     run = replay(Original(OriginalParams()), log)
-    _, poses = read_csv(reference)
+    _, poses = read(reference)
     assert np.hypot(*(run.poses - poses[:100])[:, :2].T).max() < 3e-3

@@ -17,7 +17,7 @@ from slams.cells import (
     taken,
     zeros,
 )
-from slams.extent import Box
+from slams.grid_bounds import Box
 from slams.registry import find
 from slams.state import memory
 from tests.rooms import drive

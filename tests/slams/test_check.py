@@ -238,4 +238,4 @@ def test_the_command(tmp_path):
     assert run("mine:Preset@default").returncode == 0
     none = run("mine:None_")
     assert (none.returncode, none.stdout) == (2, "")
-    assert none.stderr.startswith("slams.check: algorithm 'mine:None_'")
+    assert none.stderr.startswith("slams check: algorithm 'mine:None_'")

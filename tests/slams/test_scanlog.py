@@ -46,6 +46,41 @@ def test_load(tmp_path):
     assert scans[0].ranges.dtype == np.float32
 
 
+def test_attitude_and_heights_are_read_looked_up_and_written(tmp_path):
+    said = np.array([[0.0, 0.1], [0.2, 0.3], [np.nan, 0.0], [0.0, 0.0]])
+    stamps = np.array([0.0, 0.2, 0.9, 1.0])
+    path = written(tmp_path, attitude=said, attitude_t=stamps, mount_z=0.3, height=0.5)
+    log = load(path)
+    assert (log.laser.mount_z, log.laser.height, log.laser.above_floor) == (0.3, 0.5, 0.5)
+    found = [scan.attitude for scan in log]
+    assert found[0] == (0.0, 0.1) and found[1] == pytest.approx((0.1, 0.2))
+    later = log.attitude.attitudes_at(np.array([0.5, 0.95, 1.5]))
+    assert np.isnan(later).any(axis=1).all()  # in a gap, beside what is no number, behind the end
+    log.save(path)
+    again = load(path)
+    assert again.laser == log.laser
+    np.testing.assert_array_equal(again.attitude.values, said)
+    by_row = load(written(tmp_path, attitude=said[:3]))
+    assert [scan.attitude for scan in by_row.rows(slice(1, 3))] == [(0.2, 0.3), None]
+
+
+def test_a_log_without_attitude_is_written_as_ever(tmp_path):
+    path = written(tmp_path)
+    log = load(path)
+    log.save(path)
+    with np.load(path) as file:
+        assert not {"attitude", "attitude_t", "mount_z", "height"} & set(file.files)
+    assert all(scan.attitude is None for scan in log)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("height", 0.0), ("height", 999.0), ("mount_z", np.nan)]
+)
+def test_heights_that_no_laser_has(tmp_path, key, value):
+    with pytest.raises(ValueError, match="height"):
+        load(written(tmp_path, **{key: value}))
+
+
 def test_ranges_follow_rep_117_and_are_read_only(tmp_path):
     log = load(written(tmp_path))
     assert np.isnan(log.ranges[1, 0])

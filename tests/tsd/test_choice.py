@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from slams.extent import Box
 from slams.frontend.correlative import search
+from slams.grid_bounds import Box
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Pose2
 from tests.rooms import box, drive, laser, scan_at

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from slams.extent import Box
+from slams.grid_bounds import Box
 from slams.types import Pose2
 from tests.rooms import box, drive, laser, scan_at
 from tests.tsd import naive as naive_tsd

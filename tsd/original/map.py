@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slams.extent import USUAL_CELLS, Box, Extent
+from slams.grid_bounds import DEFAULT_MAX_CELLS, Box, GridBounds
 from slams.types import Floats, OccupancyGrid
 from tsd.image import Image, Picture
 from tsd.original import map_kernels as kernels
@@ -27,12 +27,17 @@ class TsdGrid:
     """
 
     def __init__(
-        self, cell: float, truncation: float, side: int, grows: bool, max_cells: int = USUAL_CELLS
+        self,
+        cell: float,
+        truncation: float,
+        side: int,
+        grows: bool,
+        max_cells: int = DEFAULT_MAX_CELLS,
     ) -> None:
         n = max(side // SIDE, 1)
         cells = n * SIDE
         self._grows = grows
-        self.extent = Extent(max_cells, cell)
+        self.extent = GridBounds(max_cells, cell)
         self.kernel = Grid(
             tsd=np.full((cells, cells), np.nan, np.float32),
             weight=np.zeros((cells, cells), np.float32),

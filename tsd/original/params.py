@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from slams.extent import max_cells
+from slams.grid_bounds import max_cells
 from slams.params import Params, RosNames, param
 from tsd.ros import ORIGINAL as ROS_NAMES
 

@@ -29,13 +29,16 @@ def lines_table(
         "table",
         element("caption", element("span", title)),
         element("thead", element("tr", *(element("th", text, scope="col") for text in head))),
-        element("tbody", *(_line(line, kinds or {}) for line in body)),
+        element("tbody", *(_line(head, line, kinds or {}) for line in body)),
     )
     return element("div", drawn, class_="scroll", tabindex=0, role="region", aria_label=title)
 
 
-def _line(line: list[str], kinds: Mapping[str, str]) -> Markup:
+def _line(head: list[str], line: list[str], kinds: Mapping[str, str]) -> Markup:
+    """A line; on a narrow screen the label of a value stands with it."""
     name, *values = line
     kind = "limit" if name == BOUND else kinds.get(name)
     header = element("th", element("span", name), scope="row", class_=kind)
-    return element("tr", header, *(element("td", value) for value in values))
+    cells = zip(head[1:], values, strict=True)
+    drawn = (element("td", value, data_label=column) for column, value in cells)
+    return element("tr", header, *drawn)

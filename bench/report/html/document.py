@@ -1,23 +1,28 @@
-"""The document: its sections in their order, each only if there is something to say."""
+"""The report of one log: the answer, one table, maps, curves; all the rest folded."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bench.judge import loss, metrics
-from bench.report import tables, words
+from bench.judge import alarms, loss, metrics
+from bench.report import pareto, tables, words
 from bench.report import text as report
 from bench.report.html import charts, page, plans
 from bench.report.html.cells import table
 from bench.report.html.markup import Markup, element, together
 from bench.report.html.record import facts, parameters
 from bench.report.html.runs import runs
-from bench.report.lines import label
+from bench.report.lines import DECIDING_SPANS, label
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from bench.report.html.runs import Run
     from bench.results import Comparison, Line, LogResult, Rows
+
+# tables that stand in sections of their own; the others are under "All tables"
+MAIN, PAPER = ("main",), ("translation", "orientation", "published")
 
 
 def write(path: Path, comparison: Comparison, done: LogResult) -> None:
@@ -29,86 +34,89 @@ def document(comparison: Comparison, done: LogResult) -> str:
     """The report's text."""
     results, entry, rows = comparison.as_dict(), done.entry, done.rows
     shown = runs(done)
-    found = {"Which one": _answer(comparison)} | _findings(results, entry, rows)
-    drawn = _figures(entry, rows, shown, done)
-    record = {
+    made = tables.tables(entry, rows)
+    alone = comparison._replace(logs=[done], over_logs=[])
+    before = {
+        "Which one": together(_listed(words.answer(alone)), _tables(made, rows, MAIN)),
+    }
+    drawn = _figures(shown, done)
+    paper = together(_tables(made, rows, PAPER), charts.histograms(shown))
+    others = tuple(key for key in made if key not in (*MAIN, *PAPER))
+    folded = {
+        "Tables and histograms of the paper": paper or None,
+        "Trajectories": plans.trajectories(shown, done),
+        "Errors over time": charts.over_time(shown, _span(shown)),
+    }
+    behind = {
+        "All tables": together(_tables(made, rows, others), _failed(rows)) or None,
+        "How sure": _verdicts(entry),
         "How it was run": together(facts(results, entry), parameters(rows)),
         "Definitions": _definitions(),
     }
-    return page.page(
-        f"{entry['name']}: SLAM comparison", report.head(entry), (found, drawn, record), shown
-    )
+    parts = (before, drawn | folded, behind)
+    title, heading = f"{entry['name']}: SLAM comparison", report.head(entry)
+    return page.page(title, heading, parts, shown, {*folded, *behind})
 
 
-def _answer(comparison: Comparison) -> Markup:
-    """Three sentences over all logs of the comparison."""
-    return element("ul", *(element("li", text) for text in words.answer(comparison)))
-
-
-def _findings(results: Line, entry: Line, rows: Rows) -> dict[str, Markup | None]:
+def _figures(shown: list[Run], done: LogResult) -> dict[str, Markup | None]:
+    kinds = {run.outcome.row["algorithm"]: run.kind for run in shown}
+    curves = [
+        charts.errors(shown, _span(shown)),
+        charts.against_cost(pareto.points_of(done), kinds),
+    ]
+    pair = element("div", *(curve for curve in curves if curve), class_="pair")
     return {
-        "Summary": element("p", " ".join(words.summary(entry, rows))),
-        "Tables": _tables(entry, rows),
-        "How sure": _verdicts(results, entry),
-    }
-
-
-def _figures(entry: Line, rows: Rows, shown: list[Run], done: LogResult) -> page.Sections:
-    bound = (entry.get("bound") or {}).get("spans", {})
-    span = words.over_what(rows) or "update"
-    return {
-        "Errors": charts.histograms(shown, bound),
-        "Trajectories": plans.trajectories(shown, done),
         "Maps": plans.maps(shown, done),
-        "Errors over time": charts.over_time(shown, bound, span),
-        "Cost per scan": charts.latency(shown),
+        "Errors": pair if any(curves) else None,
     }
 
 
-def _tables(entry: Line, rows: Rows) -> Markup:
-    """The paper's tables, then the others; runs that ended early below."""
+def _span(shown: list[Run]) -> str:
+    """The span that all runs with errors have."""
+    judged = [run.outcome.errors for run in shown if run.outcome.errors]
+    shared = (name for name in DECIDING_SPANS if all(name in found for found in judged))
+    return next(shared, "update")
+
+
+def _tables(made: dict[str, pd.DataFrame], rows: Rows, keys: tuple[str, ...]) -> Markup:
     kinds = {label(row): f"run-{k}" for k, row in enumerate(rows)}
     drawn = []
-    for key, frame in tables.tables(entry, rows).items():
-        drawn.append(table(frame, tables.TITLES[key], kinds))
-        if key == "published":
-            drawn.append(element("p", tables.DIFFERS))
-    failed = [element("li", line) for line in words.failures(rows)]
-    if failed:
-        drawn += [element("h3", "Failed"), element("ul", *failed)]
+    for key in keys:
+        if key in made:
+            drawn.append(table(made[key], tables.TITLES[key], kinds))
+            drawn += [element("p", tables.DIFFERS)] if key == "published" else []
     return together(*drawn)
 
 
-def _verdicts(results: Line, entry: Line) -> Markup | None:
+def _failed(rows: Rows) -> Markup | None:
+    found = words.failures(rows)
+    return together(element("h3", "Failed"), _listed(found)) if found else None
+
+
+def _verdicts(entry: Line) -> Markup | None:
     """The sentence of each pair: neighbors in the order of their errors first."""
     found: list[Line] = entry.get("verdicts") or []
-    over: list[Line] = results.get("over_logs") or []
-    if not found and not over:
+    if not found:
         return None
+    others = [verdict["sentence"] for verdict in found if not verdict["next"]]
     return together(
-        _sentences(words.neighbors(found)),
-        _folded("all other pairs", [verdict for verdict in found if not verdict["next"]]),
-        element("h3", "Over all logs of this comparison") if over else None,
-        _sentences(over),
+        _listed([verdict["sentence"] for verdict in words.neighbors(found)]),
+        element("details", element("summary", "all other pairs"), _listed(others))
+        if others
+        else None,
     )
 
 
-def _sentences(found: list[Line]) -> Markup | None:
-    lines = [element("li", verdict["sentence"]) for verdict in found]
-    return element("ul", *lines) if lines else None
-
-
-def _folded(title: str, found: list[Line]) -> Markup | None:
-    return element("details", element("summary", title), _sentences(found)) if found else None
+def _listed(lines: list[str]) -> Markup:
+    return element("ul", *(element("li", line) for line in lines))
 
 
 def _definitions() -> Markup:
     """The prose, with the constants of the code."""
     constants = {
         "loop_s": metrics.LOOP,
-        "limit_m": loss.LIMIT_M,
-        "limit_share": 100 * loss.LIMIT_SHARE,
-        "limit_rad": loss.LIMIT_RAD,
+        "limit_m": alarms.LIMIT_M,
+        "limit_rad": alarms.LIMIT_RAD,
         "broken_share": 100 * loss.BROKEN_SHARE,
         "reported_share": 100 * loss.REPORTED_SHARE,
     }

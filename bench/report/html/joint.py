@@ -1,4 +1,4 @@
-"""The page over several logs: who is best over all of them; each log has a page of its own."""
+"""The page over several logs: which one over all of them; each log has a page of its own."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from bench.report import run_tables, tables, words
+from bench.report import pareto, run_tables, tables, words
 from bench.report import text as report
-from bench.report.html import page
+from bench.report.html import charts, page
 from bench.report.html.cells import table
 from bench.report.html.markup import Markup, element, together
 from bench.report.html.record import facts
+from bench.report.html.runs import Curve
 
 if TYPE_CHECKING:
     from bench.results import Comparison
@@ -27,21 +28,53 @@ def joint(comparison: Comparison, folders: Sequence[str]) -> str:
     """The page's text."""
     answer = (element("li", text) for text in words.answer(comparison))
     over = [element("li", verdict["sentence"]) for verdict in comparison.over_logs]
+    shown = [Curve(f"run-{k}", name) for k, name in enumerate(words.by_algorithm(comparison))]
+    kinds = {curve.name: curve.kind for curve in shown}
     before = {
-        "Which one": element("ul", *answer),
-        "Over all logs": table(run_tables.logs_table(comparison), tables.OVER_LOGS, {}),
-        "How sure": element("ul", *over) if over else None,
+        "Which one": together(
+            element("ul", *answer),
+            table(run_tables.logs_table(comparison), tables.OVER_LOGS, kinds),
+        ),
         "Each log": _links(comparison, folders),
     }
-    results = comparison.as_dict()
-    behind = {"How it was run": facts(results, {})}
+    curves = [
+        charts.over_runs(_errors(comparison), shown),
+        charts.against_cost(pareto.points(comparison), kinds),
+    ]
+    pair = element("div", *(curve for curve in curves if curve), class_="pair")
+    behind = {
+        "How sure": element("ul", *over) if over else None,
+        "How it was run": facts(comparison.as_dict(), {}),
+    }
     title = f"SLAM comparison over {len(comparison.logs)} logs"
-    return page.page(title, title, (before, {}, behind), [])
+    drawn = {"Errors": pair if any(curves) else None}
+    return page.page(title, title, (before, drawn, behind), shown, set(behind))
+
+
+def _errors(comparison: Comparison) -> dict[str, list[float]]:
+    """Absolute errors [mm] of each algorithm's runs; inf where one failed or has none."""
+    return {
+        name: [
+            float("inf") if row["failed"] or not row["errors"] else 1e3 * row["errors"]["ate_m"]
+            for row in rows
+        ]
+        for name, rows in words.by_algorithm(comparison).items()
+    }
 
 
 def _links(comparison: Comparison, folders: Sequence[str]) -> Markup:
+    """A link to each log's page, by the name of its folder."""
     lines = [
-        element("li", element("a", report.head(log.entry), href=f"{quote(folder)}/report.html"))
+        element(
+            "li",
+            element("a", folder, href=f"{quote(folder)}/report.html"),
+            f": {report.head(log.entry)}; odometry {_has(log.entry, 'odometry')}, "
+            f"gyro {_has(log.entry, 'gyro')}",
+        )
         for log, folder in zip(comparison.logs, folders, strict=True)
     ]
-    return together(element("ul", *lines))
+    return element("ul", *lines)
+
+
+def _has(entry: dict[str, object], key: str) -> str:
+    return "yes" if entry.get(key) else "no"

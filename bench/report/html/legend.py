@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from bench.report.figures import COLORS
 from bench.report.html.markup import Markup, element
+from bench.report.palette import COLORS
 
-# a second cue beside the color; 8 colors and 5 patterns make 40 pairs
+# a second cue beside the color; 14 colors and 5 patterns make 70 pairs
 DASHES = ("none", "9 3", "2 3", "9 3 2 3", "16 4")
 PAPER, NIGHT = "#FFFFFF", "#14171C"  # the pages' backgrounds, as in report.css
 INVERTED = {"#000000": "#FFFFFF"}  # on the dark page

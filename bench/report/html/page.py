@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from string import Template
 
@@ -18,7 +18,11 @@ Sections = Mapping[str, Markup | None]
 
 
 def page(
-    title: str, heading: str, parts: tuple[Sections, Sections, Sections], shown: Sequence[Named]
+    title: str,
+    heading: str,
+    parts: tuple[Sections, Sections, Sections],
+    shown: Sequence[Named],
+    folded: Collection[str] = (),
 ) -> str:
     """The text of a page.
 
@@ -27,9 +31,12 @@ def page(
         heading: the first line.
         parts: sections before the figures, the figures, and those behind; empty ones are left out.
         shown: what the legend shows and hides, each with its color.
+        folded: sections of which only the name is seen at first.
     """
     before, drawn, behind = parts
-    main = together(_sections(before), _under_legend(drawn, shown), _sections(behind))
+    main = together(
+        _sections(before, folded), _under_legend(drawn, shown, folded), _sections(behind, folded)
+    )
     return template("report.template.html").substitute(
         title=element("title", title),
         style=(HERE / "report.css").read_text(encoding="utf-8") + rules(shown),
@@ -45,23 +52,27 @@ def template(name: str) -> Template:
     return Template((HERE / name).read_text(encoding="utf-8"))
 
 
-def _under_legend(drawn: Sections, shown: Sequence[Named]) -> Markup | None:
+def _under_legend(
+    drawn: Sections, shown: Sequence[Named], folded: Collection[str]
+) -> Markup | None:
     if not any(drawn.values()):
         return None
-    figures = _sections(drawn)
+    figures = _sections(drawn, folded)
     zooms = "data-zoom" in figures
     hint = element("p", HINT, class_="hint", hidden=True) if zooms else None
     return element("div", legend(shown), hint, figures, class_="figures")
 
 
-def _sections(bodies: Sections) -> Markup:
-    return together(
-        *(
-            element("section", element("h2", name, id=_anchor(name)), body)
-            for name, body in bodies.items()
-            if body
-        )
-    )
+def _sections(bodies: Sections, folded: Collection[str]) -> Markup:
+    made = (_section(name, body, name in folded) for name, body in bodies.items() if body)
+    return together(*made)
+
+
+def _section(name: str, body: Markup, folded: bool) -> Markup:
+    head = element("h2", name, id=_anchor(name))
+    if folded:
+        return element("section", element("details", element("summary", head), body))
+    return element("section", head, body)
 
 
 def _contents(bodies: Sections) -> Markup:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from bench.report.html.markup import Markup, element
 from bench.report.html.plots import short
+from bench.report.palette import UNKNOWN, shade
 from slams.types import OccupancyGrid
 
 LONGEST = 1000  # px
-UNKNOWN = 0.8  # shade of cells never observed, as in the pdf figures
-SHADES = 15  # steps of gray
+SHADES = 20  # steps of gray
 
 
 def picture(
@@ -54,8 +54,8 @@ def _shades(
     part = grid.p[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     factor = max(math.ceil(max(part.shape) / LONGEST), round(finest / grid.resolution))
     part = _shrunk(np.where(np.isnan(part), -1.0, part), factor)
-    steps = np.round((1.0 - np.clip(part, 0.0, 1.0)) * SHADES) * (255.0 / SHADES)
-    shades = np.where(part < 0.0, 255.0 * UNKNOWN, steps).round().astype(np.uint8)
+    steps = np.round(shade(np.where(part < 0.0, np.nan, part)) * SHADES) * (255.0 / SHADES)
+    shades = steps.round().astype(np.uint8)
     corner = (
         grid.origin[0] + columns[0] * grid.resolution,
         grid.origin[1] + rows[0] * grid.resolution,

@@ -8,42 +8,38 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.report.html.markup import Markup, element, together
+from bench.report.html.markup import Markup, element
 from bench.report.html.pictures import picture
-from bench.report.html.plots import Axis, figure, line, plot, thinned
+from bench.report.html.plots import Axis, Note, figure, line, plot, thinned
 from bench.report.html.runs import Run
+from bench.report.palette import bar_length
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
     from bench.results import LogResult
 
-ZOOMS = (1, 10, 100, 1000)  # of the errors in the trajectories
 MARGIN = 0.04  # of the shown part around what it must show
 AROUND_MAP = 1.0  # m
+AROUND_PATH = 15.0  # m around the paths in which walls are shown
 WIDEST = 2.0  # width of a plan over its height
+LARGER = 1.5  # times the size of the middle run: such a path has left the place
 STILL = 0.1  # m, least size of a plan
 
 
 def trajectories(shown: Sequence[Run], done: LogResult) -> Markup | None:
-    """All paths in one plan, with the true one; report.js can draw their errors larger."""
+    """All paths in one plan, with the true one."""
     ways = {run: _seen_from_first(run) for run in shown if len(run.outcome.t)}
     if not ways:
         return None
     true = next((run.outcome.common.truth for run in ways if run.outcome.common), None)
     whole = done.reference.path if done.reference.path is not None else true
     x, y = _plan(_extent(_kept(ways) if whole is None else [whole]), narrowest=1.4)
-    axes = x._replace(steps=ZOOMS[-1] * x.steps), y._replace(steps=ZOOMS[-1] * y.steps)
-    marks = [] if true is None else [_way(true, axes, "truth", "true path", id="truth")]
-    for run, way in ways.items():
-        base = "truth" if true is not None and len(way) == len(true) else None
-        marks.append(_way(way, axes, run.mark, run.name, data_base=base))
+    marks = [] if true is None else [_way(true, (x, y), "truth", "true path", id="truth")]
+    marks += [_way(way, (x, y), run.mark, run.name) for run, way in ways.items()]
     words = "this log has no truth" if true is None else "the broad line is the true one"
-    return together(
-        None if true is None else _magnifier(),
-        figure(
-            f"Paths seen from the first pose; {words}.",
-            plot("trajectories of all algorithms", *axes, marks, "xy", "plan"),
-        ),
+    return figure(
+        f"Paths seen from the first pose; {words}.",
+        plot("trajectories of all algorithms", x, y, marks, "xy", "plan"),
     )
 
 
@@ -55,7 +51,12 @@ def maps(shown: Sequence[Run], done: LogResult) -> Markup | None:
     start, known = done.reference.start, done.reference.grid
     path = None if start is None else done.reference.path  # else in another frame than the maps
     ways = _kept({run: run.outcome.poses for run in grids}) if path is None else [path]
-    walls = [_walls(grid, run.outcome.frame) for run, grid in grids.items() if not run.lost]
+    reach = _extent(ways) + AROUND_PATH * np.array([[-1.0], [1.0]])
+    walls = [
+        np.clip(_walls(grid, run.outcome.frame), *reach)
+        for run, grid in grids.items()
+        if not run.lost
+    ]
     axes = _plan(np.concatenate([_extent(ways), *walls]), narrowest=0.8)
     true = [] if path is None else [_way(path, axes, "truth", "true path")]
     panels = []
@@ -69,8 +70,9 @@ def maps(shown: Sequence[Run], done: LogResult) -> Markup | None:
         image = picture(grid, run.name, None if frame == IDENTITY else into(frame))
         panels.append(_panel(run.name, axes, [image, *true, way], run.mark))
     return figure(
-        "Fig. 4 of the paper: white is free, black occupied, gray never observed (inverted on a "
-        f"dark page). Each map with its path{' and, broad, the true one' if true else ''}.",
+        "Fig. 4 of the paper: white is free, black occupied, gray never observed (black and white "
+        "change places on a dark page). Each map with its path"
+        f"{' and, broad, the true one' if true else ''}.",
         element("div", *panels, class_="maps"),
     )
 
@@ -82,8 +84,11 @@ def _seen_from_first(run: Run) -> Floats:
 
 
 def _kept(ways: dict[Run, Floats]) -> list[Floats]:
-    """The paths that set the shown part: those of lost runs only if there are no others."""
-    return [way for run, way in ways.items() if not run.lost] or list(ways.values())
+    """The paths that set the shown part: none of lost runs, or far larger ones, if others are."""
+    found = [way for run, way in ways.items() if not run.lost] or list(ways.values())
+    sizes = [float(np.ptp(way[:, :2], axis=0).max()) for way in found]
+    most = LARGER * float(np.median(sizes))
+    return [way for way, size in zip(found, sizes, strict=True) if size <= most]
 
 
 def _way(
@@ -94,15 +99,14 @@ def _way(
 
 
 def _panel(name: str, axes: tuple[Axis, Axis], marks: list[Markup], kind: str = "") -> Markup:
-    drawn = plot(f"map: {name}", *axes, marks, "xy", "map")
+    """A map with its scale bar."""
+    x, y = axes
+    length, left, low = bar_length(x.span), x.low + 0.04 * x.span, y.low + 0.04 * y.span
+    ends = np.array([left, left + length]), np.array([low, low])
+    scale = line(*ends, axes, "scale", f"{length:g} m")
+    notes = [Note(left, low + 0.01 * y.span, f"{length:g} m", "scale")]
+    drawn = plot(f"map: {name}", *axes, [*marks, scale], "xy", "map", notes)
     return element("div", element("h3", name), drawn, class_=f"panel {kind}".rstrip())
-
-
-def _magnifier() -> Markup:
-    """A choice that report.js shows and obeys."""
-    options = [element("option", f"{zoom} ×", value=zoom) for zoom in ZOOMS]
-    choice = element("select", *options, id="magnify", autocomplete="off")
-    return element("label", "errors drawn ", choice, class_="tool", hidden=True)
 
 
 def _extent(ways: Sequence[Floats]) -> Floats:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.report.html.markup import Markup, element
+from bench.report.palette import RIGHT
 from slams.types import Floats
 
 POINTS = 1500  # most of one line
@@ -47,17 +48,33 @@ class Axis(NamedTuple):
         return self.marks or ticks(self.low, self.high, self.log)
 
 
+class Note(NamedTuple):
+    """A word beside a point of a plot; `kind` is its class."""
+
+    x: float
+    y: float
+    text: str
+    kind: str = ""
+
+
 def plot(
-    title: str, x: Axis, y: Axis, marks: Sequence[Markup], zoom: str = "x", group: str = ""
+    title: str,
+    x: Axis,
+    y: Axis,
+    marks: Sequence[Markup],
+    zoom: str = "x",
+    group: str = "",
+    notes: Sequence[Note] = (),
 ) -> Markup:
     """A plot of marks; `zoom` "x", "xy" with equal axes, or "" for none.
 
-    Plots of one `group` show the same part of their axes `zoom`.
+    Plots of one `group` show the same part of their axes `zoom`; `notes` stay where they are.
     """
     equal = zoom == "xy"
     view = f"{short(x.low)} {short(-y.high)} {short(x.span)} {short(y.span)}"
     drawing = element(
         "svg",
+        element("title", title),
         element("g", _grid(x, y), *marks, transform="scale(1 -1)"),
         viewBox=view,
         preserveAspectRatio="none",
@@ -69,6 +86,7 @@ def plot(
         element("span", y.label, class_="y-label"),
         element("div", *_labels(y, "bottom"), class_="y-ticks", aria_hidden="true"),
         drawing,
+        element("div", *(_note(note, x, y) for note in notes), class_="notes") if notes else None,
         element("div", *_labels(x, "left"), class_="x-ticks", aria_hidden="true"),
         element("span", x.label, class_="x-label"),
         class_="plot equal" if equal else "plot",
@@ -78,6 +96,14 @@ def plot(
         data_x="log" if x.log else None,
         data_y="log" if y.log else None,
     )
+
+
+def _note(note: Note, x: Axis, y: Axis) -> Markup:
+    left, bottom = ((at - axis.low) / axis.span for at, axis in ((note.x, x), (note.y, y)))
+    side = "right" if left > RIGHT else "left"
+    place = 100 * (1.0 - left if side == "right" else left)
+    where = f"{side}:{place:.1f}%;bottom:{100 * bottom:.1f}%"
+    return element("span", note.text, class_=note.kind or None, style=where)
 
 
 def figure(words: str, *drawn: Markup) -> Markup:
@@ -109,28 +135,10 @@ def line(
     return element("path", element("title", title), class_=f"line {kind}", d=where, **attributes)
 
 
-def band(
-    x: Floats, low: Floats, high: Floats, axes: tuple[Axis, Axis], kind: str, title: str
-) -> Markup:
-    """The area between two lines."""
-    around = path(np.concatenate([x, x[::-1]]), np.concatenate([high, low[::-1]]), axes)
-    return element("path", element("title", title), class_=f"band {kind}", d=f"{around}Z")
-
-
 def bar(left: float, width: float, height: float, kind: str, title: str) -> Markup:
     """An upright bar on the x axis."""
     where = f"M{short(left)} 0V{short(height)}h{short(width)}V0Z"
     return element("path", element("title", title), class_=f"bar {kind}", d=where)
-
-
-def across(value: float, axis: Axis, title: str, upright: bool = False) -> Markup:
-    """A straight line across the plot at a value of one axis; `axis` is the other one."""
-    low, high = axis.low - axis.span, axis.high + axis.span
-    if upright:
-        where = f"M{value:.4f} {short(low)}V{short(high)}"
-    else:
-        where = f"M{short(low)} {value:.4f}H{short(high)}"
-    return element("path", element("title", title), class_="line limit", d=where)
 
 
 def path(x: Floats, y: Floats, axes: tuple[Axis, Axis]) -> str:
@@ -145,17 +153,15 @@ def thinned(n: int, most: int = POINTS) -> NDArray[np.int64]:
     return chosen
 
 
-def envelope(t: Floats, values: Floats, most: int) -> tuple[Floats, ...]:
-    """Time, least, mean and greatest value of at most `most` equal stretches of time."""
+def means(t: Floats, values: Floats, most: int) -> tuple[Floats, Floats]:
+    """Mean time and value of at most `most` equal stretches of time."""
     order = np.argsort(t, kind="stable")
     t, values = t[order], values[order]
     width = max(float(t[-1] - t[0]), 1e-9) / most
     stretch = np.minimum(((t - t[0]) / width).astype(np.int64), most - 1)
     starts = np.flatnonzero(np.diff(stretch, prepend=-1))
     counts = np.diff(starts, append=len(t))
-    means = [np.add.reduceat(series, starts) / counts for series in (t, values)]
-    least, greatest = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
-    return means[0], least, means[1], greatest
+    return np.add.reduceat(t, starts) / counts, np.add.reduceat(values, starts) / counts
 
 
 def _grid(x: Axis, y: Axis) -> Markup:

@@ -28,14 +28,16 @@ def parameters(rows: Rows) -> Markup:
 
 
 def _choices(results: Line, entry: Line) -> dict[str, Any]:
-    odometry = "used where an algorithm can" if results["odometry"] else "hidden"
-    machine, versions = results["machine"], results["versions"]
-    return {
+    odometry = "given" if results["odometry"] else "hidden"
+    known = {
         "odometry": odometry if entry.get("odometry") else "none in the log",
         "gyro": "yes" if entry.get("gyro") else "no",
         "stamps that jump back": entry.get("stamps_back", 0),
         "longest gap of the truth [s]": entry.get("truth_gap_s"),
-        "slower core, factor": results.get("slower"),
+    }
+    machine, versions = results["machine"], results["versions"]
+    return {
+        **(known if entry else {}),  # of one log
         "machine": ", ".join(f"{key} {_text(value)}" for key, value in machine.items()),
         "versions": ", ".join(f"{key} {value}" for key, value in versions.items()),
     }

@@ -1,5 +1,5 @@
 "use strict";
-// What a script adds to report.html: zoom and pan, sorted tables, magnified errors.
+// What a script adds to report.html: zoom and pan, sorted tables.
 // Everything is drawn without it; a plot's data are the points of its SVG paths.
 
 const CLOSEST = 1 / 400; // least visible share of a plot
@@ -261,28 +261,6 @@ for (const heading of document.querySelectorAll("thead th")) {
     for (const other of heading.parentNode.cells) other.removeAttribute("aria-sort");
     heading.setAttribute("aria-sort", ascending ? "ascending" : "descending");
     sortBy(heading.closest("table"), heading.cellIndex, ascending);
-  });
-}
-
-// Trajectories: draw every pose's distance from the true one some times as large.
-
-const magnify = document.getElementById("magnify");
-if (magnify) {
-  const points = (path) => path.getAttribute("d").slice(1).split(" ").map((p) => p.split(","));
-  const runs = [...document.querySelectorAll("path[data-base]")].map((path) => ({
-    path,
-    poses: points(path),
-    base: points(document.getElementById(path.dataset.base)),
-  }));
-  magnify.closest("label").hidden = false;
-  magnify.addEventListener("change", () => {
-    for (const { path, poses, base } of runs) {
-      const moved = poses.map((pose, k) =>
-        pose.map((value, axis) => +base[k][axis] + (value - base[k][axis]) * magnify.value),
-      );
-      path.classList.toggle("magnified", magnify.value > 1);
-      path.setAttribute("d", `M${moved.map((pose) => pose.join(",")).join(" ")}`);
-    }
   });
 }
 

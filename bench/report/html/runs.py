@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from bench.report.lines import label
 
@@ -28,6 +28,13 @@ class Run:
     def lost(self) -> bool:
         """Whether it lost its way."""
         return bool((self.outcome.row.get("loss") or {}).get("lost"))
+
+
+class Curve(NamedTuple):
+    """An algorithm over several runs in a figure: the class of its color, and its name."""
+
+    kind: str
+    name: str
 
 
 def runs(done: LogResult) -> list[Run]:

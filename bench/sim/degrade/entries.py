@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bench.sim.degrade import fan, readings, stamps, wheels
+from bench.sim.degrade import fan, readings, stamps, tilt, wheels
 from bench.sim.degrade.degradation import Degradation
 from bench.sim.degrade.glass import glass
 from bench.sim.degrade.people import people
@@ -271,6 +271,7 @@ ENTRIES = (
         needs=("gyro",),
         random=False,
     ),
+    *tilt.ENTRIES,
     Degradation(
         "poor_lidar",
         "1",

@@ -18,7 +18,7 @@ MUCH = 4 * ROOM  # that a refusal may take
 
 @pytest.fixture(autouse=True)
 def _small_room(monkeypatch):
-    monkeypatch.setattr(packed, "ROOM", ROOM)
+    monkeypatch.setattr(packed, "MIN_UNPACKED_LIMIT", ROOM)
 
 
 @pytest.fixture
@@ -123,3 +123,9 @@ def test_packed_text_that_becomes_a_hundred_times_as_long(tmp_path):
             file.write(line * ((1 << 20) // len(line)))
     assert "unpacks to 0.0 GB" in refused(slams.load, path)
     assert "unpacks to 0.0 GB" in refused(pose_tables.read, path)
+
+
+def test_recordings_unpack_to_fifty_times_their_size_and_no_more():
+    packed.check_growth("a.gz", 1 << 20, 50 << 20)
+    with pytest.raises(ValueError, match=r"a\.gz: unpacks to"):
+        packed.check_growth("a.gz", 1 << 20, (50 << 20) + 1)

@@ -1,4 +1,4 @@
-"""Thousands of damaged files that are no bags: each is read or refused in one sentence."""
+"""Hundreds of damaged files that are no bags: each is read or refused in one sentence."""
 
 import gzip
 

@@ -1,45 +1,168 @@
-"""Pictures of maps: shades between the thresholds, and which row is on top."""
+"""Maps and pictures of them: what is written, what other programs write, what is refused."""
+
+import math
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import yaml
+from PIL import Image
 
-from slams.formats.occupancy import picture, read_map, trinary
+from slams.formats import occupancy
+from slams.formats.occupancy import picture, trinary
 from slams.types import OccupancyGrid
 
-YAML = "image: m.png\nresolution: 0.1\norigin: [-1.0, 2.0, 0.0]\nmode: {}\nnegate: {}\n"
-LIMITS = "occupied_thresh: 0.6\nfree_thresh: 0.2\n"
+
+def a_map(tmp_path, pixels, **changes):
+    cv2.imwrite(str(tmp_path / "m.png"), np.array(pixels, np.uint8))
+    entries = {
+        "image": "m.png",
+        "resolution": 0.1,
+        "origin": [1.0, 2.0, 0.0],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.196,
+    } | changes
+    (tmp_path / "m.yaml").write_text(yaml.safe_dump(entries))
+    return tmp_path / "m.yaml"
 
 
-def read(folder, pixels, mode="trinary", negate=0):
-    cv2.imwrite(str(folder / "m.png"), np.array(pixels, np.uint8))
-    (folder / "m.yaml").write_text(YAML.format(mode, negate) + LIMITS)
-    return read_map(folder / "m.yaml")
+def cells(path, notes=None):
+    return occupancy.read_map(path, notes).p.tolist()
+
+
+def same(found, expected):
+    assert np.array(found) == pytest.approx(np.array(expected), nan_ok=True, abs=1e-6)
+
+
+def test_trinary_maps(tmp_path):
+    same(cells(a_map(tmp_path, [[0, 254], [205, 100]])), [[np.nan, np.nan], [1, 0]])
+    same(cells(a_map(tmp_path, [[0, 254, 50]], negate=1)), [[0, 1, np.nan]])
 
 
 def test_in_mode_scale_what_lies_between_the_thresholds_is_a_ramp(tmp_path):
-    grid = read(tmp_path, [[255, 204, 153, 102, 0]], "scale")  # darkness 0, 0.2, 0.4, 0.6, 1
-    assert grid.p[0] == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.0], abs=1e-6)
-    assert grid.origin == (-1.0, 2.0) and grid.resolution == 0.1
-
-
-def test_in_mode_trinary_it_is_unknown_and_negated_maps_are_bright_where_occupied(tmp_path):
-    grid = read(tmp_path, [[255, 153, 0]])
-    assert grid.p[0] == pytest.approx([0.0, np.nan, 1.0], nan_ok=True)
-    grid = read(tmp_path, [[255, 102, 0]], negate=1)
-    assert grid.p[0] == pytest.approx([1.0, np.nan, 0.0], nan_ok=True)
+    limits = {"occupied_thresh": 0.6, "free_thresh": 0.2}
+    shades = [[255, 204, 153, 102, 0]]  # darkness 0, 0.2, 0.4, 0.6, 1
+    same(cells(a_map(tmp_path, shades, mode="scale", **limits)), [[0.0, 0.0, 0.5, 1.0, 1.0]])
 
 
 def test_in_mode_raw_pixels_are_percent_and_others_unknown(tmp_path):
-    grid = read(tmp_path, [[0, 50, 100, 101, 255]], "raw")
-    assert grid.p[0] == pytest.approx([0.0, 0.5, 1.0, np.nan, np.nan], nan_ok=True)
+    found = cells(a_map(tmp_path, [[0, 50, 100, 101, 255]], mode="raw"))
+    same(found, [[0.0, 0.5, 1.0, np.nan, np.nan]])
 
 
-def test_transparent_cells_of_a_scaled_map_are_unknown(tmp_path):
-    pixels = np.full((1, 2, 4), 0, np.uint8)
-    pixels[0, :, 3] = (255, 0)
-    grid = read(tmp_path, pixels, "scale")
-    assert grid.p[0] == pytest.approx([1.0, np.nan], nan_ok=True)
+def test_unknown_cells_of_a_scaled_map_of_nav2_are_transparent(tmp_path):
+    shades = [[0, 255], [255, 255], [round(127.5), 0]]  # gray and alpha, as its saver has them
+    yaml_file = a_map(tmp_path, [[0]], mode="scale", free_thresh=0.25, occupied_thresh=0.65)
+    Image.fromarray(np.array([shades], np.uint8), "LA").save(tmp_path / "m.png")
+    same(cells(yaml_file), [[1, 0, np.nan]])
+
+
+HEADS = {
+    "slam_toolbox": "image: map.pgm\nmode: trinary\nresolution: 0.05\norigin: [-1.5, -2, 0]\n"
+    "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n",
+    "cartographer": "image: map.pgm\nresolution: 0.050000\norigin: [-1.500000, -2.000000, 0.0]\n"
+    "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
+    "map_saver": "image: {folder}/map.pgm\nresolution: 0.050000\n"
+    "origin: [-1.500000, -2.000000, 0.000000]\nnegate: 0\noccupied_thresh: 0.65\n"
+    "free_thresh: 0.196\n\n",
+}
+
+
+@pytest.mark.parametrize("program", HEADS)
+def test_maps_that_other_programs_save(program, tmp_path):
+    comment = b"# CREATOR: map_saver.cpp 0.050 m/pix\n"
+    (tmp_path / "map.pgm").write_bytes(b"P5\n" + comment + b"3 2\n255\n" + bytes([0, 254, 205] * 2))
+    (tmp_path / "map.yaml").write_text(HEADS[program].format(folder=tmp_path))
+    grid = occupancy.read_map(tmp_path / "map.yaml")
+    same(grid.p, [[1, 0, np.nan]] * 2)
+    assert (grid.resolution, grid.origin) == (0.05, (-1.5, -2.0))
+
+
+def test_the_grays_of_cartographer_are_thresholded(tmp_path):
+    same(cells(a_map(tmp_path, [[30, 128, 220]])), [[1, np.nan, 0]])
+
+
+def test_colors_are_averaged(tmp_path):
+    same(cells(a_map(tmp_path, [[[0, 0, 255], [255, 255, 255]]])), [[1, 0]])
+
+
+@pytest.mark.parametrize("negate", [0, 1])
+def test_the_trap_of_the_old_threshold_is_told_and_avoided(negate, tmp_path):
+    def pixels(*grays):
+        return [[255 - gray if negate else gray for gray in grays]]
+
+    trap, notes = {"free_thresh": 0.25, "negate": negate}, []
+    same(cells(a_map(tmp_path, pixels(0, 254, 205), **trap), notes), [[1, 0, np.nan]])
+    assert "make the gray of unknown cells (205) free; they are taken as unknown all" in notes[0]
+    notes.clear()
+    cells(a_map(tmp_path, [[0, 254]], free_thresh=0.25), notes)
+    cells(a_map(tmp_path, [[0, 254, 205]]), notes)
+    assert notes == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"origin": [0.0, 0.0, 0.5]}, "not turned"),
+        ({"origin": 3}, r"origin: got 3, expected \[x, y, yaw\]"),
+        ({"origin": [0.0]}, r"origin: got \[0.0\], expected \[x, y, yaw\]"),
+        ({"origin": ["a", 0.0]}, "not a number"),
+        ({"negate": math.inf}, "not a number"),
+        ({"resolution": 10**400}, "not a number"),
+        ({"free_thresh": math.nan}, "free_thresh nan, expected 0 to 1"),
+        ({"mode": "color"}, "mode: got color, expected trinary, scale, raw"),
+        ({"resolution": 0.0}, "expected metres per cell"),
+        ({"resolution": "fine"}, "not a number"),
+        ({"image": "none.png"}, "no such picture"),
+        ({"image": "m.yaml"}, "not a picture"),
+    ],
+)
+def test_other_maps_are_refused(changes, sentence, tmp_path):
+    path = a_map(tmp_path, [[0, 254]], **changes)
+    with pytest.raises((ValueError, OSError), match=sentence) as caught:
+        occupancy.read_map(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("- 1\n- 2\n", "expected the yaml of a map"),
+        ("made: 2024-99-99\n", "m.yaml: not a YAML file .month must be in"),
+        ("x: " + "[" * 3000 + "]" * 3000, "m.yaml: nested too deeply"),
+        (b"\xff\xfe", "m.yaml: not text"),
+    ],
+)
+def test_a_yaml_that_is_no_map(text, sentence, tmp_path):
+    Path(tmp_path / "m.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ValueError, match=sentence):
+        occupancy.read_map(tmp_path / "m.yaml")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"P5\n100000 100000\n255\n0000",  # OpenCV refuses the size by an error of its own
+        b"P5\n3 4\n255\n00000",
+        b"\x89PNG\r\n\x1a\n00000",
+    ],
+)
+def test_a_picture_that_is_none_is_one_sentence(content, tmp_path, capfd):
+    (tmp_path / "m.pgm").write_bytes(content)
+    with pytest.raises(ValueError, match=r"m\.pgm: not a picture; expected pgm"):
+        occupancy.read_picture(tmp_path / "m.pgm")
+    with pytest.raises(OSError, match="No such file") as caught:
+        occupancy.read_picture(tmp_path / "none.pgm")
+    assert caught.value.filename == str(tmp_path / "none.pgm")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_map_without_cells_is_not_written(tmp_path):
+    with pytest.raises(OSError, match="could not be written"):
+        occupancy.write_map(tmp_path, OccupancyGrid(np.zeros((0, 0), np.float32), 0.1, (0.0, 0.0)))
 
 
 def test_the_highest_y_is_on_top_and_the_path_lies_in_the_map(tmp_path):

@@ -59,7 +59,7 @@ def test_a_file_without_the_static_transforms_of_its_drive_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"no way from .*base_footprint.* base_scan") as caught:
         slams.load(second)
     assert "give all files" in str(caught.value) and str(second) in str(caught.value)
-    log = slams.load(second, base_frame="base_scan")  # said by whoever knows it
+    log = slams.load(second, base_frame="base_scan")  # said by the user
     assert log.laser.angle_increment > 0.0
     assert any("the laser is taken as the base" in note for note in log.notes)
 

@@ -43,6 +43,8 @@ def refused(spec, log=None, error=ValueError, **options):
 def test_what_we_write_reads_back(write, packed, tmp_path):
     path = tmp_path / "run"
     write(path, T, WAY)
+    if write is trajectory.write_csv:
+        assert path.read_text().startswith("t,x,y,theta\n")
     if packed:
         path.write_bytes(gzip.compress(path.read_bytes()))
     same(read_trajectory(path))
@@ -96,10 +98,22 @@ def test_a_csv_with_words_beside_the_poses(tmp_path):
     same(read_trajectory(tmp_path / "run.csv"), [0.0, 1.0], [[1, 2, 3], [4, 5, -3]])
 
 
+def test_a_header_that_comes_again_between_the_rows_is_no_row(tmp_path):
+    path = tmp_path / "joined.csv"
+    path.write_text("t,x,y,theta\n0.0,1.0,2.0,0.5\nt,x,y,theta\n0.1,1.5,2.5,0.6\n")
+    t, poses = trajectory.read(path)
+    assert t.tolist() == [0.0, 0.1]
+    assert poses == pytest.approx(np.array([[1.0, 2.0, 0.5], [1.5, 2.5, 0.6]]))
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
         ("", "got no poses, expected a trajectory"),
+        ("# t, x, y\n", "got no poses"),
+        ("1 2 3\n", "got 3 columns, expected t x y z qx qy qz qw"),
+        ("1,2,3\n", "got 3 columns, expected t,x,y,theta"),
+        ("1 2 3 4 5 6 7 eight\n", "not lines of t x y z qx qy qz qw"),
         ("x,y,yaw\n1,2,3\n", "got columns 'x,y,yaw', expected t,x,y,theta"),
         ("t [ns],x,y,yaw\n1,2,3,4\n", "got columns 't [ns],x,y,yaw', expected t,x,y,theta"),
         ("t,x,y,yaw,theta\n1,2,3,4,4\n", "got columns 't,x,y,yaw,theta', expected"),

@@ -1,6 +1,5 @@
 """YAML and launch files of a few lines that would grow without end: refused at once."""
 
-import time
 import tracemalloc
 
 import pytest
@@ -9,7 +8,7 @@ from slams.formats import occupancy
 from slams.params import Params
 from slams.ros.launch import read_node
 
-MUCH, LONG = 32 << 20, 2.0  # bytes and seconds that a refusal may take
+MUCH = 32 << 20  # bytes that a refusal may take
 NODE = '<node pkg="gmapping" type="slam_gmapping" name="s">{}</node>'
 NODES, KNOWN = ("gmapping", "slam_gmapping"), ("delta", "particles")
 
@@ -29,7 +28,7 @@ def merges(levels):
 
 
 def blocks(levels):
-    """A mapping in a mapping, told by the indent."""
+    """A mapping in a mapping, by the indent."""
     return "".join(f"{' ' * k}k:\n" for k in range(levels))
 
 
@@ -47,16 +46,14 @@ BOMBS = {
 
 
 def refused(work, path):
-    """The sentence of a refusal that came soon and took little memory."""
+    """The sentence of a refusal that took little memory."""
     tracemalloc.start()
-    start = time.perf_counter()
     try:
         with pytest.raises(ValueError, match=path.name) as caught:
             work()
         assert tracemalloc.get_traced_memory()[1] < MUCH
     finally:
         tracemalloc.stop()
-    assert time.perf_counter() - start < LONG
     assert len(str(caught.value).splitlines()) == 1
     assert len(str(caught.value)) < 1000
     return str(caught.value)
@@ -80,10 +77,11 @@ def test_a_yaml_file_does_not_grow(reader, bomb, tmp_path):
     refused(work.get(reader, lambda: read_node(path, NODES, KNOWN)), path)
 
 
-def test_aliases_and_merges_as_people_use_them(tmp_path):
+def test_an_alias_is_refused_as_ros_2_does(tmp_path):
     path = tmp_path / "file.yaml"
-    path.write_text("usual: &u {delta: 0.1, particles: 8}\nslam_gmapping: {<<: *u, delta: 0.2}\n")
-    assert read_node(path, NODES, KNOWN).values == {"delta": 0.2, "particles": 8}
+    path.write_text("usual: &u {delta: 0.1}\nslam_gmapping: {<<: *u, particles: 8}\n")
+    with pytest.raises(ValueError, match=r"it has an alias .*; write the value there"):
+        read_node(path, NODES, KNOWN)
 
 
 def launch(*lines):

@@ -9,14 +9,15 @@ import sys
 import numpy as np
 import pytest
 
-from slams.extent import Box
-from slams.frontend import map_part, relocalize
-from slams.frontend.map_part import MapPart, coarsened
-from slams.frontend.relocalize import Relocalizer
-from slams.localize import places, search
-from slams.localize.chart import Chart
-from slams.localize.places import TURNS, Disc, Places, view_of
-from slams.room import odd_scans
+from slams.frontend import relocalize
+from slams.frontend.relocalize import Relocalizer, coarsened
+from slams.grid_bounds import Box
+from slams.localize import map_index, view_lattice
+from slams.localize.distance_map import DistanceMap
+from slams.localize.global_localizer import GlobalLocalizer
+from slams.localize.map_index import Candidate, MapIndex, Search, Work, merged
+from slams.localize.view_lattice import DIRECTIONS, Disc, ViewLattice, view_of
+from slams.test_world import odd_scans
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 from tests.floors import ALIKE, grid_of
 from tests.places import ROOT
@@ -82,7 +83,6 @@ def run(drive, draw, guess=GUESS, reach=math.inf, wheels=True, relocalizer=None)
     for k, (pose, scan) in enumerate(drive):
         predicted = guess @ start.between(pose) if wheels else guess
         found = relocalizer.update(scan, predicted, reach, draw)
-        assert 0.0 <= relocalizer.work <= 1.0 + 1e-9
         if found is not None:
             return found, k, relocalizer
     return None, None, relocalizer
@@ -97,9 +97,8 @@ def assert_near(found, truth):
 @pytest.mark.parametrize("wheels", [True, False])
 def test_a_robot_put_elsewhere_in_an_office_is_found_while_it_drives(x, y, wheels, office):
     drive = driving(100, Pose2(x, y, 1.0), Pose2(0.02, 0.0, 0.03), OFFICE)
-    found, k, relocalizer = run(drive, Map(office), Pose2(10.0, 6.0, -2.0), wheels=wheels)
+    found, k, _ = run(drive, Map(office), Pose2(10.0, 6.0, -2.0), wheels=wheels)
     assert_near(found, drive[k][0])
-    assert relocalizer.found == 1
     assert all(isinstance(value, float) for value in found)
 
 
@@ -142,12 +141,12 @@ def test_small_differences_of_alike_rooms_do_not_add_up_while_the_robot_stands(o
     there = Pose2(22.0, 9.3, 3.04)
     assert run(standing(120, there, OFFICE), Map(office))[0] is None
     scan = noisy(0, there, OFFICE)
-    first, second = search.Atlas(office).search(scan)[:2]
-    assert 0.8 < first.odds < 0.95 and second.odds > 0.05
+    first, second = MapIndex(office).search(scan)[:2]
+    assert 0.8 < first.probability < 0.95 and second.probability > 0.05
 
 
 def test_more_alike_places_than_can_be_tracked_stay_open(monkeypatch):
-    monkeypatch.setattr(relocalize, "FITS", 2)  # one is tracked, of two
+    monkeypatch.setattr(relocalize, "WORK", 3.0 * map_index.FIT)  # one is tracked, of two
     draw, near = Map(grid_of(ALIKE, inside=(0.0, -1.0))), laser(541, range_max=3.0)
     drive = driving(140, Pose2(-4.5, 2.5, -1.5), Pose2(0.0, 0.005, 0.02), ALIKE, near)
     assert run(drive, draw, Pose2(0.0, -1.0, 0.0))[0] is None
@@ -160,15 +159,15 @@ def test_tracked_poses_move_by_the_predicted_steps(room):
     assert run(drive, Map(room), wheels=False)[0] is None
 
 
-def test_a_pose_explains_a_scan_by_evidence_and_with_few_beams_through_walls():
-    for explained, refuted, expected in (
+def test_a_pose_explains_a_scan_by_its_inliers_and_with_few_beams_through_walls(room):
+    localizer = GlobalLocalizer(room, min_score=0.6)
+    for inliers, conflicts, expected in (
         (0.65, 0.04, True),
         (0.65, 0.06, False),
         (0.9, 0.09, True),
         (0.9, 0.11, False),
     ):
-        candidate = search.Candidate(HERE, explained, refuted, 1.0)
-        assert relocalize.explains(candidate) is expected
+        assert localizer.explains(Candidate(HERE, inliers, conflicts)) is expected
 
 
 def test_a_place_out_of_reach_is_not_returned(room):
@@ -195,28 +194,25 @@ def test_the_part_around_the_predicted_pose_is_drawn_once_for_a_search(room):
 
 
 def test_points_of_the_lattice_are_in_the_area_and_at_most_so_many(room):
-    chart, area = Chart(room), Disc(1.0, 0.5, 1.5)
-    part = Places(chart, area=area)
-    at = part.cells * chart.resolution + chart.origin
+    distances, area = DistanceMap(room), Disc(1.0, 0.5, 1.5)
+    part = ViewLattice(distances, area=area)
+    at = part.cells * distances.resolution + distances.origin
     assert np.hypot(*(at - area[:2]).T).max() <= 1.5
     assert len(part) == pytest.approx(math.pi * 1.5**2 / 0.25**2, rel=0.15)
-    assert len(Places(chart, 100)) == pytest.approx(100, rel=0.3)
-    assert len(Places(chart, 40, area)) == pytest.approx(40, rel=0.3)
+    assert len(ViewLattice(distances, 100)) == pytest.approx(100, rel=0.3)
+    assert len(ViewLattice(distances, 40, area)) == pytest.approx(40, rel=0.3)
 
 
 def test_pieces_give_what_all_at_once_gives(room):
-    whole, pieces = search.Atlas(room), search.Atlas(room)
-    pieces.places = Places(pieces.chart)
-    while pieces.places.ready < len(pieces.places):
-        pieces.places.prepare(77)
-    scan = noisy(0)
-    work = search.Search(pieces, scan)
-    while work.to_compare:
-        work.compare(101)
-    while work.to_look:
-        work.look(7)
-    assert search.with_odds(work.candidates) == whole.search(scan)
-    assert np.array_equal(pieces.places.seen, whole.places.seen)
+    whole, pieces, scan = MapIndex(room), MapIndex(room), noisy(0)
+    while not pieces.prepare(Work(777.0)):
+        pass
+    search, scans = Search(pieces, scan), 1
+    while not search.advance(Work(1234.0)):
+        scans += 1
+    assert scans > 10
+    assert merged([], search.found) == whole.search(scan)
+    assert np.array_equal(pieces.lattice.ranges, whole.lattice.ranges)
 
 
 class Counter:
@@ -225,31 +221,31 @@ class Counter:
     def __init__(self, monkeypatch):
         self.counts = {"rays": 0, "comparisons": 0, "fits": 0, "cells": 0}
         self.most = dict(self.counts)
-        look, compare, fit = places.look_around, places.compare, search.Atlas._looked_at
+        view, compare, fit = view_lattice.view_around, view_lattice.compare, DistanceMap.fit
 
-        def looked(cells, points, far, scale, out):
+        def viewed(distances, points, out, *more):
             self.counts["rays"] += out.size
-            look(cells, points, far, scale, out)
+            view(distances, points, out, *more)
 
-        def compared(seen, *more):
-            self.counts["comparisons"] += len(seen)
-            compare(seen, *more)
+        def compared(views, *more):
+            self.counts["comparisons"] += len(views)
+            compare(views, *more)
 
-        def fitted(atlas, points, start):
+        def fitted(distances, points, start):
             self.counts["fits"] += 1
-            return fit(atlas, points, start)
+            return fit(distances, points, start)
 
-        monkeypatch.setattr(places, "look_around", looked)
-        monkeypatch.setattr(places, "compare", compared)
-        monkeypatch.setattr(search.Atlas, "_looked_at", fitted)
-        for name in ("gap", "cells", "clearance"):
-            monkeypatch.setattr(Chart, name, self._counted(getattr(Chart, name)))
+        monkeypatch.setattr(view_lattice, "view_around", viewed)
+        monkeypatch.setattr(view_lattice, "compare", compared)
+        monkeypatch.setattr(DistanceMap, "fit", fitted)
+        for name in ("gap", "distances"):
+            monkeypatch.setattr(DistanceMap, name, self._counted(getattr(DistanceMap, name)))
 
     def _counted(self, made):
-        def count(chart):
-            if made.attrname not in chart.__dict__:
-                self.counts["cells"] += chart.free.size
-            return made.__get__(chart)
+        def count(distances):
+            if made.attrname not in distances.__dict__:
+                self.counts["cells"] += distances.free.size
+            return made.__get__(distances)
 
         return property(count)
 
@@ -274,17 +270,17 @@ def test_the_work_of_a_scan_is_bounded_on_a_large_map(monkeypatch):
         scans += 1
     assert_near(found, pose)
     assert scans > 35
-    for key, bound in (
-        ("rays", map_part.RAYS),
-        ("comparisons", relocalize.COMPARISONS),
-        ("fits", relocalize.FITS),
-        ("cells", map_part.MAX_CELLS),
+    for key, cost in (
+        ("rays", map_index.RAY),
+        ("comparisons", map_index.COMPARISON),
+        ("fits", map_index.FIT),
+        ("cells", map_index.CELL),
     ):
-        assert 0.5 * bound < counter.most[key] <= bound, key
+        assert 0.5 * relocalize.WORK < cost * counter.most[key] <= relocalize.WORK, key
 
 
 def test_a_fine_map_is_made_coarser_and_the_robot_found(monkeypatch):
-    monkeypatch.setattr(map_part, "MAX_CELLS", 13_000)
+    monkeypatch.setattr(relocalize, "MAX_CELLS", 13_000)
     grid = grid_of(ROOM, cell=0.025)
     small = coarsened(grid)
     assert small.p.size <= 13_000 and small.resolution == pytest.approx(0.1)
@@ -320,7 +316,7 @@ def test_a_room_that_the_map_does_not_have_is_searched_ever_more_seldom(room):
         times += [scan.t] * (len(draw.boxes) - drawn)
     pauses = np.diff(times)
     assert len(times) == 8 and (np.diff(pauses[:5]) > 0.3).all()
-    assert pauses[-1] == pytest.approx(8.0, abs=1.0) and relocalizer.found == 0
+    assert pauses[-1] == pytest.approx(8.0, abs=1.0)
 
 
 def test_switched_off_nothing_is_drawn(room):
@@ -365,7 +361,7 @@ def test_after_a_reset_a_search_begins_anew(room):
     assert run(other, draw, relocalizer=relocalizer)[0] is not None
     assert len(draw.boxes) == 2
     assert run(other, draw, relocalizer=relocalizer)[0] is not None
-    assert relocalizer.found == 2 and len(draw.boxes) == 3
+    assert len(draw.boxes) == 3
 
 
 def test_the_same_input_gives_the_same_output_also_from_a_copy(room):
@@ -381,16 +377,15 @@ def test_the_same_input_gives_the_same_output_also_from_a_copy(room):
         assert found == pytest.approx(first[0]) and k + 9 == first[1]
 
 
-def test_a_part_says_when_it_is_ready_and_takes_no_more_than_it_is_given(room):
-    part = MapPart(room, Disc(1.0, 0.5, 3.0))
-    assert part.prepare(1e-3) == 0.0 and part.ready is None
-    pieces = 0
-    while part.ready is None:
-        assert 0.0 < part.prepare(0.1) <= 0.1
-        pieces += 1
-    at = part.ready.places.cells * room.resolution + np.array(room.origin)
+def test_an_index_says_when_it_is_ready_and_takes_no_more_than_it_is_given(room):
+    index = MapIndex(room, area=Disc(1.0, 0.5, 3.0))
+    assert not index.prepare(Work(10.0))
+    scans = 0
+    while not index.prepare(Work(1000.0)):
+        scans += 1
+    at = index.lattice.cells * room.resolution + np.array(room.origin)
     assert np.hypot(*(at - [1.0, 0.5]).T).max() <= 3.0
-    assert pieces > 5 and len(part.ready.places) * TURNS > map_part.RAYS // 10
+    assert scans > 5 and map_index.RAY * DIRECTIONS * len(index.lattice) > 5000.0
 
 
 def test_scipy_is_not_imported():

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from slams.localize import Finder
-from slams.localize.chart import Chart
-from slams.localize.chart_kernels import compare
-from slams.localize.places import PITCH, TURNS, Places, view_of
-from slams.localize.search import APART, Atlas, Candidate, with_odds
-from slams.room import odd_scans
+from slams.localize import GlobalLocalizer, global_localizer
+from slams.localize.distance_map import DistanceMap
+from slams.localize.lattice_kernels import compare
+from slams.localize.map_index import Candidate, MapIndex, merged
+from slams.localize.view_lattice import DIRECTIONS, SPACING, ViewLattice, end_points, view_of
+from slams.test_world import odd_scans
 from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
 from tests.floors import ALIKE, grid_of
 from tests.rooms import ROOM, box, laser, scan_at
@@ -21,7 +21,7 @@ POSES = [(-1.0, 0.5, 0.3), (1.5, -2.0, 2.0), (4.2, 3.1, -1.0), (-3.2, 3.0, -2.8)
 
 @pytest.fixture(scope="module")
 def room():
-    return Atlas(grid_of(ROOM))
+    return MapIndex(grid_of(ROOM))
 
 
 def off(pose, truth):
@@ -40,8 +40,8 @@ def test_most_beams_of_a_place_are_counted_at_each_heading():
     directions = np.array([0, 5, 23])
     ranges = np.array([100, 200, 50], np.int32)
     tolerances = np.array([60, 40, 90], np.int32)
-    best, turn = np.zeros((2, 7), np.int32)
-    compare(seen, directions, ranges, tolerances, best, turn)
+    out = np.zeros((7, 2), np.int32)
+    compare(seen, directions, ranges, tolerances, out)
     for i in range(7):
         agree = [
             sum(
@@ -50,12 +50,12 @@ def test_most_beams_of_a_place_are_counted_at_each_heading():
             )
             for k in range(24)
         ]
-        assert (best[i], turn[i]) == (max(agree), int(np.argmax(agree)))
+        assert tuple(out[i]) == (max(agree), int(np.argmax(agree)))
 
 
-def test_a_beam_is_explained_refuted_or_neither():
+def test_a_beam_is_an_inlier_in_conflict_or_neither():
     segments = np.array([*box(0.0, 0.0, 6.0, 4.0), (4.0, 0.0, 4.0, 4.0)])
-    chart = Chart(grid_of(segments, inside=(1.0, 1.0)))
+    distances = DistanceMap(grid_of(segments, inside=(1.0, 1.0)))
     pose = Pose2(2.0, 2.0, math.pi / 2)  # +x is to its right
     ends = {
         (0.0, -2.0): (1.0, 0.0),  # on the wall
@@ -65,38 +65,38 @@ def test_a_beam_is_explained_refuted_or_neither():
         (0.0, -9.0): (0.0, 1.0),  # out of the map
     }
     for end, expected in ends.items():
-        assert chart.explained(np.array([end]), pose) == expected, end
-    assert chart.explained(np.array(list(ends)), pose) == (2 / 5, 2 / 5)
-    assert chart.explained(np.zeros((0, 2)), pose) == (0.0, 0.0)
+        assert distances.evaluate(np.array([end]), pose) == expected, end
+    assert distances.evaluate(np.array(list(ends)), pose) == (2 / 5, 2 / 5)
+    assert distances.evaluate(np.zeros((0, 2)), pose) == (0.0, 0.0)
 
 
 def test_a_gap_between_far_beams_is_no_wall_but_the_unseen_is_none_either():
     grid = grid_of(ROOM)
     grid.p[80, 60] = np.nan
-    chart = Chart(grid)
-    assert chart.free[80, 60]
-    assert not chart.free[:, 0].any() and not chart.occupied[:, 0].any()
+    distances = DistanceMap(grid)
+    assert distances.free[80, 60]
+    assert not distances.free[:, 0].any() and not distances.occupied[:, 0].any()
 
 
 @pytest.mark.parametrize("pose", POSES)
 def test_a_fit_comes_back_to_the_walls(pose, room):
     start = Pose2(*pose) @ Pose2(0.12, -0.1, 0.04)
-    assert room.chart.resolution == 0.05
-    found = room.chart.fit(view_of(noisy(pose)).points, start)
+    assert room.distances.resolution == 0.05
+    found = room.distances.fit(end_points(noisy(pose)), start)
     assert off(found, pose)[0] < 0.04 and off(found, pose)[1] < 0.01
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_any_place_of_a_room_is_found_by_one_scan(seed, room):
     rng = np.random.default_rng(seed)
-    cells = np.argwhere(room.chart.clearance > 0.3)
+    cells = np.argwhere(room.distances.gap > 6)
     iy, ix = cells[rng.integers(len(cells))]
-    x, y = room.chart.origin + (np.array([ix, iy]) + rng.random(2)) * room.chart.resolution
+    x, y = room.distances.origin + (np.array([ix, iy]) + rng.random(2)) * room.distances.resolution
     pose = (float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
     first, *others = room.search(noisy(pose, seed))
     assert off(first.pose, pose)[0] < 0.1 and off(first.pose, pose)[1] < math.radians(3.0)
-    assert first.odds + sum(c.odds for c in others) <= 1.0 + 1e-9
-    assert first.evidence > 0.8
+    assert first.probability + sum(c.probability for c in others) <= 1.0 + 1e-9
+    assert first.score > 0.8
 
 
 LASERS = {
@@ -119,105 +119,120 @@ def test_people_do_not_throw_it_off(room):
     ranges[100:180], ranges[300:360] = 0.7, np.nan
     first = room.search(type(scan)(0.0, ranges, scan.laser))[0]
     assert off(first.pose, POSES[0])[0] < 0.1
-    assert first.refuted < 0.05 and 0.7 < first.explained < 0.9
+    assert first.conflicts < 0.05 and 0.7 < first.inliers < 0.9
 
 
-def test_odds_follow_from_evidence_and_what_was_before():
+def test_probabilities_follow_from_scores_and_what_was_before():
     a, b, c = (
         Candidate(Pose2(x, 0.0, 0.0), e, 0.0, 1.0) for x, e in ((0, 0.9), (3, 0.88), (6, 0.3))
     )
-    same = with_odds([b, a, c])
-    assert [x.odds for x in same] == pytest.approx([0.5, 0.5])  # as good as equal; c is out
-    first, second = with_odds([b, a], np.array([0.9, 0.1]))
-    assert (first.pose, first.odds, second.odds) == (b.pose, pytest.approx(0.9), pytest.approx(0.1))
-    assert with_odds([]) == []
+    same = merged([], [b, a, c])
+    assert [x.probability for x in same] == pytest.approx([0.5, 0.5])  # as good as equal; c is out
+    known = [a._replace(probability=0.1), b._replace(probability=0.9)]
+    first, second = merged(known, [c])
+    assert first == b._replace(probability=pytest.approx(0.9), searches=2)
+    assert second == a._replace(probability=pytest.approx(0.1), searches=2)
+    assert merged([], []) == []
 
 
 def test_a_square_room_is_in_doubt_for_ever():
     square = np.array(box(0.0, 0.0, 4.0, 4.0))
-    finder = Finder(grid_of(square, inside=(1.0, 1.0)))
+    localizer = GlobalLocalizer(grid_of(square, inside=(1.0, 1.0)))
     for k in range(12):
         pose = (1.0 + 0.1 * k, 1.5, 0.4)
-        assert finder.add(noisy(pose, k, segments=square)) is None
+        assert localizer.add(noisy(pose, k, segments=square)) is None
     headings = sorted(
-        round((c.pose.theta - 0.4) / (math.pi / 2)) % 4 for c in finder.candidates[:4]
+        round((c.pose.theta - 0.4) / (math.pi / 2)) % 4 for c in localizer.candidates[:4]
     )
     assert headings == [0, 1, 2, 3]
-    assert max(c.odds for c in finder.candidates) < 0.6
+    assert max(c.probability for c in localizer.candidates) < 0.6
+
+
+class NothingFound:
+    """A search in vain."""
+
+    def __init__(self, index, scan):
+        self.found = []
+
+    def advance(self, work):
+        return True
 
 
 def test_all_places_in_doubt_move_by_the_wheels(monkeypatch):
     square = np.array(box(0.0, 0.0, 6.0, 6.0))
-    finder = Finder(grid_of(square, inside=(1.0, 1.0)))
+    localizer = GlobalLocalizer(grid_of(square, inside=(1.0, 1.0)))
     far = Pose2(2.8, 0.3, 0.78)
     poses = [Pose2(1.5, 2.0, 0.3), Pose2(1.5, 2.0, 0.3) @ far]
     before = Pose2(9.0, -3.0, 1.0)
     for k, odometry in enumerate((before, before @ far)):
-        finder.add(noisy(poses[k], k, segments=square, odometry=odometry))
+        localizer.add(noisy(poses[k], k, segments=square, odometry=odometry))
         if k == 0:
-            expected = [c.pose @ far for c in finder.candidates]
-            monkeypatch.setattr(finder.atlas, "search", lambda scan: [])  # which would find them
-    assert len(finder.candidates) == len(expected) == 4
+            expected = [c.pose @ far for c in localizer.candidates]
+            monkeypatch.setattr(global_localizer, "Search", NothingFound)
+    assert len(localizer.candidates) == len(expected) == 4
     for pose in expected:
-        assert min(off(c.pose, pose)[0] for c in finder.candidates) < 0.05
-    assert max(c.odds for c in finder.candidates) < 0.5
+        assert min(off(c.pose, pose)[0] for c in localizer.candidates) < 0.05
+    assert max(c.probability for c in localizer.candidates) < 0.5
 
 
 @pytest.mark.parametrize("wheels", [True, False])
 def test_alike_rooms_are_told_apart_by_driving_on(wheels):
-    finder = Finder(grid_of(ALIKE, inside=(0.0, -1.0)))
+    localizer = GlobalLocalizer(grid_of(ALIKE, inside=(0.0, -1.0)))
     near = laser(541, range_max=3.0)
     way = [(-4.5 + 0.01 * k, 2.5 - 0.08 * k, -1.5) for k in range(48)]
     sure = []
     for k, pose in enumerate(way):
         odometry = Pose2(5.0, 1.0, 2.0) @ Pose2(*way[0]).between(Pose2(*pose)) if wheels else None
-        found = finder.add(noisy(pose, k, near, ALIKE, odometry))
+        found = localizer.add(noisy(pose, k, near, ALIKE, odometry))
         sure += [(k, off(found.pose, pose)[0])] if found else []
         if k == 0:
-            places = sorted(round(c.pose.x, 1) for c in finder.candidates[:2])
+            places = sorted(round(c.pose.x, 1) for c in localizer.candidates[:2])
             assert places == pytest.approx([-4.5, 4.5], abs=0.15)
     assert sure and sure[0][0] > 10
     assert max(error for _, error in sure) < 0.1
-    assert finder.found is not None
+    assert localizer.candidates[0].probability > 0.95
 
 
 def test_a_room_that_is_not_in_the_map_is_not_found():
-    finder = Finder(grid_of(np.array(box(-6.0, -6.0, 6.0, 6.0))))
+    localizer = GlobalLocalizer(grid_of(np.array(box(-6.0, -6.0, 6.0, 6.0))))
     for k in range(5):
-        assert finder.add(noisy((0.1 * k, 0.0, 0.0), k)) is None
+        assert localizer.add(noisy((0.1 * k, 0.0, 0.0), k)) is None
 
 
 def test_odd_scans_are_taken(room):
-    finder = Finder(room)
+    localizer = GlobalLocalizer(room)
     for scan in odd_scans().values():
-        finder.add(scan)
-    assert all(math.isfinite(v) for c in finder.candidates for v in (*c.pose, c.odds))
-    assert Finder(room).add(odd_scans()["nothing but nan"]) is None
+        localizer.add(scan)
+    assert all(math.isfinite(v) for c in localizer.candidates for v in (*c.pose, c.probability))
+    assert GlobalLocalizer(room).add(odd_scans()["nothing but nan"]) is None
 
 
 def test_the_same_scans_find_the_same(room):
-    both = [Finder(room), Finder(room)]
-    for finder in both:
+    both = [GlobalLocalizer(room), GlobalLocalizer(room)]
+    for localizer in both:
         for k in range(3):
-            finder.add(noisy(POSES[0], k))
+            localizer.add(noisy(POSES[0], k))
     assert both[0].candidates == both[1].candidates
 
 
 def test_a_large_floor_has_a_wider_lattice(monkeypatch):
-    chart = Chart(grid_of(ROOM))
-    all_places = Places(chart)
-    assert all_places.pitch == PITCH
-    monkeypatch.setattr("slams.localize.places.MOST", 100)
-    few = Places(chart)
-    assert few.pitch > PITCH and 50 <= len(few) <= 150 < len(all_places)
+    distances = DistanceMap(grid_of(ROOM))
+    everywhere = ViewLattice(distances)
+    assert everywhere.spacing == SPACING
+    monkeypatch.setattr("slams.localize.view_lattice.MAX_POINTS", 100)
+    few = ViewLattice(distances)
+    assert few.spacing > SPACING and 50 <= len(few) <= 150 < len(everywhere)
     pose = (0.5, 0.5, 0.0)
-    assert any(off(p, pose)[0] < few.pitch for p in few.rank(view_of(noisy(pose)), 5))
+    few.cast(len(few))
+    agree, heading = few.compare(view_of(noisy(pose)), 0, len(few)).T
+    best = np.argsort(-agree)[:5]
+    assert any(off(p, pose)[0] < few.spacing for p in few.poses(best, heading[best]))
 
 
 def test_a_map_without_walls_is_refused():
     for p in (np.zeros((9, 9)), np.ones((9, 9)), np.full((9, 9), np.nan)):
         with pytest.raises(ValueError, match="expected a floor with walls"):
-            Finder(OccupancyGrid(p.astype(np.float32), 0.05, (0.0, 0.0)))
+            GlobalLocalizer(OccupancyGrid(p.astype(np.float32), 0.05, (0.0, 0.0)))
 
 
 def test_directions_are_those_of_the_beams_nearest_to_them():
@@ -225,8 +240,7 @@ def test_directions_are_those_of_the_beams_nearest_to_them():
     ranges = np.linspace(1.0, 2.0, 101).astype(np.float32)
     ranges[50] = np.nan
     view = view_of(type(noisy(POSES[0]))(0.0, ranges, fan))
-    step = 2.0 * math.pi / TURNS
-    assert len(view.points) == 100 and APART > 0.0
+    step = 2.0 * math.pi / DIRECTIONS
     for direction, r in zip(view.directions.tolist(), view.ranges.tolist(), strict=True):
         angle = math.remainder(direction * step, 2 * math.pi)
         expected = 1.0 + (angle + 0.5)

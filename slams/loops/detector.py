@@ -1,0 +1,263 @@
+"""LoopDetector: which keyframes show a place that was seen long before.
+
+A keyframe is searched for where the graph's own covariance leaves room for it. A match is verified
+in both directions: the second leads back, and neither scan sees through walls of the other. Where
+the covariance leaves no other place, such a loop is believed at once. Otherwise it is a hypothesis
+that the next keyframes have to confirm, each by a match where the hypothesis predicts it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from slams.loops.graph import LoopEdge, PoseGraph
+from slams.loops.matching import Keyframe, LocalMap, Window, observed, read
+from slams.types import Floats, Pose2, wrap_angle
+
+SPACING = 1.0  # m between two keyframes that are searched for
+LOCAL_PATH, LOCAL_SPACING = 4.0, 0.9  # m of path to each side that a local map is drawn of
+VIEW = 4.0  # m between two poses that see the same walls
+GATE = 30.0  # squared Mahalanobis distance of a loop from the graph, at most; drift has blunders
+DEVIATIONS = 3.0  # of the graph's covariance that are searched
+LOOKUPS = 4_000_000  # of cells for one scan: 10 ms
+MIN_SCORE = 0.6  # likelihood of a match that is verified
+MIN_AGREEMENT = 0.3  # inliers less conflicts, in each direction
+ALONE = 0.7  # the mean of both, of a match that nothing predicted, and of a hypothesis
+MIN_LEAD = 0.1  # of inliers less conflicts, of the best match before the best elsewhere
+AGREE, AGREE_ROTATION = 0.1, 0.02  # m, rad between the matches in both directions
+EDGE, EDGE_ROTATION = 0.03, 0.01  # m, rad: deviations of a verified loop
+OBSERVED = 1.5  # of 2: trace of what is observed of a position, at least half along each direction
+BLIND = 1e-4  # 1/m^2: information along a direction that was not observed
+AMBIGUITY = 1.0  # m, half of a window at least: shows whether a corridor is matched
+CERTAIN = 0.3  # m: a deviation that leaves no other place
+CONFIRMED, CONFIRMED_PATH = 3, 3.0  # loops, over m of path, that make a hypothesis true
+REFUTED = 4  # keyframes without a match where the hypothesis predicts one
+
+
+class Verified(NamedTuple):
+    """A loop; the share of inliers less conflicts, as the mean of both ways to match.
+
+    Whether it fixes the position in both directions, and whether it is where it was predicted.
+    """
+
+    edge: LoopEdge
+    agreement: float
+    is_observed: bool
+    is_predicted: bool = False
+
+
+class Query(NamedTuple):
+    """A keyframe, its local map, and the others near which it is searched for.
+
+    Of these the number, the expected pose there and its covariance.
+    """
+
+    later: int
+    here: LocalMap
+    candidates: list[tuple[int, Pose2, Floats]]
+    found: list[Verified]
+    is_predicted: bool
+
+
+class LoopDetector:
+    """Finds loops in a graph, some candidates for each call of `work`.
+
+    Args:
+        graph: poses of the keyframes.
+        keyframes: their scans.
+        loop_path: path between two visits at least [m].
+    """
+
+    def __init__(self, graph: PoseGraph, keyframes: list[Keyframe], loop_path: float) -> None:
+        self.counts = {"loop_searches": 0, "loops_verified": 0, "loops": 0}
+        self._graph, self._keyframes, self._loop_path = graph, keyframes, loop_path
+        self._query: Query | None = None
+        self._hypothesis: list[Verified] = []
+        self._checked: list[int] = []  # keyframes that were compared with the hypothesis
+        self._searched = 0.0  # path at the last query
+
+    def work(self) -> list[LoopEdge]:
+        """Match with the next candidates; returns the loops that are believed now."""
+        if self._query is None:
+            self._query = self._begin()
+        query = self._query
+        if query is None:
+            return []
+        lookups = 0
+        while query.candidates and lookups < LOOKUPS:
+            lookups += self._try(query, *query.candidates.pop(0))
+        if query.candidates:
+            return []
+        self._query = None
+        return self._conclude(query)
+
+    def _begin(self) -> Query | None:
+        """Search for the last keyframe, if it is far from the one before."""
+        graph = self._graph
+        if self._hypothesis:
+            return self._predicted()
+        path = float(graph.path[-1]) - LOCAL_PATH  # the local map has both sides
+        if path - self._searched < SPACING:
+            return None
+        self._searched = path
+        later = int(np.searchsorted(graph.path, path))
+        old = np.flatnonzero(graph.path < graph.path[later] - self._loop_path)
+        if old.size == 0:
+            return None
+        covariances = graph.uncertainty(later)[old]
+        away = np.hypot(*(graph.poses[old, :2] - graph.poses[later, :2]).T)
+        deviation = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
+        candidates: list[tuple[int, Pose2, Floats]] = []
+        free = away < VIEW + DEVIATIONS * deviation
+        certain = False
+        for k in np.argsort(away, kind="stable").tolist():
+            if free[k]:
+                free &= np.abs(graph.path[old] - graph.path[old[k]]) > LOCAL_PATH
+                expected = graph.step(int(old[k]), later)
+                candidates.append((int(old[k]), expected, covariances[k]))
+                certain = len(candidates) == 1 and deviation[k] < CERTAIN
+                if certain:
+                    break
+        return Query(later, self._local_map(later), candidates, [], certain) if candidates else None
+
+    def _predicted(self) -> Query | None:
+        """Search for a neighbor of the hypothesis where it predicts it, if one is due."""
+        graph, path = self._graph, self._graph.path
+        ahead = np.flatnonzero(path >= path[max(self._checked)] + SPACING)
+        ahead = ahead[path[ahead] <= path[-1] - LOCAL_PATH]
+        behind = np.flatnonzero(path <= path[min(self._checked)] - SPACING)
+        if ahead.size:
+            later = int(ahead[0])
+        elif behind.size and path[self._checked[0]] - path[behind[-1]] < LOCAL_PATH:
+            later = int(behind[-1])
+        else:
+            return None
+        self._checked.append(later)
+        edges = [found.edge for found in self._hypothesis]
+        last = min(edges, key=lambda edge: abs(path[edge.later] - path[later]))
+        pose = graph.pose(last.earlier) @ last.pose @ graph.step(last.later, later)
+        old = np.flatnonzero(path < path[later] - self._loop_path)
+        away = np.hypot(*(graph.poses[old, :2] - np.array(pose[:2])).T)
+        k = int(old[int(np.argmin(away))])
+        covariance = graph.uncertainty(last.later)[later] + graph.uncertainty(last.earlier)[k]
+        candidates = [(k, graph.pose(k).between(pose), covariance)]
+        return Query(later, self._local_map(later), candidates, [], True)
+
+    def _try(self, query: Query, earlier: int, expected: Pose2, covariance: Floats) -> int:
+        """Search the keyframe in the local map of another, and verify; lookups that it took."""
+        self.counts["loop_searches"] += 1
+        there = self._local_map(earlier)
+        found = there.search(
+            self._keyframes[query.later].ends, _window(expected, covariance), MIN_SCORE
+        )
+        if found.score >= MIN_SCORE:
+            edge = LoopEdge(earlier, query.later, found.pose)
+            verified = self._verified(edge, there, query.here, found.spread)
+            if verified is not None:
+                predicted = query.is_predicted
+                if predicted:
+                    predicted = self._is_expected(verified.edge, expected, covariance)
+                if predicted or (verified.is_observed and verified.agreement >= ALONE):
+                    self.counts["loops_verified"] += 1
+                    query.found.append(verified._replace(is_predicted=predicted))
+        return found.lookups
+
+    def _is_expected(self, edge: LoopEdge, expected: Pose2, covariance: Floats) -> bool:
+        """Whether a match is where it was expected, as far as the covariance says."""
+        there = self._graph.pose(edge.earlier)
+        off = np.array(there @ edge.pose) - np.array(there @ expected)
+        off[2] = wrap_angle(float(off[2]))
+        noise = covariance + np.diag((EDGE**2, EDGE**2, EDGE_ROTATION**2))
+        return float(off @ np.linalg.solve(noise, off)) < GATE
+
+    def _verified(
+        self, edge: LoopEdge, there: LocalMap, here: LocalMap, spread: Floats
+    ) -> Verified | None:
+        """The match in both directions, if both agree."""
+        key, old = self._keyframes[edge.later], self._keyframes[edge.earlier]
+        points, middle = read(key.scan, key.twist)
+        pose = there.fit(points, edge.pose @ middle) @ middle.inverse()
+        forward = there.agreement(key.ends, pose)
+        if forward < MIN_AGREEMENT:
+            return None
+        seen = observed(points, pose.theta, spread)
+        points, middle = read(old.scan, old.twist)
+        back = here.fit(points, pose.inverse() @ middle) @ middle.inverse()
+        off = pose @ back
+        if math.hypot(*(seen @ np.array(off[:2]))) > AGREE or abs(off.theta) > AGREE_ROTATION:
+            return None
+        backward = here.agreement(old.ends, pose.inverse())
+        if backward < MIN_AGREEMENT:
+            return None
+        information = np.diag((BLIND, BLIND, EDGE_ROTATION**-2))
+        information[:2, :2] += seen @ seen / EDGE**2
+        edge = edge._replace(pose=pose, information=information)
+        is_observed = bool(np.trace(seen) > OBSERVED)
+        return Verified(edge, 0.5 * (forward + backward), is_observed)
+
+    def _local_map(self, middle: int) -> LocalMap:
+        """Of the keyframes around one, in its frame."""
+        path, chosen = self._graph.path, [middle]
+        for direction in (-1, 1):
+            k = last = middle
+            while 0 <= k + direction < self._graph.n:
+                k += direction
+                if abs(path[k] - path[middle]) > LOCAL_PATH:
+                    break
+                if abs(path[k] - path[last]) >= LOCAL_SPACING:
+                    chosen.append(k)
+                    last = k
+        poses = [self._graph.step(middle, k) for k in chosen]
+        return LocalMap([self._keyframes[k] for k in chosen], poses)
+
+    def _conclude(self, query: Query) -> list[LoopEdge]:
+        """The loops that are believed after all candidates of a keyframe were tried."""
+        best = self._best(query)
+        if best is not None and not self._hypothesis:
+            if best.is_predicted:
+                return self._believe([best.edge])
+            self._checked = [query.later]
+        if best is not None and best.is_observed and (best.is_predicted or not self._hypothesis):
+            self._hypothesis.append(best)
+        path = self._graph.path[[found.edge.later for found in self._hypothesis]]
+        enough = len(path) >= CONFIRMED and np.ptp(path) >= CONFIRMED_PATH
+        if enough and np.mean([found.agreement for found in self._hypothesis]) >= ALONE:
+            return self._believe([found.edge for found in self._hypothesis])
+        if len(self._checked) - len(path) >= REFUTED:
+            self._hypothesis = []
+        return []
+
+    def _believe(self, loops: list[LoopEdge]) -> list[LoopEdge]:
+        self._hypothesis, self._checked = [], []
+        self.counts["loops"] += len(loops)
+        return loops
+
+    def _best(self, query: Query) -> Verified | None:
+        """The best match, if none elsewhere is nearly as good."""
+        if not query.found:
+            return None
+        best = max(query.found, key=lambda found: found.agreement)
+        pose = self._implied(best.edge)
+        for found in query.found:
+            off = pose.between(self._implied(found.edge))
+            elsewhere = math.hypot(off.x, off.y) > VIEW
+            if elsewhere and best.agreement - found.agreement < MIN_LEAD:
+                return None
+        return best
+
+    def _implied(self, edge: LoopEdge) -> Pose2:
+        return self._graph.pose(edge.earlier) @ edge.pose
+
+
+def _window(expected: Pose2, covariance: Floats) -> Window:
+    """Around the expected pose, as far as the covariance and the local map reach."""
+    half = DEVIATIONS * math.sqrt(max(covariance[0, 0], covariance[1, 1])) + 2.0 * EDGE
+    rotation = DEVIATIONS * math.sqrt(covariance[2, 2]) + 2.0 * EDGE_ROTATION
+    low = [max(v - half, -VIEW) for v in expected[:2]]
+    high = [min(v + half, VIEW) for v in expected[:2]]
+    x, y = (0.5 * (a + b) for a, b in zip(low, high, strict=True))
+    widest = max(AMBIGUITY, *(0.5 * (b - a) for a, b in zip(low, high, strict=True)))
+    return Window(Pose2(x, y, expected.theta), widest, rotation)

@@ -1,0 +1,149 @@
+"""Kernels that match a scan with the local map of a few keyframes.
+
+[Olson15] E. Olson: M3RSM: Many-to-Many Multi-Resolution Scan Matching. ICRA 2015.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slams.jit import njit
+from slams.types import Floats
+
+Grid = NDArray[np.float32]
+BESIDE = 0.6  # likelihood of a cell beside that of a wall
+
+
+@njit
+def paint(points: Floats, x0: float, y0: float, cell: float, out: Grid) -> None:
+    """Likelihood of walls around end points (2, n) [m]: 1 in their cells, less beside. ours.
+
+    x0, y0: center of cell [0, 0] [m]; out (ny, nx).
+    """
+    height, width = out.shape
+    for i in range(points.shape[1]):
+        ix = math.floor((points[0, i] - x0) / cell + 0.5)
+        iy = math.floor((points[1, i] - y0) / cell + 0.5)
+        if ix < 1 or iy < 1 or ix >= width - 1 or iy >= height - 1:
+            continue
+        for jy in range(iy - 1, iy + 2):
+            for jx in range(ix - 1, ix + 2):
+                out[jy, jx] = max(out[jy, jx], 1.0 if jx == ix and jy == iy else BESIDE)
+
+
+@njit
+def pool(fine: Grid, block: int, out: Grid) -> None:
+    """The largest likelihood that a point can meet in a block or up to one further on [Olson15].
+
+    out[j, i] bounds fine[j block + v, i block + u] for u, v from 0 to 2 block - 1: a point anywhere
+    in the block, shifted by less than a block.
+    """
+    height, width = fine.shape
+    for iy in range(height):
+        for ix in range(width):
+            value = fine[iy, ix]
+            if value > 0.0:
+                v, u = iy // block, ix // block
+                for jy in range(max(v - 1, 0), v + 1):
+                    for jx in range(max(u - 1, 0), u + 1):
+                        if out[jy, jx] < value:
+                            out[jy, jx] = value
+
+
+@njit
+def bounds(coarse: Grid, points: Floats, window: Floats, frame: Floats, out: Grid) -> None:
+    """Bound of the mean likelihood for every rotation and coarse shift of a window [Olson15].
+
+    points (2, n) [m]; window (6,): x, y [m], theta [rad] of its first pose, step of rotations
+    [rad], block [m], and the score below which a pose is given up; frame (2,): corner of the coarse
+    cell [0, 0] [m]. out (rotations, ny, nx).
+    """
+    height, width = coarse.shape
+    n, block = points.shape[1], window[4]
+    missing = (1.0 - window[5]) * n
+    ix, iy = np.empty(n, np.int64), np.empty(n, np.int64)
+    for k in range(out.shape[0]):
+        theta = window[2] + k * window[3]
+        c, s = math.cos(theta), math.sin(theta)
+        for i in range(n):
+            ix[i] = math.floor((window[0] + c * points[0, i] - s * points[1, i] - frame[0]) / block)
+            iy[i] = math.floor((window[1] + s * points[0, i] + c * points[1, i] - frame[1]) / block)
+        for jy in range(out.shape[1]):
+            for jx in range(out.shape[2]):
+                total = 0.0
+                for i in range(n):
+                    u, v = ix[i] + jx, iy[i] + jy
+                    if 0 <= u < width and 0 <= v < height:
+                        total += coarse[v, u]
+                    if i - total > missing:
+                        break
+                out[k, jy, jx] = total / n
+
+
+@njit
+def finest(fine: Grid, points: Floats, frame: Floats, block: int, poses: Floats) -> None:
+    """Best shift within a block for each of several poses, by the mean likelihood [Olson09].
+
+    fine (ny, nx); points (2, n) [m]; frame (3,): center of cell [0, 0], cell [m]; poses (k, 4):
+    x, y, theta of the least shift; the best one and its score are written there.
+    """
+    height, width = fine.shape
+    n, cell = points.shape[1], frame[2]
+    ix, iy = np.empty(n, np.int64), np.empty(n, np.int64)
+    for k in range(poses.shape[0]):
+        x, y, c, s = poses[k, 0], poses[k, 1], math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        for i in range(n):
+            ix[i] = math.floor((x + c * points[0, i] - s * points[1, i] - frame[0]) / cell + 0.5)
+            iy[i] = math.floor((y + s * points[0, i] + c * points[1, i] - frame[1]) / cell + 0.5)
+        best = -1.0
+        for jy in range(block):
+            for jx in range(block):
+                total = 0.0
+                for i in range(n):
+                    u, v = ix[i] + jx, iy[i] + jy
+                    if 0 <= u < width and 0 <= v < height:
+                        total += fine[v, u]
+                if total > best:
+                    best = total
+                    poses[k, 0], poses[k, 1] = x + jx * cell, y + jy * cell
+        poses[k, 3] = best / n
+
+
+@njit
+def visible(
+    points: Floats, pose: Floats, ranges: Grid, laser: Floats, tolerance: float, out: Floats
+) -> None:
+    """Whether another scan has seen each end point, or has seen through it [LuMilios97]. ours.
+
+    points (2, n) [m] in their base; pose (3,) of that base in the frame of the other laser; ranges
+    (m,) of the other scan; laser (3,): first angle, step [rad], greatest range [m]. A point between
+    the ranges of the neighboring beams is an inlier: out (n,) becomes 1; where all of them went
+    farther it is a conflict: out becomes -1 unless it is 1; a hidden point stays as it is.
+    """
+    m = len(ranges)
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(points.shape[1]):
+        x = pose[0] + c * points[0, i] - s * points[1, i]
+        y = pose[1] + s * points[0, i] + c * points[1, i]
+        r = math.sqrt(x * x + y * y)
+        turn = math.atan2(y, x) - laser[0]
+        if laser[1] > 0.0:
+            turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi))
+        else:
+            turn -= 2.0 * math.pi * math.ceil(turn / (2.0 * math.pi))
+        beam = int(turn / laser[1] + 0.5)
+        if beam >= m:
+            continue
+        low, high = math.inf, -math.inf
+        for k in range(max(beam - 1, 0), min(beam + 2, m)):
+            if not math.isnan(ranges[k]):
+                value = min(ranges[k], laser[2])
+                low, high = min(low, value), max(high, value)
+        near = tolerance + abs(laser[1]) * r
+        if low < laser[2] and low - near <= r <= high + near:
+            out[i] = 1.0
+        elif high > 0.0 and r < low - near and out[i] != 1.0:
+            out[i] = -1.0

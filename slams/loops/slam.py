@@ -1,0 +1,231 @@
+"""Looped: any algorithm with a pose graph behind it that closes loops.
+
+Per scan: the algorithm's own update; a keyframe of the graph, if it is due; then one piece of work:
+a candidate for a loop is matched, the graph is optimized by one iteration, or keyframes enter the
+new map. Once that map is complete the algorithm goes on in it, from its corrected pose.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from slams.localize.hooks import Localizes
+from slams.loops.detector import LoopDetector
+from slams.loops.graph import LoopEdge, PoseGraph
+from slams.loops.matching import Keyframe, keyframe
+from slams.loops.params import LoopParams
+from slams.loops.redraw import MOVED, Redraw, gap
+from slams.params import Params
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
+
+STEP_NOISE = 0.01, 0.002  # m, rad: of every step between keyframes
+JUMP = 0.2  # m that the algorithm may be off its own last step or the wheels': it closed a loop
+REDRAWN = 4  # keyframes that enter the new map beside one scan
+PAUSE = 5  # scans to each keyframe of a map that was drawn anew, until the next
+SETTLED = 1e-4  # m, rad: the last iteration moves no pose by more
+UNKNOWN = np.zeros((3, 3))
+
+
+class Looped:
+    """An algorithm and its pose graph; the pose is the algorithm's, in the map of the last closure.
+
+    `frozen`: nothing enters the map, and no loop is closed.
+    """
+
+    Params: ClassVar[type[Params]] = LoopParams
+    algorithm: ClassVar[type[Any]]
+
+    def __init__(self, params: Any) -> None:
+        self.params = params
+        self.slam: Localizes = self._make()
+        self.graph = PoseGraph()
+        self._keyframes: list[Keyframe] = []
+        self._detector = LoopDetector(self.graph, self._keyframes, params.loop_path)
+        self._redraw: Redraw | None = None
+        self._pause = 0
+        self._moving = False
+        self._last: tuple[Scan, Pose2] | None = None
+        self._step = IDENTITY  # of the last scan
+        self._at = IDENTITY  # of the last keyframe, in the algorithm's map
+        self._known = self._greatest = np.zeros(3)  # variances at the last keyframe, and since
+        self._jumps = 0.0  # m^2, since the last keyframe
+        self._scans: list[tuple[int, Pose2]] = []  # keyframe before it, -1: none, and step from it
+        self._redrawn = 0
+
+    def update(self, scan: Scan) -> Pose2:
+        """The algorithm's update, and a piece of work on the graph."""
+        pose = self.slam.update(scan)
+        if self.frozen:
+            self._scans.append((-1, pose))
+        else:
+            self._follow(scan, pose)
+            if self._is_due(pose):
+                self._add(scan, pose)
+            self._scans.append((self.graph.n - 1, self._at.between(pose)))
+            pose = self._work(scan, pose)
+        self._last = scan, pose
+        return pose
+
+    @property
+    def frozen(self) -> bool:
+        """Whether the map stays as it is."""
+        return self.slam.frozen
+
+    @frozen.setter
+    def frozen(self, frozen: bool) -> None:
+        self.slam.frozen = frozen
+
+    def insert_at(self, scan: Scan, pose: Pose2) -> None:
+        """Let a scan enter the map at a known pose; it is no keyframe of the graph."""
+        self.slam.insert_at(scan, pose)
+        self._last = None
+
+    def map(self) -> OccupancyGrid:
+        """The algorithm's."""
+        return self.slam.map()
+
+    def report(self) -> dict[str, Any]:
+        """The algorithm's counts, and those of loops.
+
+        `keyframes` of the graph, `loop_searches` in local maps, `loops_verified` by a match in both
+        directions, `loops` believed, maps `redrawn`.
+        """
+        counts = {"keyframes": self.graph.n, "redrawn": self._redrawn}
+        return self.slam.report() | counts | self._detector.counts
+
+    def __getattr__(self, name: str) -> Any:
+        """`state`, `quality`, `covariance`, `pictures`: the algorithm's, if it has them."""
+        if name in ("state", "quality", "covariance", "pictures"):
+            return getattr(self.slam, name)
+        raise AttributeError(name)
+
+    def trajectory(self) -> Floats:
+        """Poses (n, 3) of all scans so far, as the graph has them now."""
+        poses = [self.graph.pose(k) @ step if k >= 0 else step for k, step in self._scans]
+        return np.array(poses).reshape(-1, 3)
+
+    # the graph
+
+    def _make(self) -> Localizes:
+        known = self.algorithm.Params.specs()
+        values = {name: getattr(self.params, name) for name in known}
+        slam: Localizes = self.algorithm(self.algorithm.Params(**values))
+        return slam
+
+    def _follow(self, scan: Scan, pose: Pose2) -> None:
+        """How uncertain the step since the last keyframe has become."""
+        self._greatest = np.maximum(self._greatest, self._variances(pose.theta))
+        if self._last is None:
+            return
+        last, before = self._last
+        expected, self._step = self._step, before.between(pose)
+        if last.odometry is not None and scan.odometry is not None:
+            expected = last.odometry.between(scan.odometry)
+        off = expected.between(self._step)
+        square = off.x * off.x + off.y * off.y
+        if square > JUMP**2:
+            self._jumps += square
+
+    def _variances(self, theta: float) -> Floats:
+        """Variances (3,) of the algorithm's pose along a heading, across it, and of its own."""
+        covariance = getattr(self.slam, "covariance", UNKNOWN)
+        c, s = math.cos(theta), math.sin(theta)
+        xx, xy, yy, turn = covariance[0, 0], covariance[0, 1], covariance[1, 1], covariance[2, 2]
+        along = c * c * xx + 2.0 * c * s * xy + s * s * yy
+        values = np.array((along, xx + yy - along, turn))
+        return np.where(np.isfinite(values), values, 0.0)
+
+    def _is_due(self, pose: Pose2) -> bool:
+        step, p = self._at.between(pose), self.params
+        far = math.hypot(step.x, step.y) >= p.keyframe_distance
+        return self.graph.n == 0 or far or abs(step.theta) >= p.keyframe_rotation
+
+    def _add(self, scan: Scan, pose: Pose2) -> None:
+        """A keyframe; its step is as uncertain as its distance and the covariance meanwhile say."""
+        step, p = self._at.between(pose), self.params
+        distance = math.hypot(step.x, step.y)
+        noise = np.array((STEP_NOISE[0], STEP_NOISE[0], STEP_NOISE[1])) ** 2
+        noise[:2] += p.drift**2 * distance + self._jumps
+        noise[2] += p.heading_drift**2 * (distance + abs(step.theta))
+        now = self._variances(pose.theta)
+        # what was lost since, and what a match with older ground has gained: a shift of that much
+        noise += 2.0 * self._greatest - self._known - now
+        self.graph.append(step, noise)
+        self._keyframes.append(keyframe(scan, self._twist(scan, pose)))
+        self._at, self._jumps = pose, 0.0
+        self._known = self._greatest = now
+
+    def _twist(self, scan: Scan, pose: Pose2) -> Pose2:
+        """The body twist between the scan before and this [m/s, rad/s]."""
+        if self._last is None or not scan.t > self._last[0].t:
+            return IDENTITY
+        dt = scan.t - self._last[0].t
+        return Pose2(*(v / dt for v in self._last[1].between(pose)))
+
+    def _work(self, scan: Scan, pose: Pose2) -> Pose2:
+        """A piece of work: an iteration of the graph, or candidates; keyframes of the new map."""
+        if self._moving:
+            self._moving = self.graph.iterate() > SETTLED
+            return pose
+        loops = self._detector.work()
+        if loops:
+            self._close(loops)
+            return pose
+        self._pause -= 1
+        if self._redraw is None and self._pause < 0 and self._is_moved():
+            self._redraw = Redraw(self._make, self._keyframes)
+        if self._redraw is not None:
+            self._redraw.insert(REDRAWN, self.graph)
+            if self._redraw.done:
+                return self._change_maps(scan, pose)
+        return pose
+
+    def _close(self, loops: list[LoopEdge]) -> None:
+        graph = self.graph
+        graph.loops += loops
+        self._moving = any(gap(graph.step(e.earlier, e.later), e.pose) > MOVED for e in loops)
+
+    def _is_moved(self) -> bool:
+        """Whether the robot is elsewhere in the graph than in the algorithm's map."""
+        return gap(self.graph.pose(self.graph.n - 1), self._at) > MOVED
+
+    def _change_maps(self, scan: Scan, pose: Pose2) -> Pose2:
+        """Go on in the new map, from the corrected pose."""
+        assert self._redraw is not None
+        n = self.graph.n - 1
+        corrected = self.graph.pose(n) @ self._at.between(pose)
+        new, self._redraw = self._redraw.slam, None
+        if hasattr(self.slam, "adopt"):
+            self.slam.adopt(new, corrected)
+        else:
+            new.insert_at(scan, corrected)
+            self.slam = new
+        self._at = self.graph.pose(n)
+        self._pause = PAUSE * self.graph.n
+        self._redrawn += 1
+        return corrected
+
+
+@cache
+def looped(algorithm: type[Any], label: str = "") -> type[Looped]:
+    """The class of an algorithm with loops; its parameters are the algorithm's and `LoopParams`.
+
+    Raises:
+        TypeError: the algorithm lacks `insert_at` or `frozen`.
+    """
+    name, own = algorithm.__name__, algorithm.Params
+    if not hasattr(algorithm, "insert_at"):
+        raise TypeError(
+            f"{label or name} cannot close loops: it has no insert_at and frozen; expected an "
+            "algorithm that is a slams.localize.Localizes"
+        )
+    presets = {key: value for key, value in own.PRESETS.items() if not isinstance(value, str)}
+    fields = {"PRESETS": presets, "__module__": __name__}
+    params: Any = dataclass(frozen=True)(type(f"Looped{own.__name__}", (own, LoopParams), fields))
+    known = {"Params": params, "algorithm": algorithm, "__module__": __name__}
+    return type(f"Looped{name}", (Looped,), known)

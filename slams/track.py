@@ -1,0 +1,63 @@
+"""Track: a signal over time, looked up at other times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from slams.types import Floats, wrap_angle
+
+MAX_ATTITUDE_GAP = 0.5  # s between two attitudes, beyond which nothing is known in between
+
+
+@dataclass(frozen=True)
+class Track:
+    """A signal over time: stamps t (k,) [s] and values, as recorded.
+
+    These are poses (k, 3), rates (k,) or roll and pitch (k, 2).
+
+    Stamps may jump back; for looking up they are put in order.
+    """
+
+    t: Floats
+    values: Floats
+
+    @cached_property
+    def in_order(self) -> tuple[Floats, Floats]:
+        """Stamps and values sorted by stamp, equal stamps in the order of recording."""
+        order = np.argsort(self.t, kind="stable")
+        return self.t[order], self.values[order]
+
+    def poses_at(self, t: Floats) -> Floats:
+        """Poses (n, 3) at the stamps t (n,): linear in x, y and the unwrapped angle.
+
+        Never extrapolates: a stamp outside the track gives a row of nan.
+        """
+        stamps, values = self.in_order
+        columns = (values[:, 0], values[:, 1], np.unwrap(values[:, 2]))
+        poses: Floats = np.stack(
+            [np.interp(t, stamps, column, left=np.nan, right=np.nan) for column in columns], axis=1
+        )
+        poses[:, 2] = wrap_angle(poses[:, 2])
+        return poses
+
+    def attitudes_at(self, t: Floats) -> Floats:
+        """Roll and pitch (n, 2) [rad] at the stamps t (n,), nan outside and in gaps."""
+        stamps, values = self.in_order
+        found: Floats = np.stack(
+            [np.interp(t, stamps, column, left=np.nan, right=np.nan) for column in values.T], axis=1
+        )
+        after = np.clip(np.searchsorted(stamps, t), 1, max(len(stamps) - 1, 1))
+        if len(stamps) > 1:
+            found[stamps[after] - stamps[after - 1] > MAX_ATTITUDE_GAP] = np.nan
+        return found
+
+    def integral_at(self, t: Floats) -> Floats:
+        """The integral of a rate from its first stamp to each of t (n,), nan outside."""
+        stamps, rate = self.in_order
+        steps = np.diff(stamps) * 0.5 * (rate[1:] + rate[:-1])
+        total = np.concatenate([[0.0], np.cumsum(steps)])
+        integral: Floats = np.interp(t, stamps, total, left=np.nan, right=np.nan)
+        return integral

@@ -1,0 +1,82 @@
+"""Tilted bodies: what their lasers meet, by hand, and that their attitudes bring the walls back."""
+
+import math
+
+import numpy as np
+import pytest
+
+from bench.sim.degrade import degrade
+from bench.sim.setting import Setting
+from bench.sim.simulation import simulate, world_of
+from bench.sim.swing import HEIGHT, WALLS, Swing, ranges_of, rise, sway
+from slams.scan.end_points import EndPoints
+from slams.scan.params import ScanParams
+from slams.types import IDENTITY, Attitude, Pose2
+
+
+def test_beams_point_where_the_rotation_turns_them():
+    attitudes = np.array([[0.2, 0.0], [0.0, 0.3], [-0.1, 0.25]])
+    for attitude in attitudes:
+        for angle in (0.0, 1.0, -2.5):
+            beam = np.array([math.cos(angle), math.sin(angle)])
+            u, v, w = Attitude(*attitude).rotation() @ (*beam, 0.0)
+            along, turn, slope = rise(beam[None], attitude[None])
+            assert along[0] == pytest.approx(math.hypot(u, v))
+            assert angle + turn[0] == pytest.approx(math.atan2(v, u)) and slope[0] == pytest.approx(
+                w
+            )
+
+
+def test_a_beam_meets_wall_floor_or_nothing():
+    slope = np.array([0.0, 0.1, -0.1, 0.5])
+    along = np.sqrt(1.0 - slope**2)
+    found = ranges_of(np.full(4, 4.0), along, slope, 0.35)
+    np.testing.assert_allclose(found, [4.0, 4.0 / along[1], 3.5, np.inf])
+    assert 4.0 / along[3] * 0.5 > WALLS - 0.35
+
+
+def test_a_laser_above_the_base_sways_as_the_rotation_moves_it():
+    rays, attitude = np.array([[1.0, 2.0, 0.7]]), np.array([[0.2, -0.1]])
+    x, y, z = Attitude(*attitude[0]).rotation() @ (0.0, 0.0, HEIGHT)
+    expected = Pose2(1.0, 2.0, 0.7) @ Pose2(float(x), float(y), 0.0)
+    assert sway(rays, attitude) == pytest.approx(z)
+    assert rays[0] == pytest.approx(expected)
+
+
+def test_a_swing_reaches_its_level_and_no_more():
+    swing = Swing(10.0, np.random.default_rng(0))
+    most = np.abs(swing.at(np.arange(0.0, 60.0, 0.01))).max(axis=0)
+    np.testing.assert_allclose(most, math.radians(10.0), rtol=1e-3)
+
+
+def off_the_walls(log, world, leveled):
+    """Distance [m] from the walls that nine of ten end points keep within."""
+    points, found = EndPoints(ScanParams()), []
+    for scan in log.rows(slice(None, None, 40)):
+        if not leveled:
+            object.__setattr__(scan, "attitude", None)
+        points.take(scan, IDENTITY)
+        pose = Pose2(*log.truth_at(np.array([scan.t]))[0])
+        ends = pose.transform(points.points[:2, : points.n].T)
+        found.append(world.gap[world.cells_of(ends)] * world.resolution)
+    return float(np.percentile(np.concatenate(found), 90))
+
+
+@pytest.mark.parametrize("made", ["simulated", "degraded"])
+def test_leveled_scans_lie_on_the_walls_of_the_world(made):
+    if made == "simulated":
+        log = simulate(Setting(size=10.0, duration=8.0, tilt=12.0))
+        assert log.laser.mount_z == log.laser.above_floor == HEIGHT
+    else:
+        log = degrade(simulate(Setting(size=10.0, duration=8.0)), "tilt", 12.0, 1)
+        assert (log.laser.mount_z, log.laser.above_floor) == (0.0, HEIGHT)
+    world = world_of(log)
+    assert off_the_walls(log, world, True) < 0.05 < 0.2 < off_the_walls(log, world, False)
+
+
+def test_what_is_measured_is_good_to_a_third_of_a_degree():
+    level = simulate(Setting(size=10.0, duration=20.0, sensor="lds01"))
+    log = degrade(level, "tilt", 0.0, 1)
+    assert 0.1 < np.degrees(log.attitude.values).std() < 0.5
+    np.testing.assert_allclose(log.ranges, level.ranges)
+    assert degrade(level, "tilt_unmeasured", 6.0, 1).attitude is None

@@ -1,0 +1,64 @@
+"""Attitude of the base from the messages of an IMU that is mounted anyhow."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.formats.attitude import GRAVITY, Inertial, about_vertical, attitude_of
+from slams.track import Track
+from slams.types import Attitude
+
+NONE = (math.nan,) * 4
+T = np.arange(0.0, 10.0, 0.01)
+TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # an IMU that looks left
+
+
+def true(t):
+    return Attitude(0.15 * math.sin(t), 0.1 * math.sin(1.7 * t + 0.5))
+
+
+def quaternion(matrix):
+    w = 0.5 * math.sqrt(1.0 + np.trace(matrix))
+    a, b, c = matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]
+    return a / (4.0 * w), b / (4.0 * w), c / (4.0 * w), w
+
+
+def messages(orientation):
+    """What an IMU gives of `true`, with its orientation, or with rates and acceleration alone."""
+    rows, h = [], 1e-5
+    for t in T.tolist():
+        R, later = (true(at).rotation() @ TURNED for at in (t, t + h))
+        spin = R.T @ (later - R) / h
+        rates = float(spin[2, 1]), float(spin[0, 2]), float(spin[1, 0])
+        force = tuple((GRAVITY * R[2]).tolist())
+        rows.append(Inertial(t, t, quaternion(R) if orientation else NONE, rates, force))
+    return rows
+
+
+@pytest.mark.parametrize(("orientation", "error"), [(True, 1e-9), (False, 2e-3)])
+def test_roll_and_pitch_of_the_base(orientation, error):
+    track = attitude_of(messages(orientation), TURNED)
+    np.testing.assert_allclose(track.values, [true(t) for t in T.tolist()], atol=error)
+
+
+def test_without_gyro_or_gravity_there_is_none_and_a_constant_is_a_placeholder():
+    nothing = [Inertial(t, t, (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3) for t in (0.0, 1.0)]
+    assert attitude_of(nothing, np.eye(3)) is None and attitude_of([], np.eye(3)) is None
+
+
+def test_a_shaken_accelerometer_is_left_out():
+    rows = messages(False)
+    shaken = [r._replace(acceleration=(0.0, 15.0, 9.81)) if r.sent > 5.0 else r for r in rows]
+    track = attitude_of(shaken, TURNED)
+    np.testing.assert_allclose(track.values, [true(t) for t in T.tolist()], atol=0.02)
+
+
+def test_the_turn_rate_is_about_the_vertical():
+    """A base that turns by 0.5 rad/s about the vertical, and pitches besides."""
+    roll, pitch, turn, pitching = 0.2, -0.3, 0.5, 0.4
+    R = Attitude(roll, pitch).rotation()
+    axis = np.array([0.0, math.cos(roll), -math.sin(roll)])  # of pitch, seen from the base
+    rates = R.T @ (0.0, 0.0, turn) + pitching * axis
+    both = Track(np.zeros(1), rates[None]), Track(np.zeros(1), np.array([[roll, pitch]]))
+    assert about_vertical(*both).values[0] == pytest.approx(turn)

@@ -1,0 +1,138 @@
+"""Tilted scans: end points in the plane, the floor left out, and what is wrong with an attitude."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slams.scan.end_points import EndPoints
+from slams.scan.params import ScanParams
+from slams.types import IDENTITY, Attitude, Laser, Pose2, Scan
+
+HEIGHT, SIDE = 0.35, 3.0  # m: of the laser above the floor, from the base to each wall of a room
+DRIVING = Pose2(0.3, 0.0, 0.0)
+LEVEL = Attitude(0.0, 0.0)
+LIDAR = Laser(-math.pi, math.radians(1.0), 360, 0.05, 30.0, Pose2(0.1, -0.05, 0.3), mount_z=HEIGHT)
+
+
+def room(attitude, lidar=LIDAR, rates=(0.0, 0.0)):
+    """Ranges of a tilted laser in a square room, by the equation of each wall and of the floor."""
+    ranges = np.full(lidar.n_beams, np.inf)
+    for i, angle in enumerate(lidar.angles + lidar.mount.theta):
+        roll, pitch = np.array(attitude) + np.array(rates) * i * lidar.time_increment
+        R = Attitude(roll, pitch).rotation()
+        start = R @ (lidar.mount.x, lidar.mount.y, lidar.mount_z)
+        way = R @ (math.cos(angle), math.sin(angle), 0.0)
+        for axis, at in ((0, SIDE), (0, -SIDE), (1, SIDE), (1, -SIDE), (2, 0.0)):
+            if way[axis] != 0.0 and (at - start[axis]) / way[axis] > 0.0:
+                ranges[i] = min(ranges[i], (at - start[axis]) / way[axis])
+    return ranges.astype(np.float32)
+
+
+def scan(t, truth, said=None, lidar=LIDAR, rates=(0.0, 0.0)):
+    return Scan(t, room(truth, lidar, rates), lidar, attitude=truth if said is None else said)
+
+
+def off_the_walls(points):
+    """The greatest distance [m] of an end point from the nearest wall."""
+    ends = np.abs(points.points[:2, : points.n])
+    return float(np.abs(ends.max(axis=0) - SIDE).max())
+
+
+def rocking(t):
+    return Attitude(0.22 * math.sin(2.0 * t), 0.2 * math.sin(1.3 * t + 1.0))
+
+
+def replayed(said, seconds=20.0, truth=rocking, speed=DRIVING):
+    """The end points' counts after a drive with the attitudes `said` (t) and the true ones."""
+    points = EndPoints(ScanParams())
+    for t in np.arange(0.0, seconds, 0.1).tolist():
+        points.take(scan(t, truth(t), said(t)), speed)
+    return points.counts
+
+
+def test_rotation_turns_by_roll_first_seen_from_the_base_then_by_pitch():
+    roll, pitch = 0.3, -0.2
+    about_x = np.array(
+        [[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]]
+    )
+    about_y = np.array(
+        [[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0], [-math.sin(pitch), 0, math.cos(pitch)]]
+    )
+    np.testing.assert_allclose(Attitude(roll, pitch).rotation(), about_y @ about_x, atol=1e-15)
+    assert (Attitude(0.1, 0.0).rotation() @ (0, 1, 0))[2] > 0.0  # the left side is up
+    assert (Attitude(0.0, 0.1).rotation() @ (1, 0, 0))[2] < 0.0  # the front is down
+
+
+@pytest.mark.parametrize(
+    "attitude", [Attitude(0.2, 0.0), Attitude(0.0, -0.25), Attitude(-0.1, 0.2)]
+)
+def test_a_tilted_scan_ends_on_the_walls_and_nowhere_on_the_floor(attitude):
+    points = EndPoints(ScanParams()).take(scan(0.0, attitude), IDENTITY)
+    assert points.n > 100 and off_the_walls(points) < 1e-5
+    x, y, _ = attitude.rotation() @ (LIDAR.mount.x, LIDAR.mount.y, HEIGHT)
+    assert points.mount == pytest.approx((x, y, LIDAR.mount.theta))
+    as_scanned = EndPoints(ScanParams()).take(replace(scan(0.0, attitude), attitude=None), IDENTITY)
+    assert as_scanned.mount == LIDAR.mount and off_the_walls(as_scanned) > 0.2
+
+
+def test_without_a_height_nothing_is_taken_for_floor():
+    lidar = replace(LIDAR, mount_z=0.0)
+    points = EndPoints(ScanParams()).take(scan(0.0, Attitude(0.1, 0.0), lidar=lidar), IDENTITY)
+    assert points.n > 100 and points.counts["leveled"] == 1
+    assert replace(lidar, height=0.2).above_floor == 0.2 and lidar.above_floor is None
+
+
+def test_a_sweep_takes_the_rate_of_the_attitude_out():
+    lidar, rates = replace(LIDAR, time_increment=0.1 / 360), (0.4, -0.3)
+    points = EndPoints(ScanParams())
+    points.take(scan(0.0, Attitude(0.06, 0.08), lidar=lidar, rates=rates), IDENTITY)
+    points.take(scan(0.1, Attitude(0.1, 0.05), lidar=lidar, rates=rates), IDENTITY)
+    assert points.n > 100 and off_the_walls(points) < 6e-3
+    still = EndPoints(ScanParams())
+    still.take(scan(0.1, Attitude(0.1, 0.05), lidar=lidar, rates=rates), IDENTITY)
+    assert off_the_walls(still) > 0.02
+
+
+def test_a_good_attitude_is_used_all_the_time():
+    errors = np.random.default_rng(0).normal(0.0, math.radians(0.3), (1000, 2))
+    counts = replayed(lambda t: Attitude(*(np.array(rocking(t)) + errors[round(10 * t)])))
+    assert counts["leveled"] == 200
+    assert not any(count for name, count in counts.items() if name != "leveled")
+    assert EndPoints(ScanParams()).counts == {}
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("beyond", lambda t: Attitude(math.pi - 0.1, rocking(t).pitch)),
+        ("contradicted", lambda t: Attitude(-rocking(t).roll, -rocking(t).pitch)),
+        ("stuck", lambda t: rocking(min(t, 7.0))),
+        ("jumped", lambda t: Attitude(rocking(t).roll + 0.3 * (t > 7.0), rocking(t).pitch)),
+    ],
+)
+def test_a_wrong_attitude_is_counted_and_not_used(fault, said):
+    counts = replayed(said)
+    assert counts[f"attitude_{fault}"] > 100
+    assert counts["leveled"] + counts[f"attitude_{fault}"] == 200
+
+
+def test_a_late_attitude_is_used_and_told():
+    counts = replayed(lambda t: rocking(t - 0.05), 40.0)
+    assert counts["leveled"] == 400 and 35 <= counts["attitude_late_ms"] <= 65
+
+
+def test_a_single_wrong_attitude_is_left_out():
+    counts = replayed(lambda t: Attitude(0.9 if t == 5.0 else rocking(t).roll, rocking(t).pitch))
+    assert counts["attitude_beyond"] + counts["attitude_jumped"] == 1 and counts["leveled"] == 199
+
+
+def test_a_robot_that_stands_on_a_slope_is_not_taken_for_a_stuck_attitude():
+    slope = Attitude(0.0, 0.15)
+    assert replayed(lambda t: slope, 5.0, lambda t: slope, IDENTITY)["leveled"] == 50
+    assert replayed(lambda t: LEVEL, 5.0, lambda t: LEVEL)["leveled"] == 50
+
+
+def test_what_is_not_a_number_is_no_attitude():
+    assert Scan(0.0, room(LEVEL), LIDAR, attitude=Attitude(math.nan, 0.0)).attitude is None

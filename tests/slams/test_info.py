@@ -1,0 +1,105 @@
+"""slams info: what is in a log, what is assumed, who can use it."""
+
+import pytest
+
+from slams import info
+from tests import bags
+from tests.rooms import drive
+
+
+def lines_of(capsys, *words):
+    assert info.main([*map(str, words)]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    return printed.out.splitlines()
+
+
+def recorded(make):
+    """Two lasers, of which one has no transform; the odometry moves by tf; a gap of 1.1 s."""
+    found = [
+        ("/tf_static", 0.0, make.tf(0.0, ("base_link", "laser", (0.1, 0, 0), 0.0, 0.0))),
+        ("/chat", 0.0, make.string("x")),
+    ]
+    for k in range(20):
+        t = 0.1 * k + (1.0 if k > 10 else 0.0)
+        found.append(("/scan", t, make.scan(t, [2.0] * 20, beam=0.001)))
+        found.append(("/rear", t, make.scan(t, [2.0] * 20, frame="rear")))
+        found.append(("/tf", t, make.tf(t, ("odom", "base_link", (0.01 * k, 0, 0), 0.0, 0.0))))
+    return found
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+def test_a_bag_is_shown_by_topics_frames_lasers_gaps_and_uses(kind, tmp_path, capsys):
+    lines = lines_of(capsys, bags.write(tmp_path, kind, recorded))
+    assert lines[0] == f"drive.{kind}: 62 messages"
+    assert f"  /scan           20  {bags.SCAN}" in lines
+    assert f"  /chat            1  {bags.STRING}" in lines
+    assert "  frame base_link in odom: moves, 20 stamps" in lines
+    assert "  frame laser in base_link: fixed" in lines
+    assert "drive: 20 scans of 20 beams, 10.0 Hz, 2.9 s" in lines
+    assert "odometry: 20 stamps, 10.0 Hz from tf odom" in lines
+    assert "frames: scans /scan in laser" in lines
+    assert "frames: poses are of base_link" in lines
+    assert "each scan: swept in 20 ms, which is deskewed" in lines
+    assert "gaps of the scans: 1, the longest 1.10 s after 1.0 s" in lines
+    assert sum(
+        line.startswith("usable by: slams run, play, convert, compare with") for line in lines
+    )
+    assert any(
+        line.startswith("/rear cannot be used: ") and "laser's, rear" in line for line in lines
+    )
+    assert lines[-1] == "2 lasers: --scan-topic picks the one to use"
+
+
+def test_a_laser_that_is_picked_is_the_only_one_shown(tmp_path, capsys):
+    lines = lines_of(capsys, bags.write(tmp_path, "mcap", recorded), "--scan-topic", "/scan")
+    assert not any("rear" in line for line in lines if not line.startswith("  /rear"))
+
+
+def test_topics_are_shown_of_a_bag_without_scans(tmp_path, capsys):
+    path = bags.write(tmp_path, "bag", lambda make: [("/chat", 0.0, make.string("x"))])
+    lines = lines_of(capsys, path)
+    assert lines[1] == f"  /chat       1  {bags.STRING}"
+    assert lines[2].startswith(f"it cannot be used: {path}: no laser scans; expected")
+
+
+def test_what_is_assumed_is_shown(tmp_path, capsys):
+    path = bags.write(tmp_path, "bag", lambda make: [("/scan", 0.1, make.scan(0.1, [2.0] * 9))])
+    assert any(
+        "assumed: no transform from a base to the laser" in line for line in lines_of(capsys, path)
+    )
+
+
+def test_an_npz_with_a_truth_can_be_compared_and_swept(tmp_path, capsys):
+    drive(n=5).save(tmp_path / "a.npz")
+    lines = lines_of(capsys, tmp_path / "a.npz")
+    assert lines[0] == "room: 5 scans of 361 beams, 20.0 Hz, 0.2 s"
+    assert "each scan: taken as instantaneous, no time between beams is known" in lines
+    assert lines[-1] == "usable by: slams run, play, convert, compare, sweep"
+
+
+def test_the_lasers_of_a_carmen_log_are_shown(tmp_path, capsys):
+    pose = "0 0 0 0 0 0 1.0 host 1.0"
+    (tmp_path / "a.log").write_text(f"FLASER 2 1.0 2.0 {pose}\nRLASER 2 1.0 2.0 {pose}\n" * 2)
+    lines = lines_of(capsys, tmp_path / "a.log")
+    assert lines[:2] == ["  FLASER  2 lines", "  RLASER  2 lines"]
+
+
+@pytest.mark.parametrize(("text", "sentence"), [(None, "no such file"), ("x", "not an npz file")])
+def test_bad_input_is_one_sentence_and_exit_2(text, sentence, tmp_path, capsys):
+    if text:
+        (tmp_path / "a.log").write_text(text)
+    assert info.main([str(tmp_path / "a.log")]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert sentence in printed.err
+
+
+def test_a_damaged_bag_is_refused_unless_salvaged(tmp_path, capsys):
+    path = bags.write(tmp_path, "bag", recorded)
+    path.write_bytes(path.read_bytes()[:-200])
+    assert info.main([str(path)]) == 2
+    assert "cut short or damaged" in capsys.readouterr().err
+    lines = lines_of(capsys, path, "--salvage")
+    assert any(line.startswith("assumed: cut short or damaged") for line in lines)
