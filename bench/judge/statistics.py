@@ -18,7 +18,6 @@ from slams.types import Floats
 
 EXACT = 13  # runs up to which all ways to set the signs are counted
 FLIPS = 10_000  # ways drawn by chance beyond
-SAME = 1e-6  # m or rad: runs that differ by less are the same run, rounded otherwise
 
 
 class Interval(NamedTuple):
@@ -176,9 +175,6 @@ def sentence(
     where = where and f" {where}"
     if math.isnan(result.p_value):
         return f"{name_a} and {name_b} can't be compared{where}: only {result.n} common values"
-    if max(abs(result.low), abs(result.high)) < SAME:
-        least = f"{scale * SAME:g} {unit} {what}"
-        return f"{name_a} and {name_b} are the same{where}: they differ by less than {least}"
     sure = result.p_value < 1.0 - level and not result.low <= 0.0 <= result.high
     swap = sure and result.difference < 0.0
     difference, low, high = (scale * value for value in result[:3])

@@ -31,17 +31,6 @@ def test_pairs_come_in_the_order_of_their_errors_and_tell_who_is_next_to_whom():
     assert found[0]["sentence"].startswith("translation: a is better than b on this log")
 
 
-def test_runs_that_differ_by_rounding_alone_are_called_the_same():
-    rows = [outcome("a", 0.001), outcome("b", 0.001 + 5e-10)]
-    translation, rotation = verdicts.on_one_log(rows)
-    assert translation["p_value"] < 0.001
-    words = "a and b are the same on this log: they differ by less than 0.001"
-    assert translation["sentence"] == f"translation: {words} mm per second"
-    assert rotation["sentence"] == f"rotation: {words} mrad per second"
-    apart = verdicts.on_one_log([outcome("a", 0.001), outcome("b", 0.001 + 5e-6)])
-    assert "a is better than b" in apart[0]["sentence"]
-
-
 def test_p_values_of_one_log_are_adjusted_for_all_its_pairs():
     rows = [outcome(name, 0.001 + 1e-5 * k, seed=k) for k, name in enumerate("abc")]
     for line in verdicts.on_one_log(rows):

@@ -16,6 +16,8 @@ from bench.report.html.plots import Axis, band, figure, line, plot
 from bench.results.sweep import Sweep
 from slams.types import Floats
 
+TABLES, ACCURACY, RECORD = "Tables", "Accuracy on the drives as they are", "How it was run"
+FOLDED = (ACCURACY, RECORD)
 SPREAD = 0.12  # of a level between the first and the last row's curve: equal ones stay visible
 
 
@@ -37,13 +39,14 @@ def document(sweep: Sweep, found: Analysis) -> str:
     made = sweep_tables.tables(found, sweep.facts).values()
     accuracy = [f"{sweep_tables.MODES[mode]}, {words}" for mode, words in found.accuracy]
     behind = {
-        "Tables": together(*(_table(one) for one in made)),
-        "Accuracy on the drives as they are": element("ul", *(element("li", a) for a in accuracy)),
-        "How it was run": _record(sweep),
+        TABLES: together(*(_table(one) for one in made)),
+        ACCURACY: element("ul", *(element("li", a) for a in accuracy)),
+        RECORD: _record(sweep),
     }
     drawn = {"Runs that hold a level": _figures(found, sweep, shown)}
     heading = f"{sweep_tables.head(found, sweep.facts)}."
-    return page.page("SLAM in the field: what breaks it", heading, (before, drawn, behind), shown)
+    parts = before, drawn, behind
+    return page.page("SLAM in the field: what breaks it", heading, parts, shown, FOLDED)
 
 
 def _table(one: sweep_tables.Table) -> Markup:
