@@ -37,7 +37,7 @@ DEGRADATIONS = (
     "jump",
     "poor_lidar",
 )
-QUICK = ("clean", "beams", "people", "speed")
+QUICK = ("clean", "beams", "people")
 PRESETS = ("", "@paper", "@original")  # rows of each algorithm: to use, the idea, as published
 SEEDS, QUICK_SEEDS = 10, 5  # drives in each arena
 DURATION, RATE = 20.0, 10.0  # s of each simulated drive, Hz

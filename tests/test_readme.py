@@ -96,7 +96,7 @@ def test_a_sweep_is_kept_with_what_its_tables_show(tmp_path, monkeypatch):
     assert "| noise [m] | >0.2 | 0.0707 (0.05 to 0.1) |" in text
     assert "| **a** (p = 0.0078) |" in text
     text = readme.rendered("<!-- choice -->\n<!-- end -->")
-    assert "noise, laser alone: **a** (p = 0.0078)." in text
+    assert "little (noise): laser alone **a** (p = 0.0078)." in text
     text = readme.rendered("<!-- field -->\n<!-- end -->")
     assert "| b, laser alone | 0 of 8 |" in text
     assert "long" not in readme.SWEEP.read_text()

@@ -29,12 +29,12 @@ ALL = "The rows of this sweep"
 EVERYTHING = "All of these together"
 # what a reader has or meets, and the degradations that tell of it; every one stands once
 SITUATIONS = {
-    "A laser that sees little: few beams, a narrow or short view, noise": (
+    "A laser that sees little": (
         *("beams", "fov", "range", "noise", "bias", "scale", "dropout", "quantization"),
         "poor_lidar",
     ),
     "People, glass, dust": ("people", "glass", "short"),
-    "Scans that are slow, late or missing, a robot in a hurry": (
+    "Scans that are slow, late or missing, a fast robot": (
         *("rate", "sweep", "gap", "blind", "speed", "jitter", "lag"),
     ),
     "A body that rolls and pitches": ("tilt", "tilt_unmeasured"),
@@ -87,7 +87,7 @@ def analysis(sweep: Sweep) -> Analysis:
     names = [name for name in sweep.facts["levels"] if name != CLEAN]
     single: dict[str, tuple[str, ...]] = {name: (name,) for name in names}
     present = {title: tuple(n for n in of if n in names) for title, of in SITUATIONS.items()}
-    present = {title: of for title, of in present.items() if of}
+    present = {f"{title} ({', '.join(of)})": of for title, of in present.items() if of}
     if len(present) > 1:
         present[EVERYTHING] = tuple(names)
     return Analysis(

@@ -59,12 +59,9 @@ def _cell(of: dict[str, Any]) -> Cell:
 
 
 def choice(path: Path) -> str:
-    """Which algorithm to take: the answers by situation."""
-    parts = [
-        f"**{question}**\n\n" + "\n".join(f"- {line}" for line in lines)
-        for question, lines in sweep_tables.choices(committed(path)[0])
-    ]
-    return "\n\n".join(parts) + "\n"
+    """Which of the programs to use to take: the answers by situation."""
+    _, lines = sweep_tables.choices(committed(path)[0])[0]
+    return "\n".join(f"- {line}" for line in lines) + "\n"
 
 
 def part(path: Path) -> str:
@@ -76,9 +73,14 @@ def part(path: Path) -> str:
 
 
 def field_part(path: Path) -> str:
-    """The alarms, and the accuracy on the drives as they are."""
-    lines = [f"- {sweep_tables.MODES[m]}, {line}" for m, line in committed(path)[0].accuracy]
-    return "\n\n".join([*_tables(path, ("alarms",)), "\n".join(lines)]) + "\n"
+    """The answers to all questions, the alarms, and the accuracy on the drives as they are."""
+    found = committed(path)[0]
+    parts = [
+        f"**{question}**\n\n" + "\n".join(f"- {line}" for line in lines)
+        for question, lines in sweep_tables.choices(found)
+    ]
+    accuracy = [f"- {sweep_tables.MODES[m]}, {line}" for m, line in found.accuracy]
+    return "\n\n".join([*parts, *_tables(path, ("alarms",)), "\n".join(accuracy)]) + "\n"
 
 
 def _tables(path: Path, kinds: tuple[str, ...]) -> list[str]:

@@ -18,6 +18,7 @@ from slams.params import worded
 MODES = {False: "laser alone", True: "with odometry"}
 ROWS = "All runs of each row"
 ALARMS = "Whether a lost run said so, and was right again at its end"
+TAKE = "Of equals the one to take is the cheapest with the same accuracy."
 HOW = "critical level: half of the runs are lost, with its 95 % interval"
 
 
@@ -82,14 +83,14 @@ def _bound(value: float, levels: list[float]) -> str:
 def answer(cell: Cell) -> str:
     """Who wins, or whom the runs cannot tell apart and which of those to take."""
     if not cell.decidable:
-        return f"{cell.drives} drives cannot tell; {cell.take} is the cheapest as accurate"
+        return f"{cell.drives} drives cannot tell: take {cell.take}"
     if len(cell.unbeaten) == 1:
         (p,) = {max(p for _, p in cell.beaten.values())}
         return f"**{cell.take}** ({_chance(p)})"
     if not cell.beaten:
-        return f"equal within chance: {cell.take}, the cheapest as accurate"
+        return f"equal within chance: take {cell.take}"
     others = ", ".join(f"{row} ({_chance(p)})" for row, (_, p) in cell.beaten.items())
-    return f"{listed(cell.unbeaten, 'or')}, not {others}: {cell.take}, the cheapest as accurate"
+    return f"{listed(cell.unbeaten, 'or')}, not {others}: take {cell.take}"
 
 
 def _chance(p: float) -> str:
@@ -98,11 +99,14 @@ def _chance(p: float) -> str:
 
 def choices(found: Analysis) -> list[tuple[str, list[str]]]:
     """The answers by situation: each question with its sentences."""
-    made: dict[str, list[str]] = {}
+    made: dict[str, dict[str, list[str]]] = {}
     for cell in found.situations:
-        words = f"{cell.title}, {MODES[cell.odometry]}: {answer(cell)}."
-        made.setdefault(cell.question, []).append(words)
-    return list(made.items())
+        words = made.setdefault(cell.question, {}).setdefault(cell.title, [])
+        words.append(f"{MODES[cell.odometry]} {answer(cell)}")
+    return [
+        (question, [f"{title}: {'; '.join(words)}." for title, words in of.items()])
+        for question, of in made.items()
+    ]
 
 
 def row_table(found: Analysis) -> pd.DataFrame:
@@ -166,7 +170,7 @@ def trial_table(sweep: Sweep) -> pd.DataFrame:
 
 def terminal(found: Analysis, facts: Line) -> str:
     """The answer first, then the tables."""
-    parts = [head(found, facts)]
+    parts = [head(found, facts), TAKE]
     for question, lines in choices(found):
         parts.append("\n".join([question, *(f"  {line.replace('**', '')}" for line in lines)]))
     for one in tables(found, facts).values():
