@@ -12,8 +12,8 @@ help:  ## this list
 compare: $(STAMP)  ## simulate the rescue maze, run every algorithm, print the tables
 	$(BIN)/python -m bench.compare
 
-sweep: $(STAMP)  ## what breaks which algorithm in the field, four minutes
-	$(BIN)/python -m bench.sweep
+sweep: $(STAMP)  ## which algorithm to take: drives degraded until each run is lost
+	$(BIN)/python -m bench.sweep --quick
 
 soak: $(STAMP)  ## hours of work in 20 minutes: half a million scans at rest, three kilometers
 	$(BIN)/python -m bench.soak $(SOAK)

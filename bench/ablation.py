@@ -17,12 +17,12 @@ from slams import cli
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bench.judge.survival import Group
+    from bench.judge.survival import Figures, Held
     from bench.results.sweep import Sweep
 
 PROGRAM = "bench.ablation"
 ALL = "all"  # the row of the algorithm as it is
-SEEDS = 20
+SEEDS = 10
 
 
 def parser() -> argparse.ArgumentParser:
@@ -30,10 +30,10 @@ def parser() -> argparse.ArgumentParser:
     p = cli.Parser(
         prog=f"python -m {PROGRAM}",
         description="Set every switch of an algorithm to its other value, one by one, and see "
-        "what survives the sweep's conditions: about ten minutes of one core for each.",
-        epilog="Writes ablation.md and ablation.csv: p is McNemar's exact test of who survived, "
-        "run by run, against the algorithm as it is. Runs that are done are kept in OUT/runs and "
-        "not done again.",
+        "which levels of the sweep's degradations its runs hold.",
+        epilog="Writes ablation.md and ablation.csv: p is McNemar's exact test over the drives, "
+        "whether a drive held more levels with the switch or as it is. What is done is kept in "
+        "OUT/runs and not done again.",
     )
     p.add_argument(
         "algorithm", metavar="ALGORITHM", help="as the sweep's: name, variant or module:Class"
@@ -59,8 +59,8 @@ def _command(arguments: argparse.Namespace, words: list[str]) -> int:
         sys.stdout.write(sweep.listed())
         return 0
     rows = cli.refusing(lambda: rows_of(arguments.algorithm))
-    usual = vars(sweep.parser().parse_args([]))  # of what is not asked here
-    asked = usual | vars(arguments) | {"algorithms": list(rows.values())}
+    defaults = vars(sweep.parser().parse_args([]))  # of options that only the sweep has
+    asked = defaults | vars(arguments) | {"algorithms": list(rows.values())}
     found = sweep.swept(argparse.Namespace(**asked), words, PROGRAM)
     if found is None:
         return 0
@@ -94,50 +94,54 @@ def rows_of(label: str) -> dict[str, str]:
 
 
 def table(found: Sweep, rows: dict[str, str]) -> pd.DataFrame:
-    """A line per row: who survived and the error by sensors, cost, the p-value."""
+    """A line per row: levels held and error by sensors, cost, the p-value."""
     import pandas as pd
 
     from bench.judge import survival
     from bench.judge.statistics import mcnemar
     from bench.report.sweep_tables import MODES
 
-    groups = survival.grouped(found, lambda trial: (trial["algorithm"], trial["odometry"]))
-    whole = survival.grouped(found, lambda trial: trial["algorithm"])
+    modes = [mode for mode in MODES if any(trial["odometry"] == mode for trial in found.trials)]
+    held = {mode: survival.held(found.trials, mode, found.facts["levels"]) for mode in modes}
     lines: dict[str, dict[str, object]] = {}
     for name, label in rows.items():
-        own = {
-            words: groups[label, mode] for mode, words in MODES.items() if (label, mode) in groups
-        }
-        cpu = whole[label].cpu_scan
-        chance = mcnemar(*survival.discordant(found, rows[ALL], label))
+        own = {MODES[mode]: survival.figures(found, label, mode) for mode in modes}
+        before, now = (_together([held[m][row] for m in modes]) for row in (rows[ALL], label))
         lines[name] = {
-            **{f"survived, {words}": str(group.survived) for words, group in own.items()},
-            **{f"1 s, {words} [mm]": _error(group) for words, group in own.items()},
-            "CPU a scan [ms]": None if cpu is None else 1e3 * cpu,
-            "p": None if name == ALL else f"{chance:.2g}",
+            **{f"levels held, {words}": _count(figures) for words, figures in own.items()},
+            **{f"1 s, {words} [mm]": _milli(figures.second_m) for words, figures in own.items()},
+            "CPU a scan [ms]": _milli(next(iter(own.values())).cpu_scan),
+            "p": None if name == ALL else f"{mcnemar(*survival.votes(before, now)):.2g}",
         }
     return pd.DataFrame.from_dict(lines, orient="index")
 
 
-def _error(group: Group) -> float | None:
-    return None if group.second_m is None else 1e3 * group.second_m
+def _together(held: list[Held]) -> Held:
+    """Levels held by each drive, over laser alone and with odometry."""
+    return {drive: sum(of.get(drive, 0) for of in held) for drive in held[0]}
+
+
+def _count(figures: Figures) -> str:
+    return f"{figures.levels[0]} of {figures.levels[1]}"
+
+
+def _milli(value: float | None) -> float | None:
+    return None if value is None else 1e3 * value
 
 
 def as_markdown(found: Sweep, made: pd.DataFrame, algorithm: str) -> str:
     """The table with how it was made."""
-    from bench.report.sweep_tables import head
     from bench.report.text import markdown_table
 
     command = f"`{found.record['command']}`, on {found.record['machine']['cpu']}"
-    return f"{command}: {head(found)}.\n\n{markdown_table(made, algorithm)}\n"
+    return f"{command}: lost = {found.facts['lost']}.\n\n{markdown_table(made, algorithm)}\n"
 
 
 def as_text(found: Sweep, made: pd.DataFrame, algorithm: str) -> str:
     """The table for a terminal."""
-    from bench.report.sweep_tables import head
     from bench.report.text import text_table
 
-    return f"{head(found)}\n\n{text_table(made, algorithm)}\n"
+    return f"lost = {found.facts['lost']}\n\n{text_table(made, algorithm)}\n"
 
 
 if __name__ == "__main__":

@@ -154,14 +154,12 @@ def table() -> str:
     """The front page's table, from the committed results and sweep."""
     from bench.report import front
 
-    return front.table(read_figures(RESULTS), readme_sweep.committed(SWEEP))
+    return front.table(read_figures(RESULTS), *readme_sweep.committed(SWEEP))
 
 
 def choice() -> str:
     """Which algorithm to take, from the committed sweep."""
-    from bench.report import front
-
-    return front.choice(readme_sweep.committed(SWEEP))
+    return readme_sweep.choice(SWEEP)
 
 
 def results() -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,34 +20,39 @@ if TYPE_CHECKING:
     from bench.run.work import Task
 
 PROGRAM = "bench.sweep"
-# what the default sweep tries, one hard but survivable level of each; bench.sim.degrade has all
-QUICK = (
+# what a sweep raises; bench.sim.degrade has all there are
+DEGRADATIONS = (
     "clean",
-    "noise=0.05",
-    "people=8",
-    "glass=40",
-    "beams=45",
-    "fov=120",
-    "range=4",
-    "short=30",
-    "rate=2",
-    "blind=2",
-    "poor_lidar=1",
-    "stall=2",
-    "jump=2",
+    "rate",
+    "beams",
+    "fov",
+    "range",
+    "noise",
+    "short",
+    "people",
+    "glass",
+    "blind",
+    "speed",
+    "slip",
+    "jump",
+    "poor_lidar",
 )
-QUICK_DURATION, FULL_DURATION = 20.0, 120.0  # s of each simulated drive
-QUICK_RATE = 10.0  # Hz
-QUICK_SEEDS, FULL_SEEDS = 2, 3
+QUICK = ("clean", "beams", "people")
+PRESETS = ("", "@paper", "@original")  # rows of each algorithm: to use, the idea, as published
+SEEDS, QUICK_SEEDS = 10, 5  # drives in each arena
+DURATION, RATE = 20.0, 10.0  # s of each simulated drive, Hz
 PER_SCAN = 1.5e-3  # s CPU of one scan, about: says how long a sweep will take
+SHARE_OF_LEVELS = 0.6  # that a climb takes, about
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog=f"python -m {PROGRAM}",
-        description="Spoil logs as the field does and see which algorithm survives what. Without a "
-        "log: simulated arenas, two drives in each, five minutes on two cores.",
+        description="Degrade logs level by level until each run is lost: which algorithm "
+        "withstands what, and which to take. Without a log: simulated arenas, ten drives in each, "
+        "hours; "
+        "--quick: four minutes on two cores.",
         epilog="Writes report.html, sweep.json, tables as csv and markdown. Runs that are done are "
         "kept in OUT/runs and not done again: a sweep that was ended goes on where it was.",
     )
@@ -55,7 +61,8 @@ def parser() -> argparse.ArgumentParser:
         "--algorithms",
         metavar="NAME",
         nargs="+",
-        help="default: all but baselines; a variant with a row of its own: NAME:KEY=VALUE,...",
+        help="default: all but baselines, with their presets @paper and @original (--quick: "
+        "without); a variant with a row of its own: NAME:KEY=VALUE,...",
     )
     single.add_options(p, several=True)
     add_drive_options(p)
@@ -66,7 +73,9 @@ def parser() -> argparse.ArgumentParser:
         default="both",
         help="whether wheels and gyro are given (default: %(default)s)",
     )
-    p.add_argument("--full", action="store_true", help="every degradation, level and scan: hours")
+    p.add_argument(
+        "--quick", action="store_true", help="fewer degradations, drives and rows: four minutes"
+    )
     cli.add_output_options(p, "results/sweep")
     spread.add_options(p)
     cli.add_log_options(p)
@@ -74,13 +83,13 @@ def parser() -> argparse.ArgumentParser:
 
 
 def add_drive_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command the options of what is driven and what spoils it."""
+    """Give a command the options of what is driven and how it is degraded."""
     parser.add_argument(
         "--degradations",
         metavar="NAME[=LEVEL]",
         nargs="+",
-        help="names with their levels, or single levels (noise=0.05); all: every one; list: what "
-        "there is",
+        help="names, each at all its levels, or single levels (noise=0.05); all: every one; list: "
+        "what there is",
     )
     parser.add_argument("--arenas", metavar="NAME", nargs="+", help=f"of {', '.join(ARENAS)}")
     parser.add_argument("--seeds", type=int, metavar="N", help="drives in each arena")
@@ -91,8 +100,16 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
         default=0,
         help="seed of the first drive, the others have those behind it (default: %(default)s)",
     )
-    parser.add_argument("--duration", type=float, metavar="S", help="of each simulated drive")
-    parser.add_argument("--rate", type=float, metavar="HZ", help="scans a second at most; 0: all")
+    parser.add_argument(
+        "--duration", type=float, metavar="S", help=f"of each simulated drive ({DURATION:g})"
+    )
+    parser.add_argument(
+        "--rate",
+        type=float,
+        metavar="HZ",
+        default=RATE,
+        help="scans a second at most (default: %(default)g); 0: all",
+    )
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -116,13 +133,13 @@ def listed() -> str:
 
     lines = []
     for entry in CATALOG.values():
-        levels = ", ".join(f"{level:g}" for level in entry.full_levels)
+        levels = ", ".join(f"{level:g}" for level in entry.levels)
         lines.append(f"{entry.name} [{entry.unit}]: {entry.meaning}\n    {levels}\n")
     return "".join(lines)
 
 
 def _command(arguments: argparse.Namespace, words: list[str]) -> int:
-    from bench.report import sweep_outputs
+    from bench.report import sweep_outputs, sweep_tables
     from bench.results import sweep as results
     from slams.formats import files
 
@@ -132,9 +149,10 @@ def _command(arguments: argparse.Namespace, words: list[str]) -> int:
     place = Path(arguments.out)
     with files.complete_folder(place) as folder:
         results.save(folder, found)
-        sweep_outputs.write(folder, found)
+        weighed = sweep_outputs.write(folder, found)
     if not arguments.quiet:
-        sys.stdout.write(f"{_said(found)}\n{place}/: report.html, sweep.json, tables\n")
+        screen = sweep_tables.terminal(weighed, found.facts)
+        sys.stdout.write(f"{screen}\n\n{place}/: report.html, sweep.json, tables\n")
     return cli.FAILED if all(trial["failed"] for trial in found.trials) else 0
 
 
@@ -151,8 +169,7 @@ def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRA
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
     with cli.refusing(lambda: spread.executor_of(arguments)) as here:
-        _announce(arguments, cases, program)
-        if not _all_done(cases, store, here, arguments):
+        if not _all_done(cases, store, here, arguments, program):
             return None
     return plan.gathered(cases, store, _record(words, program))
 
@@ -161,24 +178,35 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     """Everything that was asked for, read and checked before the work starts."""
     from bench.run import plan
 
-    full = arguments.full
-    chosen = arguments.degradations or (["all"] if full else list(QUICK))
     _check(arguments)
-    seeds = arguments.seeds or (FULL_SEEDS if full else QUICK_SEEDS)
-    duration = arguments.duration or (FULL_DURATION if full else QUICK_DURATION)
-    rate = arguments.rate if arguments.rate is not None else (0.0 if full else QUICK_RATE)
-    arenas, first = arguments.arenas or list(ARENAS), arguments.seed
-    simulated = plan.Drives(arenas, seeds, duration, arguments.sensor, first)
-    algorithms = arguments.algorithms or [name for name in names() if name not in BASELINES]
+    quick = arguments.quick
+    chosen = arguments.degradations or list(QUICK if quick else DEGRADATIONS)
+    seeds = arguments.seeds or (QUICK_SEEDS if quick else SEEDS)
+    arenas, duration = arguments.arenas or list(ARENAS), arguments.duration or DURATION
+    simulated = plan.Drives(arenas, seeds, duration, arguments.sensor, arguments.seed)
+    algorithms = arguments.algorithms or rows(("",) if quick else PRESETS)
     return plan.Plan(
         algorithms=algorithms,
-        conditions=plan.conditions_of(chosen, full),
+        conditions=plan.conditions_of(chosen),
         logs=plan.logs_of(arguments.logs, simulated, cli.log_options(arguments)),
         odometry={"both": (False, True), "with": (True,), "without": (False,)}[arguments.odometry],
-        rate=rate or None,
+        rate=arguments.rate or None,
         sensor=None if arguments.sensor == "utm30lx" else arguments.sensor,
         single=single.singles(algorithms, arguments.params, arguments.changes),
     )
+
+
+def rows(presets: Sequence[str]) -> list[str]:
+    """All algorithms but baselines with those of the presets that they have."""
+    from slams.registry import find
+
+    known = [name for name in names() if name not in BASELINES]
+    return [
+        f"{name}{preset}"
+        for preset in presets
+        for name in known
+        if not preset or preset[1:] in find(name).cls.Params.PRESETS
+    ]
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -192,6 +220,9 @@ def _check(arguments: argparse.Namespace) -> None:
         value = getattr(arguments, name)
         if value is not None and not low <= value <= high:
             raise ValueError(f"--{name}: got {value:g}, expected {low:g} to {high:g}")
+    for name in ("arenas", "duration"):
+        if arguments.logs and getattr(arguments, name) is not None:
+            raise ValueError(f"--{name}: is of simulated drives, and {arguments.logs[0]} was given")
 
 
 def _check_folder(place: Path) -> None:
@@ -200,30 +231,30 @@ def _check_folder(place: Path) -> None:
     place.mkdir(parents=True, exist_ok=True)
 
 
-def _announce(arguments: argparse.Namespace, cases: list[Case], program: str) -> None:
-    """How much work it is, before it starts."""
-    if not arguments.quiet:
-        minutes = sum(case.scans for case in cases) * PER_SCAN / 60.0
-        sys.stderr.write(
-            f"{program}: {len(cases)} runs, about {max(1.0, minutes):.0f} minutes of one core; "
-            "what is done already is kept\n"
-        )
-
-
 def _all_done(
-    cases: list[Case], store: Any, here: spread.Spread, arguments: argparse.Namespace
+    cases: list[Case], store: Any, here: spread.Spread, arguments: argparse.Namespace, program: str
 ) -> bool:
     """Do what is to be done here; whether nothing is left for other machines."""
     from bench.run.work import run_all
 
-    tasks: list[Task] = here.part(case.task for case in cases)
-    work = run_all(tasks, store, here.executor)
-    for _ in cli.progress(work, len(tasks), "sweeping", arguments.quiet, unit="run"):
+    missing = set(store.missing({case.task.key for case in cases}))
+    todo = [case for case in cases if case.task.key in missing]
+    tasks: list[Task] = here.part({case.task.key: case.task for case in todo}.values())
+    if not arguments.quiet:
+        minutes = SHARE_OF_LEVELS * sum(case.scans for case in todo) * PER_SCAN / 60.0
+        sys.stderr.write(
+            f"{program}: {len(cases)} climbs, {len(cases) - len(todo)} kept from before, "
+            f"{len(tasks)} to do here; all that are missing take about {minutes:.0f} minutes of "
+            "one core\n"
+        )
+    for _ in cli.progress(
+        run_all(tasks, store, here.executor), len(tasks), "sweeping", arguments.quiet, unit="climb"
+    ):
         pass
-    left = len(store.missing({case.task.key for case in cases})) if here.shard else 0
+    left = len(store.missing(missing)) if here.shard else 0
     if left and not arguments.quiet:
         sys.stdout.write(
-            f"{len(tasks)} runs of this part are done, {left} of other parts are missing in "
+            f"{len(tasks)} climbs of this part are done, {left} of other parts are missing in "
             f"{arguments.out}/runs: when they are there, the same command without --shard makes "
             "the tables\n"
         )
@@ -236,12 +267,6 @@ def _record(words: list[str], program: str) -> dict[str, Any]:
 
     command = f"python -m {program} {shlex.join(words)}".strip()
     return {"command": command, "machine": timing.machine(), "versions": versions()}
-
-
-def _said(found: Sweep) -> str:
-    from bench.report import sweep_tables
-
-    return sweep_tables.terminal(found)
 
 
 if __name__ == "__main__":

@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 
 from bench import compare, readme
+from bench.judge.answers import analysis
 from bench.report import readme_sweep
 from bench.results import FORMAT
 from bench.results import sweep as results
 from slams import metrics
 from slams.player import replay
 from slams.registry import find
-from tests.bench.test_sweep import lost, sweep_of, trial
+from tests.bench.test_answers import climbs
+from tests.bench.test_sweep import sweep_of
 from tests.places import ROOT
 from tests.rooms import drive
 
@@ -79,22 +81,24 @@ def test_results_of_several_logs_become_the_table_of_public_logs(tmp_path, monke
 
 
 def test_a_sweep_is_kept_with_what_its_tables_show(tmp_path, monkeypatch):
-    trials = [trial(algorithm=name, log=log) for name in "ab" for log in ("l0", "l1")]
-    trials += [lost(algorithm="b", level=0.1), trial() | {"failed": "x"}]
+    trials = climbs([3] * 8) + climbs([1] * 8, algorithm="b")
     found = sweep_of(trials)
-    found.facts["logs"] = [{"name": "l0", "setting": {"long": 1}}]
-    results.save(tmp_path, found._replace(record=found.record | {"command": "c --full --out d"}))
+    found.facts["logs"][0]["setting"] = {"long": 1}
+    results.save(tmp_path, found._replace(record=found.record | {"command": "c --quick --out d"}))
     for kind in ("SWEEP", "RESULTS"):
         monkeypatch.setattr(readme, kind, tmp_path / f"{kind.lower()}.kept")
     readme.adopt(tmp_path)
-    kept = readme_sweep.committed(readme.SWEEP)
-    assert kept.trials == trials
-    assert kept.costs[2] == pytest.approx(found.costs[2])
+    kept, known = readme_sweep.committed(readme.SWEEP)
+    assert kept == analysis(found)
+    assert known["facts"]["levels"] == found.facts["levels"]
     text = readme.rendered("<!-- sweep -->\n<!-- end -->")
-    assert "`c --full`, on a <b>: 6 runs over 1 logs" in text
-    assert "| b, laser alone | laser | 2 of 3 |" in text
+    assert "`c --quick`, on a <b>: 16 climbs over 1 drives" in text
+    assert "| noise [m] | >0.2 | 0.0707 (0.05 to 0.1) |" in text
+    assert "| **a** (p = 0.0078) |" in text
+    text = readme.rendered("<!-- choice -->\n<!-- end -->")
+    assert "little (noise): laser alone **a** (p = 0.0078)." in text
     text = readme.rendered("<!-- field -->\n<!-- end -->")
-    assert "| noise=0.1 | - | 1 of 1 lost |" in text
+    assert "| b, laser alone | 0 of 8 |" in text
     assert "long" not in readme.SWEEP.read_text()
 
 

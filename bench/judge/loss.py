@@ -26,6 +26,11 @@ def by_truth(common: Common) -> dict[str, Any]:
     return _verdict(beyond(common), t, driven(common.truth))
 
 
+def words() -> str:
+    """The definition in words."""
+    return f"off by more than {LIMIT_M:g} m or {LIMIT_RAD:g} rad anywhere"
+
+
 def by_relations(errors: RelationErrors, start: float) -> dict[str, Any]:
     """As `by_truth`, by relations off by the limits; a few broken ones are no lost run."""
     off = np.logical_or(errors.translation > LIMIT_M, errors.rotation > LIMIT_RAD)

@@ -1,21 +1,24 @@
-"""What a sweep says: who survives what, how sure that is, at which error and at which cost.
+"""How much the runs of a sweep withstand: levels held, curves, critical levels, figures of rows.
 
-Pure functions on the trials of a sweep. Trials that failed count as lost.
+A run *holds* a level if it is lost neither there nor at a milder one; the climb ends at the first
+level that loses it. A run that failed counts as lost.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
-from typing import Generic, NamedTuple, TypeVar
+import math
+from collections.abc import Collection, Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from bench.judge.statistics import wilson
-from bench.results.sweep import Cost, Sweep, Trial
+from bench.results.sweep import CLEAN, Cost, Sweep, Trial
 
-K = TypeVar("K", bound=Hashable)
+HALF = 0.5  # of the runs lost: the critical level
 
-CLEAN = "clean"
+Drive = tuple[str, int]  # name of a log, seed
+Held = dict[Drive, int]  # how many levels each drive's run held
 
 
 class Share(NamedTuple):
@@ -30,92 +33,37 @@ class Share(NamedTuple):
         return f"{self.k} of {self.n}"
 
 
-class Group(NamedTuple):
-    """All trials of one kind together.
+class Critical(NamedTuple):
+    """The level at which half of the runs are lost, and its 95 % interval.
 
-    `ate_m` and `worst_ate_m` are median and greatest error of the runs that survived, None without
-    any; `worse_than_wheels` counts runs with odometry that were further off than the wheels alone;
-    `right_again` the lost runs that were right at their end; `cpu` CPU seconds per second of log,
-    median; `cpu_scan` per scan.
+    -inf: milder than the mildest that was tried, inf: harder than the hardest.
     """
 
-    survived: Share
-    ate_m: float | None
-    worst_ate_m: float | None
+    level: float
+    low: float
+    high: float
+
+
+class Figures(NamedTuple):
+    """All trials of one row together.
+
+    `levels` counts the levels held of those there were, over all drives; `second_m` is the median
+    error over 1 s of the runs that were not lost, `clean_m` that of the logs as they are; None
+    without any. `cpu_scan` [s] is a median, `dearest` the most CPU per second of log of any trial
+    as a multiple of the same log's as it is.
+    """
+
+    used: list[str]
+    levels: tuple[int, int]
+    clean: Share
     second_m: float | None
+    clean_m: float | None
     worse_than_wheels: Share
     right_again: Share
     said_in_time: Share
     false_share: float
-    posed: float | None
-    refined: float | None
-    cpu: float | None
     cpu_scan: float | None
-
-
-class Survivors(NamedTuple, Generic[K]):
-    """The greatest share survived, who has it, and all that cannot be told apart from it."""
-
-    most: Share
-    best: list[K]
-    alike: list[K]
-
-
-class Judged(NamedTuple):
-    """A trial with what it cost."""
-
-    trial: Trial
-    cost: Cost | None
-
-
-def grouped(sweep: Sweep, key: Callable[[Trial], K]) -> dict[K, Group]:
-    """The trials of each kind weighed together, in the order the kinds appear."""
-    found: dict[K, list[Judged]] = {}
-    for trial, cost in zip(sweep.trials, sweep.costs, strict=True):
-        found.setdefault(key(trial), []).append(Judged(trial, cost))
-    return {kind: weigh(trials) for kind, trials in found.items()}
-
-
-def weigh(judged: list[Judged]) -> Group:
-    """Trials of one kind, together."""
-    trials = [item.trial for item in judged]
-    done = [trial for trial in trials if not trial["failed"]]
-    kept = [trial for trial in done if not trial["lost"]]
-    lost = [trial for trial in done if trial["lost"]]
-    beside = [trial for trial in done if trial["odometry"] and trial["wheels_ate_m"] is not None]
-    worse = [trial for trial in beside if trial["ate_m"] > (trial["wheels_ate_m"] or 0.0)]
-    episodes = sum(trial["episodes"] for trial in done)
-    right = sum(trial["right_scans"] for trial in done)
-    known = [(i, i.cost["cpu_s"]) for i in judged if i.cost and not i.trial["failed"]]
-    return Group(
-        survived=share(len(kept), len(trials)),
-        ate_m=_median(trial["ate_m"] for trial in kept),
-        worst_ate_m=max((trial["ate_m"] for trial in kept), default=None),
-        second_m=_median(t["second_m"] for t in kept if t["second_m"] is not None),
-        worse_than_wheels=share(len(worse), len(beside)),
-        right_again=share(sum(bool(trial["right_again"]) for trial in lost), len(lost)),
-        said_in_time=share(sum(trial["said_in_time"] for trial in done), episodes),
-        false_share=sum(trial["false_alarms"] for trial in done) / max(right, 1),
-        posed=_mean(t["posed"] for t in done if t["posed"] is not None),
-        refined=_mean(t["refined"] for t in done if t["refined"] is not None),
-        cpu=_median(_per_second(item) for item, _ in known),
-        cpu_scan=_median(cpu_s / max(item.trial["scans"], 1) for item, cpu_s in known),
-    )
-
-
-def survivors(groups: Mapping[K, Group]) -> Survivors[K]:
-    """Who survived most, and who cannot be told apart from them: their intervals overlap."""
-    most = max(groups.values(), key=lambda group: group.survived.k).survived
-    best = [name for name, group in groups.items() if group.survived.k == most.k]
-    alike = [name for name, group in groups.items() if group.survived.high >= most.low]
-    return Survivors(most, best, alike)
-
-
-def cheapest(groups: Mapping[K, Group], among: Iterable[K]) -> K | None:
-    """The one of `among` that takes the least CPU; None where nobody's cost is known."""
-    spent = {name: groups[name].cpu for name in among}
-    known = {name: cpu for name, cpu in spent.items() if cpu is not None}
-    return min(known, key=lambda name: known[name], default=None)
+    dearest: float | None
 
 
 def share(k: int, n: int) -> Share:
@@ -123,89 +71,136 @@ def share(k: int, n: int) -> Share:
     return Share(k, n, *wilson(k, n))
 
 
-def discordant(sweep: Sweep, a: str, b: str) -> tuple[int, int]:
-    """Runs that of two algorithms only a survived, and only b; a pair has log and condition alike.
-
-    Raises:
-        KeyError: a run of one that the other has not.
-    """
-    kept: dict[str, dict[Hashable, bool]] = {a: {}, b: {}}
-    for trial in sweep.trials:
-        if trial["algorithm"] in kept:
-            kept[trial["algorithm"]][_pair(trial)] = survived(trial)
-    pairs = [(kept[a][pair], kept[b][pair]) for pair in kept[a] | kept[b]]
-    return pairs.count((True, False)), pairs.count((False, True))
-
-
 def survived(trial: Trial) -> bool:
-    """Whether a run kept its way; one that failed did not."""
+    """Whether a run was neither lost nor failed."""
     return not trial["failed"] and not trial["lost"]
 
 
-def reach(sweep: Sweep, algorithm: str, odometry: bool, degradation: str) -> float | None:
-    """The hardest level up to which every run survived, this and all milder ones.
+def held(trials: Iterable[Trial], odometry: bool, degradations: Collection[str]) -> dict[str, Held]:
+    """Levels held by each algorithm's runs, drive by drive, over some degradations together."""
+    found: dict[str, Held] = {}
+    for trial in trials:
+        if trial["odometry"] == odometry and trial["degradation"] in degradations:
+            drives = found.setdefault(trial["algorithm"], {})
+            drive = trial["log"], trial["seed"]
+            drives[drive] = drives.get(drive, 0) + survived(trial)
+    return found
 
-    Levels are as hard as they stand in the sweep, in the order of the catalog. None: lost already
-    at the mildest.
+
+def votes(a: Held, b: Held) -> tuple[int, int]:
+    """In how many drives a held more levels, and in how many b: the pairs of McNemar's test."""
+    both = a.keys() & b.keys()
+    return sum(a[k] > b[k] for k in both), sum(a[k] < b[k] for k in both)
+
+
+def curve(runs: Held, levels: int) -> list[Share]:
+    """The share of runs that hold each level: Kaplan and Meier's curve, no run leaves early."""
+    counts = list(runs.values())
+    return [share(sum(count > k for count in counts), len(counts)) for k in range(levels)]
+
+
+def critical(shares: Sequence[Share], levels: Sequence[float]) -> Critical:
+    """The level at which half of the runs are lost, by where the curve falls to one half.
+
+    The median survival of Kaplan and Meier's curve, between two levels on a logarithmic scale. Its
+    interval inverts the test of one half at every level (Brookmeyer and Crowley 1982; Wilson's
+    interval is the test): from the last level that surely more than half hold to the first that
+    surely fewer do. Nothing is known between two levels, so it ends at levels.
     """
-    whole: dict[float, bool] = {}
-    for trial in sweep.trials:
-        same = (trial["algorithm"], trial["odometry"], trial["degradation"])
-        if same == (algorithm, odometry, degradation):
-            whole[trial["level"]] = whole.get(trial["level"], True) and survived(trial)
-    last = None
-    for level, every in whole.items():
-        if not every:
-            break
-        last = level
-    return last
+    lows, highs = ([getattr(one, side) for one in shares] for side in ("low", "high"))
+    first, last = _falls(lows), _falls(highs)
+    return Critical(
+        _crossing([one.k / one.n for one in shares], levels),
+        levels[first - 1] if first else -math.inf,
+        levels[last] if last < len(levels) else math.inf,
+    )
 
 
-def cost_ratio(sweep: Sweep, algorithm: str, odometry: bool) -> float | None:
-    """The dearest case's CPU per second of log as a multiple of the same log's, clean."""
+def _falls(shares: Sequence[float]) -> int:
+    """The first of falling shares that is at most one half; their number if none is."""
+    return next((k for k, value in enumerate(shares) if value <= HALF), len(shares))
+
+
+def _crossing(shares: Sequence[float], levels: Sequence[float]) -> float:
+    below = _falls(shares)
+    if below == len(shares):
+        return math.inf
+    if below == 0:
+        return levels[0] if shares[0] == HALF else -math.inf
+    (a, b), (above, under) = levels[below - 1 : below + 1], shares[below - 1 : below + 1]
+    part = (above - HALF) / (above - under)
+    return float(a * (b / a) ** part if a > 0.0 and b > 0.0 else a + part * (b - a))
+
+
+def figures(sweep: Sweep, algorithm: str, odometry: bool) -> Figures:
+    """The figures of one row of a sweep."""
+    own = [
+        (trial, cost)
+        for trial, cost in zip(sweep.trials, sweep.costs, strict=True)
+        if (trial["algorithm"], trial["odometry"]) == (algorithm, odometry)
+    ]
+    done = [trial for trial, _ in own if not trial["failed"]]
+    kept, lost = ([t for t in done if t["lost"] == is_lost] for is_lost in (False, True))
+    clean = [trial for trial, _ in own if trial["degradation"] == CLEAN]
+    beside = [trial for trial in done if odometry and trial["wheels_ate_m"] is not None]
+    worse = [trial for trial in beside if trial["ate_m"] > (trial["wheels_ate_m"] or 0.0)]
+    right = sum(trial["right_scans"] for trial in done)
+    return Figures(
+        used=list(dict.fromkeys(name for trial in done for name in trial["used"])),
+        levels=_levels(sweep, [trial for trial, _ in own]),
+        clean=share(sum(map(survived, clean)), len(clean)),
+        second_m=_second(kept),
+        clean_m=_second([trial for trial in kept if trial["degradation"] == CLEAN]),
+        worse_than_wheels=share(len(worse), len(beside)),
+        right_again=share(sum(bool(trial["right_again"]) for trial in lost), len(lost)),
+        said_in_time=share(
+            sum(trial["said_in_time"] for trial in done), sum(trial["episodes"] for trial in done)
+        ),
+        false_share=sum(trial["false_alarms"] for trial in done) / max(right, 1),
+        cpu_scan=median([cost["cpu_s"] / max(t["scans"], 1) for t, cost in own if cost]),
+        dearest=_dearest(own),
+    )
+
+
+def median(values: Sequence[float]) -> float | None:
+    """The median; None of nothing."""
+    return float(np.median(values)) if len(values) else None
+
+
+def _second(trials: Iterable[Trial]) -> float | None:
+    return median([t["second_m"] for t in trials if t["second_m"] is not None])
+
+
+def _levels(sweep: Sweep, own: Sequence[Trial]) -> tuple[int, int]:
+    """Levels held, and levels there were; the logs as they are count as none."""
+    degraded = [trial for trial in own if trial["degradation"] != CLEAN]
+    climbs = {(t["log"], t["seed"], t["degradation"]) for t in degraded}
+    return (
+        sum(map(survived, degraded)),
+        sum(len(sweep.facts["levels"][name]) for *_, name in climbs),
+    )
+
+
+def _dearest(own: Sequence[tuple[Trial, Cost | None]]) -> float | None:
     clean: dict[str, float] = {}
     others: list[tuple[str, float]] = []
-    for item in map(Judged, sweep.trials, sweep.costs):
-        trial = item.trial
-        if (trial["algorithm"], trial["odometry"]) != (algorithm, odometry):
+    for trial, cost in own:
+        if cost is None:
             continue
-        if item.cost is None or trial["failed"]:
-            continue
+        spent = cost["cpu_s"] / max(trial["duration_s"], 1e-9)
         if trial["degradation"] == CLEAN:
-            clean[trial["log"]] = _per_second(item)
+            clean[trial["log"]] = spent
         else:
-            others.append((trial["log"], _per_second(item)))
-    ratios = [spent / clean[log] for log, spent in others if clean.get(log)]
-    return max(ratios, default=None)
+            others.append((trial["log"], spent))
+    return max((spent / clean[log] for log, spent in others if clean.get(log)), default=None)
 
 
 def clean_errors(sweep: Sweep, odometry: bool) -> dict[str, dict[str, float]]:
-    """Mean error over a second [m] of each algorithm on each clean log: what verdicts are from."""
+    """Mean error over a second [m] of each algorithm on each log as it is, if not lost there."""
     found: dict[str, dict[str, float]] = {}
     for trial in sweep.trials:
-        if trial["degradation"] == CLEAN and trial["odometry"] == odometry and not trial["failed"]:
+        if trial["degradation"] == CLEAN and trial["odometry"] == odometry and survived(trial):
             second = trial["second_m"]
             if second is not None:
                 found.setdefault(trial["algorithm"], {})[trial["log"]] = second
     return found
-
-
-def _pair(trial: Trial) -> Hashable:
-    """What two runs of a pair have alike."""
-    log, condition = (trial["log"], trial["seed"]), (trial["degradation"], trial["level"])
-    return log, condition, trial["odometry"]
-
-
-def _per_second(item: Judged) -> float:
-    assert item.cost is not None, "asked for trials with a cost only"
-    return item.cost["cpu_s"] / max(item.trial["duration_s"], 1e-9)
-
-
-def _median(values: Iterable[float]) -> float | None:
-    known = list(values)
-    return float(np.median(known)) if known else None
-
-
-def _mean(values: Iterable[float]) -> float | None:
-    known = list(values)
-    return float(np.mean(known)) if known else None

@@ -7,7 +7,7 @@ show the opposite. Only several independent drives say more, and too few of them
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import chain, combinations
+from itertools import combinations
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -18,7 +18,6 @@ from bench.results import Line, Outcome
 from slams.types import Floats
 
 Lines = list[Line]
-Sensors = tuple[str, ...] | None  # what a run used, None = not known
 T = TypeVar("T")
 
 SIGNIFICANT = 0.05
@@ -34,15 +33,6 @@ class Measure(NamedTuple):
     scale: float
 
 
-class Pair(NamedTuple):
-    """Two algorithms and what each of them used."""
-
-    a: str
-    b: str
-    used_a: Sensors
-    used_b: Sensors
-
-
 MEASURES = (
     Measure("translation", lambda errors: errors.se2_translation, "mm", 1e3),
     Measure("rotation", lambda errors: errors.orientation, "mrad", 1e3),
@@ -54,8 +44,7 @@ def on_one_log(outcomes: list[Outcome]) -> Lines:
     """Every pair of runs that have errors, p-values adjusted together for all of them.
 
     Errors over 1 s, where the log has them; they do not depend on the rate of the updates. The
-    sentences hold on this log and say so; where the two used different sensors (`used` of a row,
-    absent = not known) they name them.
+    sentences hold on this log and say so.
     """
     runs = _judged(outcomes)
     span = next((name for name in SPANS if all(name in run.errors for run in runs)), None)
@@ -66,7 +55,7 @@ def on_one_log(outcomes: list[Outcome]) -> Lines:
         order = sorted(runs, key=lambda run: float(measure.values(run.errors[span]).mean()))
         for places, (a, b) in _numbered_pairs(order):
             paired = statistics.paired(*_same_times(a.errors[span], b.errors[span], measure))
-            pair = Pair(a.row["algorithm"], b.row["algorithm"], *map(_used, (a, b)))
+            pair = a.row["algorithm"], b.row["algorithm"]
             found.append(_entry(pair, measure, SPANS[span], paired, beside=places == 1))
     return [entry | {"sentence": _words(entry, "on this log")} for entry in _adjusted(found)]
 
@@ -80,7 +69,7 @@ def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Lines:
     found: Lines = []
     for measure in MEASURES:
         order = _ordered_means(outcomes, span, measure)
-        found += _pairs(order, measure, SPANS[span], lambda a, on: _used_over(outcomes, a, on))
+        found += _pairs(order, measure, SPANS[span])
     return _in_words(found)
 
 
@@ -88,15 +77,10 @@ def over_means(means: dict[str, dict[str, float]], measure: str = "translation")
     """The same from means that are known: algorithm to log to mean error over 1 s [m] or [rad]."""
     of = next(known for known in MEASURES if known.name == measure)
     order = sorted(means.items(), key=lambda item: float(np.mean([*item[1].values()])))
-    return _in_words(_pairs(order, of, SPANS["1 s"], lambda _, __: None))
+    return _in_words(_pairs(order, of, SPANS["1 s"]))
 
 
-def _pairs(
-    order: list[tuple[str, dict[str, float]]],
-    measure: Measure,
-    what: str,
-    used: Callable[[str, list[str]], Sensors],
-) -> Lines:
+def _pairs(order: list[tuple[str, dict[str, float]]], measure: Measure, what: str) -> Lines:
     """Every pair of algorithms on the logs that both have."""
     found: Lines = []
     for places, ((a, of_a), (b, of_b)) in _numbered_pairs(order):
@@ -106,8 +90,7 @@ def _pairs(
         paired = statistics.paired_over_runs(
             np.array([of_a[log] for log in shared]), np.array([of_b[log] for log in shared])
         )
-        pair = Pair(a, b, used(a, shared), used(b, shared))
-        found.append(_entry(pair, measure, what, paired, beside=places == 1))
+        found.append(_entry((a, b), measure, what, paired, beside=places == 1))
     return found
 
 
@@ -138,22 +121,6 @@ def _judged(outcomes: list[Outcome]) -> list[Outcome]:
     return [outcome for outcome in outcomes if outcome.errors]
 
 
-def _used(outcome: Outcome) -> Sensors:
-    used = outcome.row.get("used")
-    return None if used is None else tuple(used)
-
-
-def _used_over(outcomes: list[Outcome], algorithm: str, logs: list[str]) -> Sensors:
-    """What an algorithm used on any of the logs; None where one does not tell."""
-    of_logs = [
-        _used(outcome)
-        for outcome in _judged(outcomes)
-        if outcome.row["algorithm"] == algorithm and outcome.row["log"] in logs
-    ]
-    known = [used for used in of_logs if used is not None]
-    return tuple(dict.fromkeys(chain(*known))) if len(known) == len(of_logs) else None
-
-
 def _same_times(a: SpanErrors, b: SpanErrors, measure: Measure) -> tuple[Floats, Floats]:
     """Both series at the stamps that both have; what differs by rounding alone is equal."""
     first, second = measure.values(a), measure.values(b)
@@ -164,31 +131,16 @@ def _same_times(a: SpanErrors, b: SpanErrors, measure: Measure) -> tuple[Floats,
 
 
 def _entry(
-    pair: Pair, measure: Measure, what: str, paired: statistics.Paired, beside: bool
+    pair: tuple[str, str], measure: Measure, what: str, paired: statistics.Paired, beside: bool
 ) -> dict[str, Any]:
     return {
-        "a": pair.a,
-        "b": pair.b,
+        "a": pair[0],
+        "b": pair[1],
         "measure": measure.name,
         "what": what,
         "unit": measure.unit,
         "next": beside,
-        "sensors": _difference(pair),
     } | paired._asdict()
-
-
-def _difference(pair: Pair) -> str:
-    """The sensors in words where the two used different ones, else ""."""
-    if pair.used_a is None or pair.used_b is None or set(pair.used_a) == set(pair.used_b):
-        return ""
-    return f"{pair.a} used {_listed(pair.used_a)}, {pair.b} {_listed(pair.used_b)}"
-
-
-def _listed(used: tuple[str, ...]) -> str:
-    """As "laser alone" or "laser, wheels and gyro"."""
-    if len(used) < 2:
-        return f"{used[0]} alone" if used else "nothing"
-    return f"{', '.join(used[:-1])} and {used[-1]}"
 
 
 def _adjusted(found: Lines) -> Lines:
@@ -207,8 +159,7 @@ def _words(entry: dict[str, Any], where: str) -> str:
     words = statistics.sentence(
         entry["a"], entry["b"], paired, entry["unit"], scale, entry["what"], where=where
     )
-    sensors = entry["sensors"] and f" ({entry['sensors']})"
-    return f"{entry['measure']}: {words}{sensors}"
+    return f"{entry['measure']}: {words}"
 
 
 def _words_over(entry: dict[str, Any], logs: list[int]) -> str:

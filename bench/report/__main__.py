@@ -64,8 +64,8 @@ def _redrawn_sweep(folder: Path) -> str:
 
     found = sweep.read(folder)
     with files.complete_folder(folder) as partial:
-        sweep_outputs.write(partial, found)
-    return sweep_tables.terminal(found)
+        weighed = sweep_outputs.write(partial, found)
+    return sweep_tables.terminal(weighed, found.facts)
 
 
 if __name__ == "__main__":

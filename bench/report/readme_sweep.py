@@ -1,76 +1,93 @@
-"""The committed sweep: kept small, and as the README shows it."""
+"""The committed analysis of a sweep, and its parts of the README and docs."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from bench.results.sweep import Cost, Sweep, Trial
+from bench.judge.answers import Analysis, Cell, analysis
+from bench.judge.survival import Critical, Figures, Share
+from bench.report import sweep_tables
+from bench.report.text import markdown_table
+from bench.results.sweep import Sweep
 
 
 def adopt(path: Path, found: Sweep) -> None:
-    """Keep a sweep with as many digits as its tables show, so that the file stays small."""
-    record = found.record | {"command": found.record["command"].partition(" --out")[0]}
-    columns = list(dict.fromkeys(key for trial in found.trials for key in trial))
+    """Keep what the pages show of a sweep: its analysis, not its thousands of trials."""
+    logs = [{"name": log["name"], "place": log["place"]} for log in found.facts["logs"]]
     known = {
-        "facts": found.facts | {"logs": [log["name"] for log in found.facts["logs"]]},
-        "record": record,
-        "columns": columns,
-        "trials": [[rounded(dict(trial).get(key)) for key in columns] for trial in found.trials],
-        "costs": [cost and [rounded(value) for value in cost.values()] for cost in found.costs],
+        "facts": found.facts | {"logs": logs},
+        "record": found.record | {"command": found.record["command"].partition(" --out")[0]},
+        **_plain(analysis(found)),
     }
     path.write_text(json.dumps(known, separators=(",", ":")) + "\n", encoding="utf-8")
 
 
-def rounded(value: Any) -> Any:
-    """A float with five digits."""
-    return float(f"{value:.5g}") if isinstance(value, float) else value
-
-
-def committed(path: Path) -> Sweep:
-    """What `adopt` kept."""
+def committed(path: Path) -> tuple[Analysis, dict[str, Any]]:
+    """What `adopt` kept: the analysis; facts and record of the sweep."""
     known = json.loads(path.read_text(encoding="utf-8"))
-    columns, names = known["columns"], Cost.__annotations__
-    trials = [dict(zip(columns, values, strict=True)) for values in known["trials"]]
-    costs = [cost and dict(zip(names, cost, strict=True)) for cost in known["costs"]]
-    return Sweep(
-        known["facts"],
-        cast("list[Trial]", trials),
-        cast("list[Cost | None]", costs),
-        known["record"],
+    found = Analysis(
+        [(name, odometry, _figures(of)) for name, odometry, of in known["rows"]],
+        [_cell(of) for of in known["cells"]],
+        [_cell(of) for of in known["situations"]],
+        [(odometry, words) for odometry, words in known["accuracy"]],
     )
+    return found, {"facts": known["facts"], "record": known["record"]}
 
 
-README = ("survival",)
-FIELD = ("errors", "reach", "alarms", "cost")
+def _plain(found: Analysis) -> dict[str, Any]:
+    return {
+        "rows": [[name, odometry, of._asdict()] for name, odometry, of in found.rows],
+        "cells": [cell._asdict() for cell in found.cells],
+        "situations": [cell._asdict() for cell in found.situations],
+        "accuracy": found.accuracy,
+    }
+
+
+def _figures(of: dict[str, Any]) -> Figures:
+    shares = ("clean", "worse_than_wheels", "right_again", "said_in_time")
+    made = {key: Share(*of[key]) for key in shares}
+    return Figures(**of | made | {"levels": tuple(of["levels"])})
+
+
+def _cell(of: dict[str, Any]) -> Cell:
+    curves = {row: [Share(*one) for one in shares] for row, shares in of["curves"].items()}
+    critical = {row: Critical(*values) for row, values in of["critical"].items()}
+    beaten = {row: (winner, p) for row, (winner, p) in of["beaten"].items()}
+    return Cell(**of | {"curves": curves, "critical": critical, "beaten": beaten})
+
+
+def choice(path: Path) -> str:
+    """Which of the programs to use to take: the answers by situation."""
+    _, lines = sweep_tables.choices(committed(path)[0])[0]
+    return "\n".join(f"- {line}" for line in lines) + "\n"
 
 
 def part(path: Path) -> str:
-    """Who survives, and the answer."""
-    from bench.report import sweep_tables
-
-    found = committed(path)
-    cpu = found.record["machine"]["cpu"]
-    head = f"`{found.record['command']}`, on {cpu}: {sweep_tables.head(found)}."
-    return "\n\n".join([head, *_tables(found, README), _listed(sweep_tables.answer(found))]) + "\n"
+    """All rows together, and the critical levels with the answers."""
+    found, known = committed(path)
+    command, cpu = known["record"]["command"], known["record"]["machine"]["cpu"]
+    head = f"`{command}`, on {cpu}: {sweep_tables.head(found, known['facts'])}."
+    return "\n\n".join([head, *_tables(path, ("rows", "critical"))]) + "\n"
 
 
 def field_part(path: Path) -> str:
-    """The other tables, and what the drives can tell apart."""
-    from bench.report import sweep_tables
-
-    found = committed(path)
-    return "\n\n".join([*_tables(found, FIELD), _listed(sweep_tables.verdict_lines(found))]) + "\n"
-
-
-def _tables(found: Sweep, kinds: tuple[str, ...]) -> list[str]:
-    from bench.report import sweep_tables
-    from bench.report.text import markdown_table
-
-    made = [one for name, one in sweep_tables.tables(found).items() if name.startswith(kinds)]
-    return [f"**{one.title}**\n\n{markdown_table(one.frame, one.corner)}" for one in made]
+    """The answers to all questions, the alarms, and the accuracy on the drives as they are."""
+    found = committed(path)[0]
+    parts = [
+        f"**{question}**\n\n" + "\n".join(f"- {line}" for line in lines)
+        for question, lines in sweep_tables.choices(found)
+    ]
+    accuracy = [f"- {sweep_tables.MODES[m]}, {line}" for m, line in found.accuracy]
+    return "\n\n".join([*parts, *_tables(path, ("alarms",)), "\n".join(accuracy)]) + "\n"
 
 
-def _listed(lines: list[str]) -> str:
-    return "\n".join(f"- {line}" for line in lines)
+def _tables(path: Path, kinds: tuple[str, ...]) -> list[str]:
+    found, known = committed(path)
+    made = sweep_tables.tables(found, known["facts"]).items()
+    return [
+        f"**{one.title}**\n\n{markdown_table(one.frame, one.corner)}"
+        for name, one in made
+        if name.startswith(kinds)
+    ]

@@ -5,29 +5,35 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bench.judge.answers import Analysis, analysis
 from bench.report import sweep_tables
 from bench.report.text import markdown_table
 
 if TYPE_CHECKING:
+    from bench.results import Line
     from bench.results.sweep import Sweep
 
 
-def write(folder: Path, sweep: Sweep) -> None:
-    """Write all files but the results themselves."""
+def write(folder: Path, sweep: Sweep) -> Analysis:
+    """Write all files but the results themselves; returns what they are made from."""
     from bench.report.html import sweep_page
 
-    for name, made in sweep_tables.tables(sweep).items():
+    found = analysis(sweep)
+    for name, made in sweep_tables.tables(found, sweep.facts).items():
         made.frame.to_csv(folder / f"table-{name}.csv", index_label=made.corner)
+    sweep_tables.curve_table(found).to_csv(folder / "survival.csv", index=False)
     sweep_tables.trial_table(sweep).to_csv(folder / "trials.csv", index=False)
-    (folder / "tables.md").write_text(as_markdown(sweep), encoding="utf-8")
-    (folder / "report.html").write_text(sweep_page.document(sweep), encoding="utf-8")
+    (folder / "tables.md").write_text(as_markdown(found, sweep.facts), encoding="utf-8")
+    (folder / "report.html").write_text(sweep_page.document(sweep, found), encoding="utf-8")
+    return found
 
 
-def as_markdown(sweep: Sweep) -> str:
-    """All tables and the answer, for a README."""
-    parts = [f"{sweep_tables.head(sweep)}."]
-    for made in sweep_tables.tables(sweep).values():
+def as_markdown(found: Analysis, facts: Line) -> str:
+    """The answers and all tables."""
+    parts = [f"{sweep_tables.head(found, facts)}."]
+    for question, lines in sweep_tables.choices(found):
+        parts += [f"**{question}**", "\n".join(f"- {line}" for line in lines)]
+    for made in sweep_tables.tables(found, facts).values():
         parts += [f"**{made.title}**", markdown_table(made.frame, made.corner)]
-    parts.append("\n".join(f"- {line}" for line in sweep_tables.verdict_lines(sweep)))
-    parts.append("\n".join(f"- {line}" for line in sweep_tables.answer(sweep)))
+    parts.append("\n".join(f"- {sweep_tables.MODES[m]}, {line}" for m, line in found.accuracy))
     return "\n\n".join(part for part in parts if part) + "\n"

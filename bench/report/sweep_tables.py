@@ -1,29 +1,25 @@
-"""Tables of a sweep as data frames, made from its results alone; and what the terminal shows."""
+"""Tables and sentences of a sweep, from its analysis alone; and what the terminal shows."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from typing import NamedTuple
 
 import pandas as pd
 
-from bench.judge import survival, verdicts
-from bench.judge.survival import CLEAN, Group, Share
+from bench.judge.answers import Analysis, Cell
+from bench.judge.survival import Critical, Share
 from bench.report.lines import listed
 from bench.report.text import text_table
-from bench.results.sweep import Sweep, Trial
+from bench.results.runs import Line
+from bench.results.sweep import Sweep
 from slams.params import worded
 
 MODES = {False: "laser alone", True: "with odometry"}
-TITLES = {
-    "survival": "Runs that kept their way, of all under all conditions",
-    "errors": "Absolute error [mm]: median of the runs that kept their way, and how many were lost",
-    "reach": "Hardest level that every run survived",
-    "alarms": "Whether a lost run said so, and was right again at its end",
-    "cost": "CPU per second of log [ms/s]",
-}
-CORNERS = {"errors": "condition", "reach": "degradation", "cost": "condition"}
-Key = tuple[str, bool]
+ROWS = "All runs of each row"
+ALARMS = "Whether a lost run said so, and was right again at its end"
+TAKE = "Of equals the one to take is the cheapest with the same accuracy."
+HOW = "critical level: half of the runs are lost, with its 95 % interval"
 
 
 class Table(NamedTuple):
@@ -34,80 +30,133 @@ class Table(NamedTuple):
     frame: pd.DataFrame
 
 
-def tables(sweep: Sweep) -> dict[str, Table]:
-    """All tables of a sweep that have anything to say, by a name for a file."""
-    made = {"survival": survival_table(sweep)}
-    for key, maker in (("errors", error_table), ("reach", reach_table), ("cost", cost_table)):
-        for odometry in sorted({trial["odometry"] for trial in sweep.trials}):
-            made[f"{key}, {MODES[odometry]}"] = maker(sweep, odometry)
-    made["alarms"] = alarm_table(sweep)
-    return {
-        name.replace(", ", "-").replace(" ", "-"): _titled(name, frame)
-        for name, frame in made.items()
-        if len(frame) and len(frame.columns)
-    }
+def tables(found: Analysis, facts: Line) -> dict[str, Table]:
+    """All tables of a sweep, by a name for a file."""
+    made = {"rows": Table(ROWS, "algorithm", row_table(found))}
+    groups = dict.fromkeys((cell.question, cell.odometry) for cell in found.cells)
+    for k, (question, odometry) in enumerate(groups):
+        own = [c for c in found.cells if (c.question, c.odometry) == (question, odometry)]
+        shown = [cell for cell in own if not cell.equal]
+        title = f"{question}, {MODES[odometry]}; {HOW}{_not_shown(own)}"
+        frame = critical_table(shown, facts["units"])
+        made[f"critical-{k + 1}"] = Table(title, "degradation", frame)
+    made["alarms"] = Table(ALARMS, "algorithm", alarm_table(found))
+    return {name: one for name, one in made.items() if len(one.frame)}
 
 
-def _titled(name: str, frame: pd.DataFrame) -> Table:
-    key, _, mode = name.partition(", ")
-    title = f"{mode.capitalize()}. {TITLES[key]}" if mode else TITLES[key]
-    return Table(title, CORNERS.get(key, "algorithm"), frame)
+def _not_shown(cells: list[Cell]) -> str:
+    equal = [cell.title for cell in cells if cell.equal]
+    return f"; not shown, as all rows are equal in every run: {', '.join(equal)}" if equal else ""
 
 
-def survival_table(sweep: Sweep) -> pd.DataFrame:
-    """A line per algorithm and sensors: survived, worse than the wheels, cost."""
+def critical_table(cells: list[Cell], units: dict[str, str]) -> pd.DataFrame:
+    """A line per degradation: the critical level of each row, the answer behind them."""
     lines: dict[str, dict[str, object]] = {}
-    for key, group in survival.grouped(sweep, _runner).items():
-        ratio = survival.cost_ratio(sweep, *key)
-        lines[name_of(key)] = {
-            "used": _used(sweep, key),
-            "survived": str(group.survived),
-            "at least [%]": 100.0 * group.survived.low,
-            "at most [%]": 100.0 * group.survived.high,
-            "worse than the wheels": _count(group.worse_than_wheels),
-            "right again": _count(group.right_again),
-            "posed [%]": None if group.posed is None else 100.0 * group.posed,
-            "refined [%]": None if group.refined is None else 100.0 * group.refined,
-            "CPU [ms/s]": None if group.cpu is None else 1e3 * group.cpu,
-            "dearest x clean": ratio,
+    for cell in cells:
+        line: dict[str, object] = {
+            row: shown_level(cell.critical[row], shares, cell.levels)
+            for row, shares in cell.curves.items()
+        }
+        lines[f"{cell.title} [{units.get(cell.title, '')}]"] = line | {"answer": answer(cell)}
+    return _frame(lines)
+
+
+def shown_level(found: Critical, shares: list[Share], levels: list[float]) -> str:
+    """A critical level and its interval; of a single level, how many runs held it."""
+    if len(levels) == 1:
+        return str(shares[0])
+    level, low, high = (_bound(value, levels) for value in found)
+    outside = (-math.inf, levels[0]), (levels[-1], math.inf)
+    return level if found[1:] in outside else f"{level} ({low} to {high})"
+
+
+def _bound(value: float, levels: list[float]) -> str:
+    """A level in three digits; <, > and the last that was tried where it lies beyond that."""
+    rising = levels[-1] > levels[0]
+    if value == -math.inf:
+        return f"{'<' if rising else '>'}{levels[0]:g}"
+    if value == math.inf:
+        return f"{'>' if rising else '<'}{levels[-1]:g}"
+    return f"{value:.3g}"
+
+
+def answer(cell: Cell) -> str:
+    """Who wins, or whom the runs cannot tell apart and which of those to take."""
+    if not cell.decidable:
+        return f"{cell.drives} drives cannot tell: take {cell.take}"
+    if len(cell.unbeaten) == 1:
+        (p,) = {max(p for _, p in cell.beaten.values())}
+        return f"**{cell.take}** ({_chance(p)})"
+    if not cell.beaten:
+        return f"equal within chance: take {cell.take}"
+    others = ", ".join(f"{row} ({_chance(p)})" for row, (_, p) in cell.beaten.items())
+    return f"{listed(cell.unbeaten, 'or')}, not {others}: take {cell.take}"
+
+
+def _chance(p: float) -> str:
+    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+
+
+def choices(found: Analysis) -> list[tuple[str, list[str]]]:
+    """The answers by situation: each question with its sentences."""
+    made: dict[str, dict[str, list[str]]] = {}
+    for cell in found.situations:
+        words = made.setdefault(cell.question, {}).setdefault(cell.title, [])
+        words.append(f"{MODES[cell.odometry]} {answer(cell)}")
+    return [
+        (question, [f"{title}: {'; '.join(words)}." for title, words in of.items()])
+        for question, of in made.items()
+    ]
+
+
+def row_table(found: Analysis) -> pd.DataFrame:
+    """A line per row: what it held, how accurate it was, what it cost."""
+    lines: dict[str, dict[str, object]] = {}
+    for algorithm, odometry, of in found.rows:
+        lines[f"{algorithm}, {MODES[odometry]}"] = {
+            "used": " + ".join(of.used),
+            "levels held [%]": 100.0 * of.levels[0] / of.levels[1] if of.levels[1] else None,
+            "as it is": _count(of.clean),
+            "1 s, as it is [mm]": _scaled(of.clean_m),
+            "1 s, all [mm]": _scaled(of.second_m),
+            "worse than the wheels": _count(of.worse_than_wheels),
+            "CPU a scan [ms]": _scaled(of.cpu_scan),
+            "dearest x as it is": of.dearest,
         }
     return _frame(lines)
 
 
-def error_table(sweep: Sweep, odometry: bool) -> pd.DataFrame:
-    """A line per condition, a column per algorithm."""
-    return _by_condition(sweep, odometry, _error_cell)
-
-
-def cost_table(sweep: Sweep, odometry: bool) -> pd.DataFrame:
-    """CPU per second of log under each condition."""
-    return _by_condition(sweep, odometry, lambda g: _digits(g.cpu))
-
-
-def alarm_table(sweep: Sweep) -> pd.DataFrame:
+def alarm_table(found: Analysis) -> pd.DataFrame:
     """What the algorithms said of themselves."""
     lines: dict[str, dict[str, object]] = {}
-    for key, group in survival.grouped(sweep, _runner).items():
-        lines[name_of(key)] = {
-            "losses said within 1 s": _count(group.said_in_time),
-            "scans called lost without reason [%]": 100.0 * group.false_share,
-            "lost runs right at the end": _count(group.right_again),
+    for algorithm, odometry, of in found.rows:
+        lines[f"{algorithm}, {MODES[odometry]}"] = {
+            "losses reported within 1 s": _count(of.said_in_time),
+            "scans reported lost without reason [%]": 100.0 * of.false_share,
+            "lost runs right at the end": _count(of.right_again),
         }
     return _frame(lines)
 
 
-def reach_table(sweep: Sweep, odometry: bool) -> pd.DataFrame:
-    """A line per degradation with its unit; a dash where already the mildest level was too much."""
-    own = [trial for trial in sweep.trials if trial["odometry"] == odometry]
-    lines: dict[str, dict[str, object]] = {}
-    for name in dict.fromkeys(t["degradation"] for t in own if t["degradation"] != CLEAN):
-        levels = dict.fromkeys(t["level"] for t in own if t["degradation"] == name)
-        line: dict[str, object] = {"tried": ", ".join(f"{level:g}" for level in levels)}
-        for algorithm in _algorithms(sweep):
-            found = survival.reach(sweep, algorithm, odometry, name)
-            line[algorithm] = None if found is None else f"{found:g}"
-        lines[f"{name} [{sweep.facts['units'].get(name, '')}]"] = line
-    return _frame(lines)
+def curve_table(found: Analysis) -> pd.DataFrame:
+    """The survival curves with their bands, a line per point."""
+    lines = [
+        {
+            "algorithm": row,
+            "sensors": MODES[cell.odometry],
+            "degradation": cell.title,
+            "level": level,
+            "held": one.k,
+            "runs": one.n,
+            "share": one.k / one.n,
+            "low": one.low,
+            "high": one.high,
+        }
+        for cell in found.cells
+        for row, shares in cell.curves.items()
+        for level, one in zip(cell.levels, shares, strict=True)
+    ]
+    return pd.DataFrame(lines)
 
 
 def trial_table(sweep: Sweep) -> pd.DataFrame:
@@ -119,121 +168,39 @@ def trial_table(sweep: Sweep) -> pd.DataFrame:
     return frame
 
 
-def terminal(sweep: Sweep) -> str:
-    """One screen: who survives, the errors, the answer; the files have the rest."""
-    parts = [head(sweep)]
-    for name, made in tables(sweep).items():
-        if name.startswith(("survival", "errors")):
-            parts += [made.title, text_table(made.frame, made.corner)]
-    return "\n\n".join([*parts, "\n".join(answer(sweep))])
+def terminal(found: Analysis, facts: Line) -> str:
+    """The answer first, then the tables."""
+    parts = [head(found, facts), TAKE]
+    for question, lines in choices(found):
+        parts.append("\n".join([question, *(f"  {line.replace('**', '')}" for line in lines)]))
+    for one in tables(found, facts).values():
+        frame = one.frame.replace(r"\*\*", "", regex=True)
+        parts += [one.title, text_table(frame, one.corner)]
+    return "\n\n".join(parts)
 
 
-def head(sweep: Sweep) -> str:
+def head(found: Analysis, facts: Line) -> str:
     """The sweep in one line."""
-    places = list(dict.fromkeys(trial["place"] for trial in sweep.trials))
-    limits = sweep.facts["limits"]
-    rate = f" at {sweep.facts['rate']:g} Hz" if sweep.facts["rate"] else ""
+    runs = sum(cell.drives * (len(cell.unbeaten) + len(cell.beaten)) for cell in found.cells)
+    places = dict.fromkeys(log["place"] for log in facts["logs"])
+    rate = f" at {facts['rate']:g} Hz" if facts["rate"] else ""
     return (
-        f"{len(sweep.trials)} runs over {len(sweep.facts['logs'])} logs ({', '.join(places)}; "
-        f"{sweep.facts['sensor']}{rate}); lost = off by more than {limits['limit_m']:g} m or "
-        f"{limits['limit_rad']:g} rad anywhere{_settings(sweep)}"
+        f"{runs} climbs over {len(facts['logs'])} drives ({', '.join(places)}; "
+        f"{facts['sensor']}{rate}); lost = {facts['lost']}{_settings(facts)}"
     )
 
 
-def _settings(sweep: Sweep) -> str:
+def _settings(facts: Line) -> str:
     """What was set for rows whose name does not say so."""
-    found = sweep.facts.get("settings", {})
     texts = {
         name: " and ".join(f"{key}={worded(value)}" for key, value in changes.items())
-        for name, changes in found.items()
+        for name, changes in facts.get("settings", {}).items()
     }
     return "".join(f"; {name} with {text}" for name, text in texts.items())
 
 
-def answer(sweep: Sweep) -> list[str]:
-    """Which one? The one that survives most, the most accurate, the cheapest that survives."""
-    groups = survival.grouped(sweep, _runner)
-    lines: list[str] = []
-    for odometry in dict.fromkeys(key[1] for key in groups):
-        own = {key[0]: group for key, group in groups.items() if key[1] == odometry}
-        lines.append(f"{MODES[odometry].capitalize()}: {_answer(own, sweep, odometry)}")
-    return lines
-
-
-def verdict_lines(sweep: Sweep) -> list[str]:
-    """Which algorithm is better on the clean logs, over the drives, as far as they can tell."""
-    lines: list[str] = []
-    for odometry in dict.fromkeys(trial["odometry"] for trial in sweep.trials):
-        found = verdicts.over_means(survival.clean_errors(sweep, odometry))
-        lines += [f"{MODES[odometry]}, {entry['sentence']}" for entry in found if entry["next"]]
-    return lines
-
-
-def _answer(own: dict[str, Group], sweep: Sweep, odometry: bool) -> str:
-    most, best, alike = survival.survivors(own)
-    errors = survival.clean_errors(sweep, odometry)
-    means = {name: sum(e.values()) / len(e) for name, e in errors.items() if name in own and e}
-    words = [f"{listed(best)} survived most, {most}"]
-    if means:
-        sharpest = min(means, key=lambda name: means[name])
-        words.append(f"{sharpest} is the most accurate, {1e3 * means[sharpest]:.2f} mm over 1 s")
-    cheapest = survival.cheapest(own, alike)
-    if cheapest is not None:
-        words.append(
-            f"{cheapest} is the cheapest of those that survive as much as can be told apart "
-            f"({listed(alike)}), {_digits(own[cheapest].cpu)} ms per second"
-        )
-    return "; ".join(words) + "."
-
-
-def _by_condition(
-    sweep: Sweep, odometry: bool, cell: Callable[[Group], str | None]
-) -> pd.DataFrame:
-    found = survival.grouped(sweep, lambda trial: (condition_of(trial), _runner(trial)))
-    lines: dict[str, dict[str, object]] = {}
-    for (condition, (algorithm, given)), group in found.items():
-        if given == odometry:
-            lines.setdefault(condition, {})[algorithm] = cell(group)
-    columns = _algorithms(sweep)
-    return _frame({name: {c: line.get(c) for c in columns} for name, line in lines.items()})
-
-
-def _digits(seconds: float | None) -> str | None:
-    return None if seconds is None else f"{1e3 * seconds:.1f}"
-
-
-def _error_cell(group: Group) -> str:
-    lost = group.survived.n - group.survived.k
-    words = f"{lost} of {group.survived.n} lost" if lost else ""
-    if group.ate_m is None:
-        return words
-    error = f"{1e3 * group.ate_m:.1f}" if group.ate_m < 0.1 else f"{1e3 * group.ate_m:.0f}"
-    return f"{error}, {words}" if lost else error
-
-
-def condition_of(trial: Trial) -> str:
-    """A degradation and its level, as on the command line."""
-    name, level = trial["degradation"], trial["level"]
-    return name if name == CLEAN else f"{name}={level:g}"
-
-
-def name_of(key: Key) -> str:
-    """An algorithm and what it was given."""
-    return f"{key[0]}, {MODES[key[1]]}"
-
-
-def _runner(trial: Trial) -> Key:
-    return trial["algorithm"], trial["odometry"]
-
-
-def _algorithms(sweep: Sweep) -> list[str]:
-    return list(dict.fromkeys(trial["algorithm"] for trial in sweep.trials))
-
-
-def _used(sweep: Sweep, key: Key) -> str:
-    """All sensors that its runs say they used."""
-    own = [trial for trial in sweep.trials if _runner(trial) == key and not trial["failed"]]
-    return " + ".join(dict.fromkeys(name for trial in own for name in trial["used"]))
+def _scaled(value: float | None) -> float | None:
+    return None if value is None else 1e3 * value
 
 
 def _count(share: Share) -> str | None:
@@ -242,5 +209,4 @@ def _count(share: Share) -> str | None:
 
 def _frame(lines: dict[str, dict[str, object]]) -> pd.DataFrame:
     frame = pd.DataFrame.from_dict(lines, orient="index").astype(object)
-    frame = frame.where(frame.notna(), None)
-    return frame.dropna(axis=1, how="all")
+    return frame.where(frame.notna(), None)

@@ -8,17 +8,18 @@ from typing import Any, NamedTuple, TypedDict
 from bench.results.comparison import read_figures, write_figures
 from bench.results.runs import Line
 
-FORMAT = "sweep-1"
+FORMAT = "sweep-2"
+CLEAN = "clean"  # the degradation that is none
 TRIALS, COSTS = "sweep.json", "costs.json"
 
 
 class Trial(TypedDict, total=False):
-    """One algorithm on one log under one condition; the same for whoever ran it.
+    """One algorithm on one log at one level of a degradation; the same wherever it ran.
 
     A trial that failed has the reason in `failed` and no figures. `place` is the kind of arena, or
-    the log's name; `odometry` whether wheels and gyro were given. `lost`: off by more than the
-    limits anywhere; `right_again`: within them at the end all the same (None: never lost).
-    `wheels_ate_m` is the error of the odometry by itself.
+    the log's name; `odometry` whether wheels and gyro were given. `lost` as in `bench.judge.loss`;
+    `right_again`: within the limits at the end all the same (None: never lost). `wheels_ate_m` is
+    the error of the odometry by itself.
     """
 
     algorithm: str
@@ -61,8 +62,9 @@ class Cost(TypedDict):
 class Sweep(NamedTuple):
     """Trials in the order they were asked for, the cost of each, and how they were made.
 
-    `facts` hold on every machine (degradations with their units, sensor, duration); `record` has
-    the command, the machine and the versions.
+    The trials of one climb follow each other, its levels rising up to the first that lost the run.
+    `facts` hold on every machine (degradations with units and levels, logs with seeds, sensor);
+    `record` has the command, the machine and the versions.
     """
 
     facts: Line

@@ -7,11 +7,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
-from bench.judge.survival import CLEAN
+from bench.judge import loss
 from bench.results.sweep import Cost, Sweep, Trial
 from bench.run.code import package_of
 from bench.run.single import Single, algorithm_of, params_of
-from bench.run.trial import Condition, Log, content_of, limits, task_of
+from bench.run.trial import Condition, Log, content_of, task_of
 from bench.sim.degrade import CATALOG, Degradation, find_degradation, parse
 from bench.sim.sensors import find_sensor
 from bench.sim.setting import ARENAS, Setting
@@ -41,7 +41,8 @@ class Drives(NamedTuple):
 class Given(NamedTuple):
     """A log of the plan; `recorded` is the log itself where it was not simulated.
 
-    `lacks` names what it has not and a degradation may need; `scans` it has about.
+    `lacks` names what it has not and a degradation may need; `scans` it has about. `repeated`: the
+    same log stands before it with another seed for what is done to it.
     """
 
     log: Log
@@ -49,17 +50,18 @@ class Given(NamedTuple):
     period: float
     lacks: frozenset[str]
     recorded: ScanLog | None = None
+    repeated: bool = False
 
 
-class Level(NamedTuple):
-    """A degradation at one of its levels."""
+class Rise(NamedTuple):
+    """A degradation and the levels at which it is tried, in this order."""
 
     degradation: Degradation
-    level: float
+    levels: tuple[float, ...]
 
 
 class Case(NamedTuple):
-    """A trial that is planned: what it is, and the task that makes it."""
+    """A climb that is planned: what its trials have in common, the task, the most scans."""
 
     known: Trial
     task: Task
@@ -74,7 +76,7 @@ class Plan:
     """
 
     algorithms: list[str]
-    conditions: list[Level]
+    conditions: list[Rise]
     logs: list[Given]
     odometry: tuple[bool, ...]
     rate: float | None
@@ -95,61 +97,66 @@ class Plan:
         return params_of(algorithm, self.sensor, self.single).as_dict()
 
     def settings(self) -> dict[str, dict[str, Any]]:
-        """What is other than usual in the parameters of each algorithm and its label does not say.
+        """Parameters of each algorithm that differ from its preset without its label saying so.
 
         Only algorithms of which anything is.
         """
         found: dict[str, dict[str, Any]] = {}
         for algorithm in self.single:
-            usual = params_of(algorithm, self.sensor, {}).as_dict()
+            preset = params_of(algorithm, self.sensor, {}).as_dict()
             now = self.parameters(algorithm)
-            found[algorithm] = {key: value for key, value in now.items() if value != usual[key]}
+            found[algorithm] = {key: value for key, value in now.items() if value != preset[key]}
         return {algorithm: changes for algorithm, changes in found.items() if changes}
 
     def cases(self, place: Path) -> list[Case]:
-        """Every trial, log by log and condition by condition; recorded logs are put in `place`."""
+        """Every climb, log by log and condition by condition; recorded logs are put in `place`."""
         found: list[Case] = []
         for given in self.logs:
             recorded = _kept(given, place)
             for condition in self.conditions:
+                if _same_again(given, condition.degradation):
+                    continue
                 for odometry in self.odometry:
                     if _makes_sense(given, condition.degradation, odometry):
                         found += self._cases_of(given, condition, odometry, recorded)
         return found
 
     def gathered(self, cases: list[Case], store: Store, record: dict[str, Any]) -> Sweep:
-        """All trials with their figures; one that nobody could do says so."""
+        """All trials with their figures; a climb without a result is one that failed."""
         trials: list[Trial] = []
         costs: list[Cost | None] = []
         for case in cases:
             value = store.read(case.task.key) or {"failed": "its process died"}
-            trials.append(case.known | cast("Trial", value))
-            costs.append(store.cost(case.task.key))
+            spent = (store.cost(case.task.key) or {"costs": []})["costs"]
+            levels = case.task.what["condition"]["levels"]
+            tried = value.get("trials", [value])  # what failed before the first level: one trial
+            for k, (level, trial) in enumerate(zip(levels, tried, strict=False)):
+                trials.append(case.known | {"level": level} | cast("Trial", trial))
+                costs.append(spent[k] if k < len(spent) else None)
         return Sweep(self._facts(), trials, costs, record)
 
     def _facts(self) -> dict[str, Any]:
-        used = {level.degradation.name: level.degradation for level in self.conditions}
-        units = {name: entry.unit for name, entry in used.items()}
-        meanings = {name: entry.meaning for name, entry in used.items()}
+        entries = [rise.degradation for rise in self.conditions]
         logs = [given.log._asdict() for given in self.logs]
         settings = self.settings()
         return {
-            "units": units,
-            "meanings": meanings,
+            "units": {entry.name: entry.unit for entry in entries},
+            "meanings": {entry.name: entry.meaning for entry in entries},
+            "levels": {rise.degradation.name: list(rise.levels) for rise in self.conditions},
             "logs": logs,
             "rate": self.rate,
             "sensor": self.sensor or "utm30lx",
-            "limits": limits(),
+            "lost": loss.words(),
             **({"settings": settings} if settings else {}),
         }
 
     def _cases_of(
-        self, given: Given, level: Level, odometry: bool, recorded: str | None
+        self, given: Given, rise: Rise, odometry: bool, recorded: str | None
     ) -> list[Case]:
         """One log under one condition, all algorithms."""
-        log, (degradation, amount) = given.log, level
-        chance = 0 if degradation.name == CLEAN else log.seed
-        condition = Condition(degradation.name, amount, chance, self.rate)
+        log, degradation = given.log, rise.degradation
+        seed = log.seed if degradation.random else 0
+        condition = Condition(degradation.name, rise.levels, seed, self.rate)
         cases = []
         for algorithm in self.algorithms:
             known: Trial = {
@@ -158,39 +165,43 @@ class Plan:
                 "place": log.place,
                 "seed": log.seed,
                 "degradation": degradation.name,
-                "level": amount,
                 "odometry": odometry,
             }
             name, parameters = algorithm_of(algorithm), self.parameters(algorithm)
             package = package_of(find(name).cls)
             task = task_of(log, condition, name, parameters, odometry, package, recorded)
-            cases.append(Case(known, task, self._scans(given)))
+            cases.append(Case(known, task, self._scans(given) * len(rise.levels)))
         return cases
 
     def _scans(self, given: Given) -> float:
-        """About how many scans a trial on that log has."""
+        """About how many scans of that log are left at the rate."""
         thin = 1.0 if self.rate is None else min(1.0, self.rate * given.period)
         return given.scans * thin
 
 
-def conditions_of(chosen: list[str], full: bool) -> list[Level]:
-    """The levels that are named, or all of the degradations named; all: everything there is.
+def conditions_of(chosen: list[str]) -> list[Rise]:
+    """The degradations that are named, in the order of the catalog; all: every one there is.
+
+    One without a level rises through all levels of the catalog, `noise=0.05 noise=0.1` through
+    these, in the order given.
 
     Raises:
         LookupError: no such degradation.
         ValueError: no such level.
     """
-    found: list[Level] = []
+    found: dict[str, list[float]] = {}
     for text in list(CATALOG) if chosen == ["all"] else chosen:
-        if "=" in text or text in ("clean", "poor_lidar"):
-            found.append(Level(*parse(text)))
+        if "=" in text:
+            entry, level = parse(text)
+            found.setdefault(entry.name, []).append(level)
         else:
             entry = find_degradation(text)
-            levels = entry.full_levels if full else entry.levels
-            found += [Level(entry, float(level)) for level in levels]
-    order = {entry: k for k, entry in enumerate(CATALOG)}
-    unique = dict.fromkeys(found)
-    return sorted(unique, key=lambda level: order[level.degradation.name])
+            found[entry.name] = [float(level) for level in entry.levels]
+    return [
+        Rise(entry, tuple(dict.fromkeys(found[name])))
+        for name, entry in CATALOG.items()
+        if name in found
+    ]
 
 
 def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Given]:
@@ -203,12 +214,16 @@ def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Gi
     """
     seeds = range(drives.first, drives.first + drives.seeds)
     if not paths:
-        return [_simulated(arena, seed, drives) for arena in drives.arenas for seed in seeds]
+        return [_simulated(arena, seed, drives) for seed in seeds for arena in drives.arenas]
     found = [_recorded(path, options) for path in paths]
     names = [given.log.name for given in found]
     if len(set(names)) < len(names):
         raise ValueError(f"logs: got the names {', '.join(names)}, expected different ones")
-    return [g._replace(log=g.log._replace(seed=seed)) for g in found for seed in seeds]
+    return [
+        g._replace(log=g.log._replace(seed=seed), repeated=seed > drives.first)
+        for g in found
+        for seed in seeds
+    ]
 
 
 def _simulated(arena: str, seed: int, drives: Drives) -> Given:
@@ -244,8 +259,13 @@ def _kept(given: Given, place: Path) -> str | None:
     return str(path)
 
 
+def _same_again(given: Given, degradation: Degradation) -> bool:
+    """A recorded log and a degradation without chance: another seed is no other run."""
+    return given.repeated and not degradation.random
+
+
 def _makes_sense(given: Given, degradation: Degradation, odometry: bool) -> bool:
-    """Wheels that nobody looks at break nothing."""
+    """A degradation of what a run is not given changes nothing."""
     needs = set(degradation.needs)
     hidden = set() if odometry else {"odometry", "gyro"}
     if odometry and {"odometry", "gyro"} <= given.lacks:

@@ -1,4 +1,7 @@
-"""A trial: one algorithm over one log that something has spoiled. A sweep is made of them."""
+"""A climb: one algorithm over one log, degraded level by level until the run is lost.
+
+A sweep is made of climbs; each run at one level is a trial.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +13,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from bench.judge import metrics
-from bench.judge.alarms import LIMIT_M, LIMIT_RAD, alarms, beyond
-from bench.results.sweep import Trial
+from bench.judge.alarms import alarms, beyond
+from bench.results.sweep import Cost, Trial
 from bench.run.cases import sources
 from bench.run.code import sources_with
-from bench.run.work import Result, Task
+from bench.run.work import Result, Task, failure_of
 from slams.metrics import path_length
 
 if TYPE_CHECKING:
+    from slams.params import Params
     from slams.player import Run
+    from slams.registry import Entry
     from slams.scanlog import ScanLog
 
 FUNCTION = "bench.run.trial:perform"
@@ -42,10 +47,10 @@ class Log(NamedTuple):
 
 
 class Condition(NamedTuple):
-    """What is done to a log: a degradation at a level by a seed, and its rate at most [Hz]."""
+    """What is done to a log: a degradation at rising levels, a seed, its rate at most [Hz]."""
 
     degradation: str
-    level: float
+    levels: tuple[float, ...]
     seed: int
     rate: float | None
 
@@ -73,7 +78,7 @@ def task_of(
     package: str,
     recorded: str | None,
 ) -> Task:
-    """A trial as a task; `recorded` is where a recorded log lies here, as npz."""
+    """A climb as a task; `recorded` is where a recorded log lies here, as npz."""
     what = {
         "log": log.identity(),
         "condition": condition._asdict(),
@@ -92,21 +97,35 @@ def perform(
     odometry: bool,
     recorded: str | None,
 ) -> Result:
-    """Run one trial: everything its result follows from is in the arguments."""
-    from slams.player import WARM_UP_SCANS, replay, warm_up
+    """Climb: {"trials": one for each level up to the first that lost the run}, costs alike."""
     from slams.registry import find
 
-    spoiled = _spoiled(_frozen(log), Condition(**condition), recorded)
-    given = spoiled.select(odometry=odometry)
     entry = find(algorithm)
     params = entry.params().replace(**parameters)
+    trials: list[Trial] = []
+    costs: list[Cost | None] = []
+    for level in condition["levels"]:
+        degraded = _Degraded(condition["degradation"], level, condition["seed"], condition["rate"])
+        try:
+            trial, cost = _run(entry, params, _log_of(_frozen(log), degraded, recorded), odometry)
+        except (Exception, SystemExit) as error:  # an outsider's may raise anything
+            trial, cost = {"failed": failure_of(error)}, None
+        trials.append(trial)
+        costs.append(cost)
+        if trial["failed"] or trial["lost"]:
+            break
+    return Result({"trials": trials}, {"costs": costs})
+
+
+def _run(entry: Entry, params: Params, log: ScanLog, odometry: bool) -> tuple[Trial, Cost]:
+    from slams.player import WARM_UP_SCANS, replay, warm_up
+
+    given = log.select(odometry=odometry)
     warm_up(entry.cls, params, given.select(WARM_UP_SCANS))
     run = replay(entry.cls(params), given)
-    measured = {
-        "cpu_s": float(run.seconds.sum()),
-        "longest_ms": 1e3 * float(run.seconds.max()),
-    }
-    return Result(dict(judged(run, spoiled)), measured)
+    seconds = run.seconds
+    cost: Cost = {"cpu_s": float(seconds.sum()), "longest_ms": 1e3 * float(seconds.max())}
+    return judged(run, log), cost
 
 
 def judged(run: Run, log: ScanLog) -> Trial:
@@ -144,11 +163,6 @@ def judged(run: Run, log: ScanLog) -> Trial:
     }
 
 
-def limits() -> dict[str, float]:
-    """Beyond which a pose is lost."""
-    return {"limit_m": LIMIT_M, "limit_rad": LIMIT_RAD}
-
-
 def _wheels_ate(log: ScanLog) -> float | None:
     """Absolute error of the odometry by itself [m], over the scans that have some."""
     wheels = log.odometry_at_scans()
@@ -177,24 +191,31 @@ def _loaded(identity: tuple[tuple[str, Any], ...], recorded: str | None) -> Scan
     if "setting" in known:
         return simulate(Setting(**dict(known["setting"])))
     if recorded is None:
-        raise ValueError("a recorded log that nobody said the place of")
+        raise ValueError("a recorded log without its place on this machine")
     log = load_npz(Path(recorded))
     if content_of(log) != known["content"]:
         raise OSError(f"{recorded}: has changed since the sweep began; start again")
     return log
 
 
-@lru_cache(maxsize=2)
-def _spoiled(
-    identity: tuple[tuple[str, Any], ...], condition: Condition, recorded: str | None
+class _Degraded(NamedTuple):
+    """One level of a condition."""
+
+    degradation: str
+    level: float
+    seed: int
+    rate: float | None
+
+
+@lru_cache(maxsize=10)  # the levels of a climb: the next algorithm climbs the same ones
+def _log_of(
+    identity: tuple[tuple[str, Any], ...], degraded: _Degraded, recorded: str | None
 ) -> ScanLog:
-    """The log under a condition, thinned to its rate."""
+    """The log at a level of a condition, thinned to its rate."""
     from bench.sim.degrade import degrade
 
-    log = degrade(
-        _loaded(identity, recorded), condition.degradation, condition.level, condition.seed
-    )
-    if condition.rate is None or log.scan_period <= 0.0:
+    log = degrade(_loaded(identity, recorded), *degraded[:3])
+    if degraded.rate is None or log.scan_period <= 0.0:
         return log
-    every = max(1, round(1.0 / (condition.rate * log.scan_period)))
+    every = max(1, round(1.0 / (degraded.rate * log.scan_period)))
     return log.select(every=every)

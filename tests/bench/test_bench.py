@@ -189,25 +189,6 @@ def test_a_pair_on_fewer_logs_is_judged_by_its_own():
     assert "7 logs cannot show it: the least p among 4 comparisons is 0.062" in words[7]
 
 
-def test_verdicts_name_sensors_that_differ():
-    rng = np.random.default_rng(3)
-    errors = 1e-3 * np.abs(rng.normal(1.0, 0.3, 2000))
-    outcomes = [
-        outcome("wheeled", errors, used=["laser", "wheels", "gyro"]),
-        outcome("bare", errors + 2e-3, used=["laser"]),
-        outcome("other", errors + 4e-3, used=["laser"]),
-        outcome("unknown", errors + 6e-3),
-    ]
-    found = verdicts.on_one_log(outcomes)
-    words = {(v["a"], v["b"]): v["sentence"] for v in found if v["measure"] == "translation"}
-    named = " (wheeled used laser, wheels and gyro, bare laser alone)"
-    assert words["wheeled", "bare"].endswith(named)
-    assert "used" not in words["bare", "other"]
-    assert not any("used" in words[name, "unknown"] for name in ("wheeled", "bare", "other"))
-    (pair,) = over_logs(6, good={"used": ["wheels"]}, bad={"used": ["laser", "wheels"]})
-    assert "(good used wheels alone, bad laser and wheels)" in pair["sentence"]
-
-
 def test_published_figures_are_read_with_their_columns():
     rows = error_tables.published("update", "stdr arena (not public)")
     assert [row["ours"] for row in rows] == ranking.paper_order()

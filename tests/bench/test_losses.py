@@ -18,6 +18,11 @@ def test_it_is_lost_where_it_first_was_and_after_the_way_until_there():
     assert found["completed"] == pytest.approx(0.9)
 
 
+def test_the_words_name_the_limits(monkeypatch):
+    monkeypatch.setattr(loss, "LIMIT_M", 7.25)
+    assert loss.words().startswith("off by more than 7.25 m or 0")
+
+
 def test_relations_are_asked_in_the_order_of_their_stamps():
     t = np.arange(100.0)[::-1].copy()
     translation = np.where((t == 30.0) | (t == 60.0), 2.0, 0.01)

@@ -5,13 +5,14 @@ import pytest
 from bench import sweep
 from bench.run import plan
 from bench.run.store import Store
+from bench.sim.degrade import CATALOG
 from slams import cli
 
 
-def planned(chosen, rate=None, full=False):
+def planned(chosen, rate=None):
     drives = plan.Drives(["rescue"], 2, 10.0, "utm30lx")
     logs = plan.logs_of([], drives, None)
-    return plan.Plan(["hector"], plan.conditions_of(chosen, full), logs, (False,), rate, None)
+    return plan.Plan(["hector"], plan.conditions_of(chosen), logs, (False,), rate, None)
 
 
 def test_each_drive_has_its_own_mishap_and_a_clean_one_none(tmp_path):
@@ -29,9 +30,15 @@ def test_scans_are_as_many_as_the_rate_leaves(tmp_path):
     assert fast == whole
 
 
-def test_all_levels_of_a_degradation_are_more_than_the_usual_ones():
-    usual, full = (plan.conditions_of(["noise"], full) for full in (False, True))
-    assert {level.level for level in usual} < {level.level for level in full}
+def test_a_name_alone_is_all_its_levels_and_levels_by_hand_are_one_climb():
+    (rise,) = plan.conditions_of(["noise"])
+    assert rise.levels == rise.degradation.levels
+    rises = plan.conditions_of(["noise=0.3", "beams", "noise=0.01", "clean"])
+    assert [(rise.degradation.name, len(rise.levels)) for rise in rises] == [
+        *(("clean", 1), ("beams", 8), ("noise", 2)),
+    ]
+    assert rises[2].levels == (0.3, 0.01)
+    assert len(plan.conditions_of(["all"])) == len(CATALOG)
 
 
 def test_a_trial_that_nobody_could_do_says_so(tmp_path):
@@ -43,9 +50,14 @@ def test_a_trial_that_nobody_could_do_says_so(tmp_path):
 
 @pytest.mark.parametrize(
     ("words", "rate", "drives"),
-    [([], 10.0, 2), (["--full"], None, 3), (["--rate", "0"], None, 2), (["--rate", "5"], 5.0, 2)],
+    [
+        ([], 10.0, 10),
+        (["--quick"], 10.0, 5),
+        (["--rate", "0"], None, 10),
+        (["--rate", "5"], 5.0, 10),
+    ],
 )
-def test_a_full_sweep_takes_every_scan_and_more_drives(words, rate, drives):
+def test_rate_and_drives_are_those_that_were_asked_for(words, rate, drives):
     arguments = sweep.parser().parse_args(["--arenas", "rescue", "--algorithms", "hector", *words])
     made = sweep._plan(arguments)
     assert (made.rate, len(made.logs)) == (rate, drives)

@@ -1,4 +1,4 @@
-"""The sweep: what it counts, what it shows, and that it is the same wherever it is done."""
+"""The sweep: climbs, and that they are the same wherever they are done; its page and files."""
 
 import json
 import signal
@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from bench import sweep as command
-from bench.judge import survival
+from bench.judge.answers import analysis
 from bench.report import __main__ as again
-from bench.report import sweep_tables
 from bench.report.html import sweep_page
 from bench.results import sweep as results
 from bench.results.sweep import Sweep
 from bench.run import plan
+from bench.run import trial as trial_module
 from bench.run.trial import judged
 from slams import Params, Pose2
 from slams.player import Run, replay
@@ -61,96 +61,38 @@ def lost(**more):
     return trial(lost=True, ate_m=3.0, episodes=1, missed=1, right_again=False, **more)
 
 
-def sweep_of(trials, cpu=0.1):
+def sweep_of(trials, cpu=0.1, levels=None):
     costs = [{"cpu_s": cpu * (1 + k), "longest_ms": 1.0} for k in range(len(trials))]
     facts = {
-        "units": {"noise": "m"},
+        "units": {"noise": "m", "beams": "1"},
         "meanings": {"noise": "range noise"},
-        "logs": [],
+        "levels": levels or {"clean": [0.0], "noise": [0.05, 0.1, 0.2]},
+        "logs": [{"name": "l0", "place": "room", "seed": 0}],
         "rate": 10.0,
         "sensor": "utm30lx",
-        "limits": {"limit_m": 0.5, "limit_rad": 0.3},
+        "lost": "too far off",
     }
     record = {"command": "c", "machine": {"cpu": "a <b>", "system": "s"}, "versions": {"v": "1"}}
     return Sweep(facts, trials, costs, record)
 
 
-def test_a_group_counts_what_survived_and_what_was_said():
-    trials = [
-        trial(ate_m=0.02, odometry=True, wheels_ate_m=0.01, false_alarms=5),
-        trial(ate_m=0.04, odometry=True, wheels_ate_m=0.05),
-        lost(odometry=True, wheels_ate_m=0.05) | {"said_in_time": 1, "missed": 0},
-        lost(odometry=True) | {"right_again": True},
-        trial() | {"failed": "it fell over"},
-    ]
-    (group,) = survival.grouped(sweep_of(trials), lambda _: "all").values()
-    assert str(group.survived) == "2 of 5"
-    assert group.survived.low == pytest.approx(0.1176, abs=1e-3)  # Wilson's, by hand
-    assert group.survived.high == pytest.approx(0.7693, abs=1e-3)
-    assert group.ate_m == pytest.approx(0.03)
-    assert group.worst_ate_m == 0.04
-    assert str(group.worse_than_wheels) == "2 of 3"
-    assert str(group.right_again) == "1 of 2"
-    assert str(group.said_in_time) == "1 of 2"
-    assert group.false_share == pytest.approx(5 / 400)
-    assert group.cpu == pytest.approx(np.median([0.01, 0.02, 0.03, 0.04]))
-
-
-def test_the_reach_ends_at_the_first_level_that_cost_a_run():
-    trials = [
-        trial(level=0.05),
-        trial(level=0.05, log="l1"),
-        trial(level=0.1),
-        lost(level=0.1, log="l1"),
-        trial(level=0.2),
-        lost(algorithm="b", level=0.05),
-    ]
+def test_the_page_answers_first_and_draws_curves_with_bands_and_escapes_names():
+    names = ("<i>", "b")
+    trials = [trial(algorithm=name, log=f"l{k}", level=0.05) for name in names for k in range(3)]
+    trials += [lost(algorithm="b", log="l0", level=0.1), trial(algorithm="<i>", level=0.1)]
     found = sweep_of(trials)
-    assert survival.reach(found, "a", False, "noise") == 0.05
-    assert survival.reach(found, "b", False, "noise") is None
-    (name,) = sweep_tables.reach_table(found, False).index
-    assert name == "noise [m]"
-
-
-def test_the_dearest_case_is_compared_with_its_own_clean_log():
-    trials = [trial(), trial(log="l1"), trial(level=0.1), trial(level=0.1, log="l1")]
-    found = sweep_of(trials)  # 0.1, 0.2, 0.3, 0.4 s
-    assert survival.cost_ratio(found, "a", False) == pytest.approx(3.0)
-    assert survival.cost_ratio(found, "a", True) is None
-
-
-def test_tables_and_answer_name_who_was_lost():
-    trials = [
-        *(trial(algorithm=name, log=log) for name in "ab" for log in ("l0", "l1")),
-        trial(level=0.1),
-        lost(algorithm="b", level=0.1),
-    ]
-    found = sweep_of(trials)
-    made = sweep_tables.tables(found)
-    errors = made["errors-laser-alone"].frame
-    assert list(errors.columns) == ["a", "b"]
-    assert errors.loc["clean", "a"] == "10.0"
-    assert errors.loc["noise=0.1", "b"] == "1 of 1 lost"
-    text = sweep_tables.terminal(found)
-    assert "Laser alone: a survived most, 3 of 3" in text
-    assert "2 of 3" in made["survival"].frame.loc["b, laser alone", "survived"]
-
-
-def test_the_page_marks_lost_runs_and_escapes_names():
-    trials = [trial(algorithm="<i>"), trial(algorithm="<i>", level=0.1), lost(level=0.1)]
-    page = sweep_page.document(sweep_of(trials))
+    page = sweep_page.document(found, analysis(found))
     assert "<i>" not in page
-    assert page.count('class="dot run-0 mark"') == 4  # error and cost, clean and spoiled
-    assert page.count('class="cross run-1 mark"') == 2
-    assert "range noise" in page
-    assert "a &lt;b&gt;" in page
+    assert page.index("3 drives cannot tell") < page.index("<svg") < page.index("<table")
+    assert [page.count(f'class="{kind} run-1 mark"') for kind in ("band", "line")] == [1, 1]
+    assert "range noise" in page and "a &lt;b&gt;" in page
 
 
 def test_a_trial_is_judged_against_the_truth():
     log = drive(n=60)
     truth = log.truth_at(log.t)
     poses = truth.copy()
-    poses[40:, 0] += 0.6
+    poses[40:, 0] += 2.0
     says = np.zeros(60, bool)
     says[5] = True  # of nothing; the loss itself is never said
     run = Run(log.t, poses, np.full(60, 1e-3), 0.0, {"odometry": 3, "posed": 30}, says)
@@ -162,7 +104,7 @@ def test_a_trial_is_judged_against_the_truth():
     assert found["right_again"] is False
     assert found["used"] == ["laser", "wheels"]
     assert found["posed"] == 0.5
-    assert found["worst_m"] == pytest.approx(0.6, abs=1e-6)
+    assert found["worst_m"] == pytest.approx(2.0, abs=1e-6)
     assert found["wheels_ate_m"] >= 0.0
     right = judged(Run(log.t, truth, np.full(60, 1e-3), 0.0, {}, np.zeros(60, bool)), log)
     assert not right["lost"]
@@ -173,16 +115,47 @@ def test_wheels_that_nobody_looks_at_are_left_out(tmp_path):
     (tmp_path / "a").mkdir()
     drive(n=30).save(tmp_path / "a" / "room.npz")
     given = plan.logs_of([str(tmp_path / "a" / "room.npz")], plan.Drives([], 1, 1.0, ""), None)
-    levels = plan.conditions_of(["clean", "stall=1", "noise=0.05"], full=False)
+    levels = plan.conditions_of(["clean", "stall=1", "noise=0.05"])
     made = plan.Plan(["odometry"], levels, given, (False, True), None, None)
     cases = [(c.known["degradation"], c.known["odometry"]) for c in made.cases(tmp_path / "logs")]
     assert ("stall", True) in cases
     assert ("stall", False) not in cases
     assert len(cases) == 5
-    twice = [one._replace(log=one.log._replace(seed=seed)) for one in given for seed in (0, 1)]
-    made = plan.Plan(["odometry"], levels, twice, (False,), None, None).cases(tmp_path / "logs")
-    assert len({c.task.key for c in made if c.known["degradation"] == "clean"}) == 1
-    assert len({c.task.key for c in made if c.known["degradation"] == "noise"}) == 2
+
+
+def test_another_seed_of_a_recorded_log_counts_only_where_chance_plays_a_part(tmp_path):
+    drive(n=30).save(tmp_path / "room.npz")
+    given = plan.logs_of([str(tmp_path / "room.npz")], plan.Drives([], 3, 1.0, "", 5), None)
+    levels = plan.conditions_of(["clean", "beams=45", "noise=0.05"])
+    cases = plan.Plan(["odometry"], levels, given, (False,), None, None).cases(tmp_path / "logs")
+    seeds = [(case.known["degradation"], case.known["seed"]) for case in cases]
+    assert seeds == [("clean", 5), ("beams", 5), ("noise", 5), ("noise", 6), ("noise", 7)]
+    assert len({case.task.key for case in cases}) == 5
+
+
+def test_a_climb_ends_at_the_first_level_that_loses_the_run(tmp_path, monkeypatch):
+    tried, loses = [], []
+
+    def judged_by_level(entry, params, log, odometry):
+        (done,) = log.meta["degraded"]
+        tried.append(done["level"])
+        if done["level"] == 90:
+            raise ValueError("no hope")
+        return trial(lost=done["level"] == loses[-1]), {"cpu_s": 1.0, "longest_ms": 2.0}
+
+    monkeypatch.setattr(trial_module, "_run", judged_by_level)
+    drive(n=30).save(tmp_path / "room.npz")
+    given = plan.logs_of([str(tmp_path / "room.npz")], plan.Drives([], 1, 1.0, ""), None)
+    levels = plan.conditions_of(["dropout=10", "dropout=50", "dropout=90", "dropout=95"])
+    (case,) = plan.Plan(["odometry"], levels, given, (True,), None, None).cases(tmp_path / "logs")
+    for at, levels_tried in ((10, [10]), (50, [10, 50]), (99, [10, 50, 90])):
+        loses.append(at)
+        tried.clear()
+        result = trial_module.perform(**case.task.what, **case.task.where)
+        assert tried == levels_tried
+        assert len(result.value["trials"]) == len(result.measured["costs"]) == len(levels_tried)
+    assert result.value["trials"][-1]["failed"] == "ValueError: no hope"
+    assert result.measured["costs"][-1] is None
 
 
 def test_a_run_tells_at_which_scans_it_called_itself_lost():
@@ -230,12 +203,12 @@ def test_the_same_bytes_from_one_process_two_and_three_shards(log, tmp_path):
         more = ("--jobs", "1", "--shard", f"{k}/3")
         assert command.main(arguments_of(log, places["shards"], *more)) == 0
         assert (places["shards"] / results.TRIALS).exists() == (k == 3)
-    names = [results.TRIALS, "table-errors-laser-alone.csv", "table-errors-with-odometry.csv"]
+    names = [results.TRIALS, "survival.csv", "table-alarms.csv"]
     for name in names:
         texts = {place: (folder / name).read_bytes() for place, folder in places.items()}
         assert len(set(texts.values())) == 1, name
     found = results.read(places["one"])
-    assert len(found.trials) == 3 * (2 * 2 + 1)
+    assert len(found.trials) == 3 * (2 * 2 + 1), "single levels: each climb is one trial"
     failed = [t for t in found.trials if t["failed"]]
     assert {t["algorithm"] for t in failed} == {"tests.bench.test_html:Broken"}
     assert all("no hope" in t["failed"] for t in failed)
@@ -295,6 +268,8 @@ def test_a_sweep_killed_goes_on_where_it_was(log, tmp_path):
         (["--sensor", "lds3"], "unknown sensor"),
         (["--duration", "1"], "--duration: got 1"),
         (["none.npz"], "none.npz"),
+        (["none.npz", "--arenas", "ring"], "--arenas: is of simulated drives, and none.npz was"),
+        (["none.npz", "--duration", "9"], "--duration: is of simulated drives"),
     ],
 )
 def test_bad_input_gets_one_sentence_and_nothing_is_written(tmp_path, capsys, more, sentence):
@@ -322,10 +297,30 @@ def test_the_degradations_are_listed_with_units_and_levels(capsys):
     assert "people [1]: " in said
 
 
-def test_the_quick_sweep_is_made_of_what_there_is():
-    levels = plan.conditions_of(list(command.QUICK), full=False)
-    assert len(levels) == len(command.QUICK)
-    assert levels[0].degradation.name == "clean"
+def test_the_default_sweep_has_ten_drives_an_arena_and_all_three_kinds_of_rows():
+    made = command._plan(command.parser().parse_args([]))
+    names = ("hector", "tsd", "crsm", "gmapping")
+    assert made.algorithms == [f"{n}{p}" for p in ("", "@paper", "@original") for n in names]
+    assert len(made.logs) == 40
+    assert [rise.degradation.name for rise in made.conditions] == list(command.DEGRADATIONS)
+    quick = command._plan(command.parser().parse_args(["--quick"]))
+    assert quick.algorithms == list(names)
+    assert {rise.degradation.name for rise in quick.conditions} == set(command.QUICK)
+    assert len(quick.logs) == 20
+
+
+def test_what_is_kept_from_before_is_not_counted_as_work(log, tmp_path, capsys, monkeypatch):
+    words = [word for word in arguments_of(log, tmp_path / "out", "--jobs", "1") if word != "-q"]
+    counted = []
+
+    def progress(items, total, *_, **__):
+        counted.append(total)
+        return items
+
+    monkeypatch.setattr(command.cli, "progress", progress)
+    assert command.main(words) == command.main(words) == 0
+    assert counted == [15, 0]
+    assert "15 climbs, 15 kept from before, 0 to do here" in capsys.readouterr().err
 
 
 def test_damaged_sweeps_are_refused(tmp_path):
@@ -333,7 +328,7 @@ def test_damaged_sweeps_are_refused(tmp_path):
     found = json.loads((tmp_path / results.TRIALS).read_text())
     assert results.read(tmp_path).trials == found["trials"]
     (tmp_path / results.TRIALS).write_text(json.dumps(found | {"format": "sweep-0"}))
-    with pytest.raises(ValueError, match="sweep-1"):
+    with pytest.raises(ValueError, match="sweep-2"):
         results.read(tmp_path)
 
 

@@ -2,12 +2,9 @@
 
 import pytest
 
-from bench.judge import survival
-from bench.judge.survival import Judged, weigh
-from bench.report import run_tables, sweep_tables, words
+from bench.report import run_tables, words
 from bench.report.numbers import cell
 from bench.results import Comparison, LogResult, Outcome, Reference
-from tests.bench.test_sweep import lost, sweep_of, trial
 
 
 def row(name="a", error=0.002, ate=0.01, ms=1.0, factor=20.0, **more):
@@ -46,71 +43,6 @@ def compared(*logs):
         for k, rows in enumerate(logs)
     ]
     return Comparison({}, results, [])
-
-
-# a sweep
-
-
-def test_shares_are_in_percent_and_cost_in_milliseconds():
-    trials = [
-        trial(posed=0.5, refined=0.25, odometry=True, wheels_ate_m=0.005),
-        lost(odometry=True, posed=1.0, refined=0.75, wheels_ate_m=5.0),
-    ]
-    table = sweep_tables.survival_table(sweep_of(trials, cpu=0.2))  # 0.2 and 0.4 s of 10 s
-    line = table.loc["a, with odometry"]
-    assert line["CPU [ms/s]"] == pytest.approx(30.0)
-    assert line["at least [%]"] == pytest.approx(9.45, abs=0.01)  # Wilson's, of 1 of 2
-    assert line["at most [%]"] == pytest.approx(90.55, abs=0.01)
-    assert (line["posed [%]"], line["refined [%]"]) == (75.0, 50.0)
-    assert line["worse than the wheels"] == "1 of 2"
-
-
-def test_an_error_cell_tells_the_median_and_how_many_were_lost():
-    def shown(*trials):
-        return sweep_tables._error_cell(weigh([Judged(one, None) for one in trials]))
-
-    assert shown(trial(ate_m=0.01), trial(ate_m=0.0123), lost()) == "11.2, 1 of 3 lost"
-    assert shown(trial(ate_m=0.09)) == "90.0"
-    assert shown(trial(ate_m=0.1234)) == "123"
-    assert shown(lost()) == "1 of 1 lost"
-
-
-def test_the_tables_of_one_kind_hold_only_runs_of_that_kind():
-    trials = [trial(ate_m=0.01), trial(ate_m=0.02, odometry=True), trial(level=0.1, odometry=True)]
-    found = sweep_of(trials)
-    alone = sweep_tables.error_table(found, odometry=False)
-    assert alone.to_dict("index") == {"clean": {"a": "10.0"}}
-    given = sweep_tables.error_table(found, odometry=True)
-    assert given["a"].tolist() == ["20.0", "10.0"]
-    assert sweep_tables.cost_table(found, odometry=True)["a"].tolist() == ["20.0", "30.0"]
-
-
-def test_alarms_are_counted_and_false_ones_in_percent():
-    trials = [lost() | {"right_again": True, "said_in_time": 1}, trial(false_alarms=5)]
-    line = sweep_tables.alarm_table(sweep_of(trials)).loc["a, laser alone"]
-    assert line["losses said within 1 s"] == "1 of 1"
-    assert line["scans called lost without reason [%]"] == pytest.approx(2.5)
-    assert line["lost runs right at the end"] == "1 of 1"
-
-
-def test_verdicts_of_a_sweep_are_those_of_neighbors():
-    trials = [
-        trial(algorithm=name, log=f"l{k}", second_m=0.001 * (n + 1) + 1e-5 * k)
-        for n, name in enumerate("abc")
-        for k in range(8)
-    ]
-    lines = sweep_tables.verdict_lines(sweep_of(trials))
-    assert [("a is better than b" in line, "b is better than c" in line) for line in lines] == [
-        (True, False),
-        (False, True),
-    ]
-
-
-def test_one_lost_run_ends_the_reach_whatever_the_others_of_its_level_did():
-    for order in ((0, 1), (1, 0)):
-        both = [lost(level=0.1), trial(level=0.1, log="l1")]
-        found = sweep_of([trial(level=0.05), *(both[k] for k in order), trial(level=0.2)])
-        assert survival.reach(found, "a", False, "noise") == 0.05
 
 
 # runs

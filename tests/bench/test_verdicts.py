@@ -1,4 +1,4 @@
-"""Verdicts: whose errors are paired with whose, at which times, with which sensors."""
+"""Verdicts: whose errors are paired with whose, at which times."""
 
 from types import SimpleNamespace
 
@@ -7,7 +7,7 @@ import pytest
 
 from bench.judge import verdicts
 from bench.judge.metrics import SpanErrors
-from bench.judge.verdicts import MEASURES, Pair
+from bench.judge.verdicts import MEASURES
 
 N = 200
 
@@ -73,28 +73,3 @@ def test_too_few_logs_say_that_they_cannot_show_it():
     )
     many = {name: {f"l{k}": m + 1e-4 * k for k in range(8)} for name, m in (("a", 0.1), ("b", 0.2))}
     assert "cannot show" not in verdicts.over_means(many)[0]["sentence"]
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "words"),
-    [
-        (("laser",), ("laser",), ""),
-        (("laser", "wheels"), ("wheels", "laser"), ""),
-        (None, ("laser",), ""),
-        (("laser",), ("laser", "wheels", "gyro"), "x used laser alone, y laser, wheels and gyro"),
-        ((), ("laser",), "x used nothing, y laser alone"),
-    ],
-)
-def test_sensors_are_named_where_they_differ(a, b, words):
-    assert verdicts._difference(Pair("x", "y", a, b)) == words
-
-
-def test_sensors_over_logs_are_all_that_were_used_and_unknown_if_one_does_not_tell():
-    rows = [
-        outcome("a", log="l0", used=["laser"]),
-        outcome("a", log="l1", used=["laser", "wheels"]),
-        outcome("a", log="l2"),
-        outcome("b", log="l0", used=["gyro"]),
-    ]
-    assert verdicts._used_over(rows, "a", ["l0", "l1"]) == ("laser", "wheels")
-    assert verdicts._used_over(rows, "a", ["l0", "l2"]) is None

@@ -135,6 +135,14 @@ def line(
     return element("path", element("title", title), class_=f"line {kind}", d=where, **attributes)
 
 
+def band(
+    x: Floats, low: Floats, high: Floats, axes: tuple[Axis, Axis], kind: str, title: str
+) -> Markup:
+    """The area between two lines."""
+    around = path(np.concatenate([x, x[::-1]]), np.concatenate([high, low[::-1]]), axes)
+    return element("path", element("title", title), class_=f"band {kind}", d=f"{around}Z")
+
+
 def bar(left: float, width: float, height: float, kind: str, title: str) -> Markup:
     """An upright bar on the x axis."""
     where = f"M{short(left)} 0V{short(height)}h{short(width)}V0Z"

@@ -36,8 +36,8 @@ def parse(text: str) -> tuple[Degradation, float]:
     """
     name, given, level = text.partition("=")
     found = find_degradation(name.strip())
-    if not given and len(found.full_levels) == 1:
-        return found, float(found.full_levels[0])
+    if not given and len(found.levels) == 1:
+        return found, float(found.levels[0])
     return found, found.checked(level.strip() if given else "no level")
 
 

@@ -31,25 +31,25 @@ class Degradation:
         name: as on the command line, `noise=0.05`.
         unit: of the level, "1" for a count.
         meaning: what the level says, one line.
-        levels: few, from mild to hard: a quick look.
-        full_levels: from harmless to deadly.
+        levels: from mild to deadly, in the order in which a sweep raises them.
         apply: pure function of log, level and a fresh generator; `degrade` calls it.
         low: least level allowed.
         high: greatest level allowed.
         whole: the level is a whole number.
         needs: of "truth", "odometry", "gyro": a log without has nothing to spoil.
+        random: the seed plays a part; without, two seeds give the same log.
     """
 
     name: str
     unit: str
     meaning: str
     levels: tuple[float, ...]
-    full_levels: tuple[float, ...]
     apply: Apply
     low: float
     high: float
     whole: bool = False
     needs: tuple[str, ...] = ()
+    random: bool = True
 
     def checked(self, level: float | str) -> float:
         """The level as a number.
@@ -63,7 +63,7 @@ class Degradation:
             raise ValueError(self._refusal(level, self.levels)) from None
         fits = self.low <= number <= self.high and not (self.whole and number % 1.0)
         if not fits:
-            nearest = sorted(self.full_levels, key=lambda known: abs(known - number))[:SAID]
+            nearest = sorted(self.levels, key=lambda known: abs(known - number))[:SAID]
             raise ValueError(self._refusal(level, tuple(sorted(nearest))))
         return number
 

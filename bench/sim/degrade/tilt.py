@@ -76,18 +76,11 @@ def _between(ranges: Floats, shift: Floats) -> Floats:
     return np.where(one & (part > 0.0), line, nearest)
 
 
-LEVELS, FULL_LEVELS = (6, 15), (1, 3, 6, 10, 15)
+LEVELS = (3, 6, 10, 15, 25)
 MEANING = "roll and pitch of up to that much each, laser 0.35 m above the floor"
 ENTRIES = (
-    Degradation("tilt", "deg", f"{MEANING}; measured to 0.3 deg", LEVELS, FULL_LEVELS, tilt, 0, 40),
+    Degradation("tilt", "deg", f"{MEANING}; measured to 0.3 deg", LEVELS, tilt, 0, 40),
     Degradation(
-        "tilt_unmeasured",
-        "deg",
-        f"{MEANING}; nothing measures it",
-        (3, 6),
-        FULL_LEVELS,
-        tilt_unmeasured,
-        0,
-        40,
+        "tilt_unmeasured", "deg", f"{MEANING}; nothing measures it", LEVELS, tilt_unmeasured, 0, 40
     ),
 )
