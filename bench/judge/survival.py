@@ -54,7 +54,7 @@ class Group(NamedTuple):
 
 
 class Survivors(NamedTuple, Generic[K]):
-    """The greatest share survived, who has it, and all that cannot be told apart from it."""
+    """The greatest share survived, who has it, and all that cannot be distinguished from it."""
 
     most: Share
     best: list[K]
@@ -104,7 +104,7 @@ def weigh(judged: list[Judged]) -> Group:
 
 
 def survivors(groups: Mapping[K, Group]) -> Survivors[K]:
-    """Who survived most, and who cannot be told apart from them: their intervals overlap."""
+    """Who survived most, and who cannot be distinguished from them: their intervals overlap."""
     most = max(groups.values(), key=lambda group: group.survived.k).survived
     best = [name for name, group in groups.items() if group.survived.k == most.k]
     alike = [name for name, group in groups.items() if group.survived.high >= most.low]

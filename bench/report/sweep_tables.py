@@ -180,7 +180,7 @@ def _answer(own: dict[str, Group], sweep: Sweep, odometry: bool) -> str:
     cheapest = survival.cheapest(own, alike)
     if cheapest is not None:
         words.append(
-            f"{cheapest} is the cheapest of those that survive as much as can be told apart "
+            f"{cheapest} is the cheapest of those that survive as much as can be distinguished "
             f"({listed(alike)}), {_digits(own[cheapest].cpu)} ms per second"
         )
     return "; ".join(words) + "."

@@ -23,9 +23,9 @@ def beams(kept, of, **more):
 
 
 def test_every_degradation_tells_of_one_situation():
-    told = [name for names in front.SITUATIONS.values() for name in names]
-    assert sorted(told) == sorted(CATALOG)
-    assert {one.partition("=")[0] for one in QUICK} <= set(told)
+    listed = [name for names in front.SITUATIONS.values() for name in names]
+    assert sorted(listed) == sorted(CATALOG)
+    assert {one.partition("=")[0] for one in QUICK} <= set(listed)
 
 
 def test_who_kept_most_runs_is_named_first_and_of_equals_the_cheapest():
