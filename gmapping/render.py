@@ -1,4 +1,4 @@
-"""The map as a grid: the reported particle's history, ray cast key scan by key scan."""
+"""The map as a grid: the reported particle's history, ray cast keyframe by keyframe."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Ray(NamedTuple):
 
 @dataclass(frozen=True)
 class Ends:
-    """What of a key scan is kept: end points (n, 2) x, y [m], and the laser's mount."""
+    """What of a keyframe is kept: end points (n, 2) x, y [m], and the laser's mount."""
 
     points: NDArray[np.float32]
     mount: Pose2
@@ -54,7 +54,7 @@ def walls(counts: Counts) -> Lookup:
 
 
 class Renderer:
-    """Keeps the key scans, and draws them at the poses that a particle's history gives them.
+    """Keeps the keyframes, and draws them at the poses that a particle's history gives them.
 
     A scan whose pose has changed is taken back and drawn anew; `counts` has what is drawn now.
 
@@ -76,14 +76,14 @@ class Renderer:
         self.counts = self._empty(resolution)
 
     def keep(self, scan: Callable[[], Ray], pose: Pose2 | None = None) -> None:
-        """Keep a key scan: what gives its rays; it is drawn at once if it has a pose."""
+        """Keep a keyframe: what gives its rays; it is drawn at once if it has a pose."""
         self._scans.append(scan)
         self._drawn.append(None)
         if pose is not None:
             self._move(len(self._scans) - 1, pose)
 
     def draw(self, scan: Callable[[], Ray], pose: Floats) -> None:
-        """Draw a key scan for good, at a pose (3,) that no resampling can change; before any kept.
+        """Draw a keyframe for good, at a pose (3,) that no resampling can change; before any kept.
 
         Nothing of it is kept.
         """

@@ -48,7 +48,7 @@ from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
 LEAP, LEAP_TURN = 0.05, 0.02  # m, rad: no draw goes so far
-STEP = 0.001  # m by which two key scans differ in `_way`, however near they are
+STEP = 0.001  # m by which two keyframes differ in `_way`, however near they are
 COUNTS = "posed inserted resampled switched collapsed closed"
 
 
@@ -110,7 +110,7 @@ class GMapping:
         self._estimator.correct(pose)
 
     def map(self) -> OccupancyGrid:
-        """The reported particle's map, drawn from its history of key scans."""
+        """The reported particle's map, drawn from its history of keyframes."""
         return self._renderer.grid(self.trajectory())
 
     def snapshot(self) -> Callable[[], OccupancyGrid]:
@@ -118,7 +118,7 @@ class GMapping:
         return self._renderer.snapshot(self.trajectory())
 
     def trajectory(self) -> Floats:
-        """The reported particle's poses (k, 3) x, y [m], theta [rad] at the key scans."""
+        """The reported particle's poses (k, 3) x, y [m], theta [rad] at the keyframes."""
         return self.particles.history(self.particles.best)
 
     def report(self) -> dict[str, Any]:

@@ -35,8 +35,8 @@ UNKNOWN = np.zeros((3, 3))
 class Looped:
     """An algorithm and its pose graph; the pose is the algorithm's, in the map of the last closure.
 
-    `frozen`: nothing enters the map, and no loop is closed. `slam` is the algorithm, `graph` the pose
-    graph, `keyframes` its scans.
+    `frozen`: nothing enters the map, and no loop is closed. `slam` is the algorithm, `graph` the
+    pose graph, `keyframes` its scans.
     """
 
     Params: ClassVar[type[Params]] = LoopParams

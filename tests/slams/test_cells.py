@@ -22,7 +22,9 @@ from slams.grid_bounds import Box
 from slams.registry import find
 from tests.rooms import drive
 
-told = pytest.mark.skipif(not PAGEMAP.exists(), reason="only Linux tells which pages it gave")
+needs_pagemap = pytest.mark.skipif(
+    not PAGEMAP.exists(), reason="only Linux tells which pages it gave"
+)
 
 
 def test_runs_have_their_firsts_and_lengths():
@@ -30,7 +32,7 @@ def test_runs_have_their_firsts_and_lengths():
     assert runs(np.zeros(0, np.bool_)) == []
 
 
-@told
+@needs_pagemap
 def test_memory_is_taken_where_it_is_written_to():
     array = zeros((4096, 4096), np.float32)
     assert taken(array) == 0
@@ -38,7 +40,7 @@ def test_memory_is_taken_where_it_is_written_to():
     assert taken(array) == 2 * PAGE
 
 
-@told
+@needs_pagemap
 def test_a_copy_has_the_same_and_takes_no_more():
     array = zeros((300, 4096), np.float32)
     array[7, 5:3000] = 2.0
@@ -111,7 +113,7 @@ def test_what_grows_keeps_its_cells(rest):
     assert np.count_nonzero(large) == np.count_nonzero(small)
 
 
-@told
+@needs_pagemap
 def test_what_grows_stays_untouched_where_it_was():
     small, large = zeros((512, 4096), np.float32), zeros((1024, 8192), np.float32)
     small[300, 2000] = 1.0
@@ -119,7 +121,7 @@ def test_what_grows_stays_untouched_where_it_was():
     assert taken(large) == PAGE
 
 
-@told
+@needs_pagemap
 def test_of_a_large_room_the_written_blocks_are_known():
     array = zeros((1 << 15, 1 << 14), np.float32)  # 2 GB
     array[20_000, 5] = array[-1, -9] = 1.0
@@ -136,7 +138,7 @@ def test_blocks_count_from_where_an_array_begins(offset):
     assert filled(array) == spans
 
 
-@told
+@needs_pagemap
 @pytest.mark.parametrize("name", ["hector", "crsm"])
 def test_a_deep_copy_of_an_algorithm_takes_what_it_has_seen_and_goes_on_alike(name):
     log = drive(n=40)

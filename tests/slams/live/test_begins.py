@@ -192,11 +192,11 @@ def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path
     stand.look()
     assert "/pose" not in stand.bus.raw and len(stand.bus.sent("/tf")) == moved
     assert len(stand.bus.sent("/slam/state")) == n
-    (told,) = [said for said in stand.said if "the place in the map is not sure" in said]
+    (sentence,) = [said for said in stand.said if "the place in the map is not sure" in said]
     assert (
-        told.startswith(f"{n} scans so far")
-        and "most likely: " in told
-        and "with probability 0." in told
+        sentence.startswith(f"{n} scans so far")
+        and "most likely: " in sentence
+        and "with probability 0." in sentence
     )
     assert not stand.node.drive.estimate.found
     assert np.isinf(stand.node.drive.estimate.covariance[0, 0])
