@@ -254,8 +254,8 @@ def test_sentence_in_words():
 def test_sentence_of_no_proven_difference():
     unsure = Paired(0.0001, -0.0002, 0.0004, 0.41, 0.1, 300)
     assert sentence("hector", "crsm", unsure) == (
-        "hector and crsm can't be distinguished: difference 0.1 mm per second, 95 % interval -0.2 to"
-        " 0.4, p = 0.41"
+        "hector and crsm can't be distinguished: difference 0.1 mm per second, 95 % interval -0.2"
+        " to 0.4, p = 0.41"
     )
     adjusted_away = Paired(-0.0012, -0.0024, -0.0001, 0.2, -0.8, 300)
     assert "can't be distinguished" in sentence("hector", "crsm", adjusted_away)
