@@ -206,11 +206,11 @@ class GMapping:
         """
         particles = self.particles
         leader = particles.leader(self.params.switch_margin)
-        leaps = _leaps(pose.between(particles.pose(leader)))
-        if self.params.refine and not leaps:
+        jumps = _jumps(pose.between(particles.pose(leader)))
+        if self.params.refine and not jumps:
             return pose
         self._counts["switched"] += leader != particles.best
-        self._counts["closed"] += leaps
+        self._counts["closed"] += jumps
         particles.report(leader)
         self._estimator.correct(particles.best_pose)
         return particles.best_pose
@@ -239,6 +239,6 @@ class GMapping:
         self.tiles.inherit(ancestors)
 
 
-def _leaps(way: Pose2) -> bool:
+def _jumps(way: Pose2) -> bool:
     """Whether no draw goes so far."""
     return math.hypot(way.x, way.y) > LEAP or abs(way.theta) > LEAP_TURN

@@ -23,7 +23,7 @@ from slams.types import Floats, Pose2, wrap_angle
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 OLD = 15.0  # m of way, after which ground is old: no robot sees a room that long without a loop
 CHANCE, EXPLAINED = 0.3, 0.9  # share of the beams that parallel walls explain anywhere; all
-KNOWN = 0.5  # share on ground of old from which a particle looks no further
+KNOWN = 0.5  # share on old ground from which a particle looks no further
 GAIN, FOUND = 0.2, 0.4  # the same, less conflicts, where a loop closes: more than here; at least
 REVISITED = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found so
 PLACES = 0.2  # of the independent beams tell one place from another like it
@@ -56,10 +56,10 @@ class SurfaceMatcher:
         """[Grisetti07] improved proposal; ours: Laplace's at the peak instead of a fit to samples.
 
         Of the beams only some are `independent`: the others say the same, and share the errors of
-        the same walls. The weight is the likelihood of the beams on ground of old: where a particle
+        the same walls. The weight is the likelihood of the beams on old ground: where a particle
         has just come from its scan fits whatever the way before, and chance alone would choose, as
         it would among the parallel walls of a building.
-        Particles whose ground of old agrees more with the scan at a place of `revisit` go there.
+        Particles whose old ground agrees more with the scan at a place of `revisit` go there.
         """
         n, peaks, how = len(means), means.copy(), self._how(view, information[0])
         prior, every = kernels.Prior(means, information), np.arange(n)

@@ -39,7 +39,7 @@ class ScanLog:
     """Scans of one laser with what else was recorded; iteration yields `Scan`s.
 
     `t` (n,) [s]; `ranges` (n, b) float32 [m], inf = nothing up to range_max, nan = not valid.
-    The order in the log rules, also where stamps jump back. `notes` are what whoever reads the
+    The order in the log rules, also where stamps jump back. `notes` are what the reader of the
     recording should tell the user: a sentence each, kept in no file.
     """
 

@@ -43,8 +43,8 @@ def accumulate(
 
     ours: residual = field value [m], Jacobian = the field's own direction: an element's normal
     is noisy, and noise that points along a corridor holds the pose there. So does the field's own
-    where values of two lines meet: an element whose normal is told by its hits, and not alike, says
-    nothing. Returns how many elements are known, how many close (robustly), and the rms of the
+    where values of two lines meet: an element whose normal is known from its hits, and not alike,
+    says nothing. Returns how many elements are known, how many close (robustly), and the rms of the
     known residuals [m].
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])

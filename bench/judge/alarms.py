@@ -23,7 +23,7 @@ class Alarms(NamedTuple):
     An episode begins where the pose leaves the limits, and ends where it is within them again for
     `PATIENCE`. Each is `in_time`, `late` (said, but only while it lasted on) or `missed`. `delays`
     [s] are from the beginning to the first alarm, of those that were said; 0 if it came before.
-    Of `right` scans outside of all episodes, and not right before one, `false` were called lost.
+    Of `right` scans outside of all episodes, and not right before one, `false` were reported lost.
     `right_again`: the pose was within the limits at the end; None if it never left them.
     """
 
@@ -38,7 +38,7 @@ class Alarms(NamedTuple):
 
     @property
     def false_share(self) -> float:
-        """Share of the right scans that were called lost; 0 without any."""
+        """Share of the right scans that were reported lost; 0 without any."""
         return self.false / max(self.right, 1)
 
 
@@ -53,7 +53,7 @@ def alarms(says_lost: Flags, t: Floats, off: Flags, patience: float = PATIENCE) 
     """Judge what a run said of itself.
 
     Args:
-        says_lost: the scans (n,) that the algorithm called lost.
+        says_lost: the scans (n,) that the algorithm reported lost.
         t: their stamps (n,) [s]; where they jump back the clock is taken to stand still.
         off: where the pose was of no use (n,), as by `beyond`.
         patience: in which a loss has to be said [s], and which an episode's end has to hold.

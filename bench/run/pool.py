@@ -160,7 +160,7 @@ def _reply(data: bytes) -> bytes:
 
 
 def _raised(error: BaseException) -> bytes:
-    """An exception for elsewhere; as text if it cannot travel, or would end whoever raises it."""
+    """An exception for elsewhere; as text if it cannot travel, or would end its process."""
     with suppress(Exception):
         reply = pickle.dumps((None, error))
         if isinstance(error, Exception) and pickle.loads(reply):

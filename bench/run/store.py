@@ -47,7 +47,7 @@ def digest(text: str) -> str:
 class Store:
     """A folder of results: DIR/ab/abcdef.json, with what each cost beside it, abcdef.cost.json.
 
-    The results' files are the same bytes whoever wrote them; what they cost never is. Folders are
+    The results' files are the same bytes on every machine; what they cost never is. Folders are
     merged by copying one over the other. A file that is damaged, cut off or under another's name
     counts as absent. Any number of processes and machines may use one folder.
 
@@ -141,7 +141,7 @@ def _value(path: Path, key: str) -> Any | None:
 
 
 def _is_stale(path: Path) -> bool:
-    """Whether whoever began this file is gone."""
+    """Whether the process that began this file has ended."""
     machine, pid, _ = (*path.name.split(",", 2), "", "")[:3]
     if machine == platform.node() and pid.isdecimal():
         return not _is_alive(int(pid))

@@ -68,7 +68,7 @@ def drive(
 ) -> Drive:
     """A drive from rest of `seconds` [s], with `rate` samples a second.
 
-    `progress(done, total)` is told of the metres planned.
+    `progress(done, total)` gets the metres planned.
 
     Raises:
         ValueError: the world has no room for it.

@@ -50,7 +50,7 @@ class Routes:
     def way(self, length: float, rng: Generator, progress: Progress | None = None) -> Floats:
         """A way (m, 2) of at least `length` [m] that visits place after place, evenly spaced.
 
-        `progress(done, total)` is told of the metres.
+        `progress(done, total)` gets the metres.
         """
         points = self.places.points
         here = int(np.argmax(self.places.clearance))

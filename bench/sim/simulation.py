@@ -58,7 +58,7 @@ def simulate(
 ) -> ScanLog:
     """The scan log of a setting; without one, of the default: rescue maze, UTM-30LX, 300 s.
 
-    Poses of the truth are in the world's frame. `progress(done, total)` is told of the scans,
+    Poses of the truth are in the world's frame. `progress(done, total)` gets the scans,
     `planning` before of the metres of the way.
 
     Raises:

@@ -65,7 +65,7 @@ class World:
     def gap(self) -> NDArray[np.uint8]:
         """Chebyshev distance (ny, nx) [cell] to the nearest occupied cell, 0 inside, at most 255.
 
-        In one byte a large map stays in the cache, and 255 cells are far enough for one leap.
+        In one byte a large map stays in the cache, and 255 cells are far enough for one step.
         """
         import cv2
 

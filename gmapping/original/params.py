@@ -155,7 +155,7 @@ class OriginalParams(Params):
         ros=("minimumScore",),
     )
     missed: float = param(
-        0.5, "1", "charge of a beam without a hit near [m^2]", source=ORIGINAL, low=0.0
+        0.5, "1", "cost of a beam without a hit near [m^2]", source=ORIGINAL, low=0.0
     )
     occupied: float = param(
         0.25,

@@ -9,7 +9,7 @@ from slams.types import Pose2, Scan, Slam
 
 @runtime_checkable
 class Localizes(Slam, Protocol):
-    """A `Slam` that can be told where it is, and that its map is finished.
+    """A `Slam` that takes a given pose, and a map that is finished.
 
     1. `insert_at(scan, pose)`: the base is at `pose` in the map when `scan` is taken. Nothing is
        matched. The scan enters the map at that pose, whatever the way since the last one, unless

@@ -34,7 +34,7 @@ class Grain(NamedTuple):
 class Twist(NamedTuple):
     """Motion of the base during a sweep: velocity vx, vy [m/s], turn [rad/s], s per beam.
 
-    `still` is the number of the beam at whose time the base is where end points are told from.
+    `still` is the number of the beam at whose time the base is where end points are measured from.
     """
 
     vx: float

@@ -30,7 +30,7 @@ class ToyParams(BaselineParams):
 
 
 class Toy(Odometry):
-    """Follows the wheels, lost without; unsteady, it leaps by kilometers."""
+    """Follows the wheels, lost without; unsteady, it jumps by kilometers."""
 
     Params = ToyParams
 

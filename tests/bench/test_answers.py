@@ -1,4 +1,4 @@
-"""How much runs withstand, who is beaten, which row is taken, and what the tables say of it."""
+"""How much runs withstand, which are beaten, which row is taken, and what the tables say of it."""
 
 import math
 

@@ -228,13 +228,13 @@ def test_a_large_world_is_planned_by_looking_around_only(monkeypatch):
     monkeypatch.setattr(
         Regions, "_steps", lambda self, nodes: (searched.append(len(nodes)), steps(self, nodes))[1]
     )
-    large, told = Routes(world, 0.4), []
+    large, reported = Routes(world, 0.4), []
     assert large.large and large.part.sum() > 400_000
-    way = large.way(150.0, np.random.default_rng(0), lambda *metres: told.append(metres))
+    way = large.way(150.0, np.random.default_rng(0), lambda *metres: reported.append(metres))
     assert len(large.places.points) < 8000 and len(searched) > 5
-    legs = np.diff([0, *[done for done, _ in told]])
+    legs = np.diff([0, *[done for done, _ in reported]])
     assert np.median(searched) < 0.05 * large.part.sum()
-    assert told[-1] == (150, 150) and (legs >= 0).all()
+    assert reported[-1] == (150, 150) and (legs >= 0).all()
     assert world.clearance[world.cells_of(way)].min() > 0.3
     np.testing.assert_array_equal(way, Routes(world, 0.4).way(150.0, np.random.default_rng(0)))
 

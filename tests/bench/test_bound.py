@@ -403,9 +403,9 @@ def test_bound_of_a_sweeping_laser_and_of_odd_scans():
     still, swept = (bound_of(log_of(sensor="rplidar-a1", sweep=sweep)) for sweep in (False, True))
     assert np.median(swept.translation) == pytest.approx(np.median(still.translation), rel=0.2)
     plain = bound_of(log_of())
-    spoiled = bound_of(log_of(dropout=0.3, people=3, mixed=0.5))
-    assert spoiled.beams.mean() < 0.75 * plain.beams.mean()
-    assert spoiled.relative(1).translation.mean() > plain.relative(1).translation.mean()
+    degraded = bound_of(log_of(dropout=0.3, people=3, mixed=0.5))
+    assert degraded.beams.mean() < 0.75 * plain.beams.mean()
+    assert degraded.relative(1).translation.mean() > plain.relative(1).translation.mean()
 
 
 def test_scans_that_the_truth_does_not_cover_are_open():

@@ -61,7 +61,7 @@ def test_same_arguments_same_bytes_and_the_log_stays(name):
     assert content(log) == before
     assert content(degrade(log, name, hard(name), 3)) == content(first)
     other = degrade(log, name, hard(name), 6)
-    arrays = [dataclasses.replace(spoiled, meta={}) for spoiled in (first, other)]
+    arrays = [dataclasses.replace(degraded, meta={}) for degraded in (first, other)]
     assert (content(arrays[0]) == content(arrays[1])) == (not CATALOG[name].random)
     assert (content(arrays[0]) == content(dataclasses.replace(log, meta={}))) == (name == "clean")
 
@@ -87,9 +87,9 @@ def test_draws_of_two_degradations_have_nothing_to_do_with_each_other():
 
 def test_a_degraded_log_keeps_its_world_and_has_no_bound():
     log = simulate(Setting(size=8.0, duration=0.5))
-    spoiled = degrade(log, "bias", 0.05, 0)
-    assert bound_of(log) is not None and bound_of(spoiled) is None
-    assert world_of(spoiled).fingerprint == world_of(log).fingerprint
+    degraded = degrade(log, "bias", 0.05, 0)
+    assert bound_of(log) is not None and bound_of(degraded) is None
+    assert world_of(degraded).fingerprint == world_of(log).fingerprint
 
 
 def test_names_and_levels_that_do_not_exist():
@@ -174,10 +174,10 @@ def test_odd_logs_are_spoiled_or_refused_but_never_break(kind):
             with pytest.raises(ValueError, match=name):
                 degrade(log, name, hard(name), 0)
             continue
-        spoiled = degrade(log, name, hard(name), 0)
-        assert len(spoiled) >= 1 and spoiled.ranges.dtype == np.float32
-        assert len(list(spoiled)) == len(spoiled)
-        assert spoiled.truth is not None and np.isfinite(spoiled.truth.values).all()
+        degraded = degrade(log, name, hard(name), 0)
+        assert len(degraded) >= 1 and degraded.ranges.dtype == np.float32
+        assert len(list(degraded)) == len(degraded)
+        assert degraded.truth is not None and np.isfinite(degraded.truth.values).all()
 
 
 def test_the_catalog_is_light():

@@ -102,8 +102,8 @@ def test_somebody_before_a_laser_of_one_beam_walks_to_and_fro_along_it():
 def test_people_where_the_truth_ends():
     log = plain()
     part = dataclasses.replace(log, truth=Track(log.truth.t[:100], log.truth.values[:100]))
-    spoiled = degrade(part, "people", 8, 0)
-    hit = (spoiled.ranges < log.ranges).any(axis=1)
+    degraded = degrade(part, "people", 8, 0)
+    hit = (degraded.ranges < log.ranges).any(axis=1)
     assert hit[:100].mean() > 0.8 and not hit[100:].any()
 
 
@@ -140,10 +140,10 @@ def test_a_place_is_glass_from_wherever_it_is_seen():
     log = hall_log([(-3.0, 1.0, 0.4), (2.0, -2.0, 1.2), (4.0, 3.0, -2.0)])
     through, plainly = np.isinf(degrade(log, "glass", 50, 3).ranges), aslant(log)
     places = np.floor(ends(log, log.ranges) / 0.2).astype(int)[plainly]
-    told = {}
+    known = {}
     for place, gone in zip(places.tolist(), through[plainly], strict=True):
-        told.setdefault(tuple(place), []).append(gone)
-    shares = np.array([np.mean(gone) for gone in told.values() if len(gone) > 4])
+        known.setdefault(tuple(place), []).append(gone)
+    shares = np.array([np.mean(gone) for gone in known.values() if len(gone) > 4])
     assert len(shares) > 130
     assert ((shares == 0.0) | (shares == 1.0)).mean() > 0.8  # others have a pane's border in them
     assert 0.2 < through[plainly].mean() < 0.8
@@ -205,8 +205,8 @@ def test_steps_and_integrate_are_inverse_also_where_headings_wrap():
 @pytest.mark.parametrize("name", ["slip", "stall", "jump", "wheel_scale", "heading_bias"])
 def test_wheels_at_level_zero_are_as_they_were_and_all_else_stays(name):
     log = plain()
-    spoiled = degrade(log, name, 0, 0)
-    np.testing.assert_allclose(spoiled.odom.values, log.odom.values, atol=1e-10)
+    degraded = degrade(log, name, 0, 0)
+    np.testing.assert_allclose(degraded.odom.values, log.odom.values, atol=1e-10)
     hard = degrade(log, name, 2, 0)
     np.testing.assert_array_equal(hard.odom.values[0], log.odom.values[0])
     np.testing.assert_array_equal(hard.ranges, log.ranges)
@@ -227,12 +227,12 @@ def test_wheel_scale_and_heading_bias_are_recovered():
 
 def test_wheels_tell_a_pose_again_until_the_next_is_due():
     log = plain()
-    told = degrade(log, "wheel_rate", 3, 0).odom
-    since = (told.t - told.t[0]) * 3.0
-    (new,) = np.nonzero(np.any(np.diff(told.values, axis=0) != 0.0, axis=1))
+    known = degrade(log, "wheel_rate", 3, 0).odom
+    since = (known.t - known.t[0]) * 3.0
+    (new,) = np.nonzero(np.any(np.diff(known.values, axis=0) != 0.0, axis=1))
     assert len(new) == pytest.approx(since[-1], abs=1.0)
-    np.testing.assert_array_equal(told.values[new + 1], log.odom.values[new + 1])
-    assert np.diff(since[new]).max() < 1.0 + 3.0 * np.diff(told.t).max()
+    np.testing.assert_array_equal(known.values[new + 1], log.odom.values[new + 1])
+    assert np.diff(since[new]).max() < 1.0 + 3.0 * np.diff(known.t).max()
     often = degrade(log, "wheel_rate", 1e6, 0).odom
     np.testing.assert_array_equal(often.values, log.odom.values)
 
@@ -265,11 +265,11 @@ def test_stalled_wheels_count_nothing_for_a_while():
 def test_odometry_leaps_once():
     log = plain()
     before, after = odometry(log), odometry(degrade(log, "jump", 2, 1))
-    leaps = [new - old for old, new in zip(before, after, strict=True)]
-    (at,) = np.flatnonzero(np.hypot(leaps[0], leaps[1]) > 1e-9)
-    assert math.hypot(leaps[0][at], leaps[1][at]) == pytest.approx(2.0)
-    assert 0.0 < abs(leaps[2][at]) <= 0.4 and 0.3 * 239 - 1 <= at <= 0.7 * 239
-    np.testing.assert_allclose(np.delete(leaps[2], at), 0.0, atol=1e-10)
+    jumps = [new - old for old, new in zip(before, after, strict=True)]
+    (at,) = np.flatnonzero(np.hypot(jumps[0], jumps[1]) > 1e-9)
+    assert math.hypot(jumps[0][at], jumps[1][at]) == pytest.approx(2.0)
+    assert 0.0 < abs(jumps[2][at]) <= 0.4 and 0.3 * 239 - 1 <= at <= 0.7 * 239
+    np.testing.assert_allclose(np.delete(jumps[2], at), 0.0, atol=1e-10)
 
 
 def test_gyro_bias():

@@ -1,4 +1,4 @@
-"""What tables and sentences say of runs: units, ranks, who is left out."""
+"""What tables and sentences say of runs: units, ranks, rows that are left out."""
 
 import pytest
 
@@ -120,7 +120,7 @@ def test_over_logs_the_lost_rank_last_and_those_alike_share_their_ranks():
 # sentences
 
 
-def told(a, b, p_value):
+def pair(a, b, p_value):
     return {"a": a, "b": b, "measure": "translation", "p_value": p_value, "next": True}
 
 
@@ -130,9 +130,9 @@ def test_the_answer_is_the_cheapest_of_those_as_accurate_within_chance():
     rows += [strayed("d", error=0.001), row("odometry", 0.0, ms=0.1)]
     found = compared(rows)
     found.logs[0].entry["verdicts"] = [
-        told("b", "a", 0.3),
-        told("c", "b", 0.001),
-        told("e", "b", 0.9),
+        pair("b", "a", 0.3),
+        pair("c", "b", 0.001),
+        pair("e", "b", 0.9),
     ]
     assert words.answer(found) == [
         "Take a: 2.10 mm over 1 s, 3.000 ms per scan.",
@@ -147,7 +147,7 @@ def test_over_logs_those_lost_least_come_first_and_the_verdicts_are_those_over_a
         [row("a", 0.003), row("b", 0.002), row("c", 0.001), row("odometry", 0.0)],
         [row("a", 0.003), row("b", 0.002, factor=0.5), strayed("c"), row("odometry", 0.0)],
     ]
-    found = compared(*logs)._replace(over_logs=[told("a", "b", 0.001)])
+    found = compared(*logs)._replace(over_logs=[pair("a", "b", 0.001)])
     take, following, lost, slow = words.answer(found)
     assert take == "Take b: 2.00 mm over 1 s, 1.000 ms per scan."
     assert following == "Next: a 3.00 mm, 1.000 ms per scan."

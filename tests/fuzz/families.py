@@ -95,7 +95,7 @@ def live(rng, folder, algorithm):
     for k in range(int(rng.integers(2, 10))):
         fields = _fields(t + 0.1 * k, poses[k])
         if rng.random() < 0.6:
-            _spoil(fields, rng)
+            _damage(fields, rng)
         estimate = sentence(lambda: robot.push(**fields), (ValueError, TypeError))  # noqa: B023
         if estimate is not None:
             taken = True
@@ -127,7 +127,7 @@ def _fields(t, pose):
     }
 
 
-def _spoil(fields, rng):
+def _damage(fields, rng):
     for key in rng.choice(sorted(fields), int(rng.integers(1, 3)), replace=False):
         if key == "ranges":
             fields[key] = mutated(fields[key], rng)

@@ -133,7 +133,7 @@ def test_the_reported_particle_stays_at_its_peak_and_the_others_are_drawn():
     _, scans = drive(50)
     one, poses = run(scans, n_particles=1)
     many, reported = run(scans, n_particles=6)
-    assert many.report()["resampled"] == 0  # no ground of old
+    assert many.report()["resampled"] == 0  # no old ground
     np.testing.assert_allclose(reported, poses, atol=1e-9)
     others = np.delete(many.particles.poses, many.particles.best, axis=0)
     off = np.hypot(*(others[:, :2] - one.particles.poses[0, :2]).T)

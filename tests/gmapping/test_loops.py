@@ -1,4 +1,4 @@
-"""Loops: who comes back to ground of old, and what is no ground of old."""
+"""Loops: revisited places, and places that only look alike."""
 
 import math
 

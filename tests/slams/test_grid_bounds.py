@@ -49,7 +49,7 @@ def test_a_map_that_is_full_still_takes_what_is_inside():
     assert extent.counts == {"too_far": 1, "too_large": 1}
 
 
-def spoiled(meters):
+def degraded(meters):
     """A drive whose odometry jumps aside in its middle."""
     log = drive(n=40)
     values = log.odom.values.copy()
@@ -75,7 +75,7 @@ def kept_mb(label, log, **changes):
 @pytest.mark.parametrize("meters", [1e3, 1e6])
 def test_odometry_that_jumps_costs_no_memory(label, meters):
     usual = kept_mb(label, drive(n=40))[3]
-    slam, run, grid, mb = kept_mb(label, spoiled(meters))
+    slam, run, grid, mb = kept_mb(label, degraded(meters))
     assert mb < usual + 50.0, f"{mb:.0f} MB instead of {usual:.0f}"
     assert grid.p.size < 1.1e6
     assert np.isfinite(run.poses).all()

@@ -54,7 +54,7 @@ def test_a_read_only_install_keeps_its_kernels_where_nobody_else_can_write(read_
 
     planted = tmp_path / "theirs" / folder.name
     planted.mkdir(parents=True)
-    planted.chmod(0o777)  # whoever made it can still write into it
+    planted.chmod(0o777)  # its maker can still write into it
     assert cache_of(read_only, planted.parent) == "none"
     assert list(planted.iterdir()) == []
 

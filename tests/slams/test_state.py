@@ -256,7 +256,7 @@ JUNK = (
 )
 
 
-def spoiled(known, rng):
+def degraded(known, rng):
     """Somewhere in a nest of lists and dicts a value of another kind, or one less."""
     while True:
         keys = list(known) if isinstance(known, dict) else range(len(known))
@@ -274,7 +274,7 @@ def spoiled(known, rng):
 def test_whatever_stands_in_a_signed_file_is_read_or_refused_in_one_sentence(kept, tmp_path):
     rng, said = np.random.default_rng(0), []
     for _ in range(80):
-        path = rewritten(kept, tmp_path / "x", lambda head, known, parts: spoiled(known, rng))
+        path = rewritten(kept, tmp_path / "x", lambda head, known, parts: degraded(known, rng))
         try:
             load_state(path)
         except ValueError as error:

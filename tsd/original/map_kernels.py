@@ -96,7 +96,7 @@ def allocate(grid: Grid, py: int, px: int) -> None:
 def partition_state(
     grid: Grid, py: int, px: int, pose: Floats, ranges: Floats, mask: Mask, sensor: Sensor
 ) -> int:
-    """0 out of sight, 1 seen empty, 2 to be updated. [May14] early tests per partition."""
+    """0 not observed, 1 seen empty, 2 to be updated. [May14] early tests per partition."""
     size = SIDE * grid.cell
     x0 = grid.corner[0] + px * size + 0.5 * grid.cell
     y0 = grid.corner[1] + py * size + 0.5 * grid.cell

@@ -1,4 +1,4 @@
-"""A degradation by its name, and a log spoiled by it."""
+"""A degradation by its name, and a log degraded by it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def degrade(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
 
     Raises:
         LookupError: no such degradation.
-        ValueError: no such level or seed, or the log has nothing that this could spoil.
+        ValueError: no such level or seed, or the log has nothing that this could degrade.
     """
     found = find_degradation(name)
     level = found.checked(level)
@@ -62,8 +62,8 @@ def degrade(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
         raise ValueError(
             f"{name}: {log.name} has no {missing}; leave {name} out or take another log"
         )
-    spoiled = found.apply(log, level, np.random.default_rng([seed, *name.encode()]))
-    return spoiled if found is CATALOG["clean"] else _noted(spoiled, name, level, seed)
+    degraded = found.apply(log, level, np.random.default_rng([seed, *name.encode()]))
+    return degraded if found is CATALOG["clean"] else _noted(degraded, name, level, seed)
 
 
 def _noted(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:

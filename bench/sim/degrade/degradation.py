@@ -25,7 +25,7 @@ LACKS = {
 
 @dataclass(frozen=True)
 class Degradation:
-    """One way to spoil a log.
+    """One way to degrade a log.
 
     Attributes:
         name: as on the command line, `noise=0.05`.
@@ -36,7 +36,7 @@ class Degradation:
         low: least level allowed.
         high: greatest level allowed.
         whole: the level is a whole number.
-        needs: of "truth", "odometry", "gyro": a log without has nothing to spoil.
+        needs: of "truth", "odometry", "gyro": a log without has nothing to degrade.
         random: the seed plays a part; without, two seeds give the same log.
     """
 

@@ -221,7 +221,7 @@ ENTRIES = (
     Degradation(
         "jump",
         "m",
-        "one leap of the odometry in the middle",
+        "one jump of the odometry in the middle",
         (0.5, 1, 2, 5, 10),
         wheels.jump,
         low=0,

@@ -43,7 +43,7 @@ def stall(log: ScanLog, level: float, rng: Generator) -> ScanLog:
 
 
 def jump(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Once in the middle, odometry leaps `level` [m] in any direction and turns, too."""
+    """Once in the middle, odometry jumps `level` [m] in any direction and turns, too."""
     odom, (ahead, aside, turn) = _increments(log)
     direction, twist = rng.uniform(-math.pi, math.pi), TWIST * level * rng.uniform(-1.0, 1.0)
     last = moment(odom.t, rng) - 1
@@ -62,14 +62,14 @@ def wheel_scale(log: ScanLog, level: float, rng: Generator) -> ScanLog:
 
 
 def wheel_rate(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """The wheels tell where they are `level` times a second; in between it is what they told last.
+    """The wheels tell where they are `level` times a second; in between it is their last value.
 
     So do recorders that give a scan the last message of the wheels, out of step with the laser.
     """
     assert log.odom is not None, "the catalog says that this needs odometry"
     tick = np.floor(elapsed(log.odom.t) * level + rng.uniform())
-    told = np.searchsorted(tick, tick)
-    return replace(log, odom=Track(log.odom.t, log.odom.values[told]))
+    known = np.searchsorted(tick, tick)
+    return replace(log, odom=Track(log.odom.t, log.odom.values[known]))
 
 
 def heading_bias(log: ScanLog, level: float, rng: Generator) -> ScanLog:

@@ -1,4 +1,4 @@
-"""Found from nothing in a map, and told when that is in doubt."""
+"""Global localization in a map, and what is reported while it is ambiguous."""
 
 import math
 
