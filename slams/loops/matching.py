@@ -38,7 +38,8 @@ STARTED = np.diag((CELL**-2, CELL**-2, 0.03**-2))  # information of a start [1/m
 class Keyframe(NamedTuple):
     """A scan of the graph, the body twist during it [m/s, rad/s], and its end points (2, n) [m].
 
-    End points are in the base frame at the stamp of the scan.
+    End points are in the base frame at the stamp of the scan; those too far to draw a map are left
+    out.
     """
 
     scan: Scan
@@ -76,7 +77,8 @@ def keyframe(scan: Scan, twist: Pose2) -> Keyframe:
     """A scan made ready for the graph."""
     points, middle = read(scan, twist)
     ends = middle.transform(points.points[:2, : points.n].T).T
-    return Keyframe(scan, twist, np.ascontiguousarray(ends))
+    near = np.hypot(ends[0], ends[1]) < FAR
+    return Keyframe(scan, twist, np.ascontiguousarray(ends[:, near]))
 
 
 class LocalMap:
@@ -89,8 +91,7 @@ class LocalMap:
 
     def __init__(self, keyframes: Sequence[Keyframe], poses: Sequence[Pose2]) -> None:
         self.keyframes, self.poses = keyframes, poses
-        near = [k.ends[:, np.hypot(*k.ends) < FAR] for k in keyframes]
-        ends = [pose.transform(e.T).T for pose, e in zip(poses, near, strict=True)]
+        ends = [pose.transform(k.ends.T).T for pose, k in zip(poses, keyframes, strict=True)]
         every = np.ascontiguousarray(np.concatenate(ends, axis=1))
         low, high = every.min(axis=1) - 2.0 * CELL, every.max(axis=1) + 2.0 * CELL
         nx, ny = (np.ceil((high - low) / CELL).astype(int) + 1).tolist()
@@ -104,8 +105,7 @@ class LocalMap:
 
         Coarse cells bound what their poses can score; the best of them are searched finely.
         """
-        some = ends[:, np.hypot(*ends) < FAR]
-        some = np.ascontiguousarray(some[:, :: max(1, some.shape[1] // BEAMS)])
+        some = np.ascontiguousarray(ends[:, :: max(1, ends.shape[1] // BEAMS)])
         cells = BLOCKS[window.half > WIDE]
         poses, count = self._coarse_poses(some, window, cells, enough)
         kernels.finest(self._fine, some, np.array((*self._first, CELL)), cells, poses)

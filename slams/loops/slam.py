@@ -25,6 +25,7 @@ from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
 STEP_NOISE = 0.01, 0.002  # m, rad: of every step between keyframes
+MIN_ENDS = 20  # end points of a keyframe
 JUMP = 0.2  # m that the algorithm may be off its own last step or the wheels': it closed a loop
 REDRAWN = 4  # keyframes that enter the new map beside one scan
 PAUSE = 5  # scans to each keyframe of a map that was drawn anew, until the next
@@ -69,7 +70,8 @@ class Looped:
             if self._is_due(pose):
                 self._add(scan, pose)
             self._scans.append((self.graph.n - 1, self._at.between(pose)))
-            pose = self._work(scan, pose)
+            if self.graph.n > 0:
+                pose = self._work(scan, pose)
         self._last = scan, pose
         return pose
 
@@ -137,11 +139,12 @@ class Looped:
     def _variances(self, theta: float) -> Floats:
         """Variances (3,) of the algorithm's pose along a heading, across it, and of its own."""
         covariance = getattr(self.slam, "covariance", UNKNOWN)
+        if not np.isfinite(covariance).all():
+            covariance = UNKNOWN
         c, s = math.cos(theta), math.sin(theta)
         xx, xy, yy, turn = covariance[0, 0], covariance[0, 1], covariance[1, 1], covariance[2, 2]
         along = c * c * xx + 2.0 * c * s * xy + s * s * yy
-        values = np.array((along, xx + yy - along, turn))
-        return np.where(np.isfinite(values), values, 0.0)
+        return np.array((along, xx + yy - along, turn))
 
     def _is_due(self, pose: Pose2) -> bool:
         step, p = self._at.between(pose), self.params
@@ -149,7 +152,13 @@ class Looped:
         return self.graph.n == 0 or far or abs(step.theta) >= p.keyframe_rotation
 
     def _add(self, scan: Scan, pose: Pose2) -> None:
-        """A keyframe; its step is as uncertain as its distance and the covariance meanwhile say."""
+        """A keyframe; its step is as uncertain as its distance and the covariance meanwhile say.
+
+        A scan with few end points is none.
+        """
+        key = keyframe(scan, self._twist(scan, pose))
+        if key.ends.shape[1] < MIN_ENDS:
+            return
         step, p = self._at.between(pose), self.params
         distance = math.hypot(step.x, step.y)
         noise = np.array((STEP_NOISE[0], STEP_NOISE[0], STEP_NOISE[1])) ** 2
@@ -159,7 +168,7 @@ class Looped:
         # what was lost since, and what a match with older ground has gained: a shift of that much
         noise += 2.0 * self._greatest - self._known - now
         self.graph.append(step, noise)
-        self.keyframes.append(keyframe(scan, self._twist(scan, pose)))
+        self.keyframes.append(key)
         self._at, self._jumps = pose, 0.0
         self._known = self._greatest = now
 
