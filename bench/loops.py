@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 PROGRAM = "bench.loops"
 FORMAT = "loops-1"
 SIZE, WAY, SPEED = 70.0, 260.0, 2.0  # m, m, m/s: a ring of corridors, driven around and on
-STEP, LEVER = 0.7, 0.7  # m between key scans; m a radian counts for
+STEP, LEVER = 0.7, 0.7  # m between keyframes; m a radian counts for
 FAN, BEAMS, RANGE = 180.0, 181, 8.0  # deg, beams and m that the laser sees
 WRONG_WAY, WRONG_TURN, VEER = 0.05, 0.05, 0.052  # 5 % of way and turn, 3 degrees a meter
 AGAIN, NEAR = 40.0, 1.0  # s later and m away: a place seen again
@@ -36,7 +36,7 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog=f"python -m {PROGRAM}",
-        description="Drive around in simulated buildings of bare corridors: key scans "
+        description="Drive around in simulated buildings of bare corridors: keyframes "
         f"{STEP:g} m apart, a laser that sees {RANGE:g} m, wheels that are wrong by "
         f"{WRONG_WAY:.0%} and 3 degrees a meter. A loop is closed if places that were seen "
         f"before are where they were, to {CLOSED:g} m.",
@@ -107,7 +107,7 @@ def _contestants(arguments: argparse.Namespace) -> list[Contestant]:
 
 
 def building(seed: int) -> ScanLog:
-    """Key scans of one drive around a ring of corridors, with wheels that are wrong."""
+    """Keyframes of one drive around a ring of corridors, with wheels that are wrong."""
     import numpy as np
 
     from bench.sim.degrade.fan import beams, field_of_view

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,22 +76,20 @@ class GreyMap:
 
     def grid(self) -> OccupancyGrid:
         """The grey levels as probabilities, cut to what was observed."""
-        found = self.cut(self.extent.covered)
-        if found is not None:
-            return found
+        return self.snapshot()()
+
+    def snapshot(self) -> Callable[[], OccupancyGrid]:
+        """A function that draws the grey levels as they stand now, cut to what was observed."""
+        fine, window = self.levels[0], self._room.window(self.extent.covered)
+        cells = fine.grey[window].copy(), fine.weight[window] > 0.0
         unknown = np.full((1, 1), np.nan, np.float32)
-        return OccupancyGrid(unknown, self.params.cell, (0.0, 0.0))
+        nothing = OccupancyGrid(unknown, self.params.cell, (0.0, 0.0))
+        return lambda: _drawn(*cells, window, fine) or nothing
 
     def cut(self, box: Box) -> OccupancyGrid | None:
         """The part in a box that was observed, None if nothing was."""
-        grid, window = self.levels[0], self._room.window(box)
-        seen = grid.weight[window] > 0.0
-        found = observed(seen, window, (grid.x0, grid.y0), grid.resolution)
-        if found is None:
-            return None
-        part, corner = found
-        p = np.where(seen[part], 0.5 + 0.5 * grid.grey[window][part], np.nan)
-        return OccupancyGrid(p.astype(np.float32), grid.resolution, corner)
+        fine, window = self.levels[0], self._room.window(box)
+        return _drawn(fine.grey[window], fine.weight[window] > 0.0, window, fine)
 
     def _blank(self, side: int) -> Grid:
         room, cell = self._room, self.params.cell
@@ -122,3 +122,15 @@ class GreyMap:
             move(grid.weight, new.weight, below // side, left // side)
         seen, first, _ = self._fine()  # stamps are of one insertion only
         self.lines.move(seen, first, below, left)
+
+
+def _drawn(
+    grey: NDArray[np.float32], seen: NDArray[np.bool_], window: tuple[slice, slice], level: Grid
+) -> OccupancyGrid | None:
+    """The observed part of a window of a level as probabilities, None if nothing was observed."""
+    found = observed(seen, window, (level.x0, level.y0), level.resolution)
+    if found is None:
+        return None
+    part, corner = found
+    p = np.where(seen[part], 0.5 + 0.5 * grey[part], np.nan)
+    return OccupancyGrid(p.astype(np.float32), level.resolution, corner)

@@ -18,6 +18,7 @@ program, `crsm@original`, stands in `original`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 from crsm.map import GreyMap
@@ -80,6 +81,10 @@ class Crsm:
     def map(self) -> OccupancyGrid:
         """The grey levels of the map as probabilities."""
         return self._map.grid()
+
+    def snapshot(self) -> Callable[[], OccupancyGrid]:
+        """A function that draws the map as it stands now, while updates go on."""
+        return self._map.snapshot()
 
     def report(self) -> dict[str, Any]:
         """Counts of scans.

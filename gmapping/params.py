@@ -41,7 +41,7 @@ class GMappingParams(ScanParams, FrontendParams):
     linear_update: float = param(
         0.2,
         "m",
-        "way between key scans",
+        "way between keyframes",
         source="ours: every scan is matched",
         low=0.0,
         ros=("linearUpdate",),
@@ -49,7 +49,7 @@ class GMappingParams(ScanParams, FrontendParams):
     angular_update: float = param(
         0.2,
         "rad",
-        "turn between key scans",
+        "turn between keyframes",
         source="ours: every scan is matched",
         low=0.0,
         ros=("angularUpdate",),
@@ -57,7 +57,7 @@ class GMappingParams(ScanParams, FrontendParams):
     settle: int = param(
         10,
         "1",
-        "scans at the start that are all key scans",
+        "scans at the start that are all keyframes",
         source="ours: or the first scan's noise stays in every later pose",
         low=1,
         high=10_000,
@@ -74,14 +74,14 @@ class GMappingParams(ScanParams, FrontendParams):
     way_noise: float = param(
         0.01,
         "1",
-        "noise of the tracked way between key scans [m, rad] per m and rad of it",
+        "noise of the tracked way between keyframes [m, rad] per m and rad of it",
         source="ours: matching decides, not odometry",
         low=0.0,
     )
     key_noise: float = param(
         0.005,
         "m",
-        "noise [m, rad] between key scans beside that of the motion",
+        "noise [m, rad] between keyframes beside that of the motion",
         source="ours: rate of the scans does not matter",
         low=1e-5,
     )

@@ -139,11 +139,11 @@ class Particles:
         self._leaves = np.arange(len(self))
 
     def generations(self) -> Iterator[tuple[NDArray[np.int64], Floats]]:
-        """Parents (n,) in the generation before, and poses (n, 3), at every key scan so far."""
+        """Parents (n,) in the generation before, and poses (n, 3), at every keyframe so far."""
         return zip(self._parents, self._nodes, strict=True)
 
     def history(self, particle: int) -> Floats:
-        """Poses (k, 3) of a particle at every key scan so far."""
+        """Poses (k, 3) of a particle at every keyframe so far."""
         poses, leaf = [], int(self._leaves[particle])
         for parents, nodes in zip(reversed(self._parents), reversed(self._nodes), strict=True):
             poses.append(nodes[leaf])

@@ -38,7 +38,7 @@ def draw(path: Path) -> None:
 
 
 def _drive(slam: GMapping) -> Floats:
-    """Through a corridor of 17 m with odometry that drifts; true headings at the key scans."""
+    """Through a corridor of 17 m with odometry that drifts; true headings at the keyframes."""
     rng = np.random.default_rng(1)
     laser = Laser(-np.pi, np.pi / 180, 360, 0.1, 6.0)
     pose, odometry, inserted, headings = IDENTITY, IDENTITY, 0, []
@@ -79,7 +79,7 @@ def _histories(axes: Axes, particles: Particles, truth: Floats) -> None:
         axes.plot(1e3 * (particles.history(i)[:, 2] - truth), color=BLUE, linewidth=1)
     best = particles.history(particles.best)[:, 2] - truth
     axes.plot(1e3 * best, color=ORANGE, linewidth=2)
-    axes.set(xlabel="key scan", ylabel="error of the heading [mrad]", xlim=(0, None))
+    axes.set(xlabel="keyframe", ylabel="error of the heading [mrad]", xlim=(0, None))
     axes.set_title("histories: alive (blue), dropped by resampling (gray), best (orange)", size=9)
 
 

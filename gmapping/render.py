@@ -1,9 +1,10 @@
-"""The map as a grid: the reported particle's history, ray cast key scan by key scan."""
+"""The map as a grid: the reported particle's history, ray cast keyframe by keyframe."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from slams.cells import Room, move, zeros
 from slams.frontend.correlative import Lookup
 from slams.grid_bounds import DEFAULT_MAX_CELLS, Box
 from slams.types import Floats, OccupancyGrid, Pose2
+
+Ints = NDArray[np.int32]
 
 FULL = 1 << COARSE  # cells to the edge of a coarse one
 SURE = 3.0  # hits from which a coarse cell is a wall
@@ -30,13 +33,14 @@ class Ray(NamedTuple):
         return Ray(pose.transform(self.points[:, :2]), pose.transform(self.sensor))
 
 
-class Ends(NamedTuple):
-    """What of a key scan is kept: end points (n, 2) x, y [m], and the laser's mount."""
+@dataclass(frozen=True)
+class Ends:
+    """What of a keyframe is kept: end points (n, 2) x, y [m], and the laser's mount."""
 
     points: NDArray[np.float32]
     mount: Pose2
 
-    def ray(self) -> Ray:
+    def __call__(self) -> Ray:
         """What is drawn of it."""
         return Ray(self.points.astype(np.float64), np.array([[self.mount.x, self.mount.y]]))
 
@@ -50,7 +54,7 @@ def walls(counts: Counts) -> Lookup:
 
 
 class Renderer:
-    """Keeps the key scans, and draws them at the poses that a particle's history gives them.
+    """Keeps the keyframes, and draws them at the poses that a particle's history gives them.
 
     A scan whose pose has changed is taken back and drawn anew; `counts` has what is drawn now.
 
@@ -72,14 +76,14 @@ class Renderer:
         self.counts = self._empty(resolution)
 
     def keep(self, scan: Callable[[], Ray], pose: Pose2 | None = None) -> None:
-        """Keep a key scan: what gives its rays; it is drawn at once if it has a pose."""
+        """Keep a keyframe: what gives its rays; it is drawn at once if it has a pose."""
         self._scans.append(scan)
         self._drawn.append(None)
         if pose is not None:
             self._move(len(self._scans) - 1, pose)
 
     def draw(self, scan: Callable[[], Ray], pose: Floats) -> None:
-        """Draw a key scan for good, at a pose (3,) that no resampling can change; before any kept.
+        """Draw a keyframe for good, at a pose (3,) that no resampling can change; before any kept.
 
         Nothing of it is kept.
         """
@@ -99,8 +103,14 @@ class Renderer:
 
     def grid(self, history: Floats) -> OccupancyGrid:
         """Occupancy of the cells, from hits and visits; 0.5 is the original's threshold."""
+        return self.snapshot(history)()
+
+    def snapshot(self, history: Floats) -> Callable[[], OccupancyGrid]:
+        """A function that draws the map at a history's poses as it stands now."""
         self.follow(history)
-        return self._shares(*self._low.tolist(), *(self._high + 1).tolist())
+        part = self._part(*self._low.tolist(), *(self._high + 1).tolist())
+        hits, visits = (cells.copy() for cells in part[:2])
+        return lambda: self._shares(hits, visits, part[2])
 
     def cut(self, box: Box) -> OccupancyGrid | None:
         """The part in a box of what is drawn now, None if nothing was observed there."""
@@ -110,7 +120,7 @@ class Renderer:
         high = np.minimum(self._high + 1, (columns.stop + x0, rows.stop + y0))
         if (low >= high).any():
             return None
-        grid = self._shares(*low.tolist(), *high.tolist())
+        grid = self._shares(*self._part(*low.tolist(), *high.tolist()))
         return None if np.isnan(grid.p).all() else grid
 
     def drawn_before(self, end: int) -> list[tuple[int, Pose2]]:
@@ -148,14 +158,18 @@ class Renderer:
     def _corner(self) -> NDArray[np.int64]:
         return np.array((self._room.x0, self._room.y0))
 
-    def _shares(self, x0: int, y0: int, x1: int, y1: int) -> OccupancyGrid:
-        """The cells from x0, y0 up to before x1, y1, of the map."""
+    def _part(self, x0: int, y0: int, x1: int, y1: int) -> tuple[Ints, Ints, tuple[int, int]]:
+        """Hits and visits of the cells from x0, y0 up to before x1, y1, and the first of them."""
         u, v = self._corner.tolist()
         window = np.s_[y0 - v : y1 - v, x0 - u : x1 - u]
-        edge, counts = self.counts.resolution, self.counts
+        return self.counts.hits[window], self.counts.visits[window], (x0, y0)
+
+    def _shares(self, hits: Ints, visits: Ints, first: tuple[int, int]) -> OccupancyGrid:
+        """The map of a part."""
+        edge = self.counts.resolution
         with np.errstate(invalid="ignore"):
-            shares = counts.hits[window] / counts.visits[window]
-        corner = (x0 - 0.5) * edge, (y0 - 0.5) * edge
+            shares = hits / visits
+        corner = (first[0] - 0.5) * edge, (first[1] - 0.5) * edge
         return OccupancyGrid((shares**self._power).astype(np.float32), edge, corner)
 
     def _move(self, k: int, pose: Pose2) -> None:

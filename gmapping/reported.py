@@ -23,7 +23,7 @@ SELDOM = 0.5  # m of way between two looks for a loop
 SCANS = 20  # old scans that are looked at
 DRIFT = np.diag((0.33, 0.33, 0.03)) ** 2  # m, m, rad: of the way around a loop; 3 deviations
 WINDOWS = 0.25, 0.5, 1.0  # of the drift that is searched: the nearer place is the likelier one
-REDRAWN = 15  # key scans drawn anew with one, once another particle is reported: 30 ms at 80 m
+REDRAWN = 15  # keyframes drawn anew with one, once another particle is reported: 30 ms at 80 m
 
 
 class ReportedMap:
@@ -32,7 +32,7 @@ class ReportedMap:
     def __init__(self, matcher: Matcher, particles: Particles, picture: Renderer) -> None:
         self._matcher, self._particles, self._picture = matcher, particles, picture
         self._drawn = 0  # lineage of the history in the picture
-        self._ways: list[float] = []  # [m] driven at each key scan
+        self._ways: list[float] = []  # [m] driven at each keyframe
         self._looked = 0.0  # [m] driven at the last look for a loop
 
     @property
@@ -56,7 +56,7 @@ class ReportedMap:
     def revisited(self, points: View, pose: Pose2, way: float) -> Revisit:
         """Where the robot may be on ground that it left long ago, nearest first; mostly nowhere.
 
-        The best poses of correlative searches in wider and wider windows among key scans that are
+        The best poses of correlative searches in wider and wider windows among keyframes that are
         `OLD` behind, `way` [m] from the start; along a corridor that hides how far along it is,
         only across.
         """
@@ -79,11 +79,11 @@ class ReportedMap:
         return Revisit(found, seen_then)
 
     def insert(self, ends: Ends, way: float) -> None:
-        """Draw a key scan where the reported particle is; after another has been reported, more."""
+        """Draw a keyframe where the reported particle is; after another has been reported, more."""
         particles = self._particles
         x, y, theta = particles.poses[particles.best].tolist()
         self._ways.append(way)
-        self._picture.keep(ends.ray, Pose2(x, y, theta))
+        self._picture.keep(ends, Pose2(x, y, theta))
         if particles.lineage != self._drawn:
             history = particles.history(particles.best)
             if self._picture.follow(history, REDRAWN):

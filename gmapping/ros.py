@@ -16,7 +16,7 @@ ORIGINAL = RosNames(
     | {
         "kernelSize": "a window of 3 x 3 cells, the default there",
         "lskip": "every beam counts, the default there",
-        "temporalUpdate": "key scans come with the way alone, the default there",
+        "temporalUpdate": "keyframes come with the way alone, the default there",
         "tf_delay": "a log has no delay",
         "inverted_laser": "the log has the laser's mount",
     },

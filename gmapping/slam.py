@@ -23,6 +23,7 @@ program, `gmapping@original`, stands in `original`.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -47,7 +48,7 @@ from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
 LEAP, LEAP_TURN = 0.05, 0.02  # m, rad: no draw goes so far
-STEP = 0.001  # m by which two key scans differ in `_way`, however near they are
+STEP = 0.001  # m by which two keyframes differ in `_way`, however near they are
 COUNTS = "posed inserted resampled switched collapsed closed"
 
 
@@ -100,12 +101,24 @@ class GMapping:
         self.particles.poses[:] = pose
         self._insert(self._view.take(scan, IDENTITY), pose)
 
+    def adopt(self, other: GMapping, pose: Pose2) -> None:
+        """Go on in the map of another instance, at `pose` in it, moving as before."""
+        self.particles, self._keyframes = other.particles, other._keyframes
+        self._matcher, self._renderer, self._map = other._matcher, other._renderer, other._map
+        self.particles.poses[:] = pose
+        self._key = pose
+        self._estimator.correct(pose)
+
     def map(self) -> OccupancyGrid:
-        """The reported particle's map, drawn from its history of key scans."""
+        """The reported particle's map, drawn from its history of keyframes."""
         return self._renderer.grid(self.trajectory())
 
+    def snapshot(self) -> Callable[[], OccupancyGrid]:
+        """A function that draws the map as it stands now, while updates go on."""
+        return self._renderer.snapshot(self.trajectory())
+
     def trajectory(self) -> Floats:
-        """The reported particle's poses (k, 3) x, y [m], theta [rad] at the key scans."""
+        """The reported particle's poses (k, 3) x, y [m], theta [rad] at the keyframes."""
         return self.particles.history(self.particles.best)
 
     def report(self) -> dict[str, Any]:

@@ -80,8 +80,8 @@ class SurfaceMatcher:
         worth, sees = self._worth(view), np.eye(3) - blind
         h = sees @ h @ sees
         factors = np.asarray(np.linalg.cholesky(worth * h + information), np.float64)
-        told = np.clip(out[:, 6] - CHANCE * full, 0.0, (EXPLAINED - CHANCE) * full)
-        return Proposals(peaks, factors, 0.5 * PLACES * worth * told, closes)
+        evidence = np.clip(out[:, 6] - CHANCE * full, 0.0, (EXPLAINED - CHANCE) * full)
+        return Proposals(peaks, factors, 0.5 * PLACES * worth * evidence, closes)
 
     def insert(self, view: View, poses: Floats, way: float) -> bool:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,22 +91,20 @@ class LogOddsPyramid:
 
     def grid(self) -> OccupancyGrid:
         """The finest level, cut to what was observed."""
-        found = self.cut(self.extent.covered)
-        if found is not None:
-            return found
+        return self.snapshot()()
+
+    def snapshot(self) -> Callable[[], OccupancyGrid]:
+        """A function that draws the finest level as it stands now, cut to what was observed."""
+        level, window = self.levels[0], self._room.window(self.extent.covered)
+        log_odds = level.log_odds[window].copy()
         unknown = np.full((1, 1), np.nan, np.float32)
-        return OccupancyGrid(unknown, self.params.resolution, (0.0, 0.0))
+        nothing = OccupancyGrid(unknown, self.params.resolution, (0.0, 0.0))
+        return lambda: _drawn(log_odds, window, level) or nothing
 
     def cut(self, box: Box) -> OccupancyGrid | None:
         """The part of the finest level in a box that was observed, None if nothing was."""
         level, window = self.levels[0], self._room.window(box)
-        log_odds = level.log_odds[window]
-        found = observed(log_odds != 0.0, window, (level.x0, level.y0), level.resolution)
-        if found is None:
-            return None
-        log_odds, corner = log_odds[found[0]], found[1]
-        p = np.where(log_odds != 0.0, 0.5 + 0.5 * np.tanh(0.5 * log_odds), np.nan)
-        return OccupancyGrid(p.astype(np.float32), level.resolution, corner)
+        return _drawn(level.log_odds[window], window, level)
 
     def _empty(self, level: int) -> Level:
         shape = (self._room.height >> level, self._room.width >> level)
@@ -136,3 +135,15 @@ class LogOddsPyramid:
             move(level.p, new.p, below >> k, left >> k)  # stamps are of one insertion only
         seen, first, _ = self._finest()
         self.lines.move(seen, first, below, left)
+
+
+def _drawn(
+    log_odds: NDArray[np.float32], window: tuple[slice, slice], level: Level
+) -> OccupancyGrid | None:
+    """The observed part of a window of a level as probabilities, None if nothing was observed."""
+    found = observed(log_odds != 0.0, window, (level.x0, level.y0), level.resolution)
+    if found is None:
+        return None
+    log_odds, corner = log_odds[found[0]], found[1]
+    p = np.where(log_odds != 0.0, 0.5 + 0.5 * np.tanh(0.5 * log_odds), np.nan)
+    return OccupancyGrid(p.astype(np.float32), level.resolution, corner)

@@ -16,6 +16,7 @@ program, `hector@original`, stands in `original`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 from hector.map import LogOddsPyramid
@@ -77,6 +78,10 @@ class Hector:
     def map(self) -> OccupancyGrid:
         """The finest level as probabilities."""
         return self._map.grid()
+
+    def snapshot(self) -> Callable[[], OccupancyGrid]:
+        """A function that draws the map as it stands now, while updates go on."""
+        return self._map.snapshot()
 
     def report(self) -> dict[str, Any]:
         """Counts of scans.

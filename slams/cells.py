@@ -71,15 +71,33 @@ def taken(array: Array) -> int:
     return int(given_pages(*byte_bounds(array)).sum()) * PAGE
 
 
+def filled(array: Array) -> list[tuple[int, int]]:
+    """Spans of a contiguous array's bytes, first and end, outside of which all are zero."""
+    low, high = byte_bounds(array)
+    data, n = array.reshape(-1).view(np.uint8), -(-array.nbytes // PAGE)
+    some = np.zeros(n, np.bool_)  # blocks as large as pages, but from the array's first byte on
+    for page, count in runs(given_pages(low, high)):
+        first = (low // PAGE + page) * PAGE - low
+        for block, more in _blocks_with(data, max(first // PAGE, 0), -(-first // PAGE) + count):
+            some[block : block + more] = True
+    return [(a * PAGE, min((a + m) * PAGE, array.nbytes)) for a, m in runs(some)]
+
+
+def _blocks_with(data: NDArray[np.uint8], first: int, end: int) -> list[tuple[int, int]]:
+    """Runs of blocks of bytes with something else than zeros in them, from one to another."""
+    part = data[first * PAGE : end * PAGE]
+    whole = len(part) // PAGE
+    some = part[: whole * PAGE].reshape(whole, PAGE).any(axis=1)
+    rest = part[whole * PAGE :].any(keepdims=True)
+    return [(first + a, n) for a, n in runs(np.concatenate([some, rest]))]
+
+
 def copied(array: Array) -> Array:
     """A copy of a contiguous array that takes memory only where the array has."""
     out = zeros(array.shape, array.dtype)
-    low, high = byte_bounds(array)
     source, target = array.reshape(-1).view(np.uint8), out.reshape(-1).view(np.uint8)
-    for page, n in runs(given_pages(low, high)):
-        begin = max((low // PAGE + page) * PAGE - low, 0)
-        part = slice(begin, (low // PAGE + page + n) * PAGE - low)
-        target[part] = source[part]
+    for first, end in filled(array):
+        target[first:end] = source[first:end]
     return out
 
 

@@ -69,8 +69,8 @@ def square_of(information: Floats, off: Pose2) -> float:
     """Squared distance `off` in units of its covariance, whose inverse is given (3, 3). ours."""
     distance = 0.0
     for i in range(3):
-        told = information[i, 0] * off.x + information[i, 1] * off.y + information[i, 2] * off.theta
-        distance += told * (off.x if i == 0 else off.y if i == 1 else off.theta)
+        row = information[i, 0] * off.x + information[i, 1] * off.y + information[i, 2] * off.theta
+        distance += row * (off.x if i == 0 else off.y if i == 1 else off.theta)
     return distance
 
 

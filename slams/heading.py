@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from slams.validation import LATEST, can_be
 
@@ -11,18 +10,10 @@ LONGEST_GAP = 0.5  # s without a yaw rate that may still be bridged
 
 
 class Heading:
-    """The heading integrated from the gyro's readings.
+    """The heading integrated from the gyro's readings."""
 
-    `kept` is what another one goes on from: stamp [s], rate [rad/s] and heading [rad].
-    """
-
-    def __init__(self, kept: Sequence[float] = (math.nan, 0.0, 0.0)) -> None:
-        self._t, self._rate, self._yaw = kept
-
-    @property
-    def kept(self) -> tuple[float, float, float]:
-        """Stamp of the last reading (nan before the first), rate and heading."""
-        return self._t, self._rate, self._yaw
+    def __init__(self) -> None:
+        self._t, self._rate, self._yaw = math.nan, 0.0, 0.0
 
     def push(self, t: float, rate: float) -> None:
         """Take one reading [rad/s]."""

@@ -12,10 +12,10 @@ import time
 from typing import TYPE_CHECKING
 
 from slams import cli
-from slams.live.network import add_network_options, wire_of
+from slams.live.options import add_network_options, transport_of
 
 if TYPE_CHECKING:
-    from slams.live.wire import Wire
+    from slams.live.transport import Transport
     from slams.scanlog import ScanLog
 
 PROGRAM = "slams play"
@@ -61,11 +61,11 @@ def _command(arguments: argparse.Namespace) -> int:
     ending = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ending.set())
-    wire = cli.refusing(lambda: wire_of(arguments, "slams_play"))
+    transport = cli.refusing(lambda: transport_of(arguments))
     try:
-        sent = _play(log, wire, arguments, ending)
+        sent = _play(log, transport, arguments, ending)
     finally:
-        wire.close()
+        transport.close()
     if not arguments.quiet:
         sys.stdout.write(f"{sent} scans of {log.name} published\n")
     return 0
@@ -82,13 +82,15 @@ def _log(arguments: argparse.Namespace) -> ScanLog:
     return log.select(arguments.limit, 1, not arguments.no_odometry)
 
 
-def _play(log: ScanLog, wire: Wire, arguments: argparse.Namespace, ending: threading.Event) -> int:
+def _play(
+    log: ScanLog, transport: Transport, arguments: argparse.Namespace, ending: threading.Event
+) -> int:
     """Publish the log, once or again and again; returns how many scans."""
     from slams.live.robot import LINGER, Robot
 
     names = cli.refusing(lambda: dict(_renamed(text) for text in arguments.remap))
-    robot = cli.refusing(lambda: Robot(log, wire, names))
-    wire.listen()
+    robot = cli.refusing(lambda: Robot(log, transport, names))
+    transport.listen()
     robot.introduce()
     if not robot.await_reader(arguments.wait, ending) and not arguments.quiet:
         cli.show_notes(PROGRAM, ["nobody listens to the scans yet; they are sent all the same"])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.params import Params
-from slams.types import Floats, Pose2, Scan, Slam
+from slams.types import Corrected, Floats, Pose2, Scan, Slam
 
 WARM_UP_SCANS = 4  # until every kernel of a usual scan is loaded
 
@@ -25,7 +25,7 @@ class Run:
     `t` (n,) [s]; `poses` (n, 3) x, y [m], theta [rad] in the map frame; `seconds` (n,) CPU time of
     each update, compilation taken out; `compile_s` CPU seconds that compilation took meanwhile;
     `report` the algorithm's own counts; `says_lost` (n,) the scans after which it called itself
-    lost.
+    lost; `corrected` (n, 3) the poses as they are known at the end, of one that closes loops.
     """
 
     t: Floats
@@ -34,9 +34,15 @@ class Run:
     compile_s: float
     report: dict[str, Any]
     says_lost: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    corrected: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @property
+    def final(self) -> Floats:
+        """The poses (n, 3) as they are known at the end: corrected where loops were closed."""
+        return self.poses if self.corrected is None else self.corrected
 
 
 def replay(
@@ -70,6 +76,7 @@ def replay(
         compiling.seconds,
         slam.report(),
         np.diff(lost) > 0,
+        slam.corrected()[-len(t) :] if isinstance(slam, Corrected) else None,
     )
 
 

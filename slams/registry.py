@@ -71,9 +71,8 @@ def find(label: str) -> Entry:
         TypeError: what was found is not a Slam, or lacks what loops need.
     """
     if LOOPS in label:
-        from slams.loops import looped
-
         entry = find(label.replace(LOOPS, "", 1))
+        looped = importlib.import_module("slams.loops").looped
         return Entry(label, looped(entry.cls, entry.label), entry.preset)
     name, _, preset = label.partition("@")
     cls, preset = _slam_class(name, _target(name)), preset or "default"

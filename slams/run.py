@@ -161,8 +161,11 @@ def write_results(
     with files.complete_folder(folder, files_of_run(folder)) as partial:
         trajectory.write_csv(partial / "trajectory.csv", run.t, run.poses)
         trajectory.write_tum(partial / "trajectory.tum", run.t, run.poses)
+        if run.corrected is not None:
+            trajectory.write_csv(partial / "trajectory_corrected.csv", run.t, run.corrected)
+            trajectory.write_tum(partial / "trajectory_corrected.tum", run.t, run.corrected)
         occupancy.write_map(partial, grid)
-        occupancy.write_picture(partial / "map.png", grid, run.poses)
+        occupancy.write_picture(partial / "map.png", grid, run.final)
         if isinstance(slam, Illustrated):
             occupancy.write_images(partial, slam.pictures())
         if mcap:

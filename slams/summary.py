@@ -75,7 +75,7 @@ def summarize(
         "scans": len(run),
         "beams": log.laser.n_beams,
         "duration_s": duration,
-        "path_length_m": metrics.path_length(run.poses),
+        "path_length_m": metrics.path_length(run.final),
         "stamps_back": log.stamp_jumps,
         "scans_without_attitude": _without_attitude(log),
         "scans_without_return": int((~np.isfinite(log.ranges).any(axis=1)).sum()),
@@ -136,7 +136,7 @@ def truth_errors(run: Run, log: ScanLog, spans: Sequence[Span] = SPANS) -> dict[
     if truth is None:
         return None
     covered = ~np.isnan(truth[:, 0])
-    estimate, truth = run.poses[covered], truth[covered]
+    estimate, truth = run.final[covered], truth[covered]
     errors: dict[str, Any] = {"not_covered": int((~covered).sum())}
     if len(truth) < 2:
         return errors
@@ -176,6 +176,12 @@ def as_text(summary: dict[str, Any]) -> str:
         f"{summary['duration_s']:.1f} s, path {summary['path_length_m']:.1f} m"
     ]
     lines += _odd_scans(summary)
+    report = summary["report"]
+    if "loops" in report:
+        lines.append(
+            f"{report['loops']} loops between {report['keyframes']} keyframes, the map drawn anew "
+            f"{report['redrawn']} times; figures are of the poses as corrected at the end"
+        )
     lines += _error_lines(summary["errors"])
     lines.append(
         f"CPU {summary['cpu_ms_per_scan']:.3f} ms per scan (median {cpu['p50']:.3f}, 95 % below "

@@ -250,6 +250,15 @@ class Confident(Protocol):
 
 
 @runtime_checkable
+class Corrected(Protocol):
+    """An algorithm that corrects poses afterwards, as loop closure does."""
+
+    def corrected(self) -> Floats:
+        """Poses (n, 3) of all scans so far, as they are known now."""
+        ...
+
+
+@runtime_checkable
 class Illustrated(Protocol):
     """An algorithm that has pictures of its own beside the map; the runner writes them."""
 

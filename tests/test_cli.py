@@ -361,9 +361,11 @@ def test_compare_takes_the_files_of_ros_nodes(log_file, tmp_path, capsys):
         arguments += ["--ros-params", f"{label}={tmp_path / name}"]
     arguments += ["--sensor", "lds02", "--out", str(tmp_path / "out")]
     assert compare.main(arguments) == 0
-    told = capsys.readouterr().err
-    assert told.startswith("hector_mapping -> hector: 2 mapped, 1 ignored\n  map_resolution = 0.2")
-    assert "hector_mapping -> hector@original: 1 mapped, " in told
+    message = capsys.readouterr().err
+    assert message.startswith(
+        "hector_mapping -> hector: 2 mapped, 1 ignored\n  map_resolution = 0.2"
+    )
+    assert "hector_mapping -> hector@original: 1 mapped, " in message
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     original, hector, crsm = (row["parameters"] for row in results["rows"])
     assert (hector["resolution"], hector["max_range"], hector["seed"]) == (0.2, 12.0, 7)

@@ -24,8 +24,8 @@ def test_the_wheel_brings_every_package_and_each_has_types():
 
 def test_the_front_page_names_what_the_wheel_brings():
     limits = (ROOT / "README.md").read_text(encoding="utf-8").partition("## Limits")[2]
-    told = re.search(r"top-level packages (.*?)\.", limits)[1]
-    assert set(re.findall(r"`(\w+)`", told)) == try_wheel.PACKAGES
+    listed = re.search(r"top-level packages (.*?)\.", limits)[1]
+    assert set(re.findall(r"`(\w+)`", listed)) == try_wheel.PACKAGES
 
 
 def test_a_stranger_learns_whose_it_is_and_what_it_needs():

@@ -112,8 +112,8 @@ def test_start_luck_stands_in_the_table_of_real_logs(tmp_path, monkeypatch):
     )
     monkeypatch.setattr(readme, "RELATIONS", kept)
     text = readme.rendered("<!-- relations -->\n<!-- end -->")
-    told = "0.0100 ± 0.0020; 5 starts: mean 0.0155, worst -, 1 above 0.03"
-    assert f"| hector | {told} |" in text
+    cell = "0.0100 ± 0.0020; 5 starts: mean 0.0155, worst -, 1 above 0.03"
+    assert f"| hector | {cell} |" in text
     assert "| tsd | 0.0100 ± 0.0020 |" in text
 
 

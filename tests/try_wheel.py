@@ -56,8 +56,8 @@ def used(commands, place):
         found = json.loads((place / name / "summary.json").read_text())
         assert found["errors"]["end_m"] < FARTHEST, (name, found["errors"])
         assert (place / name / "map.pgm").stat().st_size > 1000
-    told = said(commands / "slams", "compare", "log.npz", "--algorithms", "hector", cwd=place)
-    assert (place / "results" / "compare" / "report.html").stat().st_size > 10_000, told
+    printed = said(commands / "slams", "compare", "log.npz", "--algorithms", "hector", cwd=place)
+    assert (place / "results" / "compare" / "report.html").stat().st_size > 10_000, printed
 
 
 def main(wheel):

@@ -110,7 +110,7 @@ class TileField:
 
     def grid(self) -> OccupancyGrid:
         """The map as it stands."""
-        return self.sketch().draw()
+        return self.snapshot().draw()
 
     def cut(self, box: Box) -> OccupancyGrid | None:
         """The part of the map in a box, None if nothing was observed there."""
@@ -119,8 +119,8 @@ class TileField:
             return None
         return self._drawing(window).draw()
 
-    def sketch(self) -> Drawing:
-        """What the map is drawn from, taken quickly."""
+    def snapshot(self) -> Drawing:
+        """A copy of what the map is drawn from."""
         return self._drawing(self._window(self.extent.covered))
 
     def picture(self) -> Picture:

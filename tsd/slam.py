@@ -91,9 +91,9 @@ class Tsd:
         """The map as it stands now."""
         return self._map.grid()
 
-    def sketch(self) -> Callable[[], OccupancyGrid]:
-        """What draws the map as it stands now, while updates go on."""
-        return self._map.sketch().draw
+    def snapshot(self) -> Callable[[], OccupancyGrid]:
+        """A function that draws the map as it stands now, while updates go on."""
+        return self._map.snapshot().draw
 
     def field(self) -> Picture:
         """The field itself: distances [m] (ny, nx), weights, edge of a cell, corner (x, y) [m]."""

@@ -186,7 +186,9 @@ def sentence(
     chance = _chance(result.p_value)
     if not sure:
         amount = f"difference {_fixed(difference, digits)} {unit} {what}"
-        return f"{name_a} and {name_b} can't be told apart{where}: {amount}, {interval}, {chance}"
+        return (
+            f"{name_a} and {name_b} can't be distinguished{where}: {amount}, {interval}, {chance}"
+        )
     better, worse = (name_a, name_b) if swap else (name_b, name_a)
     amount = f"{abs(difference):.{digits}f} {unit} {what}"
     return f"{better} is better than {worse}{where} by {amount}, {interval}, {chance}"

@@ -77,9 +77,9 @@ def replayed(label: str, log: ScanLog, choice: Choice, relations: Floats | None 
         "peak_memory_mb": memory.mb,
     }
     row["conflict"] = 1.0 - float(np.mean(quality)) if quality else None
-    row |= judged(log, run.t, run.poses, relations, run.report)
-    common = metrics.common_with(log, run.t, run.poses)
-    return Outcome(row, run.t, run.poses, run.seconds, grid, common)
+    row |= judged(log, run.t, run.final, relations, run.report)
+    common = metrics.common_with(log, run.t, run.final)
+    return Outcome(row, run.t, run.final, run.seconds, grid, common)
 
 
 def _watch(slam: Slam, quality: list[float]) -> Callable[[Scan, Pose2], None] | None:

@@ -39,7 +39,7 @@ class OriginalParams(Params):
     linear_update: float = param(
         1.0,
         "m",
-        "way between key scans",
+        "way between keyframes",
         source=ORIGINAL,
         low=0.0,
         ros=("linearUpdate",),
@@ -47,7 +47,7 @@ class OriginalParams(Params):
     angular_update: float = param(
         0.5,
         "rad",
-        "turn between key scans",
+        "turn between keyframes",
         source=ORIGINAL,
         low=0.0,
         ros=("angularUpdate",),

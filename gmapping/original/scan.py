@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from gmapping.original.motion import Step
@@ -31,10 +33,6 @@ class EndPoints:
         beams = self._geometry(scan.laser, step)
         return self._buffer[: end_points(scan.ranges, self._directions, beams, self._buffer)]
 
-    def ray(self, scan: Scan, step: Step) -> Ray:
-        """For the picture of the map: the points and where the laser was."""
-        return Ray(self(scan, step), np.array([scan.laser.mount[:2]]))
-
     def _aim(self, laser: Laser) -> None:
         angles = laser.angles + self._offset * abs(laser.angle_increment)
         self._laser = laser
@@ -47,3 +45,16 @@ class EndPoints:
         x, y, turn = (share * value for value in step.pose)
         far = min(laser.range_max, self._params.max_range)
         return Beams(*laser.mount, x, y, turn, laser.range_min, far)
+
+
+@dataclass(frozen=True)
+class KeptScan:
+    """A keyframe's scan, which its rays are made of whenever it is drawn."""
+
+    points: EndPoints
+    scan: Scan
+    step: Step
+
+    def __call__(self) -> Ray:
+        """For the picture of the map: the points and where the laser was."""
+        return Ray(self.points(self.scan, self.step), np.array([self.scan.laser.mount[:2]]))

@@ -5,7 +5,7 @@ Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007, 
 OpenSLAM has it:
 
 1. Motion: every particle moves by the odometry, with noise of its own; that is the pose published.
-2. At a key scan every particle climbs to the peak of its score in its own map; its weight grows by
+2. At a keyframe every particle climbs to the peak of its score in its own map; its weight grows by
    the scan's likelihood there.
 3. The number of effective particles n_eff = 1 / sum w^2 follows from the weights; below a share of
    the particles they are resampled.
@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,7 +25,7 @@ from numpy.typing import NDArray
 from gmapping.original.map import HitMap
 from gmapping.original.motion import Motion, Step
 from gmapping.original.params import OriginalParams
-from gmapping.original.scan import EndPoints
+from gmapping.original.scan import EndPoints, KeptScan
 from gmapping.particles import Particles
 from gmapping.render import Ray, Renderer
 from slams.params import Params
@@ -53,7 +52,7 @@ class Original:
         self._populate(params.n_particles)
 
     def update(self, scan: Scan) -> Pose2:
-        """Take the next scan; return the best particle's pose, between key scans by odometry."""
+        """Take the next scan; return the best particle's pose, between keyframes by odometry."""
         before = self.pose
         step = self._motion.step(scan)
         if self._counts["scans"] > 0:
@@ -65,17 +64,17 @@ class Original:
             self._counts["rejected"] += 1
         elif self._due(step) and self.tiles.admits(self.pose, _farthest(points)):
             self._filter(points)
-            self._keep(partial(self._rays.ray, scan, step))
+            self._keep(KeptScan(self._rays, scan, step))
         self._counts["scans"] += 1
         self._motion.learn(before.between(self.pose))
         return self.pose
 
     def map(self) -> OccupancyGrid:
-        """The best particle's map, drawn from its history of key scans."""
+        """The best particle's map, drawn from its history of keyframes."""
         return self._renderer.grid(self.trajectory())
 
     def trajectory(self) -> Floats:
-        """The best particle's poses (k, 3) x, y [m], theta [rad] at the key scans."""
+        """The best particle's poses (k, 3) x, y [m], theta [rad] at the keyframes."""
         return self.particles.history(self.particles.best)
 
     def report(self) -> dict[str, Any]:
@@ -93,7 +92,7 @@ class Original:
         self.pose = self.pose @ way
 
     def _due(self, step: Step) -> bool:
-        """Whether the odometry has gone far enough; without odometry every scan is a key scan."""
+        """Whether the odometry has gone far enough; without odometry every scan is a keyframe."""
         far = self._way >= self.params.linear_update
         return far or self._turn >= self.params.angular_update or not step.measured
 
@@ -116,7 +115,7 @@ class Original:
         self._way = self._turn = 0.0
 
     def _keep(self, scan: Callable[[], Ray]) -> None:
-        """A key scan for the map; nothing is left to choose for a particle that is alone."""
+        """A keyframe for the map; nothing is left to choose for a particle that is alone."""
         if len(self.particles) == 1:
             self._renderer.draw(scan, self.particles.poses[0])
         else:

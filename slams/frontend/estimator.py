@@ -37,6 +37,7 @@ LOST_AFTER = 1.0  # s without a match, after which the whole map is searched
 RELOCALIZED = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
 BEGIN_BEAMS = 10  # end points that a map begins with
 DEAD_RECKONING, FRAGMENT = 1.0, 3.0  # s without a match: scans are mapped by wheels; without
+CONFIRMING = 2.0  # times as long while a place that was found by relocalization is confirmed
 
 Rematch = Callable[[EndPoints, Pose2, Prediction], list[Match]]
 
@@ -266,7 +267,8 @@ class PoseEstimator:
 
         New ground: more beams end where the map knows nothing than are in conflict with it.
         """
-        if self._unmatched <= (DEAD_RECKONING if self._by_wheels else FRAGMENT):
+        wait = DEAD_RECKONING if self._by_wheels else FRAGMENT
+        if self._unmatched <= (CONFIRMING * wait if self._relocalizer.confirming else wait):
             return False
         inliers, conflicts = grid.evaluate(points, self.pose)
         return 1.0 - inliers - conflicts > conflicts

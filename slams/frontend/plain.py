@@ -91,7 +91,7 @@ class PlainEstimator:
         self.counts[self.state] += 1
         self.match = matches[-1] if self.maps else None
         if self.maps:
-            self.pose, self.quality = matches[-1].pose, matches[-1].share
+            self.pose, self.quality = matches[-1].pose, min(matches[-1].share, 1.0)
             self._twist, self._step = self.twist_at(self.pose), self._before.between(self.pose)
         return self.pose
 

@@ -144,7 +144,7 @@ def remap(
     W = inverse3(C)
     offset_from(z, pose, off)
     w = (FREEDOM + 3.0) / (FREEDOM + mahalanobis(W, off))
-    pull, alone, told = np.zeros(3), np.empty(3), np.empty((3, 3))
+    pull, alone, weighted = np.zeros(3), np.empty(3), np.empty((3, 3))
     for i in range(3):
         for k in range(3):
             pull[i] += w * W[i, k] * off[k]
@@ -163,12 +163,12 @@ def remap(
             for j in range(3):
                 for m in range(3):
                     total += D[i, j] * seen[j, m] * D[m, k]
-            told[i, k] = total
-    both = inverse3(told + w * W)
+            weighted[i, k] = total
+    both = inverse3(weighted + w * W)
     for i in range(3):
         for k in range(3):
-            seen[i, k] = told[i, k]
-        pull[i] = told[i, 0] * alone[0] + told[i, 1] * alone[1] + told[i, 2] * alone[2]
+            seen[i, k] = weighted[i, k]
+        pull[i] = weighted[i, 0] * alone[0] + weighted[i, 1] * alone[1] + weighted[i, 2] * alone[2]
     for i in range(3):
         moved = both[i, 0] * pull[0] + both[i, 1] * pull[1] + both[i, 2] * pull[2]
         pose[i] = z[i] + moved

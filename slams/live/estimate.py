@@ -1,13 +1,14 @@
-"""Estimate: what is known after a scan, whatever the algorithm tells of itself."""
+"""Estimate: what is known after a scan, whatever the algorithm reports of itself."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from slams.types import Floats, Pose2, Slam
+from slams.types import Floats, Pose2, Scan, Slam
 
 MATCHED, PREDICTED, LOST = STATES = ("matched", "predicted", "lost")
 FAILURES = ("lost", "rejected", "empty")  # counts in reports of algorithms without a state
@@ -44,35 +45,48 @@ class Estimate:
     explained: float = math.nan
 
 
-class Confidence:
-    """What an algorithm says of its last pose; where it says nothing, what its counts say."""
+class EstimateMaker:
+    """Makes estimates of an algorithm's poses; what it has no attribute for gets a default."""
 
-    def __init__(self) -> None:
-        self._failures = 0
+    def __init__(self, slam: Slam) -> None:
+        self._slam = slam
+        self._failures = self._count_failures()  # earlier ones are not of the next scan
+        self._matched_at = -math.inf
 
-    def state(self, slam: Slam) -> str:
-        """One of `STATES`; call it once for every scan."""
-        told, failed = getattr(slam, "state", None), self._has_failed(slam)
-        word = str(getattr(told, "value", told))
-        if word in STATES:
-            return word
-        return LOST if failed else MATCHED
+    def estimate(self, scan: Scan, pose: Pose2) -> Estimate:
+        """The estimate after a scan; to be called once for each."""
+        state = self._state()
+        if state != LOST or math.isinf(self._matched_at):
+            self._matched_at = scan.t
+        covariance = self._get("covariance", None)
+        return Estimate(
+            t=scan.t,
+            pose=pose,
+            map_to_odom=None if scan.odometry is None else pose @ scan.odometry.inverse(),
+            covariance=np.diag([math.inf] * 3) if covariance is None else np.array(covariance),
+            quality=float(self._get("quality", math.nan)),
+            used=True,
+            lost=state == LOST,
+            seconds_lost=scan.t - self._matched_at,
+            state=state,
+            found=bool(self._get("found", True)),
+            explained=float(self._get("explained", math.nan)),
+        )
 
-    def _has_failed(self, slam: Slam) -> bool:
-        """Whether the algorithm counts one failure more than before."""
-        report = slam.report()
-        failures = sum(int(report.get(name, 0)) for name in FAILURES)
-        failed = failures > self._failures
-        self._failures = failures
-        return failed
+    def restart_clock(self, t: float) -> None:
+        """Count the time lost from a stamp [s] on."""
+        self._matched_at = t
 
+    def _get(self, name: str, default: Any) -> Any:
+        return getattr(self._slam, name, default)
 
-def quality(slam: Slam) -> float:
-    """Share of the last scan that agrees with the map, 0..1; nan where there is none."""
-    return float(getattr(slam, "quality", math.nan))
+    def _state(self) -> str:
+        """The algorithm's own state; without one, lost after a scan that it counts as a failure."""
+        before, self._failures = self._failures, self._count_failures()
+        state = self._get("state", None)
+        name = str(getattr(state, "value", state))
+        return name if name in STATES else LOST if self._failures > before else MATCHED
 
-
-def covariance(slam: Slam) -> Floats:
-    """Of the last pose, (3, 3) [m, rad]; inf on the diagonal where there is none."""
-    found = getattr(slam, "covariance", None)
-    return np.diag([math.inf] * 3) if found is None else np.array(found, np.float64)
+    def _count_failures(self) -> int:
+        report = self._slam.report()
+        return sum(int(report.get(name, 0)) for name in FAILURES)

@@ -1,4 +1,4 @@
-"""The map, drawn and published at its own pace, in a thread of its own."""
+"""Maps drawn and published at their own pace, in a thread of their own."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from collections.abc import Callable
 from slams.live.slam import LiveSlam
 from slams.types import OccupancyGrid
 
-SHARE = 0.05  # of the time that scans may be held for maps; slower maps come less often
-
-Show = Callable[[int, OccupancyGrid], None]
+MAX_HELD_SHARE = 0.05  # of the time that scans may wait for maps; slower maps come less often
 
 
 class MapThread:
@@ -18,51 +16,56 @@ class MapThread:
 
     Args:
         live: whose map.
-        show: takes stamp [ns] and map.
+        publish: takes stamp [ns] and map.
         every: time between two maps [s]; 0 for none.
+
+    `drawn` counts maps, `longest` is for how long [s] scans waited for one at most, `failed` why
+    the last one could not be drawn or published.
     """
 
-    def __init__(self, live: LiveSlam, show: Show, every: float) -> None:
-        self._live, self._show, self._every = live, show, every
-        self._stamp = self._shown = -1
-        self.drawn, self.longest = 0, 0.0  # how many maps; how long [s] scans were held for one
+    def __init__(
+        self, live: LiveSlam, publish: Callable[[int, OccupancyGrid], None], every: float
+    ) -> None:
+        self._live, self._publish, self._every = live, publish, every
+        self._stamp = self._published = -1
+        self.drawn, self.longest = 0, 0.0
         self.failed: Exception | None = None
         self._due = threading.Event()
         self._ending = False
-        self._thread = threading.Thread(target=self._draw, name="maps", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="maps", daemon=True)
         if every:
             self._thread.start()
 
-    def seen(self, stamp: int) -> None:
-        """Note that a scan of a stamp [ns] is in the map; the first is shown at once."""
-        first = self._stamp < 0
+    def add(self, stamp: int) -> None:
+        """Note that a scan with a stamp [ns] is in the map; the first map is drawn at once."""
+        is_first = self._stamp < 0
         self._stamp = stamp
-        if first:
+        if is_first:
             self._due.set()
 
     def close(self) -> None:
-        """Show the last map and end."""
+        """Publish the last map and end."""
         self._ending = True
         self._due.set()
         if self._thread.is_alive():
             self._thread.join()
 
-    def _draw(self) -> None:
+    def _run(self) -> None:
         self._due.wait()
         while not self._ending:
             self._due.clear()
-            self._show_new()
-            self._due.wait(max(self._every, self._live.held / SHARE))
-        self._show_new()
+            self._draw()
+            self._due.wait(max(self._every, self._live.held / MAX_HELD_SHARE))
+        self._draw()
 
-    def _show_new(self) -> None:
+    def _draw(self) -> None:
         stamp = self._stamp
-        if stamp < 0 or stamp == self._shown:
+        if stamp < 0 or stamp == self._published:
             return
         try:
-            self._show(stamp, self._live.map())
-        except Exception as error:  # told by the node: scans go on
+            self._publish(stamp, self._live.map())
+        except Exception as error:  # the node reports it: scans go on
             self.failed = error
-        self._shown = stamp
+        self._published = stamp
         self.drawn += 1
         self.longest = max(self.longest, self._live.held)

@@ -1,9 +1,15 @@
-"""What a live node is told: topics, frames and times, with ROS's defaults."""
+"""Topics, frames, times and network of the live commands, with ROS's defaults."""
 
 from __future__ import annotations
 
+import argparse
 import math
+import os
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from slams.live.transport import Transport
 
 
 @dataclass(frozen=True)
@@ -30,11 +36,10 @@ class NodeOptions:
         odom_frame: the odometry's frame.
         base_frame: the frame that poses are of; None: what the odometry is of, else base_link.
         odometry: "auto" (tf, else the topic), "tf", "topic" or "none".
-        imu: whether the gyro is listened to.
+        imu: whether the gyro is subscribed.
         queue: scans that wait at most.
-        patience: for the first scan, and for the frames that were asked for [s].
         wait: for odometry and gyro to catch up with a scan [s].
-        map_every: time between two maps [s]; 0 for none but the last.
+        map_every: time between two maps [s]; 0 for none.
         tf_ahead: how far ahead of its scan a transform is stamped, so that it holds until the
             next one [s].
     """
@@ -46,7 +51,6 @@ class NodeOptions:
     odometry: str = "auto"
     imu: bool = True
     queue: int = 20
-    patience: float = 5.0
     wait: float = 0.4
     map_every: float = 2.0
     tf_ahead: float = 0.1
@@ -58,3 +62,34 @@ class NodeOptions:
                 raise ValueError(f"--{name.replace('_', '-')}: got {value:g}, expected 0 s or more")
         if self.queue < 1:
             raise ValueError(f"--queue: got {self.queue}, expected 1 scan or more")
+
+
+def add_network_options(parser: argparse.ArgumentParser) -> None:
+    """Give a command the options of ROS 2's network."""
+    group = parser.add_argument_group("network", "ROS 2 by DDS, with ROS's names and settings")
+    group.add_argument("--domain-id", type=int, metavar="N", help="default: ROS_DOMAIN_ID, else 0")
+    group.add_argument(
+        "--localhost-only",
+        action="store_true",
+        help="speak to this machine only, as with ROS_LOCALHOST_ONLY=1",
+    )
+
+
+def transport_of(arguments: argparse.Namespace) -> Transport:
+    """The network that the options name.
+
+    Raises:
+        LookupError: cyclonedds is not installed.
+        ValueError: no such domain, or no network.
+    """
+    from slams.live.transport import Transport
+
+    domain: int | None = arguments.domain_id
+    if domain is None:
+        text = os.environ.get("ROS_DOMAIN_ID", "") or "0"
+        if not text.isdecimal():
+            raise ValueError(f"ROS_DOMAIN_ID: got {text!r}, expected a number")
+        domain = int(text)
+    local = os.environ.get("ROS_LOCALHOST_ONLY") == "1"  # of Humble; the next one of Jazzy
+    local |= os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "LOCALHOST"
+    return Transport(domain, arguments.localhost_only or local)

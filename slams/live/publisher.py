@@ -1,4 +1,4 @@
-"""What a node tells the network: transform, pose and state for every scan, the map now and then."""
+"""The topics of a node: transform, pose and state with every scan, the map now and then."""
 
 from __future__ import annotations
 
@@ -12,43 +12,48 @@ from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.estimate import STATES, Estimate
 from slams.live.options import NodeOptions
-from slams.live.wire import MAP, STATUS, Outlet, Quality, Wire
+from slams.live.transport import MAP, STATUS, Quality, Transport
 from slams.types import OccupancyGrid, Pose2
 
-Keep = Callable[[str, int, bytes], None]
-Counts = Mapping[str, int]
 
+class NodePublisher:
+    """Publishes what a node knows.
 
-class Publisher:
-    """The topics a node publishes; `keep` gets topic, time [ns] and bytes of what goes out.
+    Args:
+        transport: the network.
+        options: topics and frames.
+        record: gets topic, time [ns] and bytes of every message that goes out.
 
-    `unsent` counts what the network did not take: it goes on without.
+    `unsent` counts messages that the network did not take.
     """
 
-    def __init__(self, wire: Wire, options: NodeOptions, keep: Keep) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        options: NodeOptions,
+        record: Callable[[str, int, bytes], None],
+    ) -> None:
         topics = options.topics
-        self._options, self._keep, self._make = options, keep, Maker()
+        self._options, self._record, self._make = options, record, Maker()
         self.unsent = 0
-        self._types = {
+        types = {
             topics.map: (MAP, Quality.LATCHED),
             topics.tf: (TF, Quality.RELIABLE),
             topics.pose: (POSE_COV, Quality.RELIABLE),
             topics.state: (STATUS, Quality.RELIABLE),
         }
-        self._outlets: dict[str, Outlet] = {
-            topic: wire.advertise(topic, *kind) for topic, kind in self._types.items()
+        self._types = {topic: msgtype for topic, (msgtype, _) in types.items()}
+        self._publishers = {
+            topic: transport.advertise(topic, *kind) for topic, kind in types.items()
         }
 
-    def tell(
-        self, stamp: int, estimate: Estimate, edge: tuple[str, Pose2] | None, counts: Counts
-    ) -> None:
-        """Publish what is known after a scan.
+    def publish_pose(self, stamp: int, estimate: Estimate, edge: tuple[str, Pose2] | None) -> None:
+        """Publish the pose, and the transform of a frame in the map.
 
         Args:
             stamp: of the scan [ns].
-            estimate: what is known.
+            estimate: with the pose.
             edge: the frame that is placed in the map, and where; None for none.
-            counts: what the state tells beside.
         """
         frame, ahead = self._options.map_frame, round(1e9 * self._options.tf_ahead)
         if edge is not None:
@@ -56,31 +61,28 @@ class Publisher:
             self._send(self._options.topics.tf, moved)
         posed = self._make.posed(stamp, estimate.pose, estimate.covariance, frame)
         self._send(self._options.topics.pose, posed)
-        self.tell_state(stamp, estimate, counts)
 
-    def tell_state(self, stamp: int, estimate: Estimate, counts: Counts) -> None:
-        """Publish how a scan went, without a pose: alone where the place is still sought."""
-        self._send(self._options.topics.state, self._state(stamp, estimate, counts))
-
-    def show(self, stamp: int, grid: OccupancyGrid) -> None:
-        """Publish the map."""
-        message = self._make.grid(stamp, grid, self._options.map_frame)
-        self._send(self._options.topics.map, message)
-
-    def _state(self, stamp: int, estimate: Estimate, counts: Counts) -> Any:
+    def publish_state(self, stamp: int, estimate: Estimate, counts: Mapping[str, int]) -> None:
+        """Publish how a scan went, with some counts."""
         values = {"quality": _share(estimate.quality), "explained": _share(estimate.explained)}
         values |= {"seconds_lost": f"{estimate.seconds_lost:.3f}"}
         values |= {name: str(count) for name, count in counts.items()}
         level = STATES.index(estimate.state)
-        return self._make.status(stamp, "slams", level, estimate.state, values)
+        message = self._make.status(stamp, "slams", level, estimate.state, values)
+        self._send(self._options.topics.state, message)
+
+    def publish_map(self, stamp: int, grid: OccupancyGrid) -> None:
+        """Publish the map."""
+        message = self._make.grid(stamp, grid, self._options.map_frame)
+        self._send(self._options.topics.map, message)
 
     def _send(self, topic: str, message: Any) -> None:
-        data = bytes(store().serialize_cdr(message, self._types[topic][0]))
+        data = bytes(store().serialize_cdr(message, self._types[topic]))
         try:
-            self._outlets[topic].send(data)
+            self._publishers[topic].publish(data)
         except OSError:
             self.unsent += 1
-        self._keep(topic, time.time_ns(), data)
+        self._record(topic, time.time_ns(), data)
 
 
 def _share(value: float) -> str:

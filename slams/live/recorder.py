@@ -1,4 +1,4 @@
-"""--record: all that comes in and goes out, as one mcap file."""
+"""--record: all messages in and out, as one mcap file."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ from pathlib import Path
 from slams.formats.bag import IMU, ODOMETRY, POSE_COV, SCAN, TF
 from slams.formats.mcap_file import McapFile
 from slams.live.options import Topics
-from slams.live.wire import MAP, STATUS
-
-Entry = tuple[str, int, bytes]
+from slams.live.transport import MAP, STATUS
 
 
 class Recorder:
@@ -19,6 +17,7 @@ class Recorder:
 
     Raises:
         OSError: the file cannot be written.
+        ValueError: its name does not end in .mcap.
     """
 
     def __init__(self, path: str | Path, topics: Topics) -> None:
@@ -35,7 +34,7 @@ class Recorder:
             topics.state: STATUS,
         }
         self._file = McapFile(path, types, (topics.map, topics.tf_static))
-        self._waiting: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
+        self._waiting: queue.SimpleQueue[tuple[str, int, bytes] | None] = queue.SimpleQueue()
         self._failed: Exception | None = None
         self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)
         self._thread.start()
@@ -44,29 +43,23 @@ class Recorder:
         """Take a message that was received at a time [ns]; never waits."""
         self._waiting.put((topic, received, data))
 
-    def close(self) -> None:
-        """Write what still waits and give the file its name.
+    def close(self, keep: bool = True) -> None:
+        """Write the messages that still wait and give the file its name, or leave no file.
 
         Raises:
             OSError: some of it could not be written; then there is no file.
         """
-        self._end()
-        if self._failed is not None:
-            self._file.abandon()
-            raise OSError(f"{self._file.path}: not recorded: {self._failed}") from self._failed
-        self._file.close()
-
-    def abandon(self) -> None:
-        """Leave nothing of the file."""
-        self._end()
-        self._file.abandon()
-
-    def _end(self) -> None:
         self._waiting.put(None)
         self._thread.join()
+        if keep and self._failed is None:
+            self._file.close()
+            return
+        self._file.abandon()
+        if keep:
+            raise OSError(f"{self._file.path}: not recorded: {self._failed}") from self._failed
 
     def _write(self) -> None:
-        """Write until the end, or until the disk says no; then what comes is let go."""
+        """Write until the end, or until the first failure; later messages are ignored."""
         while (entry := self._waiting.get()) is not None:
             try:
                 if self._failed is None:

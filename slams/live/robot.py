@@ -14,7 +14,7 @@ from slams.formats.mcap import LAST_STAMP, frames_of
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.options import Topics
-from slams.live.wire import Outlet, Quality, Wire
+from slams.live.transport import Publisher, Quality, Transport
 from slams.scanlog import ScanLog, Track
 from slams.types import Pose2
 
@@ -36,11 +36,11 @@ class Robot:
 
     Args:
         log: what is published.
-        wire: the network.
+        transport: the network.
         names: other names for topics.
     """
 
-    def __init__(self, log: ScanLog, wire: Wire, names: Mapping[str, str]) -> None:
+    def __init__(self, log: ScanLog, transport: Transport, names: Mapping[str, str]) -> None:
         topics = Topics()
         types = {topics.tf_static: (TF, Quality.LATCHED), topics.scan: (SCAN, Quality.SENSOR)}
         if log.odom is not None:
@@ -55,8 +55,9 @@ class Robot:
         self._log, self._make, self._topics = log, Maker(), topics
         self._base, self._laser = frames_of(log.meta)
         self._kinds = {topic: kind for topic, (kind, _) in types.items()}
-        self._outlets: dict[str, Outlet] = {
-            topic: wire.advertise(names.get(topic, topic), *kind) for topic, kind in types.items()
+        self._publishers: dict[str, Publisher] = {
+            topic: transport.advertise(names.get(topic, topic), *kind)
+            for topic, kind in types.items()
         }
         fits = log.t.min() >= 0.0 and log.t.max() < LAST_STAMP
         self._zero = 0.0 if fits else float(log.t.min())
@@ -71,9 +72,9 @@ class Robot:
 
     def await_reader(self, patience: float, ending: threading.Event) -> bool:
         """Wait for somebody who takes scans and mount; whether there is one in time [s]."""
-        needed = [self._outlets[self._topics.scan], self._outlets[self._topics.tf_static]]
+        needed = [self._publishers[self._topics.scan], self._publishers[self._topics.tf_static]]
         for _ in range(round(patience / TICK)):
-            if all(outlet.readers for outlet in needed):
+            if all(one.subscribers for one in needed):
                 ending.wait(LINGER)  # the other topics find each other meanwhile
                 return True
             if ending.wait(TICK):
@@ -127,4 +128,4 @@ class Robot:
         return max(0, round(1e9 * (t - self._zero + later)))
 
     def _send(self, topic: str, message: Any) -> None:
-        self._outlets[topic].send(bytes(store().serialize_cdr(message, self._kinds[topic])))
+        self._publishers[topic].publish(bytes(store().serialize_cdr(message, self._kinds[topic])))

@@ -1,7 +1,10 @@
-"""Scans from messages: one laser, mounted where tf says, its ranges cleaned as a log's are."""
+"""Scans from messages: a queue of them, and their ranges cleaned as a log's are."""
 
 from __future__ import annotations
 
+import threading
+import time
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +17,53 @@ from slams.formats.sweep import Geometry, Sweep, common, same_directions, usable
 from slams.live.frames import Mounted
 from slams.scanlog import ScanLog
 from slams.types import Laser, Ranges
+
+
+class Received(NamedTuple):
+    """A message and when it came [s], on this machine's clock."""
+
+    record: Record
+    at: float
+
+
+class ScanQueue:
+    """First in, first out, at most `size`; when it is full the oldest scan is dropped.
+
+    `came` counts all scans, `dropped` those left out, `last` [s] is when the last one came.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.came = self.dropped = 0
+        self.last: float | None = None
+        self._scans: deque[Received] = deque()
+        self._changed = threading.Condition()
+
+    def put(self, record: Record) -> None:
+        """Take a scan; never waits."""
+        with self._changed:
+            self.last = time.monotonic()
+            self.came += 1
+            self._scans.append(Received(record, self.last))
+            while len(self._scans) > self.size:
+                self._scans.popleft()
+                self.dropped += 1
+            self._changed.notify()
+
+    def take(self, timeout: float) -> Received | None:
+        """The oldest scan; None if none comes in time [s]."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._scans, timeout)
+            return self._scans.popleft() if self._scans else None
+
+    def peek(self, timeout: float) -> Received | None:
+        """As `take`, but the scan stays."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._scans, timeout)
+            return self._scans[0] if self._scans else None
+
+    def __len__(self) -> int:
+        return len(self._scans)
 
 
 class Message(NamedTuple):
@@ -29,13 +79,6 @@ class Message(NamedTuple):
         """The stamp [s], rounded as `slams.ros.stamps` does."""
         whole, rest = divmod(self.stamp, 10**9)
         return float(whole + 1e-9 * rest)
-
-
-class Cleaned(NamedTuple):
-    """Readings (n,) [m] as algorithms take them, and the laser they are of."""
-
-    ranges: Ranges
-    laser: Laser
 
 
 def message_of(record: Record) -> Message:
@@ -63,24 +106,24 @@ class ScanCleaner:
         self._mounted = mounted
         self._laser: Laser | None = None
         self._geometry: Geometry | None = None
-        self._last: Sweep | None = None
+        self._first: Sweep | None = None
 
-    def clean(self, message: Message) -> Cleaned:
-        """The scan with infinite and invalid readings as REP 117 has them.
+    def clean(self, message: Message) -> tuple[Ranges, Laser]:
+        """Ranges (n,) [m], infinite and invalid as REP 117 has them, and the laser.
 
         Raises:
             ValueError: no laser has such a geometry.
         """
         sweep = Sweep(message.t, message.ranges, message.geometry)
         if self._geometry is None or not same_directions(sweep.geometry, self._geometry):
-            self._geometry, self._laser, self._last = sweep.geometry, self._seen([sweep]), sweep
-        elif self._last is not None:  # with a second scan the time between two is known
-            self._laser, self._last = self._seen([self._last, sweep]), None
+            self._geometry, self._laser, self._first = sweep.geometry, self._fan([sweep]), sweep
+        elif self._first is not None:  # with a second scan the time between two is known
+            self._laser, self._first = self._fan([self._first, sweep]), None
         assert self._laser is not None
         one = ScanLog(np.array([sweep.t]), sweep.ranges[None], self._laser)
-        return Cleaned(one.ranges[0], one.laser)
+        return one.ranges[0], one.laser
 
-    def _seen(self, sweeps: list[Sweep]) -> Laser:
+    def _fan(self, sweeps: list[Sweep]) -> Laser:
         """The laser of sweeps of one geometry; an equal one stays the object it is."""
         _, mount, flipped = self._mounted
         laser = common(sweeps, mount, flipped, self.notes)[2]

@@ -1,13 +1,13 @@
 """LiveSlam: scans pushed one by one as a robot delivers them, for a node of your own.
 
 A log is complete and in order; a robot's scans come late, twice, with other beam counts, with and
-without odometry. What is not fit for the algorithm is held back here and counted.
+without odometry. Scans that an algorithm cannot take are left out here and counted.
 """
 
 from __future__ import annotations
 
-import math
 import threading
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,28 +17,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slams.heading import Heading
-from slams.live.arrival import arrival
-from slams.live.drawing import Drawer
-from slams.live.estimate import LOST, Confidence, Estimate, covariance, quality
-from slams.live.intake import Intake
-from slams.live.seam import Seam
+from slams.live.estimate import Estimate, EstimateMaker
+from slams.live.given_map import in_given_map
+from slams.live.scan_checker import ScanChecker
 from slams.live.warm_up import warm_up as warm_up_kernels
 from slams.registry import find
 from slams.ros.stamps import seconds
 from slams.scanlog import ScanLog, single
 from slams.state.session import check_target, resume, save_after
-from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan, Slam
+from slams.types import IDENTITY, Attitude, OccupancyGrid, Pose2, Scan, Slam
 from slams.validation import check_laser, check_stamps, expect
 
 LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
+MAX_RESUME_GAP = 60.0  # [s] after a state's last scan in which wheels are taken to have counted on
+COUNTS = ("scans", "late", "repeated", "lasers", "bad_odometry", "clock_set_back")
 
 
 class LiveSlam:
     """One algorithm fed scan by scan.
 
     The kernels are compiled in the constructor (seconds the first time, then kept on disk), so no
-    push waits for them. All methods may be called from several threads; they take turns. A map that
-    takes long is drawn by a copy of the process (Linux), and a push waits for its making at most.
+    push waits for them. All methods may be called from several threads; they take turns.
 
     Args:
         algorithm: as on the command line: "hector", "tsd@original", "module:Class".
@@ -52,7 +51,8 @@ class LiveSlam:
         map_start: about where in it the first scan is, x, y [m], theta [rad]; None seeks it.
         changes: single parameters.
 
-    `notes` are sentences for the user about the map, and where in it the robot was found.
+    `notes` are sentences for the user about the map, and where in it the robot was found. `held`
+    [s] is for how long the last map kept pushes waiting.
 
     Raises:
         LookupError: unknown algorithm, sensor or parameter.
@@ -83,38 +83,35 @@ class LiveSlam:
         if map is not None and state is not None:
             raise ValueError("map: stays as it is; got a state to go on from, too")
         self.notes: list[str] = []
-        self._place = arrival(self._entry, self.params, map, map_start, self.notes)
+        self._given = in_given_map(self._entry, self.params, map, map_start, self.notes)
         saved = None if state is None else resume(state, self._entry, self.params)
         self.params = getattr(saved and saved.slam, "params", self.params)
         if warm_up:
             warm_up_kernels(self._entry.cls, self.params)
         self.reset()
         if saved is not None:
-            self._begin(saved.slam, Seam.of(saved.beside))
+            self._begin(saved.slam, saved.beside.get("t"))
 
     def reset(self) -> None:
         """Forget map and pose; the next scan's pose is the origin of a new map.
 
         In a map that stays the place is sought anew, or `map_start` is taken again.
         """
-        new = self._entry.cls(self.params) if self._place is None else self._place.anew()
-        self._begin(new, Seam())
+        self._begin(
+            self._entry.cls(self.params) if self._given is None else self._given.restarted()
+        )
 
-    def _begin(self, slam: Slam, seam: Seam) -> None:
-        """Go on with an algorithm, new or from a state."""
+    def _begin(self, slam: Slam, saved_at: float | None = None) -> None:
+        """Go on with an algorithm, new or saved after a scan with a stamp [s]."""
         with self._lock:
-            self._slam, self.seam = slam, seam
-            self._confidence = Confidence()
-            self._confidence.state(slam)  # what it counted before is not of the next scan
-            self._drawer = Drawer()
-            self._yaw = Heading(seam.heading)
+            self._slam, self._saved_at = slam, saved_at
+            self._estimates = EstimateMaker(slam)
+            self._heading = Heading()
             self._scan: Scan | None = None
             self._last: Estimate | None = None
-            self._fitted_at = -math.inf
-            self._late = 0
-            names = ("scans", "late", "repeated", "lasers", "bad_odometry", "clock_set_back")
-            self._counts = dict.fromkeys(names, 0)
-            self._intake = Intake(self._mount, self._counts)
+            self._late, self.held = 0, 0.0
+            self._counts = dict.fromkeys(COUNTS, 0)
+            self._checker = ScanChecker(self._mount, self._counts)
 
     def push(
         self,
@@ -128,6 +125,7 @@ class LiveSlam:
         time_increment: float = 0.0,
         odometry: Sequence[float] | None = None,
         yaw_rate: float | None = None,
+        attitude: tuple[float, float] | None = None,
     ) -> Estimate:
         """Take one scan, with the fields of a sensor_msgs/LaserScan.
 
@@ -141,6 +139,7 @@ class LiveSlam:
             time_increment: from beam to beam [s]; less than 0 or not finite counts as 0.
             odometry: x, y [m], theta [rad] of the base in the odom frame at the stamp.
             yaw_rate: of the gyro at the stamp [rad/s]; or push it more often by `push_yaw_rate`.
+            attitude: roll and pitch [rad] of the base at the stamp.
 
         Raises:
             ValueError: the fields are not those of a scan.
@@ -149,16 +148,21 @@ class LiveSlam:
         if values.ndim != 1 or not len(values):
             raise ValueError(f"ranges: got shape {values.shape}, expected (n,) with n >= 1")
         geometry = (angle_min, angle_increment, range_min, range_max, time_increment)
-        check_stamps("stamp", np.array([float(stamp)]))
+        stamp = float(stamp)
+        check_stamps("stamp", np.array([stamp]))
         with self._lock:
-            laser = self._intake.laser_of(len(values), geometry)
-            one = ScanLog(np.array([float(stamp)]), values[None], laser)
+            laser = self._checker.laser_of(len(values), geometry)
             if yaw_rate is not None:
-                self._yaw.push(float(stamp), yaw_rate)
-            yaw = self._yaw.at(float(stamp))
-            return self.push_scan(
-                Scan(float(stamp), one.ranges[0], laser, self._intake.pose_of(odometry), yaw)
+                self._heading.push(stamp, yaw_rate)
+            scan = Scan(
+                stamp,
+                ScanLog(np.array([stamp]), values[None], laser).ranges[0],
+                laser,
+                odometry=self._checker.pose_of(odometry),
+                yaw=self._heading.at(stamp),
+                attitude=None if attitude is None else Attitude(*map(float, attitude)),
             )
+            return self.push_scan(scan)
 
     def push_message(
         self,
@@ -191,25 +195,19 @@ class LiveSlam:
         shape, expected = np.shape(scan.ranges), (scan.laser.n_beams,)
         expect(shape == expected, "ranges", f"shape {shape}", f"{expected}")
         with self._lock:
-            scan = self._intake.believed(scan if self._scan is not None else self.seam.joined(scan))
+            scan = self._checker.checked(scan if self._scan is not None else self._resumed(scan))
             if self._last is not None and not self._is_next(scan.t, self._last):
                 return self._last
             self._late = 0
             self._counts["scans"] += 1
             self._scan = scan
-            pose = self._slam.update(scan)
-            self._last = self._estimate(scan, pose)
+            self._last = self._estimates.estimate(scan, self._slam.update(scan))
             return self._last
 
     def push_yaw_rate(self, stamp: float, rate: float) -> None:
         """Take one reading of the gyro [rad/s], as often as it comes."""
         with self._lock:
-            self._yaw.push(stamp, rate)
-
-    @property
-    def held(self) -> float:
-        """For how long [s] the last map kept pushes waiting."""
-        return self._drawer.held
+            self._heading.push(stamp, rate)
 
     @property
     def last(self) -> Estimate | None:
@@ -218,8 +216,16 @@ class LiveSlam:
             return self._last
 
     def map(self) -> OccupancyGrid:
-        """The map as it stands now; drawn when asked for, and pushes wait as little as can be."""
-        return self._drawer.draw(self._slam, self._lock, self._counts["scans"])
+        """The map as it stands now, drawn when asked for.
+
+        Pushes wait meanwhile, or only for a copy where the algorithm has a method `snapshot`, which
+        returns a function that draws the map as it stood while updates go on.
+        """
+        with self._lock:
+            begun = time.perf_counter()
+            drawn = getattr(self._slam, "snapshot", self._slam.map)()
+            self.held = time.perf_counter() - begun
+        return drawn if isinstance(drawn, OccupancyGrid) else drawn()
 
     def save(self, path: str | Path, **beside: Any) -> None:
         """Keep all that is known in one file, whole or not at all, to go on from by `state=`.
@@ -232,10 +238,9 @@ class LiveSlam:
             ValueError: there was no scan yet, or the map is one that stays.
         """
         with self._lock:
-            if self._place is not None or self._scan is None:
-                why = "no scan came yet" if self._place is None else "the map stays as it was given"
+            if self._given is not None or self._scan is None:
+                why = "no scan came yet" if self._given is None else "the map stays as it was given"
                 raise ValueError(f"{path}: nothing to save: {why}")
-            beside = {"heading": list(self._yaw.kept)} | beside
             save_after(self._slam, path, self._scan.t, self._scan.ranges, **beside)
 
     def check_saving(self, path: str | Path) -> None:
@@ -245,12 +250,12 @@ class LiveSlam:
     @property
     def given(self) -> OccupancyGrid | None:
         """The map that stays, if there is one."""
-        return None if self._place is None else self._place.map()
+        return None if self._given is None else self._given.map()
 
     @property
-    def doubt(self) -> str:
-        """Where the robot may be, while its place in a given map is sought; else nothing."""
-        return str(getattr(self._slam, "doubt", ""))
+    def candidates(self) -> str:
+        """The likely places while the place in a given map is sought, in words; else nothing."""
+        return str(getattr(self._slam, "candidates", ""))
 
     def report(self) -> dict[str, Any]:
         """Counts: scans used, late, repeated, changes of the laser; then the algorithm's own."""
@@ -265,26 +270,17 @@ class LiveSlam:
         self._late += t < last.t
         if self._late > LATE_IN_A_ROW:
             self._counts["clock_set_back"] += 1
-            self._fitted_at = t
+            self._estimates.restart_clock(t)
             return True
         self._last = replace(last, used=False)
         return False
 
-    def _estimate(self, scan: Scan, pose: Pose2) -> Estimate:
-        state = self._confidence.state(self._slam)
-        lost = state == LOST
-        if not lost or math.isinf(self._fitted_at):
-            self._fitted_at = scan.t
-        return Estimate(
-            t=scan.t,
-            pose=pose,
-            map_to_odom=None if scan.odometry is None else pose @ scan.odometry.inverse(),
-            covariance=covariance(self._slam),
-            quality=quality(self._slam),
-            used=True,
-            lost=lost,
-            seconds_lost=scan.t - self._fitted_at,
-            state=state,
-            found=bool(getattr(self._slam, "found", True)),
-            explained=float(getattr(self._slam, "explained", math.nan)),
-        )
+    def _resumed(self, scan: Scan) -> Scan:
+        """The first scan, with odometry only if it goes on from the one that a state ended with.
+
+        A robot that was switched off has begun to count anew, and so has its gyro's heading.
+        """
+        if self._saved_at is None:
+            return scan
+        goes_on = 0.0 < scan.t - self._saved_at <= MAX_RESUME_GAP
+        return replace(scan, odometry=scan.odometry if goes_on else None, yaw=None)

@@ -11,7 +11,7 @@ from slams.types import IDENTITY, Slam
 
 
 def warm_up(slam_class: type[Slam], params: Params) -> None:
-    """Let throw-away instances see a room: at rest, on the move, as a sweep, lost, and placed.
+    """Give throw-away instances scans of a room: at rest, moving, as a sweep, lost, and placed.
 
     The room is looked for in its map, too: else the first robot that is lost would wait for that.
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 from slams.localize.hooks import Localizes
 from slams.loops.graph import PoseGraph
@@ -25,12 +24,9 @@ class Redraw:
     `done` once it has all that the graph has.
     """
 
-    def __init__(self, make: Callable[[], Localizes], keyframes: list[Keyframe]) -> None:
-        self._make, self._keyframes = make, keyframes
-        self._begin()
-
-    def _begin(self) -> None:
-        self.slam = self._make()
+    def __init__(self, slam: Localizes, keyframes: list[Keyframe]) -> None:
+        self.slam = slam
+        self._keyframes = keyframes
         self._poses: list[Pose2] = []  # at which keyframes are in the map
 
     @property
@@ -38,15 +34,14 @@ class Redraw:
         """Whether every keyframe is in the map."""
         return len(self._poses) == len(self._keyframes)
 
+    def is_outdated(self, graph: PoseGraph) -> bool:
+        """Whether keyframes that are in the map have moved."""
+        last = len(self._poses) - 1
+        return last >= 0 and gap(self._poses[last], graph.pose(last)) > MOVED
+
     def insert(self, count: int, graph: PoseGraph) -> None:
-        """Let the next `count` keyframes enter; begin again if those in the map have moved."""
-        if self._poses and self._is_outdated(graph):
-            self._begin()
+        """Let the next `count` keyframes enter."""
         first = len(self._poses)
         for k in range(first, min(first + count, len(self._keyframes))):
             self._poses.append(graph.pose(k))
             self.slam.insert_at(self._keyframes[k].scan, self._poses[k])
-
-    def _is_outdated(self, graph: PoseGraph) -> bool:
-        last = len(self._poses) - 1
-        return gap(self._poses[last], graph.pose(last)) > MOVED

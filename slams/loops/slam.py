@@ -8,6 +8,7 @@ new map. Once that map is complete the algorithm goes on in it, from its correct
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, ClassVar
@@ -34,7 +35,8 @@ UNKNOWN = np.zeros((3, 3))
 class Looped:
     """An algorithm and its pose graph; the pose is the algorithm's, in the map of the last closure.
 
-    `frozen`: nothing enters the map, and no loop is closed.
+    `frozen`: nothing enters the map, and no loop is closed. `slam` is the algorithm, `graph` the
+    pose graph, `keyframes` its scans.
     """
 
     Params: ClassVar[type[Params]] = LoopParams
@@ -44,8 +46,8 @@ class Looped:
         self.params = params
         self.slam: Localizes = self._make()
         self.graph = PoseGraph()
-        self._keyframes: list[Keyframe] = []
-        self._detector = LoopDetector(self.graph, self._keyframes, params.loop_path)
+        self.keyframes: list[Keyframe] = []
+        self._detector = LoopDetector(self.graph, self.keyframes, params.loop_path)
         self._redraw: Redraw | None = None
         self._pause = 0
         self._moving = False
@@ -78,6 +80,7 @@ class Looped:
 
     @frozen.setter
     def frozen(self, frozen: bool) -> None:
+        """Let the map stay as it is, or not."""
         self.slam.frozen = frozen
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
@@ -104,7 +107,7 @@ class Looped:
             return getattr(self.slam, name)
         raise AttributeError(name)
 
-    def trajectory(self) -> Floats:
+    def corrected(self) -> Floats:
         """Poses (n, 3) of all scans so far, as the graph has them now."""
         poses = [self.graph.pose(k) @ step if k >= 0 else step for k, step in self._scans]
         return np.array(poses).reshape(-1, 3)
@@ -156,7 +159,7 @@ class Looped:
         # what was lost since, and what a match with older ground has gained: a shift of that much
         noise += 2.0 * self._greatest - self._known - now
         self.graph.append(step, noise)
-        self._keyframes.append(keyframe(scan, self._twist(scan, pose)))
+        self.keyframes.append(keyframe(scan, self._twist(scan, pose)))
         self._at, self._jumps = pose, 0.0
         self._known = self._greatest = now
 
@@ -178,8 +181,10 @@ class Looped:
             return pose
         self._pause -= 1
         if self._redraw is None and self._pause < 0 and self._is_moved():
-            self._redraw = Redraw(self._make, self._keyframes)
+            self._redraw = Redraw(self._make(), self.keyframes)
         if self._redraw is not None:
+            if self._redraw.is_outdated(self.graph):
+                self._redraw = Redraw(self._make(), self.keyframes)
             self._redraw.insert(REDRAWN, self.graph)
             if self._redraw.done:
                 return self._change_maps(scan, pose)
@@ -225,7 +230,11 @@ def looped(algorithm: type[Any], label: str = "") -> type[Looped]:
             "algorithm that is a slams.localize.Localizes"
         )
     presets = {key: value for key, value in own.PRESETS.items() if not isinstance(value, str)}
-    fields = {"PRESETS": presets, "__module__": __name__}
-    params: Any = dataclass(frozen=True)(type(f"Looped{own.__name__}", (own, LoopParams), fields))
-    known = {"Params": params, "algorithm": algorithm, "__module__": __name__}
-    return type(f"Looped{name}", (Looped,), known)
+    module = algorithm.__module__  # classes are found by their names when a state is read
+    fields = {"PRESETS": presets, "__module__": module}
+    params: Any = dataclass(frozen=True)(type(f"Looped{own.__name__}", (LoopParams, own), fields))
+    known = {"Params": params, "algorithm": algorithm, "__module__": module}
+    cls = type(f"Looped{name}", (Looped,), known)
+    for kind in (params, cls):
+        setattr(sys.modules[module], kind.__name__, kind)
+    return cls

@@ -1,4 +1,4 @@
-"""Going on in another run: which scans of the log are left, and with which parameters."""
+"""Go on in another run: with which parameters, and which scans of the log are left."""
 
 from __future__ import annotations
 
@@ -9,16 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from slams.state.store import State, check_saving, read_state, save
+from slams.state.store import State, read_state, save, state_of
 
 if TYPE_CHECKING:
     from slams.params import Params
     from slams.registry import Entry
     from slams.scanlog import ScanLog
     from slams.types import Ranges, Slam
-
-
-PICTURES = (".yaml", ".yml", ".pgm", ".png")  # of map_server
 
 
 def resume(path: str | Path, entry: Entry, params: Params) -> State:
@@ -28,11 +25,6 @@ def resume(path: str | Path, entry: Entry, params: Params) -> State:
         OSError: the file cannot be opened.
         ValueError: it is no such state, or the run asked for other parameters than it has.
     """
-    if Path(path).suffix in PICTURES:
-        raise ValueError(
-            f"{path}: a picture of a map cannot be gone on with, for it lacks most of what an "
-            "algorithm knows; expected a saved state, or --localize to drive in the picture"
-        )
     state = read_state(path, entry.label)
     saved: Params = getattr(state.slam, "params", params)
     if params not in (entry.params(), saved):
@@ -50,24 +42,21 @@ def check_target(path: str | Path, slam: Slam) -> None:
 
     Raises:
         OSError: there is no such folder, or the path is one.
-        TypeError: the algorithm keeps something that no state can hold.
+        TypeError: the algorithm keeps something that a state cannot hold.
     """
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path.parent}: no such folder to save a state in")
     if path.is_dir():
         raise IsADirectoryError(f"{path}: is a folder; expected a file to save the state in")
-    check_saving(slam)
+    state_of(slam, {})
 
 
 def save_after(slam: Slam, path: str | Path, t: float, ranges: Ranges, **beside: Any) -> None:
-    """Save an algorithm, and which scan was its last, by stamp [s] and ranges (n,) [m].
-
-    `beside` are numbers and lists that the caller wants back with it.
+    """Save an algorithm with its last scan, by stamp [s] and ranges (n,) [m], and what is `beside`.
 
     Raises:
-        OSError: the file cannot be written.
-        TypeError: the algorithm keeps something that no state can hold.
+        OSError, TypeError: as `save`.
     """
     save(slam, path, {"t": t, "scan": _digest(ranges)} | beside)
 

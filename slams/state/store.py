@@ -8,13 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from slams.registry import find, label_of
 from slams.state import archive
-from slams.state.classes import Home
-from slams.state.graph import Graph, graph_of
-from slams.state.likeness import check_likeness
-from slams.state.rebuild import rebuild
+from slams.state.tree import Reader, Writer
 
 if TYPE_CHECKING:
-    from slams.params import Params
     from slams.types import Slam
 
 
@@ -27,39 +23,30 @@ class State(NamedTuple):
 
 
 def save(slam: Slam, path: str | Path, beside: Mapping[str, Any] | None = None) -> None:
-    """Write all that an algorithm knows to one file, whole or not at all.
+    """Write an algorithm with its map to one file, whole or not at all.
 
     Args:
-        slam: any algorithm whose state is made of numbers, arrays, lists and objects of classes of
-            its own package.
+        slam: any algorithm whose attributes are numbers, arrays, lists, dicts and objects of
+            classes of its own package.
         path: the file; one that is there is replaced when the new one is whole.
-        beside: what the caller wants back with it: numbers, texts, poses, scans.
+        beside: what the caller wants back with it: numbers, texts, lists.
 
     Raises:
         OSError: the file cannot be written.
-        TypeError: the algorithm keeps something that no state can hold (kiss: a foreign library's).
+        TypeError: the algorithm keeps something that a state cannot hold (kiss: a foreign library).
     """
-    import slams
-
-    head = {"algorithm": label_of(type(slam)), "slams": slams.__version__}
-    archive.write(Path(path), head, _graph({"slam": slam, "beside": dict(beside or {})}))
+    archive.write(Path(path), *state_of(slam, beside or {}))
 
 
-def check_saving(slam: Slam) -> None:
-    """Find out, without writing anything, whether an algorithm can be saved.
-
-    Raises:
-        TypeError: it keeps something that no state can hold.
-    """
-    _graph({"slam": slam})
-
-
-def _graph(things: dict[str, Any]) -> Graph:
-    cls = type(things["slam"])
+def state_of(slam: Slam, beside: Mapping[str, Any]) -> tuple[str, Any, archive.Arrays]:
+    """What `save` writes: label, tree and arrays; it raises the same TypeError."""
+    label, writer = label_of(type(slam)), Writer(type(slam).__module__.partition(".")[0])
+    things = {"params": getattr(slam, "params", None), "slam": slam, "beside": dict(beside)}
     try:
-        return graph_of(things, Home.of(cls))
+        tree = {name: writer.node(thing, name) for name, thing in things.items()}
     except TypeError as error:
-        raise TypeError(f"{label_of(cls)} cannot be saved: {error}") from None
+        raise TypeError(f"{label} cannot be saved: {error}") from None
+    return label, tree, writer.arrays
 
 
 def load_state(path: str | Path, algorithm: str | None = None) -> Slam:
@@ -71,7 +58,7 @@ def load_state(path: str | Path, algorithm: str | None = None) -> Slam:
 
     Raises:
         OSError: the file cannot be opened.
-        ValueError: it is no state, damaged, of another algorithm or of a newer version.
+        ValueError: it is no state, damaged, of another algorithm or of another release.
         LookupError: the algorithm is not installed here.
     """
     return read_state(path, algorithm).slam
@@ -80,30 +67,17 @@ def load_state(path: str | Path, algorithm: str | None = None) -> Slam:
 def read_state(path: str | Path, algorithm: str | None = None) -> State:
     """As `load_state`, with the label and what was kept beside the algorithm."""
     path = Path(path)
-    stored = archive.read(path)
-    label = stored.head.get("algorithm")
+    label, tree, arrays = archive.read(path)
     cls = _class_of(path, label, algorithm)
+    reader = Reader(arrays, cls.__module__.partition(".")[0])
     try:
-        slam, beside = _whole(rebuild(*stored[1:], Home.of(cls)), cls)
-        check_likeness(slam, cls(_params(slam, cls)))
-    except (LookupError, ValueError) as error:
-        raise ValueError(f"{path}: not a state of {label}: {error}") from error
-    return State(slam, str(label), beside)
-
-
-def _whole(read: dict[str, Any], cls: type[Slam]) -> tuple[Any, dict[str, Any]]:
-    slam, beside = read.get("slam"), read.get("beside")
-    if type(slam) is not cls or type(beside) is not dict:
-        raise ValueError(f"it holds an object of {type(slam).__name__}")
-    return slam, beside
-
-
-def _params(slam: Any, cls: type[Slam]) -> Params:
-    """The parameters that a state was saved with, their values checked again."""
-    params = getattr(slam, "params", cls.Params())
-    if type(params) is not type(cls.Params()):
-        raise ValueError(f"its parameters are of {type(params).__name__}")
-    return params.replace()
+        params = reader.thing(tree["params"], "params", cls.Params())
+        new = cls(cls.Params() if params is None else params.replace())  # checks the values, too
+        slam = reader.thing(tree["slam"], "slam", new)
+        return State(slam, label, reader.thing(tree["beside"], "beside", {}))
+    except Exception as error:  # a malformed tree raises what it does
+        text = f"{path}: not a state of {label}: {archive.sentence(error)}"
+        raise ValueError(text) from error
 
 
 def _class_of(path: Path, label: Any, wanted: str | None) -> type[Slam]:

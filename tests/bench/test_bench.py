@@ -144,14 +144,14 @@ def test_verdicts_name_the_better_one_and_keep_quiet_about_noise():
     assert "mm per second" in pair["sentence"]
     assert pair["p_value"] >= pair["p_alone"]
     noise = next(v for names, v in words.items() if set(names) == {"good", "other"})
-    assert "can't be told apart on this log: " in noise["sentence"]
+    assert "can't be distinguished on this log: " in noise["sentence"]
     assert [v["next"] for v in words.values()].count(True) == 2
 
 
 def test_the_same_trajectory_is_not_better_by_rounding():
     errors = 1e-3 * np.abs(np.random.default_rng(0).normal(1.0, 0.3, 2000))
     found = verdicts.on_one_log([outcome("a", errors), outcome("b", errors + 5e-10)])
-    assert all("can't be told apart" in pair["sentence"] for pair in found)
+    assert all("can't be distinguished" in pair["sentence"] for pair in found)
 
 
 def test_verdicts_over_logs_pair_the_means_of_each_log():
@@ -163,7 +163,7 @@ def test_verdicts_over_logs_pair_the_means_of_each_log():
 
 def test_too_few_logs_cannot_show_anything():
     (pair,) = over_logs(5)
-    assert "good and bad can't be told apart over 5 logs: " in pair["sentence"]
+    assert "good and bad can't be distinguished over 5 logs: " in pair["sentence"]
     words = "; 5 logs cannot show it: the least p among 2 comparisons is 0.12"
     assert pair["sentence"].endswith(words)
     assert pair["p_value"] == 2 * 2 / 2**5

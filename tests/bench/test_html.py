@@ -547,7 +547,7 @@ def test_colors_stand_out_on_both_pages(comparison):
     assert len(colors) == 12
     for mode in zip(*colors, strict=True):
         apart = [difference(a, b) for a, b in combinations(mode, 2)]
-        assert min(apart) > 20.0, "ten are easily told apart at a CIELAB distance of 20"
+        assert min(apart) > 20.0, "ten are easily distinguished at a CIELAB distance of 20"
 
 
 def difference(a, b):

@@ -254,13 +254,13 @@ def test_sentence_in_words():
 def test_sentence_of_no_proven_difference():
     unsure = Paired(0.0001, -0.0002, 0.0004, 0.41, 0.1, 300)
     assert sentence("hector", "crsm", unsure) == (
-        "hector and crsm can't be told apart: difference 0.1 mm per second, 95 % interval -0.2 to"
-        " 0.4, p = 0.41"
+        "hector and crsm can't be distinguished: difference 0.1 mm per second, 95 % interval -0.2"
+        " to 0.4, p = 0.41"
     )
     adjusted_away = Paired(-0.0012, -0.0024, -0.0001, 0.2, -0.8, 300)
-    assert "can't be told apart" in sentence("hector", "crsm", adjusted_away)
+    assert "can't be distinguished" in sentence("hector", "crsm", adjusted_away)
     wide = Paired(-0.0012, -0.0026, 0.0002, 0.04, -0.8, 6)
-    assert "can't be told apart" in sentence("hector", "crsm", wide)
+    assert "can't be distinguished" in sentence("hector", "crsm", wide)
     few = paired(np.zeros(3), np.zeros(3))
     assert sentence("hector", "crsm", few) == (
         "hector and crsm can't be compared: only 3 common values"
@@ -273,7 +273,7 @@ def test_sentence_says_where_it_holds():
             Paired(-0.0012, -0.0014, -0.0010, 0.0001, -0.8, 300),
             "is better than crsm on this log by",
         ),
-        (Paired(0.0001, -0.0002, 0.0004, 0.41, 0.1, 300), "told apart on this log: difference"),
+        (Paired(0.0001, -0.0002, 0.0004, 0.41, 0.1, 300), "distinguished on this log: difference"),
         (paired(np.zeros(3), np.zeros(3)), "can't be compared on this log: only 3"),
     ):
         assert words in sentence("hector", "crsm", result, where="on this log")

@@ -237,7 +237,7 @@ def test_conflicts_are_ends_where_beams_came_by_and_nothing_stands():
     matcher, view = matcher_of_room()
     renderer = Renderer(EDGE, 0.25)
     for _ in range(2):
-        renderer.draw(Ends(view.ends, view.mount).ray, np.zeros(3))
+        renderer.draw(Ends(view.ends, view.mount), np.zeros(3))
     inliers, conflicts = matcher.evaluate(view, 0, IDENTITY, renderer.counts)
     assert inliers > 0.95 and conflicts < 0.02
     inliers, conflicts = matcher.evaluate(view, 0, Pose2(0.7, 0.4, 0.3), renderer.counts)

@@ -105,9 +105,9 @@ def test_only_ground_of_old_weighs_a_particle_and_no_more_than_parallel_walls_ex
     width, tiles = p.width, matcher.tiles.tiles
     full = width**2 * view.beams
     spared = linearized(tiles, found.peaks[0], view.pieces, width, 1.0 + 0.1)[5]
-    told = min(spared, EXPLAINED * full) - CHANCE * full
+    evidence = min(spared, EXPLAINED * full) - CHANCE * full
     worth = min(1.0, p.independent / view.beams) / p.range_noise**2
-    assert found.log_w[0] == pytest.approx(0.5 * PLACES * worth * told, rel=1e-3)
+    assert found.log_w[0] == pytest.approx(0.5 * PLACES * worth * evidence, rel=1e-3)
     assert found.log_w[0] > found.log_w[1] + 1.0  # its map is elsewhere
 
 

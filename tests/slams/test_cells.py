@@ -11,6 +11,7 @@ from slams.cells import (
     Room,
     copied,
     deepcopied,
+    filled,
     given_pages,
     move,
     runs,
@@ -19,10 +20,11 @@ from slams.cells import (
 )
 from slams.grid_bounds import Box
 from slams.registry import find
-from slams.state import memory
 from tests.rooms import drive
 
-told = pytest.mark.skipif(not PAGEMAP.exists(), reason="only Linux tells which pages it gave")
+needs_pagemap = pytest.mark.skipif(
+    not PAGEMAP.exists(), reason="only Linux tells which pages it gave"
+)
 
 
 def test_runs_have_their_firsts_and_lengths():
@@ -30,7 +32,7 @@ def test_runs_have_their_firsts_and_lengths():
     assert runs(np.zeros(0, np.bool_)) == []
 
 
-@told
+@needs_pagemap
 def test_memory_is_taken_where_it_is_written_to():
     array = zeros((4096, 4096), np.float32)
     assert taken(array) == 0
@@ -38,7 +40,7 @@ def test_memory_is_taken_where_it_is_written_to():
     assert taken(array) == 2 * PAGE
 
 
-@told
+@needs_pagemap
 def test_a_copy_has_the_same_and_takes_no_more():
     array = zeros((300, 4096), np.float32)
     array[7, 5:3000] = 2.0
@@ -111,7 +113,7 @@ def test_what_grows_keeps_its_cells(rest):
     assert np.count_nonzero(large) == np.count_nonzero(small)
 
 
-@told
+@needs_pagemap
 def test_what_grows_stays_untouched_where_it_was():
     small, large = zeros((512, 4096), np.float32), zeros((1024, 8192), np.float32)
     small[300, 2000] = 1.0
@@ -119,23 +121,24 @@ def test_what_grows_stays_untouched_where_it_was():
     assert taken(large) == PAGE
 
 
-@told
-def test_the_state_of_a_large_room_is_what_was_written_to_it():
+@needs_pagemap
+def test_of_a_large_room_the_written_blocks_are_known():
     array = zeros((1 << 15, 1 << 14), np.float32)  # 2 GB
     array[20_000, 5] = array[-1, -9] = 1.0
-    low = array.__array_interface__["data"][0]
-    piece, kept = memory.pack(low, low + array.nbytes)
-    data = np.concatenate(list(kept))
-    assert len(data) == 2 * memory.BLOCK
-    again, rest = memory.unpack(piece, data)
-    again = again.view(np.float32).reshape(array.shape)
-    assert again[20_000, 5] == again[-1, -9] == 1.0
-    assert np.count_nonzero(again[19_990:20_010]) == 1
-    assert len(rest) == 0
-    assert taken(again[:10_000]) == 0
+    array[0, :9] = 0.0  # written to, and zero
+    block = 20_000 * (4 << 14)
+    assert filled(array) == [(block, block + PAGE), (array.nbytes - PAGE, array.nbytes)]
 
 
-@told
+@pytest.mark.parametrize("offset", [0, 1, PAGE - 3, PAGE])
+def test_blocks_count_from_where_an_array_begins(offset):
+    array = zeros((20 * PAGE,), np.uint8)[offset : offset + 9 * PAGE + 7]
+    array[[2 * PAGE, 3 * PAGE, 8 * PAGE - 1, len(array) - 1]] = 1
+    spans = [(2 * PAGE, 4 * PAGE), (7 * PAGE, 8 * PAGE), (9 * PAGE, len(array))]
+    assert filled(array) == spans
+
+
+@needs_pagemap
 @pytest.mark.parametrize("name", ["hector", "crsm"])
 def test_a_deep_copy_of_an_algorithm_takes_what_it_has_seen_and_goes_on_alike(name):
     log = drive(n=40)

@@ -17,6 +17,7 @@ from slams import LiveSlam, Pose2
 from slams.live import LATE_IN_A_ROW
 from slams.registry import BUILT_IN, find
 from slams.ros.stamps import seconds
+from slams.types import Attitude
 from tests.rooms import ROOM, drive, laser, scan_at
 
 ODOMETRY = "slams.baselines:Odometry"
@@ -266,6 +267,15 @@ def test_bad_odometry_is_none():
         assert (estimate.map_to_odom is None) == (t == 1.0)
     assert estimate.pose == Pose2(1.0, 0.0, 0.0)
     assert live.report()["bad_odometry"] == 1
+
+
+def test_the_attitude_reaches_the_algorithm():
+    live, seen = LiveSlam(ODOMETRY, warm_up=False), []
+    live._slam.update = lambda scan: seen.append(scan.attitude) or Pose2(0.0, 0.0, 0.0)
+    scan = scan_at((0.0, 0.0, 0.0))
+    for t, attitude in ((0.0, (0.1, -0.2)), (1.0, (math.nan, 0.0)), (2.0, None)):
+        live.push(t, scan.ranges, *fan(scan.laser), attitude=attitude)
+    assert seen == [Attitude(0.1, -0.2), None, None]
 
 
 def test_messages_of_ros_1_and_2():

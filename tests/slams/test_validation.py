@@ -60,7 +60,7 @@ def test_a_log_with_such_numbers_is_refused_by_their_name(arrays, sentence, tmp_
 def test_milliseconds_from_the_start_are_suspected(tmp_path):
     slow = slams.load(changed(tmp_path / "log.npz", t=1e3 * T))
     assert any("a scan every 25 s; milliseconds?" in note for note in slow.notes)
-    seldom = slams.load(changed(tmp_path / "log.npz", t=100.0 * T))  # key scans
+    seldom = slams.load(changed(tmp_path / "log.npz", t=100.0 * T))  # keyframes
     assert not any("milliseconds" in note for note in seldom.notes)
 
 

@@ -247,9 +247,9 @@ def test_an_element_that_is_not_alike_the_field_says_nothing():
     one = elements[len(elements) // 2 :][:1].copy()
     kernel, along = slam._map.kernel, one[0, 2:4].copy()
     across, H = np.array((-along[1], along[0])), np.zeros((3, 3))
-    for degrees, told, counts in ((0, 1, True), (20, 1, True), (40, 1, False), (40, 0, True)):
+    for degrees, known, counts in ((0, 1, True), (20, 1, True), (40, 1, False), (40, 0, True)):
         turn = math.radians(degrees)
-        one[0, 2:4], one[0, 7] = math.cos(turn) * along + math.sin(turn) * across, told
+        one[0, 2:4], one[0, 7] = math.cos(turn) * along + math.sin(turn) * across, known
         known, close, _ = accumulate(kernel, one, 1, pose, rule, 0.03, H, np.zeros(3))
         assert known == 1.0 and close > 0.9
         assert (np.trace(H[:2, :2]) > 0.0) == counts

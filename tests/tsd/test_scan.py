@@ -96,7 +96,7 @@ def test_surface_elements_stand_for_their_beams():
     find_runs(hits, count, beams, RULE, runs)
     sum_moments(hits, count, sums)
     n = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.05, out)
-    x, y, nx, ny, information, index, beams_each, told = out[:n].T
+    x, y, nx, ny, information, index, beams_each, known = out[:n].T
     off = np.min(np.abs([x + 2.0, x - 4.0, y + 3.0, y - 2.5]), axis=0)
     assert off.max() < 0.01 and np.mean(off < 1e-3) > 0.95  # corners: within the noise
     assert (nx * x + ny * y < 0.0).all()  # towards the laser
@@ -110,12 +110,12 @@ def test_surface_elements_stand_for_their_beams():
     expected = stride / ((0.01 * cosine) ** 2 + blur**2)
     assert information[wall] == pytest.approx(expected[wall], rel=0.05)
     assert (beams_each[wall] == stride[wall]).mean() > 0.9 and beams_each.sum() <= count
-    assert told.all()
-    for steps, told in ((1.5, False), (2.5, True)):  # of the beams at 4.4 m
+    assert known.all()
+    for steps, known in ((1.5, False), (2.5, True)):  # of the beams at 4.4 m
         rule = RULE._replace(window=steps * 4.4 * lidar.angle_increment)
         n = fit_surfaces(hits, count, runs, sums, beams, rule, 0.05, out)
         near = np.abs(hits[out[:n, 5].astype(int), 2] - 4.4) < 0.05
-        assert near.any() and (out[:n, 7][near] == told).all()
+        assert near.any() and (out[:n, 7][near] == known).all()
     dense = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.0, out)
     assert dense > 0.97 * count
 

@@ -31,8 +31,8 @@ def test_each_scan_brings_an_increment_and_the_first_none():
 
 
 def test_scans_between_two_messages_of_the_wheels_bring_none():
-    told = [Pose2(0.2 * (k // 4), 0.0, 0.0) for k in range(80)]
-    late = steps(told)[40:]
+    measured = [Pose2(0.2 * (k // 4), 0.0, 0.0) for k in range(80)]
+    late = steps(measured)[40:]
     brought = [step for step in late if step is not None]
     assert [step.increment.x for step in brought] == pytest.approx([0.2] * 10)
     assert [step.seconds for step in brought] == pytest.approx([0.4] * 10)

@@ -11,7 +11,7 @@ from slams.live import LiveSlam, node
 from slams.live.node import Node
 from slams.live.options import NodeOptions
 from slams.live.robot import Robot
-from slams.live.wire import Quality
+from slams.live.transport import Quality
 from slams.types import Pose2
 from tests.rooms import laser, scan_at
 from tests.slams.live.bus import Bus
@@ -20,38 +20,55 @@ BASELINE = "slams.baselines:Odometry"
 LASER = laser(91)
 
 
+class Ending:
+    """An end that is asked for at the `n`-th look; `action` is done at the third."""
+
+    def __init__(self, n, action=lambda: None):
+        self.looks, self.n, self.action = 0, n, action
+
+    def is_set(self):
+        self.looks += 1
+        if self.looks == 3:
+            self.action()
+        return self.looks >= self.n
+
+    def wait(self, seconds):
+        """Nothing else happens meanwhile."""
+
+
 class Stand:
     """A node and the bus it is on; `said` is what it tells the user."""
 
     def __init__(
         self, monkeypatch, algorithm=BASELINE, recorder=None, bus=None, begin=None, **options
     ):
-        monkeypatch.setattr(node, "SETTLING", 0.0)
-        monkeypatch.setattr(node, "WITHOUT_TF", 0.05)
+        monkeypatch.setattr(node, "SETTLING_TIME", 0.0)
+        monkeypatch.setattr(node, "MAX_WAIT_FOR_TF", 0.0)
+        monkeypatch.setattr(node, "END_PERIOD", 0.0)
         self.bus, self.said, self.make = bus or Bus(), [], Maker()
-        usual = {"patience": 0.3, "map_every": 0.0, "wait": 0.0}
+        usual = {"map_every": 0.0, "wait": 0.0}
         self.live = LiveSlam(algorithm, warm_up=False, **(begin or {}))
-        self.wire = self.bus.wire()
+        self.transport = self.bus.transport()
         options = NodeOptions(**(usual | options))
-        self.node = Node(self.live, self.wire, options, self.said.append)
+        self.node = Node(self.live, self.transport, options, self.said.append)
         self.node.recorder = recorder
-        self.wire.listen()
-        self.wire.wanted.clear()
+        self.transport.listen()
+        self.transport.wanted.clear()
 
-    def start(self):
-        self.node.start(threading.Event())
+    def start(self, ending=None):
+        self.node.start(ending or threading.Event())
 
     def drive(self):
         """Let the node take all scans that wait."""
-        inbox = self.node.inbox
-        ending = SimpleNamespace(is_set=lambda: len(inbox) == 0)
+        queue = self.node.queue
+        ending = SimpleNamespace(is_set=lambda: len(queue) == 0)
         self.node.run(ending, lambda: None)
 
     def look(self):
-        self.node._look()
+        self.node.check()
 
     def play(self, log, names=None):
-        robot = Robot(log, self.bus.wire(), names or {})
+        robot = Robot(log, self.bus.transport(), names or {})
         robot.introduce()
         for moment in robot.moments():
             moment.send()

@@ -10,12 +10,11 @@ import pytest
 import slams
 from slams import LiveSlam, Pose2, run
 from slams.formats.occupancy import write_map
-from slams.live.node import SOUGHT_LONG
+from slams.live.node import MAX_UNLOCALIZED_SCANS
 from slams.live.robot import Robot
-from slams.live.seam import BRIDGED, SAME_DRIVE, Seam
-from slams.live.timelines import RateTimeline
+from slams.live.slam import MAX_RESUME_GAP
 from slams.scanlog import Track
-from slams.types import IDENTITY, Scan
+from slams.types import IDENTITY
 from tests.floors import grid_of
 from tests.rooms import ROOM, box, cast, drive, laser, scan_at, way
 from tests.slams.live.bus import Bus
@@ -26,17 +25,12 @@ START = Pose2(0.3, -0.2, 0.4)  # of the drives below, in the map
 
 
 def robot_log(n=30):
-    """Scans at 10 Hz with odometry at 30 and a gyro at 100, stamped on their own."""
+    """Scans at 10 Hz with odometry at 30, stamped on its own."""
     log = drive(n=n, rate=10.0, lidar=laser(181, mount=Pose2(0.1, 0.0, 0.2)))
     t = np.arange(-0.1, log.t[-1] + 0.2, 1.0 / 30.0) + 0.003
-    gyro_t = np.arange(-0.1, log.t[-1] + 0.2, 0.01)
-    gyro = Track(gyro_t, np.gradient(0.8 * np.sin(0.245 * gyro_t), gyro_t) + 0.001)
-    odom = Track(t, way(len(t), 1.0 / 30.0))
-    return slams.ScanLog(log.t + 1.0, log.ranges, log.laser, later(odom), None, later(gyro))
-
-
-def later(track):
-    return Track(track.t + 1.0, track.values)
+    return slams.ScanLog(
+        log.t + 1.0, log.ranges, log.laser, Track(t + 1.0, way(len(t), 1.0 / 30.0))
+    )
 
 
 def placed_log(n=24, rate=4.0):
@@ -67,7 +61,7 @@ def driven(stand, moments):
 def test_going_on_from_a_state_equals_never_having_stopped(algorithm, monkeypatch, tmp_path):
     def stand_of(**begin):
         bus = Bus()
-        robot = Robot(robot_log(), bus.wire(), {})
+        robot = Robot(robot_log(), bus.transport(), {})
         robot.introduce()
         return Stand(monkeypatch, algorithm, bus=bus, begin=begin), robot
 
@@ -76,7 +70,7 @@ def test_going_on_from_a_state_equals_never_having_stopped(algorithm, monkeypatc
     cut = next(k for k, moment in enumerate(moments) if moment.t > 1.65)
     first, robot = stand_of()
     before = driven(first, list(robot.moments())[:cut])
-    first.live.save(tmp_path / "s", gyro=first.node.senses.gyro_kept)
+    first.live.save(tmp_path / "s")
     second, robot = stand_of(state=tmp_path / "s")
     after = driven(second, list(robot.moments())[cut:])
     assert 10 < len(before) < 20
@@ -97,17 +91,21 @@ def test_a_run_goes_on_from_a_nodes_state_behind_its_last_scan(tmp_path, capsys)
     assert "goes on at scan 10 of 24" in capsys.readouterr().err
 
 
-def test_wheels_and_gyro_count_on_only_for_a_while():
-    at = Scan(100.0, np.ones(5, np.float32), laser(5), Pose2(7.0, 0.0, 0.0), 3.0)
-    assert Seam().joined(at) is at
-    for gap, odometry, yaw in (
-        (0.5 * BRIDGED, at.odometry, 3.0),
-        (2.0 * BRIDGED, at.odometry, None),
-        (2.0 * SAME_DRIVE, None, None),
-        (-0.5, None, None),
-    ):
-        joined = Seam(100.0 - gap).joined(at)
-        assert (joined.odometry, joined.yaw) == (odometry, yaw), gap
+@pytest.mark.parametrize(
+    ("gap", "goes_on"), [(0.5, True), (2.0 * MAX_RESUME_GAP, False), (-0.5, False)]
+)
+def test_wheels_count_on_only_for_a_while(gap, goes_on, tmp_path):
+    live = LiveSlam("odometry", warm_up=False)
+    live.push_scan(scan_at((0.0, 0.0, 0.0), t=100.0, odometry=Pose2(7.0, 0.0, 0.0)))
+    live.save(tmp_path / "s")
+    on = LiveSlam("odometry", warm_up=False, state=tmp_path / "s")
+    scan = replace(scan_at((0.0, 0.0, 0.0), t=100.0 + gap, odometry=Pose2(8.0, 0.0, 0.0)), yaw=3.0)
+    estimate = on.push_scan(scan)
+    assert (estimate.map_to_odom is not None) == goes_on
+    assert estimate.pose == Pose2(1.0 if goes_on else 0.0, 0.0, 0.0)
+    assert on._scan.yaw is None
+    on.push_scan(replace(scan, t=scan.t + 1.0))
+    assert (on._scan.yaw, on._scan.odometry) == (3.0, scan.odometry)
 
 
 def test_a_robot_that_counts_anew_is_where_it_stopped(tmp_path):
@@ -126,17 +124,6 @@ def test_a_robot_that_counts_anew_is_where_it_stopped(tmp_path):
     assert again.push_scan(scan_at((1.0, 0.0, 0.0), lidar, t=1.0)).pose == IDENTITY
 
 
-def test_a_gyro_counts_on_where_it_goes_on_at_once():
-    kept = (10.0, 0.5, 2.0)
-    for t, integral in ((10.1, 2.05), (10.0 + 2.0 * BRIDGED, 0.0), (3.0, 0.0)):
-        line = RateTimeline(kept)
-        assert line.kept == kept
-        line.push(t, 0.5)
-        assert line.integral_at(t) == pytest.approx(integral), t
-        assert line.late == 0
-    assert np.isnan(RateTimeline().kept[0])
-
-
 class Counted(slams.find("odometry").cls):
     """Has lost the robot twice, and has no state of its own."""
 
@@ -146,33 +133,8 @@ class Counted(slams.find("odometry").cls):
 
 def test_what_was_lost_before_is_not_lost_now(monkeypatch):
     live = LiveSlam("odometry", warm_up=False)
-    live._begin(Counted(live.params), Seam())
+    live._begin(Counted(live.params))
     assert live.push_scan(scan_at((0.0, 0.0, 0.0))).state == "matched"
-
-
-def test_what_stands_beside_a_state_of_others_is_left_alone():
-    assert Seam.of({"t": "x", "heading": [1.0, 2.0], "gyro": [1.0, 2.0, "x"]}).t != 0.0
-    assert Seam.of({"t": 3.0, "gyro": [1.0, 2.0, 3.0]}) == Seam(3.0, Seam().heading, (1, 2, 3))
-
-
-def test_the_heading_by_pushed_rates_goes_on(tmp_path):
-    def pushed(live, log):
-        rates = zip(log, np.linspace(0.0, 0.4, len(log)), strict=True)
-        return [
-            live.push(s.t, s.ranges, *fan(s.laser), yaw_rate=rate).pose
-            for s, rate in list(rates)[12 if live.seam.t == live.seam.t else 0 :][:12]
-        ]
-
-    def fan(lidar):
-        return lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max
-
-    log = placed_log()
-    whole = LiveSlam("hector", warm_up=False)
-    first = pushed(whole, log)
-    whole.save(tmp_path / "s")
-    on = LiveSlam("hector", warm_up=False, state=tmp_path / "s")
-    assert on._yaw.kept == whole._yaw.kept
-    assert len(first) == len(pushed(on, log)) == 12
 
 
 @pytest.fixture(scope="module")
@@ -221,7 +183,7 @@ def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path
     square, lidar = np.array(box(-2.0, -2.0, 2.0, 2.0)), laser(361)
     begin = {"map": grid_of(square)}
     stand = Stand(monkeypatch, "hector", begin=begin)
-    n = SOUGHT_LONG + 1
+    n = MAX_UNLOCALIZED_SCANS + 1
     ranges = np.array([cast(square, (0.5, 0.2, 0.1), lidar)] * n, np.float32)
     stand.play(slams.ScanLog(np.arange(float(n)), ranges, lidar))
     stand.start()
@@ -230,11 +192,11 @@ def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path
     stand.look()
     assert "/pose" not in stand.bus.raw and len(stand.bus.sent("/tf")) == moved
     assert len(stand.bus.sent("/slam/state")) == n
-    (told,) = [said for said in stand.said if "the place in the map is not sure" in said]
+    (sentence,) = [said for said in stand.said if "the place in the map is not sure" in said]
     assert (
-        told.startswith(f"{n} scans so far")
-        and "most likely: " in told
-        and "with probability 0." in told
+        sentence.startswith(f"{n} scans so far")
+        and "most likely: " in sentence
+        and "with probability 0." in sentence
     )
     assert not stand.node.drive.estimate.found
     assert np.isinf(stand.node.drive.estimate.covariance[0, 0])
@@ -262,7 +224,7 @@ def test_what_does_not_fit_is_refused(folder, tmp_path):
     for changes, error, sentence in (
         ({"map_start": (0, 0, 0)}, ValueError, "got a place without a map"),
         ({"state": state, "map": folder / "map.yaml"}, ValueError, "map: stays as it is"),
-        ({"state": folder / "map.yaml"}, ValueError, "a picture of a map cannot be gone on with"),
+        ({"state": folder / "map.yaml"}, ValueError, "not a state; expected a file of"),
         ({"state": tmp_path / "none"}, OSError, "none"),
         ({"map": folder / "map.yaml"}, TypeError, "odometry cannot localize in a map"),
     ):
@@ -283,7 +245,7 @@ def test_what_does_not_fit_is_refused(folder, tmp_path):
         (["--localize", "map.yaml", "--resume-state", "x"], "got --resume-state, too"),
         (["--map", "map.yaml", "--start=1,2"], "got '1,2', expected x,y,theta in m and rad"),
         (["--map", "none.yaml"], "none.yaml: no such file"),
-        (["--resume-state", "map.yaml"], "map.yaml: a picture of a map cannot be gone on with"),
+        (["--resume-state", "map.yaml"], "map.yaml: not a state; expected"),
         (["--save-state", "no/x"], "no: no such folder to save a state in"),
     ],
 )
@@ -291,7 +253,7 @@ def test_a_node_refuses_as_a_run_does(arguments, sentence, folder, monkeypatch, 
     from slams.live import __main__ as command
 
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(command, "wire_of", lambda *_: Bus().wire())
+    monkeypatch.setattr(command, "transport_of", lambda *_: Bus().transport())
     handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
     for main, log in ((command.main, []), (run.main, ["placed.npz"])):
         assert main(["hector", *log, *arguments]) == 2
@@ -312,7 +274,7 @@ def test_states_and_maps_over_the_network(folder, started, tmp_path):
 
     def played(name, *more, end=signal.SIGTERM):
         out = tmp_path / f"out-{name}-{len(more)}"
-        there = ("--out", out, "--patience", PATIENCE, *more)
+        there = ("--out", out, *more)
         live = started("slams.live", "hector", *there, folder=tmp_path)
         while "ready for scans" not in live.stderr.readline():
             assert live.poll() is None

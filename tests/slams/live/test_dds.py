@@ -12,7 +12,7 @@ from slams.formats.bag import POSE_COV, SCAN, TF
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.dds_types import ros_name, topic_name, type_name
-from slams.live.wire import MAP, STATUS, TYPES, Quality
+from slams.live.transport import MAP, STATUS, TYPES, Quality
 from slams.player import replay
 from slams.types import OccupancyGrid, Pose2
 from tests.rooms import drive, laser
@@ -22,20 +22,20 @@ pytest.importorskip("cyclonedds", reason="needs the extra live")
 
 
 @pytest.fixture
-def wires(monkeypatch):
+def transports(monkeypatch):
     """Makes participants of one domain on loopback, and closes them."""
-    from slams.live.dds import DdsWire
+    from slams.live.transport import Transport
 
     monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
     made = []
 
     def make():
-        made.append(DdsWire(DOMAIN, localhost=True))
+        made.append(Transport(DOMAIN, localhost=True))
         return made[-1]
 
     yield make
-    for wire in made:
-        wire.close()
+    for transport in made:
+        transport.close()
 
 
 def until(condition):
@@ -67,15 +67,15 @@ def test_names_are_ros_2s():
 
 
 @pytest.mark.parametrize("msgtype", TYPES)
-def test_every_message_arrives_byte_by_byte(msgtype, wires):
+def test_every_message_arrives_byte_by_byte(msgtype, transports):
     data = bytes(store().serialize_cdr(examples()[msgtype], msgtype))
-    sender, receiver, got = wires(), wires(), []
+    sender, receiver, got = transports(), transports(), []
     receiver.subscribe("/topic", msgtype, Quality.RELIABLE, got.append)
     outlet = sender.advertise("/topic", msgtype, Quality.RELIABLE)
     receiver.listen()
-    until(lambda: outlet.readers)
-    assert receiver.writers("/topic") == 1
-    outlet.send(data)
+    until(lambda: outlet.subscribers)
+    assert receiver.publishers("/topic") == 1
+    outlet.publish(data)
     until(lambda: got)
     assert got[0].data[: len(data)] == data
     assert got[0].data[len(data) :] == b"\0" * (-len(data) % 4)
@@ -119,59 +119,59 @@ def unpacked(msgtype, data):
     return plain(_nested(msgtype).__idl__.deserialize(data))
 
 
-def test_a_map_stays_for_who_comes_later_and_a_scan_does_not(wires):
-    sender, latched, passed = wires(), [], []
+def test_a_map_stays_for_who_comes_later_and_a_scan_does_not(transports):
+    sender, latched, passed = transports(), [], []
     data = {kind: bytes(store().serialize_cdr(m, kind)) for kind, m in examples().items()}
     maps = sender.advertise("/map", MAP, Quality.LATCHED)
-    maps.send(data[MAP])
+    maps.publish(data[MAP])
     scans = sender.advertise("/scan", SCAN, Quality.SENSOR)
-    scans.send(data[SCAN])
-    late = wires()
+    scans.publish(data[SCAN])
+    late = transports()
     late.subscribe("/map", MAP, Quality.LATCHED, latched.append)
     late.subscribe("/scan", SCAN, Quality.SENSOR, passed.append)
     late.listen()
     until(lambda: latched)
-    until(lambda: scans.readers)
+    until(lambda: scans.subscribers)
     assert passed == []
     until(lambda: late.topics().get("/map") == MAP)
     assert late.topics()["/scan"] == SCAN
 
 
-def test_messages_of_ones_own_do_not_come_back(wires):
-    wire, other, mine, its = wires(), wires(), [], []
+def test_messages_of_ones_own_do_not_come_back(transports):
+    transport, other, mine, its = transports(), transports(), [], []
     data = bytes(store().serialize_cdr(examples()[TF], TF))
-    wire.subscribe("/tf", TF, Quality.RELIABLE, mine.append)
+    transport.subscribe("/tf", TF, Quality.RELIABLE, mine.append)
     other.subscribe("/tf", TF, Quality.RELIABLE, its.append)
-    outlet = wire.advertise("/tf", TF, Quality.RELIABLE)
-    wire.listen()
+    outlet = transport.advertise("/tf", TF, Quality.RELIABLE)
+    transport.listen()
     other.listen()
-    until(lambda: outlet.readers)
-    outlet.send(data)
+    until(lambda: outlet.subscribers)
+    outlet.publish(data)
     until(lambda: its)
     assert mine == []
 
 
-def test_a_writer_that_leaves_is_no_message(wires):
-    first, second, receiver, got = wires(), wires(), wires(), []
+def test_a_writer_that_leaves_is_no_message(transports):
+    first, second, receiver, got = transports(), transports(), transports(), []
     data = bytes(store().serialize_cdr(examples()[TF], TF))
     receiver.subscribe("/tf", TF, Quality.RELIABLE, got.append)
     receiver.listen()
-    for wire in (first, second):
-        outlet = wire.advertise("/tf", TF, Quality.RELIABLE)
-        until(lambda outlet=outlet: outlet.readers)
-        outlet.send(data)
-        until(lambda wire=wire: len(got) == 1 + (wire is second))
+    for transport in (first, second):
+        outlet = transport.advertise("/tf", TF, Quality.RELIABLE)
+        until(lambda outlet=outlet: outlet.subscribers)
+        outlet.publish(data)
+        until(lambda transport=transport: len(got) == 1 + (transport is second))
         del outlet
-        wire.close()
-        until(lambda: receiver.writers("/tf") == 0)
+        transport.close()
+        until(lambda: receiver.publishers("/tf") == 0)
     assert len(got) == 2
 
 
 def test_a_domain_that_is_none_is_refused():
-    from slams.live.dds import DdsWire
+    from slams.live.transport import Transport
 
     with pytest.raises(ValueError, match="domain: got 233, expected 0 to 232"):
-        DdsWire(233)
+        Transport(233)
 
 
 # the commands
@@ -184,14 +184,14 @@ def turtlebot(n=25):
     return slams.ScanLog(log.t, log.ranges, log.laser, fine.odom, None, None, {"name": "tb"})
 
 
-def test_a_robot_is_mapped_and_a_run_of_the_recording_gives_its_poses(wires, started, tmp_path):
+def test_a_run_of_the_recording_gives_the_poses_of_the_robot(transports, started, tmp_path):
     turtlebot().save(tmp_path / "tb.npz")
-    watcher, maps, moves = wires(), [], []
+    watcher, maps, moves = transports(), [], []
     watcher.subscribe("/map", MAP, Quality.LATCHED, maps.append)
     watcher.subscribe("/tf", TF, Quality.RELIABLE, moves.append)
     watcher.listen()
-    out, patience = tmp_path / "out", ("--patience", PATIENCE)
-    more = ("--out", out, "--record", tmp_path / "seen.mcap", "--wait", 5.0, *patience)
+    out = tmp_path / "out"
+    more = ("--out", out, "--record", tmp_path / "seen.mcap", "--wait", 5.0)
     live = started("slams.live", "hector", *more, folder=tmp_path)
     assert "ready for scans on /scan" in live.stderr.readline()
     play = started("slams.play", "tb.npz", "--rate", 4, "--wait", PATIENCE, folder=tmp_path)
@@ -221,27 +221,14 @@ def to_odom(record):
     return (edge.header.frame_id, edge.child_frame_id) == ("map", "odom")
 
 
-def test_ended_before_the_first_scan(started, tmp_path):
-    live = started("slams.live", "odometry", "--patience", PATIENCE, folder=tmp_path)
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_ended_before_the_first_scan(number, started, tmp_path):
+    live = started("slams.live", "odometry", "--record", "seen.mcap", folder=tmp_path)
     assert "ready" in live.stderr.readline()
-    live.send_signal(signal.SIGTERM)
+    live.send_signal(number)
     _, error = live.communicate(timeout=PATIENCE)
     assert live.returncode == 1
     assert error == "slams.live: ended before the first scan; nothing is written\n"
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_no_scan_ends_with_a_sentence_and_code_2(wires, started, tmp_path):
-    other = wires().advertise("/front/scan", SCAN, Quality.SENSOR)
-    live = started(
-        *("slams.live", "odometry", "--patience", 3, "--record", "seen.mcap"), folder=tmp_path
-    )
-    _, error = live.communicate(timeout=2 * PATIENCE)
-    assert live.returncode == 2
-    assert "slams.live: no scan on /scan within 3 s: nobody publishes it; topics with" in error
-    assert "Traceback" not in error
-    assert "/front/scan" in error
-    assert other.readers == 0
     assert list(tmp_path.iterdir()) == []
 
 
@@ -252,9 +239,6 @@ def test_no_scan_ends_with_a_sentence_and_code_2(wires, started, tmp_path):
         ("slams.live", ["odometry", "--domain-id", "300"], "domain: got 300, expected 0 to 232"),
         ("slams.live", ["odometry", "--queue", "0"], "--queue: got 0, expected 1 scan or more"),
         ("slams.live", ["odometry", "--record", "a.bag"], "expected a name that ends in .mcap"),
-        ("slams.live", ["odometry", "--ros1"], "--ros1 needs rospy"),
-        ("slams.live", ["odometry", "--laser", "rplidar"], "expected MODEL:PORT"),
-        ("slams.live", ["odometry", "--laser", "sonar:/dev/x"], "unknown model 'sonar'"),
         ("slams.play", ["nothing.npz"], "nothing.npz: no such file"),
         ("slams.play", ["room.npz", "--rate", "0"], "--rate: got 0"),
         ("slams.play", ["room.npz", "--remap", "scan"], "--remap: got 'scan', expected /FROM:=/TO"),

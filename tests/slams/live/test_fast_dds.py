@@ -11,7 +11,7 @@ import pytest
 from slams.formats.bag import POSE_COV, SCAN, TF
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
-from slams.live.wire import MAP
+from slams.live.transport import MAP
 from tests.rooms import laser, scan_at
 from tests.slams.live.commands import DOMAIN, PATIENCE
 
@@ -48,7 +48,7 @@ def test_a_robot_with_fast_dds_is_mapped_and_gets_map_pose_and_transform(
     scan = scan_at((0.0, 0.0, 0.0), laser(91))
     message = Maker().scan(0, "laser", scan.laser, scan.ranges, 0.1)
     (tmp_path / "scan.cdr").write_bytes(bytes(store().serialize_cdr(message, SCAN)))
-    more = ("--out", "out", "--patience", PATIENCE, "--map-every", 0.2)
+    more = ("--out", "out", "--map-every", 0.2)
     live = started("slams.live", "hector", *more, folder=tmp_path)
     assert "ready for scans on /scan" in live.stderr.readline()
     robot = subprocess.run(

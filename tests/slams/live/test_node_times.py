@@ -1,28 +1,23 @@
 """The node when times are odd: tf that comes late, clocks that jump, a laser that goes away."""
 
-import threading
 import time
 
 import numpy as np
 import pytest
 
-from slams.live import LATE_IN_A_ROW, node, watch
-from slams.live.options import NodeOptions
+from slams.live import LATE_IN_A_ROW, diagnostics, node
 from slams.types import Pose2
-from tests.slams.live.robots import Stand
+from tests.slams.live.robots import Ending, Stand
 
 MOUNT = Pose2(0.2, -0.05, 0.3)
 
 
 def test_tf_that_comes_late_is_waited_for_and_no_scan_is_lost(monkeypatch):
     stand = Stand(monkeypatch)
-    monkeypatch.setattr(node, "WITHOUT_TF", 30.0)
+    monkeypatch.setattr(node, "MAX_WAIT_FOR_TF", 1e9)
     for k in range(5):
         stand.scan(0.1 * k)
-    later = threading.Timer(0.1, lambda: stand.tf(("base_link", "laser", MOUNT)))
-    later.start()
-    stand.start()
-    later.join()
+    stand.start(Ending(100, lambda: stand.tf(("base_link", "laser", MOUNT))))
     stand.drive()
     report = stand.node.report()
     assert (report["base_frame"], report["scans"], report["dropped"]) == ("base_link", 5, 0)
@@ -67,20 +62,16 @@ def test_a_laser_that_is_plugged_in_again_is_mapped_on(monkeypatch):
     stand.start()
     stand.drive()
     real = time.monotonic
-    monkeypatch.setattr(watch.time, "monotonic", lambda: real() + 30.0)
+    monkeypatch.setattr(diagnostics.time, "monotonic", lambda: real() + 30.0)
     stand.look()
     assert any("is the laser unplugged?" in said for said in stand.said)
-    stand.wire.several = 2  # the driver's old publisher is still known
+    stand.transport.several = 2  # the driver's old publisher is still known
     stand.scan(30.0)
     stand.drive()
     stand.look()
     assert any("scans on /scan are back after about 30 s" in said for said in stand.said)
     assert any("2 publishers on /scan" in said for said in stand.said)
     assert len(stand.node.drive.t) == 2
-
-
-def test_a_robot_is_waited_for_five_seconds():
-    assert NodeOptions().patience == 5.0
 
 
 def test_delays_are_of_scans_that_waited_for_nothing_but_the_algorithm(monkeypatch):

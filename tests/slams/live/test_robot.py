@@ -23,7 +23,7 @@ def sweeping():
 
 def test_a_scan_is_sent_when_its_last_beam_is_measured_and_odometry_when_it_is(sweeping):
     bus, order = Bus(), []
-    robot = Robot(sweeping, bus.wire(), {})
+    robot = Robot(sweeping, bus.transport(), {})
     for moment in robot.moments():
         before = {topic: len(sent) for topic, sent in bus.raw.items()}
         moment.send()
@@ -47,7 +47,7 @@ def test_a_scan_is_sent_when_its_last_beam_is_measured_and_odometry_when_it_is(s
 
 def test_a_loop_goes_on_where_it_ended(sweeping):
     bus = Bus()
-    robot = Robot(sweeping, bus.wire(), {})
+    robot = Robot(sweeping, bus.transport(), {})
     due = [moment.t for turn in range(2) for moment in robot.moments(turn) if not moment.send()]
     assert np.all(np.diff(due) >= 0.0)
     stamps = [seconds(scan) for scan in bus.sent("/scan")]
@@ -58,7 +58,7 @@ def test_a_loop_goes_on_where_it_ended(sweeping):
 def test_stamps_that_ros_cannot_hold_begin_at_zero(sweeping):
     bus = Bus()
     early = slams.ScanLog(sweeping.t - 50.0, sweeping.ranges, sweeping.laser)
-    robot = Robot(early, bus.wire(), {"/scan": "/front/scan"})
+    robot = Robot(early, bus.transport(), {"/scan": "/front/scan"})
     robot.introduce()
     for moment in robot.moments():
         moment.send()
@@ -67,11 +67,11 @@ def test_stamps_that_ros_cannot_hold_begin_at_zero(sweeping):
 
 
 def test_somebody_is_waited_for(sweeping):
-    wire = Bus().wire()
+    wire = Bus().transport()
     robot = Robot(sweeping, wire, {})
     ending = threading.Event()
-    robot._outlets["/scan"].readers = 0
+    robot._publishers["/scan"].subscribers = 0
     assert robot.await_reader(0.1, ending) is False
-    robot._outlets["/scan"].readers = 1
+    robot._publishers["/scan"].subscribers = 1
     ending.set()
     assert robot.await_reader(0.1, ending) is True

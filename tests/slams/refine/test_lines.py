@@ -153,14 +153,14 @@ def test_along_a_slanted_wall_a_hit_reaches_along_the_wall():
 
 
 def test_hits_of_a_noisy_laser_reach_as_many_cells_as_their_noise(monkeypatch):
-    told = []
-    monkeypatch.setattr("slams.refine.lines.add_scan", lambda *args: told.append(args[-1]))
+    splats = []
+    monkeypatch.setattr("slams.refine.lines.add_scan", lambda *args: splats.append(args[-1]))
     lines, points = blank(), seen_at()
     for noise in (0.01, 0.06):
         points._noise.value = noise
         lines.insert(points, IDENTITY)
-    assert [splat.reach for splat in told] == [1, 3]
-    assert [splat.number for splat in told] == [1, 2]
+    assert [splat.reach for splat in splats] == [1, 3]
+    assert [splat.number for splat in splats] == [1, 2]
 
 
 def test_what_stands_where_it_was_free_is_no_wall():

@@ -177,9 +177,9 @@ def test_which_way_a_surface_faces_is_told_by_normals_once_they_are_known():
     by_chord = reader.facing[:2].copy()
     assert reader.facing is not reader.normals
     assert reader.facing is reader.normals
-    told = np.hypot(*by_chord[:, : reader.n]) * np.hypot(*reader.normals[:2, : reader.n])
-    alike = (by_chord * reader.normals[:2])[:, : reader.n].sum(axis=0)[told > 0.0]
-    assert (alike > 0.9 * told[told > 0.0]).all()
+    lengths = np.hypot(*by_chord[:, : reader.n]) * np.hypot(*reader.normals[:2, : reader.n])
+    alike = (by_chord * reader.normals[:2])[:, : reader.n].sum(axis=0)[lengths > 0.0]
+    assert (alike > 0.9 * lengths[lengths > 0.0]).all()
     assert reader.take(scan_at(IDENTITY, laser(361)), IDENTITY).facing is not reader.normals
 
 

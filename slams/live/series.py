@@ -13,57 +13,56 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slams.live.seam import BRIDGED
 from slams.live.slam import LATE_IN_A_ROW
 from slams.types import Pose2, wrap_angle
 from slams.validation import LATEST, can_be
 
-KEPT = 2000  # samples: 10 s at 200 Hz
-ALIVE = 1.0  # [s] of silence after which nobody waits for it
+MAX_SAMPLES = 2000  # at least as many are kept: 10 s at 200 Hz
+MAX_SILENCE = 1.0  # [s] after the last sample; then no scan waits for the next
 
 
-class Timeline:
-    """Rows of numbers by stamp; never extrapolated.
+class Series:
+    """Rows of numbers by stamp, interpolated and never extrapolated.
 
-    `heard` [s] is when, on this machine's clock, the last sample came; `late` how many were not
+    `received` [s] is when, on this machine's clock, the last sample came; `late` how many were not
     newer than the one before, and left out.
     """
 
     def __init__(self) -> None:
         self.t: list[float] = []
         self.rows: list[tuple[float, ...]] = []
-        self.heard, self.late = -math.inf, 0
+        self.received, self.late = -math.inf, 0
         self._late_in_a_row = 0
 
     @property
-    def alive(self) -> bool:
+    def is_alive(self) -> bool:
         """Whether samples are coming."""
-        return time.monotonic() - self.heard < ALIVE
+        return time.monotonic() - self.received < MAX_SILENCE
 
     def covers(self, t: float) -> bool:
         """Whether there is a sample at or after a stamp."""
         return bool(self.t) and self.t[-1] >= t
 
-    def is_next(self, t: float) -> bool:
-        """Whether a stamp is newer than all; those of a clock that was set back begin anew."""
-        self.heard = time.monotonic()
+    def accepts(self, t: float) -> bool:
+        """Whether a stamp is newer than all; after a clock was set back the series begins anew."""
+        self.received = time.monotonic()
         if not self.t or t > self.t[-1]:
             self._late_in_a_row = 0
             return abs(t) < LATEST
         self.late += 1
         self._late_in_a_row += 1
-        if self._late_in_a_row > LATE_IN_A_ROW:
-            self.t.clear()
-            self.rows.clear()
-            return True
-        return False
+        if self._late_in_a_row <= LATE_IN_A_ROW:
+            return False
+        self.t.clear()
+        self.rows.clear()
+        return True
 
     def append(self, t: float, row: tuple[float, ...]) -> None:
-        """Keep a sample that `is_next`."""
+        """Keep a sample that is accepted."""
         self.t.append(t)
         self.rows.append(row)
-        if len(self.t) > 2 * KEPT:
-            del self.t[:KEPT], self.rows[:KEPT]
+        if len(self.t) > 2 * MAX_SAMPLES:
+            del self.t[:MAX_SAMPLES], self.rows[:MAX_SAMPLES]
 
     def at(self, t: float) -> list[float] | None:
         """The row at a stamp, linear between samples; None before the first and after the last."""
@@ -75,7 +74,7 @@ class Timeline:
         return [float(np.interp(t, stamps, column)) for column in columns]
 
 
-class PoseTimeline(Timeline):
+class PoseSeries(Series):
     """Poses over time; the heading is unwrapped."""
 
     def __init__(self) -> None:
@@ -83,13 +82,10 @@ class PoseTimeline(Timeline):
         self._theta = self._turned = 0.0
 
     def push(self, t: float, pose: Pose2) -> None:
-        """Take a pose; what no robot can have is left out."""
-        if not can_be(*pose) or not self.is_next(t):
+        """Take a pose; one that no robot can have is left out."""
+        if not can_be(*pose) or not self.accepts(t):
             return
-        if self.t:
-            self._turned += _full_turns(pose.theta - self._theta)
-        else:
-            self._turned = 0.0
+        self._turned = self._turned + _full_turns(pose.theta - self._theta) if self.t else 0.0
         self._theta = pose.theta
         self.append(t, (pose.x, pose.y, pose.theta + self._turned))
 
@@ -99,37 +95,18 @@ class PoseTimeline(Timeline):
         return None if row is None else Pose2(row[0], row[1], wrap_angle(row[2]))
 
 
-class RateTimeline(Timeline):
-    """The integral of a rate over time.
+class RateSeries(Series):
+    """The integral of a rate over time."""
 
-    `kept` is what another one goes on from: stamp [s] (nan for none), rate and integral.
-    """
-
-    def __init__(self, kept: tuple[float, float, float] = (math.nan, 0.0, 0.0)) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        t, self._rate, self._total = kept
-        self._resumed = not math.isnan(t)
-        if self._resumed:
-            self.append(t, (self._total,))
-
-    @property
-    def kept(self) -> tuple[float, float, float]:
-        """Stamp of the last sample, its rate, the integral."""
-        return self.t[-1] if self.t else math.nan, self._rate, self._total
+        self._rate = self._total = 0.0
 
     def push(self, t: float, rate: float) -> None:
-        """Take a rate [rad/s]; what no robot can have is left out."""
-        if self._resumed:
-            self._resumed = False
-            if not 0.0 < t - self.t[0] <= BRIDGED:  # another drive's gyro, or a long time after
-                self.t.clear()
-                self.rows.clear()
-        if not can_be(rate) or not self.is_next(t):
+        """Take a rate [rad/s]; one that no robot can have is left out."""
+        if not can_be(rate) or not self.accepts(t):
             return
-        if self.t:
-            self._total += (t - self.t[-1]) * 0.5 * (rate + self._rate)
-        else:
-            self._total = 0.0
+        self._total += (t - self.t[-1]) * 0.5 * (rate + self._rate) if self.t else -self._total
         self._rate = rate
         self.append(t, (self._total,))
 
@@ -139,13 +116,13 @@ class RateTimeline(Timeline):
         return None if row is None else row[0]
 
 
-def all_cover(timelines: Sequence[Timeline], t: float) -> bool:
+def all_cover(series: Sequence[Series], t: float) -> bool:
     """Whether all that are alive have a sample at or after a stamp."""
-    return all(line.covers(t) or not line.alive for line in timelines)
+    return all(one.covers(t) or not one.is_alive for one in series)
 
 
 def _full_turns(step: float) -> float:
-    """What unwrapping adds for a step of the heading, as numpy does it."""
+    """The full turns that unwrapping adds for a step of the heading, as numpy does it."""
     if abs(step) < math.pi:
         return 0.0
     short = (step + math.pi) % (2.0 * math.pi) - math.pi

@@ -1,4 +1,4 @@
-"""What a robot knows beside its scans: odometry, gyro and tf, as they come from other threads."""
+"""The sensor buffer: odometry, gyro and tf as they come from other threads, for a scan's stamp."""
 
 from __future__ import annotations
 
@@ -11,42 +11,39 @@ from slams.formats.frames import planar
 from slams.formats.ros_messages import READ
 from slams.formats.ros_store import store
 from slams.live.frames import Mounted, RobotFrames
-from slams.live.timelines import PoseTimeline, RateTimeline, Timeline, all_cover
+from slams.live.series import PoseSeries, RateSeries, Series, all_cover
 from slams.ros.stamps import seconds
 from slams.types import Floats, Pose2
 
-MOST_EARLY = 4000  # readings of the gyro kept until the base is known
+MAX_EARLY_READINGS = 4000  # of the gyro, kept until the base is known: 20 s at 200 Hz
 
 
-class Turn(NamedTuple):
-    """A gyro's reading: stamp [s], the frame it is in, rates about its axes [rad/s]."""
+class GyroReading(NamedTuple):
+    """Stamp [s], the frame of the gyro, rates about its axes [rad/s]."""
 
     t: float
     frame: str
     rates: tuple[float, float, float]
 
 
-class Senses:
-    """Takes messages and tells, once the laser's mount is known, what held at a scan's stamp.
+class SensorBuffer:
+    """Takes messages; once the laser's mount is known, gives what was measured at a stamp.
 
     Args:
         frames: the robot's frames.
         odometry: "auto", tf where it has the odometry's frame and else the topic; "tf"; "topic";
-            "none", which is tf all the same: map -> odom has to fit it.
-        gyro: its integral so far, which goes on.
+            "none", which reads tf all the same: map -> odom has to fit it.
     """
 
-    def __init__(
-        self, frames: RobotFrames, odometry: str = "auto", gyro: RateTimeline | None = None
-    ) -> None:
+    def __init__(self, frames: RobotFrames, odometry: str = "auto") -> None:
         self.frames, self.unreadable = frames, 0
         self.source: str | None = None  # of the odometry: "tf" or "topic", when chosen
         self._wanted = odometry
-        self._odometry: PoseTimeline | None = None
-        self._of_topic, self._of_tf = PoseTimeline(), dict[str, PoseTimeline]()
-        self._child: str | None = None  # frame the topic's poses are of
-        self._step: Pose2 | None = None  # from the frame that the odometry is of to the base
-        self._gyro, self._early = gyro or RateTimeline(), list[Turn]()
+        self._odometry: PoseSeries | None = None
+        self._of_topic, self._of_tf = PoseSeries(), dict[str, PoseSeries]()
+        self._child: str | None = None  # frame of the topic's poses
+        self._to_base: Pose2 | None = None  # from the frame of the odometry to the base
+        self._gyro, self._early = RateSeries(), list[GyroReading]()
         self._upright: dict[str, Floats | None] = {}
         self._settled = False
         self._changed = threading.Condition()
@@ -67,21 +64,21 @@ class Senses:
         if message is not None:
             frame, rates = READ[IMU](message)
             with self._changed:
-                self._early.append(Turn(seconds(message.header.stamp), frame, tuple(rates)))
-                self._turn()
+                self._early.append(GyroReading(seconds(message.header.stamp), frame, tuple(rates)))
+                self._integrate()
                 self._changed.notify_all()
 
     def take_tf(self, record: Record) -> None:
-        """Take transforms that move, or such that do not by the topic's name."""
+        """Take transforms; static ones by their topic's name."""
         message = self._decoded(record)
         if message is not None:
             with self._changed:
                 for t, child, pose in self.frames.add(message, record.topic.endswith("static")):
-                    self._of_tf.setdefault(child, PoseTimeline()).push(t, pose)
+                    self._of_tf.setdefault(child, PoseSeries()).push(t, pose)
                 self._changed.notify_all()
 
-    def moves(self, laser: str) -> bool:
-        """Whether tf tells how the laser's base moves: then nothing better will come."""
+    def has_tf_odometry(self, laser: str) -> bool:
+        """Whether tf gives the odometry of the laser's base: no better source will come."""
         with self._changed:
             return self._wanted != "topic" and self._moving(laser) in self._of_tf
 
@@ -92,41 +89,32 @@ class Senses:
             mounted = self.frames.mounted(laser, moving)
             if mounted is not None:
                 self._choose(moving)
-                self._settled = True
-                self._turn()
             return mounted
 
-    def settle_alone(self, laser: str) -> None:
-        """Go on without tf: the laser is the base, and odometry is taken as the laser's."""
+    def settle_without_tf(self, laser: str) -> None:
+        """Take the laser as the base, and odometry as the laser's."""
         with self._changed:
             self.frames.base = laser
             self._choose(None)
-            self._settled = True
-            self._turn()
 
     def wait_for(self, t: float, until: float) -> None:
         """Let odometry and gyro catch up with a stamp, until a time of `time.monotonic` at most."""
         with self._changed:
-            lines: list[Timeline] = [self._gyro]
-            lines += [self._odometry] if self._odometry is not None else []
-            self._changed.wait_for(lambda: all_cover(lines, t), max(0.0, until - time.monotonic()))
+            series: list[Series] = [self._gyro]
+            series += [self._odometry] if self._odometry is not None else []
+            left = max(0.0, until - time.monotonic())
+            self._changed.wait_for(lambda: all_cover(series, t), left)
 
     def odometry_at(self, t: float) -> Pose2 | None:
         """The base in the odometry's frame at a stamp; None where it was not measured."""
         with self._changed:
             pose = None if self._odometry is None else self._odometry.pose_at(t)
-        return pose if pose is None or self._step is None else pose @ self._step
+        return pose if pose is None or self._to_base is None else pose @ self._to_base
 
     def yaw_at(self, t: float) -> float | None:
         """The heading by the gyro at a stamp; None where it was not measured."""
         with self._changed:
             return self._gyro.integral_at(t)
-
-    @property
-    def gyro_kept(self) -> list[float]:
-        """What the gyro's integral can go on from."""
-        with self._changed:
-            return list(self._gyro.kept)
 
     @property
     def has_odometry(self) -> bool:
@@ -136,8 +124,7 @@ class Senses:
     @property
     def late(self) -> int:
         """How many samples came after newer ones."""
-        lines = [self._of_topic, self._gyro, *self._of_tf.values()]
-        return sum(line.late for line in lines)
+        return sum(one.late for one in (self._of_topic, self._gyro, *self._of_tf.values()))
 
     def _moving(self, laser: str) -> str | None:
         """The frame that the odometry is of: tf's, where the laser sits on it, else the topic's."""
@@ -148,21 +135,21 @@ class Senses:
         return self._child if self._wanted in ("auto", "topic") else None
 
     def _choose(self, moving: str | None) -> None:
-        """Settle on one odometry; another one later would be a jump."""
+        """Settle on one odometry, as another one later would be a jump, and on the gyro's axis."""
         if self._wanted != "topic" and moving in self._of_tf:
             self.source, self._odometry = "tf", self._of_tf[moving]
         elif self._wanted in ("auto", "topic"):
             self.source, self._odometry = "topic", self._of_topic
-        base = self.frames.base
-        if moving is not None and moving != base:
+        if moving is not None and moving != self.frames.base:
             matrix = self.frames.base_in(moving)
-            self._step = (
-                None if matrix is None else planar(matrix, "the base", self.frames.notes)[0]
-            )
+            notes = self.frames.notes
+            self._to_base = None if matrix is None else planar(matrix, "the base", notes)[0]
+        self._settled = True
+        self._integrate()
 
-    def _turn(self) -> None:
+    def _integrate(self) -> None:
         """Integrate the gyro's readings about the base's upright axis, once the base is known."""
-        del self._early[:-MOST_EARLY]
+        del self._early[:-MAX_EARLY_READINGS]
         if not self._settled:
             return
         for t, frame, rates in self._early:

@@ -1,21 +1,36 @@
-"""The network of ROS 2 without ROS: DDS by the cyclonedds wheel (extra `live`)."""
+"""The network of ROS 2 without ROS: DDS by the cyclonedds wheel (extra `live`), messages in CDR."""
 
 from __future__ import annotations
 
 import os
 import threading
 import time
+from collections.abc import Callable
+from enum import Enum
 from typing import Any
 
-from slams.formats.bag import Record
+from slams.formats.bag import IMU, ODOMETRY, POSE_COV, SCAN, TF, Record
 from slams.live.dds_types import packed, ros_name, sample, topic_name
-from slams.live.wire import Quality, Taker
+
+MAP, STATUS = "nav_msgs/msg/OccupancyGrid", "diagnostic_msgs/msg/DiagnosticArray"
+TYPES = (SCAN, ODOMETRY, IMU, TF, MAP, POSE_COV, STATUS)
+
+Callback = Callable[[Record], None]
+
+
+class Quality(Enum):
+    """How a topic's messages are carried: ROS 2's profiles, as far as they are needed."""
+
+    SENSOR = "best effort"  # a lost message is not sent again: the next one is newer
+    RELIABLE = "reliable"
+    LATCHED = "transient local"  # a late subscriber gets the last message
+
 
 DEPTH = {Quality.SENSOR: 5, Quality.RELIABLE: 100, Quality.LATCHED: 1}  # as ROS's profiles keep
-UNREAD = 200  # messages of a topic that wait to be taken
-WAIT = 0.1  # [s] between looks at whether to end
-BLOCKED = 0.1  # [s] that a writer may wait for slow readers, as in ROS
-MOST_DOMAIN = 232  # beyond, DDS has no ports
+MAX_UNREAD = 200  # messages of a topic that wait to be taken
+END_PERIOD = 0.1  # [s] between looks at whether to end
+MAX_BLOCKING = 0.1  # [s] that a writer may wait for slow readers, as in ROS
+MAX_DOMAIN = 232  # beyond, DDS has no ports
 LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
 <NetworkInterface address="127.0.0.1" multicast="true"/></Interfaces></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32
@@ -25,7 +40,7 @@ LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
 _domains: dict[int, Any] = {}  # kept: a process configures a domain once
 
 
-class DdsWire:
+class Transport:
     """One participant of a DDS domain.
 
     Args:
@@ -38,40 +53,40 @@ class DdsWire:
     """
 
     def __init__(self, domain: int = 0, localhost: bool = False) -> None:
-        if not 0 <= domain <= MOST_DOMAIN:
-            raise ValueError(f"domain: got {domain}, expected 0 to {MOST_DOMAIN}")
+        if not 0 <= domain <= MAX_DOMAIN:
+            raise ValueError(f"domain: got {domain}, expected 0 to {MAX_DOMAIN}")
         self._participant = _participant(domain, localhost)
-        self._readers: dict[str, tuple[Any, str, Taker]] = {}
+        self._readers: dict[str, tuple[Any, str, Callback]] = {}
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._receive, name="dds", daemon=True)
         self._published = _publications(self._participant)
 
-    def subscribe(self, topic: str, msgtype: str, quality: Quality, take: Taker) -> None:
-        """Have `take` called for every message of a topic; before `listen`."""
+    def subscribe(self, topic: str, msgtype: str, quality: Quality, callback: Callback) -> None:
+        """Have a callback called for every message of a topic; before `listen`."""
         from cyclonedds.sub import DataReader
 
-        qos = _qos(quality, UNREAD)  # of all its writers together
+        qos = _qos(quality, MAX_UNREAD)  # of all its writers together
         reader = DataReader(self._participant, self._topic(topic, msgtype), qos)
-        self._readers[topic] = (reader, msgtype, take)
+        self._readers[topic] = (reader, msgtype, callback)
 
-    def advertise(self, topic: str, msgtype: str, quality: Quality) -> DdsOutlet:
+    def advertise(self, topic: str, msgtype: str, quality: Quality) -> Publisher:
         """Begin to publish a topic."""
         from cyclonedds.pub import DataWriter
 
         qos = _qos(quality, DEPTH[quality])
         writer = DataWriter(self._participant, self._topic(topic, msgtype), qos)
-        return DdsOutlet(writer, msgtype)
+        return Publisher(writer, msgtype)
 
     def listen(self) -> None:
         """Begin to receive."""
         self._thread.start()
 
     def topics(self) -> dict[str, str]:
-        """Topics that somebody publishes, with their message types."""
+        """Topics that have a publisher, with their message types."""
         found = (e for e in self._published.read(10_000) if e.topic_name.startswith("rt/"))
         return {e.topic_name.removeprefix("rt"): ros_name(e.type_name) for e in found}
 
-    def writers(self, topic: str) -> int:
+    def publishers(self, topic: str) -> int:
         """How many publish a topic that is subscribed."""
         return len(self._readers[topic][0].get_matched_publications())
 
@@ -102,25 +117,25 @@ class DdsWire:
             mask = ViewState.Any | InstanceState.Any | new
             waiting.attach(ReadCondition(reader, mask))
         while not self._ending.is_set():
-            if waiting.wait(duration(seconds=WAIT)):
+            if waiting.wait(duration(seconds=END_PERIOD)):
                 self._take_all()
 
     def _take_all(self) -> None:
         received = time.time_ns()
-        for topic, (reader, msgtype, take) in self._readers.items():
-            for one in reader.take(UNREAD):
+        for topic, (reader, msgtype, callback) in self._readers.items():
+            for one in reader.take(MAX_UNREAD):
                 if hasattr(one, "cdr"):  # others say that a writer has left
-                    take(Record(topic, msgtype, received, one.cdr))
+                    callback(Record(topic, msgtype, received, one.cdr))
 
 
-class DdsOutlet:
+class Publisher:
     """One topic that is published."""
 
     def __init__(self, writer: Any, msgtype: str) -> None:
         self._writer, self._msgtype = writer, msgtype
 
-    def send(self, data: bytes) -> None:
-        """Publish a message.
+    def publish(self, data: bytes) -> None:
+        """Send a message.
 
         Raises:
             OSError: DDS does not take it.
@@ -133,7 +148,7 @@ class DdsOutlet:
             raise OSError(f"DDS does not take a {self._msgtype}: {error}") from error
 
     @property
-    def readers(self) -> int:
+    def subscribers(self) -> int:
         """How many subscribe to it now."""
         return len(self._writer.get_matched_subscriptions())
 
@@ -167,7 +182,7 @@ def _qos(quality: Quality, depth: int) -> Any:
     from cyclonedds.core import Policy, Qos
     from cyclonedds.util import duration
 
-    reliable = Policy.Reliability.Reliable(duration(seconds=BLOCKED))
+    reliable = Policy.Reliability.Reliable(duration(seconds=MAX_BLOCKING))
     best = Policy.Reliability.BestEffort
     stays, passes = Policy.Durability.TransientLocal, Policy.Durability.Volatile
     return Qos(

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from slams.live import LATE_IN_A_ROW, timelines
-from slams.live.timelines import PoseTimeline, RateTimeline, all_cover
+from slams.live import LATE_IN_A_ROW, series
+from slams.live.series import PoseSeries, RateSeries, all_cover
 from slams.scanlog import Track
 from slams.types import Pose2, wrap_angle
 
@@ -17,7 +17,7 @@ def test_poses_and_headings_are_bit_for_bit_those_of_the_recorded_track():
     turns = wrap_angle(np.cumsum(rng.normal(0.4, 1.0, 300)))  # round and round, both ways
     track = Track(t, np.column_stack([rng.normal(size=(300, 2)), turns]))
     rate = Track(t, rng.normal(size=300))
-    poses, heading = PoseTimeline(), RateTimeline()
+    poses, heading = PoseSeries(), RateSeries()
     for stamp, row, turn in zip(t.tolist(), track.values.tolist(), rate.values, strict=True):
         poses.push(stamp, Pose2(*row))
         heading.push(stamp, float(turn))
@@ -32,15 +32,15 @@ def test_poses_and_headings_are_bit_for_bit_those_of_the_recorded_track():
 
 
 def test_a_long_drive_keeps_only_the_last_samples():
-    line = PoseTimeline()
-    for k in range(3 * timelines.KEPT):
+    line = PoseSeries()
+    for k in range(3 * series.MAX_SAMPLES):
         line.push(0.01 * k, Pose2(0.01 * k, 0.0, 0.0))
-    assert timelines.KEPT <= len(line.t) <= 2 * timelines.KEPT
-    assert line.pose_at(line.t[-1]).x == pytest.approx(0.01 * (3 * timelines.KEPT - 1))
+    assert series.MAX_SAMPLES <= len(line.t) <= 2 * series.MAX_SAMPLES
+    assert line.pose_at(line.t[-1]).x == pytest.approx(0.01 * (3 * series.MAX_SAMPLES - 1))
 
 
 def test_late_samples_are_left_out_until_the_clock_was_set_back():
-    line = RateTimeline()
+    line = RateSeries()
     for t in (10.0, 10.1, 10.05, 10.1, 10.2):
         line.push(t, 1.0)
     assert (line.t, line.late) == ([10.0, 10.1, 10.2], 2)
@@ -52,7 +52,7 @@ def test_late_samples_are_left_out_until_the_clock_was_set_back():
 
 @pytest.mark.parametrize("wrong", [Pose2(math.nan, 0, 0), Pose2(0, 0, math.inf), Pose2(1e9, 0, 0)])
 def test_what_no_robot_has_is_left_out(wrong):
-    line = PoseTimeline()
+    line = PoseSeries()
     line.push(0.0, Pose2(0.0, 0.0, 0.0))
     line.push(1.0, wrong)
     line.push(2.0, Pose2(2.0, 0.0, 0.0))
@@ -61,10 +61,10 @@ def test_what_no_robot_has_is_left_out(wrong):
 
 def test_nobody_waits_for_what_has_fallen_silent(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(timelines.time, "monotonic", lambda: now[0])
-    line, never = RateTimeline(), RateTimeline()
+    monkeypatch.setattr(series.time, "monotonic", lambda: now[0])
+    line, never = RateSeries(), RateSeries()
     line.push(1.0, 0.0)
     assert all_cover([line, never], 1.0)
     assert not all_cover([line, never], 1.5)
-    now[0] += timelines.ALIVE + 0.1
+    now[0] += series.MAX_SILENCE + 0.1
     assert all_cover([line, never], 1.5)

@@ -1,4 +1,4 @@
-"""What is believed of a scan: its laser, its odometry and its heading."""
+"""Laser, odometry and heading of pushed scans, checked."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from slams.types import Laser, Pose2, Scan
 from slams.validation import LONGEST_SWEEP, can_be, check_laser
 
 
-class Intake:
-    """Makes scans of what a robot tells; counts in `lasers` and `bad_odometry` what was odd.
+class ScanChecker:
+    """Counts changes of the laser (`lasers`) and `bad_odometry`.
 
     Args:
         mount: the laser in the robot's base frame.
@@ -23,7 +23,7 @@ class Intake:
         self._laser: Laser | None = None
 
     def laser_of(self, n_beams: int, geometry: tuple[float, ...]) -> Laser:
-        """The laser; one object as long as the geometry stays.
+        """The laser of a scan; one object as long as the geometry stays.
 
         Raises:
             ValueError: there is no such laser.
@@ -38,7 +38,7 @@ class Intake:
         return self._laser
 
     def pose_of(self, odometry: Sequence[float] | None) -> Pose2 | None:
-        """The base by the wheels; None where they tell no numbers.
+        """Odometry as a pose; None where a number is not finite.
 
         Raises:
             ValueError: it is not x, y, theta.
@@ -50,16 +50,12 @@ class Intake:
         pose = Pose2(*map(float, odometry))
         if all(map(math.isfinite, pose)):
             return pose
-        self._counts["bad_odometry"] += 1  # a scan keeps no numbers that are none
+        self._counts["bad_odometry"] += 1
         return None
 
-    def believed(self, scan: Scan) -> Scan:
-        """The scan without odometry or heading that cannot be."""
-        odometry, yaw = scan.odometry, scan.yaw
-        if odometry is not None and not can_be(*odometry):
+    def checked(self, scan: Scan) -> Scan:
+        """The scan without odometry or heading that no robot can have."""
+        if scan.odometry is not None and not can_be(*scan.odometry):
             self._counts["bad_odometry"] += 1
-            odometry = None
-        if yaw is not None and not can_be(yaw):
-            yaw = None
-        same = odometry is scan.odometry and yaw is scan.yaw
-        return scan if same else replace(scan, odometry=odometry, yaw=yaw)
+            scan = replace(scan, odometry=None)
+        return replace(scan, yaw=None) if scan.yaw is not None and not can_be(scan.yaw) else scan

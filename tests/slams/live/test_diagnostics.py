@@ -1,0 +1,104 @@
+"""What goes wrong while driving, reported when it begins and when it ends; the status line."""
+
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from slams.live import diagnostics
+from slams.live.diagnostics import COUNTERS, MAX_SILENCE, PERIOD, Diagnostics, Terminal
+from slams.live.estimate import Estimate
+from slams.live.node import Drive
+from slams.live.scans import ScanQueue
+from slams.types import Pose2
+
+
+class Stand:
+    """Diagnostics on a clock of their own."""
+
+    def __init__(self, monkeypatch):
+        self.now, self.said, self.publishers, self.last = 1000.0, [], 1, None
+        monkeypatch.setattr(diagnostics.time, "monotonic", lambda: self.now)
+        self.diagnostics = Diagnostics("/scan", self.said.append)
+
+    def reported(self, **counts):
+        report = dict.fromkeys(COUNTERS, 0) | counts
+        self.diagnostics.check(report, self.last, self.publishers)
+        said, self.said[:] = list(self.said), []
+        return said
+
+
+@pytest.fixture
+def stand(monkeypatch):
+    return Stand(monkeypatch)
+
+
+def test_a_laser_that_is_unplugged_and_comes_back_is_reported_once_each(stand):
+    assert stand.reported() == []
+    stand.last = stand.now
+    assert stand.reported() == []
+    stand.now += MAX_SILENCE + 0.1
+    assert "no scan on /scan for 2 s" in stand.reported()[0]
+    stand.now += 50.0
+    assert stand.reported() == []
+    stand.last = stand.now
+    assert "back after about 52 s" in stand.reported()[0]
+    assert stand.reported() == []
+
+
+def test_several_publishers_are_reported(stand):
+    stand.publishers = 2
+    assert "2 publishers on /scan" in stand.reported()[0]
+    assert stand.reported() == []
+
+
+@pytest.mark.parametrize("name", COUNTERS)
+def test_what_is_counted_is_reported_again_after_a_while(name, stand):
+    assert stand.reported(**{name: 3}) == [f"3 {COUNTERS[name]}"]
+    assert stand.reported(**{name: 4}) == []
+    stand.now += PERIOD
+    assert stand.reported(**{name: 5}) == [f"5 {COUNTERS[name]}"]
+    stand.now += PERIOD
+    assert stand.reported(**{name: 5}) == []
+
+
+def test_a_clock_that_jumps_is_reported(stand):
+    for k in range(3):
+        stand.diagnostics.check_stamp(10.0 + k)
+        stand.now += 1.0
+    assert stand.said == []
+    stand.diagnostics.check_stamp(100.0)
+    assert "jumped ahead by 87.0 s" in stand.said[0]
+
+
+@pytest.fixture
+def node():
+    estimate = Estimate(1.0, Pose2(1.25, -0.5, np.pi / 2), None, np.eye(3), 0.9, True, False, 0.0)
+    drive, queue = Drive(t=[0.0] * 40, delays=[0.0021], estimate=estimate), ScanQueue(2)
+    for scan in range(5):
+        queue.put(scan)
+    return SimpleNamespace(drive=drive, queue=queue)
+
+
+def test_a_line_a_second_on_a_terminal(node, stand, monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    terminal = Terminal("slams.live", quiet=False)
+    stand.now += 2.0
+    terminal.show_status(node)
+    terminal.say("something")
+    text = capsys.readouterr().err
+    assert "40 scans, 20.0/s, 3 left out, 2 wait; x 1.25 y -0.50 m, 90 deg; matched 0.90" in text
+    assert text.endswith("\x1b[Kslams.live: note: something\n")
+    node.drive.estimate = None
+    terminal.show_status(node)
+    assert capsys.readouterr().err.endswith("waiting for scans")
+
+
+def test_only_notes_elsewhere_and_nothing_when_quiet(node, capsys):
+    for quiet, expected in ((False, "slams.live: note: something\n"), (True, "")):
+        terminal = Terminal("slams.live", quiet)
+        terminal.show_status(node)
+        terminal.say("something")
+        terminal.end()
+        assert capsys.readouterr().err == expected

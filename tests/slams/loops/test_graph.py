@@ -1,0 +1,93 @@
+"""The pose graph against other solvers: its optimum, and its covariances along paths."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from slams.loops.graph import LoopEdge, PoseGraph
+from slams.types import IDENTITY, Pose2, wrap_angle
+
+VARIANCES = np.array((0.02, 0.01, 0.005)) ** 2
+INFORMATION = np.diag((1e3, 1e3, 1e4))
+
+
+def ring(seed, n=40, loops=6):
+    """A graph around a ring whose steps are wrong, and loops between its two laps."""
+    rng = np.random.default_rng(seed)
+    step = Pose2(0.5, 0.0, 4.0 * math.pi / n)
+    graph, true = PoseGraph(), [IDENTITY]
+    graph.append(IDENTITY, VARIANCES)
+    for _ in range(n - 1):
+        wrong = Pose2(*(rng.normal(size=3) * np.sqrt(VARIANCES)))
+        graph.append(step @ wrong, VARIANCES)
+        true.append(true[-1] @ step)
+    for earlier in rng.choice(n // 2, loops, replace=False):
+        later = int(earlier) + n // 2
+        noise = Pose2(*(rng.normal(size=3) * (0.03, 0.03, 0.01)))
+        pose = true[earlier].between(true[later]) @ noise
+        graph.loops.append(LoopEdge(int(earlier), later, pose, INFORMATION))
+    return graph, true
+
+
+def residuals(flat, steps, loops):
+    """Of all edges, whitened: what `PoseGraph` minimizes, written down once more."""
+    poses = [IDENTITY, *(Pose2(*row) for row in flat.reshape(-1, 3))]
+    out = []
+    for i, j, pose, root in [(k, k + 1, s, 1.0 / np.sqrt(VARIANCES)) for k, s in steps] + [
+        (e.earlier, e.later, e.pose, np.sqrt(np.diag(e.information))) for e in loops
+    ]:
+        found = poses[i].between(poses[j])
+        off = np.array(found) - np.array(pose)
+        off[2] = wrap_angle(float(off[2]))
+        out.append(root * off)
+    return np.concatenate(out)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_optimum_is_that_of_another_solver(seed):
+    graph, _ = ring(seed)
+    steps = [(k, graph.step(k, k + 1)) for k in range(graph.n - 1)]
+    start = graph.poses[1:].copy().ravel()
+    graph.optimize()
+    other = least_squares(
+        residuals, start, args=(steps, graph.loops), method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
+    )
+    found, expected = graph.poses[1:], other.x.reshape(-1, 3)
+    assert np.abs(found[:, :2] - expected[:, :2]).max() < 1e-6
+    assert np.abs(wrap_angle(found[:, 2] - expected[:, 2])).max() < 1e-6
+
+
+def test_loops_make_the_poses_better_and_the_first_stays():
+    graph, true = ring(4, n=80, loops=10)
+    before = np.abs(graph.poses[:, :2] - np.array(true)[:, :2]).mean()
+    graph.optimize()
+    assert graph.pose(0) == pytest.approx(IDENTITY, abs=1e-9)
+    assert np.abs(graph.poses[:, :2] - np.array(true)[:, :2]).mean() < 0.5 * before
+
+
+def test_the_covariance_along_a_chain_is_that_of_drawn_chains():
+    steps = [Pose2(1.0, 0.0, 0.3)] * 8
+    graph = PoseGraph()
+    graph.append(IDENTITY, VARIANCES)
+    for step in steps:
+        graph.append(step, VARIANCES)
+    rng, ends = np.random.default_rng(5), []
+    for _ in range(4000):
+        pose = IDENTITY
+        for step in steps:
+            pose = pose @ (step @ Pose2(*(rng.normal(size=3) * 0.3 * np.sqrt(VARIANCES))))
+        ends.append(pose)
+    drawn = np.cov(np.array(ends).T) / 0.3**2
+    assert graph.uncertainty(0)[8] == pytest.approx(drawn, rel=0.15, abs=1e-4)
+
+
+def test_a_loop_makes_what_lies_behind_it_certain():
+    graph, _ = ring(6, loops=1)
+    edge = graph.loops[0]
+    with_loop = np.trace(graph.uncertainty(edge.later)[edge.earlier][:2, :2])
+    graph.loops.clear()
+    alone = np.trace(graph.uncertainty(edge.later)[edge.earlier][:2, :2])
+    assert with_loop == pytest.approx(2e-3, rel=1e-6)
+    assert alone > 5.0 * with_loop

@@ -1,0 +1,63 @@
+"""Matching with local maps: bounds hold, poses are found, walls are not seen through."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slams.loops import matching_kernels as kernels
+from slams.loops.matching import LocalMap, Window, keyframe, observed, read
+from slams.test_world import drive, laser, scan_at
+from slams.types import IDENTITY, Pose2
+
+LIDAR = laser(n_beams=361)
+
+
+def local_map():
+    poses = [Pose2(0.3 * k, 0.1 * k, 0.1 * k) for k in range(4)]
+    return LocalMap([keyframe(scan_at(p, LIDAR), IDENTITY) for p in poses], poses)
+
+
+@pytest.mark.parametrize("block", [4, 8])
+def test_a_coarse_cell_bounds_all_shifts_within_it(block):
+    rng = np.random.default_rng(block)
+    fine = np.zeros((64, 80), np.float32)
+    points = rng.uniform(1.0, 5.0, (2, 200))
+    kernels.paint(points, 0.0, 0.0, 0.1, fine)
+    coarse = np.zeros((64 // block + 1, 80 // block + 1), np.float32)
+    kernels.pool(fine, block, coarse)
+    for iy in range(64 - 2 * block):
+        for ix in range(80 - 2 * block):
+            v, u = iy // block, ix // block
+            assert coarse[v, u] >= fine[iy : iy + block, ix : ix + block].max()
+
+
+@pytest.mark.parametrize(("half", "rotation"), [(1.0, 0.3), (3.5, 3.0)])
+def test_a_scan_is_found_in_a_wide_window(half, rotation):
+    true = Pose2(0.9, -0.3, 0.4)
+    scan = scan_at(true, LIDAR)
+    key, place = keyframe(scan, IDENTITY), local_map()
+    found = place.search(key.ends, Window(Pose2(0.4, 0.2, 0.2), half, rotation), 0.5)
+    assert math.hypot(found.pose.x - true.x, found.pose.y - true.y) < 0.15
+    points, middle = read(scan, IDENTITY)
+    pose = place.fit(points, found.pose @ middle)
+    assert pose == pytest.approx(true, abs=0.02)
+    assert place.agreement(key.ends, pose) > 0.9
+
+
+def test_what_is_seen_through_is_charged():
+    place, true = local_map(), Pose2(0.6, 0.2, 0.0)
+    ends = keyframe(scan_at(true, LIDAR), IDENTITY).ends
+    right = place.agreement(ends, true)
+    assert right > 0.9
+    assert place.agreement(0.6 * ends, true) < 0.0  # walls in front of walls
+    assert place.agreement(1.5 * ends, true) < 0.3  # hidden behind walls: neither for nor against
+
+
+def test_a_corridor_is_observed_across_only():
+    log = drive(n=1)
+    points, _ = read(next(iter(log)), IDENTITY)
+    spread = np.array(((0.25, 0.0), (0.0, 0.001)))
+    across = observed(points, 0.0, spread)
+    assert across @ np.array((1.0, 0.0)) == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert across @ np.array((0.0, 1.0)) == pytest.approx([0.0, 1.0], abs=1e-9)
