@@ -65,7 +65,7 @@ def seen(view):
     """Counts of what beams came by and ended at, from 0."""
     renderer = Renderer(0.05, 0.25)
     for _ in range(2):
-        renderer.draw(Ends(view.ends, view.mount).ray, np.zeros(3))
+        renderer.draw(Ends(view.ends, view.mount), np.zeros(3))
     return renderer.counts
 
 
