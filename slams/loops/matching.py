@@ -1,7 +1,6 @@
 """Matching a keyframe with the local map of some others, from a pose known to meters only.
 
-[Olson09] E. Olson: Real-Time Correlative Scan Matching. ICRA 2009. [Olson15] E. Olson: M3RSM:
-Many-to-Many Multi-Resolution Scan Matching. ICRA 2015.
+[Olson15] E. Olson: M3RSM: Many-to-Many Multi-Resolution Scan Matching. ICRA 2015.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ LINE_CELL = 0.1  # m, of the cells with lines
 FAR = 15.0  # m: farther end points are too sparse to draw a map of
 BEAMS = 60  # of a scan that are searched with
 ROTATION_STEP = 0.015  # rad to each cell of a block: moves a wall 7 m away by as much
-REFINED = 80  # coarse poses that are searched finely
+REFINED = 40  # coarse poses that are searched finely
 TOLERANCE = 0.15  # m, between the ranges of two keyframes that see one wall
 SCANS = RefineParams()  # how scans are read and lines drawn, whatever the algorithm does
 AMBIGUOUS = 0.3  # m, deviation of poses that match as well, along a corridor
@@ -108,8 +107,10 @@ class LocalMap:
         some = np.ascontiguousarray(ends[:, :: max(1, ends.shape[1] // BEAMS)])
         cells = BLOCKS[window.half > WIDE]
         poses, count = self._coarse_poses(some, window, cells, enough)
-        kernels.finest(self._fine, some, np.array((*self._first, CELL)), cells, poses)
-        lookups = (count + len(poses) * cells * cells) * some.shape[1]
+        frame = np.array((*self._first, CELL))
+        kernels.finest(self._fine, some, frame, cells, ALIKE, poses)
+        tried = int((poses[:, 3] > 0.0).sum())
+        lookups = (count + tried * cells * cells) * some.shape[1]
         if len(poses) == 0:
             return Found(window.middle, 0.0, np.zeros((2, 2)), lookups)
         top = poses[int(np.argmax(poses[:, 3]))]
@@ -139,7 +140,8 @@ class LocalMap:
         turns = np.arange(-(cells // 4), cells // 4 + 1) / (cells // 2 + 1)
         thetas = (first + (k[:, None] + turns) * step).ravel()
         xs, ys = (np.repeat(v, len(turns)) for v in (x + i * block, y + j * block))
-        poses = np.ascontiguousarray(np.stack([xs, ys, thetas, 0.0 * thetas], axis=1))
+        bound = np.repeat(bounds.flat[good], len(turns))
+        poses = np.ascontiguousarray(np.stack([xs, ys, thetas, bound], axis=1), np.float64)
         return poses, bounds.size
 
     def fit(self, points: EndPoints, start: Pose2) -> Pose2:

@@ -61,7 +61,7 @@ def bounds(coarse: Grid, points: Floats, window: Floats, frame: Floats, out: Gri
     [rad], block [m], and the score below which a pose is given up; frame (2,): corner of the coarse
     cell [0, 0] [m]. out (rotations, ny, nx).
     """
-    height, width = coarse.shape
+    height, width = np.uint64(coarse.shape[0]), np.uint64(coarse.shape[1])
     n, block = points.shape[1], window[4]
     missing = (1.0 - window[5]) * n
     ix, iy = np.empty(n, np.int64), np.empty(n, np.int64)
@@ -75,8 +75,8 @@ def bounds(coarse: Grid, points: Floats, window: Floats, frame: Floats, out: Gri
             for jx in range(out.shape[2]):
                 total = 0.0
                 for i in range(n):
-                    u, v = ix[i] + jx, iy[i] + jy
-                    if 0 <= u < width and 0 <= v < height:
+                    u, v = np.uint64(ix[i] + jx), np.uint64(iy[i] + jy)  # below 0: huge
+                    if u < width and v < height:
                         total += coarse[v, u]
                     if i - total > missing:
                         break
@@ -84,32 +84,43 @@ def bounds(coarse: Grid, points: Floats, window: Floats, frame: Floats, out: Gri
 
 
 @njit
-def finest(fine: Grid, points: Floats, frame: Floats, block: int, poses: Floats) -> None:
-    """Best shift within a block for each of several poses, by the mean likelihood [Olson09].
+def finest(
+    fine: Grid, points: Floats, frame: Floats, block: int, alike: float, poses: Floats
+) -> None:
+    """Best shift within a block for each of several poses, by the mean likelihood [Olson15].
 
-    fine (ny, nx); points (2, n) [m]; frame (3,): center of cell [0, 0], cell [m]; poses (k, 4):
-    x, y, theta of the least shift; the best one and its score are written there.
+    What is more than `alike` below the best score so far, by bound or sum, is given up. fine
+    (ny, nx); points (2, n) [m]; frame (3,): center of cell [0, 0], cell [m]; poses (k, 4): x, y,
+    theta of the least shift and the bound, the greatest first; the best shift and its score, too
+    low where it was given up, are written there.
     """
-    height, width = fine.shape
+    height, width = np.uint64(fine.shape[0]), np.uint64(fine.shape[1])
     n, cell = points.shape[1], frame[2]
     ix, iy = np.empty(n, np.int64), np.empty(n, np.int64)
+    top = 0.0
     for k in range(poses.shape[0]):
+        if poses[k, 3] < top - alike:
+            poses[k, 3] = 0.0
+            continue
         x, y, c, s = poses[k, 0], poses[k, 1], math.cos(poses[k, 2]), math.sin(poses[k, 2])
         for i in range(n):
             ix[i] = math.floor((x + c * points[0, i] - s * points[1, i] - frame[0]) / cell + 0.5)
             iy[i] = math.floor((y + s * points[0, i] + c * points[1, i] - frame[1]) / cell + 0.5)
-        best = -1.0
+        best, missing = 0.0, (1.0 - top + alike) * n
         for jy in range(block):
             for jx in range(block):
                 total = 0.0
                 for i in range(n):
-                    u, v = ix[i] + jx, iy[i] + jy
-                    if 0 <= u < width and 0 <= v < height:
+                    u, v = np.uint64(ix[i] + jx), np.uint64(iy[i] + jy)  # below 0: huge
+                    if u < width and v < height:
                         total += fine[v, u]
+                    if i - total > missing:
+                        break
                 if total > best:
                     best = total
                     poses[k, 0], poses[k, 1] = x + jx * cell, y + jy * cell
         poses[k, 3] = best / n
+        top = max(top, poses[k, 3])
 
 
 @njit
