@@ -11,10 +11,16 @@ import slams
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from slams import metrics
+from slams.check import CHECKS, broken
+from slams.loops import LoopEdge, PoseGraph
+from slams.loops.detector import REFUTED, LoopDetector, Verified
+from slams.loops.matching import Found, keyframe
+from slams.loops.redraw import Redraw
 from slams.loops.slam import MOVED, looped
 from slams.player import replay
 from slams.registry import find, label_of
 from slams.scanlog import Track
+from slams.test_world import laser, scan_at
 from slams.types import IDENTITY, Corrected, Pose2
 
 
@@ -56,6 +62,16 @@ def around():
         pose = pose @ Pose2(1.01 * step.x, step.y, 1.01 * step.theta + 0.002 * abs(step.x))
         bent.append(pose)
     return replace(log, odom=Track(log.t, np.array(bent)), yaw_rate=None)
+
+
+class Nowhere:
+    """A local map in which nothing is found."""
+
+    def search(self, ends, window, enough):
+        return Found(window.middle, 0.0, np.zeros((2, 2)), 1000)
+
+
+NOWHERE = Nowhere()
 
 
 def ate(poses, log):
@@ -137,3 +153,66 @@ def test_a_state_goes_on_bit_for_bit(tmp_path):
 def test_an_algorithm_without_the_hooks_is_refused():
     with pytest.raises(TypeError, match=r"odometry cannot close loops: it has no insert_at"):
         find("odometry+loops")
+
+
+@pytest.mark.parametrize("name", ["hector+loops", "tsd+loops", "crsm@paper+loops"])
+def test_the_contract_holds_with_loops(name):
+    entry = find(name)
+    assert [broken(entry, check) for check in CHECKS] == [None] * len(CHECKS)
+
+
+def still(t, odometry):
+    return scan_at(IDENTITY, laser(n_beams=181), t=t, odometry=odometry)
+
+
+def test_a_jump_of_the_algorithm_makes_its_step_uncertain():
+    """The pose jumps by a meter where the wheels count a decimeter: a loop closed by itself."""
+    slam = looped(Drifting)(looped(Drifting).Params())
+    places = [Pose2(0.1 * k, 0.0, 0.0) for k in range(12)]
+    for k, place in enumerate(places):
+        if k == 8:
+            slam.slam._origin = Pose2(0.0, 1.0, 0.0)
+        slam.update(still(0.1 * k, place))
+    spread = np.sqrt(slam.graph.uncertainty(0)[:, 1, 1])
+    assert spread[1] < 0.05
+    assert spread[-1] > 1.0
+
+
+def test_after_an_exchange_keyframes_follow_in_the_new_map():
+    log = around()
+    slam = looped(Drifting)(looped(Drifting).Params())
+    redrawn = 0
+    for scan in log:
+        pose = slam.update(scan)
+        if slam.report()["redrawn"] > redrawn:
+            redrawn = slam.report()["redrawn"]
+            assert slam.corrected()[-1] == pytest.approx(pose, abs=1e-9)
+    assert redrawn > 0
+
+
+def test_a_redraw_whose_keyframes_have_moved_is_outdated():
+    graph, made = PoseGraph(), Drifting(None)
+    graph.append(IDENTITY, np.full(3, 1e-4))
+    graph.append(Pose2(1.0, 0.0, 0.0), np.full(3, 1e-4))
+    keys = [keyframe(still(float(k), IDENTITY), IDENTITY) for k in range(2)]
+    redraw = Redraw(made, keys)
+    assert not redraw.is_outdated(graph)
+    redraw.insert(4, graph)
+    assert redraw.done and not redraw.is_outdated(graph)
+    graph.poses[1, 1] += 2.0 * MOVED
+    assert redraw.is_outdated(graph)
+
+
+def test_a_hypothesis_that_nothing_confirms_is_dropped():
+    """A place that looks alike once is not believed, and the search goes on afterwards."""
+    graph = PoseGraph()
+    for k in range(60):
+        graph.append(Pose2(0.5, 0.0, 0.0) if k else IDENTITY, np.full(3, 1e-3))
+    keys = [keyframe(still(float(k), IDENTITY), IDENTITY) for k in range(60)]
+    detector = LoopDetector(graph, keys, loop_path=10.0)
+    edge = LoopEdge(0, 40, Pose2(0.0, 0.0, 0.0), np.diag((1e3, 1e3, 1e4)))
+    detector._hypothesis, detector._checked = [Verified(edge, 0.8, True)], [40]
+    detector._local_map = lambda middle: NOWHERE
+    for _ in range(2 * REFUTED):
+        assert detector.work() == []
+    assert not detector._hypothesis
