@@ -68,7 +68,7 @@ class GMapping:
         self._renderer = Renderer(p.resolution, p.occupied, p.max_cells)
         self._map = ReportedMap(self._matcher, self.particles, self._renderer)
         self._view = View(p)
-        self._estimator = estimator_for(p)
+        self._estimator = estimator_for(p, motion_model=True)  # [Grisetti07] eq. 9
         self._keyframes = Keyframes(p.linear_update, p.angular_update, p.settle)
         self._key, self._way = IDENTITY, 1.0  # pose at the last keyframe, [m] driven until then
         self._known = self._estimator.covariance  # of the pose there

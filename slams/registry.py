@@ -73,7 +73,7 @@ def find(label: str) -> Entry:
     if LOOPS in label:
         entry = find(label.replace(LOOPS, "", 1))
         looped = importlib.import_module("slams.loops").looped
-        return Entry(label, looped(entry.cls, entry.label), entry.preset)
+        return Entry(label, looped(entry.cls), entry.preset)
     name, _, preset = label.partition("@")
     cls, preset = _slam_class(name, _target(name)), preset or "default"
     known = cls.Params.presets()

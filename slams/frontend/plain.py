@@ -20,10 +20,11 @@ NOTHING = np.zeros((3, 3))
 class PlainEstimator:
     """Prediction by wheels, gyro or the last step, and the last match: a paper's mechanism alone.
 
-    The same interface as `PoseEstimator`; nothing is weighed, refused or searched.
+    The same interface as `PoseEstimator`; nothing is weighed, refused or searched. A paper whose
+    match has a `motion_model` of the wheels as its prior gets their information.
     """
 
-    def __init__(self, params: FrontendParams) -> None:
+    def __init__(self, params: FrontendParams, motion_model: bool = False) -> None:
         self.state: State = "matched"
         self.quality, self.maps = 1.0, False
         self.match: Match | None = None
@@ -37,21 +38,19 @@ class PlainEstimator:
             "odometry": 0,
             "gyro": 0,
         }
-        self._p = params
+        self._p, self._motion_model = params, motion_model
         self._last: Scan | None = None
         self._twist, self._step, self._dt = IDENTITY, IDENTITY, 0.0
 
     def predict(self, scan: Scan) -> Prediction:
-        """The pose by wheels, with their noise, or by the last step once more; no information."""
+        """The pose by wheels, or by the last step once more."""
         last, self._last = self._last, scan
         self._dt = 0.0 if last is None else max(scan.t - last.t, 0.0)
-        step, information = (
-            self._step,
-            NOTHING,
-        )  # not twist times interval: stamps jitter, steps hardly do
+        step = self._step  # not twist times interval: stamps jitter, steps hardly do
+        information = NOTHING
         if last is not None and last.odometry and scan.odometry and self._p.wheels:
             step = last.odometry.between(scan.odometry)
-            information = self._information(step)
+            information = self._information(step) if self._motion_model else NOTHING
             self.counts["odometry"] += 1
         if last is not None and last.yaw is not None and scan.yaw is not None and self._p.gyro:
             step = step._replace(theta=scan.yaw - last.yaw)
@@ -60,10 +59,7 @@ class PlainEstimator:
         return Prediction(self.pose, information, NOTHING, self._twist, self._dt)
 
     def _information(self, step: Pose2) -> Floats:
-        """Of a step (3, 3) that wheels measured: the motion model that papers have as their prior.
-
-        [Thrun05] 5.4, alike in every direction.
-        """
+        """Of a step (3, 3) that wheels measured: [Thrun05] 5.4, alike in every direction."""
         p, way, turn = self._p, math.hypot(step.x, step.y), abs(step.theta)
         place = TICK**2 + p.slip**2 * way + p.slip_sideways**2 * turn
         heading = TICK**2 + p.slip_sideways**2 * way + p.slip_rotation**2 * turn
@@ -96,6 +92,10 @@ class PlainEstimator:
         return self.pose
 
 
-def estimator_for(params: FrontendParams) -> PoseEstimator | PlainEstimator:
-    """The estimator that the parameters name."""
-    return PlainEstimator(params) if params.estimator == "plain" else PoseEstimator(params)
+def estimator_for(
+    params: FrontendParams, motion_model: bool = False
+) -> PoseEstimator | PlainEstimator:
+    """The estimator that the parameters name; `motion_model` as in `PlainEstimator`."""
+    if params.estimator == "plain":
+        return PlainEstimator(params, motion_model)
+    return PoseEstimator(params)

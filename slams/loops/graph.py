@@ -1,8 +1,8 @@
 """PoseGraph: keyframes, the steps between them, loops, and the poses that fit both best.
 
-[LuMilios97] F. Lu, E. Milios: Globally Consistent Range Scan Alignment for Environment Mapping.
-Autonomous Robots 4, 1997. [Grisetti10] G. Grisetti, R. Kuemmerle, C. Stachniss, W. Burgard: A
-Tutorial on Graph-Based SLAM. IEEE ITS Magazine 2(4), 2010.
+[Olson08] E. Olson: Robust and Efficient Robotic Mapping. PhD thesis, MIT 2008. [Grisetti10] G.
+Grisetti, R. Kuemmerle, C. Stachniss, W. Burgard: A Tutorial on Graph-Based SLAM. IEEE ITS Magazine
+2(4), 2010.
 """
 
 from __future__ import annotations
@@ -21,10 +21,8 @@ from slams.loops.graph_kernels import propagate
 from slams.types import Floats, Pose2, wrap_angle
 
 LEVER = 10.0  # m a radian counts for, where the surest path is looked for
-Indices = NDArray[np.int64]
-CONVERGED = 1e-9  # m, rad: no pose moves by more in the last iteration
-MAX_ITERATIONS = 20
 ROOT_INFORMATION = 1e12  # holds the first keyframe where it is
+Indices = NDArray[np.int64]
 
 
 class LoopEdge(NamedTuple):
@@ -148,12 +146,6 @@ class PoseGraph:
         poses += move
         poses[:, 2] = wrap_angle(poses[:, 2])
         return float(np.abs(move).max())
-
-    def optimize(self) -> None:
-        """Iterate until no pose moves any more."""
-        for _ in range(MAX_ITERATIONS):
-            if self.iterate() < CONVERGED:
-                break
 
 
 def _linearized(a: Floats, b: Floats, measured: Floats) -> tuple[Floats, Floats, Floats]:

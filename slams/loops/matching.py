@@ -19,10 +19,9 @@ from slams.refine.params import RefineParams
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Pose2, Scan
 
-CELL = 0.1  # m
+CELL = 0.1  # m, of the likelihood and of the lines
 BLOCKS = 4, 8  # cells along the edge of a coarse one, in a small and in a wide window
 WIDE = 2.0  # m, half of a window that is wide
-LINE_CELL = 0.1  # m, of the cells with lines
 FAR = 15.0  # m: farther end points are too sparse to draw a map of
 BEAMS = 60  # of a scan that are searched with
 ROTATION_STEP = 0.015  # rad to each cell of a block: moves a wall 7 m away by as much
@@ -162,9 +161,8 @@ class LocalMap:
         return float(found.mean()) if found.size else 0.0
 
     def _drawn(self) -> LineMap:
-        ny, nx = (int(size * CELL / LINE_CELL) + 1 for size in self._fine.shape)
-        seen = np.zeros((ny, nx), np.float32)
-        lines = LineMap(SCANS, seen, self._first, LINE_CELL)
+        seen = np.zeros_like(self._fine)  # nothing is known to be free
+        lines = LineMap(SCANS, seen, self._first, CELL)
         for key, pose in zip(self.keyframes, self.poses, strict=True):
             points, middle = read(key.scan, key.twist)
             lines.insert(points, pose @ middle)

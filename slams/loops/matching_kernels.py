@@ -1,6 +1,8 @@
 """Kernels that match a scan with the local map of a few keyframes.
 
-[Olson15] E. Olson: M3RSM: Many-to-Many Multi-Resolution Scan Matching. ICRA 2015.
+[Olson15] E. Olson: M3RSM: Many-to-Many Multi-Resolution Scan Matching. ICRA 2015. [LuMilios97] F.
+Lu, E. Milios: Globally Consistent Range Scan Alignment for Environment Mapping. Autonomous Robots
+4, 1997.
 """
 
 from __future__ import annotations

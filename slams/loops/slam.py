@@ -31,6 +31,7 @@ REDRAWN = 4  # keyframes that enter the new map beside one scan
 PAUSE = 5  # scans to each keyframe of a map that was drawn anew, until the next
 SETTLED = 1e-4  # m, rad: the last iteration moves no pose by more
 UNKNOWN = np.zeros((3, 3))
+PASSED = "state", "quality", "covariance", "pictures", "snapshot"
 
 
 class Looped:
@@ -104,8 +105,8 @@ class Looped:
         return self.slam.report() | counts | self._detector.counts
 
     def __getattr__(self, name: str) -> Any:
-        """`state`, `quality`, `covariance`, `pictures`: the algorithm's, if it has them."""
-        if name in ("state", "quality", "covariance", "pictures"):
+        """The algorithm's, if it has it and it is one of `PASSED`."""
+        if name in PASSED:
             return getattr(self.slam, name)
         raise AttributeError(name)
 
@@ -189,11 +190,15 @@ class Looped:
             self._close(loops)
             return pose
         self._pause -= 1
-        if self._redraw is None and self._pause < 0 and self._is_moved():
+        redraw = self._redraw
+        due = (
+            self._pause < 0 and self._is_moved()
+            if redraw is None
+            else redraw.is_outdated(self.graph)
+        )
+        if due:
             self._redraw = Redraw(self._make(), self.keyframes)
         if self._redraw is not None:
-            if self._redraw.is_outdated(self.graph):
-                self._redraw = Redraw(self._make(), self.keyframes)
             self._redraw.insert(REDRAWN, self.graph)
             if self._redraw.done:
                 return self._change_maps(scan, pose)
@@ -226,16 +231,16 @@ class Looped:
 
 
 @cache
-def looped(algorithm: type[Any], label: str = "") -> type[Looped]:
+def looped(algorithm: type[Any]) -> type[Looped]:
     """The class of an algorithm with loops; its parameters are the algorithm's and `LoopParams`.
 
     Raises:
-        TypeError: the algorithm lacks `insert_at` or `frozen`.
+        TypeError: the algorithm lacks `insert_at`.
     """
     name, own = algorithm.__name__, algorithm.Params
     if not hasattr(algorithm, "insert_at"):
         raise TypeError(
-            f"{label or name} cannot close loops: it has no insert_at and frozen; expected an "
+            f"{name} cannot close loops: it has no insert_at and frozen; expected an "
             "algorithm that is a slams.localize.Localizes"
         )
     presets = {key: value for key, value in own.PRESETS.items() if not isinstance(value, str)}

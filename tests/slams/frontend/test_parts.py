@@ -8,8 +8,11 @@ import pytest
 from slams.frontend.correlative import Lookup, search
 from slams.frontend.degeneracy import ALL, observability
 from slams.frontend.keyframes import Keyframes
+from slams.frontend.params import FrontendParams
+from slams.frontend.plain import estimator_for
 from slams.frontend.timing import ScanTiming
-from slams.types import Pose2
+from slams.test_world import scan_at
+from slams.types import IDENTITY, Pose2
 
 
 def intervals(stamps, **how):
@@ -127,3 +130,13 @@ def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
         estimator.decide(points, [match], Grid(), lambda *_: [])
     assert estimator.state == "predicted"
     assert math.hypot(estimator.pose.x, estimator.pose.y) < 0.01
+
+
+@pytest.mark.parametrize(("motion_model", "informed"), [(False, False), (True, True)])
+def test_a_paper_has_wheels_as_a_prior_only_if_it_has_a_motion_model(motion_model, informed):
+    params = FrontendParams(estimator="plain")
+    estimator = estimator_for(params, motion_model)
+    for k in range(2):
+        prior = estimator.predict(scan_at(IDENTITY, t=0.1 * k, odometry=Pose2(0.1 * k, 0.0, 0.0)))
+    assert prior.pose == pytest.approx(Pose2(0.1, 0.0, 0.0))
+    assert prior.information.any() == informed

@@ -31,6 +31,12 @@ def ring(seed, n=40, loops=6):
     return graph, true
 
 
+def optimize(graph):
+    for _ in range(20):
+        if graph.iterate() < 1e-9:
+            break
+
+
 def residuals(flat, steps, loops):
     """Of all edges, whitened: what `PoseGraph` minimizes, written down once more."""
     poses = [IDENTITY, *(Pose2(*row) for row in flat.reshape(-1, 3))]
@@ -50,7 +56,7 @@ def test_the_optimum_is_that_of_another_solver(seed):
     graph, _ = ring(seed)
     steps = [(k, graph.step(k, k + 1)) for k in range(graph.n - 1)]
     start = graph.poses[1:].copy().ravel()
-    graph.optimize()
+    optimize(graph)
     other = least_squares(
         residuals, start, args=(steps, graph.loops), method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
     )
@@ -62,7 +68,7 @@ def test_the_optimum_is_that_of_another_solver(seed):
 def test_loops_make_the_poses_better_and_the_first_stays():
     graph, true = ring(4, n=80, loops=10)
     before = np.abs(graph.poses[:, :2] - np.array(true)[:, :2]).mean()
-    graph.optimize()
+    optimize(graph)
     assert graph.pose(0) == pytest.approx(IDENTITY, abs=1e-9)
     assert np.abs(graph.poses[:, :2] - np.array(true)[:, :2]).mean() < 0.5 * before
 

@@ -151,7 +151,7 @@ def test_a_state_goes_on_bit_for_bit(tmp_path):
 
 
 def test_an_algorithm_without_the_hooks_is_refused():
-    with pytest.raises(TypeError, match=r"odometry cannot close loops: it has no insert_at"):
+    with pytest.raises(TypeError, match=r"Odometry cannot close loops: it has no insert_at"):
         find("odometry+loops")
 
 
