@@ -15,6 +15,7 @@ import numpy as np
 
 from slams.loops.graph import LoopEdge, PoseGraph
 from slams.loops.matching import Keyframe, LocalMap, Window, observed, read
+from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
 
 SPACING = 1.0  # m between two keyframes that are searched for
@@ -28,8 +29,8 @@ MIN_AGREEMENT = 0.3  # inliers less conflicts, in each direction
 ALONE = 0.7  # the mean of both, of a match that nothing predicted, and of a hypothesis
 MIN_LEAD = 0.1  # of inliers less conflicts, of the best match before the best elsewhere
 AGREE, AGREE_ROTATION = 0.1, 0.02  # m, rad between the matches in both directions
-EDGE, EDGE_ROTATION = 0.03, 0.01  # m, rad: deviations of a verified loop
-OBSERVED = 1.5  # of 2: trace of what is observed of a position, at least half along each direction
+EDGE, EDGE_ROTATION = 0.01, 0.003  # m, rad: deviations of a loop that the scan observes well
+CORRELATED = 9.0  # times the variance of a fit whose beams err independently
 BLIND = 1e-4  # 1/m^2: information along a direction that was not observed
 AMBIGUITY = 1.0  # m, half of a window at least: shows whether a corridor is matched
 CERTAIN = 0.3  # m: a deviation that leaves no other place
@@ -179,24 +180,24 @@ class LoopDetector:
         """The match in both directions, if both agree."""
         key, old = self._keyframes[edge.later], self._keyframes[edge.earlier]
         points, middle = read(key.scan, key.twist)
-        pose = there.fit(points, edge.pose @ middle) @ middle.inverse()
+        match = there.fit(points, edge.pose @ middle)
+        pose = match.pose @ middle.inverse()
         forward = there.agreement(key.ends, pose)
         if forward < MIN_AGREEMENT:
             return None
         seen = observed(points, pose.theta, spread)
         points, middle = read(old.scan, old.twist)
-        back = here.fit(points, pose.inverse() @ middle) @ middle.inverse()
+        back = here.fit(points, pose.inverse() @ middle).pose @ middle.inverse()
         off = pose @ back
         if math.hypot(*(seen @ np.array(off[:2]))) > AGREE or abs(off.theta) > AGREE_ROTATION:
             return None
         backward = here.agreement(old.ends, pose.inverse())
         if backward < MIN_AGREEMENT:
             return None
-        information = np.diag((BLIND, BLIND, EDGE_ROTATION**-2))
-        information[:2, :2] += seen @ seen / EDGE**2
+        information = _information(match, seen)
         edge = edge._replace(pose=pose, information=information)
-        is_observed = bool(np.trace(seen) > OBSERVED)
-        return Verified(edge, 0.5 * (forward + backward), is_observed)
+        least = float(np.linalg.eigvalsh(information[:2, :2])[0])
+        return Verified(edge, 0.5 * (forward + backward), least > AGREE**-2)
 
     def _local_map(self, middle: int) -> LocalMap:
         """Of the keyframes around one, in its frame."""
@@ -250,6 +251,16 @@ class LoopDetector:
 
     def _implied(self, edge: LoopEdge) -> Pose2:
         return self._graph.pose(edge.earlier) @ edge.pose
+
+
+def _information(match: Match, seen: Floats) -> Floats:
+    """Of a loop (3, 3): what the fit says of it, as far as the position is `seen` (2, 2)."""
+    noise = np.diag((EDGE**2, EDGE**2, EDGE_ROTATION**2))
+    scan = match.seen + np.diag((BLIND, BLIND, BLIND))
+    projection = np.eye(3)
+    projection[:2, :2] = seen
+    information = np.linalg.inv(CORRELATED * np.linalg.inv(scan) + noise)
+    return projection @ information @ projection + np.diag((BLIND, BLIND, 0.0))
 
 
 def _window(expected: Pose2, covariance: Floats) -> Window:

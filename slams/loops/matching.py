@@ -14,7 +14,7 @@ import numpy as np
 from slams.frontend.degeneracy import of_scan
 from slams.geometry import Prior
 from slams.loops import matching_kernels as kernels
-from slams.refine.lines import LineMap
+from slams.refine.lines import LineMap, Match
 from slams.refine.params import RefineParams
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Pose2, Scan
@@ -25,6 +25,7 @@ WIDE = 2.0  # m, half of a window that is wide
 FAR = 15.0  # m: farther end points are too sparse to draw a map of
 BEAMS = 60  # of a scan that are searched with
 ROTATION_STEP = 0.015  # rad to each cell of a block: moves a wall 7 m away by as much
+GOLDEN = 0.618034  # ratio that leads each point far from those before
 REFINED = 40  # coarse poses that are searched finely
 TOLERANCE = 0.15  # m, between the ranges of two keyframes that see one wall
 SCANS = RefineParams()  # how scans are read and lines drawn, whatever the algorithm does
@@ -103,11 +104,13 @@ class LocalMap:
 
         Coarse cells bound what their poses can score; the best of them are searched finely.
         """
-        some = np.ascontiguousarray(ends[:, :: max(1, ends.shape[1] // BEAMS)])
+        some = ends[:, :: max(1, ends.shape[1] // BEAMS)]
+        far_apart = np.argsort(np.arange(some.shape[1]) * GOLDEN % 1.0)  # bad poses fail early
+        some = np.ascontiguousarray(some[:, far_apart])
         cells = BLOCKS[window.half > WIDE]
         poses, count = self._coarse_poses(some, window, cells, enough)
         frame = np.array((*self._first, CELL))
-        kernels.finest(self._fine, some, frame, cells, ALIKE, poses)
+        kernels.finest(self._fine, some, frame, cells, np.array((enough, ALIKE)), poses)
         tried = int((poses[:, 3] > 0.0).sum())
         lookups = (count + tried * cells * cells) * some.shape[1]
         if len(poses) == 0:
@@ -143,11 +146,11 @@ class LocalMap:
         poses = np.ascontiguousarray(np.stack([xs, ys, thetas, bound], axis=1), np.float64)
         return poses, bounds.size
 
-    def fit(self, points: EndPoints, start: Pose2) -> Pose2:
+    def fit(self, points: EndPoints, start: Pose2) -> Match:
         """Gauss-Newton on the lines of the local map, from a pose good to a cell."""
         if self._lines is None:
             self._lines = self._drawn()
-        return self._lines.fit(points, start, Prior(start, STARTED)).pose
+        return self._lines.fit(points, start, Prior(start, STARTED))
 
     def agreement(self, ends: Floats, pose: Pose2) -> float:
         """Share of the end points that its keyframes see too, less those that they see through."""

@@ -87,19 +87,20 @@ def bounds(coarse: Grid, points: Floats, window: Floats, frame: Floats, out: Gri
 
 @njit
 def finest(
-    fine: Grid, points: Floats, frame: Floats, block: int, alike: float, poses: Floats
+    fine: Grid, points: Floats, frame: Floats, block: int, enough: Floats, poses: Floats
 ) -> None:
     """Best shift within a block for each of several poses, by the mean likelihood [Olson15].
 
-    What is more than `alike` below the best score so far, by bound or sum, is given up. fine
-    (ny, nx); points (2, n) [m]; frame (3,): center of cell [0, 0], cell [m]; poses (k, 4): x, y,
-    theta of the least shift and the bound, the greatest first; the best shift and its score, too
-    low where it was given up, are written there.
+    What can't come close to the best score so far is given up. fine (ny, nx); points (2, n) [m];
+    frame (3,): center of cell [0, 0], cell [m]; enough (2,): a score that the best must have, and
+    how much below the best a score still counts; poses (k, 4): x, y, theta of the least shift and
+    the bound, the greatest first; the best shift and its score, too low where it was given up, are
+    written there.
     """
     height, width = np.uint64(fine.shape[0]), np.uint64(fine.shape[1])
     n, cell = points.shape[1], frame[2]
     ix, iy = np.empty(n, np.int64), np.empty(n, np.int64)
-    top = 0.0
+    top, alike = enough[0], enough[1]
     for k in range(poses.shape[0]):
         if poses[k, 3] < top - alike:
             poses[k, 3] = 0.0

@@ -40,7 +40,7 @@ def test_a_scan_is_found_in_a_wide_window(half, rotation):
     found = place.search(key.ends, Window(Pose2(0.4, 0.2, 0.2), half, rotation), 0.5)
     assert math.hypot(found.pose.x - true.x, found.pose.y - true.y) < 0.15
     points, middle = read(scan, IDENTITY)
-    pose = place.fit(points, found.pose @ middle)
+    pose = place.fit(points, found.pose @ middle).pose
     assert pose == pytest.approx(true, abs=0.02)
     assert place.agreement(key.ends, pose) > 0.9
 
