@@ -16,7 +16,6 @@ from slams.frontend.degeneracy import ALL, of_scan
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
 from slams.frontend.relocalize import Relocalizer
-from slams.frontend.tentative import TentativeMatch
 from slams.geometry import unlikely
 from slams.grid_bounds import Box
 from slams.refine.lines import Match
@@ -30,6 +29,7 @@ WITHIN_GATE = 0.1, 0.2  # score of a match inside the gate: of all beams, of tho
 USUAL = 0.85  # of the usual score; less is doubtful
 MEMORY = 0.5  # s over which a score is usual
 GATE = 49.0  # squared Mahalanobis distance from the prior that one scan cannot prove
+REFUSED = 1.5  # times the variances after a good match beyond the gate: it may be a blunder of ours
 LATENCY, SPEED, TURN_RATE = 0.5, 2.0, 2.0  # s, m/s, rad/s: of a scan, while a robot moves so fast
 LOST_XY, LOST_HEADING = 0.5, 0.3  # m, rad: deviation of a pose that holds no map together
 CONFIRMED = 3.0  # s after the robot was lost, times agreement over the usual: a match has to stand
@@ -37,6 +37,7 @@ LOST_AFTER = 1.0  # s without a match, after which the whole map is searched
 RELOCALIZED = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
 BEGIN_BEAMS = 10  # end points that a map begins with
 DEAD_RECKONING, FRAGMENT = 1.0, 3.0  # s without a match: scans are mapped by wheels; without
+AGAINST = 2.0  # beams in new ground that one in conflict outweighs
 CONFIRMING = 2.0  # times as long while a place that was found by relocalization is confirmed
 
 Rematch = Callable[[EndPoints, Pose2, Prediction], list[Match]]
@@ -94,7 +95,7 @@ class PoseEstimator:
         self.quality = 1.0
         self.maps = False  # whether the last scan may enter the map
         self.match: Match | None = None  # that the last pose is of
-        named = "empty matched predicted lost searched tentative relocalized odometry gyro"
+        named = "empty matched predicted lost searched relocalized odometry gyro"
         self.counts = dict.fromkeys(named.split(), 0)
         self._p = params
         self._filter = MotionFilter(params)
@@ -102,9 +103,9 @@ class PoseEstimator:
         self._prior = self._filter.prediction()
         self._usual = 0.0  # agreement of the matches so far
         self._unmatched = 0.0  # s since the last match
-        self._by_wheels = True  # all that time
+        self._by_wheels = True  # all that time, and the map does not refute it
+        self._new_ground = 0.0  # s, all that time: share of beams in new ground less in conflict
         self._unconfirmed = 0.0  # s that matches still have to stand
-        self._tentative = TentativeMatch()
         self._lost = False
         self._relocalizer = Relocalizer(params.relocate)
 
@@ -190,9 +191,9 @@ class PoseEstimator:
         if self._unconfirmed > 0.0 and self._is_usual(best):
             return True
         if best.distance > GATE and not self._is_within_latency(best.match.pose):
-            good = best.score >= ACCEPTED
-            return self._p.tentative and good and self._stands(best.match.pose)
-        self._tentative.reset()
+            if best.score >= ACCEPTED:
+                self._filter.widen(REFUSED)
+            return False
         if best.score >= ACCEPTED or self._is_usual(best):
             return True
         everywhere, where_known = WITHIN_GATE
@@ -206,13 +207,6 @@ class PoseEstimator:
         off = math.hypot(pose.x - prior.pose.x, pose.y - prior.pose.y)
         turn = abs(wrap_angle(pose.theta - prior.pose.theta))
         return off <= SPEED * late and turn <= TURN_RATE * late
-
-    def _stands(self, pose: Pose2) -> bool:
-        """Whether matches beyond the gate agree on one place over several scans and some way."""
-        step = self._filter.step
-        stands = self._tentative.stands(pose, step, self._prior.dt, self._by_wheels)
-        self.counts["tentative"] += stands
-        return stands
 
     def _begin(self, points: EndPoints) -> Pose2:
         """The first scan with enough to see begins the map."""
@@ -240,7 +234,7 @@ class PoseEstimator:
         self.maps = self._unconfirmed <= 0.0
         self._call("matched" if self.maps and self._is_sure() else "lost")
         if self.maps:
-            self._unmatched, self._by_wheels = 0.0, True
+            self._unmatched, self._by_wheels, self._new_ground = 0.0, True, 0.0
             self._relocalizer.reset()
         else:  # what explains so little may be another place
             self._unmatched += self._prior.dt
@@ -251,27 +245,32 @@ class PoseEstimator:
         """No match: the pose is the prediction. Mapping goes on where that does no harm."""
         self._unmatched += self._prior.dt
         self._by_wheels &= self._filter.wheels
+        new = self._share_of_new_ground(points, grid)
+        self._new_ground += self._prior.dt * new
+        if self._unmatched > DEAD_RECKONING and self._new_ground < 0.0:
+            self._by_wheels, self._lost = False, True  # a robot that was lifted
         if self._unconfirmed > 0.0:
             self._unconfirmed, self._lost = CONFIRMED, True
         sure = self._is_sure()
         self._lost |= not sure
         self.quality = max(best.agreement, 0.0) if best else 0.0
-        self.maps = points.n > 0 and self._maps_unmatched(points, grid)
+        self.maps = new > 0.0 and self._maps_unmatched()
         self._call("lost" if self._lost or not sure else "predicted")
         if self._lost:
             self._relocalize(grid)
         return self.pose
 
-    def _maps_unmatched(self, points: EndPoints, grid: MatchedMap) -> bool:
-        """Whether an unmatched scan enters the map: else a robot in new ground never matches.
-
-        New ground: more beams end where the map knows nothing than are in conflict with it.
-        """
-        wait = DEAD_RECKONING if self._by_wheels else FRAGMENT
-        if self._unmatched <= (CONFIRMING * wait if self._relocalizer.confirming else wait):
-            return False
+    def _share_of_new_ground(self, points: EndPoints, grid: MatchedMap) -> float:
+        """Share of beams that end where the map knows nothing, less `AGAINST` times those in conflict."""
+        if points.n == 0:
+            return 0.0
         inliers, conflicts = grid.evaluate(points, self.pose)
-        return 1.0 - inliers - conflicts > conflicts
+        return 1.0 - inliers - conflicts - AGAINST * conflicts
+
+    def _maps_unmatched(self) -> bool:
+        """Whether unmatched scans enter the map: else a robot in new ground never matches."""
+        wait = DEAD_RECKONING if self._by_wheels else FRAGMENT
+        return self._unmatched > (CONFIRMING * wait if self._relocalizer.confirming else wait)
 
     def _relocalize(self, grid: MatchedMap) -> None:
         """Global localization in the map; a pose that wheels contradict is none."""

@@ -157,6 +157,11 @@ class MotionFilter:
         update_kernels.update(*arrays, self._learned, self._usual, self._readings)
         return Pose2(*self._match[0].tolist())
 
+    def widen(self, factor: float) -> None:
+        """The pose is less certain than it was taken for: its variances times `factor`."""
+        self._P[:3, :] *= math.sqrt(factor)
+        self._P[:, :3] *= math.sqrt(factor)
+
     def shift(self, pose: Pose2) -> None:
         """Another pose is known for the last scan: the robot is there, moving as before."""
         P = self._P

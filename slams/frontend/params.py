@@ -57,13 +57,6 @@ class FrontendParams(Params):
         source="ours: [Olson09]",
         switch=True,
     )
-    tentative: bool = param(
-        True,
-        "1",
-        "accept a match beyond the prior's gate once it has stood over several scans",
-        source="ours: a robot that was lifted, wheels that jumped",
-        switch=True,
-    )
     relocate: bool = param(
         True, "1", "look for a lost robot in all of its own map", source="ours: user", switch=True
     )

@@ -7,7 +7,7 @@ from crsm import Crsm, CrsmParams
 from gmapping.params import GMappingParams
 from gmapping.slam import GMapping
 from hector import Hector, HectorParams
-from slams.types import Pose2, Scan
+from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import ROOM, laser, scan_at
 from tsd.params import TsdParams
 from tsd.slam import Tsd
@@ -21,8 +21,9 @@ DEFAULTS = [
 ]
 
 
-def stamped(k, pose):
-    return scan_at(pose, LIDAR, ROOM, 0.01, np.random.default_rng(k), t=0.1 * k)
+def stamped(k, pose, wheels=None):
+    noise = np.random.default_rng(k)
+    return scan_at(pose, LIDAR, ROOM, 0.01, noise, t=0.1 * k, odometry=wheels)
 
 
 @pytest.mark.parametrize(("kind", "params"), DEFAULTS)
@@ -42,3 +43,16 @@ def test_an_algorithm_carried_elsewhere_in_its_map_is_found_again(kind, params, 
     if on:
         assert found == pytest.approx(off, abs=0.03)
         assert slam.state == "matched"
+
+
+@pytest.mark.parametrize(("kind", "params"), DEFAULTS)
+def test_wheels_that_the_map_refutes_do_not_hold_a_lifted_robot(kind, params):
+    slam, wheels = kind(params()), IDENTITY
+    first, there, step = Pose2(-3.0, 1.0, 0.0), Pose2(1.5, -2.0, 2.0), Pose2(0.05, 0.0, 0.02)
+    pose = first
+    for k in range(120):
+        slam.update(stamped(k, pose, wheels))
+        wheels = wheels @ step  # does not see that the robot is lifted
+        pose = there if k == 40 else pose @ step
+    assert slam.report()["relocalized"] == 1
+    assert slam.update(stamped(120, pose)) == pytest.approx(first.between(pose), abs=0.05)
