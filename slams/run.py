@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from slams.registry import Entry
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
-    from slams.types import OccupancyGrid, Pose2, Scan, Slam
+    from slams.types import Floats, OccupancyGrid, Pose2, Scan, Slam
     from slams.watch.video import Video
     from slams.watch.view import View
 
@@ -148,7 +148,7 @@ def write_results(
     ros: Taken | None = None,
 ) -> str:
     """Write all files of a run to `folder`, whole or not at all; returns the summary as text."""
-    from slams.formats import files, occupancy, trajectory
+    from slams.formats import files, occupancy
     from slams.summary import as_json, as_text, summarize
     from slams.types import Illustrated
 
@@ -159,13 +159,7 @@ def write_results(
         summary["ros_params"] = ros_params.record(ros)
     grid = slam.map()
     with files.complete_folder(folder, files_of_run(folder)) as partial:
-        trajectory.write_csv(partial / "trajectory.csv", run.t, run.poses)
-        trajectory.write_tum(partial / "trajectory.tum", run.t, run.poses)
-        if run.corrected is not None:
-            trajectory.write_csv(partial / "trajectory_corrected.csv", run.t, run.corrected)
-            trajectory.write_tum(partial / "trajectory_corrected.tum", run.t, run.corrected)
-        occupancy.write_map(partial, grid)
-        occupancy.write_picture(partial / "map.png", grid, run.final)
+        write_drive(partial, grid, run.t, run.poses, run.corrected)
         if isinstance(slam, Illustrated):
             occupancy.write_images(partial, slam.pictures())
         if mcap:
@@ -173,6 +167,23 @@ def write_results(
         summary["files"] = sorted([*(path.name for path in partial.iterdir()), SUMMARY])
         (partial / SUMMARY).write_text(as_json(summary), encoding="utf-8")
     return as_text(summary)
+
+
+def write_drive(
+    folder: Path, grid: OccupancyGrid, t: Floats, poses: Floats, corrected: Floats | None
+) -> None:
+    """Write map and trajectory, the same files for a log and for a robot.
+
+    Stamps (n,) [s], poses (n, 3) as they were known at the time, and as closed loops left them.
+    """
+    from slams.formats import occupancy, trajectory
+
+    for name, rows in (("trajectory", poses), ("trajectory_corrected", corrected)):
+        if rows is not None:
+            trajectory.write_csv(folder / f"{name}.csv", t, rows)
+            trajectory.write_tum(folder / f"{name}.tum", t, rows)
+    occupancy.write_map(folder, grid)
+    occupancy.write_picture(folder / "map.png", grid, poses if corrected is None else corrected)
 
 
 def files_of_run(folder: Path) -> list[str]:

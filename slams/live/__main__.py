@@ -50,6 +50,7 @@ def _add_topics(p: argparse.ArgumentParser) -> None:
         ("--odom", "auto", odometry),
         ("--imu", usual.imu, f"gyro: {usual.imu}; or none"),
         ("--map-topic", usual.map, f"out: {usual.map}"),
+        ("--path-topic", usual.path, f"out, after a closed loop: {usual.path}"),
         ("--pose-topic", usual.pose, f"out: {usual.pose}"),
         ("--state-topic", usual.state, f"out: {usual.state}"),
     ):
@@ -150,6 +151,7 @@ def node_options(arguments: argparse.Namespace) -> NodeOptions:
         odom=_absolute(odom) if named else usual.odom,
         imu=_absolute(arguments.imu) if imu else usual.imu,
         map=_absolute(arguments.map_topic),
+        path=_absolute(arguments.path_topic),
         pose=_absolute(arguments.pose_topic),
         state=_absolute(arguments.state_topic),
     )

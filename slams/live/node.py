@@ -22,7 +22,7 @@ from slams.live.recorder import Recorder
 from slams.live.scans import Message, Received, ScanCleaner, ScanQueue, message_of
 from slams.live.slam import LiveSlam
 from slams.live.transport import TYPES, Callback, Quality, Transport
-from slams.types import IDENTITY, Pose2, Scan
+from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 SETTLING_TIME = 0.5  # [s] after the first scan, in which odometry and tf may begin
 MAX_WAIT_FOR_TF = 2.0  # [s] after the first scan; without any tf the laser is the base then
@@ -73,7 +73,8 @@ class Node:
         self._diagnostics = Diagnostics(options.topics.scan, say)
         self._publisher = NodePublisher(transport, options, self._record)
         every = options.map_every if live.given is None else 0.0
-        self._maps = MapThread(live, self._publisher.publish_map, every)
+        self._maps = MapThread(live, self._publish_map, every)
+        self._redrawn = 0
         self._cleaner: ScanCleaner | None = None
         self._frame, self._without_tf = "", False
         self._checked_at, self._ready_at = -math.inf, math.inf
@@ -168,6 +169,16 @@ class Node:
     def _record(self, topic: str, received: int, data: bytes) -> None:
         if self.recorder is not None:
             self.recorder.put(topic, received, data)
+
+    def _publish_map(self, stamp: int, grid: OccupancyGrid) -> None:
+        """Publish the map, and the path so far when a closed loop has corrected it."""
+        self._publisher.publish_map(stamp, grid)
+        poses, redrawn = self.live.corrected(), self.live.report()["algorithm"].get("redrawn", 0)
+        if poses is None or redrawn == self._redrawn:
+            return
+        self._redrawn = redrawn
+        t = self.drive.t[: len(poses)]  # a push may be under way
+        self._publisher.publish_path([round(1e9 * s) for s in t], poses[: len(t)])
 
     # start
 

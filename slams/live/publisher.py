@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from slams.formats.bag import POSE_COV, TF
+import numpy as np
+
+from slams import metrics
+from slams.formats.bag import PATH, POSE_COV, TF
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.estimate import STATES, Estimate
 from slams.live.options import NodeOptions
 from slams.live.transport import MAP, STATUS, Quality, Transport
-from slams.types import OccupancyGrid, Pose2
+from slams.types import Floats, OccupancyGrid, Pose2
+
+PATH_STEP = 0.2  # [m] between two poses of a path: finer than a line on a screen shows
 
 
 class NodePublisher:
@@ -38,6 +43,7 @@ class NodePublisher:
         self.unsent = 0
         types = {
             topics.map: (MAP, Quality.LATCHED),
+            topics.path: (PATH, Quality.LATCHED),
             topics.tf: (TF, Quality.RELIABLE),
             topics.pose: (POSE_COV, Quality.RELIABLE),
             topics.state: (STATUS, Quality.RELIABLE),
@@ -75,6 +81,12 @@ class NodePublisher:
         """Publish the map."""
         message = self._make.grid(stamp, grid, self._options.map_frame)
         self._send(self._options.topics.map, message)
+
+    def publish_path(self, stamps: Sequence[int], poses: Floats) -> None:
+        """Publish the way so far, stamps (n,) [ns] and poses (n, 3), a pose every `PATH_STEP`."""
+        _, kept = np.unique(np.floor(metrics.driven(poses) / PATH_STEP), return_index=True)
+        named = [stamps[i] for i in kept], poses[kept]
+        self._send(self._options.topics.path, self._make.path(*named, self._options.map_frame))
 
     def _send(self, topic: str, message: Any) -> None:
         data = bytes(store().serialize_cdr(message, self._types[topic]))

@@ -6,7 +6,7 @@ import queue
 import threading
 from pathlib import Path
 
-from slams.formats.bag import IMU, ODOMETRY, POSE_COV, SCAN, TF
+from slams.formats.bag import IMU, ODOMETRY, PATH, POSE_COV, SCAN, TF
 from slams.formats.mcap_file import McapFile
 from slams.live.options import Topics
 from slams.live.transport import MAP, STATUS
@@ -30,10 +30,11 @@ class Recorder:
             topics.tf: TF,
             topics.tf_static: TF,
             topics.map: MAP,
+            topics.path: PATH,
             topics.pose: POSE_COV,
             topics.state: STATUS,
         }
-        self._file = McapFile(path, types, (topics.map, topics.tf_static))
+        self._file = McapFile(path, types, (topics.map, topics.path, topics.tf_static))
         self._waiting: queue.SimpleQueue[tuple[str, int, bytes] | None] = queue.SimpleQueue()
         self._failed: Exception | None = None
         self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from slams.formats import files, occupancy, trajectory
+from slams.formats import files
 from slams.live.node import Drive, Node
 from slams.params import Params
+from slams.run import write_drive
 
 RESULTS = ("map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", "summary.json")
 
@@ -30,10 +31,7 @@ def write_results(folder: Path, label: str, params: Params, node: Node) -> None:
         "node": node.report(),
     }
     with files.complete_folder(folder) as partial:
-        trajectory.write_csv(partial / "trajectory.csv", t, poses)
-        trajectory.write_tum(partial / "trajectory.tum", t, poses)
-        occupancy.write_map(partial, grid)
-        occupancy.write_picture(partial / "map.png", grid, poses)
+        write_drive(partial, grid, t, poses, node.live.corrected())
         text = json.dumps(summary, indent=2, default=str)
         (partial / "summary.json").write_text(text + "\n", encoding="utf-8")
 

@@ -9,11 +9,11 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
-from slams.formats.bag import IMU, ODOMETRY, POSE_COV, SCAN, TF, Record
+from slams.formats.bag import IMU, ODOMETRY, PATH, POSE_COV, SCAN, TF, Record
 from slams.live.dds_types import packed, ros_name, sample, topic_name
 
 MAP, STATUS = "nav_msgs/msg/OccupancyGrid", "diagnostic_msgs/msg/DiagnosticArray"
-TYPES = (SCAN, ODOMETRY, IMU, TF, MAP, POSE_COV, STATUS)
+TYPES = (SCAN, ODOMETRY, IMU, TF, MAP, PATH, POSE_COV, STATUS)
 
 Callback = Callable[[Record], None]
 
