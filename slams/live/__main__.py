@@ -1,4 +1,4 @@
-"""python -m slams.live: an algorithm on a robot, scans in, map and transforms out, by ROS 2."""
+"""slams live: an algorithm on a robot, scans in, map and transforms out, by ROS 2."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from slams.live.slam import LiveSlam
     from slams.live.transport import Transport
 
-PROGRAM = "slams.live"
+PROGRAM = "slams live"
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="One SLAM algorithm on a robot: scans, odometry, gyro and tf come by ROS 2, "
         "map, transform, pose and state go out. No ROS needed. Ctrl-C ends it and writes the map.",
     )

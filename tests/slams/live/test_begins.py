@@ -278,7 +278,7 @@ def test_states_and_maps_over_the_network(folder, started, tmp_path):
         live = started("slams.live", "hector", *there, folder=tmp_path)
         while "ready for scans" not in live.stderr.readline():
             assert live.poll() is None
-        play = ("slams.play", f"{name}.npz", "--rate", 4, "--wait", PATIENCE)
+        play = ("slams.play", f"{name}.npz", "--rate", 4, "--wait-for-subscriber", PATIENCE)
         assert started(*play, folder=tmp_path).wait(2 * PATIENCE) == 0
         live.send_signal(end)
         _, error = live.communicate(timeout=PATIENCE)
