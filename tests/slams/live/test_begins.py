@@ -52,8 +52,7 @@ def driven(stand, moments):
     """What a node makes of messages."""
     for moment in moments:
         moment.send()
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     return np.column_stack([stand.node.drive.t, np.array(stand.node.drive.poses)])
 
 

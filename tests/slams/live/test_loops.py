@@ -23,8 +23,7 @@ def stand():
     with pytest.MonkeyPatch.context() as monkeypatch:
         stand = Stand(monkeypatch, DRIFTING, map_every=3600.0)
         stand.play(around())
-        stand.start()
-        stand.drive()
+        stand.start_and_drive()
         stand.node.close()
     return stand
 
@@ -60,8 +59,7 @@ def test_the_corrected_poses_are_among_the_results(stand, tmp_path):
 def test_without_loops_no_path_is_published(monkeypatch):
     stand = Stand(monkeypatch, "hector", map_every=3600.0)
     stand.play(around().select(30))
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     stand.node.close()
     assert stand.bus.sent("/map")
     assert not stand.bus.sent("/path")
