@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from slams import cli
 from slams.live.options import NodeOptions, Topics, add_network_options, transport_of
-from slams.run import chosen, parameter_table
+from slams.run import chosen, files_of_run, parameter_table
 from slams.setup import add_state_options, given_start
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def _command(arguments: argparse.Namespace) -> int:
         return 0
     from slams.formats.files import check_folder
     from slams.live.diagnostics import Terminal
-    from slams.live.results import RESULTS, delays, write_results
+    from slams.live.results import delays, write_results
     from slams.live.slam import LiveSlam
 
     def begun() -> LiveSlam:
@@ -122,7 +122,7 @@ def _command(arguments: argparse.Namespace) -> int:
         spent = ", ".join(f"{name} {value} ms" for name, value in delays(node.drive).items())
         sys.stdout.write(
             f"{len(node.drive.t)} scans, {node.queue.dropped} left out; "
-            f"from scan to pose: {spent}\n{folder}/: {', '.join(RESULTS)}\n"
+            f"from scan to pose: {spent}\n{folder}/: {', '.join(files_of_run(folder))}\n"
         )
     return 0
 

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from slams import metrics
-from slams.formats.bag import PATH, POSE_COV, TF
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.estimate import STATES, Estimate
 from slams.live.options import NodeOptions
-from slams.live.transport import MAP, STATUS, Quality, Transport
+from slams.live.transport import KINDS, Transport
 from slams.types import Floats, OccupancyGrid, Pose2
 
+PUBLISHED = ("map", "path", "tf", "pose", "state")
 PATH_STEP = 0.2  # [m] between two poses of a path: finer than a line on a screen shows
 
 
@@ -41,16 +41,10 @@ class NodePublisher:
         topics = options.topics
         self._options, self._record, self._make = options, record, Maker()
         self.unsent = 0
-        types = {
-            topics.map: (MAP, Quality.LATCHED),
-            topics.path: (PATH, Quality.LATCHED),
-            topics.tf: (TF, Quality.RELIABLE),
-            topics.pose: (POSE_COV, Quality.RELIABLE),
-            topics.state: (STATUS, Quality.RELIABLE),
-        }
-        self._types = {topic: msgtype for topic, (msgtype, _) in types.items()}
+        kinds = {getattr(topics, name): KINDS[name] for name in PUBLISHED}
+        self._types = {topic: msgtype for topic, (msgtype, _) in kinds.items()}
         self._publishers = {
-            topic: transport.advertise(topic, *kind) for topic, kind in types.items()
+            topic: transport.advertise(topic, *kind) for topic, kind in kinds.items()
         }
 
     def publish_pose(self, stamp: int, estimate: Estimate, edge: tuple[str, Pose2] | None) -> None:
