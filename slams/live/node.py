@@ -277,7 +277,6 @@ class Node:
             self.drive.t.append(t)
             self.drive.poses.append(estimate.pose)
             self._maps.add(message.stamp)
-            self._diagnostics.check_stamp(t)
         else:
             self.drive.counts["sought"] += 1
         counts = {"scans": len(self.drive.t), "dropped": self.queue.dropped}

@@ -197,44 +197,6 @@ def test_reset_starts_a_new_map(log):
     assert [push(live, scan).pose for scan in log.select(5)] == first
 
 
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        ({"ranges": []}, r"ranges: got shape \(0,\)"),
-        ({"ranges": [[1.0]]}, r"ranges: got shape \(1, 1\)"),
-        ({"range_max": 0.0}, r"range_min, range_max: got \(0.1, 0.0\)"),
-        ({"angle_min": math.nan}, "the laser's geometry: got .*nan.*, expected finite numbers"),
-        (
-            {"ranges": [1.0, 2.0], "angle_increment": 0.0},
-            "angle_increment: got 0.0, expected a step between",
-        ),
-        ({"range_max": math.inf}, "the laser's geometry: got .*inf.*, expected finite numbers"),
-        ({"odometry": (1.0, 2.0)}, "odometry: got 2 numbers, expected x, y, theta"),
-        ({"stamp": math.inf}, "stamps that are not finite"),
-    ],
-)
-def test_what_is_no_scan_is_refused_in_one_sentence(change, sentence):
-    live = LiveSlam(ODOMETRY, warm_up=False)
-    scan = {"stamp": 0.0, "ranges": [1.0], "angle_min": 0.0, "angle_increment": 0.1}
-    with pytest.raises(ValueError, match=sentence):
-        live.push(**{**scan, "range_min": 0.1, "range_max": 9.0, **change})
-    assert live.report()["scans"] == 0
-
-
-def test_bad_odometry_is_none():
-    live = LiveSlam(ODOMETRY, warm_up=False)
-    scan = scan_at((0.0, 0.0, 0.0))
-    for t, odometry in (
-        (0.0, (0.0, 0.0, 0.0)),
-        (1.0, (math.nan, 0.0, 0.0)),
-        (2.0, [1.0, 0.0, 0.0]),
-    ):
-        estimate = live.push(t, scan.ranges, *fan(scan.laser), odometry=odometry)
-        assert (estimate.map_to_odom is None) == (t == 1.0)
-    assert estimate.pose == Pose2(1.0, 0.0, 0.0)
-    assert live.report()["bad_odometry"] == 1
-
-
 def test_the_attitude_reaches_the_algorithm():
     live, seen = watched(lambda scan: scan.attitude)
     scan = scan_at((0.0, 0.0, 0.0))
