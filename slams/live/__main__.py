@@ -142,9 +142,11 @@ def node_options(arguments: argparse.Namespace) -> NodeOptions:
     """The options of topics, frames and times.
 
     Raises:
-        ValueError: a number is out of its bounds.
+        ValueError: a number is out of its bounds, or means nothing.
     """
     usual, odom = Topics(), arguments.odom
+    if arguments.localize and arguments.map_every != NodeOptions.map_every:
+        raise ValueError("--map-every: got --localize, too, whose map is published once")
     named, imu = odom not in ("auto", "tf", "none"), arguments.imu != "none"
     topics = Topics(
         scan=_absolute(arguments.scan_topic),
