@@ -153,19 +153,6 @@ def test_the_gyro_is_integrated_however_often_it_comes():
         assert seen[5] is None
 
 
-def test_a_late_reading_of_the_gyro_is_not_counted_again():
-    live, seen = watched(lambda scan: scan.yaw)
-    scan = scan_at((0.0, 0.0, 0.0))
-    for t in (0.0, 0.1, 0.2, 0.1, 0.05, math.nan, 0.3):
-        live.push_yaw_rate(t, 1.0)
-    live.push(0.3, scan.ranges, *fan(scan.laser))
-    live.push_yaw_rate(-50.0, 1.0)  # the clock was set back
-    live.push_yaw_rate(-49.9, 1.0)
-    for k in range(LATE_IN_A_ROW + 1):
-        live.push(-49.9 + 0.001 * k, scan.ranges, *fan(scan.laser))
-    assert seen == pytest.approx([0.3, 0.4 + 0.001 * LATE_IN_A_ROW])
-
-
 @pytest.mark.parametrize("wrong", [-1e-5, math.nan, math.inf])
 def test_a_time_between_beams_that_cannot_be_is_none(wrong):
     live, seen = watched(lambda scan: scan.laser)
