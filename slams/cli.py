@@ -188,17 +188,11 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
 
 
 def log_options(arguments: argparse.Namespace) -> SourceOptions:
-    """What the options of `add_log_options` say, for `slams.load`.
-
-    Raises:
-        ValueError: they say which odometry, and that there is to be none.
-    """
+    """What the options of `add_log_options` say, for `slams.load`."""
     from dataclasses import fields
 
     from slams.formats.options import SourceOptions
 
-    if getattr(arguments, "no_odometry", False) and (arguments.odom or arguments.imu):
-        raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
     return SourceOptions(**{f.name: getattr(arguments, f.name) for f in fields(SourceOptions)})
 
 

@@ -88,6 +88,8 @@ def _check_options(arguments: argparse.Namespace, program: str) -> None:
             raise ValueError(f"--{name.replace('_', '-')}: got {value}, expected 1 or more")
     if arguments.video_every and not arguments.video:
         raise ValueError("--video-every: got no film; expected --video FILE, too")
+    if arguments.no_odometry and (arguments.odom or arguments.imu):
+        raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
 
 
 def _folder(label: str, arguments: argparse.Namespace) -> Path:

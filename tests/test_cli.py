@@ -135,9 +135,6 @@ def bad_files(log_file, tmp_path, monkeypatch):
         ("hector", ["LOG", "--ros-params", "none.yaml"], "none.yaml: no such file or directory"),
         ("kiss", ["LOG", "--ros-params", "text.yaml"], "Kiss has no original in ROS"),
         ("tsd", ["LOG", "--ros-params", "text.yaml"], "text.yaml: no parameter of"),
-        ("hector", ["LOG", "--video-every", "2"], "--video-every: got no film"),
-        ("hector", ["LOG", "--no-odometry", "--odom", "none"], "got --odom or --imu, too"),
-        ("hector", ["LOG", "--lim", "3"], "unrecognized arguments: --lim"),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_2(

@@ -118,6 +118,19 @@ def test_no_file_is_overwritten_unless_asked(words, log, tmp_path, capsys):
     assert (tmp_path / target).read_bytes() != b"mine"
 
 
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--video-every", "2"], "--video-every: got no film"),
+        (["--no-odometry", "--odom", "none"], "--no-odometry: got --odom or --imu, too"),
+        (["--lim", "3"], "unrecognized arguments: --lim"),
+    ],
+)
+def test_no_option_is_ignored_or_guessed(words, sentence, log, capsys):
+    assert run.main(["odometry", log, *words]) == 2
+    assert sentence in capsys.readouterr().err
+
+
 def test_a_state_may_grow_under_its_name(log, tmp_path):
     first = ["hector", log, "-q", "--limit", "3", "--out", "one", "--save-state", "x.state"]
     assert run.main(first) == 0
