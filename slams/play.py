@@ -74,15 +74,15 @@ def _command(arguments: argparse.Namespace) -> int:
 def _log(arguments: argparse.Namespace) -> ScanLog:
     from slams.formats.source import load
 
-    if not 0.0 < arguments.rate < math.inf:
-        raise ValueError(f"--rate: got {arguments.rate:g}, expected a number greater than 0")
-    if arguments.limit is not None and arguments.limit < 1:
-        raise ValueError(f"--limit: got {arguments.limit}, expected 1 or more")
     if arguments.no_odometry and (arguments.odom or arguments.imu):
         raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
     wait = arguments.wait_for_subscriber
     if not 0.0 <= wait < math.inf:
         raise ValueError(f"--wait-for-subscriber: got {wait:g}, expected 0 s or more")
+    if not 0.0 < arguments.rate < math.inf:
+        raise ValueError(f"--rate: got {arguments.rate:g}, expected a number greater than 0")
+    if arguments.limit is not None and arguments.limit < 1:
+        raise ValueError(f"--limit: got {arguments.limit}, expected 1 or more")
     log = load(arguments.log, cli.log_options(arguments))
     return log.select(arguments.limit, 1, not arguments.no_odometry)
 
