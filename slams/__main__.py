@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from importlib import import_module
 
 from slams import __version__, cli
+from slams.params import nearest
 from slams.registry import IDEAS, names
 
 PROGRAM = "slams"
@@ -74,8 +74,7 @@ def _command(name: str, words: list[str]) -> int:
 def _module(name: str) -> str:
     if name in COMMANDS:
         return COMMANDS[name]
-    near = difflib.get_close_matches(name, COMMANDS, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = nearest(name, COMMANDS)
     raise LookupError(f"unknown command {name!r}{hint} (known: {', '.join(COMMANDS)})")
 
 

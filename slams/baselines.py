@@ -98,23 +98,21 @@ class Odometry:
         return {"odometry": self._used, "laser": 0}
 
 
-DENSE, SPARSE = 0.1, 0.3  # m, voxels
-COARSE = math.radians(0.6)  # between two beams, from where on a laser is sparse
+FINE_VOXEL, COARSE_VOXEL = 0.1, 0.3  # [m] for lasers with many beams and with few
+MAX_FINE_INCREMENT = math.radians(0.6)  # [rad] between two beams, up to where the fine one is taken
 
 
 @dataclass(frozen=True)
 class KissParams(BaselineParams):
     """kiss-icp 1.3 set for indoor 2D scans; every value goes in explicitly.
 
-    One voxel does not suit every laser, so there are two, and the gap between the beams of the
-    first scan chooses. On a simulated UTM-30LX (0.25 deg) `dense` has an ATE of 6 mm and `sparse`
-    22; of the same log every fourth beam (1 deg) `dense` 154 and `sparse` 20. Intel (1 deg) `dense`
-    loses at 4.3 m, `sparse` has 0.20 m. On simulated turning lasers (1 deg) in a small arena
-    `dense` would be better: an LDS-01 89 mm for 126, an LDS-02 40 for 56. CSAIL (0.5 deg, 5 Hz)
-    it loses with every voxel from 0.05 to 1 m.
+    One voxel does not suit every laser, so the gap between the beams of the first scan chooses one
+    of two. On a simulated UTM-30LX (0.25 deg) the fine one has an ATE of 6 mm and the coarse one
+    22; of the same log every fourth beam (1 deg) the fine one 154 and the coarse one 20. Intel
+    (1 deg) the fine one loses at 4.3 m, the coarse one has 0.20 m. On simulated turning lasers
+    (1 deg) in a small arena the fine one would be better: an LDS-01 89 mm for 126, an LDS-02 40
+    for 56. CSAIL (0.5 deg, 5 Hz) it loses with every voxel from 0.05 to 1 m.
     """
-
-    PRESETS: ClassVar = {"dense": {"voxel": DENSE}, "sparse": {"voxel": SPARSE}}
 
     voxel: float = param(
         0.0,
@@ -180,7 +178,8 @@ class Kiss:
 
 def _voxel(params: KissParams, laser: Laser) -> float:
     """The voxel that the parameters tell, or the laser [m]."""
-    return params.voxel or (SPARSE if abs(laser.angle_increment) > COARSE else DENSE)
+    sparse = abs(laser.angle_increment) > MAX_FINE_INCREMENT
+    return params.voxel or (COARSE_VOXEL if sparse else FINE_VOXEL)
 
 
 def _kiss_config(params: KissParams, voxel: float) -> Any:

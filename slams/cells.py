@@ -66,11 +66,6 @@ def given_pages(low: int, high: int) -> NDArray[np.bool_]:
     return (words & GIVEN) != 0 if len(words) == n else np.ones(n, np.bool_)
 
 
-def taken(array: Array) -> int:
-    """Bytes of memory that an array takes at most."""
-    return int(given_pages(*byte_bounds(array)).sum()) * PAGE
-
-
 def filled(array: Array) -> list[tuple[int, int]]:
     """Spans of a contiguous array's bytes, first and end, outside of which all are zero."""
     low, high = byte_bounds(array)

@@ -6,7 +6,6 @@ the kernels it calls in other files, so the cache folder carries a hash of all k
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import os
 import stat
@@ -160,30 +159,6 @@ def records(rows: int, names: str) -> NDArray[np.void]:
 def named(names: str) -> np.dtype[np.void]:
     """One type for all of these names: to compare two takes longer than many a kernel."""
     return np.dtype([(name, "f8") for name in names.split()])
-
-
-class NoGarbage(event.Listener):
-    """Keeps the collector of garbage from searching while numba compiles: a tenth of the time."""
-
-    def __init__(self) -> None:
-        self._depth = 0
-        self._searched = True
-
-    def on_start(self, event: Any) -> None:
-        """Called by numba as a compilation starts; they nest, and one thread at a time compiles."""
-        if self._depth == 0:
-            self._searched = gc.isenabled()
-            gc.disable()
-        self._depth += 1
-
-    def on_end(self, event: Any) -> None:
-        """Called by numba as a compilation ends."""
-        self._depth -= 1
-        if self._depth == 0 and self._searched:
-            gc.enable()
-
-
-event.register("numba:compile", NoGarbage())
 
 
 class CompileClock(event.Listener):

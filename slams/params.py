@@ -6,7 +6,7 @@ import dataclasses
 import difflib
 import math
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -166,8 +166,7 @@ class Params:
         """
         known = dict.fromkeys([*LASERS, *self.SENSORS])
         if name not in known:
-            near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.4)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
+            hint = nearest(name.lower(), known)
             raise LookupError(f"unknown sensor {name!r}{hint} (known: {', '.join(known)})")
         return self.replace(**self.SENSORS.get(name, {}))
 
@@ -181,7 +180,8 @@ class Params:
         known = self.specs()
         for name in changes:
             if name not in known:
-                raise LookupError(_unknown(name, list(known)))
+                hint = f"{nearest(name, known)} (--show-params lists all)"
+                raise LookupError(f"unknown parameter {name!r}{hint}")
         return dataclasses.replace(self, **changes)
 
     def with_yaml(self, path: str | Path) -> Self:
@@ -218,10 +218,10 @@ def worded(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _unknown(name: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    return f"unknown parameter {name!r}{hint} (--show-params lists all)"
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The known name that a wrong one may stand for, as the end of a sentence, or nothing."""
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.4)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def _checked(field: dataclasses.Field[Any], kind: type, value: Any) -> Any:

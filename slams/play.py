@@ -34,7 +34,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--limit", type=int, metavar="N", help="only N scans")
     p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
     p.add_argument(
-        "--wait", type=float, default=5.0, metavar="S", help="at most, for somebody to listen: 5 s"
+        "--wait-for-subscriber", type=float, default=5.0, metavar="S", help="at most this long: 5 s"
     )
     p.add_argument(
         "--remap",
@@ -74,6 +74,11 @@ def _command(arguments: argparse.Namespace) -> int:
 def _log(arguments: argparse.Namespace) -> ScanLog:
     from slams.formats.source import load
 
+    if arguments.no_odometry and (arguments.odom or arguments.imu):
+        raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
+    wait = arguments.wait_for_subscriber
+    if not 0.0 <= wait < math.inf:
+        raise ValueError(f"--wait-for-subscriber: got {wait:g}, expected 0 s or more")
     if not 0.0 < arguments.rate < math.inf:
         raise ValueError(f"--rate: got {arguments.rate:g}, expected a number greater than 0")
     if arguments.limit is not None and arguments.limit < 1:
@@ -92,7 +97,7 @@ def _play(
     robot = cli.refusing(lambda: Robot(log, transport, names))
     transport.listen()
     robot.introduce()
-    if not robot.await_reader(arguments.wait, ending) and not arguments.quiet:
+    if not robot.await_reader(arguments.wait_for_subscriber, ending) and not arguments.quiet:
         cli.show_notes(PROGRAM, ["nobody listens to the scans yet; they are sent all the same"])
     gc.collect()
     gc.freeze()  # a search for garbage among all scans would hold them up

@@ -7,12 +7,11 @@ its own, as its `Params.PRESETS` says. "+loops" behind it adds a pose graph that
 
 from __future__ import annotations
 
-import difflib
 import importlib
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from slams.params import Params
+from slams.params import Params, nearest
 
 if TYPE_CHECKING:
     from slams.types import Slam
@@ -116,11 +115,8 @@ def _target(name: str) -> str:
     for point in entry_points(group=GROUP):
         if point.name == name:
             return point.value
-    near = difflib.get_close_matches(name, names(), n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise LookupError(
-        f"unknown algorithm {name!r}{hint} (known: {', '.join(names())}, or module:Class)"
-    )
+    known = f"(known: {', '.join(names())}, or module:Class)"
+    raise LookupError(f"unknown algorithm {name!r}{nearest(name, names())} {known}")
 
 
 def _slam_class(name: str, target: str) -> type[Slam]:

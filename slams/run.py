@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from slams import cli
 from slams.setup import add_state_options, prepare
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from slams.registry import Entry
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
-    from slams.types import OccupancyGrid, Pose2, Scan, Slam
+    from slams.types import Floats, OccupancyGrid, Pose2, Scan, Slam
     from slams.watch.video import Video
     from slams.watch.view import View
 
@@ -148,8 +149,8 @@ def write_results(
     ros: Taken | None = None,
 ) -> str:
     """Write all files of a run to `folder`, whole or not at all; returns the summary as text."""
-    from slams.formats import files, occupancy, trajectory
-    from slams.summary import as_json, as_text, summarize
+    from slams.formats import occupancy
+    from slams.summary import as_text, summarize
     from slams.types import Illustrated
 
     summary = summarize(run, log, entry.label, params, start_up_s)
@@ -158,21 +159,52 @@ def write_results(
 
         summary["ros_params"] = ros_params.record(ros)
     grid = slam.map()
-    with files.complete_folder(folder, files_of_run(folder)) as partial:
-        trajectory.write_csv(partial / "trajectory.csv", run.t, run.poses)
-        trajectory.write_tum(partial / "trajectory.tum", run.t, run.poses)
-        if run.corrected is not None:
-            trajectory.write_csv(partial / "trajectory_corrected.csv", run.t, run.corrected)
-            trajectory.write_tum(partial / "trajectory_corrected.tum", run.t, run.corrected)
-        occupancy.write_map(partial, grid)
-        occupancy.write_picture(partial / "map.png", grid, run.final)
+
+    def _add(partial: Path) -> None:
         if isinstance(slam, Illustrated):
             occupancy.write_images(partial, slam.pictures())
         if mcap:
             _write_mcap(partial / "result.mcap", log, run, grid)
+
+    write_drive(folder, grid, (run.t, run.poses, run.corrected), summary, _add)
+    return as_text(summary)
+
+
+def write_drive(
+    folder: Path,
+    grid: OccupancyGrid,
+    path: tuple[Floats, Floats, Floats | None],
+    summary: dict[str, Any],
+    add: Callable[[Path], None] = lambda partial: None,
+) -> None:
+    """Write map, trajectory and summary of a log or of a robot, whole or not at all.
+
+    Args:
+        folder: where to; files of an earlier summary there are removed.
+        grid: the map.
+        path: stamps (n,) [s], poses (n, 3) as they were known at the time, and poses as closed
+            loops left them, or None.
+        summary: gets the names of the `files`.
+        add: writes more files to the folder that it is given.
+
+    Raises:
+        OSError: they cannot be written.
+    """
+    from slams.formats import files, occupancy, trajectory
+    from slams.summary import as_json
+
+    t, poses, corrected = path
+    with files.complete_folder(folder, files_of_run(folder)) as partial:
+        for name, rows in (("trajectory", poses), ("trajectory_corrected", corrected)):
+            if rows is not None:
+                trajectory.write_csv(partial / f"{name}.csv", t, rows)
+                trajectory.write_tum(partial / f"{name}.tum", t, rows)
+        occupancy.write_map(partial, grid)
+        shown = poses if corrected is None else corrected
+        occupancy.write_picture(partial / "map.png", grid, shown)
+        add(partial)
         summary["files"] = sorted([*(path.name for path in partial.iterdir()), SUMMARY])
         (partial / SUMMARY).write_text(as_json(summary), encoding="utf-8")
-    return as_text(summary)
 
 
 def files_of_run(folder: Path) -> list[str]:

@@ -15,7 +15,7 @@ from slams.registry import IDEAS, names
 from tests.places import ROOT
 
 OF_THE_HOUSE = {"bench.readme"}  # makes the pages of this project: nobody else's command
-HEAVY = ("numpy", "numba", "pandas", "matplotlib", "cv2", "scipy", "rosbags")
+HEAVY = ("numpy", "numba", "pandas", "matplotlib", "cv2", "scipy", "rosbags", "rerun", "PIL")
 
 
 def programs():
@@ -52,9 +52,11 @@ def test_an_algorithm_of_another_package_is_listed_without_an_idea(monkeypatch):
     assert "  theirs    of another package\n" in slams.listed()
 
 
-def test_the_list_loads_nothing_heavy():
+@pytest.mark.parametrize("words", [[], *([name, "--help"] for name in slams.COMMANDS)])
+def test_no_help_loads_anything_heavy(words):
     code = (
-        "import sys\nfrom slams.__main__ import main\nmain([])\n"
+        "import sys\nfrom slams.__main__ import main\n"
+        f"try:\n    main({words})\nexcept SystemExit:\n    pass\n"
         f"print('loaded', [m for m in {HEAVY} if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -1,4 +1,4 @@
-"""SLAM on a robot: scans pushed one by one, or taken from the network by `python -m slams.live`."""
+"""SLAM on a robot: scans pushed one by one, or taken from the network by `slams live`."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

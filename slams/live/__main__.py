@@ -1,4 +1,4 @@
-"""python -m slams.live: an algorithm on a robot, scans in, map and transforms out, by ROS 2."""
+"""slams live: an algorithm on a robot, scans in, map and transforms out, by ROS 2."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from slams import cli
 from slams.live.options import NodeOptions, Topics, add_network_options, transport_of
-from slams.run import chosen, parameter_table
+from slams.run import chosen, files_of_run, parameter_table
 from slams.setup import add_state_options, given_start
 
 if TYPE_CHECKING:
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from slams.live.slam import LiveSlam
     from slams.live.transport import Transport
 
-PROGRAM = "slams.live"
+PROGRAM = "slams live"
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="One SLAM algorithm on a robot: scans, odometry, gyro and tf come by ROS 2, "
         "map, transform, pose and state go out. No ROS needed. Ctrl-C ends it and writes the map.",
     )
@@ -50,6 +50,7 @@ def _add_topics(p: argparse.ArgumentParser) -> None:
         ("--odom", "auto", odometry),
         ("--imu", usual.imu, f"gyro: {usual.imu}; or none"),
         ("--map-topic", usual.map, f"out: {usual.map}"),
+        ("--path-topic", usual.path, f"out, after a closed loop: {usual.path}"),
         ("--pose-topic", usual.pose, f"out: {usual.pose}"),
         ("--state-topic", usual.state, f"out: {usual.state}"),
     ):
@@ -92,7 +93,7 @@ def _command(arguments: argparse.Namespace) -> int:
         return 0
     from slams.formats.files import check_folder
     from slams.live.diagnostics import Terminal
-    from slams.live.results import RESULTS, delays, write_results
+    from slams.live.results import delays, write_results
     from slams.live.slam import LiveSlam
 
     def begun() -> LiveSlam:
@@ -121,7 +122,7 @@ def _command(arguments: argparse.Namespace) -> int:
         spent = ", ".join(f"{name} {value} ms" for name, value in delays(node.drive).items())
         sys.stdout.write(
             f"{len(node.drive.t)} scans, {node.queue.dropped} left out; "
-            f"from scan to pose: {spent}\n{folder}/: {', '.join(RESULTS)}\n"
+            f"from scan to pose: {spent}\n{folder}/: {', '.join(files_of_run(folder))}\n"
         )
     return 0
 
@@ -141,15 +142,18 @@ def node_options(arguments: argparse.Namespace) -> NodeOptions:
     """The options of topics, frames and times.
 
     Raises:
-        ValueError: a number is out of its bounds.
+        ValueError: a number is out of its bounds, or means nothing.
     """
     usual, odom = Topics(), arguments.odom
+    if arguments.localize and arguments.map_every != NodeOptions.map_every:
+        raise ValueError("--map-every: got --localize, too, whose map is published once")
     named, imu = odom not in ("auto", "tf", "none"), arguments.imu != "none"
     topics = Topics(
         scan=_absolute(arguments.scan_topic),
         odom=_absolute(odom) if named else usual.odom,
         imu=_absolute(arguments.imu) if imu else usual.imu,
         map=_absolute(arguments.map_topic),
+        path=_absolute(arguments.path_topic),
         pose=_absolute(arguments.pose_topic),
         state=_absolute(arguments.state_topic),
     )

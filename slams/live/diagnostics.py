@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 MAX_SILENCE = 2.0  # [s] without a scan that are reported
 PERIOD = 10.0  # [s] until the same is reported again
-MAX_CLOCK_JUMP = 5.0  # [s] that stamps may run ahead of this machine's clock between two scans
 CLEAR = "\r\x1b[K"
 COUNTERS = {  # of `Node.report`: reported when there are more than before
     "dropped": "scans left out so far: the algorithm is slower than the laser; the newest are used",
@@ -41,7 +40,6 @@ class Diagnostics:
         self._topic, self._say = topic, say
         self._silent_since: float | None = None
         self._reported: dict[str, tuple[float, int]] = {}
-        self._clock: tuple[float, float] | None = None
         self._several = False
         self._notes: set[str] = set()
 
@@ -76,15 +74,6 @@ class Diagnostics:
         if sentence not in self._notes:
             self._notes.add(sentence)
             self._say(sentence)
-
-    def check_stamp(self, t: float) -> None:
-        """Report a scan's stamp [s] that has jumped ahead of the time that has passed."""
-        now = time.monotonic()
-        if self._clock is not None:
-            ahead = (t - self._clock[0]) - (now - self._clock[1])
-            if ahead > MAX_CLOCK_JUMP:
-                self._say(f"the clock of {self._topic} jumped ahead by {ahead:.1f} s")
-        self._clock = (t, now)
 
     def _check_silence(self, last_scan: float) -> None:
         silent = time.monotonic() - last_scan > MAX_SILENCE

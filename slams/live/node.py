@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from slams.formats.bag import IMU, ODOMETRY, SCAN, TF, Record
+from slams.formats.bag import SCAN, Record
 from slams.formats.ros_store import prepare
 from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
@@ -21,8 +21,8 @@ from slams.live.publisher import NodePublisher
 from slams.live.recorder import Recorder
 from slams.live.scans import Message, Received, ScanCleaner, ScanQueue, message_of
 from slams.live.slam import LiveSlam
-from slams.live.transport import TYPES, Callback, Quality, Transport
-from slams.types import IDENTITY, Pose2, Scan
+from slams.live.transport import KINDS, TYPES, Callback, Transport
+from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 SETTLING_TIME = 0.5  # [s] after the first scan, in which odometry and tf may begin
 MAX_WAIT_FOR_TF = 2.0  # [s] after the first scan; without any tf the laser is the base then
@@ -73,7 +73,8 @@ class Node:
         self._diagnostics = Diagnostics(options.topics.scan, say)
         self._publisher = NodePublisher(transport, options, self._record)
         every = options.map_every if live.given is None else 0.0
-        self._maps = MapThread(live, self._publisher.publish_map, every)
+        self._maps = MapThread(live, self._publish_map, every)
+        self._redrawn = 0
         self._cleaner: ScanCleaner | None = None
         self._frame, self._without_tf = "", False
         self._checked_at, self._ready_at = -math.inf, math.inf
@@ -148,26 +149,38 @@ class Node:
     # network
 
     def _subscribe(self) -> None:
-        topics, buffer = self.options.topics, self.buffer
-        self._hear(topics.scan, SCAN, Quality.SENSOR, self.queue.put)
-        if self.options.odometry in ("auto", "topic"):
-            self._hear(topics.odom, ODOMETRY, Quality.SENSOR, buffer.take_odometry)
-        if self.options.imu:
-            self._hear(topics.imu, IMU, Quality.SENSOR, buffer.take_imu)
-        self._hear(topics.tf, TF, Quality.RELIABLE, buffer.take_tf)
-        self._hear(topics.tf_static, TF, Quality.LATCHED, buffer.take_tf)
+        options, buffer = self.options, self.buffer
+        self._hear("scan", self.queue.put)
+        if options.odometry in ("auto", "topic"):
+            self._hear("odom", buffer.take_odometry)
+        if options.imu:
+            self._hear("imu", buffer.take_imu)
+        self._hear("tf", buffer.take_tf)
+        self._hear("tf_static", buffer.take_tf)
 
-    def _hear(self, topic: str, msgtype: str, quality: Quality, callback: Callback) -> None:
+    def _hear(self, name: str, callback: Callback) -> None:
+        topic: str = getattr(self.options.topics, name)
+
         def both(record: Record) -> None:
             """Take a message and record it."""
             callback(record)
             self._record(topic, record.received, record.data)
 
-        self.transport.subscribe(topic, msgtype, quality, both)
+        self.transport.subscribe(topic, *KINDS[name], both)
 
     def _record(self, topic: str, received: int, data: bytes) -> None:
         if self.recorder is not None:
             self.recorder.put(topic, received, data)
+
+    def _publish_map(self, stamp: int, grid: OccupancyGrid) -> None:
+        """Publish the map, and the path so far when a closed loop has corrected it."""
+        self._publisher.publish_map(stamp, grid)
+        poses, redrawn = self.live.corrected(), self.live.report()["algorithm"].get("redrawn", 0)
+        if poses is None or redrawn == self._redrawn:
+            return
+        self._redrawn = redrawn
+        t = self.drive.t[: len(poses)]  # a push may be under way
+        self._publisher.publish_path([round(1e9 * s) for s in t], poses[: len(t)])
 
     # start
 
@@ -264,7 +277,6 @@ class Node:
             self.drive.t.append(t)
             self.drive.poses.append(estimate.pose)
             self._maps.add(message.stamp)
-            self._diagnostics.check_stamp(t)
         else:
             self.drive.counts["sought"] += 1
         counts = {"scans": len(self.drive.t), "dropped": self.queue.dropped}

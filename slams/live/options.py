@@ -22,6 +22,7 @@ class Topics:
     tf: str = "/tf"
     tf_static: str = "/tf_static"
     map: str = "/map"
+    path: str = "/path"
     pose: str = "/pose"
     state: str = "/slam/state"
 

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from slams.formats.bag import POSE_COV, TF
+import numpy as np
+
+from slams import metrics
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.estimate import STATES, Estimate
 from slams.live.options import NodeOptions
-from slams.live.transport import MAP, STATUS, Quality, Transport
-from slams.types import OccupancyGrid, Pose2
+from slams.live.transport import KINDS, Transport
+from slams.types import Floats, OccupancyGrid, Pose2
+
+PUBLISHED = ("map", "path", "tf", "pose", "state")
+PATH_STEP = 0.2  # [m] between two poses of a path: finer than a line on a screen shows
 
 
 class NodePublisher:
@@ -36,15 +41,10 @@ class NodePublisher:
         topics = options.topics
         self._options, self._record, self._make = options, record, Maker()
         self.unsent = 0
-        types = {
-            topics.map: (MAP, Quality.LATCHED),
-            topics.tf: (TF, Quality.RELIABLE),
-            topics.pose: (POSE_COV, Quality.RELIABLE),
-            topics.state: (STATUS, Quality.RELIABLE),
-        }
-        self._types = {topic: msgtype for topic, (msgtype, _) in types.items()}
+        kinds = {getattr(topics, name): KINDS[name] for name in PUBLISHED}
+        self._types = {topic: msgtype for topic, (msgtype, _) in kinds.items()}
         self._publishers = {
-            topic: transport.advertise(topic, *kind) for topic, kind in types.items()
+            topic: transport.advertise(topic, *kind) for topic, kind in kinds.items()
         }
 
     def publish_pose(self, stamp: int, estimate: Estimate, edge: tuple[str, Pose2] | None) -> None:
@@ -75,6 +75,12 @@ class NodePublisher:
         """Publish the map."""
         message = self._make.grid(stamp, grid, self._options.map_frame)
         self._send(self._options.topics.map, message)
+
+    def publish_path(self, stamps: Sequence[int], poses: Floats) -> None:
+        """Publish the way so far, stamps (n,) [ns] and poses (n, 3), a pose every `PATH_STEP`."""
+        _, kept = np.unique(np.floor(metrics.driven(poses) / PATH_STEP), return_index=True)
+        named = [stamps[i] for i in kept], poses[kept]
+        self._send(self._options.topics.path, self._make.path(*named, self._options.map_frame))
 
     def _send(self, topic: str, message: Any) -> None:
         data = bytes(store().serialize_cdr(message, self._types[topic]))

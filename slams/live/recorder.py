@@ -6,10 +6,9 @@ import queue
 import threading
 from pathlib import Path
 
-from slams.formats.bag import IMU, ODOMETRY, POSE_COV, SCAN, TF
 from slams.formats.mcap_file import McapFile
 from slams.live.options import Topics
-from slams.live.transport import MAP, STATUS
+from slams.live.transport import KINDS
 
 
 class Recorder:
@@ -23,17 +22,8 @@ class Recorder:
     def __init__(self, path: str | Path, topics: Topics) -> None:
         if Path(path).suffix != ".mcap":
             raise ValueError(f"--record: got {path}, expected a name that ends in .mcap")
-        types = {
-            topics.scan: SCAN,
-            topics.odom: ODOMETRY,
-            topics.imu: IMU,
-            topics.tf: TF,
-            topics.tf_static: TF,
-            topics.map: MAP,
-            topics.pose: POSE_COV,
-            topics.state: STATUS,
-        }
-        self._file = McapFile(path, types, (topics.map, topics.tf_static))
+        types = {getattr(topics, name): msgtype for name, (msgtype, _) in KINDS.items()}
+        self._file = McapFile(path, types, (topics.map, topics.path, topics.tf_static))
         self._waiting: queue.SimpleQueue[tuple[str, int, bytes] | None] = queue.SimpleQueue()
         self._failed: Exception | None = None
         self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from slams.formats import files, occupancy, trajectory
 from slams.live.node import Drive, Node
 from slams.params import Params
-
-RESULTS = ("map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", "summary.json")
+from slams.run import write_drive
 
 
 def write_results(folder: Path, label: str, params: Params, node: Node) -> None:
@@ -21,21 +18,15 @@ def write_results(folder: Path, label: str, params: Params, node: Node) -> None:
     Raises:
         OSError: they cannot be written.
     """
-    drive, grid = node.drive, node.live.map()
-    t, poses = np.array(drive.t), np.array(drive.poses, np.float64).reshape(-1, 3)
+    drive = node.drive
     summary = {
         "algorithm": label,
         "params": params.as_dict(),
         "delay_ms": delays(drive),
         "node": node.report(),
     }
-    with files.complete_folder(folder) as partial:
-        trajectory.write_csv(partial / "trajectory.csv", t, poses)
-        trajectory.write_tum(partial / "trajectory.tum", t, poses)
-        occupancy.write_map(partial, grid)
-        occupancy.write_picture(partial / "map.png", grid, poses)
-        text = json.dumps(summary, indent=2, default=str)
-        (partial / "summary.json").write_text(text + "\n", encoding="utf-8")
+    t, poses = np.array(drive.t), np.array(drive.poses, np.float64).reshape(-1, 3)
+    write_drive(folder, node.live.map(), (t, poses, node.live.corrected()), summary)
 
 
 def delays(drive: Drive) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from slams.registry import find
 from slams.ros.stamps import seconds
 from slams.scanlog import ScanLog, single
 from slams.state.session import check_target, resume, save_after
-from slams.types import IDENTITY, Attitude, OccupancyGrid, Pose2, Scan, Slam
+from slams.types import IDENTITY, Attitude, Corrected, Floats, OccupancyGrid, Pose2, Scan, Slam
 from slams.validation import check_laser, check_stamps, expect
 
 LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
@@ -226,6 +226,17 @@ class LiveSlam:
             drawn = getattr(self._slam, "snapshot", self._slam.map)()
             self.held = time.perf_counter() - begun
         return drawn if isinstance(drawn, OccupancyGrid) else drawn()
+
+    def corrected(self) -> Floats | None:
+        """Poses (n, 3) of all pushes that were used, as closed loops have corrected them by now.
+
+        None where the algorithm closes no loops.
+        """
+        with self._lock:
+            if not isinstance(self._slam, Corrected):
+                return None
+            poses = self._slam.corrected()
+            return poses[len(poses) - self._counts["scans"] :]
 
     def save(self, path: str | Path, **beside: Any) -> None:
         """Keep all that is known in one file, whole or not at all, to go on from by `state=`.

@@ -9,12 +9,10 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
-from slams.formats.bag import IMU, ODOMETRY, POSE_COV, SCAN, TF, Record
+from slams.formats.bag import IMU, ODOMETRY, PATH, POSE_COV, SCAN, TF, Record
 from slams.live.dds_types import packed, ros_name, sample, topic_name
 
 MAP, STATUS = "nav_msgs/msg/OccupancyGrid", "diagnostic_msgs/msg/DiagnosticArray"
-TYPES = (SCAN, ODOMETRY, IMU, TF, MAP, POSE_COV, STATUS)
-
 Callback = Callable[[Record], None]
 
 
@@ -26,6 +24,18 @@ class Quality(Enum):
     LATCHED = "transient local"  # a late subscriber gets the last message
 
 
+KINDS = {  # what a node's topics carry and how, by the names that `Topics` has for them
+    "scan": (SCAN, Quality.SENSOR),
+    "odom": (ODOMETRY, Quality.SENSOR),
+    "imu": (IMU, Quality.SENSOR),
+    "tf": (TF, Quality.RELIABLE),
+    "tf_static": (TF, Quality.LATCHED),
+    "map": (MAP, Quality.LATCHED),
+    "path": (PATH, Quality.LATCHED),
+    "pose": (POSE_COV, Quality.RELIABLE),
+    "state": (STATUS, Quality.RELIABLE),
+}
+TYPES = tuple(dict.fromkeys(msgtype for msgtype, _ in KINDS.values()))
 DEPTH = {Quality.SENSOR: 5, Quality.RELIABLE: 100, Quality.LATCHED: 1}  # as ROS's profiles keep
 MAX_UNREAD = 200  # messages of a topic that wait to be taken
 END_PERIOD = 0.1  # [s] between looks at whether to end

@@ -2,7 +2,15 @@ import numpy as np
 import pytest
 
 from slams import metrics
-from slams.baselines import HitMap, Kiss, KissParams, Odometry, hits
+from slams.baselines import (
+    COARSE_VOXEL,
+    FINE_VOXEL,
+    HitMap,
+    Kiss,
+    KissParams,
+    Odometry,
+    hits,
+)
 from slams.player import replay
 from slams.registry import create
 from slams.scanlog import ScanLog
@@ -40,26 +48,21 @@ def test_kiss_tracks_the_room(room_log):
     assert metrics.ate(run.poses, room_log.truth_at(run.t)) < 0.05
 
 
-@pytest.mark.parametrize(("n_beams", "preset"), [(541, "dense"), (271, "sparse")])
-def test_the_gap_between_the_beams_chooses_the_voxel_of_kiss(n_beams, preset):
+@pytest.mark.parametrize(
+    ("n_beams", "chosen", "other"),
+    [(541, FINE_VOXEL, COARSE_VOXEL), (271, COARSE_VOXEL, FINE_VOXEL)],
+)
+def test_the_gap_between_the_beams_chooses_the_voxel_of_kiss(n_beams, chosen, other):
     """0.5 and 1 degree; a scan without a return comes first."""
     log = drive(n=12, lidar=laser(n_beams))
     blind = ScanLog(log.t - 1.0, np.full_like(log.ranges, np.inf), log.laser)
     poses = {}
-    for name in ("default", "dense", "sparse"):
-        slam = Kiss(KissParams.preset(name))
+    for voxel in (0.0, chosen, other):
+        slam = Kiss(KissParams(voxel=voxel))
         assert slam.update(next(iter(blind))) == IDENTITY
-        poses[name] = replay(slam, log).poses
-    other = {"dense": "sparse", "sparse": "dense"}[preset]
-    assert np.array_equal(poses["default"], poses[preset])
-    assert not np.array_equal(poses["default"], poses[other])
-
-
-def test_the_voxel_of_kiss_may_be_set():
-    log = drive(n=12, lidar=laser(541))
-    fine, coarse = (replay(Kiss(KissParams(voxel=v)), log).poses for v in (0.1, 0.3))
-    assert np.array_equal(coarse, replay(Kiss(KissParams.preset("sparse")), log).poses)
-    assert not np.array_equal(fine, coarse)
+        poses[voxel] = replay(slam, log).poses
+    assert np.array_equal(poses[0.0], poses[chosen])
+    assert not np.array_equal(poses[0.0], poses[other])
 
 
 def test_no_environment_variable_changes_kiss(monkeypatch):

@@ -4,6 +4,7 @@ import copy
 
 import numpy as np
 import pytest
+from numpy.lib.array_utils import byte_bounds
 
 from slams.cells import (
     PAGE,
@@ -15,7 +16,6 @@ from slams.cells import (
     given_pages,
     move,
     runs,
-    taken,
     zeros,
 )
 from slams.grid_bounds import Box
@@ -25,6 +25,11 @@ from tests.rooms import drive
 needs_pagemap = pytest.mark.skipif(
     not PAGEMAP.exists(), reason="only Linux tells which pages it gave"
 )
+
+
+def taken(array):
+    """Bytes of memory that an array takes at most."""
+    return int(given_pages(*byte_bounds(array)).sum()) * PAGE
 
 
 def test_runs_have_their_firsts_and_lengths():

@@ -117,19 +117,13 @@ class OneLaser(Good):
         return super().update(scan)
 
 
-class MapElsewhere(Good):
-    def map(self):
-        return OccupancyGrid(np.zeros((2, 2), np.float32), 0.1, (5.0, 5.0))
+def with_map(p, x=-0.1):
+    """A good one but for its map of cells `p` from (x, x) on."""
+    grid = OccupancyGrid(p, 0.1, (x, x))
+    return type("WithMap", (Good,), {"map": lambda self: grid})
 
 
-class MapInPercent(Good):
-    def map(self):
-        return OccupancyGrid(np.full((2, 2), 100.0, np.float32), 0.1, (-0.1, -0.1))
-
-
-class NoMap(Good):
-    def map(self):
-        return OccupancyGrid(np.zeros((0, 0), np.float32), 0.1, (0.0, 0.0))
+NoMap = with_map(np.zeros((0, 0), np.float32))
 
 
 class NoMapOfNothing(Good):
@@ -143,11 +137,6 @@ class NoMapOfNothing(Good):
 
     def map(self):
         return super().map() if self.seen else NoMap.map(self)
-
-
-class DoubleMap(Good):
-    def map(self):
-        return OccupancyGrid(np.zeros((2, 2)), 0.1, (-0.1, -0.1))
 
 
 @dataclass(frozen=True)
@@ -195,9 +184,9 @@ def test_a_good_one_passes():
         (Shares, "6", "a second instance changed the poses of the first"),
         (OdomFrame, "7", "another odom frame moves a pose by"),
         (OneLaser, "8", "raised ValueError: 361 beams (test_check.py:"),
-        (MapElsewhere, "9", "the first pose is not on the map"),
-        (MapInPercent, "9", "map().p is not in 0..1"),
-        (DoubleMap, "9", "map().p is float64"),
+        (with_map(np.zeros((2, 2), np.float32), 5.0), "9", "the first pose is not on the map"),
+        (with_map(np.full((2, 2), 100.0, np.float32)), "9", "map().p is not in 0..1"),
+        (with_map(np.zeros((2, 2))), "9", "map().p is float64"),
         (NoMap, "9", "map().p is float32 (0, 0), expected float32 (ny, nx) with cells"),
         (NoMapOfNothing, "2", "map() has no cell [scans: nothing but inf alone]"),
     ],

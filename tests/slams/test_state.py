@@ -238,22 +238,7 @@ def test_a_changed_file_is_refused_in_one_sentence(kind, kept, tmp_path):
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 400
 
 
-JUNK = (
-    None,
-    -1,
-    0,
-    10**9,
-    10**30,
-    "x",
-    "<f8",
-    "hector.slam:Hector",
-    [],
-    [0],
-    {},
-    1.5,
-    True,
-    "list",
-)
+JUNK = (None, -1, 0, 10**30, "x", "<f8", "hector.slam:Hector", [], [0], {}, 1.5, True, "list")
 
 
 def degraded(known, rng):

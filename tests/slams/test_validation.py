@@ -142,10 +142,18 @@ def push(live, t, x=0.0, **changes):
         (1e300, {}, "stamp: got stamps as great as 1e[+]300"),
         (1.7e18, {}, "they look like nanoseconds"),
         (math.nan, {}, "stamps that are not finite"),
+        (math.inf, {}, "stamps that are not finite"),
         (0.1, {"range_max": 1e9}, "range_min, range_max: got"),
         (0.1, {"range_max": 1e300}, "range_min, range_max: got"),
+        (0.1, {"range_max": 0.0}, r"range_min, range_max: got \(0.1, 0.0\)"),
+        (0.1, {"range_max": math.inf}, "the laser's geometry: got .*inf.*, expected finite"),
         (0.1, {"angle_min": 1e300}, "angle_min: got"),
+        (0.1, {"angle_min": math.nan}, "the laser's geometry: got .*nan.*, expected finite"),
         (0.1, {"angle_increment": 1e-310}, "angle_increment: got"),
+        (0.1, {"angle_increment": 0.0}, "angle_increment: got 0.0, expected a step between"),
+        (0.1, {"odometry": (1.0, 2.0)}, "odometry: got 2 numbers, expected x, y, theta"),
+        (0.1, {"ranges": []}, r"ranges: got shape \(0,\)"),
+        (0.1, {"ranges": [[1.0]]}, r"ranges: got shape \(1, 1\)"),
         (0.1, {"ranges": np.ones(1 << 17)}, "ranges: got 131072 beams"),
     ],
 )
@@ -159,7 +167,7 @@ def test_a_push_of_such_numbers_leaves_the_robot_running(t, changes, sentence, l
     assert live.report()["scans"] == 2
 
 
-@pytest.mark.parametrize("wrong", [1e9, -1e300, math.inf])
+@pytest.mark.parametrize("wrong", [1e9, -1e300, math.inf, math.nan])
 def test_odometry_that_cannot_be_is_none(wrong, live):
     estimate = push(live, 0.1, 0.05, odometry=(0.05, wrong, 0.0))
     assert estimate.map_to_odom is None

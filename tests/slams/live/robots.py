@@ -18,6 +18,7 @@ from tests.slams.live.bus import Bus
 
 BASELINE = "slams.baselines:Odometry"
 LASER = laser(91)
+MOUNT = Pose2(0.2, -0.05, 0.3)
 
 
 class Ending:
@@ -64,6 +65,10 @@ class Stand:
         ending = SimpleNamespace(is_set=lambda: len(queue) == 0)
         self.node.run(ending, lambda: None)
 
+    def start_and_drive(self):
+        self.start()
+        self.drive()
+
     def look(self):
         self.node.check()
 
@@ -92,6 +97,13 @@ class Stand:
 
     def gyro(self, t, rate, frame="imu"):
         self.bus.publish("/imu", IMU, self.make.imu(round(1e9 * t), rate, frame))
+
+
+def mounted(monkeypatch, **options):
+    """A stand whose tf has the laser on its base."""
+    stand = Stand(monkeypatch, **options)
+    stand.tf(("base_link", "laser", MOUNT))
+    return stand
 
 
 def turned_over(message):

@@ -52,8 +52,7 @@ def driven(stand, moments):
     """What a node makes of messages."""
     for moment in moments:
         moment.send()
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     return np.column_stack([stand.node.drive.t, np.array(stand.node.drive.poses)])
 
 
@@ -278,7 +277,7 @@ def test_states_and_maps_over_the_network(folder, started, tmp_path):
         live = started("slams.live", "hector", *there, folder=tmp_path)
         while "ready for scans" not in live.stderr.readline():
             assert live.poll() is None
-        play = ("slams.play", f"{name}.npz", "--rate", 4, "--wait", PATIENCE)
+        play = ("slams.play", f"{name}.npz", "--rate", 4, "--wait-for-subscriber", PATIENCE)
         assert started(*play, folder=tmp_path).wait(2 * PATIENCE) == 0
         live.send_signal(end)
         _, error = live.communicate(timeout=PATIENCE)

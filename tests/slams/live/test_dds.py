@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import slams
-from slams.formats.bag import POSE_COV, SCAN, TF
+from slams.formats.bag import PATH, POSE_COV, SCAN, TF
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.dds_types import ros_name, topic_name, type_name
@@ -54,6 +54,7 @@ def examples():
         "sensor_msgs/msg/Imu": make.imu(7, 0.5, "imu"),
         TF: make.transforms(8, [("a", "b", pose), ("longer_name", "c", pose)]),
         MAP: make.grid(9, grid, "map"),
+        PATH: make.path([9], np.array([pose]), "map"),
         POSE_COV: make.posed(10, pose, np.diag([1.0, 2.0, np.inf]), "map"),
         STATUS: make.status(11, "slams", 1, "predicted", {"quality": "0.5", "n": "3"}),
     }
@@ -194,7 +195,9 @@ def test_a_run_of_the_recording_gives_the_poses_of_the_robot(transports, started
     more = ("--out", out, "--record", tmp_path / "seen.mcap", "--wait", 5.0)
     live = started("slams.live", "hector", *more, folder=tmp_path)
     assert "ready for scans on /scan" in live.stderr.readline()
-    play = started("slams.play", "tb.npz", "--rate", 4, "--wait", PATIENCE, folder=tmp_path)
+    play = started(
+        "slams.play", "tb.npz", "--rate", 4, "--wait-for-subscriber", PATIENCE, folder=tmp_path
+    )
     said, error = play.communicate(timeout=2 * PATIENCE)
     assert (play.returncode, said) == (0, "25 scans of tb published\n"), error
     until(lambda: sum(to_odom(record) for record in moves) >= 20)
@@ -228,7 +231,7 @@ def test_ended_before_the_first_scan(number, started, tmp_path):
     live.send_signal(number)
     _, error = live.communicate(timeout=PATIENCE)
     assert live.returncode == 1
-    assert error == "slams.live: ended before the first scan; nothing is written\n"
+    assert error == "slams live: ended before the first scan; nothing is written\n"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -239,8 +242,19 @@ def test_ended_before_the_first_scan(number, started, tmp_path):
         ("slams.live", ["odometry", "--domain-id", "300"], "domain: got 300, expected 0 to 232"),
         ("slams.live", ["odometry", "--queue", "0"], "--queue: got 0, expected 1 scan or more"),
         ("slams.live", ["odometry", "--record", "a.bag"], "expected a name that ends in .mcap"),
+        ("slams.live", ["hector", "--map", "m", "--map-every", "9"], "--map-every: got --localize"),
         ("slams.play", ["nothing.npz"], "nothing.npz: no such file"),
+        (
+            "slams.play",
+            ["room.npz", "--no-odometry", "--odom", "none"],
+            "--no-odometry: got --odom",
+        ),
         ("slams.play", ["room.npz", "--rate", "0"], "--rate: got 0"),
+        (
+            "slams.play",
+            ["room.npz", "--wait-for-subscriber", "nan"],
+            "got nan, expected 0 s or more",
+        ),
         ("slams.play", ["room.npz", "--remap", "scan"], "--remap: got 'scan', expected /FROM:=/TO"),
         ("slams.play", ["room.npz", "--remap", "/a:=/b"], "--remap: /a is not published"),
     ],

@@ -63,15 +63,6 @@ def test_what_is_counted_is_reported_again_after_a_while(name, stand):
     assert stand.reported(**{name: 5}) == []
 
 
-def test_a_clock_that_jumps_is_reported(stand):
-    for k in range(3):
-        stand.diagnostics.check_stamp(10.0 + k)
-        stand.now += 1.0
-    assert stand.said == []
-    stand.diagnostics.check_stamp(100.0)
-    assert "jumped ahead by 87.0 s" in stand.said[0]
-
-
 @pytest.fixture
 def node():
     estimate = Estimate(1.0, Pose2(1.25, -0.5, np.pi / 2), None, np.eye(3), 0.9, True, False, 0.0)

@@ -18,9 +18,16 @@ from slams.player import replay
 from slams.scanlog import Track
 from slams.types import Pose2
 from tests.rooms import drive, laser, way
-from tests.slams.live.robots import BASELINE, LASER, Ending, Stand, close, turned_over
-
-MOUNT = Pose2(0.2, -0.05, 0.3)
+from tests.slams.live.robots import (
+    BASELINE,
+    LASER,
+    MOUNT,
+    Ending,
+    Stand,
+    close,
+    mounted,
+    turned_over,
+)
 
 
 def robot_log(n=40, **more):
@@ -53,8 +60,7 @@ def test_poses_and_map_are_those_of_a_run_of_the_recording(algorithm, monkeypatc
     recorder = Recorder(file, Topics())
     stand = Stand(monkeypatch, algorithm, recorder)
     stand.play(robot_log())
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     stand.node.close()
     recorder.close()
     log = slams.load(file)
@@ -101,11 +107,9 @@ def test_the_transform_joins_map_and_odometry_and_the_pose_is_the_algorithms(mon
 
 
 def test_without_odometry_the_base_itself_is_placed_in_the_map(monkeypatch):
-    stand = Stand(monkeypatch, tf_ahead=0.0)
-    stand.tf(("base_link", "laser", MOUNT))
+    stand = mounted(monkeypatch, tf_ahead=0.0)
     stand.scan(1.0)
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     edge = stand.bus.sent("/tf")[0].transforms[0]
     assert (edge.header.frame_id, edge.child_frame_id) == ("map", "base_link")
     variances = np.diag(stand.bus.sent("/pose")[0].pose.covariance.reshape(6, 6))
@@ -116,8 +120,7 @@ def test_without_odometry_the_base_itself_is_placed_in_the_map(monkeypatch):
 def test_the_map_stays_for_who_comes_later(monkeypatch):
     stand = Stand(monkeypatch, "hector", map_every=60.0)
     stand.play(robot_log(n=5))
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     stand.node.close()
     assert "/map" in stand.bus.kept
     message, grid = stand.bus.sent("/map")[-1], stand.live.map()
@@ -137,8 +140,7 @@ def test_a_laser_upside_down_turns_the_other_way(monkeypatch):
     stand.live.push_scan = lambda scan, push=stand.live.push_scan: seen.append(scan) or push(scan)
     stand.scan(1.0)
     stand.scan(2.0)
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     lidar = seen[0].laser
     assert lidar.angle_min == pytest.approx(0.75 * math.pi)
     assert lidar.angle_increment < 0.0
@@ -148,8 +150,7 @@ def test_a_laser_upside_down_turns_the_other_way(monkeypatch):
 
 @pytest.mark.parametrize(("wanted", "x"), [("auto", 1.0), ("topic", 7.0), ("none", None)])
 def test_odometry_is_tfs_where_there_is_one_else_the_topics(wanted, x, monkeypatch):
-    stand = Stand(monkeypatch, odometry=wanted)
-    stand.tf(("base_link", "laser", MOUNT))
+    stand = mounted(monkeypatch, odometry=wanted)
     stand.tf(("odom", "elsewhere", Pose2(50.0, 0.0, 0.0)), static=False)
     for t in (0.0, 2.0):
         stand.moved(t, (t, 0.0, 0.0))
@@ -197,8 +198,7 @@ def test_a_gyro_that_lies_on_its_side_turns_about_the_bases_axis(monkeypatch):
 
 
 def test_odometry_that_comes_after_its_scan_is_waited_for(monkeypatch):
-    stand = Stand(monkeypatch)
-    stand.tf(("base_link", "laser", MOUNT))
+    stand = mounted(monkeypatch)
     stand.odometry(0.0, (0.0, 0.0, 0.0))
     stand.scan(1.0)
     stand.start()
@@ -215,12 +215,10 @@ def test_odometry_that_comes_after_its_scan_is_waited_for(monkeypatch):
 
 
 def test_a_scan_goes_without_odometry_that_does_not_come(monkeypatch):
-    stand = Stand(monkeypatch)
-    stand.tf(("base_link", "laser", MOUNT))
+    stand = mounted(monkeypatch)
     stand.odometry(0.0, (0.0, 0.0, 0.0))
     stand.scan(1.0)
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     stand.look()
     assert stand.node.report()["no_odometry"] == 1
     assert len(stand.node.drive.t) == 1
@@ -254,8 +252,7 @@ def test_scans_are_waited_for_with_the_topics_there_are(monkeypatch):
 
 
 def test_scans_that_come_late_are_taken_and_the_wait_is_said_every_ten_seconds(monkeypatch):
-    stand = Stand(monkeypatch)
-    stand.tf(("base_link", "laser", MOUNT))
+    stand = mounted(monkeypatch)
     assert node.PERIOD == 10.0
     stand.start(Ending(100, lambda: stand.scan(0.0)))
     stand.drive()
@@ -283,8 +280,7 @@ def test_a_frame_that_is_not_in_tf_is_waited_for(base, sentence, monkeypatch):
 def test_without_tf_the_laser_is_the_base(monkeypatch):
     stand = Stand(monkeypatch)
     stand.scan(0.0)
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     assert any("no transform to the laser's frame laser" in said for said in stand.said)
     assert stand.bus.sent("/tf")[0].transforms[0].child_frame_id == "laser"
     stand.tf(("base_link", "laser", MOUNT))
@@ -294,14 +290,12 @@ def test_without_tf_the_laser_is_the_base(monkeypatch):
 
 
 def test_what_is_assumed_of_the_laser_is_told_once(monkeypatch):
-    stand = Stand(monkeypatch)
-    stand.tf(("base_link", "laser", MOUNT))
+    stand = mounted(monkeypatch)
     limitless = stand.make.scan(0, "laser", LASER, np.full(91, 2.0, np.float32), 0.1)
     limitless.range_max = 0.0
     stand.bus.publish("/scan", SCAN, limitless)
     stand.gyro(0.0, 0.5, frame="somewhere")
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     for _ in range(2):
         stand.look()
     assert [said for said in stand.said if "range_max is 0" in said] == [
@@ -319,12 +313,10 @@ def test_the_newest_scans_win():
 
 
 def test_what_waits_while_frames_are_sought_is_not_left_out(monkeypatch):
-    stand = Stand(monkeypatch, queue=2)
-    stand.tf(("base_link", "laser", MOUNT))
+    stand = mounted(monkeypatch, queue=2)
     for k in range(10):
         stand.scan(0.1 * k)
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     assert len(stand.node.drive.t) == 10
     for k in range(10, 20):
         stand.scan(0.1 * k)
@@ -336,8 +328,7 @@ def test_what_waits_while_frames_are_sought_is_not_left_out(monkeypatch):
 
 
 def test_odd_messages_are_left_out_and_said_once(monkeypatch):
-    stand = Stand(monkeypatch)
-    stand.tf(("base_link", "laser", MOUNT))
+    stand = mounted(monkeypatch)
     stand.scan(0.0)
     stand.start()
     broken = stand.bus.transport().advertise("/scan", SCAN, Quality.SENSOR)
@@ -368,20 +359,17 @@ def test_the_first_scan_does_not_wait_where_tf_tells_all(monkeypatch):
 
 
 def test_a_laser_that_begins_with_empty_scans_is_waited_for(monkeypatch):
-    stand = Stand(monkeypatch)
-    stand.tf(("base_link", "laser", MOUNT))
+    stand = mounted(monkeypatch)
     empty = stand.make.scan(0, "", LASER, np.zeros(0, np.float32), 0.1)
     stand.bus.publish("/scan", SCAN, empty)
     stand.scan(0.1)
-    stand.start()
-    stand.drive()
+    stand.start_and_drive()
     assert (len(stand.node.drive.t), stand.node.report()["unreadable"]) == (1, 1)
     assert "a scan of /scan has no beams or no directions; such scans are left out" in stand.said
 
 
 def test_a_network_that_takes_nothing_does_not_stop_the_robot(monkeypatch):
-    stand = Stand(monkeypatch)
-    stand.tf(("base_link", "laser", MOUNT))
+    stand = mounted(monkeypatch)
     stand.scan(0.0)
     stand.start()
 
