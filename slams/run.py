@@ -37,7 +37,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "log",
         nargs="*",
-        help="scan log: npz, ROS bag (of a split one all files), CARMEN log, BreezySLAM .dat",
+        help="scan log: npz, ROS bag (of a split one all files) or CARMEN log",
     )
     p.add_argument("--out", metavar="DIR", help="default: results/<log>-<algorithm>")
     cli.add_force_option(p)

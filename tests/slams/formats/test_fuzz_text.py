@@ -28,18 +28,12 @@ def npz(folder):
     return (folder / "whole.npz").read_bytes()
 
 
-def dat(folder):
-    row = "212387282 14710 29221 25178 " + "0 " * 21 + "1000 " * 682 + "\n"
-    return (row * 2).encode()
-
-
 FILES = {
     "npz": npz,
     "flaser": carmen(FLASER),
     "rawlaser": carmen(RAW),
     "robotlaser": carmen(ROBOT),
     "carmen.gz": lambda folder: gzip.compress(carmen(FLASER)(folder) * 20, mtime=0),
-    "dat": dat,
 }
 
 

@@ -1,4 +1,4 @@
-"""CARMEN logs, BreezySLAM .dat and trajectory files, their lines typed as the formats say."""
+"""CARMEN logs, their lines typed as the format says."""
 
 import gzip
 import math
@@ -250,75 +250,11 @@ def test_packed_logs_that_are_not_whole(damage, tmp_path):
     assert "read as far as it goes" in log.notes[0]
 
 
-# BreezySLAM
-
-
-def dat(tmp_path, *stamps, name="exp.dat"):
-    path = tmp_path / name
-    rows = (f"{t} 0 111 222 {'9 ' * 21} " + " ".join(map(str, range(682))) for t in stamps)
-    path.write_text("\n".join(rows) + "\n")
-    return path
-
-
-def test_breezy_dat(tmp_path):
-    log = slams.load(dat(tmp_path, 2_000_000, 2_100_000))
-    assert log.t.tolist() == [2.0, 2.1]
-    assert np.isinf(log.ranges[0, 0])  # 0 mm is nothing seen
-    assert np.isnan(log.ranges[0, 7])  # and less than 20 mm an error of the sensor
-    assert log.ranges[0, 681] == pytest.approx(0.681)
-    assert log.laser.angles[340] == pytest.approx(0.0, abs=1e-9)
-    assert math.degrees(log.laser.angle_increment) == pytest.approx(360.0 / 1024.0)
-    assert log.odom.values.tolist() == [[0.0, 0.0, 0.0]] * 2
-
-
-def test_wheel_counts_are_odometry(tmp_path):
-    path = dat(tmp_path, 0, 1, 2, 3)
-    turn = 2.0 * math.pi * 0.077  # [m] a wheel rolls in one turn of 2000 counts
-    quarter = round(0.25 * math.pi * 0.33 / turn * 2000.0)  # [count] each way, for 90 degrees
-    counts = [
-        (5, 5),
-        (2005, 2005),
-        (2005 - quarter, 2005 + quarter),
-        (4005 - quarter, 4005 + quarter),
-    ]
-    lines = [line.split() for line in path.read_text().splitlines()]
-    for words, (left, right) in zip(lines, counts, strict=True):
-        words[2:4] = str(left), str(right)
-    path.write_text("\n".join(" ".join(words) for words in lines))
-    poses = slams.load(path).odom.values
-    half = 0.5 * math.pi
-    expected = [[0, 0, 0], [turn, 0, 0], [turn, 0, half], [turn, turn, half]]
-    assert poses == pytest.approx(np.array(expected), abs=2e-3)
-    assert slams.load(path, odom="none").odom is None
-
-
-def test_wheels_that_turn_unequally_roll_on_an_arc(tmp_path):
-    path = dat(tmp_path, 0, 1)
-    path.write_text(
-        path.read_text().replace(" 111 222 ", " 0 0 ", 1).replace(" 111 222 ", " 0 4000 ")
-    )
-    x, y, theta = slams.load(path).odom.values[1]
-    radius = 0.165  # about the left wheel, which stands
-    assert (x, y) == pytest.approx((radius * math.sin(theta), radius * (1.0 - math.cos(theta))))
-
-
-def test_a_dat_line_that_is_not_whole(tmp_path):
-    path = dat(tmp_path, 1, 2, 3)
-    text = path.read_text()
-    path.write_text(text[: len(text) - 500])
-    assert "line 3: got" in refused(path)
-    log = slams.load(path, salvage=True)
-    assert len(log) == 2
-    assert log.notes == ("1 lines are not whole and left out",)
-
-
 def test_other_text_is_refused(tmp_path):
     texts = {"a.log": "", "b.log": "hello\n", "c.dat": "1 2 3\n", "d.log": "<html>"}
     for name, text in texts.items():
         (tmp_path / name).write_text(text)
-        assert "not an npz file, a ROS bag, a CARMEN log or a BreezySLAM .dat" in refused(
-            tmp_path / name
-        )
+        assert "not an npz file, a ROS bag or a CARMEN log" in refused(tmp_path / name)
 
 
 def test_the_mount_is_what_most_lines_agree_on(tmp_path):
@@ -355,10 +291,3 @@ def test_the_aces_log(shared_data):
     assert log.ranges.shape == (440, 180)
     assert log.laser.range_max == 50.0
     assert log.odom is not None
-
-
-def test_the_mines_log(shared_data):
-    log = slams.load(shared_data("data/mines/exp1.dat"))
-    known = slams.load(shared_data("data/mines/mines1.npz"))
-    assert np.array_equal(log.t, known.t)
-    assert np.allclose(log.ranges, known.ranges, atol=1e-6, equal_nan=True)
