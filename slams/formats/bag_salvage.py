@@ -140,8 +140,9 @@ def _fields1(header: bytes) -> dict[bytes, bytes]:
     fields, place = {}, 0
     while place < len(header):
         field, place = _piece(header, place)
-        name, _, value = field.partition(b"=")
-        fields[name] = value
+        name, equals, value = field.partition(b"=")
+        if equals and place <= len(header):
+            fields[name] = value
     return fields
 
 
@@ -184,7 +185,8 @@ def _chunk2(content: bytes) -> bytes:
 
 
 def _text(content: bytes, place: int) -> str:
-    return _piece(content, place)[0].decode("latin-1")
+    text, end = _piece(content, place)
+    return text.decode("latin-1") if end <= len(content) else ""
 
 
 def _unpacked(compression: bytes, data: bytes) -> bytes:
