@@ -49,7 +49,7 @@ def test_many_brackets_are_no_nesting(tmp_path):
     lists = "".join(f"p{k}: [0, {{a: 1}}]  # [m] in [0, 1)\n" for k in range(300))
     assert values(tmp_path, f"{lists}delta: 0.1\n")["delta"] == 0.1
     with pytest.raises(ValueError, match="nested too deeply"):
-        values(tmp_path, "delta: " + "[" * 60 + "]" * 60)
+        values(tmp_path, "delta: " + "[" * 600 + "]" * 600)
 
 
 @pytest.mark.parametrize("whole", [LAUNCH, PARAMETERS])
