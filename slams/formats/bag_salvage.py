@@ -11,7 +11,6 @@ import sqlite3
 import struct
 import sys
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import Any
 
 import lz4.frame
 
-from slams.formats.bag import KNOWN, Record, Topic, write_ahead
+from slams.formats.bag import KNOWN, Record, summed, write_ahead
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -52,15 +51,15 @@ class SalvagedBag:
     def __init__(self, path: Path, kind: str) -> None:
         self.ros1 = kind == "bag"
         self._records: list[Record] = []
-        counts: Counter[tuple[str, str]] = Counter()
+        found: list[tuple[str, str, int]] = []
         for topic, name, received, data in _found(path, kind):
             msgtype = name if "/msg/" in name else name.replace("/", "/msg/", 1)
             self.ros1 |= msgtype != name  # ROS 1 messages in an mcap
-            counts[topic, msgtype] += 1
+            found.append((topic, msgtype, 1))
             if msgtype in KNOWN:
                 self._records.append(Record(topic, msgtype, received, data))
         self._records.sort(key=lambda record: record.received)
-        self.topics = [Topic(*key, n) for key, n in counts.items()]
+        self.topics = summed(found)
 
     def records(self, topics: Collection[str]) -> Iterator[Record]:
         """Messages of these topics."""
