@@ -200,24 +200,6 @@ def test_files_that_are_none(tmp_path):
         take("hector", tmp_path / "none.yaml")
 
 
-BOMB = """<!DOCTYPE l [<!ENTITY a "aaaaaaaaaa">
-<!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;&b;&b;">]>
-<launch><node pkg="hector_mapping"><param name="map_size" value="&c;"/></node></launch>"""
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        (BOMB, "no <!DOCTYPE"),
-        ("<launch>" + "<group>" * 5000 + "</group>" * 5000 + "</launch>", "nested too deeply"),
-    ],
-    ids=["entities", "groups"],
-)
-def test_hostile_files_are_refused(tmp_path, text, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        take("hector", wrote(tmp_path, text))
-
-
 def test_overruled_and_unknown_names_are_told(tmp_path):
     path = wrote(tmp_path, "maxUrange: 16.0\nmaxRange: 30.0\nparticels: 3\nodom_frame: o\n")
     taken = take("gmapping", path)
