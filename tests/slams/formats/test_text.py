@@ -51,46 +51,38 @@ def test_flaser(name, tmp_path):
     assert log.laser.range_max == 81.0
     mount = (0.25 * math.cos(0.5), -0.25 * math.sin(0.5), 0.0)  # the laser seen from the robot
     assert log.laser.mount == pytest.approx(mount)
+    assert np.isfinite(log.ranges).all()  # the greatest reading of a short room is a wall
     assert log.odom.values.tolist() == [[1.0, 2.0, 0.5]]
     assert log.name in ("drive", "recording")
     assert log.meta["source"]["scans"] == "FLASER"
 
 
+RESOLUTION, LIMIT = "PARAM laser_front_laser_resolution", "PARAM robot_front_laser_max"
+
+
 @pytest.mark.parametrize(
-    ("n", "step", "first"), [(180, 1.0, -90.0), (360, 0.5, -90.0), (361, 0.5, -90.0), (91, 2, -90)]
+    ("n", "header", "step", "first", "range_max"),
+    [
+        (180, "", 1.0, -90.0, 81.0),
+        (360, "", 0.5, -90.0, 81.0),
+        (361, "", 0.5, -90.0, 81.0),
+        (91, "", 2.0, -90.0, 81.0),
+        (401, f"{RESOLUTION} 0.25 1 h 1\n{LIMIT} 8 1 h 1\n", 0.25, -50.0, 8.0),
+        (181, f"{RESOLUTION} 3.0 1 h 1\n", 1.0, -90.0, 81.0),  # of another laser
+    ],
 )
-def test_flaser_angles_follow_from_the_number_of_readings(n, step, first, tmp_path):
+def test_flaser_angles_and_limit(n, header, step, first, range_max, tmp_path):
     line = f"FLASER {n} {'2.0 ' * (n - 1)}3.0 0 0 0 0 0 0 1.0 host 1.0"
-    laser = slams.load(written(tmp_path, line)).laser
+    laser = slams.load(written(tmp_path, line, header=header)).laser
     assert math.degrees(laser.angle_increment) == pytest.approx(step)
     assert math.degrees(laser.angle_min) == pytest.approx(first)
+    assert laser.range_max == range_max
     shifted = slams.load(tmp_path / "drive.log", first_beam=-89.5).laser
     assert math.degrees(shifted.angle_min) == pytest.approx(-89.5)
 
 
-def test_flaser_angles_and_limit_from_parameters(tmp_path):
-    header = "PARAM laser_front_laser_resolution 0.25 1 h 1\nPARAM robot_front_laser_max 8 1 h 1\n"
-    line = "FLASER 401 " + "2.0 " * 400 + "3.0 0 0 0 0 0 0 1.0 host 1.0"
-    laser = slams.load(written(tmp_path, line, header=header)).laser
-    assert math.degrees(laser.angle_increment) == pytest.approx(0.25)
-    assert math.degrees(laser.angle_min) == pytest.approx(-50.0)
-    assert laser.range_max == 8.0
-
-
-def test_a_parameter_of_another_laser_is_not_believed(tmp_path):
-    header = "PARAM laser_front_laser_resolution 3.0 1 h 1\n"
-    laser = slams.load(written(tmp_path, FLASER.format(READINGS), header=header)).laser
-    assert math.degrees(laser.angle_increment) == pytest.approx(1.0)
-
-
 def test_remissions_that_are_not_all_there(tmp_path):
     assert "is not whole" in refused(written(tmp_path, ROBOT.format(READINGS, "3 7.0 8.0 ")))
-
-
-def test_a_log_packed_in_pieces(tmp_path):
-    path = written(tmp_path, FLASER.format(READINGS), name="drive.log.gz")
-    path.write_bytes(path.read_bytes() * 2)
-    assert len(slams.load(path)) == 2
 
 
 @pytest.mark.parametrize("remissions", ["", "0 ", "2 7.0 8.0 "])
@@ -169,11 +161,6 @@ def test_the_reading_that_means_nothing_seen(tmp_path):
     assert np.isfinite(log.ranges[0, 60:]).all()
 
 
-def test_the_greatest_reading_of_a_short_room_is_a_wall(tmp_path):
-    log = slams.load(written(tmp_path, FLASER.format(READINGS)))
-    assert np.isfinite(log.ranges).all()
-
-
 def test_poses_of_another_slam_are_no_mount(tmp_path):
     lines = [
         f"FLASER 181 {READINGS} {x} 0 0 {x + dx} 0 0 {x}.0 host 0"
@@ -194,9 +181,12 @@ def test_the_order_of_the_file_rules(tmp_path):
     assert log.stamp_jumps == 1
 
 
-def test_windows_line_ends(tmp_path):
-    log = slams.load(written(tmp_path, *[FLASER.format(READINGS)] * 2, newline="\r\n"))
-    assert len(log) == 2
+@pytest.mark.parametrize("packed", [False, True])
+def test_windows_line_ends_and_logs_packed_in_pieces(packed, tmp_path):
+    name = "drive.log.gz" if packed else "drive.log"
+    path = written(tmp_path, FLASER.format(READINGS), name=name, newline="\r\n")
+    path.write_bytes(path.read_bytes() * 2)
+    assert len(slams.load(path)) == 2
 
 
 HALVES = {
