@@ -89,11 +89,18 @@ def test_a_header_that_comes_again_between_the_rows_is_no_row(tmp_path):
         ("1 2 3 0 0 0 0 1\n2 2 3 0 0 0 0 0\n", "1 of 2 poses are not finite or no rotation"),
         ("inf,2,3,0\n2,2,3,0\n", "1 of 2 poses are not finite"),
         ("3,0,0,0\n2,0,0,0\n1,0,0,0\n", "2 of 3 stamps lie before the one ahead of them"),
+        ("".join(f"{t},0,0,0\n" for t in (1, 2, 3, 4, 5, 6, 8, 7)), "1 of 8 stamps lie before"),
     ],
 )
 def test_a_file_that_is_no_trajectory(text, sentence, tmp_path):
     (tmp_path / "run.txt").write_text(text)
     assert refused(tmp_path / "run.txt").startswith(f"{tmp_path / 'run.txt'}: {sentence}")
+
+
+def test_the_heading_of_a_robot_that_rolls(tmp_path):
+    q = bags.Make(bags.ROS2).quaternion(yaw=0.5, roll=0.3)
+    (tmp_path / "run.tum").write_text(f"1 2 3 0 {q.x} {q.y} {q.z} {q.w}\n")
+    assert trajectory.read(tmp_path / "run.tum")[1] == pytest.approx(np.array([[2.0, 3.0, 0.5]]))
 
 
 def test_stamps_are_put_in_order_and_of_equal_ones_the_first_counts(tmp_path):
