@@ -168,8 +168,8 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Give a command the options of what to take from a recorded log."""
     group = parser.add_argument_group(
         "reading a log",
-        "npz, ROS 1 or ROS 2 bag, CARMEN log, BreezySLAM .dat: found out by the content. Needed "
-        "only where a log leaves a choice.",
+        "npz, ROS 1 or ROS 2 bag, CARMEN log: found out by the content. Needed only where a "
+        "log leaves a choice.",
     )
     group.add_argument("--scan-topic", metavar="TOPIC", help="the laser; or a CARMEN message")
     group.add_argument("--odom", metavar="NAME", help="odometry topic or tf frame; or none")
@@ -182,7 +182,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         "--first-beam",
         metavar="DEG",
         type=float,
-        help="direction of the first reading where a CARMEN log or .dat does not tell",
+        help="direction of the first reading where a CARMEN log does not tell",
     )
     group.add_argument("--salvage", action="store_true", help="read what is whole in a damaged log")
 

@@ -21,7 +21,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "log",
         nargs="+",
-        help="npz, ROS bag (of a split one all files), CARMEN log, BreezySLAM .dat",
+        help="npz, ROS bag (of a split one all files) or CARMEN log",
     )
     p.add_argument("out", type=Path, metavar="OUT.npz", help="the scan log to write")
     p.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")

@@ -33,7 +33,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "log",
         nargs="+",
-        help="npz, ROS bag (of a split one all files), CARMEN log, BreezySLAM .dat",
+        help="npz, ROS bag (of a split one all files) or CARMEN log",
     )
     cli.add_log_options(p)
     return p

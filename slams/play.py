@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
         description="Publish a log as a robot would: /scan, /tf_static, and what it has of /odom, "
         "/tf and /imu, by ROS 2, in the time it took. No ROS needed.",
     )
-    p.add_argument("log", nargs="+", help="scan log: npz, ROS bag, CARMEN log, BreezySLAM .dat")
+    p.add_argument("log", nargs="+", help="scan log: npz, ROS bag or CARMEN log")
     p.add_argument("--rate", type=float, default=1.0, metavar="X", help="so many times as fast")
     p.add_argument("--loop", action="store_true", help="again and again, until Ctrl-C")
     p.add_argument("--limit", type=int, metavar="N", help="only N scans")

@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from slams.registry import Entry
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
-    from slams.types import Floats, OccupancyGrid, Pose2, Scan, Slam
-    from slams.watch.video import Video
+    from slams.types import Floats, OccupancyGrid, Slam
     from slams.watch.view import View
 
 PROGRAM = "slams run"
@@ -39,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "log",
         nargs="*",
-        help="scan log: npz, ROS bag (of a split one all files), CARMEN log, BreezySLAM .dat",
+        help="scan log: npz, ROS bag (of a split one all files) or CARMEN log",
     )
     p.add_argument("--out", metavar="DIR", help="default: results/<log>-<algorithm>")
     cli.add_force_option(p)
@@ -49,8 +48,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--mcap", action="store_true", help="also write result.mcap for Foxglove, RViz, evo"
     )
-    p.add_argument("--video", metavar="FILE", help="also a film: .mp4, or a folder for png files")
-    p.add_argument("--video-every", type=int, metavar="K", help="a frame every K scans")
     p.add_argument(
         "--view",
         metavar="FILE.rrd",
@@ -233,36 +230,21 @@ def _replayed(
 ) -> tuple[Run, float]:
     from slams.player import WARM_UP_SCANS, replay, warm_up
 
-    with ExitStack() as watching:
-        watchers = cli.refusing(lambda: _watchers(slam, entry.label, log, arguments))
-        for watcher in watchers:
-            watching.enter_context(watcher)
-
-        def _watch(scan: Scan, pose: Pose2) -> None:
-            for watcher in watchers:
-                watcher.watch(scan, pose)
-
+    with cli.refusing(lambda: _view(slam, entry.label, log, arguments)) as view:
         start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
         scans = cli.progress(log, len(log), entry.label, arguments.quiet)
-        return replay(slam, scans, _watch if watchers else None), start_up_s
+        return replay(slam, scans, view.watch if view else None), start_up_s
 
 
-def _watchers(
+def _view(
     slam: Slam, label: str, log: ScanLog, arguments: argparse.Namespace
-) -> list[Video | View]:
-    """What draws the run; what it lacks is said before the run starts."""
-    title = f"{label} on {log.name}"
-    watchers: list[Video | View] = []
-    if arguments.view:
-        from slams.watch.view import View
+) -> AbstractContextManager[View | None]:
+    """The viewer if it was asked for; what it lacks is said before the run starts."""
+    if not arguments.view:
+        return nullcontext()
+    from slams.watch.view import View
 
-        watchers.append(View(arguments.view, slam, title))
-    if arguments.video:
-        from slams.watch.video import Video, default_every
-
-        every = arguments.video_every or default_every(len(log))
-        watchers.append(Video(arguments.video, slam, title, every))
-    return watchers
+    return View(arguments.view, slam, f"{label} on {log.name}")
 
 
 if __name__ == "__main__":

@@ -82,12 +82,10 @@ def _check_options(arguments: argparse.Namespace, program: str) -> None:
     """Refuse options that have no meaning, or none together."""
     if not arguments.log:
         raise ValueError(f"no log given; expected {program} {arguments.algorithm} scans.npz")
-    for name in ("limit", "every", "video_every"):
+    for name in ("limit", "every"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise ValueError(f"--{name.replace('_', '-')}: got {value}, expected 1 or more")
-    if arguments.video_every and not arguments.video:
-        raise ValueError("--video-every: got no film; expected --video FILE, too")
     if arguments.no_odometry and (arguments.odom or arguments.imu):
         raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
 
@@ -104,7 +102,7 @@ def _folder(label: str, arguments: argparse.Namespace) -> Path:
     folder = Path(arguments.out or f"results/{name}")
     check_folder(folder)
     view = None if arguments.view == "live" else arguments.view
-    for target in (folder, arguments.video, view):
+    for target in (folder, view):
         if target:
             check_new(target, arguments.force)
     save = arguments.save_state

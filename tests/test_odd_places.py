@@ -13,7 +13,6 @@ from rosbags.rosbag2 import Writer as Writer2
 import slams
 from slams.formats.occupancy import write_image
 from slams.scanlog import ScanLog
-from slams.watch.video import count_frames
 from tests import bags
 from tests.places import ROOT
 from tests.rooms import drive
@@ -52,33 +51,14 @@ def parts(folder):
 
 def test_names_that_are_not_utf8(log, tmp_path):
     torn = log.rename(tmp_path / f"{TORN}.npz")
-    video = tmp_path / f"film{TORN}"
-    done = run(tmp_path, torn, "--mcap", "--video", video)
+    done = run(tmp_path, torn, "--mcap")
     assert (done.returncode, done.stderr) == (0, b"")
     assert os.fsencode(TORN) in done.stdout
     out = tmp_path / "results" / f"{TORN}-odometry"
     assert {"map.png", "map.pgm", "result.mcap", "summary.json"} <= {
         path.name for path in out.iterdir()
     }
-    assert video.exists()
     assert parts(tmp_path) == parts(out.parent) == []
-
-
-def test_an_mp4_with_such_a_name_is_refused_before_the_run(log, tmp_path):
-    done = run(tmp_path, log, "--video", tmp_path / f"{TORN}.mp4")
-    assert done.returncode == 2
-    assert b"the name is not UTF-8; a folder can do\n" in done.stderr
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.npz"]
-
-
-@pytest.mark.parametrize("film", ["f.mp4", "frames"])
-def test_a_film_on_a_full_disk(film, log, tmp_path):
-    done = run(tmp_path, log, "-q", "--video", tmp_path / film, full=True)
-    sentence = done.stderr.decode()
-    assert done.returncode == 1, sentence
-    assert sentence.count("\n") == 1
-    assert f"--video: {tmp_path / film}: " in sentence
-    assert [path.name for path in tmp_path.iterdir()] == ["log.npz"]
 
 
 def test_results_on_a_full_disk(log, tmp_path):
@@ -86,16 +66,6 @@ def test_results_on_a_full_disk(log, tmp_path):
     assert done.returncode == 2
     assert done.stderr.count(b"\n") == 1
     assert list((tmp_path / "results").iterdir()) == []
-
-
-def test_a_film_that_is_not_whole_is_known(log, tmp_path):
-    film = tmp_path / "f.mp4"
-    assert run(tmp_path, log, "-q", "--video", film).returncode == 0
-    assert count_frames(film) == 11
-    data = film.read_bytes()
-    for cut in (0, 8, 40, 200, -200):
-        film.write_bytes(data[:cut])
-        assert count_frames(film) != 11, cut
 
 
 def test_pictures_are_those_of_opencv(tmp_path):

@@ -101,13 +101,12 @@ def test_results_are_named_after_the_file_and_replaced_only_if_asked(log, tmp_pa
     "words",
     [
         ["run", "odometry", "a.npz", "-q", "--save-state"],
-        ["run", "odometry", "a.npz", "-q", "--video"],
         ["convert", "a.npz", "-q"],
     ],
-    ids=["state", "film", "npz"],
+    ids=["state", "npz"],
 )
 def test_no_file_is_overwritten_unless_asked(words, log, tmp_path, capsys):
-    target = {"--save-state": "x.state", "--video": "x.mp4"}.get(words[-1], "x.npz")
+    target = {"--save-state": "x.state"}.get(words[-1], "x.npz")
     (tmp_path / target).write_text("mine")
     assert main([*words, target]) == 2
     assert capsys.readouterr().err == (
@@ -121,7 +120,6 @@ def test_no_file_is_overwritten_unless_asked(words, log, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--video-every", "2"], "--video-every: got no film"),
         (["--no-odometry", "--odom", "none"], "--no-odometry: got --odom or --imu, too"),
         (["--lim", "3"], "unrecognized arguments: --lim"),
     ],

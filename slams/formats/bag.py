@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import heapq
-import tempfile
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -72,24 +71,13 @@ def open_bag(path: Path, kind: str) -> Iterator[LibraryBag]:
     """
     if kind == "db3" and (log := write_ahead(path)) is not None:
         raise damaged(path, kind, f"its last messages are still in {log.name}")
-    with _named(path, kind) as name:
-        bag = LibraryBag(path, kind, name)
-        try:
-            yield bag
-        finally:
-            bag.close()
-
-
-@contextmanager
-def _named(path: Path, kind: str) -> Iterator[Path]:
-    """The library tells storages by the file's ending: a link with the right one."""
-    if kind in ("folder", "bag") or path.suffix == f".{kind}":
-        yield path
-        return
-    with tempfile.TemporaryDirectory(prefix="slams-") as folder:
-        link = Path(folder) / f"bag.{kind}"
-        link.symlink_to(path.resolve())
-        yield link
+    if kind in ("mcap", "db3") and path.suffix != f".{kind}":  # by which the library goes
+        raise ValueError(f"{path}: is a .{kind} by its content; give it this ending")
+    bag = LibraryBag(path, kind)
+    try:
+        yield bag
+    finally:
+        bag.close()
 
 
 def write_ahead(database: Path) -> Path | None:
@@ -99,17 +87,12 @@ def write_ahead(database: Path) -> Path | None:
 
 
 class LibraryBag:
-    """A whole bag; `name` is the path the library gets."""
+    """A whole bag."""
 
-    def __init__(self, path: Path, kind: str, name: Path) -> None:
+    def __init__(self, path: Path, kind: str) -> None:
         self.path, self.kind, self.ros1 = path, kind, kind == "bag"
-        self._name = name
-        self._reader = self._guarded(lambda: self._opened(name))
-        counts: dict[tuple[str, str], int] = {}
-        for connection in self._reader.connections:
-            key = connection.topic, connection.msgtype
-            counts[key] = counts.get(key, 0) + connection.msgcount
-        self.topics = [Topic(*key, n) for key, n in counts.items()]
+        self._reader = self._guarded(self._opened)
+        self.topics = summed((c.topic, c.msgtype, c.msgcount) for c in self._reader.connections)
 
     def close(self) -> None:
         """Close the file."""
@@ -128,11 +111,11 @@ class LibraryBag:
             if connection in wanted:  # a damaged index leads to others, too
                 yield Record(connection.topic, connection.msgtype, received, data)
 
-    def _opened(self, name: Path) -> Any:
+    def _opened(self) -> Any:
         from rosbags.rosbag1 import Reader as Reader1
         from rosbags.rosbag2 import Reader as Reader2
 
-        reader = Reader1(name) if self.ros1 else Reader2(name)
+        reader = Reader1(self.path) if self.ros1 else Reader2(self.path)
         reader.open()
         return reader
 
@@ -143,9 +126,7 @@ class LibraryBag:
         except Exception as error:  # its parsers raise what they stumble over: any class
             if isinstance(error, FileNotFoundError | PermissionError) and error.errno:
                 raise
-            text = str(error) or type(error).__name__
-            for name in (self._name, self.path):
-                text = text.replace(str(name), self.path.name)
+            text = (str(error) or type(error).__name__).replace(str(self.path), self.path.name)
             raise damaged(self.path, self.kind, text) from error
 
 
@@ -155,15 +136,20 @@ class SeveralBags:
     def __init__(self, bags: Sequence[Bag]) -> None:
         self.ros1 = bags[0].ros1
         self._bags = bags
-        counts: Counter[tuple[str, str]] = Counter()
-        for name, msgtype, messages in (topic for bag in bags for topic in bag.topics):
-            counts[name, msgtype] += messages
-        self.topics = [Topic(*key, n) for key, n in counts.items()]
+        self.topics = summed(topic for bag in bags for topic in bag.topics)
 
     def records(self, topics: Collection[str]) -> Iterator[Record]:
         """Messages of these topics."""
         each = (bag.records(topics) for bag in self._bags)
         return heapq.merge(*each, key=lambda record: record.received)
+
+
+def summed(found: Iterable[tuple[str, str, int]]) -> list[Topic]:
+    """Each topic and message type once, with all its messages."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for name, msgtype, messages in found:
+        counts[name, msgtype] += messages
+    return [Topic(*key, n) for key, n in counts.items()]
 
 
 def damaged(path: Path, kind: str, reason: str) -> DamagedError:

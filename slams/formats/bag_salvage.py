@@ -11,14 +11,14 @@ import sqlite3
 import struct
 import sys
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import lz4.frame
 
-from slams.formats.bag import KNOWN, Record, Topic, write_ahead
+from slams.formats.bag import KNOWN, Record, summed, write_ahead
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -27,8 +27,9 @@ else:
 
 HEADER1 = len(b"#ROSBAG V2.0\n")
 HEADER2 = len(b"\x89MCAP0\r\n")
-MESSAGE1, CHUNK1, CONNECTION1 = 2, 5, 7  # op codes of ROS 1 bags
+MESSAGE1, CHUNK1, CONNECTION1 = b"\x02", b"\x05", b"\x07"  # op codes of ROS 1 bags
 SCHEMA2, CHANNEL2, MESSAGE2, CHUNK2 = 3, 4, 5, 6  # and of mcap
+RECORD2 = struct.Struct("<BQ")  # op code and length of an mcap record
 UNPACKERS: dict[bytes, Callable[[], Any]] = {
     b"bz2": bz2.BZ2Decompressor,
     b"lz4": lz4.frame.LZ4FrameDecompressor,
@@ -50,15 +51,15 @@ class SalvagedBag:
     def __init__(self, path: Path, kind: str) -> None:
         self.ros1 = kind == "bag"
         self._records: list[Record] = []
-        counts: Counter[tuple[str, str]] = Counter()
+        found: list[tuple[str, str, int]] = []
         for topic, name, received, data in _found(path, kind):
             msgtype = name if "/msg/" in name else name.replace("/", "/msg/", 1)
             self.ros1 |= msgtype != name  # ROS 1 messages in an mcap
-            counts[topic, msgtype] += 1
+            found.append((topic, msgtype, 1))
             if msgtype in KNOWN:
                 self._records.append(Record(topic, msgtype, received, data))
         self._records.sort(key=lambda record: record.received)
-        self.topics = [Topic(*key, n) for key, n in counts.items()]
+        self.topics = summed(found)
 
     def records(self, topics: Collection[str]) -> Iterator[Record]:
         """Messages of these topics."""
@@ -74,8 +75,7 @@ def _found(path: Path, kind: str) -> Found:
     elif path.stat().st_size:  # an empty file cannot be mapped
         with path.open("rb") as stored:
             data = mmap.mmap(stored.fileno(), 0, access=mmap.ACCESS_READ)
-            start, reader = (HEADER1, _Ros1()) if kind == "bag" else (HEADER2, _Mcap())
-            yield from reader.messages(data, start)
+            yield from _ros1(data, HEADER1, {}) if kind == "bag" else _mcap(data, HEADER2, {}, {})
 
 
 def _files(folder: Path) -> list[Path]:
@@ -114,109 +114,67 @@ def _pad(database: Path) -> None:
         os.truncate(database, size)
 
 
-class _Ros1:
-    """Records of a ROS 1 bag: header fields, then data."""
-
-    def __init__(self) -> None:
-        self.connections: dict[bytes, tuple[str, str]] = {}
-
-    def messages(self, data: Bytes, start: int = 0) -> Found:
-        """All messages from a place on, those in chunks too."""
-        for fields, content in _records1(data, start):
-            op = fields.get(b"op", b"\0")[:1]
-            if op == bytes([CHUNK1]):
-                yield from self.messages(_unpacked(fields.get(b"compression", b""), content))
-            elif op == bytes([CONNECTION1]):
-                more = dict(_fields1(content))
-                msgtype = more.get(b"type", b"").decode("latin-1")
-                topic = fields.get(b"topic", b"").decode("latin-1")
-                self.connections[fields.get(b"conn", b"")] = topic, msgtype
-            elif op == bytes([MESSAGE1]) and fields.get(b"conn") in self.connections:
-                when = fields.get(b"time", b"")
-                if len(when) == 8:
-                    seconds, nanoseconds = struct.unpack("<II", when)
-                    topic, msgtype = self.connections[fields[b"conn"]]
-                    yield topic, msgtype, seconds * 10**9 + nanoseconds, content
-
-
-def _records1(data: Bytes, place: int) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
-    """Records until one is not whole; of the last one, a chunk, what is there."""
-    while place + 4 <= len(data):
+def _ros1(data: Bytes, place: int, connections: dict[bytes, tuple[str, str]]) -> Found:
+    """Messages of ROS 1 records (header fields, then data) from a place on, in chunks too."""
+    while place < len(data):
         header, place = _piece(data, place)
-        if header is None or place + 4 > len(data):
+        content, place = _piece(data, place)
+        fields = _fields1(header)
+        op, number = fields.get(b"op", b""), fields.get(b"conn", b"")
+        if op == CHUNK1:  # cut short, its beginning is still of use
+            unpacked = _unpacked(fields.get(b"compression", b""), content)
+            yield from _ros1(unpacked, 0, connections)
+        elif place > len(data):
             return
-        fields = dict(_fields1(header))
-        content, after = _piece(data, place)
-        if content is None:  # cut short: of a chunk the beginning is still of use
-            if fields.get(b"op") == bytes([CHUNK1]):
-                yield fields, data[place + 4 :]
-            return
-        yield fields, content
-        place = after
+        elif op == CONNECTION1:
+            topic, msgtype = fields.get(b"topic", b""), _fields1(content).get(b"type", b"")
+            connections[number] = topic.decode("latin-1"), msgtype.decode("latin-1")
+        elif op == MESSAGE1 and number in connections and len(fields.get(b"time", b"")) == 8:
+            seconds, nanoseconds = struct.unpack("<II", fields[b"time"])
+            yield *connections[number], seconds * 10**9 + nanoseconds, content
 
 
-def _fields1(header: bytes) -> Iterator[tuple[bytes, bytes]]:
+def _fields1(header: bytes) -> dict[bytes, bytes]:
     """name=value fields of a header, each with its length before it."""
-    place = 0
-    while place + 4 <= len(header):
+    fields, place = {}, 0
+    while place < len(header):
         field, place = _piece(header, place)
-        if field is None:
-            return
         name, equals, value = field.partition(b"=")
-        if equals:
-            yield name, value
+        if equals and place <= len(header):
+            fields[name] = value
+    return fields
 
 
-def _piece(data: Bytes, place: int) -> tuple[bytes | None, int]:
-    """Bytes with their length in front, None if not all are there, and the place behind them."""
-    (size,) = struct.unpack_from("<I", data, place)
-    end = place + 4 + size
-    return (data[place + 4 : end] if end <= len(data) else None), end
+def _piece(data: Bytes, place: int) -> tuple[bytes, int]:
+    """Bytes with their length in front, as many as are there, and the place behind them all."""
+    start = place + 4
+    end = start + int.from_bytes(data[place:start], "little")
+    return data[start:end], end
 
 
-class _Mcap:
-    """Records of an mcap file: a byte of kind, eight of length, the content."""
-
-    def __init__(self) -> None:
-        self.schemas: dict[int, str] = {}
-        self.channels: dict[int, tuple[str, str]] = {}
-
-    def messages(self, data: Bytes, start: int = 0) -> Found:
-        """All messages from a place on, those in chunks too."""
-        for op, content in _records2(data, start):
-            try:
-                if op == CHUNK2:
-                    yield from self.messages(_chunk2(content))
-                elif op == MESSAGE2:
-                    channel, _, received = struct.unpack_from("<HIQ", content)
-                    if channel in self.channels:
-                        yield (*self.channels[channel], received, content[22:])
-                else:
-                    self._take(op, content)
-            except struct.error:
-                continue
-
-    def _take(self, op: int, content: bytes) -> None:
-        """Remember a schema's or a channel's name."""
-        if op == SCHEMA2:
-            (number,) = struct.unpack_from("<H", content)
-            self.schemas[number] = _text(content, 2)
-        elif op == CHANNEL2:
-            number, schema = struct.unpack_from("<HH", content)
-            self.channels[number] = _text(content, 4), self.schemas.get(schema, "")
-
-
-def _records2(data: Bytes, place: int) -> Iterator[tuple[int, bytes]]:
-    """Records until one is not whole; of the last one, a chunk, what is there."""
-    while place + 9 <= len(data):
-        op, size = struct.unpack_from("<BQ", data, place)
-        place += 9
-        if place + size > len(data):
-            if op == CHUNK2:
-                yield op, data[place:]
+def _mcap(
+    data: Bytes, place: int, schemas: dict[int, str], channels: dict[int, tuple[str, str]]
+) -> Found:
+    """Messages of mcap records (kind, length, content) from a place on, in chunks too."""
+    while place + RECORD2.size <= len(data):
+        op, size = RECORD2.unpack_from(data, place)
+        start, place = place + RECORD2.size, place + RECORD2.size + size
+        content = data[start:place]
+        if op != CHUNK2 and place > len(data):
             return
-        yield op, data[place : place + size]
-        place += size
+        with suppress(struct.error):  # a record too short for its kind
+            if op == CHUNK2:  # cut short, its beginning is still of use
+                yield from _mcap(_chunk2(content), 0, schemas, channels)
+            elif op == SCHEMA2:
+                (number,) = struct.unpack_from("<H", content)
+                schemas[number] = _text(content, 2)
+            elif op == CHANNEL2:
+                number, schema = struct.unpack_from("<HH", content)
+                channels[number] = _text(content, 4), schemas.get(schema, "")
+            elif op == MESSAGE2:
+                number, _, received = struct.unpack_from("<HIQ", content)
+                if number in channels:
+                    yield *channels[number], received, content[22:]
 
 
 def _chunk2(content: bytes) -> bytes:
@@ -226,8 +184,8 @@ def _chunk2(content: bytes) -> bytes:
 
 
 def _text(content: bytes, place: int) -> str:
-    text, _ = _piece(content, place)
-    return (text or b"").decode("latin-1")
+    text, end = _piece(content, place)
+    return text.decode("latin-1") if end <= len(content) else ""
 
 
 def _unpacked(compression: bytes, data: bytes) -> bytes:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from slams.formats import breezy, carmen
+from slams.formats import carmen
 from slams.formats.packed import GZIP, unpacked
 
-KNOWN_KINDS = "an npz file, a ROS bag, a CARMEN log or a BreezySLAM .dat"
-HEAD_SIZE = 1 << 16
+HEAD_SIZE = 1 << 16  # bytes that tell the kind
 MAGIC = {
     b"PK": "npz",
     b"#ROSBAG V2.0\n": "bag",
@@ -21,14 +20,17 @@ UNPACK_COMMANDS = {b"\x28\xb5\x2f\xfd": "zstd -d", b"BZh": "bunzip2", b"\xfd7zXZ
 
 
 def kind_of(path: Path) -> str:
-    """npz, bag, mcap, db3, folder (of a ROS 2 bag), carmen or breezy.
+    """npz, bag, mcap, db3, folder (of a ROS 2 bag) or carmen.
 
     Raises:
         OSError: the file cannot be opened.
         ValueError: it is none of them.
     """
     kind, head = _binary_kind(path)
-    return kind or _kind_of_text(path, head)
+    if kind is None and not carmen.is_carmen(head.decode("latin-1")):
+        empty = "" if head else "empty; "
+        raise ValueError(f"{path}: {empty}not an npz file, a ROS bag or a CARMEN log")
+    return kind or "carmen"
 
 
 def binary_kind_of(path: Path) -> str | None:
@@ -59,30 +61,13 @@ def _binary_kind(path: Path) -> tuple[str | None, bytes]:
         raise ValueError(f"{path}: is a directory without a ROS 2 bag (metadata.yaml, .mcap, .db3)")
     with path.open("rb") as file:
         head = file.read(HEAD_SIZE)
-    for magic, kind in MAGIC.items():
-        if head.startswith(magic):
-            return kind, head
-    for magic, command in UNPACK_COMMANDS.items():
-        if head.startswith(magic):
-            raise _packed(path, command)
-    if head.startswith(OLD_BAG):
-        raise ValueError(f"{path}: a bag of a version before 2.0; 'rosbag fix' makes a new one")
+    kind = next((kind for magic, kind in MAGIC.items() if head.startswith(magic)), None)
+    command = next((c for magic, c in UNPACK_COMMANDS.items() if head.startswith(magic)), None)
     if head.startswith(GZIP):
         head = unpacked(head, HEAD_SIZE)[0]
-        if head.startswith(tuple(MAGIC)):
-            raise _packed(path, "gunzip")
-    return None, head
-
-
-def _packed(path: Path, command: str) -> ValueError:
-    return ValueError(f"{path}: compressed as a whole; unpack it first: {command} {path.name}")
-
-
-def _kind_of_text(path: Path, head: bytes) -> str:
-    text = head.decode("latin-1")
-    if carmen.is_carmen(text):
-        return "carmen"
-    if breezy.is_breezy(text):
-        return "breezy"
-    given = "" if head else "empty; "
-    raise ValueError(f"{path}: {given}not {KNOWN_KINDS}")
+        command = "gunzip" if head.startswith(tuple(MAGIC)) else None
+    if command is not None:
+        raise ValueError(f"{path}: compressed as a whole; unpack it first: {command} {path.name}")
+    if kind is None and head.startswith(OLD_BAG):
+        raise ValueError(f"{path}: a bag of a version before 2.0; 'rosbag fix' makes a new one")
+    return kind, head

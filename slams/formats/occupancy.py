@@ -16,7 +16,6 @@ from slams.types import Floats, OccupancyGrid
 
 OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196  # 205 = unknown must not load as free
 FREE, OCCUPIED, UNKNOWN = 254, 0, 205
-MODES = ("trinary", "scale", "raw")
 PATH_COLOR, START_COLOR = (60, 76, 231), (96, 174, 39)  # red, green in OpenCV's order
 
 Pixels = NDArray[np.uint8]
@@ -48,22 +47,23 @@ def write_map(folder: str | Path, grid: OccupancyGrid) -> None:
 def read_map(path: str | Path, notes: list[str] | None = None) -> OccupancyGrid:
     """Read a map_server or nav2 yaml with its picture: p 1 occupied, 0 free, nan unknown.
 
-    Modes trinary, scale (p in between, nan where transparent) and raw (percent as pixels), negated
-    or not. The gray that map savers give to unknown cells is unknown in trinary maps, whatever the
-    threshold. Notes for the user are added to `notes`.
+    The mode is trinary, as map savers have it unless told otherwise, negated or not. The gray that
+    they give to unknown cells is unknown, whatever the threshold. Notes for the user are added to
+    `notes`.
 
     Raises:
         OSError: the yaml or its picture cannot be read.
-        ValueError: the yaml is not a map's, or its map is turned; the sentence says so.
+        ValueError: the yaml is not a map's, or its map is turned or not trinary.
     """
     path = Path(path)
     head = _head(path)
     if not (path.parent / head.image).is_file():
         raise FileNotFoundError(f"{path}: there is no such picture as {head.image} beside it")
-    image = _read_image(path.parent / head.image, transparent=head.mode == "scale")
-    p = _cells(image, head)
+    image = _read_image(path.parent / head.image)
+    shade = image / 255.0
+    p = _trinary(shade if head.negate else 1.0 - shade, head.occupied, head.free)
     unknown = image == (255 - UNKNOWN if head.negate else UNKNOWN)
-    if head.mode == "trinary" and head.free > (255 - UNKNOWN) / 255.0 and unknown.any():
+    if head.free > (255 - UNKNOWN) / 255.0 and unknown.any():
         p[unknown] = np.nan  # the trap of nav2's old threshold 0.25
         if notes is not None:
             notes.append(
@@ -80,8 +80,7 @@ def read_picture(path: str | Path) -> NDArray[np.float32]:
         OSError: it cannot be read.
         ValueError: it is no picture.
     """
-    usual = Head("", 1.0, (0.0, 0.0), "trinary", False, OCCUPIED_THRESH, FREE_THRESH)
-    p = _probability(1.0 - _read_image(Path(path)) / 255.0, usual)
+    p = _trinary(1.0 - _read_image(Path(path)) / 255.0, OCCUPIED_THRESH, FREE_THRESH)
     return p[::-1].astype(np.float32)
 
 
@@ -91,7 +90,6 @@ class Head(NamedTuple):
     image: str
     resolution: float
     origin: tuple[float, float]
-    mode: str
     negate: bool
     occupied: float
     free: float
@@ -108,7 +106,6 @@ def _head(path: Path) -> Head:
             str(entries["image"]),
             float(entries["resolution"]),
             (x, y),
-            str(entries.get("mode", "trinary")),
             bool(int(entries.get("negate", 0))),
             float(entries.get("occupied_thresh", OCCUPIED_THRESH)),
             float(entries.get("free_thresh", FREE_THRESH)),
@@ -119,8 +116,6 @@ def _head(path: Path) -> Head:
         raise ValueError(
             f"{path}: got occupied_thresh {head.occupied}, free_thresh {head.free}, expected 0 to 1"
         )
-    if head.mode not in MODES:
-        raise ValueError(f"{path}: mode: got {head.mode}, expected {', '.join(MODES)}")
     if yaw != 0.0 or not (head.resolution > 0.0 and np.isfinite([x, y, head.resolution]).all()):
         raise ValueError(
             f"{path}: got resolution {head.resolution}, origin {x}, {y}, {yaw}; expected metres "
@@ -135,23 +130,14 @@ def _entries(path: Path) -> dict[str, Any]:
     missing = [key for key in ("image", "resolution", "origin") if key not in known]
     if missing:
         raise ValueError(f"{path}: no {', '.join(missing)}; expected the yaml of a map")
+    if known.get("mode", "trinary") != "trinary":
+        raise ValueError(f"{path}: mode: got {known['mode']}, expected trinary; save it as such")
     return known
 
 
-def _cells(image: Floats, head: Head) -> Floats:
-    """Pixels as map_server takes them."""
-    if head.mode == "raw":
-        return np.where(image <= 100.0, image / 100.0, np.nan)
-    shade = image / 255.0
-    return _probability(shade if head.negate else 1.0 - shade, head)
-
-
-def _probability(occupancy: Floats, head: Head) -> Floats:
-    """Cells by their darkness, 0 to 1: between the thresholds nan, or in mode scale a ramp."""
-    between = np.full(occupancy.shape, np.nan)
-    if head.mode == "scale":
-        between = (occupancy - head.free) / max(head.occupied - head.free, 1e-9)
-    return np.where(occupancy > head.occupied, 1.0, np.where(occupancy < head.free, 0.0, between))
+def _trinary(occupancy: Floats, occupied: float, free: float) -> Floats:
+    """Cells by their darkness, 0 to 1, and the thresholds: 1 occupied, 0 free, nan between."""
+    return np.where(occupancy > occupied, 1.0, np.where(occupancy < free, 0.0, np.nan))
 
 
 def trinary(grid: OccupancyGrid) -> Pixels:
@@ -210,20 +196,14 @@ def write_image(path: Path, pixels: Pixels) -> None:
     path.write_bytes(data.tobytes())
 
 
-def _read_image(path: Path, transparent: bool = False) -> Floats:
-    """Pixels (h, w) from 0 to 255, colors averaged as map_server does.
-
-    `transparent` makes nan of those that are not opaque: unknown cells of nav2's scaled maps.
-    """
+def _read_image(path: Path) -> Floats:
+    """Pixels (h, w) from 0 to 255, colors averaged as map_server does."""
     pixels = _decoded(np.frombuffer(path.read_bytes(), np.uint8))
     if pixels is None:
         raise ValueError(f"{path}: not a picture; expected pgm, png or another image file")
     full = 257.0 if pixels.dtype == np.uint16 else 1.0
     image = pixels.astype(np.float64) / full
-    gray: Floats = image[:, :, :3].mean(axis=2) if image.ndim == 3 else image
-    if transparent and image.ndim == 3 and image.shape[2] == 4:
-        gray[image[:, :, 3] < 255.0] = np.nan
-    return gray
+    return image[:, :, :3].mean(axis=2) if image.ndim == 3 else image
 
 
 def _decoded(data: Pixels) -> NDArray[Any] | None:

@@ -8,17 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from slams.formats import breezy, carmen, rosbag, trajectory
+from slams.formats import carmen, rosbag, trajectory
 from slams.formats.kind import BAGS, kind_of
 from slams.formats.options import SourceOptions
 from slams.scanlog import ScanLog, load_npz
 from slams.validation import expect
 
-FAMILY = {"npz": "an npz file", "carmen": "a CARMEN log", "breezy": "a BreezySLAM .dat"}
+FAMILY = {"npz": "an npz file", "carmen": "a CARMEN log"}
 NOT_IN = {  # options that say nothing about a kind; what is not named is a bag
     "npz": ("scan_topic", "odom", "imu", "base_frame", "first_beam", "salvage"),
     "carmen": ("imu", "base_frame"),
-    "breezy": ("scan_topic", "odom", "imu", "base_frame"),
 }
 SLOW_SCAN_PERIOD, MAX_SCAN_PERIOD = 10.0, 1000.0  # [s] from scan to scan: doubtful, and never
 MIN_COVERED_SHARE = 0.9  # share of the scans that a track should reach over
@@ -29,7 +28,7 @@ def load(
     options: SourceOptions | None = None,
     **choices: Any,
 ) -> ScanLog:
-    """Read a recorded log: scanlog npz, ROS bag, CARMEN log or BreezySLAM .dat, by its content.
+    """Read a recorded log: scanlog npz, ROS bag or CARMEN log, by its content.
 
     Args:
         path: the file, or the folder of a ROS 2 bag; or the files of one recording in bags.
@@ -87,9 +86,7 @@ def _read(paths: list[Path], kinds: list[str], options: SourceOptions) -> ScanLo
             raise ValueError(f"{other}: is no bag; of several files only bags make one log")
     if kind in BAGS:
         return rosbag.read(paths, kinds, options)
-    if kind == "npz":
-        return _read_npz(path, options)
-    return carmen.read(path, options) if kind == "carmen" else breezy.read(path, options)
+    return _read_npz(path, options) if kind == "npz" else carmen.read(path, options)
 
 
 def _read_npz(path: Path, options: SourceOptions) -> ScanLog:

@@ -1,4 +1,4 @@
-"""Trajectories: TUM, as evo and others have it, and csv, written and read; and those in bags."""
+"""Trajectories: TUM, as evo has it, and csv, written and read; and those in bags."""
 
 from __future__ import annotations
 
@@ -6,22 +6,24 @@ from pathlib import Path
 
 import numpy as np
 
-from slams.formats import pose_tables, rosbag
+from slams.formats import rosbag
 from slams.formats.kind import BAGS, binary_kind_of, is_bag_folder, kind_of
 from slams.formats.options import SourceOptions
+from slams.formats.packed import text_of
 from slams.scanlog import Track
 from slams.types import Floats
 
+BOM = "\xef\xbb\xbf"  # that spreadsheets put before a csv, as latin-1
+TUM, CSV = "t x y z qx qy qz qw", "t,x,y,theta"  # columns [s, m, rad]
 MAX_DISORDER = 0.1  # share of stamps before the one ahead of them that is still a recording
+MIN_QUATERNION_NORM = 1e-6  # of a quaternion that is a rotation
 
 
 def write_csv(path: str | Path, t: Floats, poses: Floats) -> None:
     """Write `t,x,y,theta` lines [s, m, m, rad] with a header; poses (n, 3)."""
     table = np.column_stack([t, poses])
-    header = "t,x,y,theta"
-    np.savetxt(
-        path, table, fmt=["%.6f", "%.9f", "%.9f", "%.9f"], delimiter=",", header=header, comments=""
-    )
+    digits = ["%.6f", "%.9f", "%.9f", "%.9f"]
+    np.savetxt(path, table, fmt=digits, delimiter=",", header=CSV, comments="")
 
 
 def write_tum(path: str | Path, t: Floats, poses: Floats) -> None:
@@ -30,7 +32,7 @@ def write_tum(path: str | Path, t: Floats, poses: Floats) -> None:
     table = np.column_stack(
         [t, poses[:, 0], poses[:, 1], zero, zero, zero, np.sin(half), np.cos(half)]
     )
-    np.savetxt(path, table, fmt="%.9f", header="t x y z qx qy qz qw")
+    np.savetxt(path, table, fmt="%.9f", header=TUM)
 
 
 def read_trajectory(
@@ -83,7 +85,7 @@ def read_track(path: Path, salvage: bool = False) -> Track:
     """
     kind = binary_kind_of(path)
     if kind is None:
-        return Track(*read(path))
+        return Track(*read(path, salvage))
     if kind not in BAGS:
         raise ValueError(f"{path}: got an {kind} file, expected a trajectory: TUM, csv or a bag")
     return rosbag.read_track(path, kind, None, SourceOptions(salvage=salvage))
@@ -99,22 +101,56 @@ def is_file(spec: str) -> bool:
     return path.is_file() or (path.is_dir() and is_bag_folder(path))
 
 
-def read(path: str | Path) -> tuple[Floats, Floats]:
-    """A TUM or csv file, by its content: t (n,) and poses (n, 3), all finite.
+def read(path: str | Path, salvage: bool = False) -> tuple[Floats, Floats]:
+    """A TUM or csv file, packed by gzip or not: t (n,) [s] and poses (n, 3), all finite.
+
+    It is csv if there are commas between its numbers. Lines that begin with # or t are comments
+    and names of columns.
 
     Raises:
         OSError: the file cannot be opened.
         ValueError: it is neither; the sentence says what was found.
     """
-    t, poses = pose_tables.read(path)
-    if not len(t):
+    text = text_of(Path(path), salvage, notes=[]).removeprefix(BOM)
+    lines = [line.strip() for line in text.split("\n") if line.strip()]
+    header = next((line.replace(" ", "") for line in lines if line[0] == "t" and "," in line), CSV)
+    if header != CSV:
+        raise ValueError(f"{path}: got columns {header[:80]!r}, expected {CSV}")
+    rows = [line for line in lines if line[0] not in "#t"]
+    if not rows:
         raise ValueError(f"{path}: got no poses, expected a trajectory")
-    broken = int((~np.isfinite(np.column_stack([t, poses]))).any(axis=1).sum())
+    columns, delimiter = (CSV, ",") if "," in rows[0] else (TUM, None)
+    table = _table(path, [row.split(delimiter) for row in rows], columns)
+    heading = table[:, 3] if delimiter else _heading(table[:, 4:])
+    poses = np.column_stack([table[:, 1:3], heading])
+    broken = int((~np.isfinite(np.column_stack([table[:, 0], poses]))).any(axis=1).sum())
     if broken:
         raise ValueError(
-            f"{path}: {broken} of {len(t)} poses are not finite or no rotation, expected numbers"
+            f"{path}: {broken} of {len(table)} poses are not finite or no rotation, expected "
+            "numbers"
         )
-    return t, poses
+    return table[:, 0], poses
+
+
+def _table(path: str | Path, rows: list[list[str]], columns: str) -> Floats:
+    """The numbers (n, k) of rows of words, one for each name in `columns`."""
+    n = len(columns.replace(",", " ").split())
+    wrong = next((row for row in rows if len(row) != n), None)
+    if wrong is not None:
+        raise ValueError(f"{path}: got {len(wrong)} columns, expected {columns}")
+    try:
+        return np.array(rows, np.float64)
+    except ValueError as error:
+        raise ValueError(f"{path}: not lines of {columns} ({error})") from error
+
+
+def _heading(rotations: Floats) -> Floats:
+    """Heading (n,) of quaternions (n, 4) of any length; nan where one is no rotation."""
+    x, y, z, w = rotations.T
+    with np.errstate(over="ignore", invalid="ignore"):
+        heading = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+        is_rotation = np.linalg.norm(rotations, axis=1) > MIN_QUATERNION_NORM
+    return np.where(is_rotation, heading, np.nan)
 
 
 def _in_order(what: str, track: Track) -> Track:

@@ -8,24 +8,16 @@ from typing import Any
 import yaml
 
 MAX_FILE_SIZE = 1 << 18  # bytes; parameter files have a few thousand
-MAX_DEPTH = 50  # levels of nesting; parameter files have three or four
 
 
 class _Loader(yaml.SafeLoader):
-    """Stops at an alias, of which a few lines can make gigabytes, and below `MAX_DEPTH`."""
-
-    depth = 0
+    """Stops at an alias, of which a few lines can make gigabytes."""
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """Take the next node and all below it."""
         if self.check_event(yaml.AliasEvent):
             raise ValueError("it has an alias *name; write the value there")
-        if self.depth > MAX_DEPTH:
-            raise RecursionError
-        self.depth += 1
-        node = super().compose_node(parent, index)
-        self.depth -= 1
-        return node
+        return super().compose_node(parent, index)
 
 
 def read_text(path: Path) -> str:

@@ -261,7 +261,7 @@ class PoseEstimator:
         return self.pose
 
     def _share_of_new_ground(self, points: EndPoints, grid: MatchedMap) -> float:
-        """Share of beams that end where the map knows nothing, less `AGAINST` times those in conflict."""
+        """Share of beams that end in new ground, less `AGAINST` times those in conflict."""
         if points.n == 0:
             return 0.0
         inliers, conflicts = grid.evaluate(points, self.pose)

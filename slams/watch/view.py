@@ -1,4 +1,4 @@
-"""A run in the rerun viewer: map, scan, way and match quality, live or as a recording (.rrd).
+"""A run in the rerun viewer: map, scan, path and match quality, live or as a recording (.rrd).
 
 Needs the extra `viz`; nothing else of slams does.
 """
@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from slams.formats.occupancy import UNKNOWN
-from slams.watch.scene import Scene
+from slams.types import IDENTITY
 
 if TYPE_CHECKING:
-    from slams.types import Pose2, Scan, Slam
+    from slams.types import Floats, Pose2, Scan, Slam
 
 LIVE = "live"
 MAP_PERIOD = 1.0  # s of the log from one drawing of the map to the next
-PATH_PERIOD = 0.5  # s of the log from one drawing of the way to the next
+PATH_PERIOD = 0.5  # s of the log from one drawing of the path to the next
 PATH_COLOR, SCAN_COLOR, ROBOT_COLOR = (231, 76, 60), (20, 110, 200), (39, 174, 96)
-MAP_HEIGHT = -0.02  # m: the map lies under scan and way
+MAP_HEIGHT = -0.02  # m: the map lies under scan and path
 
 
 def load_rerun() -> Any:
@@ -40,7 +40,7 @@ def load_rerun() -> Any:
     if not hasattr(rerun, "RecordingStream"):  # a folder of that name can be imported, too
         raise LookupError(
             "--view needs the viewer rerun, which is not installed: pip install 'slams[viz]', "
-            "or use --video, which needs nothing more"
+            "or open the result of --mcap in RViz or Foxglove"
         )
     return rerun
 
@@ -62,7 +62,7 @@ class View:
     def __init__(self, target: str, slam: Slam, title: str) -> None:
         self._rr = load_rerun()
         self._slam = slam
-        self._scene = Scene()
+        self._poses: list[Pose2] = []  # so far
         self._path = None if target == LIVE else _checked(Path(target))
         # equal runs give equal recordings; in an open viewer they would run into each other
         name = None if self._path is None else title
@@ -72,7 +72,7 @@ class View:
         else:
             self._stream.save(self._partial(self._path))
         self._start = 0.0
-        self._map_at = self._way_at = -math.inf
+        self._map_at = self._path_at = -math.inf
 
     def __enter__(self) -> Self:
         return self
@@ -82,9 +82,9 @@ class View:
     ) -> None:
         complete = False
         try:
-            if kind is None and self._scene.way:
+            if kind is None and self._poses:
                 self._log_map()
-                self._log_way()
+                self._log_path()
             complete = kind is None
         finally:
             self._stream.disconnect()
@@ -95,24 +95,24 @@ class View:
 
     def watch(self, scan: Scan, pose: Pose2) -> None:
         """See one scan and the pose that was found for it."""
-        if not self._scene.way:
+        if not self._poses:
             self._start = scan.t
-        self._scene.add(scan, pose)
+        if not np.isfinite(pose).all():  # the replay refuses it
+            pose = self._poses[-1] if self._poses else IDENTITY
+        self._poses.append(pose)
         self._stream.set_time("log", duration=scan.t - self._start)
-        self._stream.set_time("scan", sequence=len(self._scene.way) - 1)
-        self._log_scan()
+        self._stream.set_time("scan", sequence=len(self._poses) - 1)
+        self._log_scan(scan, pose)
         if abs(scan.t - self._map_at) >= MAP_PERIOD:  # also where stamps jump back
             self._map_at = scan.t
             self._log_map()
-        if abs(scan.t - self._way_at) >= PATH_PERIOD:
-            self._way_at = scan.t
-            self._log_way()
+        if abs(scan.t - self._path_at) >= PATH_PERIOD:
+            self._path_at = scan.t
+            self._log_path()
 
-    def _log_scan(self) -> None:
-        rr, pose = self._rr, self._scene.pose
-        self._stream.log(
-            "map/scan", rr.Points3D(_flat(self._scene.points), colors=[SCAN_COLOR], radii=[0.03])
-        )
+    def _log_scan(self, scan: Scan, pose: Pose2) -> None:
+        rr, points = self._rr, _flat(pose.transform(_hits(scan)))
+        self._stream.log("map/scan", rr.Points3D(points, colors=[SCAN_COLOR], radii=[0.03]))
         nose = pose.transform(np.array([[0.0, 0.0], [0.4, 0.0]]))
         self._stream.log(
             "map/robot", rr.LineStrips3D([_flat(nose)], colors=[ROBOT_COLOR], radii=[0.06])
@@ -121,9 +121,10 @@ class View:
         if quality is not None:
             self._stream.log("match", rr.Scalars(float(quality)))
 
-    def _log_way(self) -> None:
-        way = _flat(np.array(self._scene.way)[:, :2])
-        self._stream.log("map/way", self._rr.LineStrips3D([way], colors=[PATH_COLOR], radii=[0.02]))
+    def _log_path(self) -> None:
+        path = _flat(np.array(self._poses)[:, :2])
+        strip = self._rr.LineStrips3D([path], colors=[PATH_COLOR], radii=[0.02])
+        self._stream.log("map/path", strip)
 
     def _log_map(self) -> None:
         rr, grid = self._rr, self._slam.map()
@@ -154,6 +155,14 @@ def _checked(path: Path) -> Path:
     if path.is_dir():
         raise IsADirectoryError(f"--view: {path}: is a folder; expected the name of a file")
     return path
+
+
+def _hits(scan: Scan) -> Floats:
+    """End points (n, 2) [m] in the base frame, not deskewed."""
+    beams = np.flatnonzero(np.isfinite(scan.ranges))
+    return scan.laser.mount.transform(
+        scan.laser.directions[beams] * np.asarray(scan.ranges[beams, None], np.float64)
+    )
 
 
 def _flat(points: Any) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import slams
-from slams.formats import packed, pose_tables
+from slams.formats import packed, trajectory
 from tests.rooms import drive
 
 ROOM, HUGE = 16 << 20, 96 << 20  # bytes
@@ -122,7 +122,7 @@ def test_packed_text_that_becomes_a_hundred_times_as_long(tmp_path):
         for _ in range(HUGE >> 20):
             file.write(line * ((1 << 20) // len(line)))
     assert "unpacks to 0.0 GB" in refused(slams.load, path)
-    assert "unpacks to 0.0 GB" in refused(pose_tables.read, path)
+    assert "unpacks to 0.0 GB" in refused(trajectory.read, path)
 
 
 def test_recordings_unpack_to_fifty_times_their_size_and_no_more():

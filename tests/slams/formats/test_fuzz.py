@@ -1,15 +1,24 @@
-"""Hundreds of damaged bags: each is read or refused in one sentence, and nothing is left."""
+"""Hundreds of damaged files of every kind: each is read or refused in one sentence."""
 
+import gzip
+
+import cv2
 import numpy as np
 import pytest
+import yaml
 
 import slams
 from slams import convert
+from slams.formats import occupancy, trajectory
+from slams.registry import find
+from slams.ros import ros_params
 from tests import bags
+from tests.slams.formats.test_text import FLASER, HEADER, RAW, ROBOT
+from tests.slams.ros.test_ros_params import HECTOR_LAUNCH, TREES
 
 CASES = 800
 EXTREMES = (b"\xff\xff\xff\xff", b"\0\0\0\0", b"\xff\xff\xff\x7f", b"\0\0\x80\x7f")
-WORDS = (b"nan", b"inf", b"-1", b"1e400", b" ", b"\n", b"0", b"99999999999", b"-", b"\0")
+WORDS = (b"nan", b"inf", b"-1", b"1e400", b" ", b"\n", b"0", b"99999999999", b"-", b"\0", b"<{&")
 
 
 def mutated(data, rng):
@@ -46,62 +55,113 @@ def bag(make):
     return messages
 
 
-def check_damaged(kind, whole, tmp_path, capsys):
-    """Every damaged copy of a log is read or refused in one sentence; the same copies each time."""
+def carmen(template):
+    few = template.replace("181", "4").format("1.0 2.0 3.0 4.0", "")
+    lines = ["ODOM 0 0 0.1 0 0 0 100.0 h 0", "TRUEPOS 0 0 0.1 0 0 0 100.0 h 0", few, few]
+    return (HEADER + "\n".join(lines) + "\n").encode()
+
+
+def npz(folder):
+    bag_path = bags.write(folder, "mcap", bag)
+    assert convert.main([str(bag_path), str(folder / "whole.npz"), "-q"]) == 0
+    return (folder / "whole.npz").read_bytes()
+
+
+def track(write):
+    def made(folder):
+        folder.mkdir()
+        write(folder / "t", np.arange(5.0), np.ones((5, 3)))
+        return (folder / "t").read_bytes()
+
+    return made
+
+
+LOGS = {
+    kind: lambda folder, kind=kind: bags.write(folder, kind, bag).read_bytes()
+    for kind in bags.KINDS[:5]
+} | {
+    "npz": npz,
+    "flaser": lambda _: carmen(FLASER),
+    "rawlaser": lambda _: carmen(RAW),
+    "robotlaser": lambda _: carmen(ROBOT),
+    "carmen.gz": lambda _: gzip.compress(carmen(FLASER) * 20, mtime=0),
+}
+PARAMETERS = {
+    "launch": ("hector", HECTOR_LAUNCH),
+    "ROS 1 yaml": ("gmapping", TREES["a dump"]),
+    "ROS 2 yaml": ("gmapping", TREES["ROS 2, two nodes"]),
+}
+
+
+def check(read, path, whole, cases=CASES, package=""):
+    """Every damaged copy is read, or refused by one line that names the file or a ROS package."""
     rng = np.random.default_rng(0)
-    folder = tmp_path / "cases"
-    folder.mkdir()
-    path, out = folder / f"x.{kind.partition('-')[0]}", folder / "out.npz"
-    refused = 0
-    for case in range(CASES):
+    sentences = []
+    for case in range(cases):
         path.write_bytes(mutated(whole, rng))
-        salvage = case % 2 == 1
-        if case % 20 == 0:
-            refused += convert.main([str(path), str(out), "-q"]) == 2
-            check_output(out, capsys.readouterr().err)
-        else:
-            refused += refused_in_a_sentence(
-                lambda: slams.load(path, salvage=salvage),  # noqa: B023
-                folder,
-            )
-    assert list(folder.iterdir()) == [path]
-    assert 0 < refused < CASES
+        try:
+            read(path, case)
+        except (ValueError, OSError) as error:
+            sentences.append(str(error))
+    assert 0 < len(sentences) < cases
+    for sentence in sentences:
+        assert len(sentence.splitlines()) == 1, sentence
+        assert str(path.parent) in sentence or (package and sentence.startswith(package)), sentence
 
 
-def check_output(out, err):
-    """Either the whole output or one line of refusal."""
-    assert out.exists() == (err == "")
-    if out.exists():
-        slams.load(out)
-        out.unlink()
-    else:
-        assert err.count("\n") == 1
+@pytest.mark.parametrize("kind", LOGS)
+def test_damaged_logs(kind, tmp_path):
+    whole = LOGS[kind](tmp_path / "whole")
+    (tmp_path / "cases").mkdir()
+    path = tmp_path / "cases" / f"x.{kind.partition('-')[0]}"
+    check(lambda path, case: slams.load(path, salvage=case % 2 == 1), path, whole)
+    assert list(path.parent.iterdir()) == [path]
 
 
-def refused_in_a_sentence(work, folder):
-    """Whether the work raised an error that users see; a line that names a file of the folder."""
-    try:
-        work()
-    except (ValueError, OSError) as error:
-        sentence = str(error)
-    else:
-        return False
-    assert len(sentence.splitlines()) == 1, sentence
-    assert str(folder) in sentence, sentence
-    return True
+@pytest.mark.parametrize("kind", ["bag", "flaser", "npz"])
+def test_a_command_ends_with_its_whole_output_or_one_line(kind, tmp_path, capsys):
+    whole, rng = LOGS[kind](tmp_path / "whole"), np.random.default_rng(1)
+    path, out, codes = tmp_path / "x", tmp_path / "out.npz", set()
+    for _ in range(40):
+        path.write_bytes(mutated(whole, rng))
+        codes.add(code := convert.main([str(path), str(out), "-q"]))
+        assert (code == 0) == out.exists() == (capsys.readouterr().err.count("\n") == 0)
+        if out.exists():
+            slams.load(out)
+            out.unlink()
+    assert codes == {0, 2}
 
 
-@pytest.mark.parametrize("kind", ["bag", "bag-bz2", "bag-lz4", "mcap", "db3"])
-def test_damaged_bags(kind, tmp_path, capsys):
-    check_damaged(kind, bags.write(tmp_path / "whole", kind, bag).read_bytes(), tmp_path, capsys)
+def test_damaged_metadata_of_a_folder(tmp_path):
+    path = bags.write(tmp_path, "folder-mcap", bag) / "metadata.yaml"
+    whole = path.read_bytes()  # of which the library takes long to read the yaml
+    check(lambda path, _: slams.load(path.parent), path, whole, CASES // 4)
 
 
-def test_damaged_metadata_of_a_folder(tmp_path, capsys):
-    folder = bags.write(tmp_path, "folder-mcap", bag)
-    whole = (folder / "metadata.yaml").read_bytes()
-    rng = np.random.default_rng(0)
-    for _ in range(CASES // 4):  # the library takes long to read yaml
-        (folder / "metadata.yaml").write_bytes(mutated(whole, rng))
-        code = convert.main([str(folder), str(tmp_path / "out.npz"), "-q", "--force"])
-        assert code in (0, 2)
-        assert capsys.readouterr().err.count("\n") == (code == 2)
+@pytest.mark.parametrize("write", [trajectory.write_tum, trajectory.write_csv])
+def test_damaged_trajectories(write, tmp_path):
+    def read(path, _):
+        t, poses = trajectory.read(path)
+        assert poses.shape == (len(t), 3)
+
+    check(read, tmp_path / "t", track(write)(tmp_path / "whole"))
+
+
+@pytest.mark.parametrize("part", ["m.yaml", "m.pgm"])
+def test_damaged_maps(part, tmp_path):
+    cv2.imwrite(str(tmp_path / "m.pgm"), np.full((3, 4), 205, np.uint8))
+    entries = {"image": "m.pgm", "resolution": 0.05, "origin": [0.0, 0.0, 0.0], "negate": 0}
+    (tmp_path / "m.yaml").write_text(yaml.safe_dump(entries))
+    path = tmp_path / part
+    check(lambda *_: occupancy.read_map(tmp_path / "m.yaml"), path, path.read_bytes())
+
+
+@pytest.mark.parametrize("kind", PARAMETERS)
+def test_damaged_parameter_files(kind, tmp_path):
+    label, text = PARAMETERS[kind]
+    params = find(label).params()
+
+    def read(path, _):
+        ros_params.report(ros_params.take(params, [path]), label)
+
+    check(read, tmp_path / "file", text.encode(), package=params.ROS.package)

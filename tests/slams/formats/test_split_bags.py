@@ -52,6 +52,8 @@ def test_several_files_are_one_log(kind, salvage, tmp_path):
         assert log.laser == whole.laser
         assert np.array_equal(log.odom.values, whole.odom.values)
         assert log.name == order[0].name.partition(".")[0]
+    with pytest.raises(ValueError, match=r"no laser scans on /side; there are: /scan \(12\)"):
+        slams.load(files, salvage=salvage, scan_topic="/side")
 
 
 def test_a_file_without_the_static_transforms_of_its_drive_is_refused(tmp_path):

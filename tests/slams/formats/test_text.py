@@ -1,4 +1,4 @@
-"""CARMEN logs, BreezySLAM .dat and trajectory files, their lines typed as the formats say."""
+"""CARMEN logs, their lines typed as the format says."""
 
 import gzip
 import math
@@ -51,46 +51,38 @@ def test_flaser(name, tmp_path):
     assert log.laser.range_max == 81.0
     mount = (0.25 * math.cos(0.5), -0.25 * math.sin(0.5), 0.0)  # the laser seen from the robot
     assert log.laser.mount == pytest.approx(mount)
+    assert np.isfinite(log.ranges).all()  # the greatest reading of a short room is a wall
     assert log.odom.values.tolist() == [[1.0, 2.0, 0.5]]
     assert log.name in ("drive", "recording")
     assert log.meta["source"]["scans"] == "FLASER"
 
 
+RESOLUTION, LIMIT = "PARAM laser_front_laser_resolution", "PARAM robot_front_laser_max"
+
+
 @pytest.mark.parametrize(
-    ("n", "step", "first"), [(180, 1.0, -90.0), (360, 0.5, -90.0), (361, 0.5, -90.0), (91, 2, -90)]
+    ("n", "header", "step", "first", "range_max"),
+    [
+        (180, "", 1.0, -90.0, 81.0),
+        (360, "", 0.5, -90.0, 81.0),
+        (361, "", 0.5, -90.0, 81.0),
+        (91, "", 2.0, -90.0, 81.0),
+        (401, f"{RESOLUTION} 0.25 1 h 1\n{LIMIT} 8 1 h 1\n", 0.25, -50.0, 8.0),
+        (181, f"{RESOLUTION} 3.0 1 h 1\n", 1.0, -90.0, 81.0),  # of another laser
+    ],
 )
-def test_flaser_angles_follow_from_the_number_of_readings(n, step, first, tmp_path):
+def test_flaser_angles_and_limit(n, header, step, first, range_max, tmp_path):
     line = f"FLASER {n} {'2.0 ' * (n - 1)}3.0 0 0 0 0 0 0 1.0 host 1.0"
-    laser = slams.load(written(tmp_path, line)).laser
+    laser = slams.load(written(tmp_path, line, header=header)).laser
     assert math.degrees(laser.angle_increment) == pytest.approx(step)
     assert math.degrees(laser.angle_min) == pytest.approx(first)
+    assert laser.range_max == range_max
     shifted = slams.load(tmp_path / "drive.log", first_beam=-89.5).laser
     assert math.degrees(shifted.angle_min) == pytest.approx(-89.5)
 
 
-def test_flaser_angles_and_limit_from_parameters(tmp_path):
-    header = "PARAM laser_front_laser_resolution 0.25 1 h 1\nPARAM robot_front_laser_max 8 1 h 1\n"
-    line = "FLASER 401 " + "2.0 " * 400 + "3.0 0 0 0 0 0 0 1.0 host 1.0"
-    laser = slams.load(written(tmp_path, line, header=header)).laser
-    assert math.degrees(laser.angle_increment) == pytest.approx(0.25)
-    assert math.degrees(laser.angle_min) == pytest.approx(-50.0)
-    assert laser.range_max == 8.0
-
-
-def test_a_parameter_of_another_laser_is_not_believed(tmp_path):
-    header = "PARAM laser_front_laser_resolution 3.0 1 h 1\n"
-    laser = slams.load(written(tmp_path, FLASER.format(READINGS), header=header)).laser
-    assert math.degrees(laser.angle_increment) == pytest.approx(1.0)
-
-
 def test_remissions_that_are_not_all_there(tmp_path):
     assert "is not whole" in refused(written(tmp_path, ROBOT.format(READINGS, "3 7.0 8.0 ")))
-
-
-def test_a_log_packed_in_pieces(tmp_path):
-    path = written(tmp_path, FLASER.format(READINGS), name="drive.log.gz")
-    path.write_bytes(path.read_bytes() * 2)
-    assert len(slams.load(path)) == 2
 
 
 @pytest.mark.parametrize("remissions", ["", "0 ", "2 7.0 8.0 "])
@@ -169,11 +161,6 @@ def test_the_reading_that_means_nothing_seen(tmp_path):
     assert np.isfinite(log.ranges[0, 60:]).all()
 
 
-def test_the_greatest_reading_of_a_short_room_is_a_wall(tmp_path):
-    log = slams.load(written(tmp_path, FLASER.format(READINGS)))
-    assert np.isfinite(log.ranges).all()
-
-
 def test_poses_of_another_slam_are_no_mount(tmp_path):
     lines = [
         f"FLASER 181 {READINGS} {x} 0 0 {x + dx} 0 0 {x}.0 host 0"
@@ -194,9 +181,12 @@ def test_the_order_of_the_file_rules(tmp_path):
     assert log.stamp_jumps == 1
 
 
-def test_windows_line_ends(tmp_path):
-    log = slams.load(written(tmp_path, *[FLASER.format(READINGS)] * 2, newline="\r\n"))
-    assert len(log) == 2
+@pytest.mark.parametrize("packed", [False, True])
+def test_windows_line_ends_and_logs_packed_in_pieces(packed, tmp_path):
+    name = "drive.log.gz" if packed else "drive.log"
+    path = written(tmp_path, FLASER.format(READINGS), name=name, newline="\r\n")
+    path.write_bytes(path.read_bytes() * 2)
+    assert len(slams.load(path)) == 2
 
 
 HALVES = {
@@ -250,75 +240,11 @@ def test_packed_logs_that_are_not_whole(damage, tmp_path):
     assert "read as far as it goes" in log.notes[0]
 
 
-# BreezySLAM
-
-
-def dat(tmp_path, *stamps, name="exp.dat"):
-    path = tmp_path / name
-    rows = (f"{t} 0 111 222 {'9 ' * 21} " + " ".join(map(str, range(682))) for t in stamps)
-    path.write_text("\n".join(rows) + "\n")
-    return path
-
-
-def test_breezy_dat(tmp_path):
-    log = slams.load(dat(tmp_path, 2_000_000, 2_100_000))
-    assert log.t.tolist() == [2.0, 2.1]
-    assert np.isinf(log.ranges[0, 0])  # 0 mm is nothing seen
-    assert np.isnan(log.ranges[0, 7])  # and less than 20 mm an error of the sensor
-    assert log.ranges[0, 681] == pytest.approx(0.681)
-    assert log.laser.angles[340] == pytest.approx(0.0, abs=1e-9)
-    assert math.degrees(log.laser.angle_increment) == pytest.approx(360.0 / 1024.0)
-    assert log.odom.values.tolist() == [[0.0, 0.0, 0.0]] * 2
-
-
-def test_wheel_counts_are_odometry(tmp_path):
-    path = dat(tmp_path, 0, 1, 2, 3)
-    turn = 2.0 * math.pi * 0.077  # [m] a wheel rolls in one turn of 2000 counts
-    quarter = round(0.25 * math.pi * 0.33 / turn * 2000.0)  # [count] each way, for 90 degrees
-    counts = [
-        (5, 5),
-        (2005, 2005),
-        (2005 - quarter, 2005 + quarter),
-        (4005 - quarter, 4005 + quarter),
-    ]
-    lines = [line.split() for line in path.read_text().splitlines()]
-    for words, (left, right) in zip(lines, counts, strict=True):
-        words[2:4] = str(left), str(right)
-    path.write_text("\n".join(" ".join(words) for words in lines))
-    poses = slams.load(path).odom.values
-    half = 0.5 * math.pi
-    expected = [[0, 0, 0], [turn, 0, 0], [turn, 0, half], [turn, turn, half]]
-    assert poses == pytest.approx(np.array(expected), abs=2e-3)
-    assert slams.load(path, odom="none").odom is None
-
-
-def test_wheels_that_turn_unequally_roll_on_an_arc(tmp_path):
-    path = dat(tmp_path, 0, 1)
-    path.write_text(
-        path.read_text().replace(" 111 222 ", " 0 0 ", 1).replace(" 111 222 ", " 0 4000 ")
-    )
-    x, y, theta = slams.load(path).odom.values[1]
-    radius = 0.165  # about the left wheel, which stands
-    assert (x, y) == pytest.approx((radius * math.sin(theta), radius * (1.0 - math.cos(theta))))
-
-
-def test_a_dat_line_that_is_not_whole(tmp_path):
-    path = dat(tmp_path, 1, 2, 3)
-    text = path.read_text()
-    path.write_text(text[: len(text) - 500])
-    assert "line 3: got" in refused(path)
-    log = slams.load(path, salvage=True)
-    assert len(log) == 2
-    assert log.notes == ("1 lines are not whole and left out",)
-
-
 def test_other_text_is_refused(tmp_path):
     texts = {"a.log": "", "b.log": "hello\n", "c.dat": "1 2 3\n", "d.log": "<html>"}
     for name, text in texts.items():
         (tmp_path / name).write_text(text)
-        assert "not an npz file, a ROS bag, a CARMEN log or a BreezySLAM .dat" in refused(
-            tmp_path / name
-        )
+        assert "not an npz file, a ROS bag or a CARMEN log" in refused(tmp_path / name)
 
 
 def test_the_mount_is_what_most_lines_agree_on(tmp_path):
@@ -355,10 +281,3 @@ def test_the_aces_log(shared_data):
     assert log.ranges.shape == (440, 180)
     assert log.laser.range_max == 50.0
     assert log.odom is not None
-
-
-def test_the_mines_log(shared_data):
-    log = slams.load(shared_data("data/mines/exp1.dat"))
-    known = slams.load(shared_data("data/mines/mines1.npz"))
-    assert np.array_equal(log.t, known.t)
-    assert np.allclose(log.ranges, known.ranges, atol=1e-6, equal_nan=True)

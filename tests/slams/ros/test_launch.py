@@ -1,10 +1,8 @@
-"""Launch and parameter files as they are found in the wild, and damaged ones."""
+"""Launch and parameter files as they are found in the wild."""
 
-import numpy as np
 import pytest
 
 from slams.ros.launch import read_node
-from tests.slams.formats.test_fuzz import CASES, mutated, refused_in_a_sentence
 
 NODES, KNOWN = ("gmapping", "slam_gmapping"), ("delta", "particles", "xmin")
 NODE = '<node pkg="gmapping" type="slam_gmapping" name="slam">{}</node>'
@@ -14,12 +12,6 @@ LAUNCH = f"""<?xml version="1.0"?>
   <group ns="slam" if="1"><param name="xmin" value="-5.0"/></group>
   {NODE.format('<param name="delta" value="$(arg fine)"/><rosparam>{particles: 8}</rosparam>')}
 </launch>
-"""
-PARAMETERS = """slam_gmapping:
-  ros__parameters:
-    delta: 0.02  # [m] of a cell
-    particles: 8
-    scan: {topic: /scan, limits: [0.1, 30.0]}
 """
 
 
@@ -49,13 +41,4 @@ def test_many_brackets_are_no_nesting(tmp_path):
     lists = "".join(f"p{k}: [0, {{a: 1}}]  # [m] in [0, 1)\n" for k in range(300))
     assert values(tmp_path, f"{lists}delta: 0.1\n")["delta"] == 0.1
     with pytest.raises(ValueError, match="nested too deeply"):
-        values(tmp_path, "delta: " + "[" * 60 + "]" * 60)
-
-
-@pytest.mark.parametrize("whole", [LAUNCH, PARAMETERS])
-def test_damaged_files_are_read_or_refused_in_a_sentence(whole, tmp_path):
-    rng, path, refused = np.random.default_rng(0), tmp_path / "file", 0
-    for _ in range(CASES):
-        path.write_bytes(mutated(whole.encode(), rng))
-        refused += refused_in_a_sentence(lambda: read_node(path, NODES, KNOWN), tmp_path)
-    assert 0 < refused < CASES
+        values(tmp_path, "delta: " + "[" * 600 + "]" * 600)

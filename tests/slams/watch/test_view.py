@@ -1,20 +1,18 @@
-"""--video and --view: what they write, and what they say when they cannot."""
+"""--view: what it writes, and what it says when it cannot."""
 
 import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
-import cv2
 import numpy as np
 import pytest
 
+from slams import player
 from slams import run as slams_run
-from slams.formats import occupancy
 from slams.registry import find
-from slams.types import OccupancyGrid, Pose2, Scan
-from slams.watch import scene, video, view
-from slams.watch.painter import HEAD_HEIGHT, HEIGHT, SCAN_COLOR, WIDTH, Painter
+from slams.types import Pose2, Scan
+from slams.watch import view
 from tests.rooms import drive, laser
 
 
@@ -35,183 +33,8 @@ def odometry():
     return entry.cls(entry.params())
 
 
-def film(path, log, every=10, slam=None):
-    slam = slam or odometry()
-    with video.Video(path, slam, "it", every) as watcher:
-        for scan in log:
-            watcher.watch(scan, slam.update(scan))
-
-
-def near(image, color, tolerance=40):
-    """Pixels (k, 2) x, y about of a color (BGR)."""
-    far = np.abs(image.astype(int) - np.array(color)).max(axis=2)
-    return np.argwhere(far < tolerance)[:, ::-1]
-
-
-def test_a_folder_of_frames(log, tmp_path):
-    film(tmp_path / "frames", log)
-    names = sorted(p.name for p in (tmp_path / "frames").iterdir())
-    assert names == ["00000.png", "00001.png", "00002.png", "00003.png"]
-    image = cv2.imread(str(tmp_path / "frames" / "00003.png"))
-    assert image.shape == (HEIGHT, WIDTH, 3)
-    for color in (occupancy.PATH_COLOR, occupancy.START_COLOR, SCAN_COLOR):
-        assert len(near(image, color)) > 20
-    film(tmp_path / "first", log.select(1))
-    first = (tmp_path / "first" / "00000.png").read_bytes()
-    assert (tmp_path / "frames" / "00000.png").read_bytes() == first
-    film(tmp_path / "frames", log, every=30)
-    assert len(list((tmp_path / "frames").iterdir())) == 2
-
-
-def test_the_same_run_gives_the_same_film(log, tmp_path):
-    for name in ("a.mp4", "b.mp4"):
-        film(tmp_path / name, log)
-    assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
-    assert len(list(tmp_path.iterdir())) == 2
-
-
-def test_mp4_holds_the_frames(log, tmp_path):
-    film(tmp_path / "a.mp4", log)
-    film(tmp_path / "a", log)
-    last = cv2.imread(str(tmp_path / "a" / "00003.png"))
-    reader, frames = cv2.VideoCapture(str(tmp_path / "a.mp4")), []
-    while (frame := reader.read()[1]) is not None:
-        frames.append(frame)
-    assert len(frames) == 4
-    assert np.abs(frames[-1].astype(int) - last).mean() < 4.0
-
-
-def test_what_is_drawn_is_where_it_was_seen():
-    seen = scene.Scene()
-    scan = next(iter(drive(n=1, noise=0.0)))
-    seen.add(scan, Pose2(0.0, 0.0, 0.0))
-    painter = Painter(seen)
-    p = np.full((40, 40), np.nan, np.float32)
-    p[20, 10] = 1.0  # x 0.2 .. 0.4, y 2.0 .. 2.2 m
-    painter.grid = OccupancyGrid(p, 0.2, (-1.8, -2.0))
-    image = painter.frame("text")
-    scale, corner = painter._window()
-    where = near(image, (0, 0, 0), 8)
-    dark = where[(where[:, 1] > HEAD_HEIGHT) & (where[:, 1] < HEIGHT - 60)]
-    x, y = dark.mean(axis=0)
-    assert (x + 0.5) / scale + corner[0] == pytest.approx(0.3, abs=0.6 / scale)
-    assert (HEIGHT - y - 0.5) / scale + corner[1] == pytest.approx(2.1, abs=0.6 / scale)
-    assert len(dark) == pytest.approx((0.2 * scale) ** 2, rel=0.15)
-    hits = near(image, SCAN_COLOR) + 0.5
-    world = np.stack([hits[:, 0], HEIGHT - hits[:, 1]], axis=1) / scale + corner
-    on_wall = np.abs(seen.points[None] - world[:, None]).max(axis=2).min(axis=1)
-    assert on_wall.max() < 3.0 / scale
-
-
-def test_a_map_finer_than_the_pixels_is_drawn_in_place():
-    seen = scene.Scene()
-    seen.add(next(iter(drive(n=1))), Pose2(0.0, 0.0, 0.0))
-    painter = Painter(seen)
-    p = np.zeros((1000, 1000), np.float32)
-    p[600:700, 200:300] = 1.0
-    painter.grid = OccupancyGrid(p, 0.005, (-2.5, -2.5))
-    scale, corner = painter._window()
-    dark = near(painter.frame(""), (0, 0, 0), 8)
-    x, y = dark[(dark[:, 1] > HEAD_HEIGHT) & (dark[:, 1] < HEIGHT - 60)].mean(axis=0)
-    assert (x + 0.5) / scale + corner[0] == pytest.approx(-1.25, abs=1.0 / scale)
-    assert (HEIGHT - y - 0.5) / scale + corner[1] == pytest.approx(0.75, abs=1.0 / scale)
-
-
-def test_the_points_of_a_scan_lie_where_it_hit():
-    lidar, pose = laser(4, mount=Pose2(0.2, 0.1, 0.3)), Pose2(1.0, -0.5, 0.7)
-    ranges = np.array([2.0, np.inf, 3.0, np.nan], np.float32)
-    seen = scene.Scene()
-    seen.add(Scan(0.0, ranges, lidar), pose)
-    hits = lidar.directions[[0, 2]] * np.array([[2.0], [3.0]])
-    assert seen.points == pytest.approx((pose @ lidar.mount).transform(hits))
-
-
-def test_nothing_is_left_of_a_film_that_failed(log, tmp_path):
-    class Breaks:
-        broken = False
-
-        def update(self, scan):
-            self.broken = scan.t > 0.7
-            if self.broken:
-                raise RuntimeError("no")
-            return Pose2(0.0, 0.0, 0.0)
-
-        def map(self):
-            assert not self.broken
-            return odometry().map()
-
-    for name in ("a.mp4", "a"):
-        with pytest.raises(RuntimeError, match="no"):
-            film(tmp_path / name, log, slam=Breaks())
-    assert list(tmp_path.iterdir()) == []
-
-
 def run(*arguments):
     return slams_run.main([str(argument) for argument in arguments])
-
-
-def test_run_makes_films(log_file, tmp_path, capsys):
-    out = ["--out", tmp_path / "o", "-q", "--force"]
-    assert run("odometry", log_file, "--video", tmp_path / "v", "--video-every", 15, *out) == 0
-    assert len(list((tmp_path / "v").iterdir())) == 3
-    assert run("odometry", log_file, "--video", tmp_path / "w", *out) == 0
-    assert len(list((tmp_path / "w").iterdir())) == 31
-    capsys.readouterr()
-    for target, sentence in (
-        ("v.avi", "got v.avi, expected .mp4 or a folder"),
-        (tmp_path / "none" / "v.mp4", "there is no folder"),
-        (log_file.with_suffix(""), ""),
-    ):
-        code = run("odometry", log_file, "--video", target, "--out", tmp_path / "p", "--force")
-        assert code == (2 if sentence else 0)
-        error = capsys.readouterr().err
-        assert sentence in error
-        assert error.count("\n") == (1 if sentence else 0)
-    assert run("odometry", log_file, "--video-every", 0, *out) == 2
-    assert "--video-every: got 0, expected 1 or more" in capsys.readouterr().err
-
-
-def test_a_folder_with_other_files_is_left_alone(log_file, log, tmp_path, capsys, monkeypatch):
-    folder = tmp_path / "precious"
-    folder.mkdir()
-    (folder / "thesis.txt").write_text("years")
-    assert run("odometry", log_file, "--video", folder, "--out", tmp_path / "o", "--force") == 2
-    assert "precious: holds other files; expected a new folder" in capsys.readouterr().err
-    assert [path.name for path in folder.iterdir()] == ["thesis.txt"]
-    empty = tmp_path / "empty"
-    empty.mkdir()
-    monkeypatch.chdir(empty)
-    film(".", log)  # where somebody stands: filled, not replaced
-    assert len(list(Path.cwd().iterdir())) == 4
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["empty", "precious"]
-
-
-def test_a_pose_that_is_none_is_told_by_the_replay(log_file, tmp_path, capsys, monkeypatch):
-    (tmp_path / "nans.py").write_text(
-        "from slams.baselines import Odometry\n"
-        "from slams import Pose2\n"
-        "class Nans(Odometry):\n"
-        "    def update(self, scan):\n"
-        "        super().update(scan)\n"
-        "        return Pose2(float('nan'), 0.0, 0.0) if scan.t > 0.5 else Pose2(0.0, 0.0, 0.0)\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    assert run("nans:Nans", log_file, "--video", tmp_path / "v.mp4", "--out", tmp_path / "o") == 1
-    assert "Nans returned Pose2(x=nan" in capsys.readouterr().err
-
-
-def test_timing_does_not_count_the_film(log_file, tmp_path):
-    from slams import load
-    from slams.player import replay
-
-    spent = []
-
-    def slow(scan, pose):
-        spent.append(sum(i * i for i in range(20000)))
-
-    done = replay(odometry(), load(log_file), slow)
-    assert len(spent) == 30
-    assert np.median(done.seconds) < 5e-4
 
 
 def test_without_the_extra_one_sentence_says_how_to_get_it(log_file, tmp_path, monkeypatch, capsys):
@@ -270,7 +93,41 @@ def rerun(monkeypatch):
     return fake
 
 
-def test_a_recording_holds_map_scan_way_and_quality(rerun, log, tmp_path):
+def test_a_pose_that_is_none_is_told_by_the_replay(rerun, log_file, tmp_path, capsys, monkeypatch):
+    (tmp_path / "nans.py").write_text(
+        "from slams.baselines import Odometry\n"
+        "from slams import Pose2\n"
+        "class Nans(Odometry):\n"
+        "    def update(self, scan):\n"
+        "        super().update(scan)\n"
+        "        return Pose2(float('nan'), 0.0, 0.0) if scan.t > 0.5 else Pose2(0.0, 0.0, 0.0)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    assert run("nans:Nans", log_file, "--view", tmp_path / "v.rrd", "--out", tmp_path / "o") == 1
+    assert not (tmp_path / "v.rrd").exists()
+    assert "Nans returned Pose2(x=nan" in capsys.readouterr().err
+
+
+def test_the_points_of_a_scan_lie_where_it_hit(rerun, tmp_path):
+    lidar, pose = laser(4, mount=Pose2(0.2, 0.1, 0.3)), Pose2(1.0, -0.5, 0.7)
+    ranges = np.array([2.0, np.inf, 3.0, np.nan], np.float32)
+    with view.View(str(tmp_path / "a.rrd"), odometry(), "it") as watcher:
+        watcher.watch(Scan(0.0, ranges, lidar), pose)
+    hits = lidar.directions[[0, 2]] * np.array([[2.0], [3.0]])
+    (sent,) = (entity for path, entity in Recording.last.sent if path == "map/scan")
+    assert sent[1][0][:, :2] == pytest.approx((pose @ lidar.mount).transform(hits))
+
+
+def test_the_time_of_the_viewer_is_not_counted(log, monkeypatch):
+    """By a clock that goes on only while the viewer draws."""
+    drawn = []
+    monkeypatch.setattr(player.time, "process_time", lambda: float(len(drawn)))
+    done = player.replay(odometry(), log, lambda scan, pose: drawn.append(scan))
+    assert len(drawn) == 30
+    assert not done.seconds.any()
+
+
+def test_a_recording_holds_map_scan_path_and_quality(rerun, log, tmp_path):
     entry = find("hector")
     slam = entry.cls(entry.params())
     with view.View(str(tmp_path / "a.rrd"), slam, "it") as watcher:
@@ -281,7 +138,7 @@ def test_a_recording_holds_map_scan_way_and_quality(rerun, log, tmp_path):
     count = {path: sum(p == path for p, _ in sent) for path, _ in sent}
     assert count["map/scan"] == count["map/robot"] == count["match"] == 30
     assert count["map/grid"] == 1 + 2
-    assert count["map/way"] == 1 + 3
+    assert count["map/path"] == 1 + 3
     assert Recording.last.times[-2:] == [
         ("log", {"duration": pytest.approx(29 / 20)}),
         ("scan", {"sequence": 29}),
