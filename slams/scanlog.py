@@ -123,6 +123,11 @@ class ScanLog:
         """The number of its laser for each scan (n,)."""
         return np.zeros(len(self), np.int64) if self.laser_of is None else self.laser_of
 
+    def of_one_laser(self) -> ScanLog:
+        """The log itself; ValueError if it is of several lasers."""
+        expect(not self.others, self.name, f"{len(self.lasers)} lasers", "one (--scan-topic)")
+        return self
+
     def of_laser(self, number: int) -> ScanLog:
         """The log with the scans of one laser only."""
         own = self.rows(self.numbers == number)

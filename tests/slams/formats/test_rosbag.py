@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import slams
-from slams import convert
+from slams import convert, info
 from slams.types import Pose2
 from tests import bags
 
@@ -108,6 +108,31 @@ def test_several_lasers_leave_a_choice(tmp_path):
     assert sentence in refused(path)
     assert slams.load(path, scan_topic="rear").meta["source"]["scans"] == "/rear"
     assert "no laser scans on /side; there are: /front (12)" in refused(path, scan_topic="/side")
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap", "folder-db3"])
+def test_lasers_that_are_all_asked_for_are_one_log(kind, tmp_path, capsys):
+    mounts = [
+        ("base_link", "front", (0.2, 0.0, 0.1), 0.0, 0.0),
+        ("base_link", "rear", (-0.2, 0.0, 0.1), 3.0, 0.0),
+    ]
+
+    def messages(make):
+        front = [("/front", t, make.scan(t, ranges()[0], "front")) for t in T]
+        rear = [("/rear", t, make.scan(t + 0.04, ranges()[1][:9], "rear")) for t in T]
+        return [("/tf_static", T[0], make.tf(T[0], *mounts)), *front, *rear]
+
+    path = bags.write(tmp_path, kind, messages)
+    log = slams.load(path, scan_topic="front", more_scan_topics=("/rear",))
+    scans = list(log)
+    assert [len(scan.ranges) for scan in scans] == [31, 9] * len(T)
+    assert np.allclose(scans[0].laser.mount, (0.2, 0.0, 0.0))
+    assert np.allclose(scans[1].laser.mount, (-0.2, 0.0, 3.0))
+    assert scans[1].t == pytest.approx(T[0] + 0.04)
+    assert log.meta["source"]["scans"] == "/front, /rear"
+    assert "--scan-topic" in refused(path, scan_topic="/front", more_scan_topics=("front",))
+    assert info.main([str(path), "--scan-topic", "/front", "--scan-topic", "/rear"]) == 0
+    assert capsys.readouterr().out.count("laser: ") == 2
 
 
 def test_no_scans_lists_what_there_is(tmp_path):
