@@ -104,7 +104,7 @@ def _of_lasers(paths: list[Path], kinds: list[str], options: SourceOptions) -> S
     expect(len(bare) == len(topics) <= MAX_LASERS, "--scan-topic", topics, "different topics")
     first = rosbag.read(paths, kinds, options)
     base = first.meta["source"]["base_frame"]
-    same = replace(options, base_frame=base, odom="none", truth="none")
+    same = replace(options, base_frame=base, truth="none")
     more = [replace(same, scan_topic=topic) for topic in options.more_scan_topics]
     logs = [first, *(rosbag.read(paths, kinds, choice) for choice in more)]
     t, numbers = np.concatenate([log.t for log in logs]), [len(log) for log in logs]

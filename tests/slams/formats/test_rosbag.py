@@ -219,6 +219,20 @@ def moves(parent, child):
     return lambda i: (parent, child, (*WAY[i, :2], 0.0), WAY[i, 2], 0.0)
 
 
+@pytest.mark.parametrize("level", ["base_stabilized", "base_footprint"])
+def test_without_imu_roll_and_pitch_come_from_tf(level, tmp_path):
+    tilts = [lambda i: (level, "base_link", (0.0, 0.0, 0.0), 0.0, 0.01 * i), moves("odom", level)]
+    for kind in ("bag", "mcap"):
+        path = bags.write(tmp_path, kind, tree(MOUNT, moving=tilts))
+        attitude = slams.load(path, odom="none").attitude
+        assert attitude.t == pytest.approx(T)
+        assert attitude.values[:, 0] == pytest.approx(0.01 * np.arange(N), abs=1e-6)
+        assert np.abs(attitude.values[:, 1]).max() < 1e-9
+    still = [rests(level, "base_link", (0.0, 0.0, 0.0), 0.0, 0.1)]
+    path = bags.write(tmp_path / "still", "mcap", tree(MOUNT, moving=still))
+    assert slams.load(path).attitude is None
+
+
 def rests(*transform):
     return lambda _: transform
 
