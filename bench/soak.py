@@ -99,7 +99,7 @@ def _checked(arguments: argparse.Namespace) -> tuple[list[str], ScanLog | None]:
     if not arguments.log:
         log = _simulated(arguments) if arguments.length else None
     else:
-        log = load(arguments.log, cli.log_options(arguments))
+        log = load(arguments.log, cli.log_options(arguments)).of_one_laser()
         if log.truth is None:
             raise ValueError(f"{arguments.log}: has no truth; expected one (--truth FILE)")
     _check_other_log(arguments, log)

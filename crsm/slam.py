@@ -63,7 +63,8 @@ class Crsm:
             matches = self._match(points, prior.pose, prior)
         pose = self._estimator.decide(points, matches, self._map, self._match)  # 5.
         self._learn(points)
-        if self._estimator.maps and self._keyframes.due(pose, self._estimator.quality):
+        quality, mount = self._estimator.quality, scan.laser.mount
+        if self._estimator.maps and self._keyframes.due(pose, quality, mount):
             self._insert(points, pose)  # 6.
         return points.at_stamp(pose)
 

@@ -171,7 +171,13 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         "npz, ROS 1 or ROS 2 bag, CARMEN log: found out by the content. Needed only where a "
         "log leaves a choice.",
     )
-    group.add_argument("--scan-topic", metavar="TOPIC", help="the laser; or a CARMEN message")
+    group.add_argument(
+        "--scan-topic",
+        metavar="TOPIC",
+        action="append",
+        default=[],
+        help="the laser, or a CARMEN message; given several times: lasers of a bag used together",
+    )
     group.add_argument("--odom", metavar="NAME", help="odometry topic or tf frame; or none")
     group.add_argument("--imu", metavar="TOPIC", help="gyro topic; or none")
     group.add_argument(
@@ -193,7 +199,10 @@ def log_options(arguments: argparse.Namespace) -> SourceOptions:
 
     from slams.formats.options import SourceOptions
 
-    return SourceOptions(**{f.name: getattr(arguments, f.name) for f in fields(SourceOptions)})
+    given = {f.name: getattr(arguments, f.name, None) for f in fields(SourceOptions)}
+    topics = tuple(arguments.scan_topic)
+    lasers = {"scan_topic": topics[0] if topics else None, "more_scan_topics": topics[1:]}
+    return SourceOptions(**given | lasers)
 
 
 def assignment(text: str) -> tuple[str, str]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from slams.formats.options import SourceOptions
     from slams.formats.recording import Contents
     from slams.scanlog import ScanLog, Track
-    from slams.types import Floats
+    from slams.types import Floats, Laser
 
 PROGRAM = "slams info"
 GAP = 3.0  # periods without a message that count as a gap: two in a row are missing
@@ -83,7 +83,7 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
         except ValueError as error:  # a choice is left open, or there are no scans
             yield f"{laser or 'it'} cannot be used: {error}"
     if len(lasers) > 1:
-        yield f"{len(lasers)} lasers: --scan-topic picks the one to use"
+        yield f"{len(lasers)} lasers: --scan-topic picks one, or several (given for each)"
 
 
 def _of_bag(path: Path, contents: Contents) -> Iterator[str]:
@@ -121,19 +121,26 @@ def _of_log(log: ScanLog) -> Iterator[str]:
 
 def described(log: ScanLog) -> str:
     """What is in a log, in a few lines."""
-    laser, source = log.laser, log.meta.get("source")
-    fov = math.degrees(abs(laser.angle_increment) * (laser.n_beams - 1))
+    source = log.meta.get("source")
     lines = [
-        f"{log.name}: {len(log)} scans of {laser.n_beams} beams, {_rate(log.t)}, "
+        f"{log.name}: {len(log)} scans of {log.laser.n_beams} beams, {_rate(log.t)}, "
         f"{float(log.t.max() - log.t.min()):.1f} s",
-        f"laser: {fov:.0f} degrees, {laser.range_min:.2f} to {laser.range_max:.2f} m, mounted at "
-        f"({laser.mount.x:.3f}, {laser.mount.y:.3f}) m, {laser.mount.theta:.4f} rad",
+        *map(_laser, log.lasers),
     ]
     for name, track in _tracks(log).items():
         origin = source.get(name) if isinstance(source, dict) else None  # it is free text
         named = f" from {origin}" if origin else ""
         lines.append(f"{name.replace('_', ' ')}: {len(track.t)} stamps, {_rate(track.t)}{named}")
     return "\n".join(lines)
+
+
+def _laser(laser: Laser) -> str:
+    """Fan, limits and mount."""
+    fov = math.degrees(abs(laser.angle_increment) * (laser.n_beams - 1))
+    return (
+        f"laser: {fov:.0f} degrees, {laser.range_min:.2f} to {laser.range_max:.2f} m, mounted at "
+        f"({laser.mount.x:.3f}, {laser.mount.y:.3f}) m, {laser.mount.theta:.4f} rad"
+    )
 
 
 def _tracks(log: ScanLog) -> dict[str, Track]:

@@ -83,7 +83,7 @@ def _log(arguments: argparse.Namespace) -> ScanLog:
         raise ValueError(f"--rate: got {arguments.rate:g}, expected a number greater than 0")
     if arguments.limit is not None and arguments.limit < 1:
         raise ValueError(f"--limit: got {arguments.limit}, expected 1 or more")
-    log = load(arguments.log, cli.log_options(arguments))
+    log = load(arguments.log, cli.log_options(arguments)).of_one_laser()
     return log.select(arguments.limit, 1, not arguments.no_odometry)
 
 

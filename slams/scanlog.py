@@ -1,5 +1,9 @@
 """ScanLog: one recorded drive in memory, and the npz format "scanlog-1" it is kept in.
 
+Several lasers make it a "scanlog-2": `lasers` (k, 11), a row of `slams.laser_table.COLUMNS` for
+each, in place of the keys of one laser, and `laser` (n,), the row of each scan's; rows of `ranges`
+end in nan where a laser has fewer beams than another.
+
 Keys of the file: `format`; `t` (n,) s, stamp of the first beam; `ranges` (n, b) m; `angle_min`,
 `angle_increment` rad; `range_min`, `range_max` m; `time_increment` s per beam; `mount` (3,) the
 laser in the base frame; optional `mount_z` m, its height there, and `height` m, that above the
@@ -17,28 +21,40 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from slams.formats.npz import read_npz, write_npz
+from slams.laser_table import (
+    FORMAT,
+    HEIGHTS,
+    OF_LASER,
+    OF_SEVERAL,
+    REQUIRED,
+    checked,
+    lasers,
+    numbers,
+    rep117,
+    to_table,
+)
+from slams.laser_table import single as single
 from slams.track import Track as Track
 from slams.types import Attitude, Floats, Laser, Pose2, Ranges, Scan
 from slams.validation import check_laser, check_stamps, check_track, expect
 
-FORMAT = "scanlog-1"
-REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
 TRACKS = ("odom", "truth", "yaw_rate", "attitude")
-HEIGHTS = ("mount_z", "height")
 KEYS = (
-    *("format", *REQUIRED, "time_increment", "mount", *HEIGHTS, "meta"),
+    *("format", *REQUIRED, "time_increment", "mount", *HEIGHTS, "laser", "lasers", "meta"),
     *(key for track in TRACKS for key in (track, f"{track}_t")),
 )
 
 
 @dataclass(frozen=True)
 class ScanLog:
-    """Scans of one laser with what else was recorded; iteration yields `Scan`s.
+    """Scans of a laser, or several, with what else was recorded; iteration yields `Scan`s.
 
     `t` (n,) [s]; `ranges` (n, b) float32 [m], inf = nothing up to range_max, nan = not valid.
+    Where there are `others` beside `laser`, number 0, `laser_of` (n,) is the number of each scan's
+    laser, and b is of the one with the most beams.
     The order in the log rules, also where stamps jump back. `notes` are what the reader of the
     recording should tell the user: a sentence each, kept in no file.
     """
@@ -52,16 +68,20 @@ class ScanLog:
     meta: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     attitude: Track | None = None
+    others: tuple[Laser, ...] = ()
+    laser_of: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
-        _check_scans(self.t, self.ranges, self.laser.n_beams)
-        check_laser(self.laser)
+        _check_scans(self.t, self.ranges, max(laser.n_beams for laser in self.lasers))
+        for laser in self.lasers:
+            check_laser(laser)
+        self._check_numbers()
         for key in TRACKS:
             track = getattr(self, key)
             if track is not None:
                 finite = np.nan_to_num(track.values) if key == "attitude" else track.values
                 check_track(key, track.t, finite)
-        object.__setattr__(self, "ranges", _rep117(self.ranges, self.laser))
+        object.__setattr__(self, "ranges", self._cleaned())
 
     def __len__(self) -> int:
         return len(self.t)
@@ -74,13 +94,15 @@ class ScanLog:
         odometry = self.odometry_at_scans()
         yaw = None if self.yaw_rate is None else self.yaw_rate.integral_at(self.t)
         attitudes = self.attitude_at_scans()
+        each, rows = self.lasers, self.numbers.tolist()
         for i, (t, ranges) in enumerate(zip(self.t.tolist(), self.ranges, strict=True)):
+            laser = each[rows[i]]
             pose = None if odometry is None else Pose2(*odometry[i].tolist())
             heading = None if yaw is None else float(yaw[i])
             yield Scan(
                 t,
-                ranges,
-                self.laser,
+                ranges if len(ranges) == laser.n_beams else ranges[: laser.n_beams],
+                laser,
                 None if pose is None or pose.x != pose.x else pose,
                 None if heading is None or heading != heading else heading,
                 None if attitudes is None else Attitude(*attitudes[i].tolist()),
@@ -90,6 +112,28 @@ class ScanLog:
     def name(self) -> str:
         """What the log calls itself."""
         return str(self.meta.get("name", "log"))
+
+    @property
+    def lasers(self) -> tuple[Laser, ...]:
+        """All lasers, by number."""
+        return self.laser, *self.others
+
+    @property
+    def numbers(self) -> NDArray[np.int64]:
+        """The number of its laser for each scan (n,)."""
+        return np.zeros(len(self), np.int64) if self.laser_of is None else self.laser_of
+
+    def of_one_laser(self) -> ScanLog:
+        """The log itself; ValueError if it is of several lasers."""
+        expect(not self.others, self.name, f"{len(self.lasers)} lasers", "one (--scan-topic)")
+        return self
+
+    def of_laser(self, number: int) -> ScanLog:
+        """The log with the scans of one laser only."""
+        own = self.rows(self.numbers == number)
+        laser = self.lasers[number]
+        ranges = own.ranges[:, : laser.n_beams]
+        return replace(own, ranges=ranges, laser=laser, others=(), laser_of=None)
 
     @property
     def stamp_jumps(self) -> int:
@@ -140,7 +184,28 @@ class ScanLog:
         """The scans that a slice, a mask or indices pick; tracks noted row by row come along."""
         odom, attitude = self._track_rows(self.odom, part), self._track_rows(self.attitude, part)
         t, ranges = self.t[part], self.ranges[part]
-        return replace(self, t=t, ranges=ranges, odom=odom, attitude=attitude)
+        numbers = None if self.laser_of is None else self.laser_of[part]
+        return replace(self, t=t, ranges=ranges, odom=odom, attitude=attitude, laser_of=numbers)
+
+    def _check_numbers(self) -> None:
+        given = 1 if self.laser_of is None else len(self.lasers)
+        expect(given == len(self.lasers), "laser", "no numbers", "that of each scan's laser")
+        numbers = self.numbers
+        expect(numbers.shape == self.t.shape, "laser", numbers.shape, f"{self.t.shape}")
+        known = bool(((numbers >= 0) & (numbers < len(self.lasers))).all())
+        expect(known, "laser", "numbers of no laser", f"0 to {len(self.lasers) - 1}")
+
+    def _cleaned(self) -> Ranges:
+        """The ranges as REP 117 has them, by the limits of each scan's laser."""
+        if not self.others:
+            return rep117(self.ranges, self.laser)
+        clean = single(self.ranges).copy()
+        for number, laser in enumerate(self.lasers):
+            own = self.numbers == number
+            clean[own] = rep117(clean[own], laser)
+            clean[own, laser.n_beams :] = np.nan
+        clean.flags.writeable = False
+        return clean
 
     def _track_rows(self, track: Track | None, part: slice | NDArray[Any]) -> Track | None:
         if track is None or not np.array_equal(track.t, self.t):
@@ -150,7 +215,7 @@ class ScanLog:
     def save(self, path: str | Path) -> None:
         """Write "scanlog-1"; same log, same bytes. A temporary name is renamed when complete."""
         arrays: dict[str, Any] = {
-            "format": FORMAT,
+            "format": OF_SEVERAL if self.others else FORMAT,
             "t": self.t,
             "ranges": np.asarray(self.ranges, np.float32),
             "angle_min": self.laser.angle_min,
@@ -163,6 +228,9 @@ class ScanLog:
         }
         heights = {"mount_z": self.laser.mount_z or None, "height": self.laser.height}
         arrays |= {key: value for key, value in heights.items() if value is not None}
+        if self.others:
+            arrays = {key: value for key, value in arrays.items() if key not in OF_LASER}
+            arrays |= {"laser": self.numbers, "lasers": to_table(self.lasers)}
         for key in TRACKS:
             track = getattr(self, key)
             if track is not None:
@@ -171,7 +239,7 @@ class ScanLog:
 
 
 def load_npz(path: Path) -> ScanLog:
-    """Read "scanlog-1".
+    """Read "scanlog-1" or "scanlog-2".
 
     Raises:
         OSError: the file cannot be opened; one sentence, as all of these.
@@ -185,18 +253,19 @@ def load_npz(path: Path) -> ScanLog:
 
 
 def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
-    missing = [key for key in REQUIRED if key not in data]
-    expect(not missing, "keys", f"no {', '.join(missing)}", f"{', '.join(REQUIRED)}")
     version = str(data.get("format", FORMAT))
-    expect(version == FORMAT, "format", version, FORMAT)
-    t = _numbers(data, "t", 1)
-    ranges = single(_checked(data, "ranges", 2))
+    required = ("t", "ranges", "laser", "lasers") if version == OF_SEVERAL else REQUIRED
+    missing = [key for key in required if key not in data]
+    expect(not missing, "keys", f"no {', '.join(missing)}", f"{', '.join(required)}")
+    expect(version in (FORMAT, OF_SEVERAL), "format", version, f"{FORMAT} or {OF_SEVERAL}")
+    t = numbers(data, "t", 1)
+    ranges = single(checked(data, "ranges", 2))
     _check_scans(t, ranges, ranges.shape[1])
     meta = _meta(data)
     return ScanLog(
         t=t,
         ranges=ranges,
-        laser=_laser(data, ranges.shape[1]),
+        **lasers(data, ranges.shape[1], version),
         odom=_track(data, "odom", t, (3,)),
         truth=_track(data, "truth", t, (3,)),
         yaw_rate=_track(data, "yaw_rate", t, ()),
@@ -211,15 +280,6 @@ def _check_scans(t: Floats, ranges: Ranges, n_beams: int) -> None:
     check_stamps("t", t)
 
 
-def _laser(data: dict[str, Any], n_beams: int) -> Laser:
-    mount = _numbers(data, "mount", 1) if "mount" in data else np.zeros(3)
-    expect(mount.shape == (3,), "mount", mount.shape, "(3,)")
-    scalars = {key: float(_numbers(data, key, 0)) for key in REQUIRED[2:]}
-    between = float(_numbers(data, "time_increment", 0)) if "time_increment" in data else 0.0
-    scalars |= {key: float(_numbers(data, key, 0)) for key in HEIGHTS if key in data}
-    return Laser(n_beams=n_beams, mount=Pose2(*mount.tolist()), time_increment=between, **scalars)
-
-
 def _meta(data: dict[str, Any]) -> dict[str, Any]:
     try:
         meta = json.loads(str(data.get("meta", "{}")))
@@ -232,41 +292,8 @@ def _meta(data: dict[str, Any]) -> dict[str, Any]:
 def _track(data: dict[str, Any], key: str, t: Floats, row: tuple[int, ...]) -> Track | None:
     if key not in data:
         return None
-    values = _numbers(data, key, 1 + len(row))
-    stamps = _numbers(data, f"{key}_t", 1) if f"{key}_t" in data else t
+    values = numbers(data, key, 1 + len(row))
+    stamps = numbers(data, f"{key}_t", 1) if f"{key}_t" in data else t
     shape = (len(stamps), *row)
     expect(values.shape == shape and len(stamps) > 0, key, values.shape, f"{shape}")
     return Track(stamps, values)
-
-
-def _numbers(data: dict[str, Any], key: str, ndim: int) -> Floats:
-    return np.array(_checked(data, key, ndim), np.float64, order="C")
-
-
-def _checked(data: dict[str, Any], key: str, ndim: int) -> NDArray[Any]:
-    array = np.asarray(data[key])
-    kind = array.dtype.kind in "fiu"
-    expect(kind, key, f"{array.dtype} values", "numbers")
-    expect(array.ndim == ndim, key, f"{array.ndim} dimensions", f"{ndim}")
-    return array
-
-
-def single(ranges: ArrayLike) -> Ranges:
-    """Ranges as float32; what is too great for it is beyond every laser.
-
-    Raises:
-        ValueError: they are no numbers.
-    """
-    array = np.asarray(ranges)
-    expect(array.dtype.kind in "fiu", "ranges", f"{array.dtype} values", "numbers")
-    with np.errstate(over="ignore"):
-        return array.astype(np.float32, copy=False)
-
-
-def _rep117(ranges: Ranges, laser: Laser) -> Ranges:
-    """Read-only ranges: beyond range_max is inf, below range_min (or -inf) is nan."""
-    clean = np.array(single(ranges), order="C")
-    clean[clean >= laser.range_max] = np.inf
-    clean[clean < laser.range_min] = np.nan
-    clean.flags.writeable = False
-    return clean

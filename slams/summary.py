@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slams import __version__, metrics
+from slams.laser_table import silent_lasers
 from slams.params import Params
 from slams.player import Run
 from slams.scanlog import ScanLog
@@ -78,6 +79,8 @@ def summarize(
         "path_length_m": metrics.path_length(run.final),
         "stamps_back": log.stamp_jumps,
         "scans_without_attitude": _without_attitude(log),
+        "lasers": len(log.lasers),
+        "silent_lasers": _silent_lasers(log),
         "scans_without_return": int((~np.isfinite(log.ranges).any(axis=1)).sum()),
         "cpu_ms_per_scan": spent["mean_ms"],
         "cpu_ms": {name: spent[f"{name}_ms"] for name in ("p50", "p95", "max")},
@@ -91,6 +94,12 @@ def summarize(
         "versions": versions(),
         "machine": f"{platform.machine()} {platform.system()}",
     }
+
+
+def _silent_lasers(log: ScanLog) -> list[dict[str, float]]:
+    """Lasers without a scan at the end of the log, and after how many seconds they fell silent."""
+    found = silent_lasers(log.t, log.numbers, len(log.lasers))
+    return [{"laser": number, "last_s": last} for number, last in found]
 
 
 def _without_attitude(log: ScanLog) -> int:
@@ -199,6 +208,10 @@ def _odd_scans(summary: dict[str, Any]) -> list[str]:
         notes.append(f"{summary['stamps_back']} stamps jump back (the order in the log rules)")
     if summary["scans_without_attitude"]:
         notes.append(f"{summary['scans_without_attitude']} scans have no attitude: taken as level")
+    notes += [
+        f"laser {laser['laser']} fell silent after {laser['last_s']:.1f} s"
+        for laser in summary["silent_lasers"]
+    ]
     if summary["scans_without_return"]:
         notes.append(f"{summary['scans_without_return']} scans have no return at all")
     report = summary["report"]

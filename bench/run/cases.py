@@ -47,7 +47,7 @@ class Choice:
 
     def log(self, path: str | Path) -> ScanLog:
         """The chosen part of the log at `path`."""
-        return load(path, self.options).select(self.limit, self.every, self.odometry)
+        return load(path, self.options).of_one_laser().select(self.limit, self.every, self.odometry)
 
     def params(self, entry: Entry) -> Params:
         """The parameters of an algorithm: preset < sensor < ROS files < seed < its own."""

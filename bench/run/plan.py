@@ -237,7 +237,7 @@ def _simulated(arena: str, seed: int, drives: Drives) -> Given:
 
 
 def _recorded(path: str, options: SourceOptions) -> Given:
-    log = load(path, options)
+    log = load(path, options).of_one_laser()
     if log.truth is None:
         raise ValueError(
             f"{path}: has no truth; a sweep needs one (--truth FILE, or bench.compare --relations)"

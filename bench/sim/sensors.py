@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -31,6 +31,13 @@ class Sensor:
     step: float
     sweep: float
     source: str
+
+    def half(self) -> Sensor:
+        """A scanner of the same kind that sees the 180 degrees before it."""
+        n = min(self.n_beams, round(math.pi / abs(self.angle_increment)) + 1)
+        step = abs(self.angle_increment)
+        first, share = -0.5 * (n - 1) * step, self.sweep * n / self.n_beams
+        return replace(self, n_beams=n, angle_min=first, angle_increment=step, sweep=share)
 
     def laser(self, moving: bool = False) -> Laser:
         """The fan's geometry; `moving` beams follow one another in time."""

@@ -82,6 +82,14 @@ class Setting:
         0.0, float, "share of beams beside an edge that fall between near and far", 0.0, 1.0
     )
     people: int = _option(0, int, "how many people walk about", 0, 50)
+    lasers: int = _option(
+        1,
+        int,
+        "2: front and rear half of the sensor's fan, 0.2 m before and behind the base, half a"
+        " period apart",
+        1,
+        2,
+    )
     sweep: bool = _option(
         False, bool, "measure beam after beam while the robot moves, as a turning mirror does"
     )
@@ -102,6 +110,8 @@ class Setting:
     )
 
     def __post_init__(self) -> None:
+        if self.lasers > 1 and self.tilt:
+            raise ValueError(f"lasers: got {self.lasers} and a tilt, expected one laser with it")
         for field in dataclasses.fields(self):
             value, low, high = getattr(self, field.name), *_bounds(field)
             if isinstance(value, (int, float)) and not low <= value <= high:

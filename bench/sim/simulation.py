@@ -22,7 +22,7 @@ from bench.sim.swing import HEIGHT, Swing, measured, ranges_of, rise, sway
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
 from slams.scanlog import ScanLog, Track
-from slams.types import Floats, Ranges, wrap_angle
+from slams.types import IDENTITY, Floats, Pose2, Ranges, wrap_angle
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 TRUTH = 200.0  # Hz, least rate of the logged truth
 ODOMETRY = 50.0  # Hz
 GYRO = 100.0  # Hz
+OFFSET = 0.2  # m, of each of two lasers from the base
 BLOCK = 200  # scans measured at once
 
 
@@ -73,10 +74,12 @@ def simulate(
     true = _drive(setting, sensor, world, chance.drive, planning)
     t = np.arange(max(1, math.floor(true.t[-1] * sensor.rate + 1e-6))) / sensor.rate
     measuring = _Measuring(setting, sensor, world, true, chance, swing)
+    if setting.lasers > 1:
+        scans = _front_and_rear(setting, measuring, t, progress)
+    else:
+        scans = {"t": t, "ranges": measuring.scans(t, progress), "laser": measuring.laser}
     return ScanLog(
-        t=t,
-        ranges=measuring.scans(t, progress),
-        laser=measuring.laser,
+        **scans,
         odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance.odometry)),
         truth=_track(true, _truth_rate(setting, sensor), lambda stamps: _truth(true, stamps)),
         yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance.gyro)),
@@ -85,6 +88,31 @@ def simulate(
         if swing is None
         else _track(true, GYRO, lambda stamps: measured(swing.at(stamps), stamps, chance.tilt)),
     )
+
+
+def _front_and_rear(
+    setting: Setting, measuring: _Measuring, t: Floats, progress: Progress | None
+) -> dict[str, Any]:
+    """Scans of two lasers that face away from each other, half a period apart, by stamps."""
+    half = measuring.sensor.half().laser(setting.sweep)
+    front, rear = (
+        dataclasses.replace(half, mount=mount, mount_z=measuring.laser.mount_z)
+        for mount in (Pose2(OFFSET, 0.0, 0.0), Pose2(-OFFSET, 0.0, math.pi))
+    )
+    stamps = np.concatenate([t, t + 0.5 / measuring.sensor.rate])
+    rows = []
+    for laser, own in ((front, t), (rear, stamps[len(t) :])):
+        measuring.laser = laser
+        rows.append(measuring.scans(own, progress))
+    order, numbers = np.argsort(stamps, kind="stable"), np.repeat([0, 1], len(t))
+    ranges = np.concatenate(rows)[order]
+    return {
+        "t": stamps[order],
+        "ranges": ranges,
+        "laser": front,
+        "others": (rear,),
+        "laser_of": numbers[order],
+    }
 
 
 def world_of(log: ScanLog) -> World | None:
@@ -192,7 +220,7 @@ class _Measuring:
         chance: Chance,
         swing: Swing | None,
     ) -> None:
-        self.world, self.true, self.rng = world, true, chance.ranges
+        self.world, self.true, self.rng, self.sensor = world, true, chance.ranges, sensor
         self.laser, self.swing = sensor.laser(setting.sweep), swing
         if swing is not None:
             self.laser = dataclasses.replace(self.laser, mount_z=HEIGHT)
@@ -215,6 +243,12 @@ class _Measuring:
         delays = self.laser.time_increment * np.arange(self.laser.n_beams)
         stamps = (t[:, None] + delays).ravel()
         rays = self.true.poses_at(stamps)
+        mount = self.laser.mount
+        if mount != IDENTITY:
+            c, s = np.cos(rays[:, 2]), np.sin(rays[:, 2])
+            rays[:, 0] += c * mount.x - s * mount.y
+            rays[:, 1] += s * mount.x + c * mount.y
+            rays[:, 2] += mount.theta
         if self.swing is None:
             rays[:, 2] += np.tile(self.laser.angles, len(t))
             return self._met(rays, stamps)

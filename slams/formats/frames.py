@@ -15,6 +15,7 @@ from slams.types import Floats, Pose2, wrap_angle
 from slams.validation import FAR
 
 RIGID_TOLERANCE = 1e-4  # [m, and of a quaternion] that a transform moves by rounding
+LEVEL = ("base_stabilized", "base_footprint")  # frames that stay level under a tilting base
 BASES = ("base_link", "base_footprint")  # REP 105
 MAX_TILT = math.radians(10.0)  # [rad] out of the plane that is too much
 
@@ -104,6 +105,19 @@ class Transforms:
             if strict and edge not in self.static:
                 covered &= (t >= track.t.min()) & (t <= track.t.max())
         return Track(t[covered], poses[covered]) if covered.any() else None
+
+    def attitude(self, base: str) -> Track | None:
+        """Roll and pitch (k, 2) [rad] of the base in a level frame right above it, if there is one.
+
+        None where the two do not move against each other.
+        """
+        edge = self._above(bare(base), rigid=False)
+        if edge is None or edge[0].rpartition("/")[2] not in LEVEL or self.is_fixed(edge):
+            return None
+        up = np.array([_matrix(row)[2, :3] for row in self.samples[edge]])
+        x, y, z = up.T
+        values = np.column_stack([np.arctan2(y, z), -np.arcsin(np.clip(x, -1.0, 1.0))])
+        return Track(np.array([row[0] for row in self.samples[edge]]), values)
 
     def _above(self, frame: str, rigid: bool) -> Edge | None:
         edges = [edge for edge in self.samples if edge[1] == frame]

@@ -48,12 +48,15 @@ def write_mcap(path: str | Path, log: ScanLog, poses: Floats, grid: OccupancyGri
         file.write("/path", stamps[0], make.path(stamps, poses, MAP))
         mount = make.transforms(stamps[0], [(base, laser, log.laser.mount)])
         file.write("/tf_static", stamps[0], mount)
-        for stamp, row, ranges in zip(stamps, poses.tolist(), log.ranges, strict=True):
+        each = zip(stamps, poses.tolist(), log.ranges, log.numbers, strict=True)
+        for stamp, row, ranges, number in each:
             pose = Pose2(*row)
             file.write("/tf", stamp, make.transforms(stamp, [(MAP, base, pose)]))
             file.write("/pose", stamp, make.pose(stamp, pose, MAP))
-            scan = make.scan(stamp, laser, log.laser, ranges, log.scan_period)
-            file.write("/scan", stamp, scan)
+            if number == 0:  # the laser of the transform
+                seen = ranges[: log.laser.n_beams]
+                scan = make.scan(stamp, laser, log.laser, seen, log.scan_period)
+                file.write("/scan", stamp, scan)
 
 
 def frames_of(meta: dict[str, Any]) -> tuple[str, str]:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 class SourceOptions:
     """What to take from a recorded file; None = decided by what is in it.
 
-    `scan_topic` names the laser (a topic, or a CARMEN message such as RLASER), `odom` an odometry
+    `scan_topic` names the laser (a topic, or a CARMEN message such as RLASER), `more_scan_topics`
+    those of a bag's further lasers that are used with it, `odom` an odometry
     topic or TF frame, `imu` a topic, `truth` a trajectory file, a topic or a TF frame; "none" does
     without. `base_frame` is the TF frame that poses are of. `first_beam` [deg] is the direction of
     the first reading where the file does not tell it. `salvage` reads what is whole in a damaged
@@ -17,6 +18,7 @@ class SourceOptions:
     """
 
     scan_topic: str | None = None
+    more_scan_topics: tuple[str, ...] = ()
     odom: str | None = None
     imu: str | None = None
     truth: str | None = None

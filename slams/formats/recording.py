@@ -271,10 +271,12 @@ class Recording:
         return track
 
     def _attitude(self) -> Track | None:
-        """Roll and pitch of the base by the IMU, if the IMU's place on it is known."""
+        """Roll and pitch of the base by the IMU, if its place on the base is known, else by tf."""
         topic = self.roles.imu
         matrix = self._fixed(self.base, self.messages.frame(topic)) if topic else None
-        return None if matrix is None else attitude_of(self.messages.inertial, matrix[:3, :3])
+        if matrix is not None:
+            return attitude_of(self.messages.inertial, matrix[:3, :3])
+        return None if topic else self.messages.transforms.attitude(self.base)
 
     def _yaw_rate(self, attitude: Track | None) -> Track | None:
         """The gyro's turn rate about the vertical; without attitude the base's upright axis."""

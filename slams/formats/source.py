@@ -8,9 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from slams.formats import carmen, rosbag, trajectory
 from slams.formats.kind import BAGS, kind_of
 from slams.formats.options import SourceOptions
+from slams.laser_table import MAX_LASERS
 from slams.scanlog import ScanLog, load_npz
 from slams.validation import expect
 
@@ -84,9 +87,40 @@ def _read(paths: list[Path], kinds: list[str], options: SourceOptions) -> ScanLo
     for other, its_kind in zip(paths, kinds, strict=True):
         if len(paths) > 1 and its_kind not in BAGS:
             raise ValueError(f"{other}: is no bag; of several files only bags make one log")
+    topics = options.more_scan_topics
     if kind in BAGS:
-        return rosbag.read(paths, kinds, options)
+        return _of_lasers(paths, kinds, options) if topics else rosbag.read(paths, kinds, options)
+    expect(not topics, "--scan-topic", "several", f"one: {path} is no bag")
     return _read_npz(path, options) if kind == "npz" else carmen.read(path, options)
+
+
+def _of_lasers(paths: list[Path], kinds: list[str], options: SourceOptions) -> ScanLog:
+    """Scans of several topics of a bag, by stamps; everything else comes with the first."""
+    topics = (options.scan_topic, *options.more_scan_topics)
+    bare = {(topic or "").lstrip("/") for topic in topics}
+    expect(len(bare) == len(topics) <= MAX_LASERS, "--scan-topic", topics, "different topics")
+    first = rosbag.read(paths, kinds, options)
+    base = first.meta["source"]["base_frame"]
+    same = replace(options, base_frame=base, truth="none")
+    more = [replace(same, scan_topic=topic) for topic in options.more_scan_topics]
+    logs = [first, *(rosbag.read(paths, kinds, choice) for choice in more)]
+    t, numbers = np.concatenate([log.t for log in logs]), [len(log) for log in logs]
+    order = np.argsort(t, kind="stable")
+    rows = np.full((len(t), max(log.laser.n_beams for log in logs)), np.nan, np.float32)
+    for log, end in zip(logs, np.cumsum(numbers).tolist(), strict=True):
+        rows[end - len(log) : end, : log.laser.n_beams] = log.ranges
+    source = first.meta["source"] | {
+        "scans": ", ".join(log.meta["source"]["scans"] for log in logs)
+    }
+    return replace(
+        first,
+        t=t[order],
+        ranges=rows[order],
+        others=tuple(log.laser for log in logs[1:]),
+        laser_of=np.repeat(np.arange(len(logs)), numbers)[order],
+        meta=first.meta | {"source": source},
+        notes=tuple(dict.fromkeys(note for log in logs for note in log.notes)),
+    )
 
 
 def _read_npz(path: Path, options: SourceOptions) -> ScanLog:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 
+from slams.frontend.timing import MAX_LASERS
 from slams.types import IDENTITY, Pose2
 
+NOTHING = 0, IDENTITY, 0.0  # keyframes, pose and quality of the last
 LESS = 0.85  # of the last keyframe's quality: the map lacks what is in view now
 
 
@@ -16,22 +18,33 @@ class Keyframes:
         distance: [m].
         rotation: [rad].
         first: so many scans at the start are all keyframes: the noise of the first would stay.
+
+    Of several lasers, told apart by their mounts, each has keyframes of its own.
     """
 
     def __init__(self, distance: float, rotation: float, first: int) -> None:
         self.count = 0
         self._distance, self._rotation, self._first = distance, rotation, first
-        self._pose, self._quality = IDENTITY, 0.0
+        self._last: dict[Pose2, tuple[int, Pose2, float]] = {}
+        self._mount = IDENTITY
 
-    def due(self, pose: Pose2, quality: float) -> bool:
-        """Whether a scan at `pose`, of which the share `quality` fits the map, is a keyframe."""
-        if self.count < self._first or quality < LESS * self._quality:
+    def due(self, pose: Pose2, quality: float, mount: Pose2) -> bool:
+        """Whether a scan at `pose`, of which the share `quality` fits the map, is a keyframe.
+
+        `mount` is that of its laser.
+        """
+        self._mount = mount
+        count, last, usual = self._last.get(mount, NOTHING)
+        if count < self._first or quality < LESS * usual:
             return True
-        step = self._pose.between(pose)
+        step = last.between(pose)
         far = math.hypot(step.x, step.y) > self._distance
         return far or abs(step.theta) > self._rotation
 
     def add(self, pose: Pose2, quality: float) -> None:
         """A scan at `pose` has entered the map."""
         self.count += 1
-        self._pose, self._quality = pose, quality
+        if len(self._last) == MAX_LASERS and self._mount not in self._last:
+            self._last.clear()
+        count, _, _ = self._last.get(self._mount, NOTHING)
+        self._last[self._mount] = count + 1, pose, quality

@@ -12,7 +12,7 @@ from slams.frontend import update_kernels
 from slams.frontend.degeneracy import Observability
 from slams.frontend.filter_kernels import GYRO, SCALE, TWIST
 from slams.frontend.params import FrontendParams
-from slams.frontend.timing import ScanTiming
+from slams.frontend.timing import LaserTimings
 from slams.frontend.wheels import WheelStep, WheelSteps
 from slams.geometry import inverse3
 from slams.types import Floats, Pose2, Scan, wrap_angle
@@ -75,7 +75,7 @@ class MotionFilter:
         self._learned[0, :3] = DENSITY
         self._readings = np.zeros((4, 4))
         self._wheels = WheelSteps()
-        self._timing = ScanTiming(params.smooth_stamps)
+        self._timing = LaserTimings(params.smooth_stamps)
         self._last: Scan | None = None
         self._before = np.zeros(3)
         self._dt = 0.0
@@ -105,7 +105,7 @@ class MotionFilter:
     def predict(self, scan: Scan) -> Prediction:
         """Go on to the time of a scan, with what wheels and gyro measured of the step."""
         last, self._last = self._last, scan
-        self._dt = dt = self._timing.elapsed(scan.t)
+        self._dt = dt = self._timing.elapsed(scan.t, scan.laser.mount)
         self._before[:] = self._z[:3]
         self.wheels = False
         wheels = self._wheels.take(scan.odometry, dt)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import math
 
+from slams.types import Pose2
+
 MEMORY = 30.0  # intervals over which the statistics of the stamps are a mean
 SHORTEST = 0.5  # of the usual interval: no interval is shorter, stamps may repeat or go back
 LONGEST = 10.0  # s; after a longer interval nothing more is unknown
+MAX_LASERS = 8  # that are told apart; more are a laser that is moved about
+SHORTEST_STEP = 1e-3  # s: two lasers may scan at the same moment
 GAP = 5.0  # deviations of the intervals beyond which scans are missing
 
 
@@ -27,6 +31,11 @@ class ScanTiming:
         self._late = 0.0  # s, the last stamp less the filtered time
         self._before = 0.0  # s, deviation of the interval before
         self._variance = self._covariance = 0.0
+
+    @property
+    def time(self) -> float:
+        """Filtered time of the last scan [s]."""
+        return self._last - self._late
 
     @property
     def jitter(self) -> float:
@@ -69,3 +78,33 @@ class ScanTiming:
         ahead = self._late + stamped - self.interval  # of the stamp before the predicted time
         self._late = (1.0 - gain) * ahead
         return self.interval + gain * ahead
+
+
+class LaserTimings:
+    """`ScanTiming` of several lasers, told apart by their mounts, whose scans come in turns.
+
+    Each turns steadily by itself; together they do not.
+    """
+
+    def __init__(self, smooth: bool = True) -> None:
+        self._smooth = smooth
+        self._timings: dict[Pose2, ScanTiming] = {}
+        self._last: ScanTiming | None = None
+
+    @property
+    def jitter(self) -> float:
+        """Deviation of the stamps of the last scan's laser [s]."""
+        return self._last.jitter if self._last else 0.0
+
+    def elapsed(self, t: float, mount: Pose2) -> float:
+        """Seconds since the scan before, of any laser, for a scan stamped `t`; 0 for the first."""
+        before, self._last = self._last, self._timings.get(mount)
+        if self._last is None:
+            if len(self._timings) == MAX_LASERS:
+                self._timings.clear()
+            self._last = self._timings[mount] = ScanTiming(self._smooth)
+        time = before.time if before else math.nan
+        elapsed = self._last.elapsed(t)
+        if before is None or before is self._last:
+            return elapsed
+        return min(max(self._last.time - time, SHORTEST_STEP), LONGEST)

@@ -23,6 +23,7 @@ SAMPLES = 10  # triples of beams, fewer tell nothing of the noise
 NORMAL_MEDIAN = 0.6745  # of the absolute value of a normal deviate
 TRIPLE = math.sqrt(1.5)  # deviation of a beam less the mean of two others, of one beam's
 FAR_APART, LONG = 1.0, 30.0  # s between scans at most, s over which that is a mean
+MAX_LASERS = 8  # that are told apart
 MEMORY = 1.0  # s over which the noise is a mean: five scans of a slow laser, and a robot's length
 
 
@@ -43,6 +44,7 @@ class EndPoints:
         self.n = 0
         self.far = 0.0
         self._noise = MovingAverage(MEMORY, params.range_noise)
+        self._noises: dict[Pose2, MovingAverage] = {}  # by mounts: of each laser
         self._apart, self._t = MovingAverage(LONG), math.inf
         self._known = self._chorded = False  # whether the normals are, and chords
         self.mount = IDENTITY
@@ -151,6 +153,10 @@ class EndPoints:
 
     def _adopt(self, laser: Laser, n_beams: int) -> None:
         self._laser, self.step = laser, abs(laser.angle_increment)
+        if len(self._noises) == MAX_LASERS and laser.mount not in self._noises:
+            self._noises.clear()
+        usual = MovingAverage(MEMORY, self.params.range_noise)
+        self._noise = self._noises.setdefault(laser.mount, usual)
         self._directions = laser.directions
         self.sweeps = self.params.deskew and laser.time_increment > 0.0
         near = max(self.params.min_range, laser.range_min)

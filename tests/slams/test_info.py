@@ -48,7 +48,7 @@ def test_a_bag_is_shown_by_topics_frames_lasers_gaps_and_uses(kind, tmp_path, ca
     assert any(
         line.startswith("/rear cannot be used: ") and "laser's, rear" in line for line in lines
     )
-    assert lines[-1] == "2 lasers: --scan-topic picks the one to use"
+    assert lines[-1] == "2 lasers: --scan-topic picks one, or several (given for each)"
 
 
 def test_a_laser_that_is_picked_is_the_only_one_shown(tmp_path, capsys):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import slams
-from slams import convert
+from slams import convert, info
 from slams.types import Pose2
 from tests import bags
 
@@ -113,6 +113,31 @@ def test_several_lasers_leave_a_choice(tmp_path):
     assert "no laser scans on /side; there are: /front (12)" in refused(path, scan_topic="/side")
 
 
+@pytest.mark.parametrize("kind", ["bag", "mcap", "folder-db3"])
+def test_lasers_that_are_all_asked_for_are_one_log(kind, tmp_path, capsys):
+    mounts = [
+        ("base_link", "front", (0.2, 0.0, 0.1), 0.0, 0.0),
+        ("base_link", "rear", (-0.2, 0.0, 0.1), 3.0, 0.0),
+    ]
+
+    def messages(make):
+        front = [("/front", t, make.scan(t, ranges()[0], "front")) for t in T]
+        rear = [("/rear", t, make.scan(t + 0.04, ranges()[1][:9], "rear")) for t in T]
+        return [("/tf_static", T[0], make.tf(T[0], *mounts)), *front, *rear]
+
+    path = bags.write(tmp_path, kind, messages)
+    log = slams.load(path, scan_topic="front", more_scan_topics=("/rear",))
+    scans = list(log)
+    assert [len(scan.ranges) for scan in scans] == [31, 9] * len(T)
+    assert np.allclose(scans[0].laser.mount, (0.2, 0.0, 0.0))
+    assert np.allclose(scans[1].laser.mount, (-0.2, 0.0, 3.0))
+    assert scans[1].t == pytest.approx(T[0] + 0.04)
+    assert log.meta["source"]["scans"] == "/front, /rear"
+    assert "--scan-topic" in refused(path, scan_topic="/front", more_scan_topics=("front",))
+    assert info.main([str(path), "--scan-topic", "/front", "--scan-topic", "/rear"]) == 0
+    assert capsys.readouterr().out.count("laser: ") == 2
+
+
 def test_no_scans_lists_what_there_is(tmp_path):
     path = bags.write(tmp_path, "bag", lambda make: [("/chat", 1.0, make.string("hi"))])
     assert "no laser scans; expected sensor_msgs/LaserScan" in refused(path)
@@ -184,6 +209,20 @@ def tree(*static, moving=(), old=False):
 
 def moves(parent, child):
     return lambda i: (parent, child, (*WAY[i, :2], 0.0), WAY[i, 2], 0.0)
+
+
+@pytest.mark.parametrize("level", ["base_stabilized", "base_footprint"])
+def test_without_imu_roll_and_pitch_come_from_tf(level, tmp_path):
+    tilts = [lambda i: (level, "base_link", (0.0, 0.0, 0.0), 0.0, 0.01 * i), moves("odom", level)]
+    for kind in ("bag", "mcap"):
+        path = bags.write(tmp_path, kind, tree(MOUNT, moving=tilts))
+        attitude = slams.load(path, odom="none").attitude
+        assert attitude.t == pytest.approx(T)
+        assert attitude.values[:, 0] == pytest.approx(0.01 * np.arange(N), abs=1e-6)
+        assert np.abs(attitude.values[:, 1]).max() < 1e-9
+    still = [rests(level, "base_link", (0.0, 0.0, 0.0), 0.0, 0.1)]
+    path = bags.write(tmp_path / "still", "mcap", tree(MOUNT, moving=still))
+    assert slams.load(path).attitude is None
 
 
 def rests(*transform):

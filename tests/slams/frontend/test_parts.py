@@ -10,7 +10,7 @@ from slams.frontend.degeneracy import ALL, observability
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.params import FrontendParams
 from slams.frontend.plain import estimator_for
-from slams.frontend.timing import ScanTiming
+from slams.frontend.timing import LaserTimings, ScanTiming
 from slams.test_world import scan_at
 from slams.types import IDENTITY, Pose2
 
@@ -89,14 +89,30 @@ def test_a_search_does_bounded_work(monkeypatch):
 def test_keyframes_come_by_distance_rotation_and_quality():
     keyframes = Keyframes(0.25, 0.3, 2)
     here = Pose2(0.0, 0.0, 0.0)
-    assert keyframes.due(here, 1.0)
+    assert keyframes.due(here, 1.0, here)
     keyframes.add(here, 1.0)
-    assert keyframes.due(here, 1.0)
+    assert keyframes.due(here, 1.0, here)
     keyframes.add(here, 1.0)
-    assert not keyframes.due(Pose2(0.2, 0.0, 0.2), 0.9)
-    assert keyframes.due(Pose2(0.3, 0.0, 0.0), 1.0)
-    assert keyframes.due(Pose2(0.0, 0.0, 0.4), 1.0)
-    assert keyframes.due(here, 0.8)
+    assert not keyframes.due(Pose2(0.2, 0.0, 0.2), 0.9, here)
+    assert keyframes.due(Pose2(0.3, 0.0, 0.0), 1.0, here)
+    assert keyframes.due(Pose2(0.0, 0.0, 0.4), 1.0, here)
+    assert keyframes.due(here, 0.8, here)
+
+
+def test_each_laser_has_keyframes_of_its_own():
+    keyframes, here, rear = Keyframes(0.25, 0.3, 1), Pose2(0.0, 0.0, 0.0), Pose2(-0.2, 0.0, 3.1)
+    assert keyframes.due(here, 1.0, here)
+    keyframes.add(here, 1.0)
+    assert keyframes.due(here, 0.5, rear)
+    keyframes.add(here, 0.5)
+    assert not keyframes.due(here, 1.0, here) and not keyframes.due(here, 0.5, rear)
+
+
+def test_two_lasers_in_turns_are_no_jitter():
+    timings, mounts = LaserTimings(), (Pose2(0.2, 0.0, 0.0), Pose2(-0.2, 0.0, 3.1))
+    stamps = np.sort(np.concatenate([0.2 * np.arange(60), 0.2 * np.arange(60) + 0.03]))
+    found = [timings.elapsed(t, mounts[i % 2]) for i, t in enumerate(stamps)]
+    assert np.allclose(found[1:], np.diff(stamps)) and timings.jitter < 1e-6
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -1,0 +1,139 @@
+"""The lasers of a scan log: how its file keeps them, and which of them fell silent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slams.types import Floats, Laser, Pose2, Ranges
+from slams.validation import MOST_BEAMS, expect
+
+COLUMNS = (
+    *("n_beams", "angle_min", "angle_increment", "range_min", "range_max", "time_increment"),
+    *("x", "y", "yaw", "mount_z", "height"),
+)
+FORMAT, OF_SEVERAL = "scanlog-1", "scanlog-2"
+REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
+HEIGHTS = ("mount_z", "height")
+OF_LASER = (*REQUIRED[2:], "time_increment", "mount", *HEIGHTS)
+MAX_LASERS = 8  # of one log: more are a mistake
+MAX_SILENCE = 3.0  # s without a scan at the end of a log, and usual intervals: a laser that died
+MIN_SILENT_INTERVALS = 10.0
+
+
+def to_table(lasers: Sequence[Laser]) -> Floats:
+    """A row of `COLUMNS` for each laser; height is nan where it is not known."""
+    rows = [
+        (
+            *(laser.n_beams, laser.angle_min, laser.angle_increment),
+            *(laser.range_min, laser.range_max, laser.time_increment),
+            *(*laser.mount, laser.mount_z, np.nan if laser.height is None else laser.height),
+        )
+        for laser in lasers
+    ]
+    return np.array(rows, np.float64).reshape(-1, len(COLUMNS))
+
+
+def from_table(table: Floats) -> tuple[Laser, ...]:
+    """The lasers of a table (k, 11).
+
+    Raises:
+        ValueError: it is no such table.
+    """
+    shape = f"(k, {len(COLUMNS)}) with 1 <= k <= {MAX_LASERS}"
+    fits = table.shape[1:] == (len(COLUMNS),) and 1 <= len(table) <= MAX_LASERS
+    expect(fits, "lasers", table.shape, shape)
+    return tuple(_laser(dict(zip(COLUMNS, row, strict=True))) for row in table.tolist())
+
+
+def _laser(row: dict[str, float]) -> Laser:
+    n, height = row["n_beams"], row["height"]
+    expect(n == n // 1 and 1 <= n <= MOST_BEAMS, "lasers", f"{n} beams", "a number of beams")
+    return Laser(
+        row["angle_min"],
+        row["angle_increment"],
+        int(n),
+        row["range_min"],
+        row["range_max"],
+        Pose2(row["x"], row["y"], row["yaw"]),
+        row["time_increment"],
+        row["mount_z"],
+        None if height != height else height,
+    )
+
+
+def silent_lasers(t: Floats, laser_of: NDArray[np.int64], count: int) -> list[tuple[int, float]]:
+    """Lasers without a scan in the last seconds of a log: number, and stamp of the last scan [s].
+
+    Args:
+        t: stamps (n,) [s].
+        laser_of: the number of its laser for each scan (n,).
+        count: of lasers.
+    """
+    found = []
+    for number in range(count):
+        own = t[laser_of == number]
+        last = float(own.max()) if len(own) else float(t.min())
+        usual = float(np.median(np.diff(own))) if len(own) > 1 else 0.0
+        if t.max() - last > max(MAX_SILENCE, MIN_SILENT_INTERVALS * usual):
+            found.append((number, last - float(t.min())))
+    return found
+
+
+def lasers(data: dict[str, Any], n_beams: int, version: str) -> dict[str, Any]:
+    """Fields of a log about its lasers, from the arrays of its file."""
+    if version == FORMAT:
+        return {"laser": _laser_of(data, n_beams)}
+    laser, *others = from_table(numbers(data, "lasers", 2))
+    rows = numbers(data, "laser", 1)
+    with np.errstate(invalid="ignore"):
+        whole = rows.astype(np.int64)
+    expect(bool((whole == rows).all()), "laser", "broken numbers", "rows of `lasers`")
+    return {"laser": laser, "others": tuple(others), "laser_of": whole}
+
+
+def _laser_of(data: dict[str, Any], n_beams: int) -> Laser:
+    mount = numbers(data, "mount", 1) if "mount" in data else np.zeros(3)
+    expect(mount.shape == (3,), "mount", mount.shape, "(3,)")
+    scalars = {key: float(numbers(data, key, 0)) for key in REQUIRED[2:]}
+    between = float(numbers(data, "time_increment", 0)) if "time_increment" in data else 0.0
+    scalars |= {key: float(numbers(data, key, 0)) for key in HEIGHTS if key in data}
+    return Laser(n_beams=n_beams, mount=Pose2(*mount.tolist()), time_increment=between, **scalars)
+
+
+def numbers(data: dict[str, Any], key: str, ndim: int) -> Floats:
+    """An array of so many dimensions as float64; ValueError if it is none."""
+    return np.array(checked(data, key, ndim), np.float64, order="C")
+
+
+def checked(data: dict[str, Any], key: str, ndim: int) -> NDArray[Any]:
+    """An array of numbers of so many dimensions; ValueError if it is none."""
+    array = np.asarray(data[key])
+    kind = array.dtype.kind in "fiu"
+    expect(kind, key, f"{array.dtype} values", "numbers")
+    expect(array.ndim == ndim, key, f"{array.ndim} dimensions", f"{ndim}")
+    return array
+
+
+def single(ranges: ArrayLike) -> Ranges:
+    """Ranges as float32; what is too great for it is beyond every laser.
+
+    Raises:
+        ValueError: they are no numbers.
+    """
+    array = np.asarray(ranges)
+    expect(array.dtype.kind in "fiu", "ranges", f"{array.dtype} values", "numbers")
+    with np.errstate(over="ignore"):
+        return array.astype(np.float32, copy=False)
+
+
+def rep117(ranges: Ranges, laser: Laser) -> Ranges:
+    """Read-only ranges: beyond range_max is inf, below range_min (or -inf) is nan."""
+    clean = np.array(single(ranges), order="C")
+    clean[clean >= laser.range_max] = np.inf
+    clean[clean < laser.range_min] = np.nan
+    clean.flags.writeable = False
+    return clean

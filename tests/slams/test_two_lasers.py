@@ -1,0 +1,81 @@
+"""Logs of two lasers: the file, the runs, a laser that dies."""
+
+import numpy as np
+import pytest
+
+from bench.sim.setting import Setting
+from bench.sim.simulation import simulate
+from slams.player import replay
+from slams.registry import find
+from slams.scanlog import load_npz
+from slams.summary import as_text, summarize, truth_errors
+
+FOUR = ("hector", "tsd", "crsm", "gmapping")
+
+
+@pytest.fixture(scope="module")
+def log():
+    return simulate(Setting(size=10.0, seed=1, sensor="rplidar-a1", duration=30.0, lasers=2))
+
+
+def run_of(name, log):
+    entry = find(name)
+    params = entry.params()
+    return replay(entry.cls(params), log.select(odometry=False)), params
+
+
+def test_the_file_keeps_lasers_and_whose_scan_is_whose(log, tmp_path):
+    log.save(tmp_path / "two.npz")
+    again = load_npz(tmp_path / "two.npz")
+    assert again.lasers == log.lasers and len(log.lasers) == 2
+    for one, other in zip(log, again, strict=True):
+        assert one.laser == other.laser and one.t == other.t
+        assert np.array_equal(one.ranges, other.ranges, equal_nan=True)
+    assert [scan.laser.mount.x for scan in log][:4] == [0.2, -0.2, 0.2, -0.2]
+
+
+def test_rows_of_lasers_with_fewer_beams_are_cut(log):
+    from dataclasses import replace
+
+    narrow = replace(log.others[0], n_beams=5)
+    scans = list(replace(log, others=(narrow,)))
+    assert len(scans[0].ranges) == log.laser.n_beams and len(scans[1].ranges) == 5
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"laser": np.zeros(3)}, "laser: got"),
+        ({"laser": None}, "no laser"),
+        ({"lasers": np.zeros((2, 3))}, "lasers: got"),
+        ({"lasers": np.zeros((0, 11))}, "lasers: got"),
+    ],
+)
+def test_a_broken_table_is_one_sentence(log, tmp_path, changes, says):
+    path = tmp_path / "two.npz"
+    log.save(path)
+    with np.load(path) as file:
+        arrays = dict(file) | changes
+    np.savez(path, **{key: value for key, value in arrays.items() if value is not None})
+    with pytest.raises(ValueError, match=says):
+        load_npz(path)
+
+
+@pytest.mark.parametrize("name", FOUR)
+def test_every_algorithm_maps_by_both(name, log):
+    run, _ = run_of(name, log)
+    assert truth_errors(run, log)["ate_m"] < 0.02
+    assert not run.says_lost.any()
+
+
+@pytest.mark.parametrize("name", FOUR)
+def test_a_rear_laser_that_dies_is_told_and_nothing_else_happens(name, log):
+    alive = (log.numbers == 0) | (log.t < 10.0)
+    dying = log.rows(np.flatnonzero(alive))
+    run, params = run_of(name, dying)
+    errors = truth_errors(run, dying)
+    assert errors["per_update"]["translation_m"]["max"] < 0.05
+    assert errors["ate_m"] < 0.03 and not run.says_lost.any()
+    text = as_text(summarize(run, dying, name, params, 0.0))
+    assert "laser 1 fell silent after 9.9 s" in text
+    assert "silent" not in as_text(summarize(run_of(name, log)[0], log, name, params, 0.0))
