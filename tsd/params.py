@@ -52,15 +52,6 @@ class TsdParams(ScanParams, FrontendParams):
     push_rotation: float = param(
         0.03, "rad", "push again after this turn", source=ORIGINAL, low=0.0
     )
-    settle: int = param(
-        1,
-        "1",
-        "scans at the start that are all pushed",
-        source="ours: noise averages by scans",
-        low=1,
-        high=10_000,
-    )
-
     min_range: float = param(
         0.1,
         "m",

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from hector import Hector, HectorParams
+from hector.map import BLUR, FINE, ROUGH, LogOddsPyramid
 from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
-from hector.matcher import BLUR, FINE, ROUGH, Matcher
 from slams.frontend.estimator import BEGIN_BEAMS
 from slams.geometry import Prior
 from slams.refine.lines import ENOUGH
@@ -77,10 +77,9 @@ def test_one_step_of_gauss_newton_is_damped_and_limited():
 def test_what_cells_say_is_never_surer_than_their_ridges_are_exact():
     slam = settled(12)
     prior = Prior(IDENTITY, 1e4 * np.eye(3))
-    points, matcher = slam._scan, slam._matcher
-    found = matcher.climb(points, IDENTITY, prior)
-    level = slam._map.levels[0]
-    solver = matcher._solvers(points.n // ENOUGH)[0]
+    points, grids = slam._scan, slam._map
+    found = grids.climb(points, IDENTITY, prior)
+    level, solver = grids.levels[0], grids._solvers(points.n // ENOUGH)[0]
     H = np.zeros((3, 3))
     _, _, square = gauss_newton(level, points.points, points.n, found.pose, prior, solver, H)
     assert found.seen == pytest.approx(H / max(square, BLUR), rel=0.05, abs=1.0)
@@ -97,22 +96,24 @@ def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
 
 
 @pytest.mark.parametrize(
-    ("level", "n", "stride"), [(0, 1080, 4), (2, 1080, 4), (2, 400, 2), (0, 90, 1), (2, 90, 1)]
+    ("n", "refine", "strides"),
+    [
+        (1080, True, [4, 4, 4]),
+        (400, True, [2, 2, 2]),
+        (90, True, [1, 1, 1]),
+        (1080, False, [1, 2, 4]),  # the paper alone leaves no beam out on its finest level
+        (90, False, [1, 1, 1]),
+    ],
 )
-def test_fewer_beams_are_climbed_with_where_there_are_many(level, n, stride):
-    solver = Matcher(HectorParams(), None)._solvers(n // ENOUGH)[level]
-    assert solver.stride == stride
-    cell = 0.05 * 2**level
-    assert solver.tolerance == pytest.approx((ROUGH if stride > 1 else FINE) * cell)
-
-
-@pytest.mark.parametrize(("level", "n", "stride"), [(0, 1080, 1), (1, 1080, 2), (2, 90, 1)])
-def test_the_pyramid_alone_takes_all_beams_at_its_finest_level(level, n, stride):
-    params = HectorParams(refine=False)
-    solver = Matcher(params, None)._solvers(n // ENOUGH)[level]
-    assert solver.stride == stride
-    cell = 0.05 * 2**level
-    assert solver.tolerance == pytest.approx(FINE * cell if level else params.converged)
+def test_fewer_beams_are_climbed_with_where_there_are_many(n, refine, strides):
+    params = HectorParams(refine=refine)
+    solvers = [Solver(*one) for one in LogOddsPyramid(params)._solvers(n // ENOUGH)]
+    assert [solver.stride for solver in solvers] == strides
+    for level, (solver, stride) in enumerate(zip(solvers, strides, strict=True)):
+        rough = ROUGH if refine and stride > 1 else FINE
+        exact = not refine and level == 0
+        expected = params.converged if exact else rough * 0.05 * 2**level
+        assert solver.tolerance == pytest.approx(expected)
 
 
 def test_what_was_never_seen_has_no_probability():

@@ -50,9 +50,8 @@ def test_a_given_pose_is_entered_unless_the_map_is_frozen():
         assert slam.report()["inserted"] == before + more
 
 
-def test_at_rest_nothing_is_pushed_after_the_first_scans():
+def test_at_rest_nothing_is_pushed_after_the_first_scan():
     assert settled(6).report()["inserted"] == 1
-    assert settled(6, settle=3).report()["inserted"] == 3
 
 
 @pytest.mark.parametrize(
@@ -70,7 +69,7 @@ def test_the_field_is_fitted_from_the_start_and_where_icp_went_far_from_there(
     def align(scan, start, prior):
         return Match(Pose2(fits[round(start.x, 3)], 0.0, 0.0))
 
-    monkeypatch.setattr(slam._direct, "align", align)
+    monkeypatch.setattr(slam._map, "align", align)
     tried = slam._refine(IDENTITY, Match(Pose2(coarse, 0.0, 0.0)), Prior(IDENTITY, np.eye(3)))
     assert [one.pose.x for one in tried] == found
 
