@@ -146,14 +146,14 @@ class TsdParams(ScanParams, FrontendParams):
     search_translation: float = param(
         0.6,
         "m",
-        "half width of RANSAC's window, doubled when it fails",
+        "half width of RANSAC's window",
         source="ours: the original searches all of its map",
         low=0.0,
     )
     search_rotation: float = param(
         0.6,
         "rad",
-        "half width of RANSAC's window, doubled when it fails",
+        "half width of RANSAC's window",
         source="ours: the original searches all of its map",
         low=0.0,
     )
