@@ -16,9 +16,12 @@ from slams.cells import Room, move, observed, zeros
 from slams.frontend.correlative import Lookup
 from slams.geometry import Prior
 from slams.grid_bounds import Box, GridBounds
-from slams.refine.lines import LineMap
+from slams.refine.lines import ENOUGH, THINNED, LineMap, Match
 from slams.scan.end_points import EndPoints
-from slams.types import Floats, OccupancyGrid, Pose2
+from slams.types import OccupancyGrid, Pose2
+
+ROUGH, FINE = 0.05, 0.02  # of a cell: a step below is the last, before lines or a finer level
+BLUR = 0.01  # least variance of 1 - M: a wall's ridge of cells is never exact
 
 
 class LogOddsPyramid:
@@ -42,6 +45,8 @@ class LogOddsPyramid:
         )
         self.levels = [self._empty(level) for level in range(params.levels)]
         self.lines = LineMap(params, *self._finest())
+        self._H = np.zeros((3, 3))
+        self._made: dict[int, tuple[tuple[float, ...], ...]] = {}
 
     def insert(self, scan: EndPoints, pose: Pose2) -> bool:
         """Let a scan taken at `pose` enter every level, and the lines of the finest.
@@ -58,19 +63,15 @@ class LogOddsPyramid:
             self.lines.insert(scan, pose)
         return True
 
-    def match(
-        self, scan: EndPoints, start: Pose2, prior: Prior, solvers: tuple[Solver, ...], H: Floats
-    ) -> tuple[Pose2, float, float]:
-        """Gauss-Newton on the occupancy, coarse to fine; pose, mean value, mean square residual.
-
-        `solvers`: how, on each level, finest first.
-        """
+    def climb(self, scan: EndPoints, start: Pose2, prior: Prior) -> Match:
+        """Gauss-Newton on the occupancy, coarse to fine: [Kohlbrecher11] sec. IV-C."""
         levels = tuple(map(tuple, self.levels))
-        known, how = (tuple(prior.pose), prior.information), tuple(map(tuple, solvers))
-        pose, score, square = match_kernels.climb(
-            levels, scan.points, scan.n, tuple(start), known, how, H
+        known = tuple(prior.pose), prior.information
+        solvers, H = self._solvers(scan.n // ENOUGH), self._H
+        pose, share, square = match_kernels.climb(
+            levels, scan.points, scan.n, tuple(start), known, solvers, H
         )
-        return Pose2(*pose), score, square
+        return Match(Pose2(*pose), share, self.lines.variance, H / max(square, BLUR))
 
     @property
     def empty(self) -> bool:
@@ -105,6 +106,23 @@ class LogOddsPyramid:
         """The part of the finest level in a box that was observed, None if nothing was."""
         level, window = self.levels[0], self._room.window(box)
         return _drawn(level.log_odds[window], window, level)
+
+    def _solvers(self, most: int) -> tuple[tuple[float, ...], ...]:
+        """`Solver` of each level, finest first; of `most` beams one at least is used."""
+        if most not in self._made:
+            self._made[most] = tuple(tuple(self._solver(k, most)) for k in range(len(self.levels)))
+        return self._made[most]
+
+    def _solver(self, level: int, most: int) -> Solver:
+        p, cell = self.params, self.levels[level].resolution
+        thinned = THINNED if p.refine else 2**level  # several beams end in one coarse cell
+        stride = max(min(thinned, most), 1)
+        tolerance = FINE * cell
+        if p.refine and stride > 1:
+            tolerance = ROUGH * cell
+        elif not p.refine and level == 0:
+            tolerance = p.converged
+        return Solver(p.steps, p.max_shift, p.max_turn, tolerance, p.damping, stride)
 
     def _empty(self, level: int) -> Level:
         shape = (self._room.height >> level, self._room.width >> level)

@@ -99,19 +99,11 @@ class HectorParams(RefineParams, FrontendParams):
         30.0, "m", "farther ends are not used", source=CODE, low=0.5, ros=("laser_max_dist",)
     )
     max_cells: int = max_cells()
-    steps_coarse: int = param(
+    steps: int = param(
         12,
         "1",
-        "Gauss-Newton steps on a coarse level, at most",
-        source="ours: 4 in the original",
-        low=1,
-        high=100,
-    )
-    steps_fine: int = param(
-        12,
-        "1",
-        "Gauss-Newton steps on the finest level, at most",
-        source="ours: 6 in the original",
+        "Gauss-Newton steps on each level, at most",
+        source="ours: until converged; 4 and 6 in the original",
         low=1,
         high=100,
     )

@@ -20,7 +20,6 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 from hector.map import LogOddsPyramid
-from hector.matcher import Matcher
 from hector.params import HectorParams
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
@@ -44,7 +43,6 @@ class Hector:
         self.params = params
         self.frozen = False
         self._map = LogOddsPyramid(params)
-        self._matcher = Matcher(params, self._map)
         self._scan = EndPoints(params)
         self._estimator = estimator_for(params)
         self._keyframes = Keyframes(params.insert_distance, params.insert_angle, params.settle)
@@ -72,8 +70,7 @@ class Hector:
 
     def adopt(self, other: Hector, pose: Pose2) -> None:
         """Go on in the map of another instance, at `pose` in it, moving as before."""
-        self._map, self._matcher = other._map, other._matcher
-        self._keyframes = other._keyframes
+        self._map, self._keyframes = other._map, other._keyframes
         self._estimator.correct(pose)
 
     def map(self) -> OccupancyGrid:
@@ -113,7 +110,7 @@ class Hector:
         if self._map.empty or points.n == 0:
             return [Match(start)]
         expected = Prior(prior.pose, prior.information)
-        coarse = self._matcher.climb(points, start, expected)  # 3.
+        coarse = self._map.climb(points, start, expected)  # 3.
         found = [coarse]
         if self.params.refine:
             found = self._map.lines.refine(points, start, coarse.pose, expected)  # 4.

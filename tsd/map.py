@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from slams.cells import Room, move, zeros
 from slams.frontend.correlative import Lookup
+from slams.geometry import Prior
 from slams.grid_bounds import Box, GridBounds
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
@@ -23,12 +26,13 @@ from tsd.map_kernels import (
     list_rows,
     push_rows,
 )
-from tsd.match_kernels import evaluate
+from tsd.match_kernels import MatchRule, align, evaluate
 from tsd.params import TsdParams
 from tsd.scan import SurfaceScan
 
 ROWS = 1 << 14  # of cells one scan can touch
 LEAST_ERROR = 0.001  # m
+STOP = 1e-4, 1e-5  # steps of Gauss-Newton [m], [rad] that are none
 Table = tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.float32]]
 
 
@@ -46,7 +50,7 @@ class TileField:
         self.insertions = 0
         self.error = p.range_noise
         self.extent = GridBounds(p.max_cells, p.cell)
-        self._rows = np.zeros((ROWS, 4))
+        self._rows, self._equations = np.zeros((ROWS, 4)), np.zeros((5, 3))
         self._room = Room(p.max_cells, p.cell, SIDE)
         slots, seen, walls = self._table()
         tiles = slots.size, SIDE, SIDE
@@ -87,6 +91,21 @@ class TileField:
         push_rows(self.kernel, lines, self._rows, n_rows, rule)
         carve(self.kernel, lines, len(lines), x, y, rule)
         return True
+
+    def align(self, scan: SurfaceScan, start: Pose2, prior: Prior) -> Match:
+        """Gauss-Newton on the field from `start`; the prior holds it where the scan does not.
+
+        ours, behind ICP: exact to a fraction of a cell.
+        """
+        x, mean, room = np.array(start), np.array(prior.pose), self._equations
+        rule = MatchRule(self.params.iterations, *STOP, scan.softness, self.error)
+        _, close, residual, _ = align(
+            self.kernel, scan.elements, scan.count, mean, prior.information, rule, x, room
+        )
+        pose = Pose2(*x.tolist())
+        if not all(map(math.isfinite, pose)):
+            return Match(start)
+        return Match(pose, close / scan.count, residual * residual, room[:3].copy())
 
     def learn(self, match: Match) -> None:
         """Take this match's distances for the error of the field."""

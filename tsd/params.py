@@ -52,15 +52,6 @@ class TsdParams(ScanParams, FrontendParams):
     push_rotation: float = param(
         0.03, "rad", "push again after this turn", source=ORIGINAL, low=0.0
     )
-    settle: int = param(
-        1,
-        "1",
-        "scans at the start that are all pushed",
-        source="ours: noise averages by scans",
-        low=1,
-        high=10_000,
-    )
-
     min_range: float = param(
         0.1,
         "m",
@@ -155,14 +146,14 @@ class TsdParams(ScanParams, FrontendParams):
     search_translation: float = param(
         0.6,
         "m",
-        "half width of RANSAC's window, doubled when it fails",
+        "half width of RANSAC's window",
         source="ours: the original searches all of its map",
         low=0.0,
     )
     search_rotation: float = param(
         0.6,
         "rad",
-        "half width of RANSAC's window, doubled when it fails",
+        "half width of RANSAC's window",
         source="ours: the original searches all of its map",
         low=0.0,
     )

@@ -23,7 +23,6 @@ ENOUGH = 100  # elements for an ICP that the field itself makes exact
 SLOPPY = 1e-4, 1e-5  # steps of ICP [m], [rad] that are none
 ROUGHLY = 1e-3, 5e-4  # the same of an ICP that the field itself makes exact
 UNSURE = 0.15  # m, deviation of a prediction from which ICP may not converge
-WIDTHS = 1.0, 2.0  # of RANSAC's window: the wider one if hardly anything fits
 MEMORY = 1.0  # s over which the share of inliers is usual
 
 
@@ -50,12 +49,9 @@ class Registration:
         if start != prior.pose:
             return found
         (xx, _, _), (_, yy, _), _ = prior.covariance.tolist()
-        unsure = xx + yy > UNSURE**2
-        for width in WIDTHS:
-            if not unsure and found.share >= self._p.convincing * self._usual / width:
-                break
-            other = self.icp(scan, self.ransac(scan, start, width), expected)
-            found, unsure = max(found, other, key=lambda match: match.share), False
+        if xx + yy > UNSURE**2 or found.share < self._p.convincing * self._usual:
+            other = self.icp(scan, self.ransac(scan, start), expected)
+            found = max(found, other, key=lambda match: match.share)
         gain = min(prior.dt / MEMORY, 1.0) if self._usual > 0.0 else 1.0
         self._usual += gain * (found.share - self._usual)
         return found
@@ -88,15 +84,14 @@ class Registration:
         inliers, conflicts = self._field.evaluate(scan, pose)
         return Match(pose, inliers - conflicts, rms * rms, room[:3].copy())
 
-    def ransac(self, scan: SurfaceScan, start: Pose2, width: float) -> Pose2:
+    def ransac(self, scan: SurfaceScan, start: Pose2) -> Pose2:
         """The pose near `start` that agrees best with the field, if a pair proposes it.
 
-        Pairs are of a point of the model scan and an element of the scan [Koch15]; `width` scales
-        the window.
+        Pairs are of a point of the model scan and an element of the scan [Koch15].
         """
         p = self._p
-        angle = min(p.search_rotation * width, math.pi)
-        rule = PairRule(p.search_translation * width, math.cos(angle), p.truncation)
+        angle = min(p.search_rotation, math.pi)
+        rule = PairRule(p.search_translation, math.cos(angle), p.truncation)
         stride = max(scan.count // SCORED, 1)
         some = np.ascontiguousarray(scan.elements[: scan.count : stride])
         model = self.cast(start, scan.laser)

@@ -5,6 +5,7 @@ import dataclasses
 from slams.params import RosNames
 
 DIRECT = "the ICP and RANSAC of the default have settings of their own"
+OTHER_MODES = "of the registration modes 1 and 2, which are not here"
 UNUSED = "read but not used by ohm_tsd_slam either"
 
 ORIGINAL = RosNames(
@@ -14,9 +15,8 @@ ORIGINAL = RosNames(
         "truncation_radius": "cell",
         "reg_sin_rot_max": "sin",
         "ransac_phi_max": "deg",
-        "maxAngleDiff": "deg",
     },
-    words={"registration_mode": {"0": "icp", "1": "exp", "2": "pdf", "3": "tsd"}},
+    words={"registration_mode": {"0": "icp", "3": "tsd"}},
     ignored={
         "x_offset": "moves the picture of the map alone",
         "y_offset": "moves the picture of the map alone",
@@ -35,6 +35,13 @@ ORIGINAL = RosNames(
             *("max_velocity_lin", "max_velocity_rot", "ude_odom_rescue", "wait_for_odom_tf"),
         ),
         UNUSED,
+    )
+    | dict.fromkeys(
+        (
+            *("epsThresh", "zhit", "zshort", "zmax", "sighit", "lamshort"),
+            *("maxAngleDiff", "percentagePointsInC"),
+        ),
+        OTHER_MODES,
     ),
     refused={"robot_nbr": ("1", "one robot, one laser; a log per robot")},
     defaults={
@@ -47,12 +54,6 @@ ORIGINAL = RosNames(
         "sizeControlSet": 140,
         "ransac_phi_max": 30.0,
         "zrand": 0.25,
-        "zhit": 0.45,
-        "zshort": 0.25,
-        "zmax": 0.05,
-        "sighit": 0.2,
-        "percentagePointsInC": 0.9,
-        "maxAngleDiff": 3.0,
     },
 )
 ROS = dataclasses.replace(
@@ -69,9 +70,7 @@ ROS = dataclasses.replace(
     | dict.fromkeys(
         (
             *("icp_iterations", "dist_filter_max", "dist_filter_min", "reg_trs_max"),
-            *("reg_sin_rot_max", "trials", "sizeControlSet", "ransac_phi_max", "epsThresh"),
-            *("zrand", "zhit", "zshort", "zmax", "sighit", "lamshort", "maxAngleDiff"),
-            "percentagePointsInC",
+            *("reg_sin_rot_max", "trials", "sizeControlSet", "ransac_phi_max", "zrand"),
         ),
         DIRECT,
     ),

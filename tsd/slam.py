@@ -34,7 +34,6 @@ from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints, gap
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
-from tsd.direct import Direct
 from tsd.image import Picture, colored
 from tsd.map import TileField
 from tsd.params import TsdParams
@@ -57,9 +56,8 @@ class Tsd:
         self._scan = SurfaceScan(params)
         rng = np.random.default_rng(params.seed)
         self._registration = Registration(params, self._map, rng)
-        self._direct = Direct(params, self._map)
         self._estimator = estimator_for(params)
-        self._keyframes = Keyframes(params.push_translation, params.push_rotation, params.settle)
+        self._keyframes = Keyframes(params.push_translation, params.push_rotation, 1)
         self._counts = {"posed": 0, "kept": 0, "refined": 0, "inserted": 0}
 
     def update(self, scan: Scan) -> Pose2:
@@ -85,7 +83,7 @@ class Tsd:
     def adopt(self, other: Tsd, pose: Pose2) -> None:
         """Go on in the map of another instance, at `pose` in it, moving as before."""
         self._map, self._keyframes = other._map, other._keyframes
-        self._registration, self._direct = other._registration, other._direct
+        self._registration = other._registration
         self._estimator.correct(pose)
 
     def map(self) -> OccupancyGrid:
@@ -140,9 +138,9 @@ class Tsd:
     def _refine(self, start: Pose2, coarse: Match, prior: Prior) -> list[Match]:
         """Gauss-Newton on the field, from where ICP started and, if that is elsewhere, ended."""
         scan, cell = self._scan, self.params.cell
-        found = [self._direct.align(scan, start, prior)]
+        found = [self._map.align(scan, start, prior)]
         if gap(scan, coarse.pose, found[0].pose) > cell:
-            found.append(self._direct.align(scan, coarse.pose, prior))
+            found.append(self._map.align(scan, coarse.pose, prior))
         return found
 
     def _learn(self, points: SurfaceScan) -> None:

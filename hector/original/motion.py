@@ -8,7 +8,6 @@ from slams.types import IDENTITY, Pose2, Scan, wrap_angle
 
 LONGEST = 5.0  # times the last interval that a step is stretched to
 MEMORY = 0.9  # of the mean errors of both predictions, and of the mean interval
-FADING = 0.7  # of the last step, per scan without a match
 
 
 class Motion:
@@ -16,9 +15,8 @@ class Motion:
 
     `source` is "last" (stands still), "velocity" (constant velocity, turn from the gyro where
     there is one) or "auto" (odometry where there is some, else velocity). `velocity` is the
-    expected motion per second in the base frame, `dt` [s] the interval; `step` what velocity and
-    gyro alone expect, `measured` whether odometry was believed instead; `odometry` and `gyro`
-    count their uses.
+    expected motion per second in the base frame, `dt` [s] the interval; `odometry` and `gyro` count
+    their uses.
 
     Stamps of real logs can be so ragged that a step as long as the last one predicts better than
     a velocity: the one that did better of late is used.
@@ -28,8 +26,6 @@ class Motion:
         self.odometry = 0
         self.gyro = 0
         self.velocity = IDENTITY
-        self.step = IDENTITY
-        self.measured = False
         self.dt = 0.0
         self._source = source
         self._pose = IDENTITY
@@ -45,14 +41,14 @@ class Motion:
             return pose
         self.dt = self._interval(scan.t - before.t)
         self._by_stamps = self._scaled_step()
-        self.step, turn = self._continued(), self._by_gyro(before, scan)
+        step, turn = self._continued(), self._by_gyro(before, scan)
         if turn is not None:
-            self.step = self.step._replace(theta=turn)
+            step = step._replace(theta=turn)
         wheels = self._by_wheels(before, scan)
-        step = self.step if wheels is None else wheels
-        self.measured = wheels is not None
-        self.odometry += self.measured
-        self.gyro += turn is not None and not self.measured
+        if wheels is not None:
+            step = wheels
+        self.odometry += wheels is not None
+        self.gyro += turn is not None and wheels is None
         self.velocity = _per_second(step, self.dt)
         return pose if self._source == "last" else pose @ step
 
@@ -62,11 +58,6 @@ class Motion:
         self._error_by_stamps = _recent(self._error_by_stamps, step, self._by_stamps)
         self._error_by_count = _recent(self._error_by_count, step, self._last_step)
         self._last_step, self._step_dt = step, self.dt
-        self._before = scan
-
-    def missed(self, scan: Scan) -> None:
-        """No motion was found for the scan: the last one means less and less."""
-        self._last_step = _scaled(self._last_step, FADING)
         self._before = scan
 
     def velocity_to(self, pose: Pose2) -> Pose2:

@@ -65,22 +65,3 @@ def test_wheels_that_jump_do_not_move_the_pose():
         log[k] = dataclasses.replace(log[k], odometry=odometry)
     run = replay(made(), log)
     assert np.hypot(*(run.poses - poses)[-5:, :2].T).max() < 0.05
-
-
-def test_a_scan_from_elsewhere_is_refused_while_wheels_hold_the_pose():
-    poses = way(40)
-    log = scans(poses)
-    turned = scan_at((1.0, 0.3, 2.5), LIDAR, t=0.0)
-    log[30] = dataclasses.replace(log[30], ranges=turned.ranges)
-    run = replay(made(), log)
-    assert np.hypot(*(run.poses - poses)[:, :2].T).max() < 0.05
-
-
-def test_nothing_enters_a_frozen_map():
-    slam = made()
-    log = scans(way(20))
-    replay(slam, log[:15])
-    inserted = slam.report()["inserted"]
-    slam.frozen = True
-    replay(slam, log[15:])
-    assert slam.report()["inserted"] == inserted

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hector.original.motion import FADING, Motion
+from hector.original.motion import Motion
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import laser
 
@@ -31,6 +31,8 @@ def test_prediction_by_velocity_odometry_gyro_or_not_at_all():
             motion.moved(pose, scan)
         scan = stamped(0.2, odometry and frames[2], yaw and yaws[2])
         assert motion.predict(pose, scan) == pytest.approx(expected)
+        used = (2 if source == "auto" else 0, 2 if yaw else 0)
+        assert (motion.odometry, motion.gyro) == used
 
 
 def test_prediction_scales_with_the_interval_until_stamps_prove_ragged():
@@ -48,33 +50,3 @@ def test_prediction_scales_with_the_interval_until_stamps_prove_ragged():
         pose = Pose2(0.1 * k, 0.0, 0.0)
         motion.moved(pose, stamped(t))
     assert motion.predict(pose, stamped(t + 0.35)).x == pytest.approx(pose.x + 0.1)
-
-
-def test_what_was_not_found_means_less_and_less():
-    motion, pose = Motion("auto"), IDENTITY
-    for k in range(4):
-        motion.predict(pose, stamped(0.1 * k))
-        pose = Pose2(0.1 * k, 0.0, 0.0)
-        motion.moved(pose, stamped(0.1 * k))
-    for k in (4, 5):
-        pose = motion.predict(pose, stamped(0.1 * k))
-        motion.missed(stamped(0.1 * k))
-    before = pose.x
-    assert motion.predict(pose, stamped(0.6)).x - before == pytest.approx(0.1 * FADING**2)
-
-
-def test_the_laser_only_step_stands_beside_the_odometry():
-    motion, pose = Motion("auto"), IDENTITY
-    for k in range(3):
-        scan = stamped(0.1 * k, Pose2(0.0, 0.5 * k, 0.0))
-        motion.predict(pose, scan)
-        pose = Pose2(0.1 * k, 0.0, 0.0)
-        motion.moved(pose, scan)
-    scan = stamped(0.3, Pose2(0.0, 1.5, 0.0))
-    assert pose.between(motion.predict(pose, scan)) == pytest.approx((0.0, 0.5, 0.0))
-    assert motion.measured
-    assert motion.step == pytest.approx((0.1, 0.0, 0.0))
-    motion.moved(pose, scan)
-    motion.predict(pose, stamped(0.4))
-    assert not motion.measured
-    assert (motion.odometry, motion.gyro) == (3, 0)

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from hector import Hector, HectorParams
+from hector.map import BLUR, FINE, ROUGH, LogOddsPyramid
 from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
-from hector.matcher import BLUR, FINE, ROUGH, Matcher
-from slams.frontend.estimator import BEGIN_BEAMS
 from slams.geometry import Prior
 from slams.refine.lines import ENOUGH
 from slams.scan.end_points import gap
-from slams.types import IDENTITY, Pose2, Scan
-from tests.rooms import LIDAR, calls, laser, scan_at, still
+from slams.types import IDENTITY, Pose2
+from tests.rooms import still
 
 
 def settled(n=12, **changes):
@@ -21,41 +20,6 @@ def settled(n=12, **changes):
     for k in range(n):
         slam.update(still(k))
     return slam
-
-
-def test_only_a_sweep_that_takes_time_is_read_and_matched_twice(monkeypatch):
-    for time_increment, times in ((0.0, 1), (0.08 / 181, 2)):
-        lidar = laser(181, time_increment=time_increment)
-        slam = Hector(HectorParams())
-        for k in range(3):
-            slam.update(scan_at((0.0, 0.0, 0.0), lidar, t=0.1 * k))
-        read = calls(monkeypatch, slam._scan, "take")
-        slam.update(scan_at((0.0, 0.0, 0.0), lidar, t=0.3))
-        assert len(read) == times
-
-
-def test_the_pose_that_is_returned_is_that_of_a_sweeps_first_beam():
-    lidar = laser(181, time_increment=0.08 / 181)
-    slam = Hector(HectorParams())
-    for k in range(5):
-        pose = Pose2(0.05 * k, 0.0, 0.0)
-        found = slam.update(scan_at(pose, lidar, t=0.1 * k, odometry=pose))
-    ahead = found.between(slam._estimator.pose).x  # half of 0.08 s at half a meter a second
-    assert ahead == pytest.approx(0.02, abs=0.004)
-
-
-def test_a_map_is_entered_at_rest_until_it_has_settled_and_then_no_more():
-    assert settled(10).report()["inserted"] == 10
-    slam = settled(20)
-    assert slam.report()["inserted"] == 10
-
-
-def test_a_frozen_map_takes_no_scan_whose_pose_is_given():
-    slam = settled(11)
-    for frozen, more in ((True, 0), (False, 1)):
-        slam.frozen = frozen
-        slam.insert_at(still(11), Pose2(1.0, 0.0, 0.0))
-        assert slam.report()["inserted"] == 10 + more
 
 
 def test_one_step_of_gauss_newton_is_damped_and_limited():
@@ -77,10 +41,9 @@ def test_one_step_of_gauss_newton_is_damped_and_limited():
 def test_what_cells_say_is_never_surer_than_their_ridges_are_exact():
     slam = settled(12)
     prior = Prior(IDENTITY, 1e4 * np.eye(3))
-    points, matcher = slam._scan, slam._matcher
-    found = matcher.climb(points, IDENTITY, prior)
-    level = slam._map.levels[0]
-    solver = matcher._solvers(points.n // ENOUGH)[0]
+    points, grids = slam._scan, slam._map
+    found = grids.climb(points, IDENTITY, prior)
+    level, solver = grids.levels[0], grids._solvers(points.n // ENOUGH)[0]
     H = np.zeros((3, 3))
     _, _, square = gauss_newton(level, points.points, points.n, found.pose, prior, solver, H)
     assert found.seen == pytest.approx(H / max(square, BLUR), rel=0.05, abs=1.0)
@@ -97,34 +60,25 @@ def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
 
 
 @pytest.mark.parametrize(
-    ("level", "n", "stride"), [(0, 1080, 4), (2, 1080, 4), (2, 400, 2), (0, 90, 1), (2, 90, 1)]
+    ("n", "refine", "strides"),
+    [
+        (1080, True, [4, 4, 4]),
+        (400, True, [2, 2, 2]),
+        (90, True, [1, 1, 1]),
+        (1080, False, [1, 2, 4]),  # the paper alone leaves no beam out on its finest level
+        (90, False, [1, 1, 1]),
+    ],
 )
-def test_fewer_beams_are_climbed_with_where_there_are_many(level, n, stride):
-    solver = Matcher(HectorParams(), None)._solvers(n // ENOUGH)[level]
-    assert solver.stride == stride
-    cell = 0.05 * 2**level
-    assert solver.tolerance == pytest.approx((ROUGH if stride > 1 else FINE) * cell)
-
-
-@pytest.mark.parametrize(("level", "n", "stride"), [(0, 1080, 1), (1, 1080, 2), (2, 90, 1)])
-def test_the_pyramid_alone_takes_all_beams_at_its_finest_level(level, n, stride):
-    params = HectorParams(refine=False)
-    solver = Matcher(params, None)._solvers(n // ENOUGH)[level]
-    assert solver.stride == stride
-    cell = 0.05 * 2**level
-    assert solver.tolerance == pytest.approx(FINE * cell if level else params.converged)
+def test_fewer_beams_are_climbed_with_where_there_are_many(n, refine, strides):
+    params = HectorParams(refine=refine)
+    solvers = [Solver(*one) for one in LogOddsPyramid(params)._solvers(n // ENOUGH)]
+    assert [solver.stride for solver in solvers] == strides
+    for level, (solver, stride) in enumerate(zip(solvers, strides, strict=True)):
+        rough = ROUGH if refine and stride > 1 else FINE
+        exact = not refine and level == 0
+        expected = params.converged if exact else rough * 0.05 * 2**level
+        assert solver.tolerance == pytest.approx(expected)
 
 
 def test_what_was_never_seen_has_no_probability():
     assert [round(float(probability(x)), 4) for x in (0.0, 1.0, -1.0)] == [0.0, 0.7311, 0.2689]
-
-
-@pytest.mark.parametrize(("ends", "begins"), [(BEGIN_BEAMS - 1, False), (BEGIN_BEAMS, True)])
-def test_a_map_begins_with_a_scan_that_has_enough_to_be_found_again(ends, begins):
-    slam = Hector(HectorParams())
-    ranges = np.full(LIDAR.n_beams, np.inf, np.float32)
-    ranges[:ends] = 2.0
-    slam.update(Scan(0.0, ranges, LIDAR))
-    report = slam.report()
-    assert (report["inserted"], report["lost"], report["empty"]) == (int(begins), 0, 0)
-    assert slam.state == ("matched" if begins else "predicted")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from hector import Hector, HectorParams, match_kernels
-from hector.map import LogOddsPyramid
-from hector.matcher import Matcher
+from hector.map import BLUR, LogOddsPyramid
 from slams.geometry import Prior
 from slams.refine.line_kernels import View, line_equations
 from slams.scan import scan_kernels
@@ -32,31 +31,16 @@ def mapped(beams):
 
 def test_the_pyramid_is_climbed_from_coarse_to_fine():
     grids, points = mapped(361)
-    solvers = Matcher(HectorParams(), grids)._solvers(1)
-    H, last, pose = np.zeros((3, 3)), np.zeros((3, 3)), IDENTITY
+    solvers, last, pose = grids._solvers(1), np.zeros((3, 3)), IDENTITY
     known = tuple(LOOSE.pose), LOOSE.information
     for level, solver in zip(grids.levels[::-1], solvers[::-1], strict=True):
         pose, score, square = match_kernels.gauss_newton(
             level, points.points, points.n, tuple(pose), known, tuple(solver), last
         )
-    found = grids.match(points, IDENTITY, LOOSE, solvers, H)
-    assert found[0] == pytest.approx(pose, abs=1e-9)
-    assert found[1:] == pytest.approx((score, square))
-    assert pytest.approx(last) == H
-
-
-@pytest.mark.parametrize(("most", "strides"), [(0, [1, 1, 1]), (2, [2, 2, 2]), (6, [4, 4, 4])])
-def test_a_quarter_of_the_beams_leads_to_the_lines_where_that_is_enough(most, strides):
-    grids = LogOddsPyramid(HectorParams())
-    solvers = Matcher(HectorParams(), grids)._solvers(most)
-    assert [solver.stride for solver in solvers] == strides
-
-
-def test_the_paper_alone_leaves_no_beam_out_on_its_finest_level():
-    params = HectorParams.preset("paper")
-    solvers = Matcher(params, LogOddsPyramid(params))._solvers(6)
-    assert [solver.stride for solver in solvers] == [1, 2, 4]
-    assert solvers[0].tolerance == params.converged
+    found = grids.climb(points, IDENTITY, LOOSE)
+    assert found.pose == pytest.approx(pose, abs=1e-9)
+    assert found.share == pytest.approx(score)
+    assert found.seen == pytest.approx(last / max(square, BLUR))
 
 
 def test_every_few_beams_are_enough_for_a_first_step_on_the_lines():

@@ -137,24 +137,6 @@ def passed(laser, ends, corner, cell, shape):
     return seen
 
 
-def beam_score(closest, angles, points, motion, model):
-    """Product of the beam model's probabilities of moved points; 0 when too few have a partner."""
-    product, near = 1.0, 0
-    for x, y in Pose2(*motion).transform(points):
-        r, a = math.hypot(x, y), math.atan2(y, x)
-        j = min(max(math.floor((a - angles[0]) / angles[1] + 0.5), 0), len(closest) - 1)
-        m = closest[j, 0]
-        near += closest[j, 1] < model.max_angle
-        gauss = math.exp(-0.5 * ((m - r) / model.sigma) ** 2)
-        p = model.hit / math.sqrt(2 * math.pi) / model.sigma * gauss
-        p += model.random / model.range_max
-        if r < m:
-            lam = model.decay
-            p += model.short * lam * math.exp(-lam * r) / (1 - math.exp(-lam * m))
-        product *= p
-    return product if near > model.share * len(points) else 0.0
-
-
 def pushed_cell(lines, x, y, truncation, cap):
     """Value and weight that lines (x, y, nx, ny, weight) give one cell, one after the other."""
     value, total = 0.0, 0.0

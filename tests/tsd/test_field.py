@@ -30,7 +30,6 @@ from tsd.map_kernels import (
     push_rows,
     read_field,
 )
-from tsd.picture import draw
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.4, 0.785])
@@ -270,8 +269,3 @@ def test_a_map_that_outgrows_its_room_keeps_what_it_has():
     assert ours[3] == pytest.approx(theirs[3])
     assert ours[0] == pytest.approx(theirs[0], abs=1e-6, nan_ok=True)
     assert (small.snapshot().draw().p > 0.5).any()
-
-
-def test_the_picture_is_drawn(tmp_path):
-    draw(tmp_path / "idea.png")
-    assert 10_000 < (tmp_path / "idea.png").stat().st_size < 150_000

@@ -47,18 +47,6 @@ def test_drive_is_accurate_without_odometry():
     assert errors[:, 1].mean() < 0.001
 
 
-def test_a_laser_that_takes_time_is_followed():
-    log = drive(n=60, lidar=laser(181, time_increment=0.04 / 181), odometry=False, gyro=False)
-    run = replay(default(), log)
-    truth = log.truth_at(log.t)
-    first = len(log) // 3
-    errors = [
-        error(Pose2(*truth[first]).between(Pose2(*p)), Pose2(*run.poses[first]).between(Pose2(*q)))
-        for p, q in zip(truth[first:], run.poses[first:], strict=True)
-    ]
-    assert np.max(errors, axis=0)[0] < 0.02 and np.max(errors, axis=0)[1] < 0.01
-
-
 def test_covariance_is_that_of_the_poses():
     lidar, rng = laser(361), np.random.default_rng(0)
     slam = default(push_translation=10.0, push_rotation=3.0)

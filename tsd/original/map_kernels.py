@@ -22,7 +22,7 @@ class Grid(NamedTuple):
 
     `allocated` and `emptiness` (ny / SIDE, nx / SIDE) belong to the partitions: whether cells were
     ever written, and how often the whole partition was seen free before that. `near` (ny / BLOCK,
-    nx / BLOCK): where interpolation may give a distance below zero (S3). `corner` (2,) [m]
+    nx / BLOCK): where interpolation may give a distance below zero. `corner` (2,) [m]
     is the outer corner of cell [0, 0], `truncation` in m.
     """
 
@@ -66,7 +66,7 @@ def add_distance(grid: Grid, iy: int, ix: int, tsd: float, weight: float, cap: f
 
 @njit(inner=True)
 def add_emptiness(grid: Grid, py: int, px: int, cap: float) -> None:
-    """A whole partition was seen free: one unit of weight (D2). Original code."""
+    """A whole partition was seen free, which weighs as 100 measurements. Original code."""
     if not grid.allocated[py, px]:
         grid.emptiness[py, px] = min(grid.emptiness[py, px] + 1.0, cap)
         return
@@ -232,7 +232,7 @@ def ray_length(
 def steps_to_skip(grid: Grid, pose: Floats, k: float, dx: float, dy: float) -> float:
     """Steps of a ray, from step k on, that stay in a block without a surface; 0 near one.
 
-    ours: S3; nothing changes sign there.
+    ours: nothing changes sign there.
     """
     u = (pose[0] - grid.corner[0]) / grid.cell - 0.5 + k * dx
     v = (pose[1] - grid.corner[1]) / grid.cell - 0.5 + k * dy

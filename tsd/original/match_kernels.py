@@ -49,7 +49,7 @@ class Gate(NamedTuple):
 
 @njit
 def fill_buckets(buckets: Buckets, count: int) -> None:
-    """Sort the first `count` points into buckets. ours: S1, instead of a kd-tree."""
+    """Sort the first `count` points into buckets. ours, instead of a kd-tree."""
     buckets.first[:, :] = -1
     x0, y0, x1, y1 = math.inf, math.inf, -math.inf, -math.inf
     for k in range(count):
@@ -181,8 +181,8 @@ def icp(
 ) -> int:
     """Fixed number of rounds of pairing and closed form; moves the scene, adds to out_motion (3,).
 
-    Original code: ICP; the gate shrinks by a ratio meant for distances but applied to squares
-    (D3). Returns the pairs of the last round.
+    Original code: ICP; the gate shrinks by a ratio meant for distances but applied to squares.
+    Returns the pairs of the last round.
     """
     gate2, floor = gate.widest * gate.widest, gate.narrowest * gate.narrowest
     ratio = (gate.narrowest / gate.widest) ** (1.0 / max(gate.iterations - 11, 1))

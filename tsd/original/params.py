@@ -21,9 +21,9 @@ class OriginalParams(Params):
     registration: str = param(
         "tsd",
         "1",
-        "icp: ICP alone; exp, pdf, tsd: RANSAC before it, by three scores",
-        source="original code, modes 0 to 3",
-        choices=("icp", "exp", "pdf", "tsd"),
+        "icp: ICP alone; tsd: RANSAC before it, scored by the field",
+        source="original code, modes 0 and 3",
+        choices=("icp", "tsd"),
         ros=("registration_mode",),
     )
     cell: float = param(
@@ -149,52 +149,12 @@ class OriginalParams(Params):
         high=1.58,
         ros=("ransac_phi_max",),
     )
-    hit_distance: float = param(
-        0.15, "m", "distance of a hit, mode exp", source=ORIGINAL, low=1e-3, ros=("epsThresh",)
-    )
     z_random: float = param(
         0.05,
         "1",
-        "weight of chance, modes pdf and tsd",
+        "weight of chance, mode tsd",
         source=ORIGINAL,
         low=1e-6,
         high=1.0,
         ros=("zrand",),
-    )
-    z_hit: float = param(
-        0.2, "1", "weight of a hit, mode pdf", source=ORIGINAL, low=0.0, ros=("zhit",)
-    )
-    z_short: float = param(
-        0.2, "1", "weight of a short range, mode pdf", source=ORIGINAL, low=0.0, ros=("zshort",)
-    )
-    z_max: float = param(
-        0.2, "1", "weight of no return, mode pdf", source=ORIGINAL, low=0.0, ros=("zmax",)
-    )
-    sigma_hit: float = param(
-        0.1, "m", "deviation of a hit, mode pdf", source=ORIGINAL, low=1e-3, ros=("sighit",)
-    )
-    decay_short: float = param(
-        0.08,
-        "1",
-        "decay of short ranges per metre, mode pdf",
-        source=ORIGINAL,
-        low=1e-4,
-        ros=("lamshort",),
-    )
-    max_angle: float = param(
-        0.026179938779914945,
-        "rad",
-        "beam distance of a pair, mode pdf",
-        source=ORIGINAL,
-        low=0.0,
-        ros=("maxAngleDiff",),
-    )
-    paired_share: float = param(
-        0.6,
-        "1",
-        "least share of paired points, mode pdf",
-        source=ORIGINAL,
-        low=0.0,
-        high=1.0,
-        ros=("percentagePointsInC",),
     )

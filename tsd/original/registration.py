@@ -10,14 +10,7 @@ from slams.types import Floats, Pose2
 from tsd.original.map_kernels import Grid, cast_rays
 from tsd.original.match_kernels import Buckets, Gate, Links, fill_buckets, icp, move
 from tsd.original.params import OriginalParams
-from tsd.original.ransac_kernels import (
-    BeamModel,
-    Scans,
-    closest_beams,
-    ransac_exp,
-    ransac_pdf,
-    ransac_tsd,
-)
+from tsd.original.ransac_kernels import Scans, ransac_tsd
 from tsd.original.scan import View
 from tsd.original.scan_kernels import compact, oriented_normals
 
@@ -52,8 +45,7 @@ class Registration:
         self._gate = Gate(params.icp_iterations, params.widest_gate, params.narrowest_gate)
         self._model, self._model_mask = np.zeros((n, 2)), np.zeros(n, np.bool_)
         self._scene_phi, self._model_phi = np.zeros(n), np.zeros(n)
-        self._closest, self._beam_of_model = np.zeros((n, 2)), np.zeros(n, np.int64)
-        self._n_model = 0
+        self._beam_of_model = np.zeros(n, np.int64)
         self._links = Links(
             np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), np.zeros((n, 2))
         )
@@ -70,12 +62,12 @@ class Registration:
         view, model, mask = self._view, self._model, self._model_mask
         if cast_rays(grid, pose, view.sensor, model, mask) == 0:
             return NO_MATCH
-        self._n_model = compact(model, mask, self._buckets.points, self._beam_of_model)
-        fill_buckets(self._buckets, self._n_model)
+        n_model = compact(model, mask, self._buckets.points, self._beam_of_model)
+        fill_buckets(self._buckets, n_model)
         motion = self._pre_register(grid, pose)
         points, n = view.found, view.n_found
         move(points, n, *motion.tolist())
-        pairs = icp(self._buckets, self._n_model, points, n, self._gate, self._links, motion)
+        pairs = icp(self._buckets, n_model, points, n, self._gate, self._links, motion)
         turn = abs(float(np.sin(motion[2])))
         p = self._params
         plausible = np.hypot(*motion[:2]) <= p.max_translation and turn <= np.sin(p.max_rotation)
@@ -83,23 +75,12 @@ class Registration:
 
     def _pre_register(self, grid: Grid, pose: Floats) -> Floats:
         """Start of the ICP: the best random hypothesis, or no motion."""
-        motion, p, sensor = np.zeros(3), self._params, self._view.sensor
+        motion, p = np.zeros(3), self._params
         if p.registration == "icp":
             return motion
         scans, control = self._draw()
-        if len(control) < 3 or len(scans.trials) < 3:
-            return motion
-        if p.registration == "tsd":
+        if len(control) >= 3 and len(scans.trials) >= 3:
             ransac_tsd(grid, scans, control, pose, p.z_random, motion)
-        elif p.registration == "pdf":
-            closest_beams(self._model, self._model_mask, sensor.angle_increment, self._closest)
-            angles = np.array([sensor.angle_min, sensor.angle_increment])
-            ransac_pdf(self._closest, angles, scans, control, self._beam_model(), motion)
-        else:
-            first, last = self._buckets.points[0], self._buckets.points[self._n_model - 1]
-            frustum = np.array([np.arctan2(first[1], first[0]), np.arctan2(last[1], last[0])])
-            phi = self._model_phi[self._beam_of_model]
-            ransac_exp(self._buckets, phi, frustum, scans, control, p.hit_distance, motion)
         return motion
 
     def _draw(self) -> tuple[Scans, Floats]:
@@ -119,18 +100,3 @@ class Registration:
             self._model, self._model_phi, view.scene, self._scene_phi, kept, trials, span, p.phi_max
         )
         return scans, np.ascontiguousarray(control)
-
-    def _beam_model(self) -> BeamModel:
-        p = self._params
-        return BeamModel(
-            p.z_hit,
-            p.z_short,
-            p.z_max,
-            p.z_random,
-            p.sigma_hit,
-            p.decay_short,
-            p.longest,
-            p.max_angle,
-            p.paired_share,
-            p.hit_distance,
-        )

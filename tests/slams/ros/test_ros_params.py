@@ -86,11 +86,11 @@ def test_units_are_converted(tmp_path):
     cellsize: 0.04
     ransac_phi_max: 45.0
     reg_sin_rot_max: 0.5
-    registration_mode: 1
+    registration_mode: 0
 """
     path = wrote(tmp_path, text, "p.yaml")
     p = take("tsd@original", path).params
-    assert (p.cell, p.registration) == (0.04, "exp")
+    assert (p.cell, p.registration) == (0.04, "icp")
     assert p.truncation == pytest.approx(0.12)
     assert p.phi_max == pytest.approx(math.pi / 4)
     assert p.max_rotation == pytest.approx(math.pi / 6)
@@ -171,7 +171,7 @@ def test_what_another_file_says_is_noted(tmp_path):
         ("kiss", "delta: 1", "Kiss has no original in ROS"),
         ("gmapping", "particles: many", "gmapping: particles = many: parameter 'n_particles': got"),
         ("gmapping", "delta: 99", "delta = 99: parameter 'resolution': got 99.0, expected 0.01"),
-        ("tsd@original", "registration_mode: 7", "expected one of 0, 1, 2, 3"),
+        ("tsd@original", "registration_mode: 1", "expected one of 0, 3"),
         ("tsd@original", "ransac_phi_max: wide", "expected a number"),
         ("hector", "foo: 1", "no parameter of hector_mapping"),
         ("hector", "a: {map_size: 1}\nb: {map_size: 2}", "several nodes .a, b.; keep one"),
