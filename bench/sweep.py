@@ -168,9 +168,9 @@ def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRA
     cli.refusing(lambda: _check_folder(place))
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
-    with cli.refusing(lambda: spread.executor_of(arguments)) as here:
-        if not _all_done(cases, store, here, arguments, program):
-            return None
+    here = cli.refusing(lambda: spread.executor_of(arguments))
+    if not _all_done(cases, store, here, arguments, program):
+        return None
     return plan.gathered(cases, store, _record(words, program))
 
 

@@ -68,7 +68,7 @@ def several_logs(folder):
 
 
 def test_results_of_several_logs_become_the_table_of_public_logs(tmp_path, monkeypatch):
-    for kind in ("PUBLIC", "RESULTS", "RELATIONS", "RANKING"):
+    for kind in ("PUBLIC", "RESULTS", "RELATIONS"):
         monkeypatch.setattr(readme, kind, tmp_path / f"{kind.lower()}.json")
     several_logs(tmp_path)
     readme.adopt(tmp_path)

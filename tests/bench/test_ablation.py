@@ -49,9 +49,6 @@ class InThisProcess:
         for key, task in tasks.items():
             yield key, perform(task, key)
 
-    def close(self):
-        pass
-
 
 @pytest.fixture
 def here(monkeypatch):

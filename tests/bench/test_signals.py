@@ -21,8 +21,6 @@ from tests.rooms import drive
 
 LONG = 60.0  # s, for what happens in moments on a machine with nothing else to do
 
-SOAKED = ("--algorithms", "odometry", "hector")
-
 PLUGIN = """
 import time
 from pathlib import Path
@@ -105,9 +103,7 @@ def test_a_comparison_that_is_ended_leaves_nothing(tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        ["bench.ranking", "--arenas", "4", "--duration", "3600", "--jobs", "2", "--out", "out"],
         ["bench.sweep", "--duration", "14400", "--seeds", "1", "--jobs", "2", "--out", "out"],
-        ["bench.soak", *SOAKED, "--rest", "100000000", "--length", "0", "--out", "out"],
         ["bench.simulate", "log.npz", "--duration", "14400"],
     ],
     ids=lambda words: words[0],

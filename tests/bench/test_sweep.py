@@ -263,7 +263,7 @@ def test_a_sweep_killed_goes_on_where_it_was(log, tmp_path):
         (["--arenas", "moon"], "unknown arena 'moon'"),
         (["--algorithms", "hectar"], "did you mean 'hector'"),
         (["--seeds", "0"], "--seeds: got 0"),
-        (["--shard", "4/3"], "part 4 of 3"),
+        (["--shard", "4/3"], "--shard: got '4/3', expected I/N"),
         (["--jobs", "0"], "--jobs: got 0"),
         (["--sensor", "lds3"], "unknown sensor"),
         (["--duration", "1"], "--duration: got 1"),
