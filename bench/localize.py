@@ -1,4 +1,4 @@
-"""python -m bench.localize: poses in a map that stays, against the truth."""
+"""slams localize: poses in a map that stays, against the truth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import OccupancyGrid, Pose2
 
-PROGRAM = "bench.localize"
+PROGRAM = "slams localize"
 FORMAT = "localize-1"
 ARENAS = ("rescue", "office", "hall")
 PLAN = 0.05  # [m] of a cell of the floor plan
@@ -41,7 +41,7 @@ class Place(NamedTuple):
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog="slams localize",
+        prog=PROGRAM,
         description="Localize in simulated arenas: a second drive in the map of a first one and "
         f"in the arena's floor plan of {PLAN:g} m, and single scans found from nothing.",
         epilog="Writes localize.json.",

@@ -1,4 +1,4 @@
-"""python -m bench.loops: who closes the loops of buildings of bare corridors."""
+"""slams loops: who closes the loops of buildings of bare corridors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Floats
 
-PROGRAM = "bench.loops"
+PROGRAM = "slams loops"
 FORMAT = "loops-2"
 ROWS = ("hector+loops", "gmapping", "gmapping:n_particles=1")
 SIZE, WAY, SPEED = 70.0, 260.0, 2.0  # m, m, m/s: a ring of corridors, driven around and on
@@ -29,7 +29,7 @@ CLOSED = 0.2  # m of error between the two visits, on average
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog="slams loops",
+        prog=PROGRAM,
         description="Drive around in simulated buildings of bare corridors: keyframes "
         f"{STEP:g} m apart, a laser that sees {RANGE:g} m, wheels that are wrong by "
         f"{WRONG_WAY:.0%} and 3 degrees a meter. A loop is closed if places that were seen "

@@ -94,7 +94,7 @@ def test_a_comparison_that_is_ended_leaves_nothing(tmp_path):
         process = started(*words, folder=tmp_path)
         wait_for((tmp_path / "stuck").exists, process)
         returned, said = ended(process, send, number)
-        assert (returned, said.splitlines()[-1]) == (code, f"bench.compare: {word}")
+        assert (returned, said.splitlines()[-1]) == (code, f"slams compare: {word}")
         assert "Traceback" not in said
         assert list(tmp_path.glob(".*.part")) == []
         assert not (tmp_path / "out").exists()
@@ -120,7 +120,10 @@ def test_sigterm_ends_a_command_and_its_workers(tmp_path, words):
 
     wait_for(works, process)
     returned, said = ended(process, signal_one, signal.SIGTERM)
-    assert (returned, said.splitlines()[-1]) == (143, f"{words[0]}: terminated")
+    assert (returned, said.splitlines()[-1]) == (
+        143,
+        f"{words[0].replace('bench.', 'slams ')}: terminated",
+    )
     assert "Traceback" not in said
     assert not (tmp_path / "log.npz").exists()
     assert list(tmp_path.glob(".*.part")) == []

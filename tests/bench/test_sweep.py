@@ -268,6 +268,7 @@ def test_a_sweep_killed_goes_on_where_it_was(log, tmp_path):
         (["--sensor", "lds3"], "unknown sensor"),
         (["--duration", "1"], "--duration: got 1"),
         (["none.npz"], "none.npz"),
+        (["--scan-topic", "/scan"], "--scan-topic: got no log"),
         (["none.npz", "--arenas", "ring"], "--arenas: is of simulated drives, and none.npz was"),
         (["none.npz", "--duration", "9"], "--duration: is of simulated drives"),
     ],
