@@ -213,7 +213,8 @@ def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Gi
         ValueError: it is none, or has no truth; an option of logs without one.
         LookupError: no such arena or sensor.
     """
-    check_log_options(paths, options)
+    if not paths:
+        check_log_options(paths, options)
     seeds = range(drives.first, drives.first + drives.seeds)
     if not paths:
         return [_simulated(arena, seed, drives) for seed in seeds for arena in drives.arenas]
