@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 
-.PHONY: help compare sweep soak test dist install clean
+.PHONY: help compare sweep test dist install clean
 
 help:  ## this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -14,9 +14,6 @@ compare: $(STAMP)  ## simulate the rescue maze, run every algorithm, print the t
 
 sweep: $(STAMP)  ## which algorithm to take: drives degraded until each run is lost
 	$(BIN)/python -m bench.sweep --quick
-
-soak: $(STAMP)  ## hours of work in 20 minutes: half a million scans at rest, three kilometers
-	$(BIN)/python -m bench.soak $(SOAK)
 
 test: $(STAMP)  ## linters, types and tests
 	$(BIN)/ruff check .

@@ -1,4 +1,4 @@
-"""python -m bench.ablation: what each mechanism of an algorithm is worth, switched off alone.
+"""slams ablation: what each mechanism of an algorithm is worth, switched off alone.
 
 The parameters say which of them are switches, so this knows no algorithm. Runs are those of the
 sweep: the same drives with each switch, and every run is compared with its twin.
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from bench.judge.survival import Figures, Held
     from bench.results.sweep import Sweep
 
-PROGRAM = "bench.ablation"
+PROGRAM = "slams ablation"
 ALL = "all"  # the row of the algorithm as it is
 SEEDS = 10
 
@@ -28,7 +28,7 @@ SEEDS = 10
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="Set every switch of an algorithm to its other value, one by one, and see "
         "which levels of the sweep's degradations its runs hold.",
         epilog="Writes ablation.md and ablation.csv: p is McNemar's exact test over the drives, "

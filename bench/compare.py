@@ -1,4 +1,4 @@
-"""python -m bench.compare: every algorithm over the same scan logs, in the paper's tables.
+"""slams compare: every algorithm over the same scan logs, in the paper's tables.
 
 M. Kuehn, R. Koch, H. Fees, S. May: Benchmarking the pose accuracy of different SLAM approaches for
 rescue robotics [Kuehn].
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Floats
 
-PROGRAM = "bench.compare"
+PROGRAM = "slams compare"
 DURATION, QUICK_DURATION = 300.0, 60.0  # s of the simulated log
 
 
@@ -101,7 +101,7 @@ def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
     from slams.summary import versions
 
     return {
-        "command": f"python -m {PROGRAM} {shlex.join(arguments.words)}".strip(),
+        "command": f"{PROGRAM} {shlex.join(arguments.words)}".strip(),
         "odometry": choice.odometry,
         "ros_params": {label: ros_files.record(taken) for label, taken in choice.ros.items()},
         "versions": versions(),

@@ -1,4 +1,4 @@
-"""python -m bench.localize: poses in a map that stays, against the truth and what is possible."""
+"""slams localize: poses in a map that stays, against the truth."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from slams import cli
 
 if TYPE_CHECKING:
-    from bench.judge.mapped import Mapped
     from bench.sim.world import World
     from slams.localize.source import Prepared
     from slams.scanlog import ScanLog
-    from slams.types import OccupancyGrid
+    from slams.types import OccupancyGrid, Pose2
 
-PROGRAM = "bench.localize"
+PROGRAM = "slams localize"
 FORMAT = "localize-1"
 ARENAS = ("rescue", "office", "hall")
 PLAN = 0.05  # [m] of a cell of the floor plan
@@ -31,22 +30,20 @@ SETTLING = 1.0  # [s] after it was found, in which the pose is pulled to where t
 
 
 class Place(NamedTuple):
-    """An arena: its floor plan, two drives in its frame, the second one's Cramer-Rao bound [m]."""
+    """An arena: its floor plan, and two drives in its frame."""
 
     name: str
     plan: OccupancyGrid
     first: ScanLog
     second: ScanLog
-    bound: float
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
-        description="Localize in simulated arenas: a second drive in the map of a first one, in "
-        "a map of the first one's scans at their true poses, in the arena's floor plan of "
-        f"{PLAN:g} m, and single scans found from nothing.",
+        prog=PROGRAM,
+        description="Localize in simulated arenas: a second drive in the map of a first one and "
+        f"in the arena's floor plan of {PLAN:g} m, and single scans found from nothing.",
         epilog="Writes localize.json.",
     )
     usual = ["hector", "tsd"]
@@ -54,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--arenas", type=int, default=10, metavar="N", help="%(default)s")
     p.add_argument("--places", type=int, default=20, metavar="N", help="of each, to be found (20)")
     p.add_argument("--duration", type=float, default=30.0, metavar="S", help="of a drive (30)")
-    p.add_argument("--size", type=float, metavar="M", help="of an arena, as bench.simulate")
+    p.add_argument("--size", type=float, metavar="M", help="of an arena, as slams simulate")
     cli.add_output_options(p, "results/localize")
     return p
 
@@ -104,9 +101,6 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def _place(number: int, arguments: argparse.Namespace) -> Place:
     """An arena and two drives with different seeds, in one frame."""
-    import numpy as np
-
-    from bench.judge.bound import bound_of
     from bench.sim.setting import Setting
     from bench.sim.simulation import simulate, world_of
     from slams.formats.occupancy import write_map
@@ -122,9 +116,7 @@ def _place(number: int, arguments: argparse.Namespace) -> Place:
             simulate(Setting(arena, seed=seed, duration=arguments.duration))
             for seed in (number, number + OTHER)
         )
-        least = bound_of(second)
-    bound = math.nan if least is None else float(np.nanmean(least.translation))
-    return Place(f"{kind} {number}", floor_plan(world), first, second, bound)
+    return Place(f"{kind} {number}", floor_plan(world), first, second)
 
 
 def floor_plan(world: World) -> OccupancyGrid:
@@ -167,34 +159,33 @@ def _searched(place: Place, n: int) -> Iterator[dict[str, Any]]:
 
 
 def _driven(place: Place, label: str) -> Iterator[dict[str, Any]]:
-    """The second drive, in two maps that the algorithm made of the first, and in the floor plan."""
-    from bench.judge.mapped import Mapped, own_map, true_map
+    """The second drive in the algorithm's own map of the first, and in the floor plan."""
     from slams.localize import prepare
     from slams.localize.source import Given
+    from slams.player import replay
     from slams.registry import find
-    from slams.types import IDENTITY
+    from slams.types import IDENTITY, Pose2
 
     entry = find(label)
-    plan = Given(place.plan, None, "")
-    for made in (
-        own_map(place.first, entry),
-        true_map(place.first, entry),
-        Mapped("floor plan", plan, IDENTITY, IDENTITY, 0.0),
+    slam, truth = entry.cls(entry.params()), place.first.truth_at(place.first.t)
+    assert truth is not None
+    replay(slam, place.first)
+    for kind, given, frame in (
+        ("first drive", Given(slam.map(), slam, label), Pose2(*truth[0])),
+        ("floor plan", Given(place.plan, None, ""), IDENTITY),
     ):
-        ready = prepare(entry, entry.params(), made.given)
-        row = {"place": place.name, "algorithm": label, "map": made.kind}
+        row = {"place": place.name, "algorithm": label, "map": kind}
         try:
-            yield row | _figures(ready, place.second, made) | {"bound_m": place.bound}
+            ready = prepare(entry, entry.params(), given)
+            yield row | _figures(ready, place.second, frame)
         except RuntimeError as error:
             yield row | {"failed": cli.sentence(error)}
 
 
-def _figures(ready: Prepared, log: ScanLog, made: Mapped) -> dict[str, float]:
+def _figures(ready: Prepared, log: ScanLog, frame: Pose2) -> dict[str, float]:
     """Errors of the absolute pose [m]: where it was found, and once it has settled.
 
-    `framed_m` in the frame that all of the first drive has, `aligned_m` in the one that suits the
-    second drive best: no localizer can know what the whole map is shifted and turned. `map_m` is
-    the map's own error.
+    `frame` is the map's in that of the truth, by the first scan that went into it.
 
     Raises:
         RuntimeError: the place is not found.
@@ -202,25 +193,18 @@ def _figures(ready: Prepared, log: ScanLog, made: Mapped) -> dict[str, float]:
     import numpy as np
 
     from slams.localize.source import find_start
-    from slams.metrics import absolute_errors
     from slams.player import replay
 
     start = find_start(ready.map_index, log)
     rest = log.from_scan(start.scan)
     run, truth = replay(ready.at(start.pose), rest), rest.truth_at(rest.t)
     assert truth is not None
-    errors, framed = (
-        np.hypot(*(frame.transform(run.poses[:, :2]) - truth[:, :2]).T)
-        for frame in (made.began, made.fitted)
-    )
-    later = rest.t >= rest.t[0] + SETTLING
+    errors = np.hypot(*(frame.transform(run.poses[:, :2]) - truth[:, :2]).T)
+    settled = errors[rest.t >= rest.t[0] + SETTLING]
     return {
         "first_m": float(errors[0]),
-        "mean_m": float(errors[later].mean()),
-        "p95_m": float(np.percentile(errors[later], 95)),
-        "framed_m": float(framed[later].mean()),
-        "aligned_m": float(absolute_errors(run.poses[later], truth[later]).mean()),
-        "map_m": made.off,
+        "mean_m": float(settled.mean()),
+        "p95_m": float(np.percentile(settled, 95)),
     }
 
 
@@ -239,24 +223,20 @@ def _search_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
 
 
 def _drive_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """For each algorithm and map: errors over the places, the worst place, and the bound."""
+    """For each algorithm and map: errors over the places, and in the worst place."""
     import numpy as np
 
     for kind in dict.fromkeys((row["algorithm"], row["map"]) for row in rows):
         these = [row for row in rows if (row["algorithm"], row["map"]) == kind]
         good = [row for row in these if "failed" not in row]
         if good:
-            first, mean, p95, framed, aligned, least, off = (
+            first, mean, p95 = (
                 1e3 * np.array([row[f"{name}_m"] for row in good])
-                for name in ("first", "mean", "p95", "framed", "aligned", "bound", "map")
+                for name in ("first", "mean", "p95")
             )
             yield (
                 f"{kind[0]} in the {kind[1]}: mean {np.median(mean):.1f} mm in the median arena, "
-                f"{mean.max():.1f} in the worst, 95 % below {p95.max():.1f}; in the frame of the "
-                f"whole drive {np.median(framed):.1f} mm ({framed.max():.1f}), aligned "
-                f"{np.median(aligned):.1f} ({aligned.max():.1f}), the map itself "
-                f"{np.median(off):.1f}, the bound {np.median(least):.2f}; "
-                f"{np.median(framed / least):.1f} times the bound; where it was found "
+                f"{mean.max():.1f} in the worst, 95 % below {p95.max():.1f}; where it was found "
                 f"{np.median(first):.0f} mm; {len(good)} of {len(these)} arenas"
             )
         for row in these:

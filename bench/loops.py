@@ -1,59 +1,50 @@
-"""python -m bench.loops: who closes the loops of buildings of bare corridors."""
+"""slams loops: who closes the loops of buildings of bare corridors."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
+from bench.run.single import params_of
 from slams import cli
 
 if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Floats
 
-PROGRAM = "bench.loops"
-FORMAT = "loops-1"
+PROGRAM = "slams loops"
+FORMAT = "loops-2"
+ROWS = ("hector+loops", "gmapping", "gmapping:n_particles=1")
 SIZE, WAY, SPEED = 70.0, 260.0, 2.0  # m, m, m/s: a ring of corridors, driven around and on
 STEP, LEVER = 0.7, 0.7  # m between keyframes; m a radian counts for
 FAN, BEAMS, RANGE = 180.0, 181, 8.0  # deg, beams and m that the laser sees
 WRONG_WAY, WRONG_TURN, VEER = 0.05, 0.05, 0.052  # 5 % of way and turn, 3 degrees a meter
-AGAIN, NEAR = 40.0, 1.0  # s later and m away: a place seen again
+AGAIN, NEAR = 40.0, 1.0  # s later and m away: a place visited again
 CLOSED = 0.2  # m of error between the two visits, on average
-
-
-class Contestant(NamedTuple):
-    """An algorithm by its label; with how many particles, None if it has none."""
-
-    algorithm: str
-    particles: int | None
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="Drive around in simulated buildings of bare corridors: keyframes "
         f"{STEP:g} m apart, a laser that sees {RANGE:g} m, wheels that are wrong by "
         f"{WRONG_WAY:.0%} and 3 degrees a meter. A loop is closed if places that were seen "
         f"before are where they were, to {CLOSED:g} m.",
         epilog="Writes loops.json.",
     )
-    usual, counts = ["gmapping"], [30, 1]
-    p.add_argument("--algorithms", metavar="NAME", nargs="+", default=usual, help="gmapping")
     p.add_argument(
-        "--particles",
-        type=int,
+        "--algorithms",
+        metavar="NAME",
         nargs="+",
-        default=counts,
-        metavar="N",
-        help="of those with any (30 1)",
+        default=list(ROWS),
+        help=f"as the sweep's: name, variant or module:Class (default: {' '.join(ROWS)})",
     )
     p.add_argument("--buildings", type=int, default=10, metavar="N", help="%(default)s")
-    p.add_argument("--first", type=int, default=0, metavar="SEED", help="of them (%(default)s)")
+    p.add_argument("--seed", type=int, default=0, metavar="N", help="of the first (%(default)s)")
     cli.add_output_options(p, "results/loops")
     return p
 
@@ -68,42 +59,32 @@ def _command(arguments: argparse.Namespace) -> int:
     from bench.results import write_figures
     from slams.formats import files
 
-    contestants = cli.refusing(lambda: _contestants(arguments))
-    seeds = range(arguments.first, arguments.first + arguments.buildings)
-    driven: list[dict[str, Any]] = []
+    cli.refusing(lambda: _check(arguments))
+    errors: dict[str, list[float]] = {label: [] for label in arguments.algorithms}
+    seeds = range(arguments.seed, arguments.seed + arguments.buildings)
     for seed in cli.progress(seeds, len(seeds), "driving", arguments.quiet, unit="building"):
         log = building(seed)
-        for who in contestants:
-            error = revisit_error(log, who)
-            driven.append({**who._asdict(), "building": seed, "revisit_m": error})
+        for label in errors:
+            errors[label].append(revisit_error(log, label))
     with files.complete_folder(Path(arguments.out)) as folder:
-        write_figures(folder / "loops.json", {"format": FORMAT, "driven": driven})
+        found = {"format": FORMAT, "buildings": list(seeds), "revisit_m": errors}
+        write_figures(folder / "loops.json", found)
     if not arguments.quiet:
-        sys.stdout.write("\n".join(_lines(driven, contestants)) + "\n")
+        sys.stdout.write("".join(_line(label, errors[label]) for label in errors))
     return 0
 
 
-def _contestants(arguments: argparse.Namespace) -> list[Contestant]:
-    """Every algorithm, one with particles once for each number of them.
-
-    Raises:
-        ValueError: an option that can't be.
-    """
+def _check(arguments: argparse.Namespace) -> None:
+    """Raises what `params_of` does, and ValueError for numbers out of range."""
     from slams.formats.files import check_folder
-    from slams.registry import find
 
-    if arguments.buildings < 1:
-        raise ValueError(f"--buildings: got {arguments.buildings}, expected 1 or more")
+    for name, least in (("buildings", 1), ("seed", 0)):
+        value = getattr(arguments, name)
+        if value < least:
+            raise ValueError(f"--{name}: got {value}, expected {least} or more")
     check_folder(arguments.out)
-    contestants = []
     for label in arguments.algorithms:
-        params = find(label).params()
-        counts = arguments.particles if hasattr(params, "n_particles") else [None]
-        for particles in counts:
-            if particles is not None:
-                params.replace(n_particles=particles)
-            contestants.append(Contestant(label, particles))
-    return contestants
+        params_of(label, None, {})
 
 
 def building(seed: int) -> ScanLog:
@@ -146,37 +127,26 @@ def _keys(poses: Floats) -> list[int]:
     return keys
 
 
-def revisit_error(log: ScanLog, who: Contestant) -> float:
-    """Mean error [m] between two visits of a place."""
+def revisit_error(log: ScanLog, label: str) -> float:
+    """Mean error [m] between two visits of a place; of corrected poses where there are some."""
     import numpy as np
 
+    from bench.run.single import algorithm_of
     from slams.metrics import pair_errors
+    from slams.player import replay
     from slams.registry import find
 
-    entry = find(who.algorithm)
-    params = entry.params()
-    if who.particles is not None:
-        params = params.replace(n_particles=who.particles)
-    slam = entry.cls(params)
-    poses, true = np.array([slam.update(scan) for scan in log]), _true(log)
+    run = replay(find(algorithm_of(label)).cls(params_of(label, None, {})), log)
+    true = _true(log)
     apart = np.hypot(*(true[:, None, :2] - true[None, :, :2]).transpose(2, 0, 1))
     later, sooner = np.nonzero((apart < NEAR) & (np.subtract.outer(log.t, log.t) > AGAIN))
-    return float(pair_errors(poses, true, sooner, later)[0].mean())
+    return float(pair_errors(run.final, true, sooner, later)[0].mean())
 
 
-def _lines(driven: list[dict[str, Any]], contestants: Sequence[Contestant]) -> list[str]:
-    lines = [
-        "algorithm         particles    closed"
-        "  mean error between two visits of a place [m], building by building"
-    ]
-    for who in contestants:
-        errors = [d["revisit_m"] for d in driven if d.items() >= who._asdict().items()]
-        closed = f"{sum(e <= CLOSED for e in errors)} of {len(errors)}"
-        lines.append(
-            f"{who.algorithm:16}  {who.particles or '-':>9}  {closed:>8}  "
-            + " ".join(f"{e:.2f}" for e in errors)
-        )
-    return lines
+def _line(label: str, errors: list[float]) -> str:
+    closed = sum(error <= CLOSED for error in errors)
+    meters = " ".join(f"{error:.2f}" for error in errors)
+    return f"{label}: {closed} of {len(errors)} closed; error between two visits [m]: {meters}\n"
 
 
 if __name__ == "__main__":

@@ -22,14 +22,12 @@ PROGRAM = "bench.readme"
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "bench" / "readme_results.json"
 RELATIONS = ROOT / "bench" / "readme_relations.json"
-RANKING = ROOT / "bench" / "readme_ranking.json"
 PUBLIC = ROOT / "bench" / "readme_public.json"
 SWEEP = ROOT / "bench" / "readme_sweep.json"
-VALIDITY = ROOT / "bench" / "readme_validity.json"
 PICTURES = ("fig_errors.png", "fig4_maps.png")
 SHOWN = ("main", "translation", "orientation", "spans", "bound", "maps", "unaided", "cost")
 PART = re.compile(
-    r"(<!-- (table|choice|results|validity|sweep|field|relations|ranking|public|cluster|"
+    r"(<!-- (table|choice|results|sweep|field|relations|public|"
     r"(?:ros-)?parameters: (\w+)) -->\n)"
     r".*?(<!-- end -->)",
     re.DOTALL,
@@ -44,7 +42,7 @@ def parser() -> cli.Parser:
         nargs="*",
         type=Path,
         metavar="DIR",
-        help="results of compare, sweep, ranking or validity to adopt first",
+        help="results of compare or sweep to adopt first",
     )
     return p
 
@@ -72,13 +70,9 @@ def readmes() -> list[Path]:
 def adopt(folder: Path) -> None:
     """Make a folder's results the README's.
 
-    One of bench.ranking, validity or sweep; one of bench.compare over several logs, the public
-    ones; one with relations for its algorithms on a real log; else the main one.
+    One of bench.sweep; one of bench.compare over several logs, the public ones; one with relations
+    for its algorithms on a real log; else the main one.
     """
-    for name, kept in (("ranking.json", RANKING), ("validity.json", VALIDITY)):
-        if (folder / name).exists():
-            shutil.copyfile(folder / name, kept)
-            return
     if (folder / sweep.TRIALS).exists():
         readme_sweep.adopt(SWEEP, sweep.read(folder))
         return
@@ -106,13 +100,13 @@ def as_typed(command: str) -> str:
     """A command of bench.compare without the folders its logs are in and where it wrote."""
     from bench import compare
 
-    words = shlex.split(command)[3:]  # after python -m bench.compare
+    words = shlex.split(command)[2:]  # after slams compare
     paths = compare.parser().parse_args(words).logs
     typed = [Path(word).name if word in paths else word for word in words]
     if "--out" in typed:
         k = typed.index("--out")
         del typed[k : k + 2]
-    return f"python -m {compare.PROGRAM} {shlex.join(typed)}".strip()
+    return f"{compare.PROGRAM} {shlex.join(typed)}".strip()
 
 
 def public_figures(found: dict[str, Any]) -> dict[str, Any]:
@@ -185,24 +179,6 @@ def _tables(keys: tuple[str, ...]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def validity() -> str:
-    """How the measures without a truth rank runs, over drives that have one."""
-    from bench import validity as measured
-    from bench.report.text import markdown_table
-
-    found = read_figures(VALIDITY, measured.FORMAT)
-    drives = len({run["drive"] for run in found["runs"]})
-    head = f"`python -m bench.validity`: {len(found['runs'])} runs over {drives} degraded drives."
-    return f"{head}\n\n{markdown_table(measured.table(found), 'measure')}\n"
-
-
-def ranking() -> str:
-    """The order of the published programs, counted over arenas."""
-    from bench.ranking import as_markdown
-
-    return as_markdown(read_figures(RANKING))
-
-
 def parameters(name: str) -> str:
     """The parameters of an algorithm beside its original's, and those only the original has."""
     from slams.registry import find
@@ -225,13 +201,10 @@ PARTS: dict[str, Callable[[], str]] = {
     "table": table,
     "choice": choice,
     "results": results,
-    "validity": validity,
     "sweep": lambda: readme_sweep.part(SWEEP),
     "field": lambda: readme_sweep.field_part(SWEEP),
     "relations": lambda: readme_logs.relations_table(read_figures(RELATIONS)),
-    "ranking": ranking,
     "public": lambda: readme_logs.public_table(read_figures(PUBLIC)),
-    "cluster": lambda: readme_logs.cluster_table(read_figures(RESULTS)),
 }
 
 

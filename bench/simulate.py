@@ -1,4 +1,4 @@
-"""python -m bench.simulate OUT.npz: a scan log with its truth, from arena, drive and sensor."""
+"""slams simulate OUT.npz: a scan log with its truth, from arena, drive and sensor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slams import cli
 if TYPE_CHECKING:
     from slams.scanlog import ScanLog
 
-PROGRAM = "bench.simulate"
+PROGRAM = "slams simulate"
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -45,7 +45,7 @@ def _command(options: argparse.Namespace) -> int:
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="Simulate a laser scan log with true poses, wheel odometry and gyro.",
     )
     p.add_argument("out", type=Path, metavar="OUT.npz", help="the log to write")

@@ -1,4 +1,4 @@
-"""python -m bench.sweep: what breaks which algorithm, over arenas, conditions and seeds."""
+"""slams sweep: what breaks which algorithm, over arenas, conditions and seeds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from bench.run.plan import Case, Plan
     from bench.run.work import Task
 
-PROGRAM = "bench.sweep"
+PROGRAM = "slams sweep"
 # what a sweep raises; bench.sim.degrade has all there are
 DEGRADATIONS = (
     "clean",
@@ -48,7 +48,7 @@ SHARE_OF_LEVELS = 0.6  # that a climb takes, about
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=PROGRAM,
         description="Degrade logs level by level until each run is lost: which algorithm "
         "withstands what, and which to take. Without a log: simulated arenas, ten drives in each, "
         "hours; "
@@ -168,9 +168,9 @@ def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRA
     cli.refusing(lambda: _check_folder(place))
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
-    with cli.refusing(lambda: spread.executor_of(arguments)) as here:
-        if not _all_done(cases, store, here, arguments, program):
-            return None
+    here = cli.refusing(lambda: spread.executor_of(arguments))
+    if not _all_done(cases, store, here, arguments, program):
+        return None
     return plan.gathered(cases, store, _record(words, program))
 
 
@@ -265,7 +265,7 @@ def _record(words: list[str], program: str) -> dict[str, Any]:
     from bench.run import timing
     from slams.summary import versions
 
-    command = f"python -m {program} {shlex.join(words)}".strip()
+    command = f"{program} {shlex.join(words)}".strip()
     return {"command": command, "machine": timing.machine(), "versions": versions()}
 
 

@@ -25,9 +25,6 @@ COMMANDS = {
     "convert": "slams.convert",
     "check": "slams.check",
     "report": "bench.report.__main__",
-    "ranking": "bench.ranking",
-    "validity": "bench.validity",
-    "soak": "bench.soak",
 }
 
 

@@ -203,11 +203,6 @@ def test_every_way_to_import_is_seen(back, found, tmp_path):
     assert bool(circle(import_graph(files, tmp_path))) == found
 
 
-def test_only_the_cluster_imports_dask():
-    users = {p for p in FILES for m in imports(p) if m.partition(".")[0] in ("dask", "distributed")}
-    assert users == {ROOT / "bench" / "run" / "cluster.py"}
-
-
 def test_only_the_live_node_imports_what_reaches_robots():
     users = {p for p in FILES for m in imports(p) if m.partition(".")[0] == "cyclonedds"}
     assert {path.parent for path in users} == {ROOT / "slams" / "live"}

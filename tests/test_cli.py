@@ -370,12 +370,3 @@ def test_compare_survives_a_log_of_one_scan_and_a_truth_beside_it(log_file, tmp_
         arguments = [str(log), "--algorithms", "odometry", "--out", out, *more]
         assert compare.main(arguments) == 0
         assert sentence in capsys.readouterr().out
-
-
-def test_an_arena_is_ranked(tmp_path):
-    from bench.ranking import run_arena
-
-    for kind in ("exact", "stdr"):
-        runs = run_arena(kind, 1, 1.0, ["odometry", "kiss"])
-        assert 0.0 < runs["kiss"]["translation_m"] < 0.05
-        assert runs["odometry"]["translation_m"] > 0.0, "without odometry it stands still"

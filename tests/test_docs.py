@@ -145,16 +145,6 @@ def test_commands_are_found_wherever_they_stand():
     assert sum(len(commands(path.read_text(encoding="utf-8"))) for path in DOCS) > 40
 
 
-@pytest.mark.parametrize("name", ["sweep.slurm", "sweep-job.yaml", "clusters.md"])
-def test_the_sweeps_of_cluster_scripts_are_ones_the_sweep_takes(name):
-    text = (ROOT / "docs" / name).read_text(encoding="utf-8").replace("\\\n", " ")
-    found = re.findall(r"python -m bench\.sweep ([^\n\"#`]*(?:\"\$\w+\"[^\n\"#`]*)*)", text)
-    assert found
-    for line in found:
-        words = ["1" if word.startswith("$") else word for word in shlex.split(line)]
-        assert PARSERS["bench.sweep"].parse_args(words).logs
-
-
 @pytest.mark.parametrize("path", [*DOCS, *OTHERS, ROOT / "CHANGELOG.md"], ids=str)
 def test_every_module_that_is_run_exists(path):
     text = re.sub(r"\s+", " ", path.read_text(encoding="utf-8"))

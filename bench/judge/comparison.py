@@ -52,7 +52,8 @@ def _map_quality(outcome: Outcome, reference: Reference) -> dict[str, Any] | Non
     if outcome.grid is None or reference.grid is None or reference.start is None:
         return None
     T_world_map = reference.start @ outcome.frame.inverse()
-    return mapquality.compare(outcome.grid, reference.grid, T_world_map).as_dict()
+    found = mapquality.compare(outcome.grid, reference.grid, T_world_map)
+    return {name: quality._asdict() for name, quality in found.items()}
 
 
 def _notes(log: LogResult) -> list[str]:

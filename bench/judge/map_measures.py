@@ -15,23 +15,20 @@ FEWEST_CELLS = 1000  # known cells that a statement about areas takes
 
 
 class Quality(NamedTuple):
-    """One measure: its value, from how many cells, whether it means something, else why not."""
+    """One measure: its value, None where there is none, and whether it means something."""
 
-    value: float
-    support: int
+    value: float | None
     meaningful: bool
-    reason: str
 
 
-def _quality(value: float, support: int, doubt: str) -> Quality:
-    doubt = doubt if math.isfinite(value) else doubt or "nothing to measure"
-    return Quality(value, support, not doubt, doubt)
+def _share(part: int, of: int) -> float | None:
+    return part / of if of else None
 
 
-def overlap(here: Mask, there: Mask, doubt: str) -> Quality:
+def overlap(here: Mask, there: Mask, comparable: bool) -> Quality:
     """Cells in both masks (ny, nx) over those in either."""
-    either = int((here | there).sum())
-    return _quality(float((here & there).sum() / either) if either else math.nan, either, doubt)
+    found = _share(int((here & there).sum()), int((here | there).sum()))
+    return Quality(found, comparable and found is not None)
 
 
 def distances(
@@ -51,9 +48,9 @@ def distances(
     return np.asarray(to_truth), np.asarray(from_truth)
 
 
-def mean_of(values: Floats, doubt: str) -> Quality:
+def mean_of(values: Floats, comparable: bool) -> Quality:
     """The mean of (n,) values."""
-    return _quality(float(values.mean()) if len(values) else math.nan, len(values), doubt)
+    return Quality(float(values.mean()) if len(values) else None, comparable and len(values) > 0)
 
 
 def thickness(occupied: Mask, resolution: float) -> Quality:
@@ -62,19 +59,17 @@ def thickness(occupied: Mask, resolution: float) -> Quality:
     Lines along rows, columns and diagonals meet the walls so many times; the factor makes long
     walls along the grid exact, and leaves slanted ones up to 8 % too thin.
     """
-    support = int(occupied.sum())
+    cells = int(occupied.sum())
     padded = np.pad(occupied, 1)
     inner = padded[1:-1, 1:-1]
     straight = (inner & ~padded[1:-1, :-2]).sum() + (inner & ~padded[:-2, 1:-1]).sum()
     slanted = (inner & ~padded[:-2, :-2]).sum() + (inner & ~padded[:-2, 2:]).sum()
     half_outline = (straight + slanted / math.sqrt(2.0)) / (1.0 + math.sqrt(2.0))
-    doubt = f"only {support} occupied cells" if support < FEWEST_WALLS else ""
-    value = resolution * support / float(half_outline) if support else math.nan
-    return _quality(value, support, doubt)
+    value = resolution * cells / float(half_outline) if cells else None
+    return Quality(value, cells >= FEWEST_WALLS)
 
 
 def coverage(known: Mask, true: Mask) -> Quality:
     """Share of the cells that could be seen (ny, nx) that are known."""
-    support = int(true.sum())
-    doubt = f"only {support} cells could be seen" if support < FEWEST_CELLS else ""
-    return _quality(float(known.sum() / support) if support else math.nan, support, doubt)
+    cells = int(true.sum())
+    return Quality(_share(int(known.sum()), cells), cells >= FEWEST_CELLS)

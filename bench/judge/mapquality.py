@@ -10,10 +10,8 @@ occupied cells and need no common grid.
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,37 +37,6 @@ FINE = 256  # parts of a cell in which outlines are drawn
 LEAST_SHARE = 0.1  # of the true map that a run must know to be judged by it
 
 
-@dataclass(frozen=True)
-class MapQuality:
-    """All measures of one map, whose cells are `resolution` [m].
-
-    - iou: cells occupied in both over cells occupied in either, of those known in both.
-    - adnn_to_truth: average distance [m] from an occupied cell to the nearest true wall: accuracy.
-    - adnn_from_truth: average distance [m] from a true wall to the nearest occupied cell:
-      completeness. Where cells of 0.05 m meet true ones of 0.02 m, either is 0.01 to 0.02 at best.
-    - wall_thickness: area of the walls over half of their outline [m].
-    - true_wall_thickness: of the true walls in the run's grid, what a perfect map would have.
-    - coverage: share of the cells known in the true map that the run's map knows.
-    """
-
-    alignment: str
-    resolution: float
-    iou: Quality
-    adnn_to_truth: Quality
-    adnn_from_truth: Quality
-    wall_thickness: Quality
-    true_wall_thickness: Quality
-    coverage: Quality
-
-    def as_dict(self) -> dict[str, Any]:
-        """For results.json: each measure as a dict, None for a value that is not finite."""
-        values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        return {
-            name: _plain(value) if isinstance(value, Quality) else value
-            for name, value in values.items()
-        }
-
-
 def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     """What a perfect mapper could know of a simulated log's world; None when not simulated.
 
@@ -92,41 +59,36 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     return OccupancyGrid(p, world.resolution, world.origin)
 
 
-def compare(
-    grid: OccupancyGrid,
-    truth: OccupancyGrid,
-    T_world_map: Pose2,
-    alignment: str = "true pose of the first scan",
-) -> MapQuality:
+def compare(grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2) -> dict[str, Quality]:
     """Every measure of a run's map.
+
+    - iou: cells occupied in both over cells occupied in either, of those known in both.
+    - adnn_to_truth: average distance [m] from an occupied cell to the nearest true wall: accuracy.
+    - adnn_from_truth: average distance [m] from a true wall to the nearest occupied cell:
+      completeness. Where cells of 0.05 m meet true ones of 0.02 m, either is 0.01 to 0.02 at best.
+    - wall_thickness: area of the walls over half of their outline [m].
+    - true_wall_thickness: of the true walls in the run's grid, what a perfect map would have.
+    - coverage: share of the cells known in the true map that the run's map knows.
 
     Args:
         grid: the run's map.
         truth: the true map, nan where no scan could tell.
         T_world_map: the frame of the run's map in that of the true one.
-        alignment: in words, where that pose is from.
     """
     window = true_window(truth, grid, T_world_map)
     here, there = cut(grid, window), resampled(truth, grid, T_world_map, window)
     known = here.known & there.known
     walls = cells_of(grid.p).occupied
-    doubt = _doubt(int(walls.sum()), known, there)
+    comparable = _are_comparable(walls, known, there)
     to_truth, from_truth = distances(grid, truth, T_world_map)
-    return MapQuality(
-        alignment=alignment,
-        resolution=grid.resolution,
-        iou=overlap(here.occupied & known, there.occupied & known, doubt),
-        adnn_to_truth=mean_of(to_truth, doubt),
-        adnn_from_truth=mean_of(from_truth, doubt),
-        wall_thickness=thickness(walls, grid.resolution),
-        true_wall_thickness=thickness(there.occupied, grid.resolution),
-        coverage=coverage(known, there.known),
-    )
-
-
-def _plain(quality: Quality) -> dict[str, Any]:
-    value = quality.value if math.isfinite(quality.value) else None
-    return quality._asdict() | {"value": value}
+    return {
+        "iou": overlap(here.occupied & known, there.occupied & known, comparable),
+        "adnn_to_truth": mean_of(to_truth, comparable),
+        "adnn_from_truth": mean_of(from_truth, comparable),
+        "wall_thickness": thickness(walls, grid.resolution),
+        "true_wall_thickness": thickness(there.occupied, grid.resolution),
+        "coverage": coverage(known, there.known),
+    }
 
 
 def _looked_at(world: World, laser: Laser, poses: Floats) -> Mask:
@@ -153,13 +115,7 @@ def _beside(mask: Mask) -> Mask:
     return beside
 
 
-def _doubt(walls: int, known: Mask, there: Cells) -> str:
-    """Why the maps cannot be compared, "" when they can."""
-    if there.occupied.sum() < FEWEST_WALLS:
-        return f"only {there.occupied.sum()} cells of true walls could be seen"
-    if walls < FEWEST_WALLS:
-        return f"the map has only {walls} occupied cells"
-    share = known.sum() / there.known.sum()
-    if share < LEAST_SHARE:
-        return f"the map knows only {100.0 * share:.0f} % of what could be seen"
-    return ""
+def _are_comparable(walls: Mask, known: Mask, there: Cells) -> bool:
+    """Whether both maps have walls enough, and the run's knows some of what could be seen."""
+    enough = min(walls.sum(), there.occupied.sum()) >= FEWEST_WALLS
+    return bool(enough and known.sum() >= LEAST_SHARE * there.known.sum())

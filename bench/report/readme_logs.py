@@ -1,11 +1,11 @@
-"""The README's tables of real logs, and of what runs cost, from the results that are kept."""
+"""The README's tables of real logs, from the results that are kept."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from bench.report.error_tables import published
-from slams.registry import BASELINES, names
+from slams.registry import names
 
 
 def relations_table(known: dict[str, Any]) -> str:
@@ -61,15 +61,3 @@ def public_table(found: dict[str, Any]) -> str:
         text.append(f"| {' | '.join(cells)} |")
     head = f"`{found['command']}`, CPU time of a scan on {found['cpu']}:"
     return f"{head}\n\n" + "\n".join(text) + "\n"
-
-
-def cluster_table(found: dict[str, Any]) -> str:
-    """What 10,000 runs of each built-in algorithm over the first log cost on one core."""
-    text = ["| algorithm | per scan [ms] | CPU per run [s] | 10 000 runs [core hours] |"]
-    text.append("| --- | ---: | ---: | ---: |")
-    costs = {row["algorithm"]: row["cost"]["mean_ms"] for row in found["rows"] if row.get("cost")}
-    own = {name: costs[name] for name in names() if name in costs and name not in BASELINES}
-    for name, ms in [*own.items(), ("all of them", sum(own.values()))]:
-        run = 1e-3 * ms * found["logs"][0]["scans"]
-        text.append(f"| {name} | {ms:.3f} | {run:.1f} | {1e4 * run / 3600.0:.1f} |")
-    return "\n".join(text) + "\n"

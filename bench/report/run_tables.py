@@ -84,7 +84,7 @@ def overview_table(log: Line, rows: Rows) -> pd.DataFrame:
 
 
 def map_table(log: Line, rows: Rows) -> pd.DataFrame:
-    """Map quality; a figure that means nothing is left out, results.json has the reason."""
+    """Map quality; a figure that means nothing is left out."""
     lines = {label(row): _map_line(row.get("map") or {}) for row in rows}
     return frame_of(lines) if any(lines.values()) else pd.DataFrame()
 

@@ -1,9 +1,10 @@
-"""Options of bench.compare: what they are and what they ask for. Light: help reads it."""
+"""Options of slams compare: what they are and what they ask for. Light: help reads it."""
 
 from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from slams.registry import names
 
 if TYPE_CHECKING:
     from bench.run.cases import Choice
+    from slams.formats.options import SourceOptions
     from slams.scanlog import ScanLog
     from slams.types import Floats
 
@@ -24,7 +26,7 @@ QUICK_SCANS = 2400
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog="python -m bench.compare",
+        prog="slams compare",
         description="Replay scan logs through SLAM algorithms and compare their pose errors. "
         "Without a log: a simulated rescue maze, UTM-30LX, five minutes.",
         epilog="Writes report.html, results.json, tables as csv, markdown and LaTeX, errors per "
@@ -142,9 +144,17 @@ def _check_options(arguments: argparse.Namespace) -> None:
             raise ValueError(f"--{name}: got {value}, expected 1 or more")
     if arguments.logs and arguments.duration is not None:
         raise ValueError("--duration: is of the simulation; got a log as well")
-    options = cli.log_options(arguments)
+    check_log_options(arguments.logs, cli.log_options(arguments))
+
+
+def check_log_options(logs: Sequence[str], options: SourceOptions) -> None:
+    """Refuse what says how a log is read where there is none.
+
+    Raises:
+        ValueError: no log is given, but an option of one.
+    """
     given = [name for name, value in vars(options).items() if value != getattr(type(options), name)]
-    if given and not arguments.logs:
+    if given and not logs:
         option = given[0].replace("_", "-")
         raise ValueError(f"--{option}: got no log, expected the one it is of")
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from bench.judge import loss
 from bench.results.sweep import Cost, Sweep, Trial
 from bench.run.code import package_of
+from bench.run.compare_options import check_log_options
 from bench.run.single import Single, algorithm_of, params_of
 from bench.run.trial import Condition, Log, content_of, task_of
 from bench.sim.degrade import CATALOG, Degradation, find_degradation, parse
@@ -209,9 +210,11 @@ def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Gi
 
     Raises:
         OSError: a log cannot be opened.
-        ValueError: it is none, or has no truth.
+        ValueError: it is none, or has no truth; an option of logs without one.
         LookupError: no such arena or sensor.
     """
+    if not paths:
+        check_log_options(paths, options)
     seeds = range(drives.first, drives.first + drives.seeds)
     if not paths:
         return [_simulated(arena, seed, drives) for seed in seeds for arena in drives.arenas]
@@ -240,7 +243,7 @@ def _recorded(path: str, options: SourceOptions) -> Given:
     log = load(path, options).of_one_laser()
     if log.truth is None:
         raise ValueError(
-            f"{path}: has no truth; a sweep needs one (--truth FILE, or bench.compare --relations)"
+            f"{path}: has no truth; a sweep needs one (--truth FILE, or slams compare --relations)"
         )
     lacks = {"odometry": log.odom is None, "gyro": log.yaw_rate is None}
     missing = frozenset(name for name, absent in lacks.items() if absent)

@@ -1,4 +1,4 @@
-"""What is known of a log besides its scans: facts, true path, true map, and the physical limit."""
+"""What is known of a log besides its scans: facts, true path, true map."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.judge import bound, mapquality, metrics
+from bench.judge import mapquality, metrics
 from bench.results import Reference
 from slams.scanlog import ScanLog
 from slams.types import Pose2
@@ -21,7 +21,6 @@ def reference(log: ScanLog) -> Reference:
     found = metrics.common(log.t, truth, truth)
     if not len(found.t):
         return Reference(entry)
-    entry["bound"] = _limits(log, found)
     at_first = Pose2(*truth[0].tolist()) if np.isfinite(truth[0]).all() else None
     true_map = mapquality.truth_map(log)
     return Reference(entry, found.truth, true_map, at_first)
@@ -52,26 +51,3 @@ def facts(log: ScanLog) -> dict[str, Any]:
                 f"the truth covers {covered} of {len(log)} scans; the others do not count"
             )
     return entry
-
-
-def _limits(log: ScanLog, truth: metrics.Common) -> dict[str, Any] | None:
-    """Mean errors over each span: of two independent fixes at the Cramer-Rao bound, of a filter."""
-    limit = bound.bound_of(log)
-    if limit is None:
-        return None
-    covered = np.flatnonzero(np.isin(log.t, truth.t))
-    spans: dict[str, dict[str, float]] = {}
-    for span in metrics.SPANS:
-        first, second = metrics.pairs(truth, span)
-        expected = limit.pairs(covered[first], covered[second])
-        known = ~np.isnan(expected.translation)
-        if known.any():
-            spans[span.name] = {
-                "translation_m": float(expected.translation[known].mean()),
-                "rotation_rad": float(expected.rotation[known].mean()),
-            }
-    return {
-        "strict": limit.strict,
-        "open": limit.open,
-        "spans": spans,
-    }

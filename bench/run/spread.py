@@ -1,14 +1,14 @@
-"""Where the work of a command is done: options --jobs, --shard and --dask. Light: help reads it."""
+"""Where the work of a command is done: options --jobs and --shard. Light: help reads it."""
 
 from __future__ import annotations
 
 import argparse
 import os
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from bench.run.shards import Shard
     from bench.run.work import Executor, Task
 
 JOBS = min(2, os.cpu_count() or 1)
@@ -17,26 +17,33 @@ JOBS = min(2, os.cpu_count() or 1)
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Give a command the options of where its runs are done."""
     group = parser.add_argument_group(
-        "spreading the runs", "Whatever is chosen, the results are the same; see docs/clusters.md."
+        "spreading the runs", "Whatever is chosen, the results are the same; see docs/field.md."
     )
     group.add_argument(
-        "--jobs", type=int, metavar="N", help=f"processes of this machine; default: {JOBS}"
+        "--jobs", type=int, metavar="N", default=JOBS, help="processes at a time (%(default)s)"
     )
     group.add_argument(
-        "--shard",
-        metavar="I/N",
-        help="only part I of N, counted from 1; auto or auto/N: as the array job of SLURM, AWS "
-        "Batch or Kubernetes says",
+        "--shard", metavar="I/N", help="only part I of N, counted from 1: one for each machine"
     )
-    group.add_argument(
-        "--dask",
-        metavar="SCHEDULER",
-        help="workers of the dask scheduler there, e.g. tcp://host:8786 (extra cluster)",
-    )
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Part `index` of `count`, counted from 1.
+
+    A task belongs to one shard by its name alone: what else is in the list plays no part.
+    """
+
+    index: int
+    count: int
+
+    def part(self, tasks: Iterable[Task]) -> list[Task]:
+        """The tasks that are this shard's."""
+        return [task for task in tasks if int(task.key, 16) % self.count == self.index - 1]
 
 
 class Spread(NamedTuple):
-    """Who does the work, and which part of it; a context, as a cluster is to be left again."""
+    """Who does the work, and which part of it."""
 
     executor: Executor
     shard: Shard | None
@@ -45,32 +52,25 @@ class Spread(NamedTuple):
         """The tasks that are to be done here."""
         return list(tasks) if self.shard is None else self.shard.part(tasks)
 
-    def __enter__(self) -> Spread:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.executor.close()
-
 
 def executor_of(arguments: argparse.Namespace) -> Spread:
-    """What the options of `add_options` ask for; connects to the scheduler of --dask.
+    """What the options of `add_options` ask for.
 
     Raises:
-        ValueError: a number out of range, options that exclude each other.
-        LookupError: dask is not installed.
-        OSError: the scheduler does not answer within 30 s.
+        ValueError: a number out of range, or a shard of another form than I/N.
     """
-    from bench.run.local import LocalWorkers
-    from bench.run.shards import shard_of
+    from bench.run.work import LocalWorkers
 
-    jobs = JOBS if arguments.jobs is None else arguments.jobs
-    if jobs < 1:
-        raise ValueError(f"--jobs: got {jobs}, expected 1 or more")
-    shard = None if arguments.shard is None else shard_of(arguments.shard)
-    if arguments.dask is None:
-        return Spread(LocalWorkers(jobs), shard)
-    if arguments.jobs is not None:
-        raise ValueError("--jobs and --dask: got both, expected one (dask counts its own workers)")
-    from bench.run.cluster import DaskWorkers
+    if arguments.jobs < 1:
+        raise ValueError(f"--jobs: got {arguments.jobs}, expected 1 or more")
+    shard = None if arguments.shard is None else _shard_of(arguments.shard)
+    return Spread(LocalWorkers(arguments.jobs), shard)
 
-    return Spread(DaskWorkers(arguments.dask), shard)
+
+def _shard_of(text: str) -> Shard:
+    numbers = text.split("/")
+    if len(numbers) == 2 and all(n.isascii() and n.isdecimal() for n in numbers):
+        shard = Shard(*map(int, numbers))
+        if 1 <= shard.index <= shard.count:
+            return shard
+    raise ValueError(f"--shard: got {text!r}, expected I/N from 1/N to N/N")

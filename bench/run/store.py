@@ -6,14 +6,9 @@ import hashlib
 import json
 import os
 import platform
-import sys
-import time
-from collections.abc import Collection, Iterable
-from contextlib import suppress
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
-
-STALE = 86400.0  # s, age of a temporary file of another machine at which nobody writes it any more
 
 
 def canonical(value: Any) -> str:
@@ -57,9 +52,7 @@ class Store:
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
-        self._partial = self.folder / "partial"  # of the same file system, so that rename is atomic
-        self._partial.mkdir(parents=True, exist_ok=True)
-        self._sweep()
+        self.folder.mkdir(parents=True, exist_ok=True)
 
     def path(self, key: str) -> Path:
         """Where the result of that name lies."""
@@ -95,37 +88,14 @@ class Store:
         """Those of the names that have no result yet."""
         return [key for key in keys if self.read(key) is None]
 
-    def tell_kept(self, program: str, keys: Collection[str], quiet: bool) -> None:
-        """Say, unless quiet, how many of some results need not be made, and how to make them."""
-        there = len(keys) - len(self.missing(keys))
-        if there and not quiet:
-            sys.stderr.write(
-                f"{program}: {there} of {len(keys)} runs are kept from before, costs too; "
-                f"delete {self.folder} to measure them again\n"
-            )
-
     def _put(self, path: Path, key: str, value: Any) -> None:
-        text = canonical(_signed(key, plain(value))) + "\n"
-        partial = self._partial / f"{platform.node()},{os.getpid()},{path.name}"
+        """Write beside and rename: what a killed process leaves half-written is no result."""
+        partial = path.with_name(f"{path.name}.{platform.node()}.{os.getpid()}.part")
         try:
-            _write_and_rename(text, partial, path)
-        except FileNotFoundError:  # swept by a machine that has our name and not our processes
-            _write_and_rename(text, partial, path)
-
-    def _sweep(self) -> None:
-        """Delete what killed processes left half-written."""
-        for path in self._partial.iterdir():
-            with suppress(FileNotFoundError):  # others sweep too
-                if _is_stale(path):
-                    path.unlink()
-
-
-def _write_and_rename(text: str, partial: Path, path: Path) -> None:
-    try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+            partial.write_text(canonical(_signed(key, plain(value))) + "\n", encoding="utf-8")
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
 
 
 def _signed(key: str, value: Any) -> dict[str, Any]:
@@ -138,24 +108,3 @@ def _value(path: Path, key: str) -> Any | None:
         return found["value"] if found == _signed(key, found["value"]) else None
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return None
-
-
-def _is_stale(path: Path) -> bool:
-    """Whether the process that began this file has ended."""
-    machine, pid, _ = (*path.name.split(",", 2), "", "")[:3]
-    if machine == platform.node() and pid.isdecimal():
-        return not _is_alive(int(pid))
-    return time.time() - path.stat().st_mtime > STALE
-
-
-def _is_alive(pid: int) -> bool:
-    """Whether another process of that number runs; what has our own is of one before us."""
-    if os.name != "posix":
-        return pid != os.getpid()  # there is no harmless way to ask
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return pid != os.getpid()

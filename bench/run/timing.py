@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import os
 import platform
 from pathlib import Path
@@ -33,12 +32,6 @@ class PeakMemory:
         peak = _status("VmHWM")
         if peak is not None and self._before is not None:
             self.mb = max(peak - self._before, 0.0)
-
-
-def resident_mb() -> float:
-    """Memory of this process that is in use now [MB]; nan where the system does not tell."""
-    found = _status("VmRSS")
-    return math.nan if found is None else found
 
 
 def _status(key: str) -> float | None:

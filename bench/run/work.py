@@ -5,7 +5,7 @@
         ...
 
 What has a result in the store is not run again, so that a sweep that was killed goes on where it
-was, and a machine, a shard or a cluster that did a part has done it for all.
+was, and a machine that did a part has done it for all.
 """
 
 from __future__ import annotations
@@ -14,11 +14,13 @@ import importlib
 import platform
 import re
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
+from bench.run import pool
 from bench.run.code import code_version
 from bench.run.store import Store, canonical, digest, plain
 
@@ -67,20 +69,29 @@ class Task:
         return digest(canonical(known))
 
 
-# each task's name, and its result or how its process died
-Attempts = Generator[tuple[str, Result | str], None, None]
-
-
 class Executor(Protocol):
-    """Whatever runs tasks: processes of this machine, or of others."""
+    """Whatever runs tasks."""
 
     def finished(self, tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
         """Each task's name and result, as they end."""
         ...
 
-    def close(self) -> None:
-        """Leave nothing running."""
-        ...
+
+@dataclass(frozen=True)
+class LocalWorkers:
+    """`jobs` processes of this machine, each for many tasks: kernels are loaded once."""
+
+    jobs: int
+
+    def finished(self, tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
+        """Each task's name and result, as they end; that of a process that died is not kept."""
+        calls = {key: (perform, (task, key)) for key, task in tasks.items()}
+        with closing(pool.finished(calls, self.jobs, fresh=False)) as ended:
+            for key, future in ended:
+                try:
+                    yield key, future.result()
+                except BrokenProcessPool as error:
+                    yield key, Result({"failed": f"its process died ({error})"}, kept=False)
 
 
 def run_all(
@@ -110,26 +121,6 @@ def run_all(
                 store.write(key, result.value, result.measured)
             for task in todo[key]:
                 yield task, result.value
-
-
-def tried_twice(
-    tasks: Mapping[str, Task],
-    first: Callable[[Mapping[str, Task]], Attempts],
-    again: Callable[[Mapping[str, Task]], Attempts],
-) -> Generator[tuple[str, Result], None, None]:
-    """Results of a first attempt at all tasks, then of another at those whose process died."""
-    dead: dict[str, Task] = {}
-    with closing(first(tasks)) as ended:
-        for key, result in ended:
-            if isinstance(result, str):
-                dead[key] = tasks[key]
-            else:
-                yield key, result
-    with closing(again(dead)) as ended:
-        for key, result in ended:
-            if isinstance(result, str):
-                result = Result({"failed": f"its process died ({result})"}, kept=False)
-            yield key, result
 
 
 def perform(task: Task, key: str) -> Result:

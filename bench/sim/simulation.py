@@ -140,18 +140,6 @@ def setting_of(log: ScanLog) -> Setting | None:
         return None
 
 
-def errors_of(log: ScanLog, world: World) -> Errors | None:
-    """What a log's sensor made of the true distances in its world.
-
-    None when the log was not simulated, or was degraded since: then its readings have other errors.
-    """
-    setting = None if "degraded" in log.meta else setting_of(log)
-    try:
-        return None if setting is None else _errors(setting, find_sensor(setting.sensor), world)
-    except LookupError:
-        return None
-
-
 def _world(setting: Setting, rng: Generator) -> World:
     if setting.arena not in ARENAS:
         return read_world(setting.arena, setting.resolution)

@@ -49,9 +49,6 @@ class InThisProcess:
         for key, task in tasks.items():
             yield key, perform(task, key)
 
-    def close(self):
-        pass
-
 
 @pytest.fixture
 def here(monkeypatch):
@@ -205,7 +202,7 @@ def test_every_switch_gets_a_row_beside_the_whole(tmp_path, capsys, here):
     ]  # two drives: 2 / 2^2
     assert all(float(line["CPU a scan [ms]"]) > 0.0 for line in lines.values())
     page = (out / "ablation.md").read_text()
-    assert f"python -m bench.ablation {TOY}" in page and "| steady=false | 0 of 4 |" in page
+    assert f"slams ablation {TOY}" in page and "| steady=false | 0 of 4 |" in page
     assert "steady=false" in capsys.readouterr().out
     before = {p: p.read_bytes() for p in (out / "runs").rglob("*.json")}
     assert ablation.main([*words, "-q"]) == 0

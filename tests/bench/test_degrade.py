@@ -10,7 +10,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bench.judge.bound import bound_of
 from bench.sim.degrade import CATALOG, degrade, find_degradation, parse
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
@@ -85,10 +84,9 @@ def test_draws_of_two_degradations_have_nothing_to_do_with_each_other():
     assert abs(np.corrcoef(lost.ravel(), cut.ravel())[0, 1]) < 0.05
 
 
-def test_a_degraded_log_keeps_its_world_and_has_no_bound():
+def test_a_degraded_log_keeps_its_world():
     log = simulate(Setting(size=8.0, duration=0.5))
     degraded = degrade(log, "bias", 0.05, 0)
-    assert bound_of(log) is not None and bound_of(degraded) is None
     assert world_of(degraded).fingerprint == world_of(log).fingerprint
 
 

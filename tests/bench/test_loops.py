@@ -35,42 +35,28 @@ def test_a_building_has_a_short_sight_and_wheels_that_are_wrong(small):
 def test_the_error_between_two_visits_tells_a_closed_loop_from_an_open_one(small):
     log = loops.building(3)
     blind = loops.replace(log, ranges=np.full_like(log.ranges, np.inf))
-    for who in (loops.Contestant("gmapping", 2), loops.Contestant("tsd", None)):
-        assert loops.revisit_error(log, who) < 0.1
-        assert loops.revisit_error(blind, who) > 1.0  # by wheels alone
+    for label in ("gmapping:n_particles=2", "tsd"):
+        assert loops.revisit_error(log, label) < 0.1
+        assert loops.revisit_error(blind, label) > 1.0  # by wheels alone
 
 
 def test_what_is_written_and_said(small, tmp_path, capsys):
-    out = tmp_path / "loops"
-    words = [
-        "--algorithms",
-        "gmapping",
-        "hector",
-        "--buildings",
-        "1",
-        "--particles",
-        "1",
-        "--first",
-        "3",
-    ]
+    out, labels = tmp_path / "loops", ["gmapping:n_particles=1", "hector+loops"]
+    words = ["--algorithms", *labels, "--buildings", "1", "--seed", "3"]
     assert loops.main([*words, "--out", str(out)]) == 0
-    filtered, other = json.loads((out / "loops.json").read_text())["driven"]
-    assert (filtered["algorithm"], filtered["building"], filtered["particles"]) == (
-        "gmapping",
-        3,
-        1,
-    )
-    assert (other["algorithm"], other["particles"]) == ("hector", None)
+    found = json.loads((out / "loops.json").read_text())
+    assert found["buildings"] == [3] and list(found["revisit_m"]) == labels
     said = capsys.readouterr().out
-    for d in (filtered, other):
-        assert f"{int(d['revisit_m'] <= 0.2)} of 1  {d['revisit_m']:.2f}" in said
+    for label, (error,) in found["revisit_m"].items():
+        closed = f"{label}: {int(error <= 0.2)} of 1 closed; "
+        assert f"{closed}error between two visits [m]: {error:.2f}\n" in said
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (["--buildings", "0"], "--buildings: got 0, expected 1 or more"),
-        (["--particles", "0"], "n_particles"),
+        (["--algorithms", "gmapping:n_particles=0"], "n_particles"),
         (["--algorithms", "nobody"], "nobody"),
     ],
 )

@@ -7,11 +7,12 @@ from bench.run import plan
 from bench.run.store import Store
 from bench.sim.degrade import CATALOG
 from slams import cli
+from slams.formats.options import SourceOptions
 
 
 def planned(chosen, rate=None):
     drives = plan.Drives(["rescue"], 2, 10.0, "utm30lx")
-    logs = plan.logs_of([], drives, None)
+    logs = plan.logs_of([], drives, SourceOptions())
     return plan.Plan(["hector"], plan.conditions_of(chosen), logs, (False,), rate, None)
 
 

@@ -21,8 +21,6 @@ from tests.rooms import drive
 
 LONG = 60.0  # s, for what happens in moments on a machine with nothing else to do
 
-SOAKED = ("--algorithms", "odometry", "hector")
-
 PLUGIN = """
 import time
 from pathlib import Path
@@ -96,7 +94,7 @@ def test_a_comparison_that_is_ended_leaves_nothing(tmp_path):
         process = started(*words, folder=tmp_path)
         wait_for((tmp_path / "stuck").exists, process)
         returned, said = ended(process, send, number)
-        assert (returned, said.splitlines()[-1]) == (code, f"bench.compare: {word}")
+        assert (returned, said.splitlines()[-1]) == (code, f"slams compare: {word}")
         assert "Traceback" not in said
         assert list(tmp_path.glob(".*.part")) == []
         assert not (tmp_path / "out").exists()
@@ -105,9 +103,7 @@ def test_a_comparison_that_is_ended_leaves_nothing(tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        ["bench.ranking", "--arenas", "4", "--duration", "3600", "--jobs", "2", "--out", "out"],
         ["bench.sweep", "--duration", "14400", "--seeds", "1", "--jobs", "2", "--out", "out"],
-        ["bench.soak", *SOAKED, "--rest", "100000000", "--length", "0", "--out", "out"],
         ["bench.simulate", "log.npz", "--duration", "14400"],
     ],
     ids=lambda words: words[0],
@@ -124,7 +120,10 @@ def test_sigterm_ends_a_command_and_its_workers(tmp_path, words):
 
     wait_for(works, process)
     returned, said = ended(process, signal_one, signal.SIGTERM)
-    assert (returned, said.splitlines()[-1]) == (143, f"{words[0]}: terminated")
+    assert (returned, said.splitlines()[-1]) == (
+        143,
+        f"{words[0].replace('bench.', 'slams ')}: terminated",
+    )
     assert "Traceback" not in said
     assert not (tmp_path / "log.npz").exists()
     assert list(tmp_path.glob(".*.part")) == []

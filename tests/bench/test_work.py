@@ -4,23 +4,18 @@ import argparse
 import contextlib
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
 from pathlib import Path
 
-import dask
 import numpy as np
 import pytest
-from distributed import LocalCluster
 
 from bench.run import pool, spread
-from bench.run.cluster import DaskWorkers
-from bench.run.local import LocalWorkers
-from bench.run.shards import Shard, shard_of
+from bench.run.spread import Shard
 from bench.run.store import Store
-from bench.run.work import Task, perform, run_all
+from bench.run.work import LocalWorkers, Task, perform, run_all
 from tests.bench.toy_runs import Here
 from tests.places import ROOT
 from tests.processes import ends, in_session, processes_of, signal_group, signal_one
@@ -41,7 +36,7 @@ def results(folder):
     return {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in Path(folder).rglob("*.json")
-        if not path.name.endswith(".cost.json") and path.parent.name != "partial"
+        if not path.name.endswith(".cost.json")
     }
 
 
@@ -125,7 +120,7 @@ def test_a_full_disk_ends_the_work_and_what_is_done_stays(tmp_path, monkeypatch)
         list(run_all(toys(6), store, LocalWorkers(1)))
     monkeypatch.undo()
     assert len(store.missing([t.key for t in toys(6)])) == 4
-    assert list((tmp_path / "partial").iterdir()) == []
+    assert list(tmp_path.rglob("*.part")) == []
 
 
 # processes
@@ -155,25 +150,12 @@ def test_processes_stay_for_many_tasks(tmp_path):
     assert str(os.getpid()) not in pids
 
 
-def test_a_task_whose_process_is_killed_is_tried_again_and_the_others_do_not_notice(tmp_path):
-    log, scar = tmp_path / "log", tmp_path / "scar"
-    unlucky = toy("dies_once", {"log": str(log), "scar": str(scar)}, n=-1)
-    tasks = [unlucky, *toys(8, log=str(log))]
-    found = {t.key: v for t, v in run_all(tasks, Store(tmp_path / "store"), LocalWorkers(2))}
-    assert found[unlucky.key] == {"n": -1}
-    assert len(found) == 9
-    begun = [line.split()[2] for line in log.read_text().splitlines()]
-    assert sorted(begun, key=int) == ["-1", "-1", *map(str, range(8))]
-
-
-def test_a_task_that_always_ends_its_process_is_tried_twice_and_not_kept(tmp_path):
-    log, store = tmp_path / "log", Store(tmp_path / "store")
-    deadly = toy("exits", {"log": str(log)}, n=-1)
+def test_a_task_that_ends_its_process_is_not_kept_and_the_others_do_not_notice(tmp_path):
+    store, deadly = Store(tmp_path / "store"), toy("exits", n=-1)
     tasks = [deadly, *toys(4)]
     found = {t.key: v for t, v in run_all(tasks, store, LocalWorkers(1))}
     assert found[deadly.key] == {"failed": "its process died (exit code 3)"}
-    assert store.missing(found) == [deadly.key]
-    assert len(log.read_text().splitlines()) == 2
+    assert len(found) == 5 and store.missing(found) == [deadly.key]
 
 
 def test_the_pool_gives_each_task_a_process_of_its_own_and_tells_who_died():
@@ -225,9 +207,8 @@ def test_exceptions_that_cannot_travel_or_would_end_us_come_as_text():
 
 DRIVER = """
 import sys
-from bench.run.local import LocalWorkers
 from bench.run.store import Store
-from bench.run.work import Task, run_all
+from bench.run.work import LocalWorkers, Task, run_all
 from tests.bench.toy_runs import Here
 
 folder, count, seconds, log, who, jobs = sys.argv[1:]
@@ -283,7 +264,6 @@ def test_killed_at_any_instant_and_started_again_it_ends_with_the_same_bytes(tmp
         assert there.items() <= results(folder).items() <= wanted.items()
         if process.returncode == 0:
             assert results(folder) == wanted
-            assert list((folder / "partial").iterdir()) == []
             completed += 1
         kills += process.returncode == -signal.SIGKILL
         if kills == 50 and process.returncode == 0:
@@ -327,68 +307,6 @@ def test_an_exception_nobody_catches_does_not_wait_for_the_others(tmp_path):
     assert len(results(tmp_path / "store")) == 1
 
 
-# shards
-
-
-def test_every_task_is_in_one_shard_whatever_else_is_in_the_list():
-    tasks = toys(50)
-    parts = [Shard(i, 7).part(tasks) for i in range(1, 8)]
-    assert sorted(t.what["n"] for part in parts for t in part) == list(range(50))
-    assert Shard(3, 7).part(tasks[:20]) == [t for t in parts[2] if t.what["n"] < 20]
-
-
-SLURM = {"SLURM_ARRAY_TASK_MIN": "10", "SLURM_ARRAY_TASK_COUNT": "3"}
-
-
-@pytest.mark.parametrize(
-    ("text", "environment", "expected"),
-    [
-        ("1/3", {}, (1, 3)),
-        ("3/3", {"JOB_COMPLETION_INDEX": "0"}, (3, 3)),
-        ("auto", SLURM | {"SLURM_ARRAY_TASK_ID": "10"}, (1, 3)),
-        ("auto", SLURM | {"SLURM_ARRAY_TASK_ID": "12"}, (3, 3)),
-        ("auto", SLURM | {"SLURM_ARRAY_TASK_ID": "14", "SLURM_ARRAY_TASK_STEP": "2"}, (3, 3)),
-        ("auto/9", SLURM | {"SLURM_ARRAY_TASK_ID": "9"}, (9, 9)),
-        ("auto", {"AWS_BATCH_JOB_ARRAY_INDEX": "0", "AWS_BATCH_JOB_ARRAY_SIZE": "4"}, (1, 4)),
-        ("auto", {"AWS_BATCH_JOB_ARRAY_INDEX": "3", "AWS_BATCH_JOB_ARRAY_SIZE": "4"}, (4, 4)),
-        ("auto/4", {"JOB_COMPLETION_INDEX": "3"}, (4, 4)),
-    ],
-)
-def test_which_shard_is_asked_for(text, environment, expected):
-    assert shard_of(text, environment) == Shard(*expected)
-
-
-@pytest.mark.parametrize(
-    ("text", "environment", "sentence"),
-    [
-        ("0/3", {}, "--shard 0/3: got part 0 of 3, expected I/N from 1/N to N/N"),
-        ("4/3", {}, "got part 4 of 3"),
-        ("1/0", {}, "got part 1 of 0"),
-        ("-1/3", {}, "--shard: got '-1/3', expected I/N"),
-        ("2", {}, "got '2', expected I/N"),
-        ("1/2/3", {}, "got '1/2/3', expected I/N"),
-        ("½/3", {}, "expected I/N"),
-        ("auto", {}, "not within an array job of SLURM, AWS Batch, Kubernetes"),
-        ("auto", {"JOB_COMPLETION_INDEX": "3"}, "tells no count; expected --shard auto/N"),
-        ("auto/3", {"JOB_COMPLETION_INDEX": "3"}, "got part 4 of 3"),
-        ("auto/x", {"JOB_COMPLETION_INDEX": "3"}, "got 'x' after auto/, expected a number"),
-        ("auto/3", {"JOB_COMPLETION_INDEX": "x"}, "JOB_COMPLETION_INDEX is 'x', expected a number"),
-        ("auto", SLURM | {"SLURM_ARRAY_TASK_ID": "13"}, "SLURM_ARRAY_TASK_ID 13 .* with gaps"),
-        ("auto", SLURM | {"SLURM_ARRAY_TASK_ID": "9"}, "got part 0 of 3"),
-        (
-            "auto",
-            SLURM | {"SLURM_ARRAY_TASK_ID": "11", "SLURM_ARRAY_TASK_STEP": "2"},
-            "with gaps",
-        ),
-        ("auto", {"SLURM_ARRAY_TASK_ID": "9"}, "SLURM_ARRAY_TASK_MIN is ''"),
-        ("auto/0", {"SLURM_ARRAY_TASK_ID": "0"}, "got part 0 of 0"),
-    ],
-)
-def test_a_shard_that_cannot_be_is_refused_in_one_sentence(text, environment, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        shard_of(text, environment)
-
-
 # options
 
 
@@ -399,114 +317,32 @@ def asked(*words):
 
 
 def test_the_options_say_who_does_which_part():
-    with asked() as found:
-        assert found == (LocalWorkers(spread.JOBS), None)
-        assert found.part(toys(0)) == []
+    assert asked() == (LocalWorkers(spread.JOBS), None)
+    assert asked().part(toys(0)) == []
+    assert asked("--jobs", "3", "--shard", "2/4") == (LocalWorkers(3), Shard(2, 4))
     tasks = toys(9)
-    with asked("--jobs", "3", "--shard", "2/4") as found:
-        assert found.executor == LocalWorkers(3)
-        assert found.part(tasks) == Shard(2, 4).part(tasks)
+    assert spread.Spread(LocalWorkers(3), Shard(2, 4)).part(tasks) == Shard(2, 4).part(tasks)
+
+
+def test_every_task_is_in_one_shard_whatever_else_is_in_the_list():
+    tasks = toys(40)
+    parts = [{t.key for t in Shard(k, 7).part(tasks)} for k in range(1, 8)]
+    assert sum(map(len, parts)) == len(set().union(*parts)) == 40
+    for k, part in enumerate(parts, 1):
+        assert {t.key for t in Shard(k, 7).part(tasks[::-3])} <= part
 
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (["--jobs", "0"], "--jobs: got 0, expected 1 or more"),
-        (["--shard", "3/2"], "got part 3 of 2"),
-        (["--dask", "tcp://127.0.0.1:1", "--jobs", "2"], "--jobs and --dask: got both"),
-        (["--dask", "tcp://127.0.0.1:1", "--shard", "3/2"], "got part 3 of 2"),
-        (["--dask", "nonsense"], "got 'nonsense' .*expected an address such as tcp://host:8786"),
-        (["--dask", "gopher://h:1"], "unknown address scheme"),
+        (["--shard", "3/2"], "--shard: got '3/2', expected I/N from 1/N to N/N"),
+        (["--shard", "0/3"], "got '0/3'"),
+        (["--shard", "-1/3"], "got '-1/3'"),
+        (["--shard", "1/2/3"], "got '1/2/3'"),
+        (["--shard", "auto"], "got 'auto'"),
     ],
 )
 def test_options_that_cannot_be_are_refused_in_one_sentence(words, sentence):
     with pytest.raises(ValueError, match=sentence):
-        asked(*words)
-
-
-# dask
-
-
-def test_without_dask_it_is_said_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(LookupError, match=r"pip install 'slams\[cluster\]'"):
-        asked("--dask", "tcp://127.0.0.1:8786")
-
-
-def test_a_scheduler_that_does_not_answer_is_given_up_after_the_stated_time():
-    with socket.socket() as mute:  # takes no connection, or takes it and is silent
-        mute.bind(("127.0.0.1", 0))
-        for _ in range(2):
-            address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
-            start = time.monotonic()
-            with pytest.raises(OSError, match=f"no scheduler answers at {address} within 0.5 s"):
-                DaskWorkers(address, 0.5)
-            assert time.monotonic() - start < 5.0
-            mute.listen()
-
-
-@pytest.fixture
-def dask_cluster():
-    def start(workers, threads=1):
-        return clusters.enter_context(
-            LocalCluster(n_workers=workers, threads_per_worker=threads, dashboard_address=None)
-        )
-
-    # s; to fetch from a worker that is dead is tried as long
-    impatient = {"distributed.comm.timeouts.connect": 10.0}
-    with dask.config.set(impatient), contextlib.ExitStack() as clusters:
-        yield start
-
-
-def test_dask_leaves_the_same_bytes_when_one_of_two_workers_is_killed(
-    tmp_path, undisturbed, dask_cluster
-):
-    cluster, log = dask_cluster(2), tmp_path / "log"
-    tasks = toys(40, seconds=0.03, log=str(log))
-    victim = cluster.workers[0].process.pid
-    with asked("--dask", cluster.scheduler_address) as found:
-        work = run_all(tasks, Store(tmp_path / "store"), found.executor)
-        for done, _ in enumerate(work):
-            if done == 5:
-                assert victim in {pid for _, pid, _ in begun(log)}
-                os.kill(victim, signal.SIGKILL)
-    assert results(tmp_path / "store") == undisturbed(40)
-
-
-def test_what_always_ends_a_dask_worker_is_not_kept_and_the_others_are(tmp_path, dask_cluster):
-    store, deadly = Store(tmp_path), toy("exits", n=-1)
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
-        asked("--dask", dask_cluster(1).scheduler_address) as found,
-    ):
-        values = {t.key: v for t, v in run_all([deadly, *toys(3)], store, found.executor)}
-    assert values[deadly.key] == {
-        "failed": "its process died (1 dask workers, one after the other)"
-    }
-    assert store.missing(values) == [deadly.key]
-
-
-def test_a_scheduler_that_goes_away_ends_the_work_in_one_sentence(tmp_path, dask_cluster):
-    cluster, store = dask_cluster(1), Store(tmp_path)
-    with asked("--dask", cluster.scheduler_address) as found:
-        work = run_all(toys(40, seconds=0.1), store, found.executor)
-        next(work)
-        cluster.close()
-        with pytest.raises(RuntimeError, match="is gone; the results so far are kept"):
-            list(work)
-    assert 1 <= len(results(tmp_path)) < 40
-
-
-def test_dask_workers_of_several_threads_are_refused(dask_cluster):
-    with pytest.raises(ValueError, match=r"has 2 threads; start workers with: .*--nthreads 1"):
-        asked("--dask", dask_cluster(1, threads=2).scheduler_address)
-
-
-def test_dask_workers_with_other_code_end_the_work(tmp_path, dask_cluster):
-    odd = Task("tests.bench.toy_runs:run", {"n": 1}, TOY)
-    object.__setattr__(odd, "key", odd.key_for("older code"))
-    with (
-        asked("--dask", dask_cluster(1).scheduler_address) as found,
-        pytest.raises(RuntimeError, match="has not the code that the work was started with"),
-    ):
-        list(run_all([odd], Store(tmp_path), found.executor))
+        asked(f"{words[0]}={words[1]}")

@@ -1,7 +1,6 @@
 """Runs for tests of where runs are done: each leaves a line in a log as it begins."""
 
 import os
-import signal
 import time
 from pathlib import Path
 
@@ -36,15 +35,6 @@ def exits(n, log=os.devnull):
     os._exit(3)
 
 
-def dies_once(n, log, scar):
-    """Killed the first time; whether it was is on the disk."""
-    _begin(n, log, 0)
-    if not Path(scar).exists():
-        Path(scar).touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return Result({"n": n})
-
-
 class Here:
     """Tasks in this process; counts them."""
 
@@ -55,6 +45,3 @@ class Here:
         for key, task in tasks.items():
             self.done.append(task.what["n"])
             yield key, perform(task, key)
-
-    def close(self):
-        pass

@@ -23,7 +23,7 @@ LEAST = 0.5 + LEG + float(np.hypot(SWING, APART))  # m, so that no leg comes nea
 def people(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     """So many people keep the robot company; their legs shorten the beams that meet them.
 
-    Legs rather than bodies, as in `bench.simulate --people`: that is what a laser on a robot sees.
+    Legs rather than bodies, as in `slams simulate --people`: that is what a laser on a robot sees.
     They walk from place to place that the laser sees, within 3 m of it, at 0.8 to 1.2 m/s.
     """
     truth = log.truth_at(log.t)
