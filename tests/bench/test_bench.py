@@ -225,15 +225,6 @@ def test_the_order_is_counted_arena_by_arena():
     assert "0 of 3" in ranking.as_markdown(found), "equal errors hold no order"
 
 
-def test_latex_escapes_what_it_must():
-    frame = error_tables.published_table({}, [{"algorithm": "hector@original"}])
-    frame = frame.rename(index={frame.index[0]: "a_b & c%"})
-    text = report.latex_table(frame, "50 % & more_")
-    assert r"50 \% \& more\_" in text
-    assert r"a\_b \& c\%" in text
-    assert text.count(r"\\") == len(frame) + 1
-
-
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
