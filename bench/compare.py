@@ -101,7 +101,7 @@ def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
     from slams.summary import versions
 
     return {
-        "command": f"python -m {PROGRAM} {shlex.join(arguments.words)}".strip(),
+        "command": f"slams compare {shlex.join(arguments.words)}".strip(),
         "odometry": choice.odometry,
         "ros_params": {label: ros_files.record(taken) for label, taken in choice.ros.items()},
         "versions": versions(),

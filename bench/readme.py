@@ -106,13 +106,13 @@ def as_typed(command: str) -> str:
     """A command of bench.compare without the folders its logs are in and where it wrote."""
     from bench import compare
 
-    words = shlex.split(command)[3:]  # after python -m bench.compare
+    words = shlex.split(command)[2:]  # after slams compare
     paths = compare.parser().parse_args(words).logs
     typed = [Path(word).name if word in paths else word for word in words]
     if "--out" in typed:
         k = typed.index("--out")
         del typed[k : k + 2]
-    return f"python -m {compare.PROGRAM} {shlex.join(typed)}".strip()
+    return f"slams compare {shlex.join(typed)}".strip()
 
 
 def public_figures(found: dict[str, Any]) -> dict[str, Any]:

@@ -56,7 +56,7 @@ def several_logs(folder):
     rows[3] |= {"failed": "ValueError: no", "cost": None}
     found = {
         "format": FORMAT,
-        "command": "python -m bench.compare ../logs/a.bag 'x y/b.npz' --out /somewhere/o --every 2",
+        "command": "slams compare ../logs/a.bag 'x y/b.npz' --out /somewhere/o --every 2",
         "machine": {"cpu": "a core"},
         "logs": [
             {"name": "a", "scans": 9, "beams": 3} | more,
@@ -74,7 +74,7 @@ def test_results_of_several_logs_become_the_table_of_public_logs(tmp_path, monke
     readme.adopt(tmp_path)
     assert "more" not in (tmp_path / "public.json").read_text()
     text = readme.rendered("<!-- public -->\n<!-- end -->")
-    assert "`python -m bench.compare a.bag b.npz --every 2`, CPU time of a scan on a core" in text
+    assert "`slams compare a.bag b.npz --every 2`, CPU time of a scan on a core" in text
     assert "| log | scans x beams | lasts [s] | hector [ms] | mine:Slam [ms] |" in text
     assert "| a | 9 x 3 | 10 | 0.3 | 12.3 |\n| b | 70 x 5 | 10 | 0.3 | - |\n" in text
     assert readme.rendered(text) == text

@@ -1,4 +1,4 @@
-"""python -m bench.report DIR: draw everything in a folder of results again, without a run."""
+"""slams report DIR: draw everything in a folder of results again, without a run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PROGRAM = "bench.report"
 
 def parser() -> cli.Parser:
     """The command's arguments."""
-    p = cli.Parser(prog=f"python -m {PROGRAM}", description=(__doc__ or "").partition("\n")[0])
+    p = cli.Parser(prog="slams report", description=(__doc__ or "").partition("\n")[0])
     p.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="of compare or sweep")
     p.add_argument("-q", "--quiet", action="store_true", help="no tables")
     return p

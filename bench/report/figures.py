@@ -197,7 +197,7 @@ def save_maps(plans: Mapping[str, Plan], truth: Floats | None, looks: Looks, pat
 
 def _plain_numbers(axis: Axis) -> None:
     """Ticks of a logarithmic axis as 0.1, 1, 10; those between only on a short axis."""
-    axis.set_major_formatter(LogFormatter())
+    axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.0, 0.4)))
 
 

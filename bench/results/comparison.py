@@ -1,7 +1,7 @@
 """Results: what came of a run, of a log, of a comparison, as typed values, written and read.
 
 Everything the benchmark shows is drawn from these. A folder of results holds `results.json` (every
-figure) and `arrays.npz` (poses, times, maps), so that `python -m bench.report DIR` draws all of it
+figure) and `arrays.npz` (poses, times, maps), so that `slams report DIR` draws all of it
 again without a run.
 """
 
