@@ -24,6 +24,7 @@ VARIABLES = {
     TEXT: "var(--text)",
     FAINT: "var(--faint)",
     "#000000": "var(--text)",
+    "#b2b2b2": "var(--unknown)",  # ground of a map, `palette.UNKNOWN`
 }
 WIDE, MAP = (4.4, 3.2), (3.0, 3.0)  # inches; with 10 pt text readable on a screen of 390 px
 IMAGE_DPI = 200  # of the maps
