@@ -351,7 +351,7 @@ def test_compare_on_two_logs(log_file, tmp_path):
     for k, log in enumerate(results["logs"]):
         folder = tmp_path / "out" / f"{k + 1}-{log['name']}"
         names = {path.name for path in folder.iterdir()}
-        assert {"report.html", "tables.tex", "result-hector.mcap", "errors-hector.csv"} <= names
+        assert {"report.html", "tables.md", "result-hector.mcap", "errors-hector.csv"} <= names
 
 
 def test_compare_survives_a_log_of_one_scan_and_a_truth_beside_it(log_file, tmp_path, capsys):

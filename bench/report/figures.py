@@ -1,27 +1,50 @@
-"""Figures as png and pdf: histograms and maps, [Kuehn] Fig. 2 to 4; errors, and against cost."""
+"""Figures: histograms and maps, [Kuehn] Fig. 2 to 4; errors, errors against cost, trajectories.
+
+Each function draws on axes that it is given: `outputs` puts them into png and pdf files, `html.svg`
+into a page.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
+from numpy.typing import NDArray
 
 from bench.judge.metrics import class_shares
-from bench.report.palette import LINES, RIGHT, UNKNOWN, bar_length, shade
+from bench.report.palette import RIGHT, UNKNOWN, Look, bar_length, shade
 from bench.report.pareto import Point, front, spread
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2
+from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 CLASSES = 8
 FEW = 6  # maps that stand three in a row; more stand four in a row
 SHOWN_FROM = 0.02  # of its values, from where on a curve is in sight
+LEAST_ERROR = 1e-3  # mm; smaller errors are drawn as this
 NICE = (1.0, 2.0, 2.5, 5.0, 10.0)  # widths of a class, times a power of ten
+MOST_CELLS = 1000  # of a map's longer side; more are put together, walls survive
+AROUND_PATH = 6.0  # m around the paths that a map shows
+LARGER = 1.5  # times the size of the median path: such a path has left the place
+MOST_POINTS = 3000  # of a curve
+
+Looks = Mapping[str, Look]
+Limits = tuple[tuple[float, float], tuple[float, float]]
+
+
+class Plan(NamedTuple):
+    """A map, the pose of the first scan in its frame, and the path (n, 3) seen from that pose."""
+
+    grid: OccupancyGrid
+    frame: Pose2
+    path: Floats | None
 
 
 def class_width(errors: Sequence[Floats], most: float) -> float:
@@ -35,130 +58,213 @@ def class_width(errors: Sequence[Floats], most: float) -> float:
     return min(most, float(next(f * power for f in NICE if f * power >= reach * (1 - 1e-9))))
 
 
-def histograms(
-    errors: dict[str, Floats], kind: str, most: float, color_of: dict[str, str], path: Path
+def histogram(
+    axes: Axes, errors: Mapping[str, Floats], kind: str, most: float, looks: Looks
 ) -> None:
-    """[Kuehn] Fig. 2 (kind "translation", [m]) or 3 ("orientation", [rad]): shares per class.
-
-    Writes `path` with the endings png and pdf.
-    """
+    """[Kuehn] Fig. 2 (kind "translation", [m]) or 3 ("orientation", [rad]): shares per class."""
     unit = "mm" if kind == "translation" else "mrad"
     width = class_width(list(errors.values()), most)
-    figure = Figure(figsize=(9, 4), layout="constrained")
-    bars = figure.subplots()
-    edges, thickness = width * np.arange(CLASSES), 0.8 * width / max(len(errors), 1)
+    edges, thickness = width * np.arange(CLASSES), 0.8 * width / len(errors)
     for k, (name, values) in enumerate(errors.items()):
         middle = edges + (k + 0.5) * thickness + 0.1 * width
         shares = class_shares(values, width, CLASSES)
-        bars.bar(middle, shares, thickness, color=color_of[name], label=name)
+        look = looks[name]
+        bars = axes.bar(middle, shares, thickness, color=look.color, label=name)
+        for patch in bars:
+            patch.set_gid(look.group)
     texts = [f"{1e3 * edge:.3g}" for edge in edges]
-    bars.set_xticks(edges, [*texts[:-1], f"≥ {texts[-1]}"])
-    bars.set(xlabel=f"error of {kind} per update [{unit}]", ylabel="relative frequency")
-    bars.legend(fontsize=8)
-    _save(figure, path)
+    axes.set_xticks(edges, [*texts[:-1], f"≥ {texts[-1]}"])
+    axes.set(xlabel=f"error of {kind} per update [{unit}]", ylabel="relative frequency")
 
 
-def overview(
-    errors: dict[str, Floats], points: Sequence[Point], color_of: dict[str, str], path: Path
-) -> None:
-    """Shares of the poses with errors [mm] below a value; mean error against CPU per scan."""
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
-    curves, costs = figure.subplots(1, 2)
-    for k, (name, values) in enumerate(errors.items()):
-        below = (np.arange(len(values)) + 1) / len(values)
-        line = LINES[k % len(LINES)]
-        ordered = np.maximum(np.sort(values), 1e-3)
-        curves.plot(ordered, below, line, color=color_of[name], label=name)
+def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Looks) -> None:
+    """Share of the errors [mm] below a value, a curve for each run; one of inf is never below."""
+    for name, values in errors.items():
+        ordered = np.sort(np.maximum(values, LEAST_ERROR))
+        share = (np.arange(len(ordered)) + 1) / len(ordered)
+        kept = np.flatnonzero(np.isfinite(ordered))
+        if not len(kept):
+            continue
+        kept = kept[_evenly(len(kept))]
+        _line(axes, ordered[kept], share[kept], name, looks[name])
     low = min(float(np.quantile(values, SHOWN_FROM)) for values in errors.values())
-    curves.set(xscale="log", xlabel="error over 1 s [mm]", ylabel="share of poses below")
-    curves.set_xlim(left=max(low, 1e-3))
-    curves.legend(loc="lower right", fontsize=8)
-    costs.set(xscale="log", yscale="log", xlabel="CPU per scan [ms]", ylabel="mean error [mm]")
+    axes.set(xscale="log", xlabel=f"{what} [mm]", ylabel="share below")
+    _plain_numbers(axes.xaxis)
+    if np.isfinite(low):
+        axes.set_xlim(left=max(0.9 * low, LEAST_ERROR))
+    axes.grid(visible=True, which="both", alpha=0.25)
+
+
+def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
+    """Mean error against CPU per scan; a line along those that none beats in both."""
+    axes.set(xscale="log", yscale="log", xlabel="CPU per scan [ms]", ylabel="mean error [mm]")
+    _plain_numbers(axes.xaxis)
+    _plain_numbers(axes.yaxis)
     for point in points:
-        marker = "x" if point.lost else "o"
-        costs.plot(point.cpu_ms, point.error_mm, marker, color=color_of[point.name])
-    costs.margins(0.18)
-    _write_names(costs, points)
+        look, marker = looks[point.name], "x" if point.lost else "o"
+        at = point.cpu_ms, max(point.error_mm, LEAST_ERROR)
+        axes.plot(*at, marker, color=look.color, gid=look.group)
+    axes.margins(0.18)
+    _write_names(axes, points)
     best = front(points)
-    costs.plot([p.cpu_ms for p in best], [p.error_mm for p in best], color="0.5", linewidth=0.8)
-    for axes in (curves, costs):
-        axes.grid(visible=True, which="both", alpha=0.25)
-    _save(figure, path)
+    costs, errors = [p.cpu_ms for p in best], [max(p.error_mm, LEAST_ERROR) for p in best]
+    axes.plot(costs, errors, color="0.5", linewidth=0.8)
+    axes.grid(visible=True, which="both", alpha=0.25)
 
 
 def _write_names(axes: Axes, points: Sequence[Point]) -> None:
     """The names of the points beside them, none over another."""
     to_share = axes.transData + axes.transAxes.inverted()
     axes.autoscale_view()
-    at = [to_share.transform((point.cpu_ms, point.error_mm)) for point in points]
+    at = [to_share.transform((p.cpu_ms, max(p.error_mm, LEAST_ERROR))) for p in points]
     for point, (x, _), y in zip(points, at, spread([(x, y) for x, y in at]), strict=True):
         side, shift = ("right", -0.015) if x > RIGHT else ("left", 0.015)
-        axes.text(x + shift, y, point.name, transform=axes.transAxes, fontsize=8, ha=side)
+        text = axes.text(x + shift, y, point.name, fontsize=8, ha=side, transform=axes.transAxes)
+        text.set_parse_math(False)  # a name is no formula
 
 
-def maps(
-    grids: Mapping[str, tuple[OccupancyGrid, Pose2]],
-    paths: Mapping[str, Floats],
-    truth: Floats | None,
-    color_of: Mapping[str, str],
-    path: Path,
+def trajectories(
+    axes: Axes, paths: Mapping[str, Floats], truth: Floats | None, limits: Limits, looks: Looks
 ) -> None:
-    """[Kuehn] Fig. 4: the maps side by side, each with its path; the true path dashed.
+    """All paths (n, 3) and the true one in one plan, seen from the first pose."""
+    _true_path(axes, truth)
+    for name, path in paths.items():
+        _path(axes, path, name, looks[name])
+    axes.set(xlim=limits[0], ylim=limits[1], xlabel="x [m]", ylabel="y [m]")
+    axes.set_aspect("equal")
 
-    grids with the pose of the first scan in each one's frame; paths (n, 3) and truth (m, 3) seen
-    from that pose. Writes `path` with the endings png and pdf.
-    """
-    columns = min(3 if len(grids) <= FEW else 4, len(grids))
-    rows = -(-len(grids) // columns)
+
+def map_panel(
+    axes: Axes, name: str, plan: Plan, truth: Floats | None, limits: Limits, look: Look | None
+) -> None:
+    """[Kuehn] Fig. 4: a map in gray with its path, the true one and a scale bar."""
+    _draw_map(axes, plan.grid, plan.frame.inverse())
+    _true_path(axes, truth)
+    if plan.path is not None and look is not None:
+        _path(axes, plan.path, name, look)
+    axes.set(xlim=limits[0], ylim=limits[1], xticks=[], yticks=[])
+    _draw_bar(axes, limits)
+
+
+def limits_of(paths: Sequence[Floats], margin: float = AROUND_PATH) -> Limits:
+    """The part around paths that is shown; a path far larger than most does not set it."""
+    sizes = [float(np.ptp(path[:, :2], axis=0).max()) for path in paths]
+    most = LARGER * float(np.median(sizes))
+    kept = [path for path, size in zip(paths, sizes, strict=True) if size <= most]
+    points = np.concatenate([path[:, :2] for path in kept or paths])
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
+
+
+def save_histogram(
+    errors: Mapping[str, Floats], kind: str, most: float, looks: Looks, path: Path
+) -> None:
+    """Write [Kuehn] Fig. 2 or 3 as `path` with the endings png and pdf."""
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    axes = figure.subplots()
+    histogram(axes, errors, kind, most, looks)
+    axes.legend(fontsize=8)
+    _save(figure, path)
+
+
+def save_overview(
+    errors: Mapping[str, Floats], points: Sequence[Point], looks: Looks, path: Path
+) -> None:
+    """Write the shares of the poses with errors [mm] below a value, and error against cost."""
+    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    curves, costs = figure.subplots(1, 2)
+    shares_below(curves, errors, "error over 1 s", looks)
+    curves.legend(loc="lower right", fontsize=8)
+    against_cost(costs, points, looks)
+    _save(figure, path)
+
+
+def save_maps(plans: Mapping[str, Plan], truth: Floats | None, looks: Looks, path: Path) -> None:
+    """Write [Kuehn] Fig. 4: the maps side by side in one scale."""
+    columns = min(3 if len(plans) <= FEW else 4, len(plans))
+    rows = -(-len(plans) // columns)
     figure = Figure(figsize=(4.0 * columns, 4.0 * rows), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-    for axes in panels[len(grids) :]:
+    for axes in panels[len(plans) :]:
         axes.set_visible(False)
-    limits = _limits(truth if truth is not None else np.concatenate(list(paths.values())))
-    for axes, (name, (grid, frame)) in zip(panels, grids.items(), strict=False):
-        _draw_map(axes, grid, frame.inverse())
-        if truth is not None:
-            axes.plot(truth[:, 0], truth[:, 1], color="0.4", linewidth=0.8, linestyle="--")
-        axes.plot(paths[name][:, 0], paths[name][:, 1], color=color_of[name], linewidth=1.0)
-        axes.set_title(name)
-        axes.set(xlim=limits[0], ylim=limits[1], xticks=[], yticks=[])
-        _draw_bar(axes, limits)
+    ways = [plan.path for plan in plans.values() if plan.path is not None]
+    limits = limits_of(ways if truth is None else [truth])
+    for axes, (name, plan) in zip(panels, plans.items(), strict=False):
+        map_panel(axes, name, plan, truth, limits, looks[name])
+        axes.set_title(name, parse_math=False)
     _save(figure, path)
+
+
+def _plain_numbers(axis: Axis) -> None:
+    """Ticks of a logarithmic axis as 0.1, 1, 10; those between only on a short axis."""
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.0, 0.4)))
+
+
+def _line(axes: Axes, x: Floats, y: Floats, name: str, look: Look) -> None:
+    axes.plot(x, y, look.line, color=look.color, label=name, gid=look.group, drawstyle="steps-post")
+
+
+def _path(axes: Axes, path: Floats, name: str, look: Look) -> None:
+    shown = path[_evenly(len(path))]
+    axes.plot(*shown[:, :2].T, color=look.color, linewidth=1.0, label=name, gid=look.group)
+
+
+def _true_path(axes: Axes, truth: Floats | None) -> None:
+    if truth is not None:
+        shown = truth[_evenly(len(truth))]
+        axes.plot(*shown[:, :2].T, "--", color="0.5", linewidth=0.8, gid="truth")
+
+
+def _evenly(n: int) -> NDArray[np.int64]:
+    """Indices of at most `MOST_POINTS` of n points, with the first and the last."""
+    return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(np.int64))
 
 
 def _draw_map(axes: Axes, grid: OccupancyGrid, moved: Pose2) -> None:
     """A map in gray, its frame laid at a pose."""
     from matplotlib.transforms import Affine2D
 
+    p, cell = _joined(grid.p), grid.resolution * _factor(grid.p)
+    (x, y), (height, width) = grid.origin, p.shape
     place = Affine2D().rotate(moved.theta).translate(moved.x, moved.y)
-    height, width = grid.p.shape
-    x, y = grid.origin
-    extent = (x, x + width * grid.resolution, y, y + height * grid.resolution)
     axes.imshow(
-        shade(grid.p),
+        shade(p),
         cmap="gray",
         vmin=0,
         vmax=1,
         origin="lower",
-        extent=extent,
+        extent=(x, x + width * cell, y, y + height * cell),
         interpolation="antialiased",
-        transform=axes.transData if moved == IDENTITY else place + axes.transData,
+        transform=place + axes.transData,
     )
     axes.set_aspect("equal")
     axes.set_facecolor(f"{UNKNOWN}")
 
 
-def _draw_bar(axes: Axes, limits: tuple[tuple[float, float], tuple[float, float]]) -> None:
+def _factor(p: NDArray[np.floating]) -> int:
+    return int(-(-max(p.shape) // MOST_CELLS))
+
+
+def _joined(p: NDArray[np.floating]) -> NDArray[np.floating]:
+    """The greatest probability of each block of cells, so that thin walls stay; NaN: unknown."""
+    factor = _factor(p)
+    if factor == 1:
+        return p
+    height, width = (-(-n // factor) for n in p.shape)
+    padded = np.full((height * factor, width * factor), -1.0)
+    padded[: p.shape[0], : p.shape[1]] = np.where(np.isnan(p), -1.0, p)
+    blocks = padded.reshape(height, factor, width, factor).max(axis=(1, 3))
+    return np.where(blocks < 0.0, np.nan, blocks)
+
+
+def _draw_bar(axes: Axes, limits: Limits) -> None:
     """A scale bar in the lower left corner."""
     (left, right), (low, high) = limits
     length, x, y = bar_length(right - left), left + 0.04 * (right - left), low + 0.04 * (high - low)
-    axes.plot([x, x + length], [y, y], color="black", linewidth=3, solid_capstyle="butt")
-    axes.text(x, y + 0.01 * (high - low), f"{length:g} m", fontsize=9, va="bottom")
-
-
-def _limits(way: Floats, margin: float = 6.0) -> tuple[tuple[float, float], tuple[float, float]]:
-    low, high = way[:, :2].min(axis=0) - margin, way[:, :2].max(axis=0) + margin
-    return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
+    ends = [x, x + length], [y, y]
+    axes.plot(*ends, color="black", linewidth=3, solid_capstyle="butt", gid="scale")
+    axes.text(x, y + 0.01 * (high - low), f"{length:g} m", fontsize=9, va="bottom", gid="scale")
 
 
 def _save(figure: Figure, path: Path) -> None:

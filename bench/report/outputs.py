@@ -12,12 +12,10 @@ from slams.formats import trajectory
 
 if TYPE_CHECKING:
     from bench.results import Comparison, LogResult, Outcome
-    from slams.types import Floats
 
 DRAWN = (
     "report.html",
     "tables.md",
-    "tables.tex",
     "table-*.csv",
     "errors-*.csv",
     "trajectory-*.tum",
@@ -78,23 +76,26 @@ def _draw_errors(folder: Path, log: LogResult) -> None:
         (3, "orientation", ORIENTATION_CLASS),
     ):
         values = {name: getattr(found, kind) for name, found in errors.items()}
-        figures.histograms(values, kind, most, _colors(log), folder / f"fig{number}_{kind}")
+        figures.save_histogram(values, kind, most, _looks(log), folder / f"fig{number}_{kind}")
     second = {o.row["algorithm"]: o.errors["1 s"] for o in log.outcomes if "1 s" in o.errors}
     if second:
         small = {name: 1e3 * found.se2_translation for name, found in second.items()}
-        figures.overview(small, pareto.points_of(log), _colors(log), folder / "fig_errors")
+        figures.save_overview(small, pareto.points_of(log), _looks(log), folder / "fig_errors")
 
 
 def _draw_maps(folder: Path, log: LogResult) -> None:
     """[Kuehn] Fig. 4, of the runs that have a map."""
-    grids = {o.row["algorithm"]: (o.grid, o.frame) for o in log.outcomes if o.grid is not None}
-    if not grids:
+    plans = {
+        o.row["algorithm"]: figures.Plan(o.grid, o.frame, o.poses)
+        for o in log.outcomes
+        if o.grid is not None
+    }
+    if not plans:
         return
-    paths: dict[str, Floats] = {o.row["algorithm"]: o.poses for o in log.outcomes}
     # a truth that begins late is seen from another pose than the maps are
     truth = None if log.reference.start is None else log.reference.path
-    figures.maps(grids, paths, truth, _colors(log), folder / "fig4_maps")
+    figures.save_maps(plans, truth, _looks(log), folder / "fig4_maps")
 
 
-def _colors(log: LogResult) -> dict[str, str]:
-    return palette.colors([row["algorithm"] for row in log.rows])
+def _looks(log: LogResult) -> dict[str, palette.Look]:
+    return palette.looks([row["algorithm"] for row in log.rows])

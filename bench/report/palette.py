@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,9 +34,19 @@ RIGHT = 0.85  # of a plot, from where on the name of a point stands left of it
 BAR_SHARE = 0.25  # of a map's width that its scale bar takes at most
 
 
-def colors(names: list[str]) -> dict[str, str]:
-    """A color for each run, the same in every figure, whichever of the runs it shows."""
-    return {name: COLORS[k % len(COLORS)] for k, name in enumerate(names)}
+class Look(NamedTuple):
+    """How a run is drawn: color, line style, and in an svg the id of its group."""
+
+    color: str
+    line: str
+    group: str | None = None
+
+
+def looks(names: list[str]) -> dict[str, Look]:
+    """The look of each run, the same in every figure, whichever of the runs it shows."""
+    return {
+        name: Look(COLORS[k % len(COLORS)], LINES[k % len(LINES)]) for k, name in enumerate(names)
+    }
 
 
 def shade(p: NDArray[np.floating]) -> Floats:

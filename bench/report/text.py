@@ -1,4 +1,4 @@
-"""Tables as text for a terminal, markdown for a README, LaTeX for a paper, csv for the rest."""
+"""Tables as text for a terminal, markdown for a README, csv for all else."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from bench.results import Comparison
 
 TERMINAL = ("main", "starts")
-LATEX = {"&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "±": r"$\pm$", "x ": r"$\times$ "}
 
 
 def cells(frame: pd.DataFrame, corner: str = "algorithm") -> list[list[str]]:
@@ -49,27 +48,6 @@ def markdown_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
     lines = cells(frame, corner)
     rule = ["---", *["---:"] * (len(lines[0]) - 1)]
     return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], rule, *lines[1:]))
-
-
-def latex_table(frame: pd.DataFrame, caption: str) -> str:
-    """A frame as a LaTeX table in the paper's layout (package booktabs)."""
-    lines = [[_latex(text) for text in line] for line in cells(frame)]
-    rows = [" & ".join(line) + r" \\" for line in lines]
-    return "\n".join(
-        [
-            r"\begin{table}[htbp]",
-            r"  \centering",
-            rf"  \caption{{{_latex(caption)}}}",
-            rf"  \begin{{tabular}}{{l{'r' * (len(lines[0]) - 1)}}}",
-            r"    \toprule",
-            f"    {rows[0]}",
-            r"    \midrule",
-            *(f"    {row}" for row in rows[1:]),
-            r"    \bottomrule",
-            r"  \end{tabular}",
-            r"\end{table}",
-        ]
-    )
 
 
 def head(log: Line) -> str:
@@ -108,16 +86,9 @@ def as_markdown(log: Line, rows: Rows) -> str:
     return "\n\n".join([*parts, *words.failures(rows)]) + "\n"
 
 
-def as_latex(log: Line, rows: Rows) -> str:
-    """All tables of one log for a paper."""
-    made = tables.tables(log, rows)
-    return "\n\n".join(latex_table(frame, TITLES[key]) for key, frame in made.items()) + "\n"
-
-
 def write_tables(folder: Path, log: Line, rows: Rows) -> None:
-    """tables.md, tables.tex, and every table as csv with all digits."""
+    """tables.md, and every table as csv with all digits."""
     (folder / "tables.md").write_text(as_markdown(log, rows), encoding="utf-8")
-    (folder / "tables.tex").write_text(as_latex(log, rows), encoding="utf-8")
     for key, frame in tables.tables(log, rows).items():
         frame.to_csv(folder / f"table-{key}.csv", index_label="algorithm")
 
@@ -127,9 +98,3 @@ def write_errors(path: Path, errors: SpanErrors) -> None:
     columns: Sequence[str] = ("t_s", "translation_m", "orientation_rad", "se2_translation_m")
     frame = pd.DataFrame(dict(zip(columns, errors, strict=True)))
     frame.to_csv(path, index=False, float_format="%.9f")
-
-
-def _latex(text: str) -> str:
-    for plain, escaped in LATEX.items():
-        text = text.replace(plain, escaped)
-    return text

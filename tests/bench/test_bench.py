@@ -197,15 +197,6 @@ def test_published_figures_are_read_with_their_columns():
     assert [row["translation_mean"] for row in intel] == [0.220, 0.070, 0.031, 0.0229]
 
 
-def test_latex_escapes_what_it_must():
-    frame = error_tables.published_table({}, [{"algorithm": "hector@original"}])
-    frame = frame.rename(index={frame.index[0]: "a_b & c%"})
-    text = report.latex_table(frame, "50 % & more_")
-    assert r"50 \% \& more\_" in text
-    assert r"a\_b \& c\%" in text
-    assert text.count(r"\\") == len(frame) + 1
-
-
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

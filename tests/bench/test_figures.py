@@ -21,11 +21,10 @@ def test_maps_stand_in_rows_of_the_same_length(drawn, count, columns, rows):
     names = [f"run {k}" for k in range(count)]
     way = np.zeros((2, 3))
     pose = Pose2(0.0, 0.0, 0.0)
-    figures.maps(
-        dict.fromkeys(names, (grid, pose)),
-        dict.fromkeys(names, way),
+    figures.save_maps(
+        dict.fromkeys(names, figures.Plan(grid, pose, way)),
         way,
-        palette.colors(names),
+        palette.looks(names),
         "nowhere",
     )
     shape = drawn[0].axes[0].get_gridspec()
@@ -36,7 +35,7 @@ def test_maps_stand_in_rows_of_the_same_length(drawn, count, columns, rows):
 def test_ten_runs_have_ten_colors_and_the_bars_are_not_all_in_the_first_class(drawn):
     names = [f"run {k}" for k in range(10)]
     errors = {name: np.linspace(0.0001, 0.001, 50) for name in names}
-    figures.histograms(errors, "translation", 0.025, palette.colors(names), "nowhere")
+    figures.save_histogram(errors, "translation", 0.025, palette.looks(names), "nowhere")
     (bars,) = drawn[0].axes
     assert len({box[0].get_facecolor() for box in bars.containers}) == len(names)
     assert max(bar.get_height() for box in bars.containers for bar in box) < 0.5
@@ -53,7 +52,52 @@ def test_the_overview_names_every_point(drawn):
     names = ["a", "b"]
     errors = {name: np.linspace(0.1, 2.0, 9) for name in names}
     points = [Point("a", 0.1, 1.0, False), Point("b", 0.2, 0.5, True)]
-    figures.overview(errors, points, palette.colors(names), "nowhere")
+    figures.save_overview(errors, points, palette.looks(names), "nowhere")
     curves, costs = drawn[0].axes
     assert [text.get_text() for text in costs.texts] == names
     assert curves.lines[0].get_ydata()[-1] == 1.0
+
+
+def axes():
+    from matplotlib.figure import Figure
+
+    return Figure().subplots()
+
+
+def test_a_curve_is_where_its_numbers_are_and_a_failed_run_is_never_below():
+    drawn, errors = axes(), np.array([3.0, 1.0, np.inf, 2.0])
+    figures.shares_below(drawn, {"a": errors}, "error", palette.looks(["a"]))
+    x, y = drawn.lines[0].get_data()
+    assert x.tolist() == [1.0, 2.0, 3.0]
+    assert y.tolist() == [0.25, 0.5, 0.75]
+
+
+def test_a_map_is_moved_into_the_frame_of_the_runs_with_a_scale_bar():
+    p = np.full((10, 20), np.nan, np.float32)
+    p[4, 6] = 1.0
+    grid, start = OccupancyGrid(p, 0.5, (-1.0, 2.0)), Pose2(3.0, -2.0, 0.7)
+    drawn, limits = axes(), ((-10.0, 10.0), (-10.0, 10.0))
+    figures.map_panel(drawn, "true", figures.Plan(grid, start, None), None, limits, None)
+    (image,) = drawn.images
+    assert image.get_extent() == [-1.0, 9.0, 2.0, 7.0]
+    to_data = image.get_transform() - drawn.transData
+    assert to_data.transform((3.0, -2.0)) == pytest.approx([0.0, 0.0], abs=1e-9)
+    shades = np.asarray(image.get_array())
+    assert (shades[4, 6], shades[0, 0]) == (0.0, pytest.approx(palette.UNKNOWN))
+    assert drawn.lines[0].get_xdata()[1] - drawn.lines[0].get_xdata()[0] == 5.0
+    assert [text.get_text() for text in drawn.texts] == ["5 m"]
+
+
+def test_thin_walls_survive_in_large_maps_and_unknown_stays_unknown():
+    p = np.full((10, 2500), 0.1, np.float32)
+    p[:, 1201], p[:, :300] = 1.0, np.nan
+    joined = figures._joined(p)
+    assert joined.shape == (4, 834)
+    assert (joined[:, 1201 // 3] == 1.0).all()
+    assert np.isnan(joined[:, :100]).all() and not np.isnan(joined[:, 100:]).any()
+
+
+def test_the_shown_part_holds_the_paths_but_not_one_that_left_the_place():
+    way = np.array([[0.0, 0.0, 0.0], [4.0, 2.0, 0.0]])
+    assert figures.limits_of([way, way, 1e3 * way], 1.0) == ((-1.0, 5.0), (-1.0, 3.0))
+    assert figures.limits_of([1e3 * way], 0.0) == ((0.0, 4000.0), (0.0, 2000.0))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from bench.judge import alarms, loss, metrics
 from bench.report import pareto, tables, words
 from bench.report import text as report
-from bench.report.html import charts, page, plans
+from bench.report.html import charts, page
 from bench.report.html.cells import table
 from bench.report.html.markup import Markup, element, together
 from bench.report.html.record import facts, parameters
@@ -44,8 +44,7 @@ def document(comparison: Comparison, done: LogResult) -> str:
     others = tuple(key for key in made if key not in (*MAIN, *PAPER))
     folded = {
         "Tables and histograms of the paper": paper or None,
-        "Trajectories": plans.trajectories(shown, done),
-        "Errors over time": charts.over_time(shown, _span(shown)),
+        "Trajectories": charts.trajectories(shown, done),
     }
     behind = {
         "All tables": together(_tables(made, rows, others), _failed(rows)) or None,
@@ -66,7 +65,7 @@ def _figures(shown: list[Run], done: LogResult) -> dict[str, Markup | None]:
     ]
     pair = element("div", *(curve for curve in curves if curve), class_="pair")
     return {
-        "Maps": plans.maps(shown, done),
+        "Maps": charts.maps(shown, done),
         "Errors": pair if any(curves) else None,
     }
 

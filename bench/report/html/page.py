@@ -10,9 +10,6 @@ from bench.report.html.legend import Named, legend, rules
 from bench.report.html.markup import Markup, element, together
 
 HERE = Path(__file__).parent
-HINT = (
-    "Figures zoom by wheel, pinch or the keys + - 0 and move by dragging; double click shows all."
-)
 
 Sections = Mapping[str, Markup | None]
 
@@ -57,10 +54,7 @@ def _under_legend(
 ) -> Markup | None:
     if not any(drawn.values()):
         return None
-    figures = _sections(drawn, folded)
-    zooms = "data-zoom" in figures
-    hint = element("p", HINT, class_="hint", hidden=True) if zooms else None
-    return element("div", legend(shown), hint, figures, class_="figures")
+    return element("div", legend(shown), _sections(drawn, folded), class_="figures")
 
 
 def _sections(bodies: Sections, folded: Collection[str]) -> Markup:

@@ -85,7 +85,7 @@ def _plot(cell: Cell, unit: str, shown: Sequence[Curve]) -> Markup:
         kind = f"{curve.kind} mark"
         bands.append(band(x, low, high, axes, kind, curve.name))
         lines.append(line(x, share, axes, kind, curve.name))
-    return plot(f"share of runs held, {label}", *axes, [*bands, *lines], zoom="")
+    return plot(f"share of runs held, {label}", *axes, [*bands, *lines])
 
 
 def _record(sweep: Sweep) -> Markup:
