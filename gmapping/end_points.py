@@ -11,7 +11,7 @@ from gmapping import climb_kernels as kernels
 from gmapping.climb_kernels import Field
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
 from gmapping.map import TileMap
-from gmapping.match import Proposals, Revisit
+from gmapping.match import Proposals
 from gmapping.match_kernels import Prior as Priors
 from gmapping.params import GMappingParams
 from gmapping.render_kernels import Counts
@@ -19,6 +19,9 @@ from gmapping.scan import View
 from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
+
+CLIMB_STEP = 0.01, 0.005  # m, rad: the first, below the deviation of most peaks
+CLIMB_HALVINGS = 3  # of it: the last step is 1.25 mm
 
 
 class EndPointMatcher:
@@ -43,7 +46,7 @@ class EndPointMatcher:
         return Match(pose, share, 1.0 / self._field(view).worth, seen)
 
     def propose(
-        self, view: View, means: Floats, information: Floats, revisit: Revisit
+        self, view: View, means: Floats, information: Floats, places: list[Pose2]
     ) -> Proposals:
         """[Grisetti07] improved proposal, mean, covariance and weight of samples at the peak."""
         poses = means.copy()
@@ -78,5 +81,5 @@ class EndPointMatcher:
     def _field(self, view: View) -> Field:
         p, deviation = self._params, math.hypot(view.noise, self._cell)
         worth = min(1.0, p.independent / view.beams) / deviation**2
-        soft = max(p.soft, 3.0 * view.noise)
-        return Field(worth, soft, p.climb_way, p.climb_turn, p.climb_halvings)
+        soft = max(p.band * p.resolution, 3.0 * view.noise)
+        return Field(worth, soft, *CLIMB_STEP, CLIMB_HALVINGS)
