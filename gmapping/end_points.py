@@ -11,7 +11,7 @@ from gmapping import climb_kernels as kernels
 from gmapping.climb_kernels import Field
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
 from gmapping.map import TileMap
-from gmapping.match import Proposals
+from gmapping.match import Proposals, Revisit
 from gmapping.match_kernels import Prior as Priors
 from gmapping.params import GMappingParams
 from gmapping.render_kernels import Counts
@@ -46,7 +46,7 @@ class EndPointMatcher:
         return Match(pose, share, 1.0 / self._field(view).worth, seen)
 
     def propose(
-        self, view: View, means: Floats, information: Floats, places: list[Pose2]
+        self, view: View, means: Floats, information: Floats, revisit: Revisit
     ) -> Proposals:
         """[Grisetti07] improved proposal, mean, covariance and weight of samples at the peak."""
         poses = means.copy()

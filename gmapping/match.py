@@ -7,9 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.types import Floats
+from gmapping.render_kernels import Counts
+from slams.types import Floats, Pose2
 
 OLD = 15.0  # m of way after which a surface is old: no robot sees a room that long without a loop
+
+
+class Revisit(NamedTuple):
+    """Poses that the robot may have come back to, and what was seen from around there long ago."""
+
+    poses: list[Pose2]
+    seen: Counts
 
 
 class Proposals(NamedTuple):

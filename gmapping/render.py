@@ -17,6 +17,7 @@ from slams.types import Floats, OccupancyGrid, Pose2
 
 Ints = NDArray[np.int32]
 
+FULL = 1 << COARSE  # cells to the edge of a coarse one
 SURE = 3.0  # hits from which a coarse cell is a wall
 
 
@@ -30,6 +31,14 @@ class Ray(NamedTuple):
         """Both in the frame that `pose` stands in."""
         points = self.points[:, :2].astype(np.float64)
         return pose.transform(points), pose.transform(self.sensor)
+
+
+def walls(counts: Counts) -> Lookup:
+    """Where beams ended, in cells twice as wide, for correlative search."""
+    edge, (height, width) = counts.resolution, counts.hits.shape
+    pairs = counts.hits.reshape(height // 2, 2, width // 2, 2)
+    likelihood = np.asarray(pairs.any(axis=(1, 3)), np.float32)
+    return Lookup(likelihood, (counts.x0 + 0.5) * edge, (counts.y0 + 0.5) * edge, 2.0 * edge)
 
 
 class Renderer:
@@ -102,15 +111,24 @@ class Renderer:
         grid = self._shares(*self._part(*low.tolist(), *high.tolist()))
         return None if np.isnan(grid.p).all() else grid
 
-    def ends_before(self, end: int, pose: Pose2, near: float, most: int) -> list[Floats]:
-        """End points (n, 2) [m] of scans drawn less than `near` [m] from a pose.
+    def drawn_before(self, end: int) -> list[tuple[int, Pose2]]:
+        """Numbers and poses of the first `end` kept scans that are drawn."""
+        return [(k, at) for k, at in enumerate(self._drawn[:end]) if at is not None]
 
-        Of the first `end` kept scans; evenly chosen where they are more than `most`.
-        """
-        drawn = [(k, at) for k, at in enumerate(self._drawn[:end]) if at is not None]
-        close = [(k, at) for k, at in drawn if math.dist(at[:2], pose[:2]) < near]
-        chosen = close[:: 1 + len(close) // most]
-        return [self._scans[k].seen_from(at)[0] for k, at in chosen]
+    def only(self, scans: list[tuple[int, Pose2]]) -> Counts:
+        """What some kept scans alone have seen, by numbers and poses."""
+        rays, edge = [self._scans[k].seen_from(pose) for k, pose in scans], self.counts.resolution
+        ends = np.concatenate([part for ray in rays for part in ray])
+        low = np.floor(ends.min(axis=0) / edge).astype(np.int64) >> COARSE
+        high = np.ceil(ends.max(axis=0) / edge).astype(np.int64) >> COARSE
+        width, height = (high - low + 2).tolist()
+        hits, visits = np.zeros((2, height * FULL, width * FULL), np.int32)
+        coarse = np.zeros((height, width), np.int32)
+        x0, y0 = (low << COARSE).tolist()
+        counts = Counts(hits, visits, coarse, x0, y0, edge)
+        for points, sensor in rays:
+            draw(points, sensor[0], counts, 1)
+        return counts
 
     def lookup(self) -> Lookup:
         """Likelihood of walls in coarse cells, for correlative search."""

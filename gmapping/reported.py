@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 import numpy as np
 
 from gmapping.end_points import EndPointMatcher
-from gmapping.match import OLD
+from gmapping.match import OLD, Revisit
 from gmapping.particles import Particles
-from gmapping.render import Ray, Renderer
+from gmapping.render import Ray, Renderer, walls
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
 from slams.frontend.correlative import Lookup, search
 from slams.frontend.degeneracy import of_scan
 from slams.grid_bounds import Box
 from slams.scan.end_points import EndPoints
-from slams.types import Floats, OccupancyGrid, Pose2
+from slams.types import OccupancyGrid, Pose2
 
 NEAR = 3.0  # m from where the robot was then: what it saw there, it sees from here
 SELDOM = 0.5  # m of way between two looks for a loop
 SCANS = 20  # old scans that are looked at
-EDGE = 0.1  # m, of a cell of the search
 DRIFT = np.diag((0.33, 0.33, 0.03)) ** 2  # m, m, rad: of the way around a loop; 3 deviations
 WINDOWS = 0.25, 0.5, 1.0  # of the drift that is searched: the nearer place is the likelier one
 REDRAWN = 15  # keyframes drawn anew with one, once another particle is reported: 30 ms at 80 m
@@ -56,21 +56,22 @@ class ReportedMap:
         """The part of the map in a box, None if nothing was observed there."""
         return self._picture.cut(box)
 
-    def revisited(self, points: View, pose: Pose2, way: float) -> list[Pose2]:
-        """Poses that the robot may have come back to, nearest first; mostly none.
+    def revisited(self, points: View, pose: Pose2, way: float) -> Revisit:
+        """Where the robot may be on ground that it left long ago, nearest first; mostly nowhere.
 
         The best poses of correlative searches in wider and wider windows among keyframes that are
         `OLD` behind, `way` [m] from the start; along a corridor that hides how far along it is,
         only across.
         """
         if way - self._looked < SELDOM:
-            return []
+            return Revisit([], self._picture.counts)
         self._looked = way
-        end = int(np.searchsorted(self._ways, way - OLD))
-        old = self._picture.ends_before(end, pose, NEAR, SCANS)
+        old = self._picture.drawn_before(int(np.searchsorted(self._ways, way - OLD)))
+        old = [(k, at) for k, at in old if math.dist(at[:2], pose[:2]) < NEAR]
         if not old:
-            return []
-        lookup = lookup_of(np.concatenate(old), EDGE)
+            return Revisit([], self._picture.counts)
+        seen_then = self._picture.only(old[:: 1 + len(old) // SCANS])
+        lookup = walls(seen_then)
         ends, found = points.pieces[:, :2].T, []
         seen, drift = of_scan(points, pose.theta), DRIFT + self._particles.spread()
         for share in WINDOWS:
@@ -78,7 +79,7 @@ class ReportedMap:
             x, y = at.x - pose.x, at.y - pose.y
             along = (1.0 - seen.share) * (seen.x * x + seen.y * y)
             found.append(at._replace(x=at.x - along * seen.x, y=at.y - along * seen.y))
-        return found
+        return Revisit(found, seen_then)
 
     def insert(self, ray: Ray, way: float) -> None:
         """Draw a keyframe where the reported particle is; after another has been reported, more."""
@@ -90,14 +91,3 @@ class ReportedMap:
             history = particles.history(particles.best)
             if self._picture.follow(history, REDRAWN):
                 self._drawn = particles.lineage
-
-
-def lookup_of(ends: Floats, edge: float) -> Lookup:
-    """Cells with an edge of `edge` [m] in which end points (n, 2) x, y [m] lie."""
-    cells = np.floor(ends / edge).astype(np.int64)
-    low = cells.min(axis=0)
-    width, height = (cells.max(axis=0) - low + 1).tolist()
-    likelihood = np.zeros((height, width), np.float32)
-    likelihood[cells[:, 1] - low[1], cells[:, 0] - low[0]] = 1.0
-    x, y = ((low + 0.5) * edge).tolist()
-    return Lookup(likelihood, x, y, edge)

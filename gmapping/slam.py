@@ -178,8 +178,8 @@ class GMapping:
             proposals = Proposals(particles.poses.copy(), factors, *none)
         else:
             way_so_far = self._way + math.hypot(way.x, way.y)
-            places = self._map.revisited(view, pose, way_so_far) if self.params.refine else []
-            proposals = self._matcher.propose(view, particles.poses, information, places)
+            revisit = self._map.revisited(view, pose, way_so_far)
+            proposals = self._matcher.propose(view, particles.poses, information, revisit)
         normals = self._rng.standard_normal((n, 3))
         particles.draw(proposals.peaks, proposals.factors, self.params.spread * normals)
         if self.params.refine and not proposals.closes[particles.best]:

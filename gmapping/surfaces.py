@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gmapping import match_kernels as kernels
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
-from gmapping.match import OLD, Proposals
+from gmapping.match import OLD, Proposals, Revisit
 from gmapping.match_kernels import Climb
 from gmapping.params import GMappingParams
 from gmapping.render_kernels import Counts
@@ -22,8 +22,9 @@ from slams.types import Floats, Pose2, wrap_angle
 
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 CHANCE, EXPLAINED = 0.3, 0.9  # share of the beams that parallel walls explain anywhere; all
-REVISITED = 0.5  # share that surfaces of old explain from which on the place is a revisited one
-PLACE = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found by search
+KNOWN = 0.5  # share on old ground from which a particle looks no further
+GAIN, FOUND = 0.2, 0.4  # the same, less conflicts, where a loop closes: more than here; at least
+REVISITED = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found so
 PLACES = 0.2  # of the independent beams tell one place from another like it
 WALL = 0.5  # m between two pieces, at most, with a wall between them
 HEADINGS = np.radians(np.arange(90.0))  # that walls are looked for to face
@@ -49,7 +50,7 @@ class SurfaceMatcher:
         return Match(pose, float(out[0, 4]) / view.beams, variance, h[0] / variance)
 
     def propose(
-        self, view: View, means: Floats, information: Floats, places: list[Pose2]
+        self, view: View, means: Floats, information: Floats, revisit: Revisit
     ) -> Proposals:
         """[Grisetti07] improved proposal; ours: Laplace's at the peak instead of a fit to samples.
 
@@ -57,8 +58,7 @@ class SurfaceMatcher:
         the same walls. The weight is the likelihood of the beams on old ground: where a particle
         has just come from its scan fits whatever the way before, and chance alone would choose, as
         it would among the parallel walls of a building.
-        A particle whose old surfaces do not explain the scan goes to the first of `places` where
-        they do.
+        Particles whose old ground agrees more with the scan at a place of `revisit` go there.
         """
         n, peaks, how = len(means), means.copy(), self._how(view, information[0])
         prior, every = kernels.Prior(means, information), np.arange(n)
@@ -66,12 +66,13 @@ class SurfaceMatcher:
         blind = _unseen(view, float(means[0, 2]))
         peaks -= (peaks - means) @ blind
         full, closes = how.width**2 * view.beams, np.zeros(n, np.bool_)
-        for place in places:
-            owners = np.flatnonzero(out[:, 6] < REVISITED * full)
+        for place in revisit.poses:
+            owners = np.flatnonzero(out[:, 6] < KNOWN * full)
             others = np.tile(np.array(place), (len(owners), 1))
-            prior = kernels.Prior(others.copy(), np.tile(PLACE, (len(owners), 1, 1)))
+            prior = kernels.Prior(others.copy(), np.tile(REVISITED, (len(owners), 1, 1)))
             h2, out2 = self._climb(view, owners, prior, how, others)
-            there = out2[:, 6] >= REVISITED * full
+            agreed = out2[:, 6] - how.width**2 * self._conflicts(view, owners, others, revisit.seen)
+            there = agreed > np.maximum(out[owners, 6] + GAIN * full, FOUND * full)
             moved = owners[there]
             peaks[moved], h[moved], out[moved] = others[there], h2[there], out2[there]
             closes[moved] = True
@@ -95,6 +96,17 @@ class SurfaceMatcher:
         width, at = self._width(view), np.array(pose)
         found = kernels.evaluate(self.tiles.tiles, owner, view.pieces, at, width, seen)
         return found[0] / view.beams, found[1] / view.beams
+
+    def _conflicts(
+        self, view: View, owners: NDArray[np.int64], poses: Floats, seen: Counts
+    ) -> Floats:
+        """Beams (k,) that end in the particles' maps where long ago beams came by."""
+        tiles, width = self.tiles.tiles, self._width(view)
+        at = zip(owners, poses, strict=True)
+        found = [
+            kernels.evaluate(tiles, owner, view.pieces, pose, width, seen)[1] for owner, pose in at
+        ]
+        return np.array(found)
 
     def _variance(self, view: View) -> float:
         """Of the distance of a beam [m^2].

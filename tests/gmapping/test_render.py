@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gmapping.render import Ray, Renderer
-from gmapping.reported import lookup_of
+from gmapping.render import Ray, Renderer, walls
 from slams.grid_bounds import Box
 from slams.registry import find
 from slams.types import Pose2
@@ -104,9 +103,7 @@ def test_a_part_of_the_picture_is_the_same_as_in_the_whole():
 def test_walls_to_search_are_where_beams_ended():
     renderer, ends = Renderer(EDGE, 0.25), np.array([[1.01, -0.52], [-2.22, 0.31]])
     renderer.keep(Ray(ends, np.zeros((1, 2))), Pose2(0.0, 0.0, 0.0))
-    (old,) = renderer.ends_before(1, Pose2(2.9, 0.0, 0.0), 3.0, 5)
-    assert not renderer.ends_before(1, Pose2(3.1, 0.0, 0.0), 3.0, 5)
-    for found in (renderer.lookup(), lookup_of(old, 0.1)):
+    for found in (renderer.lookup(), walls(renderer.only(renderer.drawn_before(1)))):
         u = np.floor((ends[:, 0] - found.x0) / found.resolution + 0.5).astype(int)
         v = np.floor((ends[:, 1] - found.y0) / found.resolution + 0.5).astype(int)
         assert (found.likelihood[v, u] > 0.0).all()
