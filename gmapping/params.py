@@ -22,7 +22,7 @@ class GMappingParams(ScanParams, FrontendParams):
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "gmapping.original:Original",
-        "paper": {"estimator": "plain", "refine": False, "spread": 1.0, "switch_margin": 0.0},
+        "paper": {"estimator": "plain", "refine": False, "spread": 1.0},
     }
 
     refine: bool = param(
@@ -125,13 +125,6 @@ class GMappingParams(ScanParams, FrontendParams):
         "m",
         "beams that end so close together become their mean",
         source="ours: the basin",
-        low=0.0,
-    )
-    switch_margin: float = param(
-        6.0,
-        "1",
-        "by how much log weight another particle must lead to be reported",
-        source="ours: no switch by chance",
         low=0.0,
     )
     max_range: float = param(

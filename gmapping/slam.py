@@ -13,7 +13,7 @@ Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007. 
       map, and drawn from a Gaussian around the peak (improved proposal); its weight grows by the
       likelihood of the scan. ours: the reported one stays where it was decided to be.
    b. n_eff = 1 / sum w^2; below a share of the particles they are resampled (adaptive resampling).
-   c. The particle of greatest weight over its life is reported.
+   c. The particle of greatest weight over its life is reported; ours: the same one always.
    d. The scan is inserted into every particle's map.
 
 What is ours is `slams.frontend` and the surfaces. `gmapping@paper` leaves out both; the published
@@ -205,12 +205,13 @@ class GMapping:
     def _elect(self, pose: Pose2, closes: NDArray[np.bool_]) -> Pose2:
         """Step c: the pose of the particle that is reported.
 
-        ours: only one that has closed a loop takes over; the others differ by the noise of draws.
+        ours: always the same one, which has moved only if it has closed a loop; the others differ
+        by the noise of their draws, and a leader among them is chosen by chance.
         """
         particles = self.particles
-        leader = particles.leader(self.params.switch_margin)
-        if self.params.refine and not closes[leader]:
+        if self.params.refine and not closes[particles.best]:
             return pose
+        leader = particles.best if self.params.refine else particles.leader()
         self._counts["switched"] += leader != particles.best
         self._counts["closed"] += bool(closes[leader])
         particles.report(leader)

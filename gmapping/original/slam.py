@@ -105,7 +105,7 @@ class Original:
             self.particles.weigh(log_w, self.params.gain * len(log_w))
             if self.particles.n_eff < self.params.resample_threshold * len(log_w):
                 self._follow(self.particles.draw_ancestors(self._rng.random()), "resampled")  # 3
-            leader = self.particles.leader(0.0)  # 5
+            leader = self.particles.leader()  # 5
             self._counts["switched"] += leader != self.particles.best
             self.particles.best = leader
         self._insert(points)  # 4

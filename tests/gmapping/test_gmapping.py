@@ -117,15 +117,13 @@ def test_beams_clear_what_they_cross_and_mark_their_end():
 def test_a_closed_loop_moves_the_robot_and_is_no_motion():
     _, scans = drive(30)
     (slam, poses), (other, _) = (run(scans[:-1], n_particles=2) for _ in range(2))
-    particles, pose, margin = slam.particles, Pose2(*poses[-1]), slam.params.switch_margin
-    none, second = np.array([False, False]), np.array([False, True])
+    particles, pose = slam.particles, Pose2(*poses[-1])
     particles.poses[:] = pose
-    particles.poses[1, 1] += 0.3
-    for ahead, closes in ((margin - 1.0, second), (margin + 1.0, none)):
-        particles.best, particles.lifetime[:] = 0, [0.0, ahead]
-        assert slam._elect(pose, closes) == pose and particles.best == 0
-    there = slam._elect(pose, second)
-    assert slam.report()["closed"] == slam.report()["switched"] == 1
+    particles.poses[0, 1] += 0.3
+    particles.best, particles.lifetime[:] = 0, [0.0, 90.0]
+    assert slam._elect(pose, np.array([False, True])) == pose and particles.best == 0
+    there = slam._elect(pose, np.array([True, True]))
+    assert (slam.report()["closed"], slam.report()["switched"], particles.best) == (1, 0, 0)
     np.testing.assert_allclose(there, [pose.x, pose.y + 0.3, pose.theta])
     shifted, expected = (s._estimator.predict(scans[-1]).pose for s in (slam, other))
     np.testing.assert_allclose(shifted, [expected.x, expected.y + 0.3, expected.theta], atol=1e-4)
@@ -134,7 +132,7 @@ def test_a_closed_loop_moves_the_robot_and_is_no_motion():
 def test_the_papers_filter_reports_the_leader_whether_or_not_it_has_closed_a_loop():
     _, scans = drive(10)
     slam, poses = run(scans, "paper", n_particles=2)
-    slam.particles.best, slam.particles.lifetime[:] = 0, [0.0, slam.params.switch_margin + 1.0]
+    slam.particles.best, slam.particles.lifetime[:] = 0, [0.0, 1.0]
     slam._elect(Pose2(*poses[-1]), np.array([False, False]))
     assert slam.particles.best == 1
 

@@ -49,8 +49,7 @@ def test_histories_follow_ancestors_and_the_reported_particle_has_a_margin():
     particles.poses[:, 0] = [1.0, 2.0, 3.0]
     particles.remember()
     particles.weigh(np.array([-1.0, 0.0, -6.0]), 1.0)
-    assert particles.leader(2.0) == 0
-    assert particles.leader(0.5) == 1
+    assert particles.leader() == 1
     particles.best = 1
     particles.follow(np.array([1, 1, 0]))
     assert particles.best == 0
