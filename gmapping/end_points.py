@@ -20,6 +20,9 @@ from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
 
+CLIMB_STEP = 0.01, 0.005  # m, rad: the first, below the deviation of most peaks
+CLIMB_HALVINGS = 3  # of it: the last step is 1.25 mm
+
 
 class EndPointMatcher:
     """Distances of a scan's end points from the mean hits in the cells."""
@@ -78,5 +81,5 @@ class EndPointMatcher:
     def _field(self, view: View) -> Field:
         p, deviation = self._params, math.hypot(view.noise, self._cell)
         worth = min(1.0, p.independent / view.beams) / deviation**2
-        soft = max(p.soft, 3.0 * view.noise)
-        return Field(worth, soft, p.climb_way, p.climb_turn, p.climb_halvings)
+        soft = max(p.band * p.resolution, 3.0 * view.noise)
+        return Field(worth, soft, *CLIMB_STEP, CLIMB_HALVINGS)

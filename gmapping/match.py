@@ -1,18 +1,16 @@
-"""What a matcher offers: matches in one particle's map, and the proposals of all particles."""
+"""What both matchers share: the proposals of all particles, and from when on surfaces are old."""
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.map import TileMap
 from gmapping.render_kernels import Counts
-from gmapping.scan import View
-from slams.geometry import Prior
-from slams.refine.lines import Match
 from slams.types import Floats, Pose2
+
+OLD = 15.0  # m of way after which a surface is old: no robot sees a room that long without a loop
 
 
 class Revisit(NamedTuple):
@@ -33,33 +31,3 @@ class Proposals(NamedTuple):
     factors: Floats
     log_w: Floats
     closes: NDArray[np.bool_]
-
-
-class Matcher(Protocol):
-    """Matches scans to the particles' maps, `tiles`, and writes into them."""
-
-    tiles: TileMap
-
-    def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
-        """The peak near `start` in the map of one particle."""
-        ...
-
-    def propose(
-        self, view: View, means: Floats, information: Floats, revisit: Revisit
-    ) -> Proposals:
-        """[Grisetti07] improved proposal of every particle; means (n, 3), information (n, 3, 3).
-
-        ours: particles may be where the robot has come back to.
-        """
-        ...
-
-    def insert(self, view: View, poses: Floats, way: float) -> bool:
-        """Write a scan into the particles' maps, at these poses; False if there was no room.
-
-        `way` [m] driven so far, more at every scan.
-        """
-        ...
-
-    def evaluate(self, view: View, owner: int, pose: Pose2, seen: Counts) -> tuple[float, float]:
-        """Shares of the beams that are inliers in one map, and that end where `seen` is free."""
-        ...

@@ -22,7 +22,7 @@ class GMappingParams(ScanParams, FrontendParams):
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "gmapping.original:Original",
-        "paper": {"estimator": "plain", "refine": False, "spread": 1.0, "switch_margin": 0.0},
+        "paper": {"estimator": "plain", "refine": False, "spread": 1.0},
     }
 
     refine: bool = param(
@@ -33,7 +33,13 @@ class GMappingParams(ScanParams, FrontendParams):
         switch=True,
     )
     n_particles: int = param(
-        30, "1", "number of particles", source=ORIGINAL, low=1, high=20_000, ros=("particles",)
+        15,
+        "1",
+        "number of particles",
+        source="ours: 30 take twice the time of a keyframe",
+        low=1,
+        high=20_000,
+        ros=("particles",),
     )
     resolution: float = param(
         0.05, "m", "edge of a cell", source=ORIGINAL, low=0.01, high=1.0, ros=("delta",)
@@ -88,7 +94,7 @@ class GMappingParams(ScanParams, FrontendParams):
     band: int = param(
         2,
         "cell",
-        "cells kept on either side of a surface",
+        "cells kept on either side of a surface, and reach of the first step",
         source="ours: the basin",
         low=1,
         high=8,
@@ -96,25 +102,10 @@ class GMappingParams(ScanParams, FrontendParams):
     cap: float = param(
         100.0, "1", "greatest weight of a cell: the map can follow changes", source="ours", low=1.0
     )
-    wide: float = param(
-        0.1, "m", "deviation of an outlier at the first step", source="ours: the band", low=0.001
-    )
     width: float = param(
         0.03, "m", "deviation of an outlier at the last step", source="ours", low=0.001
     )
     steps: int = param(8, "1", "Gauss-Newton steps at most", source="ours", low=1, high=1_000)
-    climb_way: float = param(
-        0.01, "m", "first step of the climb, without `refine`", source="ours", low=0.001
-    )
-    climb_turn: float = param(
-        0.005, "rad", "first step of the climb, without `refine`", source="ours", low=0.001
-    )
-    climb_halvings: int = param(
-        3, "1", "halvings of the step of the climb", source="ours: a millimeter", low=0, high=20
-    )
-    soft: float = param(
-        0.1, "m", "from where an end is off every wall, without `refine`", source="ours", low=0.001
-    )
     independent: float = param(
         100.0,
         "1",
@@ -134,13 +125,6 @@ class GMappingParams(ScanParams, FrontendParams):
         "m",
         "beams that end so close together become their mean",
         source="ours: the basin",
-        low=0.0,
-    )
-    switch_margin: float = param(
-        6.0,
-        "1",
-        "by how much log weight another particle must lead to be reported",
-        source="ours: no switch by chance",
         low=0.0,
     )
     max_range: float = param(

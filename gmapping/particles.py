@@ -39,8 +39,7 @@ class Particles:
 
     `log_w` has grown since the last resampling, `lifetime` since the start; `best` is the one that
     is reported, `lineage` how often another history was. Histories are one tree: nodes know their
-    parent. ours: if `steady`, the one that is reported lives on, in place of a twin, until another
-    leads (`leader`).
+    parent. ours: if `steady`, the one that is reported lives on, in place of a twin.
     """
 
     def __init__(self, n: int, steady: bool = False) -> None:
@@ -126,11 +125,10 @@ class Particles:
         self.lineage += leader != self.best
         self.best = leader
 
-    def leader(self, margin: float) -> int:
-        """The particle whose lifetime weight leads the reported one's by a margin, or that."""
+    def leader(self) -> int:
+        """The particle of greatest lifetime weight; the reported one if none leads it."""
         leader = int(np.argmax(self.lifetime))
-        leads = self.lifetime[leader] > self.lifetime[self.best] + margin
-        return leader if leads else self.best
+        return leader if self.lifetime[leader] > self.lifetime[self.best] else self.best
 
     def remember(self) -> None:
         """Add a node to every particle's history."""

@@ -13,7 +13,8 @@ from gmapping.params import GMappingParams
 from gmapping.particles import Particles
 from gmapping.slam import GMapping
 from gmapping.tile_kernels import SIDE
-from slams.types import IDENTITY, Floats, Laser, Pose2, Ranges, Scan
+from slams.test_world import box, laser, scan_at
+from slams.types import IDENTITY, Floats, Pose2
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +28,9 @@ def draw(path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    params = GMappingParams.preset("paper").replace(n_particles=PARTICLES, linear_update=0.5)
+    params = GMappingParams.preset("paper").replace(
+        n_particles=PARTICLES, linear_update=0.5, max_range=6.0
+    )
     slam = GMapping(params)
     truth = _drive(slam)
     figure = Figure(figsize=(10, 4.5), layout="constrained")
@@ -40,31 +43,18 @@ def draw(path: Path) -> None:
 def _drive(slam: GMapping) -> Floats:
     """Through a corridor of 17 m with odometry that drifts; true headings at the keyframes."""
     rng = np.random.default_rng(1)
-    laser = Laser(-np.pi, np.pi / 180, 360, 0.1, 6.0)
+    lidar, walls = laser(360, 2.0 * np.pi, range_max=6.0), np.array(box(-1.0, -1.5, 16.0, 1.5))
     pose, odometry, inserted, headings = IDENTITY, IDENTITY, 0, []
     for k in range(300):
         step = Pose2(0.05, 0.0, 0.02 * np.sin(0.1 * k))
         if k:
             pose = pose @ step
             odometry = odometry @ Pose2(step.x * 1.05, 0.0, step.theta + rng.normal(0.001, 0.003))
-        slam.update(Scan(0.1 * k, _cast(pose, laser, rng), laser, odometry))
+        slam.update(scan_at(pose, lidar, walls, 0.03, rng, 0.1 * k, odometry))
         if slam.report()["inserted"] > inserted:
             inserted += 1
             headings.append(pose.theta)
     return np.array(headings)
-
-
-def _cast(pose: Pose2, laser: Laser, rng: np.random.Generator) -> Ranges:
-    """Ranges in a corridor between x = -1 and 16 m, 3 m wide, 3 cm of noise."""
-    angles = laser.angles + pose.theta
-    cos, sin = np.cos(angles), np.sin(angles)
-    with np.errstate(divide="ignore"):
-        ends = np.where(cos > 0.0, 16.0 - pose.x, -1.0 - pose.x) / cos
-        sides = np.where(sin > 0.0, 1.5 - pose.y, -1.5 - pose.y) / sin
-    ranges = np.minimum(ends, sides) + rng.normal(0.0, 0.03, len(angles))
-    seen: Ranges = np.where(ranges < laser.range_max, ranges, np.inf).astype(np.float32)
-    seen.flags.writeable = False
-    return seen
 
 
 def _histories(axes: Axes, particles: Particles, truth: Floats) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -25,24 +24,13 @@ SURE = 3.0  # hits from which a coarse cell is a wall
 class Ray(NamedTuple):
     """End points (n, 2 or more) x, y [m] of a scan and the laser (1, 2), in the base frame."""
 
-    points: Floats
+    points: Floats | NDArray[np.float32]
     sensor: Floats
 
-    def seen_from(self, pose: Pose2) -> Ray:
-        """The same in the frame that `pose` stands in."""
-        return Ray(pose.transform(self.points[:, :2]), pose.transform(self.sensor))
-
-
-@dataclass(frozen=True)
-class Ends:
-    """What of a keyframe is kept: end points (n, 2) x, y [m], and the laser's mount."""
-
-    points: NDArray[np.float32]
-    mount: Pose2
-
-    def __call__(self) -> Ray:
-        """What is drawn of it."""
-        return Ray(self.points.astype(np.float64), np.array([[self.mount.x, self.mount.y]]))
+    def seen_from(self, pose: Pose2) -> tuple[Floats, Floats]:
+        """Both in the frame that `pose` stands in."""
+        points = self.points[:, :2].astype(np.float64)
+        return pose.transform(points), pose.transform(self.sensor)
 
 
 def walls(counts: Counts) -> Lookup:
@@ -70,24 +58,24 @@ class Renderer:
         self._power = math.log(0.5) / math.log(occupied)
         self._room = Room(max_cells, resolution, 1 << COARSE)
         self._low, self._high = np.zeros((2, 2), np.int64)  # cells that were needed, both included
-        self._scans: list[Callable[[], Ray]] = []
+        self._scans: list[Ray] = []
         self._drawn: list[Pose2 | None] = []  # where each of them is drawn
         self._n_final = 0  # scans that are drawn for good
         self.counts = self._empty(resolution)
 
-    def keep(self, scan: Callable[[], Ray], pose: Pose2 | None = None) -> None:
-        """Keep a keyframe: what gives its rays; it is drawn at once if it has a pose."""
+    def keep(self, scan: Ray, pose: Pose2 | None = None) -> None:
+        """Keep a keyframe; it is drawn at once if it has a pose."""
         self._scans.append(scan)
         self._drawn.append(None)
         if pose is not None:
             self._move(len(self._scans) - 1, pose)
 
-    def draw(self, scan: Callable[[], Ray], pose: Floats) -> None:
+    def draw(self, scan: Ray, pose: Floats) -> None:
         """Draw a keyframe for good, at a pose (3,) that no resampling can change; before any kept.
 
         Nothing of it is kept.
         """
-        self._add(scan().seen_from(Pose2(*pose.tolist())), 1)
+        self._add(scan, Pose2(*pose.tolist()), 1)
         self._n_final += 1
 
     def follow(self, history: Floats, most: int | None = None) -> bool:
@@ -129,7 +117,7 @@ class Renderer:
 
     def only(self, scans: list[tuple[int, Pose2]]) -> Counts:
         """What some kept scans alone have seen, by numbers and poses."""
-        rays, edge = [self._scans[k]().seen_from(pose) for k, pose in scans], self.counts.resolution
+        rays, edge = [self._scans[k].seen_from(pose) for k, pose in scans], self.counts.resolution
         ends = np.concatenate([part for ray in rays for part in ray])
         low = np.floor(ends.min(axis=0) / edge).astype(np.int64) >> COARSE
         high = np.ceil(ends.max(axis=0) / edge).astype(np.int64) >> COARSE
@@ -138,8 +126,8 @@ class Renderer:
         coarse = np.zeros((height, width), np.int32)
         x0, y0 = (low << COARSE).tolist()
         counts = Counts(hits, visits, coarse, x0, y0, edge)
-        for ray in rays:
-            draw(ray.points, ray.sensor[0], counts, 1)
+        for points, sensor in rays:
+            draw(points, sensor[0], counts, 1)
         return counts
 
     def lookup(self) -> Lookup:
@@ -174,22 +162,22 @@ class Renderer:
 
     def _move(self, k: int, pose: Pose2) -> None:
         """Draw a kept scan at a pose, and no longer where it was."""
-        ray, before = self._scans[k](), self._drawn[k]
+        ray, before = self._scans[k], self._drawn[k]
         if before is not None:
-            self._add(ray.seen_from(before), -1)
-        self._add(ray.seen_from(pose), 1)
+            self._add(ray, before, -1)
+        self._add(ray, pose, 1)
         self._drawn[k] = pose
 
-    def _add(self, ray: Ray, times: int) -> None:
-        edge = self.counts.resolution
-        ends = np.concatenate([ray.points, ray.sensor])
+    def _add(self, ray: Ray, pose: Pose2, times: int) -> None:
+        points, sensor = ray.seen_from(pose)
+        edge, ends = self.counts.resolution, np.concatenate([points, sensor])
         low, high = ends.min(axis=0), ends.max(axis=0)
         self._low = np.minimum(self._low, np.floor(low / edge + 0.5).astype(np.int64))
         self._high = np.maximum(self._high, np.floor(high / edge + 0.5).astype(np.int64))
         added = self._room.reach(Box(*(low - edge).tolist(), *(high + edge).tolist()))
         if added is not None:
             self._grow(*added)
-        draw(ray.points, ray.sensor[0], self.counts, times)
+        draw(points, sensor[0], self.counts, times)
 
     def _empty(self, resolution: float) -> Counts:
         shape = self._room.height, self._room.width

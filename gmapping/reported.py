@@ -7,23 +7,26 @@ from typing import cast
 
 import numpy as np
 
-from gmapping.match import Matcher, Revisit
+from gmapping.end_points import EndPointMatcher
+from gmapping.match import OLD, Revisit
 from gmapping.particles import Particles
-from gmapping.render import Ends, Renderer, walls
+from gmapping.render import Ray, Renderer, walls
 from gmapping.scan import View
+from gmapping.surfaces import SurfaceMatcher
 from slams.frontend.correlative import Lookup, search
 from slams.frontend.degeneracy import of_scan
 from slams.grid_bounds import Box
 from slams.scan.end_points import EndPoints
 from slams.types import OccupancyGrid, Pose2
 
-OLD = 15.0  # m of way after which ground is old: no robot sees a room that long without a loop
 NEAR = 3.0  # m from where the robot was then: what it saw there, it sees from here
 SELDOM = 0.5  # m of way between two looks for a loop
 SCANS = 20  # old scans that are looked at
 DRIFT = np.diag((0.33, 0.33, 0.03)) ** 2  # m, m, rad: of the way around a loop; 3 deviations
 WINDOWS = 0.25, 0.5, 1.0  # of the drift that is searched: the nearer place is the likelier one
 REDRAWN = 15  # keyframes drawn anew with one, once another particle is reported: 30 ms at 80 m
+
+Matcher = SurfaceMatcher | EndPointMatcher
 
 
 class ReportedMap:
@@ -78,12 +81,12 @@ class ReportedMap:
             found.append(at._replace(x=at.x - along * seen.x, y=at.y - along * seen.y))
         return Revisit(found, seen_then)
 
-    def insert(self, ends: Ends, way: float) -> None:
+    def insert(self, ray: Ray, way: float) -> None:
         """Draw a keyframe where the reported particle is; after another has been reported, more."""
         particles = self._particles
         x, y, theta = particles.poses[particles.best].tolist()
         self._ways.append(way)
-        self._picture.keep(ends, Pose2(x, y, theta))
+        self._picture.keep(ray, Pose2(x, y, theta))
         if particles.lineage != self._drawn:
             history = particles.history(particles.best)
             if self._picture.follow(history, REDRAWN):

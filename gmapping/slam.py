@@ -13,7 +13,7 @@ Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007. 
       map, and drawn from a Gaussian around the peak (improved proposal); its weight grows by the
       likelihood of the scan. ours: the reported one stays where it was decided to be.
    b. n_eff = 1 / sum w^2; below a share of the particles they are resampled (adaptive resampling).
-   c. The particle of greatest weight over its life is reported.
+   c. The particle of greatest weight over its life is reported; ours: the same one always.
    d. The scan is inserted into every particle's map.
 
 What is ours is `slams.frontend` and the surfaces. `gmapping@paper` leaves out both; the published
@@ -31,11 +31,11 @@ from numpy.typing import NDArray
 
 from gmapping.end_points import EndPointMatcher
 from gmapping.map import TileMap
-from gmapping.match import Matcher, Proposals
+from gmapping.match import Proposals
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
-from gmapping.render import Ends, Renderer
-from gmapping.reported import ReportedMap
+from gmapping.render import Renderer
+from gmapping.reported import Matcher, ReportedMap
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
 from slams.frontend.keyframes import Keyframes
@@ -47,7 +47,6 @@ from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
 
-LEAP, LEAP_TURN = 0.05, 0.02  # m, rad: no draw goes so far
 STEP = 0.001  # m by which two keyframes differ in `_way`, however near they are
 COUNTS = "posed inserted resampled switched collapsed closed"
 
@@ -158,16 +157,18 @@ class GMapping:
         if self._map.empty:
             particles.poses[:] = pose
         else:
-            self._propose(view, pose)  # a.
+            closes = self._propose(view, pose)  # a.
             if particles.n_eff < self.params.resample_threshold * len(particles):  # b.
-                self._follow(particles.draw_ancestors(self._rng.random()))
+                ancestors = particles.draw_ancestors(self._rng.random())
+                closes = closes[ancestors]
+                self._follow(ancestors)
                 self._counts["resampled"] += 1
-            pose = self._elect(pose)  # c.
+            pose = self._elect(pose, closes)  # c.
         self._insert(view, pose)  # d.
         return pose
 
-    def _propose(self, view: View, pose: Pose2) -> None:
-        """Step a; particles that nothing was matched for go the way, with its noise."""
+    def _propose(self, view: View, pose: Pose2) -> NDArray[np.bool_]:
+        """Step a: which particles have closed a loop; without a match they get the way's noise."""
         particles, way = self.particles, self._key.between(pose)
         particles.move(np.array(way))
         information = self._information(way)
@@ -177,13 +178,15 @@ class GMapping:
             none = np.zeros(n), np.zeros(n, np.bool_)
             proposals = Proposals(particles.poses.copy(), factors, *none)
         else:
-            revisit = self._map.revisited(view, pose, self._way + math.hypot(way.x, way.y))
+            way_so_far = self._way + math.hypot(way.x, way.y)
+            revisit = self._map.revisited(view, pose, way_so_far)
             proposals = self._matcher.propose(view, particles.poses, information, revisit)
         normals = self._rng.standard_normal((n, 3))
         particles.draw(proposals.peaks, proposals.factors, self.params.spread * normals)
         if self.params.refine and not proposals.closes[particles.best]:
             particles.poses[particles.best] = pose
         particles.weigh(proposals.log_w, 1.0)
+        return proposals.closes
 
     def _information(self, way: Pose2) -> Floats:
         """Of particles after a tracked way: (n, 3, 3) [1/m^2, 1/(m rad), 1/rad^2].
@@ -200,18 +203,18 @@ class GMapping:
             covariance += (axes * np.maximum(lost, 0.0)) @ axes.T
         return np.tile(np.linalg.inv(covariance), (len(self.particles), 1, 1))
 
-    def _elect(self, pose: Pose2) -> Pose2:
-        """Step c; where the reported particle is elsewhere all at once, a loop was closed.
+    def _elect(self, pose: Pose2, closes: NDArray[np.bool_]) -> Pose2:
+        """Step c: the pose of the particle that is reported.
 
-        ours: a leader as near as a draw is the reported one with the noise of its draws.
+        ours: always the same one, which has moved only if it has closed a loop; the others differ
+        by the noise of their draws, and a leader among them is chosen by chance.
         """
         particles = self.particles
-        leader = particles.leader(self.params.switch_margin)
-        jumps = _jumps(pose.between(particles.pose(leader)))
-        if self.params.refine and not jumps:
+        if self.params.refine and not closes[particles.best]:
             return pose
+        leader = particles.best if self.params.refine else particles.leader()
         self._counts["switched"] += leader != particles.best
-        self._counts["closed"] += jumps
+        self._counts["closed"] += bool(closes[leader])
         particles.report(leader)
         self._estimator.correct(particles.best_pose)
         return particles.best_pose
@@ -229,7 +232,7 @@ class GMapping:
         self._key, self._known = pose, self._estimator.covariance
         self._keyframes.add(pose, self._estimator.quality)
         self.particles.remember()
-        self._map.insert(Ends(view.ends, view.mount), self._way)
+        self._map.insert(view.ray, self._way)
 
     def _share_one_map(self) -> None:
         """All particles go on from the reported one's."""
@@ -238,8 +241,3 @@ class GMapping:
     def _follow(self, ancestors: NDArray[np.int64]) -> None:
         self.particles.follow(ancestors)
         self.tiles.inherit(ancestors)
-
-
-def _jumps(way: Pose2) -> bool:
-    """Whether no draw goes so far."""
-    return math.hypot(way.x, way.y) > LEAP or abs(way.theta) > LEAP_TURN

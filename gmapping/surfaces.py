@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gmapping import match_kernels as kernels
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
-from gmapping.match import Proposals, Revisit
+from gmapping.match import OLD, Proposals, Revisit
 from gmapping.match_kernels import Climb
 from gmapping.params import GMappingParams
 from gmapping.render_kernels import Counts
@@ -21,7 +21,6 @@ from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
 
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
-OLD = 15.0  # m of way, after which ground is old: no robot sees a room that long without a loop
 CHANCE, EXPLAINED = 0.3, 0.9  # share of the beams that parallel walls explain anywhere; all
 KNOWN = 0.5  # share on old ground from which a particle looks no further
 GAIN, FOUND = 0.2, 0.4  # the same, less conflicts, where a loop closes: more than here; at least
@@ -126,7 +125,7 @@ class SurfaceMatcher:
     def _how(self, view: View, information: Floats) -> Climb:
         p = self._params
         width = self._width(view)
-        wide, wait = max(p.wide, width), 0
+        wide, wait = max(p.band * p.resolution, width), 0
         if _least(information) * width**2 < 1.0:  # else the start is as near as that
             wait = p.steps - 1 - math.ceil(math.log2(wide / width))
         return Climb(wide, width, p.steps, self._variance(view), self._way - OLD, wait)

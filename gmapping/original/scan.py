@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from gmapping.original.motion import Step
 from gmapping.original.params import OriginalParams
 from gmapping.original.scan_kernels import Beams, end_points
-from gmapping.render import Ray
 from slams.types import Floats, Laser, Scan
 
 
@@ -45,16 +42,3 @@ class EndPoints:
         x, y, turn = (share * value for value in step.pose)
         far = min(laser.range_max, self._params.max_range)
         return Beams(*laser.mount, x, y, turn, laser.range_min, far)
-
-
-@dataclass(frozen=True)
-class KeptScan:
-    """A keyframe's scan, which its rays are made of whenever it is drawn."""
-
-    points: EndPoints
-    scan: Scan
-    step: Step
-
-    def __call__(self) -> Ray:
-        """For the picture of the map: the points and where the laser was."""
-        return Ray(self.points(self.scan, self.step), np.array([self.scan.laser.mount[:2]]))

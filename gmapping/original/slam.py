@@ -16,7 +16,6 @@ OpenSLAM has it:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 from gmapping.original.map import HitMap
 from gmapping.original.motion import Motion, Step
 from gmapping.original.params import OriginalParams
-from gmapping.original.scan import EndPoints, KeptScan
+from gmapping.original.scan import EndPoints
 from gmapping.particles import Particles
 from gmapping.render import Ray, Renderer
 from slams.params import Params
@@ -64,7 +63,7 @@ class Original:
             self._counts["rejected"] += 1
         elif self._due(step) and self.tiles.admits(self.pose, _farthest(points)):
             self._filter(points)
-            self._keep(KeptScan(self._rays, scan, step))
+            self._keep(Ray(self._rays(scan, step).copy(), np.array([scan.laser.mount[:2]])))
         self._counts["scans"] += 1
         self._motion.learn(before.between(self.pose))
         return self.pose
@@ -106,7 +105,7 @@ class Original:
             self.particles.weigh(log_w, self.params.gain * len(log_w))
             if self.particles.n_eff < self.params.resample_threshold * len(log_w):
                 self._follow(self.particles.draw_ancestors(self._rng.random()), "resampled")  # 3
-            leader = self.particles.leader(0.0)  # 5
+            leader = self.particles.leader()  # 5
             self._counts["switched"] += leader != self.particles.best
             self.particles.best = leader
         self._insert(points)  # 4
@@ -114,7 +113,7 @@ class Original:
         self.pose = self.particles.best_pose
         self._way = self._turn = 0.0
 
-    def _keep(self, scan: Callable[[], Ray]) -> None:
+    def _keep(self, scan: Ray) -> None:
         """A keyframe for the map; nothing is left to choose for a particle that is alone."""
         if len(self.particles) == 1:
             self._renderer.draw(scan, self.particles.poses[0])

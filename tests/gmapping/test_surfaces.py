@@ -219,7 +219,7 @@ def test_a_match_tells_share_noise_and_information():
 def test_inliers_lie_on_surfaces_and_conflicts_end_where_beams_came_by():
     surface, renderer = surface_of(IDENTITY), Renderer(0.05, 0.25)
     for _ in range(2):
-        renderer.draw(lambda: Ray(surface[:, :2], np.zeros((1, 2))), np.zeros(3))
+        renderer.draw(Ray(surface, np.zeros((1, 2))), np.zeros(3))
     tiles, n = mapped(surface).tiles, surface[:, 4].sum()
     inliers, conflicts = evaluate(tiles, 0, surface, np.zeros(3), 0.03, renderer.counts)
     assert inliers > 0.95 * n and conflicts < 0.02 * n
