@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 CLASSES = 8
 FEW = 6  # maps that stand three in a row; more stand four in a row
-SHOWN_FROM = 0.02  # of its values, from where on a curve is in sight
+SHOWN_FROM = 0.02  # of its values: where the axis of the errors begins
 NICE = (1.0, 2.0, 2.5, 5.0, 10.0)  # widths of a class, times a power of ten
 
 

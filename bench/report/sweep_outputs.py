@@ -31,9 +31,6 @@ def write(folder: Path, sweep: Sweep) -> Analysis:
 def as_markdown(found: Analysis, facts: Line) -> str:
     """The answers and all tables."""
     parts = [f"{sweep_tables.head(found, facts)}."]
-    for question, lines in sweep_tables.choices(found):
-        parts += [f"**{question}**", "\n".join(f"- {line}" for line in lines)]
-    for made in sweep_tables.tables(found, facts).values():
+    for made in [*sweep_tables.choices(found), *sweep_tables.tables(found, facts).values()]:
         parts += [f"**{made.title}**", markdown_table(made.frame, made.corner)]
-    parts.append("\n".join(f"- {sweep_tables.MODES[m]}, {line}" for m, line in found.accuracy))
-    return "\n\n".join(part for part in parts if part) + "\n"
+    return "\n\n".join(parts) + "\n"

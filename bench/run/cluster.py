@@ -96,7 +96,7 @@ def _connected(address: str, time_out: float) -> Client:
         from distributed.comm.registry import get_backend
     except ImportError:
         raise LookupError(
-            "--dask needs dask.distributed, which is not installed: pip install 'slams[cluster]'"
+            "--dask needs dask.distributed, which is not installed: pip install 'dask[distributed]'"
         ) from None
     # what matters arrives as exceptions; its log would bury our one sentence in tracebacks
     for name in ("distributed", "distributed.client"):
