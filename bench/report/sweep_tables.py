@@ -115,7 +115,7 @@ def row_table(found: Analysis) -> pd.DataFrame:
         lines[f"{algorithm}, {MODES[odometry]}"] = {
             "used": " + ".join(of.used),
             "levels held [%]": 100.0 * of.levels[0] / of.levels[1] if of.levels[1] else None,
-            "as it is": _count(of.clean),
+            "not lost, as it is": _count(of.clean),
             "1 s, as it is [mm]": _scaled(of.clean_m),
             "1 s, all [mm]": _scaled(of.second_m),
             "worse than the wheels": _count(of.worse_than_wheels),
@@ -130,7 +130,7 @@ def alarm_table(found: Analysis) -> pd.DataFrame:
     lines: dict[str, dict[str, object]] = {}
     for algorithm, odometry, of in found.rows:
         lines[f"{algorithm}, {MODES[odometry]}"] = {
-            "losses reported within 1 s": _count(of.said_in_time),
+            "loss episodes reported within 1 s": _count(of.said_in_time),
             "scans reported lost without reason [%]": 100.0 * of.false_share,
             "lost runs right at the end": _count(of.right_again),
         }
