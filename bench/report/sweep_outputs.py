@@ -1,4 +1,4 @@
-"""Everything drawn from the results of a sweep: tables as csv and markdown, one page."""
+"""Everything drawn from the results of a sweep: tables as csv and markdown, page, picture."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 def write(folder: Path, sweep: Sweep) -> Analysis:
     """Write all files but the results themselves; returns what they are made from."""
+    from bench.report import sweep_figure
     from bench.report.html import sweep_page
 
     found = analysis(sweep)
@@ -25,6 +26,7 @@ def write(folder: Path, sweep: Sweep) -> Analysis:
     sweep_tables.trial_table(sweep).to_csv(folder / "trials.csv", index=False)
     (folder / "tables.md").write_text(as_markdown(found, sweep.facts), encoding="utf-8")
     (folder / "report.html").write_text(sweep_page.document(sweep, found), encoding="utf-8")
+    sweep_figure.draw(sweep, found, folder / "fig_sweep.png")
     return found
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from bench.judge import answers, survival
 from bench.judge.answers import SITUATIONS, analysis, questions
-from bench.report import sweep_tables
+from bench.report import sweep_figure, sweep_tables
 from bench.sim.degrade import CATALOG
 from bench.sweep import DEGRADATIONS
 from tests.bench.test_sweep import lost, sweep_of, trial
@@ -264,3 +264,26 @@ def test_the_curves_are_written_with_their_bands():
     assert own["level"].tolist() == list(LEVELS)
     assert own["share"].tolist() == [0.5, 0.5, 0.0]
     assert (own["low"] < own["share"]).tolist() == [True, True, False]
+
+
+def test_a_curve_of_errors_counts_lost_runs_and_levels_behind_them_among_all():
+    found = sweep_of(climb(2, second_m=0.002) + climb(0, log="l1"))
+    values, share = sweep_figure.below(found, "a", False)
+    assert values.tolist() == [0.002, 0.002]
+    assert share.tolist() == pytest.approx([1 / 6, 2 / 6])  # two climbs of three levels
+
+
+def test_the_picture_has_a_panel_for_each_question_and_one_of_costs(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        sweep_figure.FigureCanvasAgg,
+        "print_figure",
+        lambda self, path, **_: drawn.append(self.figure),
+    )
+    names = ("a", "b", "a@paper", "b@paper")
+    found = sweep_of([one for name in names for one in climbs([2, 1], algorithm=name)])
+    sweep_figure.draw(found, analysis(found), tmp_path / "it.png")
+    titles = [axes.get_title() for axes in drawn[0].axes]
+    assert titles[:2] == [answers.QUESTIONS[""], answers.QUESTIONS["paper"]]
+    assert len(titles) == 3
+    assert len(drawn[0].axes[-1].get_lines()) == len(names) + 1  # a point each, and the front
