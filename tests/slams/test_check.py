@@ -209,16 +209,6 @@ def test_each_clause_finds_what_breaks_it(cls, number, sentence):
     assert "\n" not in found[number]
 
 
-class NothingMapped(Good):
-    def map(self):
-        return OccupancyGrid(np.full((1, 1), np.nan, np.float32), 0.1, (-0.05, -0.05))
-
-
-def test_a_clause_about_the_map_is_skipped_where_nothing_was_mapped():
-    entry = Entry("nothing", NothingMapped, "default")
-    assert check.outcome(entry, check.CHECKS[9]) == ("skipped", "no cell of the map was observed")
-
-
 def test_what_one_writes_to_a_scan_is_not_what_the_next_gets():
     before = np.array(check._log().ranges)
     failures(Writes)
