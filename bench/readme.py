@@ -25,6 +25,7 @@ RELATIONS = ROOT / "bench" / "readme_relations.json"
 PUBLIC = ROOT / "bench" / "readme_public.json"
 SWEEP = ROOT / "bench" / "readme_sweep.json"
 PICTURES = ("fig_errors.png", "fig4_maps.png")
+SWEEP_PICTURE = "fig_sweep.png"
 SHOWN = ("main", "translation", "orientation", "spans", "bound", "maps", "unaided", "cost")
 PART = re.compile(
     r"(<!-- (table|choice|results|sweep|field|relations|public|"
@@ -75,6 +76,8 @@ def adopt(folder: Path) -> None:
     """
     if (folder / sweep.TRIALS).exists():
         readme_sweep.adopt(SWEEP, sweep.read(folder))
+        if (folder / SWEEP_PICTURE).exists():
+            shutil.copyfile(folder / SWEEP_PICTURE, ROOT / "bench" / SWEEP_PICTURE)
         return
     found = read_figures(folder / "results.json", FORMAT)
     if len(found["logs"]) > 1:

@@ -25,7 +25,7 @@ PARSERS = {
 }
 TOOLS = {"pytest", "pip"}  # of others, run as modules
 FOREIGN = {"--constraint", "--array"}  # of schedulers
-EXAMPLE = "mine:Icp"  # the class that docs/python.md shows
+EXAMPLES = {"mine:Icp", "peers:Genz", "peers:Yag"}  # classes that docs/python.md and peers.md show
 CODE_FILES = [
     path
     for package in ("slams", "bench", "hector", "tsd", "crsm", "gmapping", "tests")
@@ -84,12 +84,12 @@ def commands(text):
 
 def check_run(arguments):
     arguments.ros_params, arguments.params = [], None
-    if arguments.algorithm != EXAMPLE:
+    if arguments.algorithm not in EXAMPLES:
         run.chosen(arguments)
 
 
 def check_compare(arguments):
-    for label in set(arguments.algorithms or []) - {EXAMPLE}:
+    for label in set(arguments.algorithms or []) - EXAMPLES:
         params = find(label).params()
         if arguments.sensor:
             params.for_sensor(arguments.sensor)
@@ -177,7 +177,11 @@ def examples():
     words = [
         word for path in DOCS for _, rest in commands(path.read_text("utf-8")) for word in rest
     ]
-    return {part for word in words for part in re.split(r"[=/]", word)} | {"mine.py", "MAP.yaml"}
+    return {part for word in words for part in re.split(r"[=/]", word)} | {
+        "mine.py",
+        "peers.py",
+        "MAP.yaml",
+    }
 
 
 def exists(name, page):

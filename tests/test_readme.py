@@ -94,9 +94,9 @@ def test_a_sweep_is_kept_with_what_its_tables_show(tmp_path, monkeypatch):
     text = readme.rendered("<!-- sweep -->\n<!-- end -->")
     assert "`c --quick`, on a <b>: 16 climbs over 1 drives" in text
     assert "| noise [m] | >0.2 | 0.0707 (0.05 to 0.1) |" in text
-    assert "| **a** (p = 0.0078) |" in text
+    assert "| **a** (lost less, p = 0.016) |" in text
     text = readme.rendered("<!-- choice -->\n<!-- end -->")
-    assert "little (noise): laser alone **a** (p = 0.0078)." in text
+    assert "little (noise) | **a** (lost less, p = 0.016) |" in text
     text = readme.rendered("<!-- field -->\n<!-- end -->")
     assert "| b, laser alone | 0 of 8 |" in text
     assert "long" not in readme.SWEEP.read_text()

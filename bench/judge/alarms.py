@@ -99,11 +99,11 @@ def _delay(
     clock: Floats, says_lost: Flags, first: int, after: int, patience: float
 ) -> float | None:
     """Time from an episode's beginning to the first alarm [s]; None without any."""
-    heard = says_lost & (clock >= clock[first] - patience)
-    heard[after:] = False
-    if not heard.any():
+    reported = says_lost & (clock >= clock[first] - patience)
+    reported[after:] = False
+    if not reported.any():
         return None
-    return max(0.0, float(clock[np.argmax(heard)] - clock[first]))
+    return max(0.0, float(clock[np.argmax(reported)] - clock[first]))
 
 
 def _right(clock: Floats, episodes: list[tuple[int, int]], patience: float) -> Flags:

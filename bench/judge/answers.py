@@ -1,9 +1,11 @@
 """Which algorithm a sweep recommends: paired tests over the same drives, or an honest tie.
 
-Each drive has one vote on a pair of algorithms: for the one whose run held more levels. McNemar's
-exact test of the votes, with the p-values of all pairs that answer one question corrected together
-after Holm, says who is beaten. Only these are ruled out. Of the others the cheapest with the same
-accuracy is the one to take.
+Two algorithms are compared over the drives that both ran. Survival comes first: each drive votes
+for the run that held more levels, and McNemar's exact test weighs the votes. Accuracy is second:
+Wilcoxon's signed-rank test of the ratio of their errors over 1 s at the levels that both held, one
+mean log ratio for each drive, where the median ratio exceeds `SAME_ACCURACY`. The p-values of both
+tests, of all pairs that answer one question, are corrected together after Holm. An algorithm that
+loses a test is ruled out. Of the others the cheapest with the same accuracy is the one to take.
 """
 
 from __future__ import annotations
@@ -12,13 +14,16 @@ from collections.abc import Iterable, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
-from bench.judge import survival, verdicts
+import numpy as np
+
+from bench.judge import survival
 from bench.judge.statistics import adjusted, mcnemar
-from bench.judge.survival import Critical, Figures, Held, Share
+from bench.judge.survival import Critical, Errors, Figures, Held, Share
 from bench.results.sweep import CLEAN, Sweep
 
 SIGNIFICANT = 0.05
-SAME_ACCURACY = 1.25  # times the least error; ours: no user chooses by a quarter of a millimeter
+SAME_ACCURACY = 1.25  # ratio of two errors; ours: no user chooses by a quarter of a millimeter
+LOST_LESS, MORE_ACCURATE = "lost less", "more accurate"  # why one beats another
 
 QUESTIONS = {
     "": "The programs to use: defaults",
@@ -26,9 +31,10 @@ QUESTIONS = {
     "original": "The published programs (@original)",
 }
 ALL = "The rows of this sweep"
-EVERYTHING = "All of these together"
+EVERYTHING = "All degradations together"
 # what a reader has or meets, and the degradations that tell of it; every one stands once
 SITUATIONS = {
+    "The drive as it is": (CLEAN,),
     "A laser that sees little": (
         *("beams", "fov", "range", "noise", "bias", "scale", "dropout", "quantization"),
         "poor_lidar",
@@ -44,13 +50,23 @@ SITUATIONS = {
 }
 
 
+class Test(NamedTuple):
+    """One paired test in a cell (by its number): who wins over whom, why, with which p-value."""
+
+    cell: int
+    winner: str
+    loser: str
+    reason: str
+    p: float
+
+
 class Cell(NamedTuple):
     """One answer: a degradation or several, with or without odometry, for the rows of a question.
 
     `curves` and `critical` are there for a single degradation. `error_m` is the median error over
     1 s of the runs at levels that every row held, by row, `cpu_s` that of their CPU per scan.
-    `beaten` rows are ruled out, each by whom and with which corrected p. `equal`: every run of all
-    rows held as many levels. `decidable`: so many drives can show a difference at all.
+    `beaten` rows are ruled out, each by whom, with which corrected p and why. `equal`: every run of
+    all rows held as many levels. `decidable`: so many drives can show a difference at all.
     """
 
     question: str
@@ -62,7 +78,7 @@ class Cell(NamedTuple):
     critical: dict[str, Critical]
     error_m: dict[str, float]
     cpu_s: dict[str, float]
-    beaten: dict[str, tuple[str, float]]
+    beaten: dict[str, tuple[str, float, str]]
     unbeaten: list[str]
     take: str
     equal: bool
@@ -70,31 +86,26 @@ class Cell(NamedTuple):
 
 
 class Analysis(NamedTuple):
-    """All that the tables, figures and sentences of a sweep are made from.
-
-    `rows` are by algorithm and sensors, `accuracy` has sentences on the logs as they are.
-    """
+    """All that the tables, figures and sentences of a sweep are made from; `rows` by sensors."""
 
     rows: list[tuple[str, bool, Figures]]
     cells: list[Cell]
     situations: list[Cell]
-    accuracy: list[tuple[bool, str]]
 
 
 def analysis(sweep: Sweep) -> Analysis:
     """Weigh all trials of a sweep."""
     runners = list(dict.fromkeys((t["algorithm"], t["odometry"]) for t in sweep.trials))
-    names = [name for name in sweep.facts["levels"] if name != CLEAN]
-    single: dict[str, tuple[str, ...]] = {name: (name,) for name in names}
+    names = list(sweep.facts["levels"])
+    single: dict[str, tuple[str, ...]] = {name: (name,) for name in names if name != CLEAN}
     present = {title: tuple(n for n in of if n in names) for title, of in SITUATIONS.items()}
     present = {f"{title} ({', '.join(of)})": of for title, of in present.items() if of}
-    if len(present) > 1:
-        present[EVERYTHING] = tuple(names)
+    if len(set(present.values()) - {(CLEAN,)}) > 1:
+        present[EVERYTHING] = tuple(single)
     return Analysis(
         [(*key, survival.figures(sweep, *key)) for key in runners],
         _answers(sweep, single),
         _answers(sweep, present),
-        _accuracy(sweep),
     )
 
 
@@ -116,14 +127,51 @@ def _answers(sweep: Sweep, parts: dict[str, tuple[str, ...]]) -> list[Cell]:
     labels = dict.fromkeys(trial["algorithm"] for trial in sweep.trials)
     for question, rows in questions(labels).items():
         own = [trial for trial in sweep.trials if trial["algorithm"] in rows]
-        drafts: list[tuple[Cell, dict[str, Held]]] = []
+        cells: list[Cell] = []
+        tests: list[Test] = []
         for odometry in modes:
             for title, names in parts.items():
                 runs = survival.held(own, odometry, names)
                 if runs:
-                    drafts.append((_draft(sweep, question, title, odometry, names, runs), runs))
-        found += _decided(drafts)
+                    tests += _tests(len(cells), runs, survival.errors(own, odometry, names))
+                    cells.append(_draft(sweep, question, title, odometry, names, runs))
+        found += _decided(cells, tests)
     return found
+
+
+def _tests(cell: int, runs: dict[str, Held], errors: dict[str, Errors]) -> list[Test]:
+    """Both tests of every pair of rows."""
+    found: list[Test] = []
+    for a, b in combinations(runs, 2):
+        for_a, for_b = survival.votes(runs[a], runs[b])
+        p, held_more = mcnemar(for_a, for_b), a if for_a > for_b else b
+        found.append(Test(cell, held_more, b if held_more == a else a, LOST_LESS, p))
+        ratio, p_error = error_ratio(errors.get(a, {}), errors.get(b, {}))
+        better, worse = (a, b) if ratio < 1.0 else (b, a)
+        if p < SIGNIFICANT and held_more == worse:
+            p_error = 1.0  # accuracy of the runs that survived does not make up for those lost
+        found.append(Test(cell, better, worse, MORE_ACCURATE, p_error))
+    return found
+
+
+def error_ratio(a: Errors, b: Errors) -> tuple[float, float]:
+    """Median over the drives of a's error over b's, and the p-value of Wilcoxon's signed ranks.
+
+    A drive has the mean log ratio at the levels that both held. Within `SAME_ACCURACY` the p-value
+    is 1, which keeps Holm's correction valid.
+    """
+    from scipy.stats import wilcoxon
+
+    drives: dict[Any, list[float]] = {}
+    for key in a.keys() & b.keys():
+        drives.setdefault(key[:2], []).append(float(np.log(a[key] / b[key])))
+    if not drives:
+        return 1.0, 1.0
+    logs = np.array([np.mean(values) for values in drives.values()])
+    ratio = float(np.exp(np.median(logs)))
+    if max(ratio, 1.0 / ratio) <= SAME_ACCURACY:
+        return ratio, 1.0
+    return ratio, float(wilcoxon(logs).pvalue)
 
 
 def _draft(
@@ -176,25 +224,19 @@ def _common(
     return (medians[0], medians[1]) if shared else ({}, {})
 
 
-def _decided(drafts: Sequence[tuple[Cell, dict[str, Held]]]) -> list[Cell]:
-    """The cells of one question with their answers."""
-    pairs = [
-        (k, a, b, survival.votes(runs[a], runs[b]))
-        for k, (_, runs) in enumerate(drafts)
-        for a, b in combinations(runs, 2)
-    ]
-    corrected = adjusted([mcnemar(*counts) for *_, counts in pairs])
-    beaten: list[dict[str, tuple[str, float]]] = [{} for _ in drafts]
-    for (k, a, b, (for_a, for_b)), p in zip(pairs, corrected, strict=True):
-        winner, loser = (a, b) if for_a > for_b else (b, a)
-        if p < SIGNIFICANT and p < beaten[k].get(loser, ("", 1.0))[1]:
-            beaten[k][loser] = (winner, p)
+def _decided(cells: Sequence[Cell], tests: Sequence[Test]) -> list[Cell]:
+    """The cells of one question with their answers; survival rules out before accuracy does."""
+    corrected = adjusted([test.p for test in tests])
+    beaten: list[dict[str, tuple[str, float, str]]] = [{} for _ in cells]
+    both = zip(tests, corrected, strict=True)
+    for test, p in sorted(both, key=lambda one: (one[0].reason == MORE_ACCURATE, one[1])):
+        if p < SIGNIFICANT:
+            beaten[test.cell].setdefault(test.loser, (test.winner, p, test.reason))
     found = []
-    for (cell, runs), lost in zip(drafts, beaten, strict=True):
-        unbeaten = [row for row in runs if row not in lost] or list(
-            runs
-        )  # were they to go in a ring
-        decidable = len(pairs) * mcnemar(cell.drives, 0) < SIGNIFICANT
+    for cell, lost in zip(cells, beaten, strict=True):
+        # all of them were they to beat each other in a ring
+        unbeaten = [row for row in cell.unbeaten if row not in lost] or cell.unbeaten
+        decidable = len(tests) * mcnemar(cell.drives, 0) < SIGNIFICANT
         found.append(
             cell._replace(
                 beaten=lost, unbeaten=unbeaten, take=_take(cell, unbeaten), decidable=decidable
@@ -210,14 +252,3 @@ def _take(cell: Cell, unbeaten: list[str]) -> str:
         return unbeaten[0]
     same = [row for row, error in errors.items() if error <= SAME_ACCURACY * min(errors.values())]
     return min(same, key=lambda row: cell.cpu_s[row])
-
-
-def _accuracy(sweep: Sweep) -> list[tuple[bool, str]]:
-    """Whose error is less on the logs as they are, neighbor by neighbor within each question."""
-    found = []
-    for odometry in sorted({trial["odometry"] for trial in sweep.trials}):
-        errors = survival.clean_errors(sweep, odometry)
-        for rows in questions(errors).values():
-            lines = verdicts.over_means({row: errors[row] for row in rows})
-            found += [(odometry, line["sentence"]) for line in lines if line["next"]]
-    return found

@@ -19,6 +19,7 @@ HALF = 0.5  # of the runs lost: the critical level
 
 Drive = tuple[str, int]  # name of a log, seed
 Held = dict[Drive, int]  # how many levels each drive's run held
+Errors = dict[tuple[str, int, str, float], float]  # error over 1 s by drive, degradation, level
 
 
 class Share(NamedTuple):
@@ -84,6 +85,20 @@ def held(trials: Iterable[Trial], odometry: bool, degradations: Collection[str])
             drives = found.setdefault(trial["algorithm"], {})
             drive = trial["log"], trial["seed"]
             drives[drive] = drives.get(drive, 0) + survived(trial)
+    return found
+
+
+def errors(
+    trials: Iterable[Trial], odometry: bool, degradations: Collection[str]
+) -> dict[str, Errors]:
+    """Error over 1 s [m] of each algorithm's runs that were not lost."""
+    found: dict[str, Errors] = {}
+    for trial in trials:
+        if trial["odometry"] != odometry or trial["degradation"] not in degradations:
+            continue
+        if survived(trial) and trial["second_m"]:
+            key = trial["log"], trial["seed"], trial["degradation"], trial["level"]
+            found.setdefault(trial["algorithm"], {})[key] = trial["second_m"]
     return found
 
 
@@ -193,14 +208,3 @@ def _dearest(own: Sequence[tuple[Trial, Cost | None]]) -> float | None:
         else:
             others.append((trial["log"], spent))
     return max((spent / clean[log] for log, spent in others if clean.get(log)), default=None)
-
-
-def clean_errors(sweep: Sweep, odometry: bool) -> dict[str, dict[str, float]]:
-    """Mean error over a second [m] of each algorithm on each log as it is, if not lost there."""
-    found: dict[str, dict[str, float]] = {}
-    for trial in sweep.trials:
-        if trial["degradation"] == CLEAN and trial["odometry"] == odometry and survived(trial):
-            second = trial["second_m"]
-            if second is not None:
-                found.setdefault(trial["algorithm"], {})[trial["log"]] = second
-    return found

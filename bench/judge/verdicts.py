@@ -70,14 +70,8 @@ def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Lines:
     for measure in MEASURES:
         order = _ordered_means(outcomes, span, measure)
         found += _pairs(order, measure, SPANS[span])
-    return _in_words(found)
-
-
-def over_means(means: dict[str, dict[str, float]], measure: str = "translation") -> Lines:
-    """The same from means that are known: algorithm to log to mean error over 1 s [m] or [rad]."""
-    of = next(known for known in MEASURES if known.name == measure)
-    order = sorted(means.items(), key=lambda item: float(np.mean([*item[1].values()])))
-    return _in_words(_pairs(order, of, SPANS["1 s"]))
+    logs = [entry["n"] for entry in found]
+    return [entry | {"sentence": _words_over(entry, logs)} for entry in _adjusted(found)]
 
 
 def _pairs(order: list[tuple[str, dict[str, float]]], measure: Measure, what: str) -> Lines:
@@ -92,11 +86,6 @@ def _pairs(order: list[tuple[str, dict[str, float]]], measure: Measure, what: st
         )
         found.append(_entry((a, b), measure, what, paired, beside=places == 1))
     return found
-
-
-def _in_words(found: Lines) -> Lines:
-    logs = [entry["n"] for entry in found]
-    return [entry | {"sentence": _words_over(entry, logs)} for entry in _adjusted(found)]
 
 
 def _ordered_means(

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 CLASSES = 8
 FEW = 6  # maps that stand three in a row; more stand four in a row
-SHOWN_FROM = 0.02  # of its values, from where on a curve is in sight
+SHOWN_FROM = 0.02  # of its values: where the axis of the errors begins
 LEAST_ERROR = 1e-3  # mm; smaller errors are drawn as this
 NICE = (1.0, 2.0, 2.5, 5.0, 10.0)  # widths of a class, times a power of ten
 MOST_CELLS = 1000  # of a map's longer side; more are put together, walls survive

@@ -31,7 +31,6 @@ def committed(path: Path) -> tuple[Analysis, dict[str, Any]]:
         [(name, odometry, _figures(of)) for name, odometry, of in known["rows"]],
         [_cell(of) for of in known["cells"]],
         [_cell(of) for of in known["situations"]],
-        [(odometry, words) for odometry, words in known["accuracy"]],
     )
     return found, {"facts": known["facts"], "record": known["record"]}
 
@@ -41,7 +40,6 @@ def _plain(found: Analysis) -> dict[str, Any]:
         "rows": [[name, odometry, of._asdict()] for name, odometry, of in found.rows],
         "cells": [cell._asdict() for cell in found.cells],
         "situations": [cell._asdict() for cell in found.situations],
-        "accuracy": found.accuracy,
     }
 
 
@@ -54,14 +52,13 @@ def _figures(of: dict[str, Any]) -> Figures:
 def _cell(of: dict[str, Any]) -> Cell:
     curves = {row: [Share(*one) for one in shares] for row, shares in of["curves"].items()}
     critical = {row: Critical(*values) for row, values in of["critical"].items()}
-    beaten = {row: (winner, p) for row, (winner, p) in of["beaten"].items()}
+    beaten = {row: tuple(why) for row, why in of["beaten"].items()}
     return Cell(**of | {"curves": curves, "critical": critical, "beaten": beaten})
 
 
 def choice(path: Path) -> str:
-    """Which of the programs to use to take: the answers by situation."""
-    _, lines = sweep_tables.choices(committed(path)[0])[0]
-    return "\n".join(f"- {line}" for line in lines) + "\n"
+    """Which one to take: the answers by situation, a table for each question."""
+    return "\n\n".join(_shown(sweep_tables.choices(committed(path)[0]))) + "\n"
 
 
 def part(path: Path) -> str:
@@ -73,21 +70,15 @@ def part(path: Path) -> str:
 
 
 def field_part(path: Path) -> str:
-    """The answers to all questions, the alarms, and the accuracy on the drives as they are."""
-    found = committed(path)[0]
-    parts = [
-        f"**{question}**\n\n" + "\n".join(f"- {line}" for line in lines)
-        for question, lines in sweep_tables.choices(found)
-    ]
-    accuracy = [f"- {sweep_tables.MODES[m]}, {line}" for m, line in found.accuracy]
-    return "\n\n".join([*parts, *_tables(path, ("alarms",)), "\n".join(accuracy)]) + "\n"
+    """Whether lost runs said so."""
+    return "\n\n".join(_tables(path, ("alarms",))) + "\n"
 
 
 def _tables(path: Path, kinds: tuple[str, ...]) -> list[str]:
     found, known = committed(path)
     made = sweep_tables.tables(found, known["facts"]).items()
-    return [
-        f"**{one.title}**\n\n{markdown_table(one.frame, one.corner)}"
-        for name, one in made
-        if name.startswith(kinds)
-    ]
+    return _shown([one for name, one in made if name.startswith(kinds)])
+
+
+def _shown(tables: list[sweep_tables.Table]) -> list[str]:
+    return [f"**{one.title}**\n\n{markdown_table(one.frame, one.corner)}" for one in tables]

@@ -1,4 +1,4 @@
-"""Everything drawn from the results of a sweep: tables as csv and markdown, one page."""
+"""Everything drawn from the results of a sweep: tables as csv and markdown, page, picture."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 def write(folder: Path, sweep: Sweep) -> Analysis:
     """Write all files but the results themselves; returns what they are made from."""
+    from bench.report import sweep_figure
     from bench.report.html import sweep_page
 
     found = analysis(sweep)
@@ -25,15 +26,13 @@ def write(folder: Path, sweep: Sweep) -> Analysis:
     sweep_tables.trial_table(sweep).to_csv(folder / "trials.csv", index=False)
     (folder / "tables.md").write_text(as_markdown(found, sweep.facts), encoding="utf-8")
     (folder / "report.html").write_text(sweep_page.document(sweep, found), encoding="utf-8")
+    sweep_figure.draw(sweep, found, folder / "fig_sweep.png")
     return found
 
 
 def as_markdown(found: Analysis, facts: Line) -> str:
     """The answers and all tables."""
     parts = [f"{sweep_tables.head(found, facts)}."]
-    for question, lines in sweep_tables.choices(found):
-        parts += [f"**{question}**", "\n".join(f"- {line}" for line in lines)]
-    for made in sweep_tables.tables(found, facts).values():
+    for made in [*sweep_tables.choices(found), *sweep_tables.tables(found, facts).values()]:
         parts += [f"**{made.title}**", markdown_table(made.frame, made.corner)]
-    parts.append("\n".join(f"- {sweep_tables.MODES[m]}, {line}" for m, line in found.accuracy))
-    return "\n\n".join(part for part in parts if part) + "\n"
+    return "\n\n".join(parts) + "\n"

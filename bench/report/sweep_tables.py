@@ -18,7 +18,10 @@ from slams.params import worded
 MODES = {False: "laser alone", True: "with odometry"}
 ROWS = "All runs of each row"
 ALARMS = "Whether a lost run said so, and was right again at its end"
-TAKE = "Of equals the one to take is the cheapest with the same accuracy."
+TAKE = (
+    "A winner beats all others in paired tests over the same drives: it was lost less, or its "
+    "error is less by a fifth or more. Of equals take the cheapest with the same accuracy."
+)
 HOW = "critical level: half of the runs are lost, with its 95 % interval"
 
 
@@ -81,32 +84,28 @@ def _bound(value: float, levels: list[float]) -> str:
 
 
 def answer(cell: Cell) -> str:
-    """Who wins, or whom the runs cannot tell apart and which of those to take."""
+    """Who wins and by what, or whom the runs cannot tell apart and which of those to take."""
     if not cell.decidable:
         return f"{cell.drives} drives cannot tell: take {cell.take}"
     if len(cell.unbeaten) == 1:
-        (p,) = {max(p for _, p in cell.beaten.values())}
-        return f"**{cell.take}** ({_chance(p)})"
+        reasons = listed(list(dict.fromkeys(reason for *_, reason in cell.beaten.values())), "or")
+        return f"**{cell.take}** ({reasons}, {_chance(max(p for _, p, _ in cell.beaten.values()))})"
     if not cell.beaten:
         return f"equal within chance: take {cell.take}"
-    others = ", ".join(f"{row} ({_chance(p)})" for row, (_, p) in cell.beaten.items())
-    return f"{listed(cell.unbeaten, 'or')}, not {others}: take {cell.take}"
+    return f"{listed(cell.unbeaten, 'or')} within chance: take {cell.take}"
 
 
 def _chance(p: float) -> str:
     return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
 
 
-def choices(found: Analysis) -> list[tuple[str, list[str]]]:
-    """The answers by situation: each question with its sentences."""
-    made: dict[str, dict[str, list[str]]] = {}
+def choices(found: Analysis) -> list[Table]:
+    """Which one to take: a table for each question, a line for each situation."""
+    made: dict[str, dict[str, dict[str, object]]] = {}
     for cell in found.situations:
-        words = made.setdefault(cell.question, {}).setdefault(cell.title, [])
-        words.append(f"{MODES[cell.odometry]} {answer(cell)}")
-    return [
-        (question, [f"{title}: {'; '.join(words)}." for title, words in of.items()])
-        for question, of in made.items()
-    ]
+        lines = made.setdefault(cell.question, {})
+        lines.setdefault(cell.title, {})[MODES[cell.odometry]] = answer(cell)
+    return [Table(question, "situation", _frame(lines)) for question, lines in made.items()]
 
 
 def row_table(found: Analysis) -> pd.DataFrame:
@@ -116,7 +115,7 @@ def row_table(found: Analysis) -> pd.DataFrame:
         lines[f"{algorithm}, {MODES[odometry]}"] = {
             "used": " + ".join(of.used),
             "levels held [%]": 100.0 * of.levels[0] / of.levels[1] if of.levels[1] else None,
-            "as it is": _count(of.clean),
+            "not lost, as it is": _count(of.clean),
             "1 s, as it is [mm]": _scaled(of.clean_m),
             "1 s, all [mm]": _scaled(of.second_m),
             "worse than the wheels": _count(of.worse_than_wheels),
@@ -131,7 +130,7 @@ def alarm_table(found: Analysis) -> pd.DataFrame:
     lines: dict[str, dict[str, object]] = {}
     for algorithm, odometry, of in found.rows:
         lines[f"{algorithm}, {MODES[odometry]}"] = {
-            "losses reported within 1 s": _count(of.said_in_time),
+            "loss episodes reported within 1 s": _count(of.said_in_time),
             "scans reported lost without reason [%]": 100.0 * of.false_share,
             "lost runs right at the end": _count(of.right_again),
         }
@@ -171,9 +170,7 @@ def trial_table(sweep: Sweep) -> pd.DataFrame:
 def terminal(found: Analysis, facts: Line) -> str:
     """The answer first, then the tables."""
     parts = [head(found, facts), TAKE]
-    for question, lines in choices(found):
-        parts.append("\n".join([question, *(f"  {line.replace('**', '')}" for line in lines)]))
-    for one in tables(found, facts).values():
+    for one in [*choices(found), *tables(found, facts).values()]:
         frame = one.frame.replace(r"\*\*", "", regex=True)
         parts += [one.title, text_table(frame, one.corner)]
     return "\n\n".join(parts)

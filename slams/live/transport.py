@@ -169,7 +169,7 @@ def _participant(domain: int, localhost: bool) -> Any:
         from cyclonedds.domain import Domain, DomainParticipant
     except ModuleNotFoundError as error:
         raise LookupError(
-            "cyclonedds is not installed, which speaks to ROS 2; pip install 'slams[live]'"
+            "cyclonedds is not installed, which speaks to ROS 2; pip install 'cyclonedds==11.*'"
         ) from error
     try:
         if localhost and "CYCLONEDDS_URI" not in os.environ and domain not in _domains:

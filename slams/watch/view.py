@@ -39,7 +39,7 @@ def load_rerun() -> Any:
         rerun = None
     if not hasattr(rerun, "RecordingStream"):  # a folder of that name can be imported, too
         raise LookupError(
-            "--view needs the viewer rerun, which is not installed: pip install 'slams[viz]', "
+            "--view needs the viewer rerun, which is not installed: pip install rerun-sdk, "
             "or open the result of --mcap in RViz or Foxglove"
         )
     return rerun

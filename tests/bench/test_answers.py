@@ -6,7 +6,7 @@ import pytest
 
 from bench.judge import answers, survival
 from bench.judge.answers import SITUATIONS, analysis, questions
-from bench.report import sweep_tables
+from bench.report import sweep_figure, sweep_tables
 from bench.sim.degrade import CATALOG
 from bench.sweep import DEGRADATIONS
 from tests.bench.test_sweep import lost, sweep_of, trial
@@ -99,10 +99,12 @@ def test_figures_of_a_row_count_levels_clean_logs_and_what_was_reported():
 
 # answers
 
+TESTS = 2  # of each pair: survival and accuracy
+
 
 def test_every_degradation_tells_of_one_situation():
     named = [name for names in SITUATIONS.values() for name in names]
-    assert sorted([*named, "clean"]) == sorted(CATALOG)
+    assert sorted(named) == sorted(CATALOG)
     assert set(DEGRADATIONS) <= set(CATALOG)
 
 
@@ -116,22 +118,54 @@ def test_who_holds_more_levels_in_enough_drives_wins_by_name():
     trials = climbs([3] * 12) + climbs([1] * 12, algorithm="b")
     (cell,) = cells(trials)
     assert (cell.unbeaten, cell.take) == (["a"], "a")
-    assert cell.beaten == {"b": ("a", pytest.approx(2.0 / 2**12))}
-    assert sweep_tables.answer(cell) == "**a** (p < 0.001)"
+    assert cell.beaten == {"b": ("a", pytest.approx(TESTS * 2.0 / 2**12), "lost less")}
+    assert sweep_tables.answer(cell) == "**a** (lost less, p < 0.001)"
 
 
 def test_p_values_of_a_question_are_corrected_together():
-    trials = climbs([3] * 7) + climbs([1] * 7, algorithm="b")
+    trials = climbs([3] * 9) + climbs([1] * 9, algorithm="b")
     (alone,) = cells(trials)
-    assert alone.beaten["b"][1] == pytest.approx(2.0 / 2**7)
+    assert alone.beaten["b"][1] == pytest.approx(TESTS * 2.0 / 2**9)
     both = trials + [one | {"odometry": True} for one in trials]
-    assert [cell.beaten["b"][1] for cell in cells(both)] == pytest.approx([4.0 / 2**7] * 2)
+    assert [cell.beaten["b"][1] for cell in cells(both)] == pytest.approx([TESTS * 4.0 / 2**9] * 2)
     presets = [one | {"algorithm": f"{one['algorithm']}@paper"} for one in trials]
-    assert cells(trials + presets)[0].beaten["b"][1] == pytest.approx(2.0 / 2**7)
-    names = {label: climbs([3] * 7, algorithm=label) for label in "ac"}
-    three = cells([*names["a"], *names["c"], *climbs([1] * 7, algorithm="b")])
+    assert cells(trials + presets)[0].beaten["b"][1] == pytest.approx(TESTS * 2.0 / 2**9)
+    names = {label: climbs([3] * 9, algorithm=label) for label in "ac"}
+    three = cells([*names["a"], *names["c"], *climbs([1] * 9, algorithm="b")])
     assert three[0].unbeaten == ["a", "c"]
-    assert three[0].beaten["b"][1] == pytest.approx(3 * 2.0 / 2**7)
+    assert three[0].beaten["b"][1] == pytest.approx(3 * TESTS * 2.0 / 2**9)
+
+
+def test_of_rows_that_survive_alike_the_more_accurate_wins_by_name():
+    rough = [0.002 + 1e-5 * k for k in range(9)]
+    trials = climbs([2] * 9, second_m=0.001)
+    for k, error in enumerate(rough):
+        trials += climb(2, algorithm="b", log=f"l{k}", second_m=error)
+    (cell,) = cells(trials)
+    assert cell.beaten == {"b": ("a", pytest.approx(TESTS * 2.0 / 2**9), "more accurate")}
+    assert sweep_tables.answer(cell) == "**a** (more accurate, p = 0.0078)"
+
+
+def test_a_difference_within_the_same_accuracy_is_none():
+    logs = {(f"l{k}", 0, "noise", 0.1): 0.001 + 1e-5 * k for k in range(20)}
+    assert answers.error_ratio(logs, {key: 1.2 * of for key, of in logs.items()})[1] == 1.0
+    ratio, p = answers.error_ratio(logs, {key: 1.3 * of for key, of in logs.items()})
+    assert ratio == pytest.approx(1.0 / 1.3)
+    assert p < 0.001
+    assert answers.error_ratio(logs, {}) == (1.0, 1.0)
+
+
+def test_accuracy_does_not_make_up_for_lost_runs():
+    trials = climbs([3] * 6, second_m=0.004) + climbs([1] * 6, algorithm="b", second_m=0.001)
+    tests = answers._tests(
+        0,
+        survival.held(trials, False, ("noise",)),
+        survival.errors(trials, False, ("noise",)),
+    )
+    assert [(test.winner, test.reason, test.p) for test in tests] == [
+        ("a", "lost less", pytest.approx(2.0 / 2**6)),
+        ("b", "more accurate", 1.0),
+    ]
 
 
 def test_a_tie_is_called_one_and_the_cheapest_as_accurate_is_taken():
@@ -143,8 +177,10 @@ def test_a_tie_is_called_one_and_the_cheapest_as_accurate_is_taken():
     cost = {"exact": 3.0, "cheap": 2.0, "rough": 1.0}
     costs = [{"cpu_s": cost[one["algorithm"]], "longest_ms": 1.0} for one in trials]
     (cell,) = analysis(found._replace(costs=costs)).cells
-    assert not cell.beaten and not cell.equal
-    assert sweep_tables.answer(cell) == "equal within chance: take cheap"
+    assert list(cell.beaten) == ["rough"] and not cell.equal
+    assert sweep_tables.answer(cell) == "exact or cheap within chance: take cheap"
+    (cell,) = cells([one for one in trials if one["algorithm"] != "rough"])
+    assert sweep_tables.answer(cell) == "equal within chance: take exact"
 
 
 def test_accuracy_and_cost_are_those_of_levels_that_all_rows_held():
@@ -164,16 +200,16 @@ def test_too_few_drives_say_so():
 
 
 def test_situations_are_answered_together_and_apart():
-    trials = climbs([3] * 8) + climbs([1] * 8, algorithm="b")
+    trials = climbs([3] * 9) + climbs([1] * 9, algorithm="b")
     trials += [one | {"degradation": "people"} for one in trials]
     levels = {"noise": list(LEVELS), "people": list(LEVELS)}
     found = analysis(sweep_of(trials, levels=levels))
     titles = [cell.title for cell in found.situations]
     assert titles[0] == "A laser that sees little (noise)"
     assert titles[1:] == ["People, glass, dust (people)", answers.EVERYTHING]
-    ((question, lines),) = sweep_tables.choices(found)
-    assert question.startswith("The programs to use")
-    assert lines[2] == f"{answers.EVERYTHING}: laser alone **a** (p = 0.023)."
+    (table,) = sweep_tables.choices(found)
+    assert table.title.startswith("The programs to use")
+    assert table.frame.loc[answers.EVERYTHING, "laser alone"] == "**a** (lost less, p = 0.023)"
 
 
 # tables
@@ -216,8 +252,7 @@ def test_the_terminal_answers_before_it_shows_tables():
     trials = climbs([3] * 8) + climbs([1] * 8, algorithm="b")
     found = sweep_of(trials)
     text = sweep_tables.terminal(analysis(found), found.facts)
-    assert "laser alone a (p = 0.0078)." in text
-    assert text.index("a (p = 0.0078)") < text.index("levels held [%]")
+    assert text.index("a (lost less, p = 0.016)") < text.index("levels held [%]")
     assert "lost = too far off" in text and "**" not in text
 
 
@@ -231,14 +266,24 @@ def test_the_curves_are_written_with_their_bands():
     assert (own["low"] < own["share"]).tolist() == [True, True, False]
 
 
-def test_accuracy_on_the_drives_as_they_are_is_told_neighbor_by_neighbor():
-    trials = [
-        trial(algorithm=name, log=f"l{k}", second_m=0.001 * (n + 1) + 1e-5 * k)
-        for n, name in enumerate("abc")
-        for k in range(8)
-    ]
-    lines = [words for _, words in analysis(sweep_of(trials)).accuracy]
-    assert [("a is better than b" in line, "b is better than c" in line) for line in lines] == [
-        (True, False),
-        (False, True),
-    ]
+def test_a_curve_of_errors_counts_lost_runs_and_levels_behind_them_among_all():
+    found = sweep_of(climb(2, second_m=0.002) + climb(0, log="l1"))
+    values, share = sweep_figure.below(found, "a", False)
+    assert values.tolist() == [0.002, 0.002]
+    assert share.tolist() == pytest.approx([1 / 6, 2 / 6])  # two climbs of three levels
+
+
+def test_the_picture_has_a_panel_for_each_question_and_one_of_costs(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        sweep_figure.FigureCanvasAgg,
+        "print_figure",
+        lambda self, path, **_: drawn.append(self.figure),
+    )
+    names = ("a", "b", "a@paper", "b@paper")
+    found = sweep_of([one for name in names for one in climbs([2, 1], algorithm=name)])
+    sweep_figure.draw(found, analysis(found), tmp_path / "it.png")
+    titles = [axes.get_title() for axes in drawn[0].axes]
+    assert titles[:2] == [answers.QUESTIONS[""], answers.QUESTIONS["paper"]]
+    assert len(titles) == 3
+    assert len(drawn[0].axes[-1].get_lines()) == len(names) + 1  # a point each, and the front

@@ -83,7 +83,7 @@ def test_the_page_answers_first_and_draws_curves_with_bands_and_escapes_names():
     found = sweep_of(trials)
     page = sweep_page.document(found, analysis(found))
     assert "<i>" not in page
-    assert page.index("3 drives cannot tell") < page.index("<svg") < page.index("<table")
+    assert page.index("3 drives cannot tell") < page.index("<svg") < page.index("levels held [%]")
     assert [page.count(f'class="{kind} run-1 mark"') for kind in ("band", "line")] == [1, 1]
     assert "range noise" in page and "a &lt;b&gt;" in page
 

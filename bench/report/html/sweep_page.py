@@ -16,8 +16,8 @@ from bench.report.html.plots import Axis, band, figure, line, plot
 from bench.results.sweep import Sweep
 from slams.types import Floats
 
-TABLES, ACCURACY, RECORD = "Tables", "Accuracy on the drives as they are", "How it was run"
-FOLDED = (ACCURACY, RECORD)
+ANSWERS, TABLES, RECORD = "Which one to take", "Tables", "How it was run"
+FOLDED = (RECORD,)
 SPREAD = 0.12  # of a level between the first and the last row's curve: equal ones stay visible
 
 
@@ -33,14 +33,13 @@ def document(sweep: Sweep, found: Analysis) -> str:
     labels = dict.fromkeys(name for name, *_ in found.rows)
     shown = [Curve(f"run-{k}", label) for k, label in enumerate(labels)]
     before = {
-        question: element("ul", *(element("li", text.replace("**", "")) for text in lines))
-        for question, lines in sweep_tables.choices(found)
+        ANSWERS: together(
+            element("p", sweep_tables.TAKE), *(_table(one) for one in sweep_tables.choices(found))
+        )
     }
     made = sweep_tables.tables(found, sweep.facts).values()
-    accuracy = [f"{sweep_tables.MODES[mode]}, {words}" for mode, words in found.accuracy]
     behind = {
         TABLES: together(*(_table(one) for one in made)),
-        ACCURACY: element("ul", *(element("li", a) for a in accuracy)),
         RECORD: _record(sweep),
     }
     drawn = {"Runs that hold a level": _figures(found, sweep, shown)}

@@ -42,7 +42,7 @@ def stroll(
 ) -> None:
     """Fill out (n, 2) [m] with where somebody is at each scan of a laser at sensors (n, 3).
 
-    ours: straight from goal to goal, each a place in the laser's sight by the readings ranges
+    ours: straight from goal to goal, each a place that the laser reaches by the readings ranges
     (n, b) at angles (b,), stepping aside to keep `least` [m] off. `strides` (n,) [m] is how far
     they get up to each scan. Whom the robot leaves behind goes home, and another comes.
     """

@@ -41,7 +41,7 @@ def test_without_the_extra_one_sentence_says_how_to_get_it(log_file, tmp_path, m
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert run("odometry", log_file, "--view", "--out", tmp_path / "o") == 2
     error = capsys.readouterr().err
-    assert "pip install 'slams[viz]'" in error
+    assert "pip install rerun-sdk" in error
     assert error.count("\n") == 1
     assert not (tmp_path / "o").exists()
     monkeypatch.setitem(sys.modules, "rerun", SimpleNamespace())

@@ -1,0 +1,80 @@
+"""The picture of a sweep: share of its runs below an error, and error against CPU per scan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from bench.judge.answers import Analysis, questions
+from bench.judge.survival import errors
+from bench.report.palette import colors
+from bench.report.pareto import Point, front
+from bench.report.sweep_tables import MODES
+from bench.results.sweep import Sweep
+from slams.types import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LINES, MARKERS = {False: "--", True: "-"}, {False: "o", True: "^"}  # laser alone, with odometry
+PANEL = (4.6, 4.2)  # inches
+
+
+def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
+    """A panel of curves for each question, one of costs with the Pareto front; png."""
+    names = list(dict.fromkeys(name for name, *_ in found.rows))
+    color_of = colors(names)
+    asked = questions(names)
+    figure = Figure(figsize=(PANEL[0] * (len(asked) + 1), PANEL[1]), layout="constrained")
+    *curves, costs = figure.subplots(1, len(asked) + 1)
+    for axes, (question, rows) in zip(curves, asked.items(), strict=True):
+        for name in rows:
+            for mode in sorted({odometry for row, odometry, _ in found.rows if row == name}):
+                values, share = below(sweep, name, mode)
+                label = f"{name}, {MODES[mode]}"
+                axes.plot(1e3 * values, share, LINES[mode], color=color_of[name], label=label)
+        axes.set(xscale="log", ylim=(0.0, 1.0), title=question)
+        axes.set(xlabel="error over 1 s [mm]", ylabel="share of all runs below")
+        axes.legend(loc="lower right", fontsize=7)
+    _draw_costs(costs, found, color_of)
+    for axes in (*curves, costs):
+        axes.title.set_fontsize(9)
+        axes.grid(visible=True, which="both", alpha=0.25)
+    FigureCanvasAgg(figure).print_figure(path, dpi=110, metadata={"Software": None})
+
+
+def below(sweep: Sweep, name: str, odometry: bool) -> tuple[Floats, Floats]:
+    """Errors over 1 s (n,) [m] of a row in order, and the share of its runs up to each.
+
+    Lost runs, and levels behind the one that lost a run, count among all runs but have no error.
+    """
+    levels = sweep.facts["levels"]
+    own = [t for t in sweep.trials if (t["algorithm"], t["odometry"]) == (name, odometry)]
+    climbs = {(t["log"], t["seed"], t["degradation"]) for t in own}
+    values = np.sort([*errors(own, odometry, levels).get(name, {}).values()])
+    runs = sum(len(levels[degradation]) for *_, degradation in climbs)
+    return values, np.arange(1.0, len(values) + 1.0) / max(runs, 1)
+
+
+def _draw_costs(axes: Axes, found: Analysis, color_of: dict[str, str]) -> None:
+    """Every row as a point, those of one choice of sensors with their Pareto front."""
+    for mode in sorted({odometry for _, odometry, _ in found.rows}):
+        points = [
+            Point(name, 1e3 * of.cpu_scan, 1e3 * of.second_m, lost=False)
+            for name, odometry, of in found.rows
+            if odometry == mode and of.cpu_scan and of.second_m
+        ]
+        for point in points:
+            marker, color = MARKERS[mode], color_of[point.name]
+            axes.plot(point.cpu_ms, point.error_mm, marker, color=color)
+        best = front(points)
+        label = f"Pareto front, {MODES[mode]}"
+        x, y = [p.cpu_ms for p in best], [p.error_mm for p in best]
+        axes.plot(x, y, LINES[mode], color="0.5", linewidth=0.8, label=label)
+    axes.set(xscale="log", yscale="log", title="Runs that were not lost, medians")
+    axes.set(xlabel="CPU per scan [ms]", ylabel="error over 1 s [mm]")
+    axes.legend(fontsize=7)
