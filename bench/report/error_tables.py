@@ -1,4 +1,4 @@
-"""Tables of errors: the paper's, over equal times and ways, against the bound, of relations."""
+"""Tables of errors: the paper's, over equal times and ways, of relations."""
 
 from __future__ import annotations
 
@@ -7,15 +7,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from bench.report.lines import BOUND, frame_of, label, span_of, spans_of
+from bench.report.lines import frame_of, label, span_of, spans_of
 from bench.results import Line, Row, Rows
 
 PUBLISHED = Path(__file__).with_name("published.csv")
-# which limit belongs to which of the paper's errors, and by which of ours it is reached or missed
-BOUND_KEYS = {
-    "translation_m": ("translation_m", "se2_translation_m"),
-    "orientation_rad": ("rotation_rad", "orientation_rad"),
-}
 
 
 def paper_table(rows: Rows, key: str) -> pd.DataFrame:
@@ -30,28 +25,9 @@ def paper_table(rows: Rows, key: str) -> pd.DataFrame:
     return frame_of(lines)
 
 
-def span_table(log: Line, rows: Rows) -> pd.DataFrame:
-    """Mean SE(2) errors over each span, and the bound of two independent fixes below."""
-    lines = {label(row): _span_line(row) for row in rows}
-    for span, limit in ((log.get("bound") or {}).get("spans") or {}).items():
-        line = lines.setdefault(BOUND, {})
-        line[f"{span} [mm]"] = 1e3 * limit["translation_m"]
-        line[f"{span} [mrad]"] = 1e3 * limit["rotation_rad"]
-    return frame_of(lines)
-
-
-def bound_table(log: Line, rows: Rows) -> pd.DataFrame:
-    """Errors as multiples of what two independent fixes in the known map would have."""
-    lines: dict[str, Line] = {}
-    for row in rows:
-        line: Line = {}
-        for span, found in spans_of(row).items():
-            for key, ours in BOUND_KEYS.values():
-                limit = _bound(log, span, key)
-                if limit:
-                    line[f"{span}, {key.partition('_')[0]}"] = found[ours]["mean"] / limit
-        lines[label(row)] = line
-    return frame_of(lines)
+def span_table(_: Line, rows: Rows) -> pd.DataFrame:
+    """Mean SE(2) errors over each span."""
+    return frame_of({label(row): _span_line(row) for row in rows})
 
 
 def relation_table(log: Line, rows: Rows) -> pd.DataFrame:
@@ -126,8 +102,3 @@ def _span_line(row: Row) -> Line:
         line[f"{span} [mm]"] = 1e3 * found["se2_translation_m"]["mean"]
         line[f"{span} [mrad]"] = 1e3 * found["orientation_rad"]["mean"]
     return line
-
-
-def _bound(log: Line, span: str, key: str) -> float | None:
-    limit = (log.get("bound") or {}).get("spans", {}).get(span)
-    return None if limit is None else float(limit[key])

@@ -6,7 +6,6 @@ import pandas as pd
 
 from bench.results import Line, Row
 
-BOUND = "Cramer-Rao bound"
 DECIDING_SPANS = ("1 s", "10 s", "update")  # the first that a log has tells runs apart
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from bench.judge.answers import Analysis, questions
 from bench.judge.survival import errors
-from bench.report.palette import colors
+from bench.report.palette import looks
 from bench.report.pareto import Point, front
 from bench.report.sweep_tables import MODES
 from bench.results.sweep import Sweep
@@ -27,7 +27,7 @@ PANEL = (4.6, 4.2)  # inches
 def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
     """A panel of curves for each question, one of costs with the Pareto front; png."""
     names = list(dict.fromkeys(name for name, *_ in found.rows))
-    color_of = colors(names)
+    color_of = {name: look.color for name, look in looks(names).items()}
     asked = questions(names)
     figure = Figure(figsize=(PANEL[0] * (len(asked) + 1), PANEL[1]), layout="constrained")
     *curves, costs = figure.subplots(1, len(asked) + 1)

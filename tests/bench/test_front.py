@@ -29,8 +29,7 @@ def row(name, error, **loss):
 
 
 def test_the_table_joins_both_by_the_name():
-    bound = {"spans": {"1 s": {"translation_m": 0.002}}}
-    log = {"name": "n", "scans": 5, "beams": 3, "duration_s": 9.0, "bound": bound}
+    log = {"name": "n", "scans": 5, "beams": 3, "duration_s": 9.0}
     found = {
         "logs": [log],
         "rows": [row("hector", 0.003), row("tsd", 0.9, lost=True)],

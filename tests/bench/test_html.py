@@ -125,13 +125,10 @@ def outcomes(log, names, choice=None):
     return made
 
 
-def done_of(log, made, bound=True):
-    """What bench.compare hands over, with a bound of round numbers."""
+def done_of(log, made):
+    """What bench.compare hands over."""
     entry, truth = facts(log), log.truth_at(log.t)
     way = None if truth is None else metrics.common(log.t, truth, truth).truth
-    if bound and truth is not None:
-        limits = {k: {"translation_m": v, "rotation_rad": 0.1 * v} for k, v in SPANS.items()}
-        entry["bound"] = {"spans": limits}
     entry["verdicts"] = verdicts.on_one_log(made)
     grid = made[0].grid if truth is not None else None
     start = Pose2(*truth[0].tolist()) if truth is not None else None

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from bench.report import text as report
 from bench.report.html.markup import Markup, element
-from bench.report.lines import BOUND
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,8 +36,7 @@ def lines_table(
 def _line(head: list[str], line: list[str], kinds: Mapping[str, str]) -> Markup:
     """A line; on a narrow screen the label of a value stands with it."""
     name, *values = line
-    kind = "limit" if name == BOUND else kinds.get(name)
-    header = element("th", element("span", name), scope="row", class_=kind)
+    header = element("th", element("span", name), scope="row", class_=kinds.get(name))
     cells = zip(head[1:], values, strict=True)
     drawn = (element("td", value, data_label=column) for column, value in cells)
     return element("tr", header, *drawn)
