@@ -89,7 +89,8 @@ class GMapping:
             matches = self._match(view, prior.pose, prior)
         pose = self._estimator.decide(view, matches, self._map, self._match)  # 5.
         self._counts["posed"] += self._estimator.match is not None
-        if self._estimator.maps and self._keyframes.due(pose, self._estimator.quality):
+        quality, mount = self._estimator.quality, scan.laser.mount
+        if self._estimator.maps and self._keyframes.due(pose, quality, mount):
             pose = self._filter(view, pose)  # 6.
         return view.at_stamp(pose)
 
