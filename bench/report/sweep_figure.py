@@ -37,7 +37,7 @@ def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
                 values, share = below(sweep, name, mode)
                 label = f"{name}, {MODES[mode]}"
                 axes.plot(1e3 * values, share, LINES[mode], color=color_of[name], label=label)
-        axes.set(xscale="log", ylim=(0.0, 1.0), title=question)
+        axes.set(xscale=scale_of(axes), ylim=(0.0, 1.0), title=question)
         axes.set(xlabel="error over 1 s [mm]", ylabel="share of all runs below")
         axes.legend(loc="lower right", fontsize=7)
     _draw_costs(costs, found, color_of)
@@ -60,6 +60,11 @@ def below(sweep: Sweep, name: str, odometry: bool) -> tuple[Floats, Floats]:
     return values, np.arange(1.0, len(values) + 1.0) / max(runs, 1)
 
 
+def scale_of(axes: Axes) -> str:
+    """Logarithmic, if anything is drawn."""
+    return "log" if any(len(line.get_xdata()) for line in axes.lines) else "linear"
+
+
 def _draw_costs(axes: Axes, found: Analysis, color_of: dict[str, str]) -> None:
     """Every row as a point, those of one choice of sensors with their Pareto front."""
     for mode in sorted({odometry for _, odometry, _ in found.rows}):
@@ -75,6 +80,7 @@ def _draw_costs(axes: Axes, found: Analysis, color_of: dict[str, str]) -> None:
         label = f"Pareto front, {MODES[mode]}"
         x, y = [p.cpu_ms for p in best], [p.error_mm for p in best]
         axes.plot(x, y, LINES[mode], color="0.5", linewidth=0.8, label=label)
-    axes.set(xscale="log", yscale="log", title="Runs that were not lost, medians")
+    scale = scale_of(axes)
+    axes.set(xscale=scale, yscale=scale, title="Runs that were not lost, medians")
     axes.set(xlabel="CPU per scan [ms]", ylabel="error over 1 s [mm]")
     axes.legend(fontsize=7)

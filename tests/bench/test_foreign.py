@@ -133,8 +133,6 @@ def test_its_map_is_laid_on_the_truth_as_the_others_are(log, tmp_path):
     theirs = results.read(tmp_path / "out").logs[0].outcomes[1]
     assert theirs.frame == pytest.approx(shift, abs=1e-6)
     assert theirs.grid.origin == pytest.approx(elsewhere.origin)
-    page = (tmp_path / "out" / "report.html").read_text()
-    assert "translate(-1 -2)" in page.replace(".000000", "")
 
 
 def test_map_quality_does_not_depend_on_the_frame():

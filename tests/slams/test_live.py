@@ -172,7 +172,8 @@ def test_losing_the_place_is_told(log):
         assert estimate.lost
         assert estimate.used
     assert estimate.seconds_lost == pytest.approx(14.0 - scan.t)
-    back = live.push(20.0, scan.ranges, *fan(scan.laser))
+    for k in range(40):  # until global localization is sure of the place
+        back = live.push(20.0 + 0.1 * k, scan.ranges, *fan(scan.laser))
     assert (back.lost, back.seconds_lost) == (False, 0.0)
 
 
