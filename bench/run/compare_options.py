@@ -43,8 +43,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--out",
         metavar="DIR",
-        help="folder of the results (default: results/compare-LOG; results/compare without a log; "
-        "-2 is appended if the folder has results)",
+        help="folder of the results (default: results/compare-LOG, without a log results/compare; "
+        "-2, -3, ... is appended where that folder exists)",
     )
     p.add_argument("--force", action="store_true", help="replace the results in the folder")
     size = p.add_mutually_exclusive_group()
