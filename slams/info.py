@@ -187,6 +187,9 @@ def _timing(log: ScanLog) -> Iterator[str]:
 
 def _uses(log: ScanLog) -> Iterator[str]:
     """Which commands take the log; without a truth two of them need one."""
+    if len(log.lasers) > 1:
+        yield "usable by: slams run, convert"
+        return
     more = (
         "compare, sweep" if log.truth else "compare with --relations or --truth, sweep with --truth"
     )
