@@ -29,14 +29,16 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog=PROGRAM,
-        description="Set every switch of an algorithm to its other value, one by one, and see "
-        "which levels of the sweep's degradations its runs hold.",
+        description="Set every switch of an algorithm to its other value, one at a time, and count "
+        "the levels of the sweep's degradations that its runs hold.",
         epilog="Writes ablation.md and ablation.csv: p is McNemar's exact test over the drives, "
-        "whether a drive held more levels with the switch or as it is. What is done is kept in "
-        "OUT/runs and not done again.",
+        "whether a drive held more levels with the switch or as it is. Finished runs are kept in "
+        "OUT/runs: an ablation that was ended continues from them.",
     )
     p.add_argument(
-        "algorithm", metavar="ALGORITHM", help="as the sweep's: name, variant or module:Class"
+        "algorithm",
+        metavar="ALGORITHM",
+        help="name, name@preset, module:Class, or a variant NAME:KEY=VALUE,...",
     )
     sweep.add_drive_options(p)
     p.set_defaults(seeds=SEEDS)

@@ -42,16 +42,26 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog=PROGRAM,
-        description="Localize in simulated arenas: a second drive in the map of a first one and "
-        f"in the arena's floor plan of {PLAN:g} m, and single scans found from nothing.",
+        description="Localize in simulated arenas: a second drive in the map of a first one and in "
+        f"the arena's floor plan (cells of {PLAN:g} m), and single scans without a start pose.",
         epilog="Writes localize.json.",
     )
     usual = ["hector", "tsd"]
-    p.add_argument("--algorithms", metavar="NAME", nargs="*", default=usual, help="hector tsd")
-    p.add_argument("--arenas", type=int, default=10, metavar="N", help="%(default)s")
-    p.add_argument("--places", type=int, default=20, metavar="N", help="of each, to be found (20)")
-    p.add_argument("--duration", type=float, default=30.0, metavar="S", help="of a drive (30)")
-    p.add_argument("--size", type=float, metavar="M", help="of an arena, as slams simulate")
+    p.add_argument(
+        "--algorithms", metavar="NAME", nargs="*", default=usual, help="names (default: hector tsd)"
+    )
+    counts = {"arenas": (10, "number of arenas"), "places": (20, "single scans in each arena")}
+    for name, (number, text) in counts.items():
+        shown = f"{text} (default: %(default)s)"
+        p.add_argument(f"--{name}", type=int, default=number, metavar="N", help=shown)
+    p.add_argument(
+        "--duration",
+        type=float,
+        default=30.0,
+        metavar="S",
+        help="length of a drive [s] (default: %(default)g)",
+    )
+    p.add_argument("--size", type=float, metavar="M", help="longer side of an arena [m]")
     cli.add_output_options(p, "results/localize")
     return p
 

@@ -30,10 +30,10 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog=PROGRAM,
-        description="Drive around in simulated buildings of bare corridors: keyframes "
-        f"{STEP:g} m apart, a laser that sees {RANGE:g} m, wheels that are wrong by "
-        f"{WRONG_WAY:.0%} and 3 degrees a meter. A loop is closed if places that were seen "
-        f"before are where they were, to {CLOSED:g} m.",
+        description="Drive loops in simulated buildings of bare corridors: scans "
+        f"{STEP:g} m apart, a laser with a range of {RANGE:g} m, wheels that err by "
+        f"{WRONG_WAY:.0%} and 3 degrees per meter. A loop is closed if the poses at revisited "
+        f"places are right to {CLOSED:g} m.",
         epilog="Writes loops.json.",
     )
     p.add_argument(
@@ -41,10 +41,12 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME",
         nargs="+",
         default=list(ROWS),
-        help=f"as the sweep's: name, variant or module:Class (default: {' '.join(ROWS)})",
+        help=f"name, variant NAME:KEY=VALUE,... or module:Class (default: {' '.join(ROWS)})",
     )
-    p.add_argument("--buildings", type=int, default=10, metavar="N", help="%(default)s")
-    p.add_argument("--seed", type=int, default=0, metavar="N", help="of the first (%(default)s)")
+    numbers = {"buildings": (10, "number of buildings"), "seed": (0, "seed of the first building")}
+    for name, (number, text) in numbers.items():
+        shown = f"{text} (default: %(default)s)"
+        p.add_argument(f"--{name}", type=int, default=number, metavar="N", help=shown)
     cli.add_output_options(p, "results/loops")
     return p
 

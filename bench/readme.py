@@ -37,7 +37,10 @@ PART = re.compile(
 
 def parser() -> cli.Parser:
     """The command's arguments."""
-    p = cli.Parser(prog=f"python -m {PROGRAM}", description=(__doc__ or "").partition("\n")[0])
+    p = cli.Parser(
+        prog=f"python -m {PROGRAM}",
+        description="Write the generated parts of READMEs and docs from results and parameters.",
+    )
     p.add_argument(
         "folders",
         nargs="*",

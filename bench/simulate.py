@@ -58,8 +58,10 @@ def parser() -> argparse.ArgumentParser:
         shown = "" if field.default is None else f" (default {field.default})"
         name = field.name.upper()
         p.add_argument(flag, type=kind, default=field.default, metavar=name, help=meaning + shown)
-    p.add_argument("--picture", type=Path, metavar="OUT.png", help="draw arena and drive")
-    p.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    p.add_argument(
+        "--picture", type=Path, metavar="OUT.png", help="draw the arena and the drive to a file"
+    )
+    p.add_argument("-q", "--quiet", action="store_true", help="print errors only")
     return p
 
 

@@ -49,33 +49,35 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog=PROGRAM,
-        description="Degrade logs level by level until each run is lost: which algorithm "
-        "withstands what, and which to take. Without a log: simulated arenas, ten drives in each, "
-        "hours; "
-        "--quick: four minutes on two cores.",
-        epilog="Writes report.html, sweep.json, tables as csv and markdown. Runs that are done are "
-        "kept in OUT/runs and not done again: a sweep that was ended goes on where it was.",
+        description="Degrade logs level by level until each run is lost, and print which algorithm "
+        "to take. Without a log it simulates ten drives in each arena and takes hours; with "
+        "--quick it takes some minutes.",
+        epilog="Writes report.html, sweep.json, tables as csv and markdown. Finished runs are kept "
+        "in OUT/runs: a sweep that was ended continues from them.",
     )
-    p.add_argument("logs", nargs="*", metavar="LOG", help="logs with a truth; default: simulate")
+    p.add_argument("logs", nargs="*", metavar="LOG", help="logs with a truth (default: simulate)")
     p.add_argument(
         "--algorithms",
         metavar="NAME",
         nargs="+",
-        help="default: all but baselines, with their presets @paper and @original (--quick: "
-        "without); a variant with a row of its own: NAME:KEY=VALUE,...",
+        help="name, name@preset, module:Class, or a variant NAME:KEY=VALUE,... as a row of its own "
+        "(default: all but the baselines, and without --quick their presets @paper and @original)",
     )
     single.add_options(p, several=True)
     add_drive_options(p)
-    p.add_argument("--sensor", metavar="NAME", default="utm30lx", help="of the simulated drives")
+    p.add_argument(
+        "--sensor",
+        metavar="NAME",
+        default="utm30lx",
+        help="laser of the simulated drives (default: %(default)s)",
+    )
     p.add_argument(
         "--odometry",
         choices=("both", "with", "without"),
         default="both",
-        help="whether wheels and gyro are given (default: %(default)s)",
+        help="run with wheels and gyro, without them, or both (default: %(default)s)",
     )
-    p.add_argument(
-        "--quick", action="store_true", help="fewer degradations, drives and rows: four minutes"
-    )
+    p.add_argument("--quick", action="store_true", help="fewer degradations, drives and rows")
     cli.add_output_options(p, "results/sweep")
     spread.add_options(p)
     cli.add_log_options(p)
@@ -88,27 +90,32 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
         "--degradations",
         metavar="NAME[=LEVEL]",
         nargs="+",
-        help="names, each at all its levels, or single levels (noise=0.05); all: every one; list: "
-        "what there is",
+        help="degradations at all levels, or at one (noise=0.05); all: every degradation; list: "
+        "print them with their levels",
     )
-    parser.add_argument("--arenas", metavar="NAME", nargs="+", help=f"of {', '.join(ARENAS)}")
-    parser.add_argument("--seeds", type=int, metavar="N", help="drives in each arena")
+    parser.add_argument(
+        "--arenas", metavar="NAME", nargs="+", help=f"arenas, of {', '.join(ARENAS)}"
+    )
+    parser.add_argument("--seeds", type=int, metavar="N", help="number of drives in each arena")
     parser.add_argument(
         "--seed",
         type=int,
         metavar="N",
         default=0,
-        help="seed of the first drive, the others have those behind it (default: %(default)s)",
+        help="seed of the first drive; the others count up from it (default: %(default)s)",
     )
     parser.add_argument(
-        "--duration", type=float, metavar="S", help=f"of each simulated drive ({DURATION:g})"
+        "--duration",
+        type=float,
+        metavar="S",
+        help=f"length of each simulated drive [s] (default: {DURATION:g})",
     )
     parser.add_argument(
         "--rate",
         type=float,
         metavar="HZ",
         default=RATE,
-        help="scans a second at most (default: %(default)g); 0: all",
+        help="scans per second at most, 0 for all (default: %(default)g)",
     )
 
 

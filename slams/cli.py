@@ -131,8 +131,14 @@ def add_algorithm_options(parser: argparse.ArgumentParser) -> None:
 
     known = f"one of {', '.join(names())}; name@preset; or module:Class"
     parser.add_argument("algorithm", help=known)
-    parser.add_argument("--preset", metavar="NAME", help="as name@preset, e.g. original")
-    parser.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
+    parser.add_argument(
+        "--preset",
+        metavar="NAME",
+        help="preset of the algorithm, as original; the same as name@preset",
+    )
+    parser.add_argument(
+        "--sensor", metavar="NAME", help=f"parameters for this laser: {', '.join(LASERS)}"
+    )
     parser.add_argument(
         "--ros-params",
         metavar="FILE",
@@ -140,23 +146,31 @@ def add_algorithm_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="launch or parameter file of the original's ROS node; may be given again",
     )
-    parser.add_argument("--params", metavar="FILE.yaml", help="parameters, lines 'name: value'")
+    parser.add_argument(
+        "--params", metavar="FILE.yaml", help="file of parameters, lines 'name: value'"
+    )
     parser.add_argument(
         "--set",
         metavar="KEY=VALUE",
         action="append",
         default=[],
         dest="changes",
-        help="one parameter; may be given again",
+        help="set one parameter; may be given again",
     )
-    parser.add_argument("--show-params", action="store_true", help="print all parameters and end")
+    parser.add_argument(
+        "--show-params", action="store_true", help="print all parameters, run nothing"
+    )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of every random draw")
 
 
 def add_output_options(parser: argparse.ArgumentParser, out: str) -> None:
     """Give a command the folder its results go to, and `-q`."""
-    parser.add_argument("--out", metavar="DIR", default=out, help="default: %(default)s")
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
+    parser.add_argument(
+        "--out", metavar="DIR", default=out, help="folder of the results (default: %(default)s)"
+    )
+    parser.add_argument(
+        "-q", "--quiet", action="store_true", help="print no progress and no tables"
+    )
 
 
 def add_force_option(parser: argparse.ArgumentParser) -> None:
@@ -168,29 +182,35 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Give a command the options of what to take from a recorded log."""
     group = parser.add_argument_group(
         "reading a log",
-        "npz, ROS 1 or ROS 2 bag, CARMEN log: found out by the content. Needed only where a "
-        "log leaves a choice.",
+        "A log is an npz, a ROS 1 or ROS 2 bag or a CARMEN log; its content tells which. These "
+        "options are needed only where the log leaves a choice.",
     )
     group.add_argument(
         "--scan-topic",
         metavar="TOPIC",
         action="append",
         default=[],
-        help="the laser, or a CARMEN message; given several times: lasers of a bag used together",
+        help="topic of the scans, or CARMEN message; give it once for each laser of a bag",
     )
-    group.add_argument("--odom", metavar="NAME", help="odometry topic or tf frame; or none")
-    group.add_argument("--imu", metavar="TOPIC", help="gyro topic; or none")
+    group.add_argument("--odom", metavar="NAME", help="topic or tf frame of the odometry, or none")
+    group.add_argument("--imu", metavar="TOPIC", help="topic of the gyro, or none")
     group.add_argument(
-        "--truth", metavar="NAME", help="true poses: TUM or csv file, topic, tf frame; or none"
+        "--truth",
+        metavar="NAME",
+        help="true poses: a TUM or csv file, a topic, a tf frame, or none",
     )
-    group.add_argument("--base-frame", metavar="FRAME", help="tf frame that poses are of")
+    group.add_argument(
+        "--base-frame", metavar="FRAME", help="tf frame of the robot, whose poses are computed"
+    )
     group.add_argument(
         "--first-beam",
         metavar="DEG",
         type=float,
-        help="direction of the first reading where a CARMEN log does not tell",
+        help="direction of the first beam [deg], for a CARMEN log that does not contain it",
     )
-    group.add_argument("--salvage", action="store_true", help="read what is whole in a damaged log")
+    group.add_argument(
+        "--salvage", action="store_true", help="read the undamaged part of a damaged log"
+    )
 
 
 def log_options(arguments: argparse.Namespace) -> SourceOptions:

@@ -16,15 +16,15 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog=PROGRAM,
-        description="Turn a recorded log into an npz that loads at once and can be passed on.",
+        description="Convert a recorded log to an npz, which loads fast and stands alone.",
     )
     p.add_argument(
         "log",
         nargs="+",
-        help="npz, ROS bag (of a split one all files) or CARMEN log",
+        help="npz, ROS bag (all files of a split one) or CARMEN log",
     )
     p.add_argument("out", type=Path, metavar="OUT.npz", help="the scan log to write")
-    p.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    p.add_argument("-q", "--quiet", action="store_true", help="print errors only")
     cli.add_force_option(p)
     cli.add_log_options(p)
     return p

@@ -27,13 +27,13 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog=PROGRAM,
-        description="Tell what is in a recorded log, what the programs will assume about it where "
-        "it leaves something open, and which of them can use it.",
+        description="Print what a recorded log contains, what the commands will assume where it "
+        "leaves something open, and which commands can use it.",
     )
     p.add_argument(
         "log",
         nargs="+",
-        help="npz, ROS bag (of a split one all files) or CARMEN log",
+        help="npz, ROS bag (all files of a split one) or CARMEN log",
     )
     cli.add_log_options(p)
     return p
@@ -187,6 +187,9 @@ def _timing(log: ScanLog) -> Iterator[str]:
 
 def _uses(log: ScanLog) -> Iterator[str]:
     """Which commands take the log; without a truth two of them need one."""
+    if len(log.lasers) > 1:
+        yield "usable by: slams run, convert"
+        return
     more = (
         "compare, sweep" if log.truth else "compare with --relations or --truth, sweep with --truth"
     )

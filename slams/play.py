@@ -25,25 +25,29 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog=PROGRAM,
-        description="Publish a log as a robot would: /scan, /tf_static, and what it has of /odom, "
-        "/tf and /imu, by ROS 2, in the time it took. No ROS needed.",
+        description="Publish a log by ROS 2 as a robot would, in real time: /scan, /tf_static, "
+        "and /odom, /tf and /imu where the log has them. No ROS needed.",
     )
     p.add_argument("log", nargs="+", help="scan log: npz, ROS bag or CARMEN log")
-    p.add_argument("--rate", type=float, default=1.0, metavar="X", help="so many times as fast")
-    p.add_argument("--loop", action="store_true", help="again and again, until Ctrl-C")
-    p.add_argument("--limit", type=int, metavar="N", help="only N scans")
-    p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
+    p.add_argument("--rate", type=float, default=1.0, metavar="X", help="play X times as fast")
+    p.add_argument("--loop", action="store_true", help="repeat the log until Ctrl-C")
+    p.add_argument("--limit", type=int, metavar="N", help="publish the first N scans only")
+    p.add_argument("--no-odometry", action="store_true", help="publish no odometry and no gyro")
     p.add_argument(
-        "--wait-for-subscriber", type=float, default=5.0, metavar="S", help="at most this long: 5 s"
+        "--wait-for-subscriber",
+        type=float,
+        default=5.0,
+        metavar="S",
+        help="wait at most so long for a subscriber [s] (default: %(default)g)",
     )
     p.add_argument(
         "--remap",
         metavar="FROM:=TO",
         action="append",
         default=[],
-        help="another name for a topic, as /scan:=/front/scan; may be given again",
+        help="rename a topic, as /scan:=/front/scan; may be given again",
     )
-    p.add_argument("-q", "--quiet", action="store_true", help="no notes, no progress bar")
+    p.add_argument("-q", "--quiet", action="store_true", help="print no notes and no progress")
     cli.add_log_options(p)
     add_network_options(p)
     return p

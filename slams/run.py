@@ -38,13 +38,17 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "log",
         nargs="*",
-        help="scan log: npz, ROS bag (of a split one all files) or CARMEN log",
+        help="scan log: npz, ROS bag (all files of a split one) or CARMEN log",
     )
-    p.add_argument("--out", metavar="DIR", help="default: results/<log>-<algorithm>")
+    p.add_argument(
+        "--out", metavar="DIR", help="folder of the results (default: results/<log>-<algorithm>)"
+    )
     cli.add_force_option(p)
-    p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
-    p.add_argument("--limit", type=int, metavar="N", help="only N scans")
-    p.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th scan")
+    p.add_argument(
+        "--no-odometry", action="store_true", help="ignore the odometry and gyro of the log"
+    )
+    p.add_argument("--limit", type=int, metavar="N", help="use the first N scans only")
+    p.add_argument("--every", type=int, default=1, metavar="K", help="use every K-th scan only")
     p.add_argument(
         "--mcap", action="store_true", help="also write result.mcap for Foxglove, RViz, evo"
     )
@@ -53,9 +57,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="FILE.rrd",
         nargs="?",
         const="live",
-        help="watch in the viewer rerun, or save for it (extra viz)",
+        help="show the run in the viewer rerun, or save it to a file (needs the extra viz)",
     )
-    p.add_argument("-q", "--quiet", action="store_true", help="no progress bar, no summary")
+    p.add_argument("-q", "--quiet", action="store_true", help="print no progress and no summary")
     add_state_options(p)
     cli.add_log_options(p)
     return p

@@ -28,18 +28,20 @@ class Setup(NamedTuple):
 def add_state_options(parser: argparse.ArgumentParser) -> None:
     """Give a command the options of saved states and of fixed maps."""
     group = parser.add_argument_group("states and maps")
-    group.add_argument("--save-state", metavar="FILE", help="also save the algorithm's state")
+    group.add_argument(
+        "--save-state", metavar="FILE", help="save the algorithm's state to FILE at the end"
+    )
     group.add_argument("--resume-state", metavar="FILE", help="continue from a saved state")
     group.add_argument(
         "--localize",
         "--map",
         metavar="MAP",
-        help="localize in a saved state or map.yaml, which does not change",
+        help="localize in MAP, a saved state or a map.yaml, and leave it unchanged",
     )
     group.add_argument(
         "--start",
         metavar="X,Y,THETA",
-        help="first pose in MAP [m, rad], as --start=-1,2,0.5; else it is searched for",
+        help="first pose in MAP [m, rad], as --start=-1,2,0.5 (default: global localization)",
     )
 
 

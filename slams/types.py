@@ -186,7 +186,7 @@ class OccupancyGrid:
 class Slam(Protocol):
     """What the runner and the benchmark ask of an algorithm; no base class is needed.
 
-    Contract of `update`, each clause a test over every registered algorithm:
+    Contract of `update` and `map`, each clause a test over every registered algorithm:
 
     1. The first call returns Pose2(0, 0, 0): the map frame is the base frame of the first scan.
     2. Every call returns a finite pose, also when the scan is not used or matching fails: then
@@ -198,6 +198,7 @@ class Slam(Protocol):
     6. Two instances in one process do not disturb each other.
     7. The odom frame is arbitrary: one constant motion before every odometry pose changes nothing.
     8. A scan with another beam count or geometry than the one before is handled.
+    9. `map()` has cells that scans observed, in the frame of the first scan.
 
     An algorithm may say more of the last scan, as `Confident` does; `LiveSlam` has a fallback for
     each that is missing.

@@ -1,4 +1,4 @@
-"""slams report DIR: draw everything in a folder of results again, without a run."""
+"""slams report: draw the report, figures and tables of a folder of results again."""
 
 from __future__ import annotations
 
@@ -12,9 +12,18 @@ PROGRAM = "slams report"
 
 def parser() -> cli.Parser:
     """The command's arguments."""
-    p = cli.Parser(prog=PROGRAM, description=(__doc__ or "").partition("\n")[0])
-    p.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="of compare or sweep")
-    p.add_argument("-q", "--quiet", action="store_true", help="no tables")
+    p = cli.Parser(
+        prog=PROGRAM,
+        description="Draw the report, figures and tables of a folder of results again.",
+    )
+    p.add_argument(
+        "folders",
+        nargs="+",
+        type=Path,
+        metavar="DIR",
+        help="results of slams compare or slams sweep",
+    )
+    p.add_argument("-q", "--quiet", action="store_true", help="print no tables")
     return p
 
 

@@ -86,7 +86,8 @@ def _bound(value: float, levels: list[float]) -> str:
 def answer(cell: Cell) -> str:
     """Who wins and by what, or whom the runs cannot tell apart and which of those to take."""
     if not cell.decidable:
-        return f"{cell.drives} drives cannot tell: take {cell.take}"
+        number = "one drive" if cell.drives == 1 else f"{cell.drives} drives"
+        return f"{number} cannot tell: take {cell.take}"
     if len(cell.unbeaten) == 1 and cell.beaten:
         reasons = listed(list(dict.fromkeys(reason for *_, reason in cell.beaten.values())), "or")
         return f"**{cell.take}** ({reasons}, {_chance(max(p for _, p, _ in cell.beaten.values()))})"

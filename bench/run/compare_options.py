@@ -28,51 +28,62 @@ def parser() -> argparse.ArgumentParser:
     p = cli.Parser(
         prog="slams compare",
         description="Replay scan logs through SLAM algorithms and compare their pose errors. "
-        "Without a log: a simulated rescue maze, UTM-30LX, five minutes.",
-        epilog="Writes report.html, results.json, tables as csv, markdown and LaTeX, errors per "
-        "update as csv, trajectories, figures as png and pdf.",
+        "Without a log it simulates one: a rescue maze, UTM-30LX, five minutes.",
+        epilog="Writes report.html, results.json, tables as csv and markdown, errors per update as "
+        "csv, trajectories, figures as png and pdf.",
     )
-    p.add_argument("logs", nargs="*", metavar="LOG", help="scan logs; default: simulate one")
+    p.add_argument("logs", nargs="*", metavar="LOG", help="scan logs (default: simulate one)")
     p.add_argument(
         "--algorithms",
         metavar="NAME",
         nargs="+",
-        help=f"name, name@preset or module:Class; default: {' '.join(names())}, and NAME@{IDEA} "
-        "of each that has one",
+        help=f"name, name@preset or module:Class (default: {' '.join(names())}, and NAME@{IDEA} "
+        "of each that has one)",
     )
     p.add_argument(
-        "--out", metavar="DIR", help="default: results/compare, -LOG behind; -2 where it is taken"
+        "--out",
+        metavar="DIR",
+        help="folder of the results (default: results/compare-LOG, without a log results/compare; "
+        "-2, -3, ... is appended where that folder exists)",
     )
-    p.add_argument("--force", action="store_true", help="replace the results that are there")
+    p.add_argument("--force", action="store_true", help="replace the results in the folder")
     size = p.add_mutually_exclusive_group()
-    size.add_argument("--quick", action="store_true", help="a minute of the log only")
+    size.add_argument("--quick", action="store_true", help="use one minute of the log only")
     size.add_argument(
-        "--full", action="store_true", help="the originals as well, the published tables beside"
+        "--full",
+        action="store_true",
+        help="also run the published programs (NAME@original) and print the published tables",
     )
-    p.add_argument("--relations", metavar="FILE", help="Freiburg relations of the one log")
+    p.add_argument(
+        "--relations",
+        metavar="FILE",
+        help="true relations of one log, as published for the Freiburg logs",
+    )
     p.add_argument(
         "--starts",
         type=int,
         default=1,
         metavar="N",
-        help="with --relations: also begin at N scans of the log, to tell luck from skill",
+        help="with --relations: run from N start scans, as one start can be luck",
     )
     p.add_argument(
         "--trajectory",
         metavar="NAME=WHAT",
         action="append",
         default=[],
-        help="another program's run as a row: a TUM or csv file, result.mcap, or a topic or tf "
-        "frame of the log's bag; may be given again",
+        help="add another program's run as a row: WHAT is a TUM or csv file, a result.mcap, or a "
+        "topic or tf frame of the log's bag; may be given again",
     )
     p.add_argument(
         "--map",
         metavar="NAME=FILE",
         action="append",
         default=[],
-        help="the map that goes with it: a map_server yaml",
+        help="map of that program, a map_server yaml",
     )
-    p.add_argument("--sensor", metavar="NAME", help=f"what changes for {', '.join(LASERS)}")
+    p.add_argument(
+        "--sensor", metavar="NAME", help=f"parameters for this laser: {', '.join(LASERS)}"
+    )
     p.add_argument(
         "--ros-params",
         metavar="ALGORITHM=FILE",
@@ -81,26 +92,28 @@ def parser() -> argparse.ArgumentParser:
         help="launch or parameter file of the original's ROS node; may be given again",
     )
     single.add_options(p)
-    p.add_argument("--no-odometry", action="store_true", help="hide odometry and gyro")
-    p.add_argument("--limit", type=int, metavar="N", help="only N scans")
-    p.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th scan")
+    p.add_argument(
+        "--no-odometry", action="store_true", help="ignore the odometry and gyro of the log"
+    )
+    p.add_argument("--limit", type=int, metavar="N", help="use the first N scans only")
+    p.add_argument("--every", type=int, default=1, metavar="K", help="use every K-th scan only")
     p.add_argument(
         "--seed",
         metavar="N",
         action="append",
         default=[],
-        help="of the simulation and the algorithms; ALGORITHM:N of one; may be given again",
+        help="seed of the simulation and of all algorithms; ALGORITHM:N of one; may be given again",
     )
-    p.add_argument("--duration", type=float, metavar="S", help="of the simulation")
+    p.add_argument("--duration", type=float, metavar="S", help="length of the simulated log [s]")
     p.add_argument("--mcap", action="store_true", help="also write result-NAME.mcap of every run")
     p.add_argument(
         "--jobs",
         type=int,
         default=min(2, os.cpu_count() or 1),
         metavar="N",
-        help="processes at a time (%(default)s)",
+        help="number of processes (default: %(default)s)",
     )
-    p.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
+    p.add_argument("-q", "--quiet", action="store_true", help="print no progress and no tables")
     cli.add_log_options(p)
     return p
 

@@ -49,7 +49,7 @@ def add_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
         action=action,
         nargs=nargs,
         default=[],
-        help=f"parameters of one algorithm, lines 'name: value'; {again}",
+        help=f"file of one algorithm's parameters, lines 'name: value'; {again}",
     )
     parser.add_argument(
         "--set",
@@ -58,7 +58,7 @@ def add_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
         nargs=nargs,
         default=[],
         dest="changes",
-        help="one parameter of one algorithm (tsd:cell=0.05), or without the name of all that "
+        help="set one parameter of one algorithm (tsd:cell=0.05); without the name, of all that "
         f"have it; {again}",
     )
 

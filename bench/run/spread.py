@@ -17,13 +17,19 @@ JOBS = min(2, os.cpu_count() or 1)
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Give a command the options of where its runs are done."""
     group = parser.add_argument_group(
-        "spreading the runs", "Whatever is chosen, the results are the same; see docs/field.md."
+        "spreading the runs", "The results do not depend on these options; see docs/field.md."
     )
     group.add_argument(
-        "--jobs", type=int, metavar="N", default=JOBS, help="processes at a time (%(default)s)"
+        "--jobs",
+        type=int,
+        metavar="N",
+        default=JOBS,
+        help="number of processes (default: %(default)s)",
     )
     group.add_argument(
-        "--shard", metavar="I/N", help="only part I of N, counted from 1: one for each machine"
+        "--shard",
+        metavar="I/N",
+        help="do only part I of N, counted from 1; one part for each machine",
     )
 
 

@@ -54,39 +54,47 @@ class Setting:
     """
 
     arena: str = _option(
-        "rescue", str, f"made from the seed: {KINDS}; or MAP.yaml, or a picture (dark = wall)"
+        "rescue",
+        str,
+        f"arena, made from the seed: {KINDS}; or MAP.yaml, or a picture (dark = wall)",
     )
     resolution: float | None = _option(
-        None, float, f"cell of the arena ({CELL}) or pixel of the picture [m]", 1e-3, 1.0
+        None,
+        float,
+        f"edge of a cell of the arena, or of a pixel of the picture [m] (default {CELL})",
+        1e-3,
+        1.0,
     )
     size: float | None = _option(
-        None, float, f"longer side of the arena [m], a map has its own (default {SIZES})", 7, 320
+        None, float, f"longer side of an arena made from the seed [m] (default {SIZES})", 7, 320
     )
-    seed: int = _option(0, int, "seed of every draw", 0, 2**63 - 1)
-    sensor: str = _option("utm30lx", str, f"one of {', '.join(SENSORS)}")
+    seed: int = _option(0, int, "seed of every random draw", 0, 2**63 - 1)
+    sensor: str = _option("utm30lx", str, f"laser, one of {', '.join(SENSORS)}")
     duration: float = _option(300.0, float, "length of the log [s]", 0.1, 14400.0)
     length: float | None = _option(
-        None, float, "length of the way [m], instead of the duration", 0.1, 5000.0
+        None, float, "length of the path [m], instead of the duration", 0.1, 5000.0
     )
     v: float = _option(0.5, float, "greatest speed [m/s]", 0.05, 5.0)
     w: float = _option(0.8, float, "greatest turn rate [rad/s]", 0.1, 10.0)
-    clearance: float = _option(0.3, float, "least distance of laser and wall [m]", 0.05, 5.0)
+    clearance: float = _option(0.3, float, "least distance between laser and wall [m]", 0.05, 5.0)
     noise: float | None = _option(
         None, float, "standard deviation of a range [m], instead of the sensor's", 0.0, 10.0
     )
     stdr: bool = _option(
-        False, bool, "ranges like stdr_simulator's: no noise, multiples of the map's cell"
+        False, bool, "ranges like those of stdr_simulator: no noise, multiples of the map's cell"
     )
-    dropout: float = _option(0.0, float, "share of beams lost, half nan, half inf", 0.0, 1.0)
+    dropout: float = _option(
+        0.0, float, "share of beams that are lost, half as nan, half as inf", 0.0, 1.0
+    )
     mixed: float = _option(
-        0.0, float, "share of beams beside an edge that fall between near and far", 0.0, 1.0
+        0.0, float, "share of the beams at an edge that end between its near and far side", 0.0, 1.0
     )
-    people: int = _option(0, int, "how many people walk about", 0, 50)
+    people: int = _option(0, int, "number of people who walk through the arena", 0, 50)
     lasers: int = _option(
         1,
         int,
-        "2: front and rear half of the sensor's fan, 0.2 m before and behind the base, half a"
-        " period apart",
+        "number of lasers; 2: front and rear half of the sensor's fan, 0.2 m before and behind the"
+        " base, half a period apart",
         1,
         2,
     )
@@ -96,8 +104,8 @@ class Setting:
     tilt: float = _option(
         0.0,
         float,
-        "roll and pitch of up to that much each [deg], of a body with its laser 0.35 m above the"
-        " floor; the attitude is measured to 0.3 deg",
+        "greatest roll and pitch of the body [deg], its laser 0.35 m above the floor; the log has"
+        " the attitude, measured to 0.3 deg",
         0.0,
         40.0,
     )

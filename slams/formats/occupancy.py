@@ -47,7 +47,7 @@ def write_map(folder: str | Path, grid: OccupancyGrid) -> None:
 def read_map(path: str | Path, notes: list[str] | None = None) -> OccupancyGrid:
     """Read a map_server or nav2 yaml with its picture: p 1 occupied, 0 free, nan unknown.
 
-    The mode is trinary, as map savers have it unless told otherwise, negated or not. The gray that
+    The mode is trinary, as map savers write it by default, negated or not. The gray that
     they give to unknown cells is unknown, whatever the threshold. Notes for the user are added to
     `notes`.
 

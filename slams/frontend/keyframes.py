@@ -19,7 +19,7 @@ class Keyframes:
         rotation: [rad].
         first: so many scans at the start are all keyframes: the noise of the first would stay.
 
-    Of several lasers, told apart by their mounts, each has keyframes of its own.
+    Of several lasers, distinguished by their mounts, each has keyframes of its own.
     """
 
     def __init__(self, distance: float, rotation: float, first: int) -> None:

@@ -28,13 +28,16 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog=PROGRAM,
-        description="One SLAM algorithm on a robot: scans, odometry, gyro and tf come by ROS 2, "
-        "map, transform, pose and state go out. No ROS needed. Ctrl-C ends it and writes the map.",
+        description="Run one SLAM algorithm on a robot: it subscribes scans, odometry, gyro and tf "
+        "by ROS 2 and publishes map, transform, pose and state. No ROS needed. Ctrl-C ends it and "
+        "writes the results.",
     )
     cli.add_algorithm_options(p)
-    p.add_argument("--out", metavar="DIR", help="default: results/live-<algorithm>")
-    p.add_argument("--record", metavar="FILE.mcap", help="a bag of all messages in and out")
-    p.add_argument("-q", "--quiet", action="store_true", help="no notes, no status line")
+    p.add_argument(
+        "--out", metavar="DIR", help="folder of the results (default: results/live-<algorithm>)"
+    )
+    p.add_argument("--record", metavar="FILE.mcap", help="record all messages in and out to a bag")
+    p.add_argument("-q", "--quiet", action="store_true", help="print no notes and no status line")
     add_state_options(p)
     _add_topics(p)
     _add_frames(p)
@@ -44,15 +47,19 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_topics(p: argparse.ArgumentParser) -> None:
     group, usual = p.add_argument_group("topics"), Topics()
-    odometry = "odometry: auto (tf where it has that frame, else /odom), tf, a topic or none"
+    odometry = "odometry: auto (tf if it has the odometry's frame, else /odom), tf, a topic or none"
     for flag, default, text in (
-        ("--scan-topic", usual.scan, f"scans: {usual.scan}"),
+        ("--scan-topic", usual.scan, f"subscribed scans (default: {usual.scan})"),
         ("--odom", "auto", odometry),
-        ("--imu", usual.imu, f"gyro: {usual.imu}; or none"),
-        ("--map-topic", usual.map, f"out: {usual.map}"),
-        ("--path-topic", usual.path, f"out, after a closed loop: {usual.path}"),
-        ("--pose-topic", usual.pose, f"out: {usual.pose}"),
-        ("--state-topic", usual.state, f"out: {usual.state}"),
+        ("--imu", usual.imu, f"subscribed gyro, or none (default: {usual.imu})"),
+        ("--map-topic", usual.map, f"published map (default: {usual.map})"),
+        (
+            "--path-topic",
+            usual.path,
+            f"path, published after a closed loop (default: {usual.path})",
+        ),
+        ("--pose-topic", usual.pose, f"published pose (default: {usual.pose})"),
+        ("--state-topic", usual.state, f"published state (default: {usual.state})"),
     ):
         group.add_argument(flag, metavar="TOPIC", default=default, help=text)
 
@@ -60,23 +67,27 @@ def _add_topics(p: argparse.ArgumentParser) -> None:
 def _add_frames(p: argparse.ArgumentParser) -> None:
     group, usual = p.add_argument_group("frames and times"), NodeOptions()
     frames = {
-        "map_frame": "of map and poses",
-        "odom_frame": "of the odometry",
-        "base_frame": "of the robot, whose poses are published; default: that of the odometry, "
-        "else base_link",
+        "map_frame": "frame of map and poses",
+        "odom_frame": "frame of the odometry",
+        "base_frame": "frame of the robot, whose poses are published (default: that of the "
+        "odometry, else base_link)",
     }
     times = {
-        "map_every": "time between two maps [s], 0 for none",
-        "wait": "for odometry and gyro to catch up with a scan [s]",
+        "map_every": "time between two published maps [s], 0 for none",
+        "wait": "how long a scan waits for odometry and gyro at most [s]",
         "tf_ahead": "how far ahead of its scan a transform is stamped [s]",
     }
     for name, text in (frames | times).items():
         value, flag = getattr(usual, name), f"--{name.replace('_', '-')}"
         kind, unit = (float, "S") if name in times else (str, "FRAME")
-        shown = text if value is None else f"{text}: {value}"
+        shown = text if value is None else f"{text} (default: {value})"
         group.add_argument(flag, type=kind, metavar=unit, default=value, help=shown)
     group.add_argument(
-        "--queue", type=int, metavar="N", default=usual.queue, help="scans that wait at most: 20"
+        "--queue",
+        type=int,
+        metavar="N",
+        default=usual.queue,
+        help="how many scans wait at most; older ones are left out (default: %(default)s)",
     )
 
 

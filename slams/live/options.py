@@ -67,12 +67,16 @@ class NodeOptions:
 
 def add_network_options(parser: argparse.ArgumentParser) -> None:
     """Give a command the options of ROS 2's network."""
-    group = parser.add_argument_group("network", "ROS 2 by DDS, with ROS's names and settings")
-    group.add_argument("--domain-id", type=int, metavar="N", help="default: ROS_DOMAIN_ID, else 0")
+    group = parser.add_argument_group(
+        "network", "ROS 2's network protocol (DDS), with the names and settings of ROS"
+    )
+    group.add_argument(
+        "--domain-id", type=int, metavar="N", help="DDS domain (default: ROS_DOMAIN_ID, else 0)"
+    )
     group.add_argument(
         "--localhost-only",
         action="store_true",
-        help="speak to this machine only, as with ROS_LOCALHOST_ONLY=1",
+        help="reach programs on this machine only, as ROS_LOCALHOST_ONLY=1 does",
     )
 
 

@@ -187,6 +187,7 @@ def test_a_good_one_passes():
         (with_map(np.zeros((2, 2), np.float32), 5.0), "9", "the first pose is not on the map"),
         (with_map(np.full((2, 2), 100.0, np.float32)), "9", "map().p is not in 0..1"),
         (with_map(np.zeros((2, 2))), "9", "map().p is float64"),
+        (with_map(np.full((2, 2), np.nan, np.float32)), "9", "map() has no observed cell"),
         (NoMap, "9", "map().p is float32 (0, 0), expected float32 (ny, nx) with cells"),
         (NoMapOfNothing, "2", "map() has no cell [scans: nothing but inf alone]"),
     ],

@@ -5,6 +5,8 @@ import pytest
 
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
+from slams import info
+from slams.formats.options import SourceOptions
 from slams.player import replay
 from slams.registry import find
 from slams.scanlog import load_npz
@@ -32,6 +34,8 @@ def test_the_file_keeps_lasers_and_whose_scan_is_whose(log, tmp_path):
         assert one.laser == other.laser and one.t == other.t
         assert np.array_equal(one.ranges, other.ranges, equal_nan=True)
     assert [scan.laser.mount.x for scan in log][:4] == [0.2, -0.2, 0.2, -0.2]
+    *_, last = info.report([tmp_path / "two.npz"], SourceOptions())
+    assert last == "usable by: slams run, convert"
 
 
 def test_rows_of_lasers_with_fewer_beams_are_cut(log):

@@ -19,7 +19,7 @@ def element(tag: str, *children: str | None, **attributes: object) -> Markup:
     Args:
         tag: its name.
         children: elements, or plain text, which is escaped; None is left out.
-        attributes: `data_zoom` is written data-zoom, `class_` class; True is written without a
+        attributes: `aria_label` is written aria-label, `class_` class; True is written without a
             value, None and False not at all.
     """
     words = [f"<{tag}", *_attributes(attributes)]
