@@ -1,7 +1,8 @@
-"""The picture of a sweep: share of its runs below an error, and error against CPU per scan."""
+"""Figures of a sweep: survival curves; share of its runs below an error, error against CPU."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,9 +10,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bench.judge.answers import Analysis, questions
+from bench.judge.answers import Analysis, Cell, questions
 from bench.judge.survival import errors
-from bench.report.palette import looks
+from bench.report.palette import Look, looks
 from bench.report.pareto import Point, front
 from bench.report.sweep_tables import MODES
 from bench.results.sweep import Sweep
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 LINES, MARKERS = {False: "--", True: "-"}, {False: "o", True: "^"}  # laser alone, with odometry
 PANEL = (4.6, 4.2)  # inches
+SPREAD = 0.12  # of a level between the first and the last row's curve: equal ones stay visible
 
 
 def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
@@ -45,6 +47,21 @@ def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
         axes.title.set_fontsize(9)
         axes.grid(visible=True, which="both", alpha=0.25)
     FigureCanvasAgg(figure).print_figure(path, dpi=110, metadata={"Software": None})
+
+
+def survival(axes: Axes, cell: Cell, label: str, looks: Mapping[str, Look]) -> None:
+    """Share of the runs of each row that hold each level, with its 95 % band."""
+    for k, (name, look) in enumerate(looks.items()):
+        shares = cell.curves[name]
+        x = np.arange(len(shares)) + SPREAD * (k / max(len(looks) - 1, 1) - 0.5)
+        low, high = [one.low for one in shares], [one.high for one in shares]
+        band = {"color": look.color, "alpha": 0.13, "linewidth": 0.0, "gid": look.group}
+        axes.fill_between(x, low, high, **band)
+        held = [one.k / one.n for one in shares]
+        axes.plot(x, held, look.line, color=look.color, gid=look.group)
+    axes.set_xticks(range(len(cell.levels)), [f"{level:g}" for level in cell.levels])
+    axes.set(xlabel=label, ylabel="share of runs held", ylim=(-0.03, 1.03))
+    axes.grid(visible=True, alpha=0.25)
 
 
 def below(sweep: Sweep, name: str, odometry: bool) -> tuple[Floats, Floats]:
