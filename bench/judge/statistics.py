@@ -100,7 +100,7 @@ def wilcoxon(differences: Floats) -> float:
     """The p-value, of both sides, of Wilcoxon's signed-rank test (1945) of the pairs (n,)."""
     from scipy import stats
 
-    return float(stats.wilcoxon(differences).pvalue) if differences.any() else 1.0
+    return float(stats.wilcoxon(differences).pvalue) if np.any(differences) else 1.0
 
 
 def least_p_value(n: int) -> float:
@@ -109,7 +109,7 @@ def least_p_value(n: int) -> float:
     Two of the 2^n ways to set the signs are as far out as it gets: five runs never suffice for
     0.05.
     """
-    return min(1.0, 2.0 / 2**n)
+    return min(1.0, 2.0 ** (1 - n))
 
 
 def adjusted(p_values: Sequence[float]) -> list[float]:

@@ -34,12 +34,12 @@ def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
     figure = Figure(figsize=(PANEL[0] * (len(asked) + 1), PANEL[1]), layout="constrained")
     *curves, costs = figure.subplots(1, len(asked) + 1)
     for axes, (question, rows) in zip(curves, asked.items(), strict=True):
+        axes.set(xscale="log", ylim=(0.0, 1.0), title=question)
         for name in rows:
             for mode in sorted({odometry for row, odometry, _ in found.rows if row == name}):
                 values, share = below(sweep, name, mode)
                 label = f"{name}, {MODES[mode]}"
                 axes.plot(1e3 * values, share, LINES[mode], color=color_of[name], label=label)
-        axes.set(xscale="log", ylim=(0.0, 1.0), title=question)
         axes.set(xlabel="error over 1 s [mm]", ylabel="share of all runs below")
         axes.legend(loc="lower right", fontsize=7)
     _draw_costs(costs, found, color_of)
@@ -55,8 +55,8 @@ def survival(axes: Axes, cell: Cell, label: str, looks: Mapping[str, Look]) -> N
         shares = cell.curves[name]
         x = np.arange(len(shares)) + SPREAD * (k / max(len(looks) - 1, 1) - 0.5)
         low, high = [one.low for one in shares], [one.high for one in shares]
-        band = {"color": look.color, "alpha": 0.13, "linewidth": 0.0, "gid": look.group}
-        axes.fill_between(x, low, high, **band)
+        band = axes.fill_between(x, low, high, color=look.color, alpha=0.13, linewidth=0.0)
+        band.set_gid(look.group)
         held = [one.k / one.n for one in shares]
         axes.plot(x, held, look.line, color=look.color, gid=look.group)
     axes.set_xticks(range(len(cell.levels)), [f"{level:g}" for level in cell.levels])
@@ -79,6 +79,7 @@ def below(sweep: Sweep, name: str, odometry: bool) -> tuple[Floats, Floats]:
 
 def _draw_costs(axes: Axes, found: Analysis, color_of: dict[str, str]) -> None:
     """Every row as a point, those of one choice of sensors with their Pareto front."""
+    axes.set(xscale="log", yscale="log", title="Runs that were not lost, medians")
     for mode in sorted({odometry for _, odometry, _ in found.rows}):
         points = [
             Point(name, 1e3 * of.cpu_scan, 1e3 * of.second_m, lost=False)
@@ -92,6 +93,5 @@ def _draw_costs(axes: Axes, found: Analysis, color_of: dict[str, str]) -> None:
         label = f"Pareto front, {MODES[mode]}"
         x, y = [p.cpu_ms for p in best], [p.error_mm for p in best]
         axes.plot(x, y, LINES[mode], color="0.5", linewidth=0.8, label=label)
-    axes.set(xscale="log", yscale="log", title="Runs that were not lost, medians")
     axes.set(xlabel="CPU per scan [ms]", ylabel="error over 1 s [mm]")
     axes.legend(fontsize=7)
