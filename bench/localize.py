@@ -6,7 +6,7 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,17 +14,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from slams import cli
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from bench.sim.world import World
     from slams.localize.source import Prepared
     from slams.scanlog import ScanLog
     from slams.types import OccupancyGrid, Pose2
 
 PROGRAM = "slams localize"
-FORMAT = "localize-1"
 ARENAS = ("rescue", "office", "hall")
 PLAN = 0.05  # [m] of a cell of the floor plan
 NEAR, ALIGNED = 0.1, math.radians(3.0)  # [m], [rad]: a place that is found is right
 OTHER = 1000  # from a drive's seed to that of the second one
+PLACES = 20  # of each arena, to be found
 SURE = 0.95  # probability
 SETTLING = 1.0  # [s] after it was found, in which the pose is pulled to where the map has it
 
@@ -42,27 +44,14 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog=PROGRAM,
-        description="Localize in simulated arenas: a second drive in the map of a first one and in "
-        f"the arena's floor plan (cells of {PLAN:g} m), and single scans without a start pose.",
-        epilog="Writes localize.json.",
+        description="Localize in simulated arenas: a second drive in the map of a first one and "
+        f"in the arena's floor plan of {PLAN:g} m, and {PLACES} scans of each found from nothing.",
     )
     usual = ["hector", "tsd"]
-    p.add_argument(
-        "--algorithms", metavar="NAME", nargs="*", default=usual, help="names (default: hector tsd)"
-    )
-    counts = {"arenas": (10, "number of arenas"), "places": (20, "single scans in each arena")}
-    for name, (number, text) in counts.items():
-        shown = f"{text} (default: %(default)s)"
-        p.add_argument(f"--{name}", type=int, default=number, metavar="N", help=shown)
-    p.add_argument(
-        "--duration",
-        type=float,
-        default=30.0,
-        metavar="S",
-        help="length of a drive [s] (default: %(default)g)",
-    )
-    p.add_argument("--size", type=float, metavar="M", help="longer side of an arena [m]")
-    cli.add_output_options(p, "results/localize")
+    p.add_argument("--algorithms", metavar="NAME", nargs="*", default=usual, help="hector tsd")
+    p.add_argument("--arenas", type=int, default=10, metavar="N", help="%(default)s")
+    p.add_argument("--duration", type=float, default=30.0, metavar="S", help="of a drive (30)")
+    p.add_argument("--size", type=float, metavar="M", help="of an arena, as slams simulate")
     return p
 
 
@@ -73,37 +62,27 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(arguments: argparse.Namespace) -> int:
-    from bench.results import write_figures
-    from slams.formats import files
+    from bench.report.text import text_table
 
     cli.refusing(lambda: _check(arguments))
     searched: list[dict[str, Any]] = []
     driven: list[dict[str, Any]] = []
-    numbers = cli.progress(
-        range(arguments.arenas), arguments.arenas, "localizing", arguments.quiet, unit="arena"
-    )
-    for number in numbers:
+    numbers = range(arguments.arenas)
+    for number in cli.progress(numbers, len(numbers), "localizing", quiet=False, unit="arena"):
         place = cli.refusing(lambda number=number: _place(number, arguments))  # type: ignore[misc]
-        searched += _searched(place, arguments.places)
+        searched += _searched(place)
         for label in arguments.algorithms:
             driven += _driven(place, label)
-    figures = {"format": FORMAT, "searched": searched, "driven": driven}
-    with files.complete_folder(Path(arguments.out)) as folder:
-        write_figures(folder / "localize.json", figures)
-    if not arguments.quiet:
-        sys.stdout.write("\n".join([*_search_lines(searched), *_drive_lines(driven)]) + "\n")
+    sys.stdout.write(f"{search_words(searched)}\n\n{text_table(drive_table(driven), 'in')}\n")
     return 0
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    from slams.formats.files import check_folder
     from slams.localize.hooks import check_localizes
     from slams.registry import find
 
-    for name in ("arenas", "places"):
-        if getattr(arguments, name) < 1:
-            raise ValueError(f"--{name}: got {getattr(arguments, name)}, expected 1 or more")
-    check_folder(arguments.out)
+    if arguments.arenas < 1:
+        raise ValueError(f"--arenas: got {arguments.arenas}, expected 1 or more")
     for label in arguments.algorithms:
         entry = find(label)
         check_localizes(entry.cls(entry.params()), label)
@@ -144,7 +123,7 @@ def floor_plan(world: World) -> OccupancyGrid:
     return OccupancyGrid(p.astype(np.float32), PLAN, world.origin)
 
 
-def _searched(place: Place, n: int) -> Iterator[dict[str, Any]]:
+def _searched(place: Place) -> Iterator[dict[str, Any]]:
     """Single scans of a drive, each found from nothing in the floor plan."""
     import numpy as np
 
@@ -156,7 +135,7 @@ def _searched(place: Place, n: int) -> Iterator[dict[str, Any]]:
     assert truth is not None
     scans = list(log)
     index.search(scans[0])  # compiled
-    for k in np.linspace(0, len(scans) - 1, n).astype(int).tolist():
+    for k in np.linspace(0, len(scans) - 1, PLACES).astype(int).tolist():
         start = time.process_time()
         found = index.search(scans[k])
         spent = time.process_time() - start
@@ -164,8 +143,7 @@ def _searched(place: Place, n: int) -> Iterator[dict[str, Any]]:
         distance = math.hypot(off.x, off.y)
         right = bool(distance < NEAR and abs(off.theta) < ALIGNED)
         sure = bool(found and found[0].probability >= SURE)
-        row = {"right": right, "sure": sure, "off_m": float(distance), "cpu_s": spent}
-        yield {"place": place.name} | row
+        yield {"right": right, "sure": sure, "off_m": distance, "cpu_s": spent}
 
 
 def _driven(place: Place, label: str) -> Iterator[dict[str, Any]]:
@@ -184,12 +162,13 @@ def _driven(place: Place, label: str) -> Iterator[dict[str, Any]]:
         ("first drive", Given(slam.map(), slam, label), Pose2(*truth[0])),
         ("floor plan", Given(place.plan, None, ""), IDENTITY),
     ):
-        row = {"place": place.name, "algorithm": label, "map": kind}
+        row = {"algorithm": label, "map": kind}
         try:
             ready = prepare(entry, entry.params(), given)
             yield row | _figures(ready, place.second, frame)
         except RuntimeError as error:
-            yield row | {"failed": cli.sentence(error)}
+            sys.stderr.write(f"{label} in the {kind} of {place.name}: {cli.sentence(error)}\n")
+            yield row
 
 
 def _figures(ready: Prepared, log: ScanLog, frame: Pose2) -> dict[str, float]:
@@ -218,40 +197,36 @@ def _figures(ready: Prepared, log: ScanLog, frame: Pose2) -> dict[str, float]:
     }
 
 
-def _search_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
-    import numpy as np
+def search_words(rows: list[dict[str, Any]]) -> str:
+    """How many scans were found, how well, and at which cost."""
+    import pandas as pd
 
-    right = [row for row in rows if row["right"]]
-    wrong = [row for row in rows if not row["right"]]
-    unsure = sum(not row["sure"] for row in wrong)
-    yield (
-        f"found from nothing: {len(right)} of {len(rows)} right, "
-        f"{1e3 * np.median([row['off_m'] for row in right or rows]):.0f} mm off in the median; "
-        f"{sum(row['sure'] for row in right)} of them sure; {unsure} of {len(wrong)} wrong ones "
-        f"unsure; {1e3 * np.median([row['cpu_s'] for row in rows]):.0f} ms CPU in the median"
+    found = pd.DataFrame(rows)
+    right, wrong = found[found["right"]], found[~found["right"]]
+    return (
+        f"found from nothing: {len(right)} of {len(found)} right, "
+        f"{1e3 * right['off_m'].median():.0f} mm off in the median, {right['sure'].sum()} of them "
+        f"sure; {wrong['sure'].sum()} of {len(wrong)} wrong ones sure; "
+        f"{1e3 * found['cpu_s'].median():.0f} ms CPU in the median"
     )
 
 
-def _drive_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """For each algorithm and map: errors over the places, and in the worst place."""
-    import numpy as np
+def drive_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """For each algorithm and map: errors [mm] over the arenas, in the median and the worst one."""
+    import pandas as pd
 
-    for kind in dict.fromkeys((row["algorithm"], row["map"]) for row in rows):
-        these = [row for row in rows if (row["algorithm"], row["map"]) == kind]
-        good = [row for row in these if "failed" not in row]
-        if good:
-            first, mean, p95 = (
-                1e3 * np.array([row[f"{name}_m"] for row in good])
-                for name in ("first", "mean", "p95")
-            )
-            yield (
-                f"{kind[0]} in the {kind[1]}: mean {np.median(mean):.1f} mm in the median arena, "
-                f"{mean.max():.1f} in the worst, 95 % below {p95.max():.1f}; where it was found "
-                f"{np.median(first):.0f} mm; {len(good)} of {len(these)} arenas"
-            )
-        for row in these:
-            if "failed" in row:
-                yield f"{kind[0]} in the {kind[1]} of {row['place']}: {row['failed']}"
+    columns = ["algorithm", "map", "first_m", "mean_m", "p95_m"]
+    runs = pd.DataFrame(rows, columns=columns).groupby(["map", "algorithm"], sort=False)
+    table = pd.DataFrame(
+        {
+            "mean [mm]": 1e3 * runs["mean_m"].median(),
+            "worst arena [mm]": 1e3 * runs["mean_m"].max(),
+            "its 95 % [mm]": 1e3 * runs["p95_m"].max(),
+            "where found [mm]": 1e3 * runs["first_m"].median(),
+            "arenas": runs["mean_m"].count(),
+        }
+    )
+    return table.set_axis([f"{kind}: {label}" for kind, label in table.index])
 
 
 if __name__ == "__main__":

@@ -175,8 +175,8 @@ def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRA
     cli.refusing(lambda: _check_folder(place))
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
-    here = cli.refusing(lambda: spread.executor_of(arguments))
-    if not _all_done(cases, store, here, arguments, program):
+    shard = cli.refusing(lambda: spread.shard_of(arguments))
+    if not _all_done(cases, store, shard, arguments, program):
         return None
     return plan.gathered(cases, store, _record(words, program))
 
@@ -239,14 +239,14 @@ def _check_folder(place: Path) -> None:
 
 
 def _all_done(
-    cases: list[Case], store: Any, here: spread.Spread, arguments: argparse.Namespace, program: str
+    cases: list[Case], store: Any, shard: spread.Shard, arguments: argparse.Namespace, program: str
 ) -> bool:
     """Do what is to be done here; whether nothing is left for other machines."""
-    from bench.run.work import run_all
+    from bench.run import work
 
     missing = set(store.missing({case.task.key for case in cases}))
     todo = [case for case in cases if case.task.key in missing]
-    tasks: list[Task] = here.part({case.task.key: case.task for case in todo}.values())
+    tasks: list[Task] = shard.part({case.task.key: case.task for case in todo}.values())
     if not arguments.quiet:
         minutes = SHARE_OF_LEVELS * sum(case.scans for case in todo) * PER_SCAN / 60.0
         sys.stderr.write(
@@ -254,11 +254,10 @@ def _all_done(
             f"{len(tasks)} to do here; all that are missing take about {minutes:.0f} minutes of "
             "one core\n"
         )
-    for _ in cli.progress(
-        run_all(tasks, store, here.executor), len(tasks), "sweeping", arguments.quiet, unit="climb"
-    ):
+    done = work.run_all(tasks, store, work.in_processes(arguments.jobs))
+    for _ in cli.progress(done, len(tasks), "sweeping", arguments.quiet, unit="climb"):
         pass
-    left = len(store.missing(missing)) if here.shard else 0
+    left = len(store.missing(missing)) if arguments.shard else 0
     if left and not arguments.quiet:
         sys.stdout.write(
             f"{len(tasks)} climbs of this part are done, {left} of other parts are missing in "

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.judge import survival
-from bench.judge.statistics import adjusted, mcnemar
+from bench.judge.statistics import adjusted, mcnemar, wilcoxon
 from bench.judge.survival import Critical, Errors, Figures, Held, Share
 from bench.results.sweep import CLEAN, Sweep
 
@@ -160,8 +160,6 @@ def error_ratio(a: Errors, b: Errors) -> tuple[float, float]:
     A drive has the mean log ratio at the levels that both held. Within `SAME_ACCURACY` the p-value
     is 1, which keeps Holm's correction valid.
     """
-    from scipy.stats import wilcoxon
-
     drives: dict[Any, list[float]] = {}
     for key in a.keys() & b.keys():
         drives.setdefault(key[:2], []).append(float(np.log(a[key] / b[key])))
@@ -171,7 +169,7 @@ def error_ratio(a: Errors, b: Errors) -> tuple[float, float]:
     ratio = float(np.exp(np.median(logs)))
     if max(ratio, 1.0 / ratio) <= SAME_ACCURACY:
         return ratio, 1.0
-    return ratio, float(wilcoxon(logs).pvalue)
+    return ratio, wilcoxon(logs)
 
 
 def _draft(

@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.judge.statistics import wilson
-
 LATEST_SHARE = 0.1  # of a log that may be left out at its start
 LATEST = 500  # scans that may, as so many have been left out of Intel in the measurements
 
@@ -19,53 +17,33 @@ class Starts(NamedTuple):
     """What came of a log begun at `n` scans.
 
     `mean` is that of the runs that were not lost, nan without any. In `median` and `worst` a lost
-    run is as bad as can be, inf. `above` of the runs were above the limit, lost ones included;
-    `low` and `high` limit their share, by Wilson's interval.
+    run is as bad as can be, inf. `above` of the runs were above the limit, lost ones included.
     """
 
     n: int
-    lost: int
     mean: float
     median: float
     worst: float
     above: int
-    share: float
-    low: float
-    high: float
 
 
 def start_scans(scans: int, n: int) -> NDArray[np.int64]:
     """Scans to begin at, evenly from 0 to a tenth of the log's `scans` (`LATEST` at most).
 
-    As many as `n`, or fewer in a log too short for so many different ones.
-
-    Raises:
-        ValueError: no scan or no start is asked for.
+    As many as `n`, both 1 or more, or fewer in a log too short for so many different ones.
     """
-    if scans < 1 or n < 1:
-        raise ValueError(f"starts: got {n} of {scans} scans, expected at least one of each")
     latest = min(LATEST, int(LATEST_SHARE * scans))
     return np.unique(np.round(np.linspace(0, latest, n)).astype(np.int64))
 
 
 def summarize_starts(errors: Sequence[float | None], limit: float) -> Starts:
-    """The spread of one error over the starts; None is a lost run.
-
-    Raises:
-        ValueError: there is no start at all.
-    """
-    if not errors:
-        raise ValueError("starts: got no error, expected one per start")
+    """The spread of one error over the starts, 1 or more; None is a lost run."""
     values = np.array([math.inf if error is None else error for error in errors])
     found = values[np.isfinite(values)]
-    above = int((values > limit).sum())
     return Starts(
         n=len(values),
-        lost=len(values) - len(found),
         mean=float(found.mean()) if len(found) else math.nan,
-        median=float(np.sort(values)[[(len(values) - 1) // 2, len(values) // 2]].mean()),
+        median=float(np.median(values)),
         worst=float(values.max()),
-        above=above,
-        share=above / len(values),
-        **wilson(above, len(values))._asdict(),
+        above=int((values > limit).sum()),
     )

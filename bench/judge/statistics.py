@@ -1,7 +1,7 @@
-"""How sure a mean error or a difference of two is: intervals, paired tests, one sentence in words.
+"""How sure a difference of two errors is: paired tests, Holm's correction, one sentence in words.
 
-The mean of an autocorrelated series gets the block bootstrap of `bench.judge.bootstrap`, runs that
-are independent a permutation test, shares Wilson's interval.
+Errors of one drive, which are autocorrelated, get the block bootstrap of `bench.judge.bootstrap`,
+drives that are independent Wilcoxon's and McNemar's tests, shares Wilson's interval.
 """
 
 from __future__ import annotations
@@ -11,35 +11,18 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.judge import bootstrap
 from slams.types import Floats
 
-EXACT = 13  # runs up to which all ways to set the signs are counted
-FLIPS = 10_000  # ways drawn by chance beyond
-
-
-class Interval(NamedTuple):
-    """A mean with the limits of its confidence interval; limits are nan for too short a series."""
-
-    value: float
-    low: float
-    high: float
-
 
 class Paired(NamedTuple):
-    """A mean difference a - b with its confidence interval, how likely chance alone makes it.
-
-    `effect` is Cohen's d of pairs, the mean difference in standard deviations of the differences
-    [Cohen88], which does not grow with `n`, the number of pairs.
-    """
+    """A mean difference a - b of `n` pairs with its interval, how likely chance alone makes it."""
 
     difference: float
     low: float
     high: float
     p_value: float
-    effect: float
     n: int
 
 
@@ -82,18 +65,6 @@ def mcnemar(only_a: int, only_b: int) -> float:
     return float(binomtest(only_a, discordant).pvalue) if discordant else 1.0
 
 
-def mean_interval(values: Floats, level: float = 0.95, seed: int = 0) -> Interval:
-    """The mean of an autocorrelated series (n,) with its confidence interval.
-
-    Values that are not finite are left out.
-    """
-    series = values[np.isfinite(values)]
-    if len(series) < bootstrap.FEWEST:
-        return Interval(_plain_mean(series), math.nan, math.nan)
-    mean = bootstrap.studentized(series, seed)
-    return Interval(mean.value, *bootstrap.limits(mean, level))
-
-
 def paired(a: Floats, b: Floats, level: float = 0.95, seed: int = 0) -> Paired:
     """The mean difference a - b of two error series (n,) at the same times.
 
@@ -103,37 +74,42 @@ def paired(a: Floats, b: Floats, level: float = 0.95, seed: int = 0) -> Paired:
     differences = _differences(a, b)
     n = len(differences)
     if n < bootstrap.FEWEST:
-        return Paired(_plain_mean(differences), math.nan, math.nan, math.nan, math.nan, n)
+        return Paired(_plain_mean(differences), math.nan, math.nan, math.nan, n)
     mean = bootstrap.studentized(differences, seed)
-    limits = bootstrap.limits(mean, level)
-    return Paired(mean.value, *limits, bootstrap.p_value(mean), _effect(differences), n)
+    return Paired(mean.value, *bootstrap.limits(mean, level), bootstrap.p_value(mean), n)
 
 
-def paired_over_runs(a: Floats, b: Floats, level: float = 0.95, seed: int = 0) -> Paired:
+def paired_over_runs(a: Floats, b: Floats, level: float = 0.95) -> Paired:
     """The mean difference a - b over independent runs (n,): one number per seed or log, n >= 2.
 
-    The interval is Student's. The p-value is that of the sign-flip permutation test, exact up to 13
-    runs, by chance (seeded) above; it cannot be less than `least_p_value`.
+    The interval is Student's, the p-value that of `wilcoxon`; it cannot be less than
+    `least_p_value`.
     """
     from scipy.special import stdtrit
 
     differences = _differences(a, b)
     n = len(differences)
     if n < 2:
-        return Paired(_plain_mean(differences), math.nan, math.nan, math.nan, math.nan, n)
+        return Paired(_plain_mean(differences), math.nan, math.nan, math.nan, n)
     mean = float(differences.mean())
     half = float(stdtrit(n - 1, 0.5 + 0.5 * level) * differences.std(ddof=1) / math.sqrt(n))
-    p_value = _sign_flips(differences, seed)
-    return Paired(mean, mean - half, mean + half, p_value, _effect(differences), n)
+    return Paired(mean, mean - half, mean + half, wilcoxon(differences), n)
+
+
+def wilcoxon(differences: Floats) -> float:
+    """The p-value, of both sides, of Wilcoxon's signed-rank test (1945) of the pairs (n,)."""
+    from scipy import stats
+
+    return float(stats.wilcoxon(differences).pvalue) if np.any(differences) else 1.0
 
 
 def least_p_value(n: int) -> float:
-    """The least p-value that `paired_over_runs` can find over n runs, whatever they differ.
+    """The least p-value that `wilcoxon` can find over n runs, whatever they differ.
 
     Two of the 2^n ways to set the signs are as far out as it gets: five runs never suffice for
     0.05.
     """
-    return min(1.0, 2.0 / 2**n) if n <= EXACT else 1.0 / FLIPS
+    return min(1.0, 2.0 ** (1 - n))
 
 
 def adjusted(p_values: Sequence[float]) -> list[float]:
@@ -219,25 +195,3 @@ def _differences(a: Floats, b: Floats) -> Floats:
 
 def _plain_mean(values: Floats) -> float:
     return float(values.mean()) if len(values) else math.nan
-
-
-def _effect(differences: Floats) -> float:
-    """Cohen's d of pairs; 0 for no difference at all, infinite for a constant one."""
-    mean, deviation = float(differences.mean()), float(differences.std(ddof=1))
-    if np.ptp(differences) == 0.0:
-        return math.copysign(math.inf, mean) if mean else 0.0
-    return mean / deviation
-
-
-def _sign_flips(differences: Floats, seed: int) -> float:
-    """Share of the ways to set the signs that give a mean as far from 0, of both sides."""
-    n = len(differences)
-    flips: NDArray[np.int64]
-    if n <= EXACT:
-        flips = np.arange(2**n)[:, None] >> np.arange(n) & 1
-    else:
-        flips = np.random.default_rng(seed).integers(0, 2, (FLIPS, n))
-        flips[0] = 0  # the way it was is one of them
-    sums = np.abs((1 - 2 * flips) @ differences)
-    rounding = 1e-12 * np.abs(differences).sum()
-    return float(np.mean(sums >= abs(differences.sum()) - rounding))

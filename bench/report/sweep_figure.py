@@ -1,7 +1,8 @@
-"""The picture of a sweep: share of its runs below an error, and error against CPU per scan."""
+"""Figures of a sweep: survival curves; share of its runs below an error, error against CPU."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,9 +10,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bench.judge.answers import Analysis, questions
+from bench.judge.answers import Analysis, Cell, questions
 from bench.judge.survival import errors
-from bench.report.palette import looks
+from bench.report.palette import Look, looks
 from bench.report.pareto import Point, front
 from bench.report.sweep_tables import MODES
 from bench.results.sweep import Sweep
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 LINES, MARKERS = {False: "--", True: "-"}, {False: "o", True: "^"}  # laser alone, with odometry
 PANEL = (4.6, 4.2)  # inches
+SPREAD = 0.12  # of a level between the first and the last row's curve: equal ones stay visible
 
 
 def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
@@ -32,12 +34,12 @@ def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
     figure = Figure(figsize=(PANEL[0] * (len(asked) + 1), PANEL[1]), layout="constrained")
     *curves, costs = figure.subplots(1, len(asked) + 1)
     for axes, (question, rows) in zip(curves, asked.items(), strict=True):
+        axes.set(xscale="log", ylim=(0.0, 1.0), title=question)
         for name in rows:
             for mode in sorted({odometry for row, odometry, _ in found.rows if row == name}):
                 values, share = below(sweep, name, mode)
                 label = f"{name}, {MODES[mode]}"
                 axes.plot(1e3 * values, share, LINES[mode], color=color_of[name], label=label)
-        axes.set(xscale=scale_of(axes), ylim=(0.0, 1.0), title=question)
         axes.set(xlabel="error over 1 s [mm]", ylabel="share of all runs below")
         axes.legend(loc="lower right", fontsize=7)
     _draw_costs(costs, found, color_of)
@@ -45,6 +47,21 @@ def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
         axes.title.set_fontsize(9)
         axes.grid(visible=True, which="both", alpha=0.25)
     FigureCanvasAgg(figure).print_figure(path, dpi=110, metadata={"Software": None})
+
+
+def survival(axes: Axes, cell: Cell, label: str, looks: Mapping[str, Look]) -> None:
+    """Share of the runs of each row that hold each level, with its 95 % band."""
+    for k, (name, look) in enumerate(looks.items()):
+        shares = cell.curves[name]
+        x = np.arange(len(shares)) + SPREAD * (k / max(len(looks) - 1, 1) - 0.5)
+        low, high = [one.low for one in shares], [one.high for one in shares]
+        band = axes.fill_between(x, low, high, color=look.color, alpha=0.13, linewidth=0.0)
+        band.set_gid(look.group)
+        held = [one.k / one.n for one in shares]
+        axes.plot(x, held, look.line, color=look.color, gid=look.group)
+    axes.set_xticks(range(len(cell.levels)), [f"{level:g}" for level in cell.levels])
+    axes.set(xlabel=label, ylabel="share of runs held", ylim=(-0.03, 1.03))
+    axes.grid(visible=True, alpha=0.25)
 
 
 def below(sweep: Sweep, name: str, odometry: bool) -> tuple[Floats, Floats]:
@@ -60,13 +77,9 @@ def below(sweep: Sweep, name: str, odometry: bool) -> tuple[Floats, Floats]:
     return values, np.arange(1.0, len(values) + 1.0) / max(runs, 1)
 
 
-def scale_of(axes: Axes) -> str:
-    """Logarithmic, if anything is drawn."""
-    return "log" if any(len(line.get_xdata()) for line in axes.lines) else "linear"
-
-
 def _draw_costs(axes: Axes, found: Analysis, color_of: dict[str, str]) -> None:
     """Every row as a point, those of one choice of sensors with their Pareto front."""
+    axes.set(xscale="log", yscale="log", title="Runs that were not lost, medians")
     for mode in sorted({odometry for _, odometry, _ in found.rows}):
         points = [
             Point(name, 1e3 * of.cpu_scan, 1e3 * of.second_m, lost=False)
@@ -80,7 +93,5 @@ def _draw_costs(axes: Axes, found: Analysis, color_of: dict[str, str]) -> None:
         label = f"Pareto front, {MODES[mode]}"
         x, y = [p.cpu_ms for p in best], [p.error_mm for p in best]
         axes.plot(x, y, LINES[mode], color="0.5", linewidth=0.8, label=label)
-    scale = scale_of(axes)
-    axes.set(xscale=scale, yscale=scale, title="Runs that were not lost, medians")
     axes.set(xlabel="CPU per scan [ms]", ylabel="error over 1 s [mm]")
     axes.legend(fontsize=7)

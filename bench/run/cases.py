@@ -12,7 +12,6 @@ import numpy as np
 
 import slams.jit  # noqa: F401 so that numba is loaded before the memory is measured
 from bench.judge import loss, metrics
-from bench.judge.statistics import mean_interval
 from bench.results import Errors, Outcome, Row
 from bench.run.single import Single
 from bench.run.timing import PeakMemory
@@ -126,7 +125,7 @@ def judged(
 
 
 def _against_truth(common: metrics.Common, log: ScanLog, t: Floats, poses: Floats) -> Errors:
-    """[Kuehn] Tables I and II over every span, with how sure the means are; ATE and drift."""
+    """[Kuehn] Tables I and II over every span; ATE and drift."""
     length = path_length(common.truth)
     end = float(math.hypot(*(common.estimate[-1, :2] - common.truth[-1, :2])))
     spans = metrics.errors_over_spans(common)
@@ -145,13 +144,7 @@ def _moments(errors: metrics.SpanErrors) -> dict[str, Any]:
         "orientation_rad": errors.orientation,
         "se2_translation_m": errors.se2_translation,
     }
-    return {"n": len(errors.t)} | {key: _sure(values) for key, values in named.items()}
-
-
-def _sure(values: Floats) -> dict[str, float]:
-    """Moments, and the 95 % interval of the mean."""
-    interval = mean_interval(values)
-    return moments(values) | {"low": interval.low, "high": interval.high}
+    return {"n": len(errors.t)} | {key: moments(values) for key, values in named.items()}
 
 
 def _relations(found: metrics.RelationErrors) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Runs as pure functions: a task has a name that follows from all its result depends on.
 
     tasks = [Task("bench.run.some:run", {"log": sha256, "algorithm": "tsd", "seed": 3}, ("slams",))]
-    for task, value in run_all(tasks, Store("results/sweep"), LocalWorkers(2)):
+    for task, value in run_all(tasks, Store("results/sweep"), in_processes(2)):
         ...
 
 What has a result in the store is not run again, so that a sweep that was killed goes on where it
@@ -18,7 +18,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from bench.run import pool
 from bench.run.code import code_version
@@ -69,29 +69,25 @@ class Task:
         return digest(canonical(known))
 
 
-class Executor(Protocol):
-    """Whatever runs tasks."""
-
-    def finished(self, tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
-        """Each task's name and result, as they end."""
-        ...
+Executor = Callable[[Mapping[str, Task]], Generator[tuple[str, Result], None, None]]
 
 
-@dataclass(frozen=True)
-class LocalWorkers:
-    """`jobs` processes of this machine, each for many tasks: kernels are loaded once."""
+def in_processes(jobs: int) -> Executor:
+    """What runs tasks in `jobs` processes, each for many tasks: kernels are loaded once.
 
-    jobs: int
+    It gives each task's name and result, as they end; that of a process that died is not kept.
+    """
 
-    def finished(self, tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
-        """Each task's name and result, as they end; that of a process that died is not kept."""
+    def finished(tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
         calls = {key: (perform, (task, key)) for key, task in tasks.items()}
-        with closing(pool.finished(calls, self.jobs, fresh=False)) as ended:
+        with closing(pool.finished(calls, jobs, fresh=False)) as ended:
             for key, future in ended:
                 try:
                     yield key, future.result()
                 except BrokenProcessPool as error:
                     yield key, Result({"failed": f"its process died ({error})"}, kept=False)
+
+    return finished
 
 
 def run_all(
@@ -115,7 +111,7 @@ def run_all(
     if not todo:
         return
     first = {key: same[0] for key, same in todo.items()}
-    with closing(executor.finished(first)) as results:
+    with closing(executor(first)) as results:
         for key, result in results:
             if result.kept:
                 store.write(key, result.value, result.measured)

@@ -11,7 +11,7 @@ from bench.judge.answers import analysis
 from bench.judge.statistics import mcnemar
 from bench.report import sweep_tables
 from bench.results import sweep as results
-from bench.run import single, spread
+from bench.run import single, work
 from bench.run.work import perform
 from slams import Pose2
 from slams.baselines import BaselineParams, Odometry
@@ -44,16 +44,15 @@ class Toy(Odometry):
         return pose if self.params.steady else Pose2(pose.x + 1e3 * self.scans, pose.y, pose.theta)
 
 
-class InThisProcess:
-    def finished(self, tasks):
-        for key, task in tasks.items():
-            yield key, perform(task, key)
+def in_this_process(tasks):
+    for key, task in tasks.items():
+        yield key, perform(task, key)
 
 
 @pytest.fixture
 def here(monkeypatch):
     """Runs are done in this process: starting another takes longer."""
-    monkeypatch.setattr(spread, "executor_of", lambda _: spread.Spread(InThisProcess(), None))
+    monkeypatch.setattr(work, "in_processes", lambda _: in_this_process)
 
 
 def planned(*words):

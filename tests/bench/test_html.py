@@ -13,7 +13,6 @@ from bench.judge import alarms, metrics, verdicts
 from bench.report import html, tables
 from bench.report.html.legend import NIGHT, PAPER, legible, rules
 from bench.report.html.markup import Markup, element, together
-from bench.report.html.plots import Axis, path, ticks
 from bench.report.html.runs import runs
 from bench.report.html.svg import drawing, look
 from bench.report.palette import COLORS, UNKNOWN, bar_length, shade
@@ -376,13 +375,6 @@ def test_markup_escapes_all_but_itself():
     )
     assert element("input", data_label=1) == '<input data-label="1">'
     assert together("<", Markup("<")) == "&lt;<"
-
-
-def test_ticks_are_round_and_inside():
-    assert ticks(0.0, 1.0) == [(pytest.approx(0.2 * k), f"{0.2 * k:g}") for k in range(6)]
-    assert [text for _, text in ticks(-7.0, 3.0)] == ["-6", "-4", "-2", "0", "2"]
-    axes = Axis("", 0.0, 30.0), Axis("", -1.0, 1.0)
-    assert path(np.array([1.0, 2.0006]), np.array([0.5, 1.0]), axes) == "M1,0.5 2.001,1"
 
 
 def test_unknown_is_darker_than_free_and_lighter_than_occupied_however_unsure():

@@ -13,26 +13,17 @@ def test_starts_are_even_over_a_tenth_of_the_log():
     assert start_scans(1, 3).tolist() == [0]
 
 
-@pytest.mark.parametrize(("scans", "n"), [(0, 3), (10, 0)])
-def test_no_start_is_refused(scans, n):
-    with pytest.raises(ValueError, match=f"got {n} of {scans} scans"):
-        start_scans(scans, n)
-
-
 def test_starts_by_hand():
     found = summarize_starts([0.02, 0.05, 0.01, 0.04], 0.03)
-    assert (found.n, found.lost, found.above, found.share) == (4, 0, 2, 0.5)
+    assert (found.n, found.above) == (4, 2)
     assert (found.mean, found.median, found.worst) == pytest.approx((0.03, 0.03, 0.05))
-    assert 0.1 < found.low < 0.5 < found.high < 0.9
 
 
 def test_a_lost_run_is_as_bad_as_can_be():
     found = summarize_starts([0.02, None, 0.04], 0.1)
-    assert (found.lost, found.above, found.worst) == (1, 1, math.inf)
+    assert (found.above, found.worst) == (1, math.inf)
     assert (found.mean, found.median) == pytest.approx((0.03, 0.04))
     half = summarize_starts([0.02, None], 0.1)
     assert half.median == math.inf
     none = summarize_starts([None, None], 0.1)
-    assert math.isnan(none.mean) and none.median == math.inf and none.high == pytest.approx(1.0)
-    with pytest.raises(ValueError, match="no error"):
-        summarize_starts([], 0.1)
+    assert math.isnan(none.mean) and none.median == math.inf

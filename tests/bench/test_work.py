@@ -15,7 +15,7 @@ import pytest
 from bench.run import pool, spread
 from bench.run.spread import Shard
 from bench.run.store import Store
-from bench.run.work import LocalWorkers, Task, perform, run_all
+from bench.run.work import Task, in_processes, perform, run_all
 from tests.bench.toy_runs import Here
 from tests.places import ROOT
 from tests.processes import ends, in_session, processes_of, signal_group, signal_one
@@ -117,7 +117,7 @@ def test_a_full_disk_ends_the_work_and_what_is_done_stays(tmp_path, monkeypatch)
 
     monkeypatch.setattr(Path, "write_text", full)
     with pytest.raises(RuntimeError, match="No space left on device"):
-        list(run_all(toys(6), store, LocalWorkers(1)))
+        list(run_all(toys(6), store, in_processes(1)))
     monkeypatch.undo()
     assert len(store.missing([t.key for t in toys(6)])) == 4
     assert list(tmp_path.rglob("*.part")) == []
@@ -128,7 +128,7 @@ def test_a_full_disk_ends_the_work_and_what_is_done_stays(tmp_path, monkeypatch)
 
 def test_one_process_two_processes_and_shards_leave_the_same_bytes(tmp_path, undisturbed):
     for jobs in (1, 2):
-        list(run_all(toys(30), Store(tmp_path / f"{jobs}"), LocalWorkers(jobs)))
+        list(run_all(toys(30), Store(tmp_path / f"{jobs}"), in_processes(jobs)))
         assert results(tmp_path / f"{jobs}") == undisturbed(30)
     merged, done = Store(tmp_path / "merged"), 0
     for index in (1, 2, 3):
@@ -144,7 +144,7 @@ def test_one_process_two_processes_and_shards_leave_the_same_bytes(tmp_path, und
 
 def test_processes_stay_for_many_tasks(tmp_path):
     log = tmp_path / "log"
-    list(run_all(toys(12, log=str(log)), Store(tmp_path / "store"), LocalWorkers(2)))
+    list(run_all(toys(12, log=str(log)), Store(tmp_path / "store"), in_processes(2)))
     pids = {line.split()[1] for line in log.read_text().splitlines()}
     assert len(pids) <= 2
     assert str(os.getpid()) not in pids
@@ -153,7 +153,7 @@ def test_processes_stay_for_many_tasks(tmp_path):
 def test_a_task_that_ends_its_process_is_not_kept_and_the_others_do_not_notice(tmp_path):
     store, deadly = Store(tmp_path / "store"), toy("exits", n=-1)
     tasks = [deadly, *toys(4)]
-    found = {t.key: v for t, v in run_all(tasks, store, LocalWorkers(1))}
+    found = {t.key: v for t, v in run_all(tasks, store, in_processes(1))}
     assert found[deadly.key] == {"failed": "its process died (exit code 3)"}
     assert len(found) == 5 and store.missing(found) == [deadly.key]
 
@@ -208,7 +208,7 @@ def test_exceptions_that_cannot_travel_or_would_end_us_come_as_text():
 DRIVER = """
 import sys
 from bench.run.store import Store
-from bench.run.work import LocalWorkers, Task, run_all
+from bench.run.work import Task, in_processes, run_all
 from tests.bench.toy_runs import Here
 
 folder, count, seconds, log, who, jobs = sys.argv[1:]
@@ -219,7 +219,7 @@ tasks = [
 ]
 store = Store(folder)
 print("ready", flush=True)
-executor = LocalWorkers(int(jobs)) if int(jobs) else Here()
+executor = in_processes(int(jobs)) if int(jobs) else Here()
 work = run_all(tasks, store, executor)  # with a name: lives as long as the interpreter
 for _ in work:
     """
@@ -313,15 +313,13 @@ def test_an_exception_nobody_catches_does_not_wait_for_the_others(tmp_path):
 def asked(*words):
     parser = argparse.ArgumentParser()
     spread.add_options(parser)
-    return spread.executor_of(parser.parse_args(words))
+    return spread.shard_of(parser.parse_args(words))
 
 
-def test_the_options_say_who_does_which_part():
-    assert asked() == (LocalWorkers(spread.JOBS), None)
-    assert asked().part(toys(0)) == []
-    assert asked("--jobs", "3", "--shard", "2/4") == (LocalWorkers(3), Shard(2, 4))
+def test_the_options_say_which_part():
     tasks = toys(9)
-    assert spread.Spread(LocalWorkers(3), Shard(2, 4)).part(tasks) == Shard(2, 4).part(tasks)
+    assert asked().part(tasks) == tasks
+    assert asked("--jobs", "3", "--shard", "2/4") == Shard(2, 4)
 
 
 def test_every_task_is_in_one_shard_whatever_else_is_in_the_list():

@@ -37,7 +37,7 @@ def legend(shown: Sequence[Named]) -> Markup:
             element("input", type="checkbox", checked=True, id=f"show-{run.kind}"),
             element(
                 "svg",
-                element("path", class_="line", d="M1 5H33"),
+                element("path", d="M1 5H33"),
                 class_=f"swatch {run.kind}",
                 viewBox="0 0 34 10",
                 aria_hidden="true",

@@ -3,29 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
-
-import numpy as np
+from functools import partial
 
 from bench.judge.answers import Analysis, Cell
-from bench.report import sweep_tables
+from bench.report import sweep_figure, sweep_tables
 from bench.report.html import page
 from bench.report.html.cells import table
 from bench.report.html.markup import Markup, element, together
-from bench.report.html.plots import Axis, band, figure, line, plot
+from bench.report.html.runs import Curve
+from bench.report.html.svg import drawing, figure, look
 from bench.results.sweep import Sweep
-from slams.types import Floats
 
 ANSWERS, TABLES, RECORD = "Which one to take", "Tables", "How it was run"
 FOLDED = (RECORD,)
-SPREAD = 0.12  # of a level between the first and the last row's curve: equal ones stay visible
-
-
-class Curve(NamedTuple):
-    """A row in the figures."""
-
-    kind: str
-    name: str
 
 
 def document(sweep: Sweep, found: Analysis) -> str:
@@ -69,22 +59,10 @@ def _figures(found: Analysis, sweep: Sweep, shown: Sequence[Curve]) -> Markup | 
 
 
 def _plot(cell: Cell, unit: str, shown: Sequence[Curve]) -> Markup:
-    marks = tuple((float(k), f"{level:g}") for k, level in enumerate(cell.levels))
     label = f"{cell.title} [{unit}], {sweep_tables.MODES[cell.odometry]}"
-    axes = Axis(label, -0.3, len(marks) - 0.7, marks=marks), Axis("share held", -0.03, 1.03)
-    bands: list[Markup] = []
-    lines: list[Markup] = []
-    own = [curve for curve in shown if curve.name in cell.curves]
-    for k, curve in enumerate(own):
-        shares = cell.curves[curve.name]
-        at: Floats = np.arange(float(len(shares)))
-        x: Floats = at + float(SPREAD * (k / max(len(own) - 1, 1) - 0.5))
-        values: Floats = np.array([(s.k / s.n, s.low, s.high) for s in shares])
-        share, low, high = values.T
-        kind = f"{curve.kind} mark"
-        bands.append(band(x, low, high, axes, kind, curve.name))
-        lines.append(line(x, share, axes, kind, curve.name))
-    return plot(f"share of runs held, {label}", *axes, [*bands, *lines])
+    looks = {curve.name: look(curve.kind) for curve in shown if curve.name in cell.curves}
+    draw = partial(sweep_figure.survival, cell=cell, label=label, looks=looks)
+    return drawing(f"share of runs held, {label}", draw)
 
 
 def _record(sweep: Sweep) -> Markup:
