@@ -45,8 +45,9 @@ def parser() -> argparse.ArgumentParser:
 def _add_topics(p: argparse.ArgumentParser) -> None:
     group, usual = p.add_argument_group("topics"), Topics()
     odometry = "odometry: auto (tf where it has that frame, else /odom), tf, a topic or none"
+    scans = f"scans: {usual.scan}; given several times: lasers used together"
+    group.add_argument("--scan-topic", metavar="TOPIC", action="append", help=scans)
     for flag, default, text in (
-        ("--scan-topic", usual.scan, f"scans: {usual.scan}"),
         ("--odom", "auto", odometry),
         ("--imu", usual.imu, f"gyro: {usual.imu}; or none"),
         ("--map-topic", usual.map, f"out: {usual.map}"),
@@ -148,8 +149,10 @@ def node_options(arguments: argparse.Namespace) -> NodeOptions:
     if arguments.localize and arguments.map_every != NodeOptions.map_every:
         raise ValueError("--map-every: got --localize, too, whose map is published once")
     named, imu = odom not in ("auto", "tf", "none"), arguments.imu != "none"
+    scan, *more = map(_absolute, arguments.scan_topic or [usual.scan])
     topics = Topics(
-        scan=_absolute(arguments.scan_topic),
+        scan=scan,
+        more_scans=tuple(more),
         odom=_absolute(odom) if named else usual.odom,
         imu=_absolute(arguments.imu) if imu else usual.imu,
         map=_absolute(arguments.map_topic),

@@ -91,6 +91,11 @@ class SensorBuffer:
                 self._choose(moving)
             return mounted
 
+    def mounted(self, laser: str) -> Mounted | None:
+        """Where a further laser sits on the base that is settled; None while tf leaves it open."""
+        with self._changed:
+            return self.frames.mounted(laser, None)
+
     def settle_without_tf(self, laser: str) -> None:
         """Take the laser as the base, and odometry as the laser's."""
         with self._changed:

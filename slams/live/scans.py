@@ -29,22 +29,20 @@ class Received(NamedTuple):
 class ScanQueue:
     """First in, first out, at most `size`; when it is full the oldest scan is dropped.
 
-    `came` counts all scans, `dropped` those left out, `last` [s] is when the last one came.
+    `came` counts all scans, `dropped` those left out.
     """
 
     def __init__(self, size: int) -> None:
         self.size = size
         self.came = self.dropped = 0
-        self.last: float | None = None
         self._scans: deque[Received] = deque()
         self._changed = threading.Condition()
 
     def put(self, record: Record) -> None:
         """Take a scan; never waits."""
         with self._changed:
-            self.last = time.monotonic()
             self.came += 1
-            self._scans.append(Received(record, self.last))
+            self._scans.append(Received(record, time.monotonic()))
             while len(self._scans) > self.size:
                 self._scans.popleft()
                 self.dropped += 1
