@@ -49,7 +49,7 @@ def _add_topics(p: argparse.ArgumentParser) -> None:
     group.add_argument("--scan-topic", metavar="TOPIC", action="append", help=scans)
     for flag, default, text in (
         ("--odom", "auto", odometry),
-        ("--imu", usual.imu, f"gyro: {usual.imu}; or none"),
+        ("--imu", usual.imu, f"gyro and attitude: {usual.imu}; or none"),
         ("--map-topic", usual.map, f"out: {usual.map}"),
         ("--path-topic", usual.path, f"out, after a closed loop: {usual.path}"),
         ("--pose-topic", usual.pose, f"out: {usual.pose}"),

@@ -272,9 +272,8 @@ class Node:
         odometry = self.buffer.odometry_at(t)
         self.drive.counts["no_odometry"] += odometry is None and self.buffer.has_odometry
         used = None if self.options.odometry == "none" else odometry
-        estimate = self.live.push_scan(
-            Scan(t, ranges, laser, odometry=used, yaw=self.buffer.yaw_at(t))
-        )
+        yaw, attitude = self.buffer.yaw_at(t), self.buffer.attitude_at(t)
+        estimate = self.live.push_scan(Scan(t, ranges, laser, used, yaw, attitude))
         if not estimate.used:
             return
         self.drive.estimate = estimate

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -123,6 +124,6 @@ class ScanCleaner:
 
     def _fan(self, sweeps: list[Sweep]) -> Laser:
         """The laser of sweeps of one geometry; an equal one stays the object it is."""
-        _, mount, flipped = self._mounted
-        laser = common(sweeps, mount, flipped, self.notes)[2]
+        _, mount, flipped, z = self._mounted
+        laser = replace(common(sweeps, mount, flipped, self.notes)[2], mount_z=z)
         return self._laser if laser == self._laser and self._laser is not None else laser
