@@ -48,24 +48,44 @@ def attitude_of(rows: list[Inertial], turned: Floats) -> Track | None:
     t = sent if sent.any() else np.array([row.received for row in rows])
     orientation = np.array([row.orientation for row in rows])
     measured = np.isfinite(orientation).any() and (orientation != orientation[0]).any()
-    up = _up(orientation) if measured else _filtered(t, rows)
-    x, y, z = (up @ turned.T).T
-    with np.errstate(invalid="ignore"):
-        attitudes = np.column_stack([np.arctan2(y, z), -np.arcsin(np.clip(x, -1.0, 1.0))])
+    up = up_of(orientation) if measured else _filtered(t, rows)
+    attitudes = roll_and_pitch(rotated(up, turned))
     known = np.isfinite(attitudes).all(axis=1)
     return Track(t[known], attitudes[known]) if attitudes[known].any() else None
 
 
+def rotated(vectors: Floats, matrix: Floats) -> Floats:
+    """Vectors (n, 3) turned by a matrix (3, 3); each row has the same bits on its own."""
+    x, y, z = vectors.T
+    return np.column_stack([row[0] * x + row[1] * y + row[2] * z for row in matrix])
+
+
+def roll_and_pitch(up: Floats) -> Floats:
+    """Attitudes (n, 2) [rad] of bases that have the vertical (n, 3) in their axes."""
+    x, y, z = up.T
+    with np.errstate(invalid="ignore"):
+        return np.column_stack([np.arctan2(y, z), -np.arcsin(np.clip(x, -1.0, 1.0))])
+
+
 def about_vertical(rate: Track, attitude: Track) -> Track:
     """Turn rate about the vertical (k,) of rates (k, 3) about the axes of a tilted base."""
-    attitudes = np.nan_to_num(attitude.attitudes_at(rate.t))
+    return Track(rate.t, vertical_rates(rate.values, attitude.attitudes_at(rate.t)))
+
+
+def vertical_rates(rates: Floats, attitudes: Floats) -> Floats:
+    """Turn rates about the vertical (n,) of rates (n, 3) about a base's axes, by attitudes (n, 2).
+
+    Without an attitude, nan, or with an impossible one, that about the upright axis.
+    """
+    attitudes = np.nan_to_num(attitudes)
     attitudes[np.abs(attitudes).max(axis=1) > OVERHEAD] = 0.0
     roll, pitch = attitudes.T
-    _, y, z = rate.values.T
-    return Track(rate.t, (np.sin(roll) * y + np.cos(roll) * z) / np.cos(pitch))
+    _, y, z = rates.T
+    about: Floats = (np.sin(roll) * y + np.cos(roll) * z) / np.cos(pitch)
+    return about
 
 
-def _up(orientation: Floats) -> Floats:
+def up_of(orientation: Floats) -> Floats:
     """The vertical (n, 3) seen from bodies of these orientations (n, 4) in a level frame."""
     with np.errstate(invalid="ignore"):
         x, y, z, w = (orientation / np.linalg.norm(orientation, axis=1, keepdims=True)).T
@@ -73,18 +93,29 @@ def _up(orientation: Floats) -> Floats:
 
 
 def _filtered(t: Floats, rows: list[Inertial]) -> Floats:
-    """The vertical (n, 3) by a complementary filter [Mahony08]: gyro, held by the accelerometer."""
-    found, up, last = np.full((len(rows), 3), np.nan), np.zeros(3), t[0]
-    for i, row in enumerate(rows):
-        force, rates = np.array(row.acceleration), np.array(row.rates)
+    """The vertical (n, 3) by `GravityFilter`."""
+    gravity = GravityFilter()
+    return np.array([gravity.push(stamp, row) for stamp, row in zip(t.tolist(), rows, strict=True)])
+
+
+class GravityFilter:
+    """The vertical by a complementary filter [Mahony08]: gyro, held by the accelerometer."""
+
+    def __init__(self) -> None:
+        self._up, self._last = np.zeros(3), math.nan
+
+    def push(self, t: float, row: Inertial) -> Floats:
+        """The vertical (3,) in the IMU's axes after a message of time t [s]; nan where unknown."""
+        up, force, rates = self._up, np.array(row.acceleration), np.array(row.rates)
         size = math.sqrt(float(force @ force))
         rests = abs(size - GRAVITY) < DISTURBED
-        dt, last = min(max(t[i] - last, 0.0), SETTLING), t[i]
+        dt = 0.0 if math.isnan(self._last) else min(max(t - self._last, 0.0), SETTLING)
+        self._last = t
         if up.any() and np.isfinite(rates).all():
             up = up - np.cross(rates, up) * dt
         if rests:
             up = up + (force / size - up) * (dt / SETTLING if up.any() else 1.0)
-        if up.any():
-            up = up / math.sqrt(float(up @ up))
-            found[i] = up
-    return found
+        if not up.any():
+            return np.full(3, np.nan)
+        self._up = up / math.sqrt(float(up @ up))
+        return self._up

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from slams.formats.attitude import roll_and_pitch
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Pose2, wrap_angle
@@ -111,13 +112,18 @@ class Transforms:
 
         None where the two do not move against each other.
         """
+        edge = self.tilting(base)
+        if edge is None:
+            return None
+        rows = self.samples[edge]
+        return Track(np.array([row[0] for row in rows]), attitudes_of(rows))
+
+    def tilting(self, base: str) -> Edge | None:
+        """The transform from a level frame right above the base, if the two move."""
         edge = self._above(bare(base), rigid=False)
         if edge is None or edge[0].rpartition("/")[2] not in LEVEL or self.is_fixed(edge):
             return None
-        up = np.array([_matrix(row)[2, :3] for row in self.samples[edge]])
-        x, y, z = up.T
-        values = np.column_stack([np.arctan2(y, z), -np.arcsin(np.clip(x, -1.0, 1.0))])
-        return Track(np.array([row[0] for row in self.samples[edge]]), values)
+        return edge
 
     def _above(self, frame: str, rigid: bool) -> Edge | None:
         edges = [edge for edge in self.samples if edge[1] == frame]
@@ -153,6 +159,11 @@ class Transforms:
             frame = edge[0]
             names.add(frame)
         yield from reversed(edges)
+
+
+def attitudes_of(rows: list[tuple[float, ...]]) -> Floats:
+    """Roll and pitch (n, 2) [rad] of the samples of a transform from a level frame."""
+    return roll_and_pitch(np.array([_matrix(row)[2, :3] for row in rows]))
 
 
 def planar(matrix: Floats, what: str, notes: list[str]) -> tuple[Pose2, bool]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from slams.formats.attitude import about_vertical, attitude_of
+from slams.formats.attitude import about_vertical, attitude_of, rotated
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag, Topic
 from slams.formats.frames import BASES, Transforms, bare, moved, planar
 from slams.formats.options import SourceOptions
@@ -290,5 +290,5 @@ class Recording:
             self.notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
             return Track(track.t, track.values[:, 2].copy())
         if attitude is not None:
-            return about_vertical(Track(track.t, track.values @ matrix[:3, :3].T), attitude)
+            return about_vertical(Track(track.t, rotated(track.values, matrix[:3, :3])), attitude)
         return Track(track.t, track.values @ matrix[2, :3])

@@ -48,16 +48,14 @@ def parser() -> argparse.ArgumentParser:
 def _add_topics(p: argparse.ArgumentParser) -> None:
     group, usual = p.add_argument_group("topics"), Topics()
     odometry = "odometry: auto (tf if it has the odometry's frame, else /odom), tf, a topic or none"
+    scans = f"subscribed scans (default: {usual.scan}); given several times: lasers used together"
+    group.add_argument("--scan-topic", metavar="TOPIC", action="append", help=scans)
+    path = f"path, published after a closed loop (default: {usual.path})"
     for flag, default, text in (
-        ("--scan-topic", usual.scan, f"subscribed scans (default: {usual.scan})"),
         ("--odom", "auto", odometry),
-        ("--imu", usual.imu, f"subscribed gyro, or none (default: {usual.imu})"),
+        ("--imu", usual.imu, f"subscribed gyro and attitude, or none (default: {usual.imu})"),
         ("--map-topic", usual.map, f"published map (default: {usual.map})"),
-        (
-            "--path-topic",
-            usual.path,
-            f"path, published after a closed loop (default: {usual.path})",
-        ),
+        ("--path-topic", usual.path, path),
         ("--pose-topic", usual.pose, f"published pose (default: {usual.pose})"),
         ("--state-topic", usual.state, f"published state (default: {usual.state})"),
     ):
@@ -159,8 +157,10 @@ def node_options(arguments: argparse.Namespace) -> NodeOptions:
     if arguments.localize and arguments.map_every != NodeOptions.map_every:
         raise ValueError("--map-every: got --localize, too, whose map is published once")
     named, imu = odom not in ("auto", "tf", "none"), arguments.imu != "none"
+    scan, *more = map(_absolute, arguments.scan_topic or [usual.scan])
     topics = Topics(
-        scan=_absolute(arguments.scan_topic),
+        scan=scan,
+        more_scans=tuple(more),
         odom=_absolute(odom) if named else usual.odom,
         imu=_absolute(arguments.imu) if imu else usual.imu,
         map=_absolute(arguments.map_topic),

@@ -1,4 +1,4 @@
-"""The sensor buffer: odometry, gyro and tf as they come from other threads, for a scan's stamp."""
+"""The sensor buffer: odometry, IMU and tf as they come from other threads, for a scan's stamp."""
 
 from __future__ import annotations
 
@@ -6,24 +6,28 @@ import threading
 import time
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from slams.formats.attitude import Inertial, inertial
 from slams.formats.bag import IMU, ODOMETRY, Record
 from slams.formats.frames import planar
 from slams.formats.ros_messages import READ
 from slams.formats.ros_store import store
+from slams.live.attitude import ImuAttitude
 from slams.live.frames import Mounted, RobotFrames
-from slams.live.series import PoseSeries, RateSeries, Series, all_cover
+from slams.live.series import AttitudeSeries, PoseSeries, RateSeries, Series, all_cover
 from slams.ros.stamps import seconds
-from slams.types import Floats, Pose2
+from slams.types import Attitude, Floats, Pose2
 
 MAX_EARLY_READINGS = 4000  # of the gyro, kept until the base is known: 20 s at 200 Hz
 
 
-class GyroReading(NamedTuple):
-    """Stamp [s], the frame of the gyro, rates about its axes [rad/s]."""
+class Reading(NamedTuple):
+    """A message of an IMU: its frame, rates about its axes [rad/s], all that is measured."""
 
-    t: float
     frame: str
-    rates: tuple[float, float, float]
+    rates: Floats
+    inertial: Inertial
 
 
 class SensorBuffer:
@@ -43,8 +47,9 @@ class SensorBuffer:
         self._of_topic, self._of_tf = PoseSeries(), dict[str, PoseSeries]()
         self._child: str | None = None  # frame of the topic's poses
         self._to_base: Pose2 | None = None  # from the frame of the odometry to the base
-        self._gyro, self._early = RateSeries(), list[GyroReading]()
-        self._upright: dict[str, Floats | None] = {}
+        self._gyro, self._early = RateSeries(), list[Reading]()
+        self._imus: dict[str, ImuAttitude | None] = {}  # by frames; None where tf lacks one
+        self._attitude, self._tilts = AttitudeSeries(), dict[str, AttitudeSeries]()
         self._settled = False
         self._changed = threading.Condition()
 
@@ -62,9 +67,9 @@ class SensorBuffer:
         """Take a sensor_msgs/Imu."""
         message = self._decoded(record)
         if message is not None:
-            frame, rates = READ[IMU](message)
+            (frame, rates), t = READ[IMU](message), seconds(message.header.stamp)
             with self._changed:
-                self._early.append(GyroReading(seconds(message.header.stamp), frame, tuple(rates)))
+                self._early.append(Reading(frame, np.array(rates), inertial(message, t, t)))
                 self._integrate()
                 self._changed.notify_all()
 
@@ -75,6 +80,9 @@ class SensorBuffer:
             with self._changed:
                 for t, child, pose in self.frames.add(message, record.topic.endswith("static")):
                     self._of_tf.setdefault(child, PoseSeries()).push(t, pose)
+                for t, child, attitude in self.frames.tilts(message):
+                    series = self._tilts.setdefault(child, AttitudeSeries())
+                    series.push(t, *attitude.tolist())
                 self._changed.notify_all()
 
     def has_tf_odometry(self, laser: str) -> bool:
@@ -91,6 +99,11 @@ class SensorBuffer:
                 self._choose(moving)
             return mounted
 
+    def mounted(self, laser: str) -> Mounted | None:
+        """Where a further laser sits on the base that is settled; None while tf leaves it open."""
+        with self._changed:
+            return self.frames.mounted(laser, None)
+
     def settle_without_tf(self, laser: str) -> None:
         """Take the laser as the base, and odometry as the laser's."""
         with self._changed:
@@ -100,7 +113,7 @@ class SensorBuffer:
     def wait_for(self, t: float, until: float) -> None:
         """Let odometry and gyro catch up with a stamp, until a time of `time.monotonic` at most."""
         with self._changed:
-            series: list[Series] = [self._gyro]
+            series: list[Series] = [self._gyro, self._attitude]
             series += [self._odometry] if self._odometry is not None else []
             left = max(0.0, until - time.monotonic())
             self._changed.wait_for(lambda: all_cover(series, t), left)
@@ -115,6 +128,11 @@ class SensorBuffer:
         """The heading by the gyro at a stamp; None where it was not measured."""
         with self._changed:
             return self._gyro.integral_at(t)
+
+    def attitude_at(self, t: float) -> Attitude | None:
+        """The base's attitude by the IMU, or by tf, at a stamp; None where it was not measured."""
+        with self._changed:
+            return self._attitude.attitude_at(t)
 
     @property
     def has_odometry(self) -> bool:
@@ -135,7 +153,7 @@ class SensorBuffer:
         return self._child if self._wanted in ("auto", "topic") else None
 
     def _choose(self, moving: str | None) -> None:
-        """Settle on one odometry, as another one later would be a jump, and on the gyro's axis."""
+        """Settle on one odometry and attitude, as another one later would be a jump."""
         if self._wanted != "topic" and moving in self._of_tf:
             self.source, self._odometry = "tf", self._of_tf[moving]
         elif self._wanted in ("auto", "topic"):
@@ -144,30 +162,37 @@ class SensorBuffer:
             matrix = self.frames.base_in(moving)
             notes = self.frames.notes
             self._to_base = None if matrix is None else planar(matrix, "the base", notes)[0]
+        if not self._early and self.frames.base is not None:  # else the IMU has the attitude
+            self._attitude = self._tilts.setdefault(self.frames.base, self._attitude)
         self._settled = True
         self._integrate()
 
     def _integrate(self) -> None:
-        """Integrate the gyro's readings about the base's upright axis, once the base is known."""
+        """Take the IMU's readings about the base's axes, once the base is known."""
         del self._early[:-MAX_EARLY_READINGS]
         if not self._settled:
             return
-        for t, frame, rates in self._early:
-            if frame not in self._upright:
-                self._upright[frame] = self._axis(frame)
-            axis = self._upright[frame]
-            rate = rates[2] if axis is None else sum(map(float.__mul__, rates, axis.tolist()))
-            self._gyro.push(t, rate)
+        for frame, rates, measured in self._early:
+            if frame not in self._imus:
+                self._imus[frame] = self._imu(frame)
+            imu = self._imus[frame]
+            if imu is None:
+                self._gyro.push(measured.sent, float(rates[2]))
+                continue
+            for t, rate, attitude in imu.push(rates, measured):
+                self._gyro.push(t, rate)
+                self._attitude.push(t, *attitude)
         self._early.clear()
 
-    def _axis(self, frame: str) -> Floats | None:
-        """The base's upright axis in the gyro's frame (3,); None, noted, where tf lacks it."""
+    def _imu(self, frame: str) -> ImuAttitude | None:
+        """What reads the IMU of a frame; None, noted, where tf lacks it."""
         matrix = self.frames.in_base(frame)
         if matrix is None:
             self.frames.notes.append(
                 f"no transform to the gyro's frame '{frame}'; it is taken as upright"
             )
-        return None if matrix is None else matrix[2, :3]
+            return None
+        return ImuAttitude(matrix[:3, :3])
 
     def _decoded(self, record: Record) -> Any:
         """The message; None, counted, where it cannot be read."""

@@ -22,6 +22,7 @@ COUNTERS = {  # of `Node.report`: reported when there are more than before
     "late": "scans came late, after newer ones, and are left out",
     "no_odometry": "scans so far without odometry in time (--wait is how long)",
     "other_frame": "scans of another frame than the first are left out: two lasers on one topic",
+    "unplaced": "scans of a further laser are left out: tf has no fixed way from the base to it",
     "unsent": "messages were not taken by the network in time",
 }
 
@@ -32,33 +33,38 @@ class Diagnostics:
     """Reports what goes wrong, when it begins and ends, or once in a while.
 
     Args:
-        topic: of the scans.
         say: what tells the user a sentence.
     """
 
-    def __init__(self, topic: str, say: Say) -> None:
-        self._topic, self._say = topic, say
-        self._silent_since: float | None = None
+    def __init__(self, say: Say) -> None:
+        self._say = say
+        self._silent_since: dict[str, float] = {}  # by topics
         self._reported: dict[str, tuple[float, int]] = {}
-        self._several = False
+        self._several: set[str] = set()  # topics
         self._notes: set[str] = set()
 
-    def check(self, report: Mapping[str, Any], last_scan: float | None, publishers: int) -> None:
+    def check(
+        self,
+        report: Mapping[str, Any],
+        last_scans: Mapping[str, float],
+        publishers: Mapping[str, int],
+    ) -> None:
         """Report what has changed; to be called about once a second.
 
         Args:
             report: the node's counts.
-            last_scan: when the last one came [s], on this machine's clock.
-            publishers: how many the scans' topic has.
+            last_scans: when each laser's last one came [s], on this machine's clock, by topics.
+            publishers: how many each topic of scans has.
         """
-        if last_scan is not None:
-            self._check_silence(last_scan)
-        if publishers > 1 and not self._several:
-            self._say(
-                f"{publishers} publishers on {self._topic}: the map is made of both lasers' scans; "
-                "--scan-topic takes another topic"
-            )
-        self._several = publishers > 1
+        for topic, last_scan in last_scans.items():
+            self._check_silence(topic, last_scan)
+        for topic, count in publishers.items():
+            if count > 1 and topic not in self._several:
+                self._say(
+                    f"{count} publishers on {topic}: the map is made of both lasers' scans; "
+                    "--scan-topic takes another topic"
+                )
+        self._several = {topic for topic, count in publishers.items() if count > 1}
         for name, sentence in COUNTERS.items():
             self.count(name, report[name], sentence)
 
@@ -75,15 +81,14 @@ class Diagnostics:
             self._notes.add(sentence)
             self._say(sentence)
 
-    def _check_silence(self, last_scan: float) -> None:
+    def _check_silence(self, topic: str, last_scan: float) -> None:
         silent = time.monotonic() - last_scan > MAX_SILENCE
-        if silent and self._silent_since is None:
-            self._silent_since = last_scan
-            self._say(f"no scan on {self._topic} for {MAX_SILENCE:g} s: is the laser unplugged?")
-        elif not silent and self._silent_since is not None:
-            away = last_scan - self._silent_since
-            self._silent_since = None
-            self._say(f"scans on {self._topic} are back after about {away:.0f} s")
+        if silent and topic not in self._silent_since:
+            self._silent_since[topic] = last_scan
+            self._say(f"no scan on {topic} for {MAX_SILENCE:g} s: is the laser unplugged?")
+        elif not silent and topic in self._silent_since:
+            away = last_scan - self._silent_since.pop(topic)
+            self._say(f"scans on {topic} are back after about {away:.0f} s")
 
 
 class Terminal:

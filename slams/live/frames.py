@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from slams.formats.frames import Transforms, bare, planar, yaw_of
+from slams.formats.frames import Edge, Transforms, attitudes_of, bare, planar, yaw_of
 from slams.formats.topics import some
 from slams.ros.stamps import seconds
 from slams.types import IDENTITY, Floats, Pose2
@@ -13,11 +13,12 @@ FEW = 20  # transforms kept of each that moves: enough to see that it does
 
 
 class Mounted(NamedTuple):
-    """Where the laser sits: the base's name, the laser in it, whether it is upside down."""
+    """Where the laser sits: the base's name, the laser in it, whether it is upside down, z [m]."""
 
     base: str
     mount: Pose2
     flipped: bool
+    z: float = 0.0
 
 
 class RobotFrames:
@@ -33,6 +34,7 @@ class RobotFrames:
         self.odom = bare(odom)
         self.notes: list[str] = []
         self._tree = Transforms()
+        self._tilting: set[Edge] = set()
 
     def add(self, message: Any, static: bool) -> list[tuple[float, str, Pose2]]:
         """Take a tf message; returns stamp [s], name and pose of frames in the odometry's."""
@@ -47,9 +49,29 @@ class RobotFrames:
         """Whether tf has a frame."""
         return bare(frame) in self._tree.frames
 
+    def tilts(self, message: Any) -> list[tuple[float, str, Floats]]:
+        """Stamp [s], name and attitude (2,) [rad] of frames in a tf message that tilt.
+
+        They move against a level frame above; `add` has taken the message.
+        """
+        found = []
+        items = message.transforms
+        for edge in {(bare(i.header.frame_id), bare(i.child_frame_id)): None for i in items}:
+            child = edge[1]
+            if edge == self._tree.tilting(child):
+                rows = self._tree.samples[edge]
+                rows = rows[-1:] if edge in self._tilting else rows
+                self._tilting.add(edge)
+                pairs = zip(rows, attitudes_of(rows), strict=True)
+                found += [(row[0], child, attitude) for row, attitude in pairs]
+        return found
+
     def carries(self, frame: str, laser: str) -> bool:
-        """Whether the laser is fixed to a frame."""
-        return self._tree.fixed(frame, bare(laser)) is not None
+        """Whether the laser is fixed to a frame, or tilts with a base above it."""
+        if self._tree.fixed(frame, bare(laser)) is not None:
+            return True
+        edge = self._tree.tilting(self._tree.ancestors(laser)[-1])
+        return edge is not None and bare(frame) in self._tree.ancestors(edge[0])
 
     def in_base(self, frame: str) -> Floats | None:
         """A frame in the base, 4 x 4, if it is fixed to it."""
@@ -77,7 +99,7 @@ class RobotFrames:
         if base == laser:
             return Mounted(base, IDENTITY, False)
         mount, flipped = planar(matrix, "the laser", self.notes)
-        return Mounted(base, mount, flipped)
+        return Mounted(base, mount, flipped, float(matrix[2, 3]))
 
     def complaint(self, laser: str) -> str | None:
         """Why there is no way from the base to the laser; None where tf says nothing at all."""

@@ -15,11 +15,13 @@ from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
 from slams.live.estimate import Estimate
 from slams.live.frames import Mounted, RobotFrames
+from slams.live.lasers import Lasers
 from slams.live.maps import MapThread
 from slams.live.options import NodeOptions
 from slams.live.publisher import NodePublisher
 from slams.live.recorder import Recorder
-from slams.live.scans import Message, Received, ScanCleaner, ScanQueue, message_of
+from slams.live.scan_order import Arrived
+from slams.live.scans import ScanQueue, message_of
 from slams.live.slam import LiveSlam
 from slams.live.transport import KINDS, TYPES, Callback, Transport
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
@@ -31,7 +33,7 @@ END_PERIOD = 0.1  # [s] between looks at whether to end
 CHECK_PERIOD = 1.0  # [s] between diagnostics
 MAX_UNLOCALIZED_SCANS = 20  # in a given map, until that is reported
 MAX_EARLY_SCANS = 1000  # that wait until the frames are known
-COUNTS = ("unreadable", "other_frame", "no_odometry", "sought")  # of scans
+COUNTS = ("unreadable", "other_frame", "unplaced", "no_odometry", "sought")  # of scans
 
 
 @dataclass
@@ -70,13 +72,14 @@ class Node:
         self.buffer = SensorBuffer(frames, options.odometry)
         self.recorder: Recorder | None = None
         self._say = say
-        self._diagnostics = Diagnostics(options.topics.scan, say)
+        self._diagnostics = Diagnostics(say)
         self._publisher = NodePublisher(transport, options, self._record)
         every = options.map_every if live.given is None else 0.0
         self._maps = MapThread(live, self._publish_map, every)
         self._redrawn = 0
-        self._cleaner: ScanCleaner | None = None
-        self._frame, self._without_tf = "", False
+        self._topics, counts = options.topics.scans, self.drive.counts
+        self._lasers = Lasers(self._topics, self.buffer, self.queue, options.wait, counts)
+        self._topic, self._frame, self._without_tf = "", "", False  # of the first scan
         self._checked_at, self._ready_at = -math.inf, math.inf
         self._subscribe()
 
@@ -85,25 +88,25 @@ class Node:
         self.transport.listen()
         if self.live.given is not None:
             self._publisher.publish_map(0, self.live.given)  # of no time: it stays
-        self._say(f"ready for scans on {self.options.topics.scan}")
+        self._say(f"ready for scans on {', '.join(self._topics)}")
         since = self._wait_for_scan(ending)
         mounted = None if since is None else self._wait_for_mount(since, ending)
         if mounted is not None:
-            self._cleaner = ScanCleaner(mounted)
+            self._lasers.place(self._topic, mounted)
             self._ready_at = time.monotonic()
 
     def run(self, ending: threading.Event, show_status: Callable[[], None]) -> None:
         """Take scans until the end; `show_status` is called about once a second."""
         while not ending.is_set():
-            received = self.queue.take(END_PERIOD)
-            if received is not None:
-                self._take(received)
+            self._take_next()
             if len(self.queue) <= self.options.queue:  # what came before `start` ended is done
                 self.queue.size = self.options.queue
             if time.monotonic() - self._checked_at >= CHECK_PERIOD:
                 self._checked_at = time.monotonic()
                 self.check()
                 show_status()
+        for scan in self._lasers.order.rest():
+            self._push(scan)
 
     def close(self) -> None:
         """Publish the last map and leave the network."""
@@ -128,8 +131,10 @@ class Node:
 
     def check(self) -> None:
         """Report what goes wrong, and what is assumed of frames and laser."""
-        topic, frames, diagnostics = self.options.topics.scan, self.buffer.frames, self._diagnostics
-        diagnostics.check(self.report(), self.queue.last, self.transport.publishers(topic))
+        frames, diagnostics, topics = self.buffer.frames, self._diagnostics, self._topics
+        heard = {topic: self._lasers.heard(topic, self._ready_at) for topic in topics}
+        publishers = {topic: self.transport.publishers(topic) for topic in topics}
+        diagnostics.check(self.report(), heard, publishers)
         sought, candidates = self.drive.counts["sought"], self.live.candidates
         if candidates and sought > MAX_UNLOCALIZED_SCANS:
             text = f"scans so far, and the place in the map is not sure ({candidates}); drive on"
@@ -137,11 +142,7 @@ class Node:
         if self._maps.failed is not None:
             self._say(f"the map is not published: {self._maps.failed}")
             self._maps.failed = None
-        for note in (
-            *self.live.notes,
-            *frames.notes,
-            *(self._cleaner.notes if self._cleaner else ()),
-        ):
+        for note in (*self.live.notes, *frames.notes, *self._lasers.notes):
             diagnostics.note(note)
         if self._without_tf and frames.knows(self._frame):
             diagnostics.note(f"tf has {self._frame} now, too late: start again to have it used")
@@ -150,7 +151,8 @@ class Node:
 
     def _subscribe(self) -> None:
         options, buffer = self.options, self.buffer
-        self._hear("scan", self.queue.put)
+        for topic in self._topics:
+            self._hear("scan", self._lasers.hear, topic)
         if options.odometry in ("auto", "topic"):
             self._hear("odom", buffer.take_odometry)
         if options.imu:
@@ -158,8 +160,8 @@ class Node:
         self._hear("tf", buffer.take_tf)
         self._hear("tf_static", buffer.take_tf)
 
-    def _hear(self, name: str, callback: Callback) -> None:
-        topic: str = getattr(self.options.topics, name)
+    def _hear(self, name: str, callback: Callback, topic: str = "") -> None:
+        topic = topic or getattr(self.options.topics, name)
 
         def both(record: Record) -> None:
             """Take a message and record it."""
@@ -191,6 +193,7 @@ class Node:
             first = self.queue.peek(END_PERIOD)
             if first is not None:
                 try:
+                    self._topic = first.record.topic
                     self._frame = message_of(first.record).frame
                     return first.at
                 except ValueError as error:
@@ -203,7 +206,7 @@ class Node:
 
     def _why_no_scan(self) -> str:
         """Why there is no scan, as far as the network knows."""
-        topic, there = self.options.topics.scan, self.transport.topics()
+        topic, there = self._topics[0], self.transport.topics()
         others = sorted(name for name, kind in there.items() if kind == SCAN and name != topic)
         if there.get(topic, SCAN) != SCAN:
             what = f"{topic} carries {there[topic]}, expected {SCAN}"
@@ -241,31 +244,36 @@ class Node:
 
     # scans
 
-    def _take(self, received: Received) -> None:
+    def _take_next(self) -> None:
+        """Wait for a message, and push the scans whose turn has come."""
+        order = self._lasers.order
+        received = self.queue.take(POLL_PERIOD if order else END_PERIOD)
         try:
-            message = message_of(received.record)
-            if message.frame == self._frame:
-                self._push(message, received.at)
-            else:
-                self.drive.counts["other_frame"] += 1
+            if received is not None:
+                self._lasers.take(received)
         except ValueError as error:
             self._leave_out(error)
+        while (scan := order.take(time.monotonic())) is not None:
+            self._push(scan)
 
     def _leave_out(self, error: ValueError) -> None:
         self.drive.counts["unreadable"] += 1
         self._diagnostics.note(f"{error}; such scans are left out")
 
-    def _push(self, message: Message, since: float) -> None:
+    def _push(self, scan: Arrived) -> None:
         """From a scan to its pose, out on the network."""
-        assert self._cleaner is not None
-        (ranges, laser), t = self._cleaner.clean(message), message.t
+        message, since, t = scan.message, scan.at, scan.message.t
+        try:
+            ranges, laser = self._lasers.clean(scan)
+        except ValueError as error:
+            self._leave_out(error)
+            return
         self.buffer.wait_for(t, since + self.options.wait)
         odometry = self.buffer.odometry_at(t)
         self.drive.counts["no_odometry"] += odometry is None and self.buffer.has_odometry
         used = None if self.options.odometry == "none" else odometry
-        estimate = self.live.push_scan(
-            Scan(t, ranges, laser, odometry=used, yaw=self.buffer.yaw_at(t))
-        )
+        yaw, attitude = self.buffer.yaw_at(t), self.buffer.attitude_at(t)
+        estimate = self.live.push_scan(Scan(t, ranges, laser, used, yaw, attitude))
         if not estimate.used:
             return
         self.drive.estimate = estimate

@@ -8,6 +8,8 @@ import os
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
+from slams.laser_table import MAX_LASERS
+
 if TYPE_CHECKING:
     from slams.live.transport import Transport
 
@@ -17,6 +19,7 @@ class Topics:
     """Names of the topics in and out."""
 
     scan: str = "/scan"
+    more_scans: tuple[str, ...] = ()  # of further lasers
     odom: str = "/odom"
     imu: str = "/imu"
     tf: str = "/tf"
@@ -25,6 +28,11 @@ class Topics:
     path: str = "/path"
     pose: str = "/pose"
     state: str = "/slam/state"
+
+    @property
+    def scans(self) -> tuple[str, ...]:
+        """The topics of all lasers."""
+        return self.scan, *self.more_scans
 
 
 @dataclass(frozen=True)
@@ -61,6 +69,12 @@ class NodeOptions:
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
                 raise ValueError(f"--{name.replace('_', '-')}: got {value:g}, expected 0 s or more")
+        lasers = self.topics.scans
+        if not len(set(lasers)) == len(lasers) <= MAX_LASERS:
+            got = ", ".join(lasers)
+            raise ValueError(
+                f"--scan-topic: got {got}, expected up to {MAX_LASERS} different topics"
+            )
         if self.queue < 1:
             raise ValueError(f"--queue: got {self.queue}, expected 1 scan or more")
 

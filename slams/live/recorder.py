@@ -6,6 +6,7 @@ import queue
 import threading
 from pathlib import Path
 
+from slams.formats.bag import SCAN
 from slams.formats.mcap_file import McapFile
 from slams.live.options import Topics
 from slams.live.transport import KINDS
@@ -23,6 +24,7 @@ class Recorder:
         if Path(path).suffix != ".mcap":
             raise ValueError(f"--record: got {path}, expected a name that ends in .mcap")
         types = {getattr(topics, name): msgtype for name, (msgtype, _) in KINDS.items()}
+        types |= dict.fromkeys(topics.more_scans, SCAN)
         self._file = McapFile(path, types, (topics.map, topics.path, topics.tf_static))
         self._waiting: queue.SimpleQueue[tuple[str, int, bytes] | None] = queue.SimpleQueue()
         self._failed: Exception | None = None

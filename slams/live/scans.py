@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,22 +30,20 @@ class Received(NamedTuple):
 class ScanQueue:
     """First in, first out, at most `size`; when it is full the oldest scan is dropped.
 
-    `came` counts all scans, `dropped` those left out, `last` [s] is when the last one came.
+    `came` counts all scans, `dropped` those left out.
     """
 
     def __init__(self, size: int) -> None:
         self.size = size
         self.came = self.dropped = 0
-        self.last: float | None = None
         self._scans: deque[Received] = deque()
         self._changed = threading.Condition()
 
     def put(self, record: Record) -> None:
         """Take a scan; never waits."""
         with self._changed:
-            self.last = time.monotonic()
             self.came += 1
-            self._scans.append(Received(record, self.last))
+            self._scans.append(Received(record, time.monotonic()))
             while len(self._scans) > self.size:
                 self._scans.popleft()
                 self.dropped += 1
@@ -125,6 +124,6 @@ class ScanCleaner:
 
     def _fan(self, sweeps: list[Sweep]) -> Laser:
         """The laser of sweeps of one geometry; an equal one stays the object it is."""
-        _, mount, flipped = self._mounted
-        laser = common(sweeps, mount, flipped, self.notes)[2]
+        _, mount, flipped, z = self._mounted
+        laser = replace(common(sweeps, mount, flipped, self.notes)[2], mount_z=z)
         return self._laser if laser == self._laser and self._laser is not None else laser

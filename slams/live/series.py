@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 import time
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 
 import numpy as np
 
 from slams.live.slam import LATE_IN_A_ROW
-from slams.types import Pose2, wrap_angle
+from slams.track import MAX_ATTITUDE_GAP
+from slams.types import Attitude, Pose2, wrap_angle
 from slams.validation import LATEST, can_be
 
 MAX_SAMPLES = 2000  # at least as many are kept: 10 s at 200 Hz
@@ -114,6 +115,23 @@ class RateSeries(Series):
         """The integral from the first sample to a stamp."""
         row = self.at(t)
         return None if row is None else row[0]
+
+
+class AttitudeSeries(Series):
+    """Roll and pitch over time."""
+
+    def push(self, t: float, roll: float, pitch: float) -> None:
+        """Take an attitude [rad]; what is not finite is left out."""
+        if can_be(roll, pitch) and self.accepts(t):
+            self.append(t, (roll, pitch))
+
+    def attitude_at(self, t: float) -> Attitude | None:
+        """The attitude at a stamp; None where it was not measured, and in gaps."""
+        row = self.at(t)
+        after = min(max(bisect_left(self.t, t), 1), len(self.t) - 1)
+        if row is None or (after > 0 and self.t[after] - self.t[after - 1] > MAX_ATTITUDE_GAP):
+            return None
+        return Attitude(*row)
 
 
 def all_cover(series: Sequence[Series], t: float) -> bool:

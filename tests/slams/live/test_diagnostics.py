@@ -20,11 +20,12 @@ class Stand:
     def __init__(self, monkeypatch):
         self.now, self.said, self.publishers, self.last = 1000.0, [], 1, None
         monkeypatch.setattr(diagnostics.time, "monotonic", lambda: self.now)
-        self.diagnostics = Diagnostics("/scan", self.said.append)
+        self.diagnostics = Diagnostics(self.said.append)
 
     def reported(self, **counts):
         report = dict.fromkeys(COUNTERS, 0) | counts
-        self.diagnostics.check(report, self.last, self.publishers)
+        last = {} if self.last is None else {"/scan": self.last}
+        self.diagnostics.check(report, last, {"/scan": self.publishers})
         said, self.said[:] = list(self.said), []
         return said
 

@@ -1,0 +1,135 @@
+"""A node with several lasers: their order, their places, and one that falls silent."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import slams
+from slams.formats.bag import SCAN
+from slams.live import scan_order
+from slams.live.__main__ import node_options, parser
+from slams.live.diagnostics import COUNTERS, MAX_SILENCE, Diagnostics
+from slams.live.options import NodeOptions, Topics
+from slams.live.recorder import Recorder
+from slams.live.scan_order import ScanOrder
+from slams.player import replay
+from slams.types import Pose2
+from tests.rooms import ROOM, cast, laser, way
+from tests.slams.live.robots import Stand, mounted
+
+TWO = Topics(scan="/front", more_scans=("/rear",))
+PLACES = {"front": Pose2(0.2, 0.0, 0.0), "rear": Pose2(-0.2, 0.0, 3.0)}
+
+
+def drive(stand, n=30):
+    """Scans of both lasers, those of the rear one half a period later, and sent in pairs."""
+    stand.tf(*(("base_link", name, place) for name, place in PLACES.items()))
+    poses = way(2 * n, 0.05)
+    for k in range(n):
+        pair = [(2 * k + 1, "rear"), (2 * k, "front")]  # the older one comes later
+        for j, name in pair if k else reversed(pair):
+            lidar = laser(181, mount=PLACES[name])
+            ranges = cast(ROOM, poses[j], lidar).astype(np.float32)
+            message = stand.make.scan(round(1e9 * (10.0 + 0.05 * j)), name, lidar, ranges, 0.1)
+            stand.bus.publish(f"/{name}", SCAN, message)
+
+
+def test_poses_are_those_of_a_run_of_the_recording_in_the_order_of_stamps(monkeypatch, tmp_path):
+    file = tmp_path / "out.mcap"
+    recorder = Recorder(file, TWO)
+    stand = Stand(monkeypatch, "hector", recorder, topics=TWO, wait=60.0)
+    drive(stand)
+    stand.start_and_drive()
+    recorder.close()
+    log = slams.load(file, scan_topic="/front", more_scan_topics=("/rear",))
+    assert [lidar.mount for lidar in log.lasers] == [
+        pytest.approx(place, abs=1e-12) for place in PLACES.values()
+    ]
+    run = replay(slams.create("hector"), log)
+    assert np.array_equal(stand.node.drive.t, run.t) and len(run.t) == 60
+    assert np.array_equal(stand.node.drive.poses, run.poses)
+    assert stand.node.report()["late"] == 0
+
+
+def test_a_laser_that_tf_does_not_place_is_left_out_until_it_does(monkeypatch):
+    stand = mounted(monkeypatch, topics=TWO)
+    stand.scan(0.0, topic="/front")
+    stand.scan(0.1, "rear", topic="/rear")
+    stand.start_and_drive()
+    stand.look()
+    assert (stand.node.drive.t, stand.node.report()["unplaced"]) == ([0.0], 1)
+    assert f"1 {COUNTERS['unplaced']}" in stand.said
+    stand.tf(("base_link", "rear", PLACES["rear"]))
+    stand.scan(0.2, "rear", topic="/rear")
+    stand.drive()
+    assert stand.node.drive.t == [0.0, 0.2]
+
+
+def test_the_laser_that_falls_silent_is_told_once_and_the_other_goes_on(monkeypatch):
+    now, said = [100.0], []
+    monkeypatch.setattr(slams.live.diagnostics.time, "monotonic", lambda: now[0])
+    diagnostics, report = Diagnostics(said.append), dict.fromkeys(COUNTERS, 0)
+    for _ in range(5):
+        diagnostics.check(report, {"/front": now[0], "/rear": 100.0}, {"/front": 1, "/rear": 1})
+        now[0] += 0.6 * MAX_SILENCE
+    assert said == ["no scan on /rear for 2 s: is the laser unplugged?"]
+
+
+class Clock:
+    """An order of scans on a clock of its own."""
+
+    def __init__(self, monkeypatch, wait=0.4):
+        self.now, self.order = 50.0, ScanOrder(TWO.scans, wait)
+        monkeypatch.setattr(scan_order.time, "monotonic", lambda: self.now)
+
+    def put(self, t, topic):
+        self.order.put(SimpleNamespace(t=t), topic, self.now)
+
+    def taken(self):
+        found = []
+        while (scan := self.order.take(self.now)) is not None:
+            found.append((scan.message.t, scan.topic))
+        return found
+
+
+def test_a_scan_waits_only_for_a_laser_that_can_still_send_an_older_one(monkeypatch):
+    clock = Clock(monkeypatch)
+    for k in range(3):  # half a period apart: neither waits
+        clock.put(0.2 * k, "/front")
+        clock.put(0.2 * k + 0.1, "/rear")
+    assert len(clock.taken()) == 6
+    clock.put(0.6, "/front")
+    assert clock.taken() == [(0.6, "/front")]
+    clock.put(0.8, "/front")  # that of the rear laser at 0.7 is overdue
+    assert clock.taken() == []
+    clock.put(0.7, "/rear")
+    assert clock.taken() == [(0.7, "/rear"), (0.8, "/front")]
+
+
+def test_no_scan_waits_longer_than_asked_nor_for_a_silent_laser(monkeypatch):
+    clock = Clock(monkeypatch)
+    for t in (0.0, 0.2):
+        clock.put(t, "/front")
+        clock.put(t, "/rear")
+    assert [topic for _, topic in clock.taken()] == ["/front", "/rear"] * 2
+    clock.put(0.6, "/front")
+    clock.now += 0.39
+    assert clock.taken() == []
+    clock.now += 0.02
+    assert clock.taken() == [(0.6, "/front")]
+    clock.now += scan_order.MAX_SILENCE
+    clock.put(2.6, "/front")
+    assert clock.taken() == [(2.6, "/front")]
+
+
+def test_topics_on_the_command_line():
+    options = node_options(
+        parser().parse_args(["hector", "--scan-topic", "front", "--scan-topic", "/rear"])
+    )
+    assert options.topics.scans == ("/front", "/rear")
+    assert node_options(parser().parse_args(["hector"])).topics.scans == ("/scan",)
+    with pytest.raises(
+        ValueError, match="--scan-topic: got /a, /a, expected up to 8 different topics"
+    ):
+        NodeOptions(Topics("/a", ("/a",)))
