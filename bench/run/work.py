@@ -78,7 +78,7 @@ def in_processes(jobs: int) -> Executor:
     It gives each task's name and result, as they end; that of a process that died is not kept.
     """
 
-    def finished(tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
+    def _finished(tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
         calls = {key: (perform, (task, key)) for key, task in tasks.items()}
         with closing(pool.finished(calls, jobs, fresh=False)) as ended:
             for key, future in ended:
@@ -87,7 +87,7 @@ def in_processes(jobs: int) -> Executor:
                 except BrokenProcessPool as error:
                     yield key, Result({"failed": f"its process died ({error})"}, kept=False)
 
-    return finished
+    return _finished
 
 
 def run_all(
