@@ -101,6 +101,7 @@ def table(found: Sweep, rows: dict[str, str]) -> pd.DataFrame:
 
     from bench.judge import survival
     from bench.judge.statistics import mcnemar
+    from bench.report.lines import scaled
     from bench.report.sweep_tables import MODES
 
     modes = [mode for mode in MODES if any(trial["odometry"] == mode for trial in found.trials)]
@@ -111,8 +112,11 @@ def table(found: Sweep, rows: dict[str, str]) -> pd.DataFrame:
         before, now = (_together([held[m][row] for m in modes]) for row in (rows[ALL], label))
         lines[name] = {
             **{f"levels held, {words}": _count(figures) for words, figures in own.items()},
-            **{f"1 s, {words} [mm]": _milli(figures.second_m) for words, figures in own.items()},
-            "CPU a scan [ms]": _milli(next(iter(own.values())).cpu_scan),
+            **{
+                f"1 s, {words} [mm]": scaled(figures.second_m, 1e3)
+                for words, figures in own.items()
+            },
+            "CPU a scan [ms]": scaled(next(iter(own.values())).cpu_scan, 1e3),
             "p": None if name == ALL else f"{mcnemar(*survival.votes(before, now)):.2g}",
         }
     return pd.DataFrame.from_dict(lines, orient="index")
@@ -125,10 +129,6 @@ def _together(held: list[Held]) -> Held:
 
 def _count(figures: Figures) -> str:
     return f"{figures.levels[0]} of {figures.levels[1]}"
-
-
-def _milli(value: float | None) -> float | None:
-    return None if value is None else 1e3 * value
 
 
 def as_markdown(found: Sweep, made: pd.DataFrame, algorithm: str) -> str:

@@ -169,10 +169,11 @@ def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRA
     None where this was one part of several and trials of others are missing.
     """
     from bench.run.store import Store
+    from slams.formats.files import check_folder
 
     plan = cli.refusing(lambda: _plan(arguments))
     place = Path(arguments.out)
-    cli.refusing(lambda: _check_folder(place))
+    cli.refusing(lambda: check_folder(place))
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
     shard = cli.refusing(lambda: spread.shard_of(arguments))
@@ -230,12 +231,6 @@ def _check(arguments: argparse.Namespace) -> None:
     for name in ("arenas", "duration"):
         if arguments.logs and getattr(arguments, name) is not None:
             raise ValueError(f"--{name}: is of simulated drives, and {arguments.logs[0]} was given")
-
-
-def _check_folder(place: Path) -> None:
-    if place.exists() and not place.is_dir():
-        raise NotADirectoryError(f"{place}: is a file; expected a folder for the results")
-    place.mkdir(parents=True, exist_ok=True)
 
 
 def _all_done(

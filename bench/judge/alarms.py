@@ -36,11 +36,6 @@ class Alarms(NamedTuple):
     false: int
     right_again: bool | None
 
-    @property
-    def false_share(self) -> float:
-        """Share of the right scans that were reported lost; 0 without any."""
-        return self.false / max(self.right, 1)
-
 
 def beyond(common: Common, limit_m: float = LIMIT_M, limit_rad: float = LIMIT_RAD) -> Flags:
     """Where (n,) the pose is further off than the limits, in the frame of the first."""

@@ -9,7 +9,7 @@ import pandas as pd
 
 from bench.judge.answers import Analysis, Cell
 from bench.judge.survival import Critical, Share
-from bench.report.lines import listed
+from bench.report.lines import listed, scaled
 from bench.report.text import text_table
 from bench.results.runs import Line
 from bench.results.sweep import Sweep
@@ -117,10 +117,10 @@ def row_table(found: Analysis) -> pd.DataFrame:
             "used": " + ".join(of.used),
             "levels held [%]": 100.0 * of.levels[0] / of.levels[1] if of.levels[1] else None,
             "not lost, as it is": _count(of.clean),
-            "1 s, as it is [mm]": _scaled(of.clean_m),
-            "1 s, all [mm]": _scaled(of.second_m),
+            "1 s, as it is [mm]": scaled(of.clean_m, 1e3),
+            "1 s, all [mm]": scaled(of.second_m, 1e3),
             "worse than the wheels": _count(of.worse_than_wheels),
-            "CPU a scan [ms]": _scaled(of.cpu_scan),
+            "CPU a scan [ms]": scaled(of.cpu_scan, 1e3),
             "dearest x as it is": of.dearest,
         }
     return _frame(lines)
@@ -195,10 +195,6 @@ def _settings(facts: Line) -> str:
         for name, changes in facts.get("settings", {}).items()
     }
     return "".join(f"; {name} with {text}" for name, text in texts.items())
-
-
-def _scaled(value: float | None) -> float | None:
-    return None if value is None else 1e3 * value
 
 
 def _count(share: Share) -> str | None:

@@ -12,6 +12,7 @@ from bench.results import LogResult, Outcome
 from bench.run import pool
 from bench.run.cases import failed, relation_error, replayed
 from bench.run.reference import reference
+from bench.run.work import sentence
 from slams import cli
 from slams.types import Floats
 
@@ -112,8 +113,7 @@ def _result(job: Job, log: ScanLog, future: Future[Any]) -> Any:
     if error is None:
         return future.result()
     died = isinstance(error, BrokenProcessPool)
-    reason = f"its process died ({error})" if died else f"{type(error).__name__}: {error}"
-    reason = " ".join(reason.split())
+    reason = f"its process died ({error})" if died else sentence(error)
     if job.label is None:
         raise RuntimeError(f"{log.name}: its truth cannot be prepared: {reason}") from error
     return None if job.first is not None else failed(job.label, log, reason)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import json
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,6 +19,7 @@ from bench.judge.alarms import alarms, beyond
 from bench.results.sweep import Cost, Trial
 from bench.run.cases import sources
 from bench.run.code import sources_with
+from bench.run.store import canonical
 from bench.run.work import Result, Task, failure_of
 from slams.metrics import path_length
 
@@ -106,9 +108,9 @@ def perform(
     trials: list[Trial] = []
     costs: list[Cost | None] = []
     for level in condition["levels"]:
-        degraded = _Degraded(condition["degradation"], level, condition["seed"], condition["rate"])
         try:
-            trial, cost = _run(entry, params, _log_of(_frozen(log), degraded, recorded), odometry)
+            degraded = _log_of(canonical(log), canonical(condition), level, recorded)
+            trial, cost = _run(entry, params, degraded, odometry)
         except (Exception, SystemExit) as error:  # an outsider's may raise anything
             trial, cost = {"failed": failure_of(error)}, None
         trials.append(trial)
@@ -182,23 +184,16 @@ def _wheels_ate(log: ScanLog) -> float | None:
     return None if found is None else metrics.ate_with(log, log.t[known], wheels[known])
 
 
-def _frozen(log: dict[str, Any]) -> tuple[tuple[str, Any], ...]:
-    """The identity of a log as a key: workers keep the last one."""
-    if log.get("setting") is not None:
-        return (("setting", tuple(sorted(log["setting"].items()))),)
-    return (("content", log["content"]),)
-
-
 @lru_cache(maxsize=1)
-def _loaded(identity: tuple[tuple[str, Any], ...], recorded: str | None) -> ScanLog:
-    """The log itself: simulated, or read from where it lies here."""
+def _loaded(identity: str, recorded: str | None) -> ScanLog:
+    """The log of `Log.identity`, as JSON: simulated, or read from where it lies here."""
     from bench.sim.setting import Setting
     from bench.sim.simulation import simulate
     from slams.scanlog import load_npz
 
-    known = dict(identity)
+    known = json.loads(identity)
     if "setting" in known:
-        return simulate(Setting(**dict(known["setting"])))
+        return simulate(Setting(**known["setting"]))
     if recorded is None:
         raise ValueError("a recorded log without its place on this machine")
     log = load_npz(Path(recorded))
@@ -207,24 +202,14 @@ def _loaded(identity: tuple[tuple[str, Any], ...], recorded: str | None) -> Scan
     return log
 
 
-class _Degraded(NamedTuple):
-    """One level of a condition."""
-
-    degradation: str
-    level: float
-    seed: int
-    rate: float | None
-
-
 @lru_cache(maxsize=10)  # the levels of a climb: the next algorithm climbs the same ones
-def _log_of(
-    identity: tuple[tuple[str, Any], ...], degraded: _Degraded, recorded: str | None
-) -> ScanLog:
-    """The log at a level of a condition, thinned to its rate."""
+def _log_of(identity: str, condition: str, level: float, recorded: str | None) -> ScanLog:
+    """The log at a level of a condition, as JSON, thinned to its rate."""
     from bench.sim.degrade import degrade
 
-    log = degrade(_loaded(identity, recorded), *degraded[:3])
-    if degraded.rate is None or log.scan_period <= 0.0:
+    known = json.loads(condition)
+    log = degrade(_loaded(identity, recorded), known["degradation"], level, known["seed"])
+    if known["rate"] is None or log.scan_period <= 0.0:
         return log
-    every = max(1, round(1.0 / (degraded.rate * log.scan_period)))
+    every = max(1, round(1.0 / (known["rate"] * log.scan_period)))
     return log.select(every=every)

@@ -78,7 +78,7 @@ def in_processes(jobs: int) -> Executor:
     It gives each task's name and result, as they end; that of a process that died is not kept.
     """
 
-    def finished(tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
+    def _finished(tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
         calls = {key: (perform, (task, key)) for key, task in tasks.items()}
         with closing(pool.finished(calls, jobs, fresh=False)) as ended:
             for key, future in ended:
@@ -87,7 +87,7 @@ def in_processes(jobs: int) -> Executor:
                 except BrokenProcessPool as error:
                     yield key, Result({"failed": f"its process died ({error})"}, kept=False)
 
-    return finished
+    return _finished
 
 
 def run_all(
@@ -131,9 +131,9 @@ def perform(task: Task, key: str) -> Result:
     try:
         result = function(**task.what, **task.where)
     except OF_THE_MACHINE as error:
-        return Result({"failed": _sentence(error)}, kept=False)
+        return Result({"failed": sentence(error)}, kept=False)
     except (Exception, SystemExit) as error:  # an outsider's algorithm may raise anything
-        return Result({"failed": _sentence(error)})
+        return Result({"failed": sentence(error)})
     return Result(plain(result.value), plain(result.measured), result.kept)
 
 
@@ -141,7 +141,7 @@ def failure_of(error: BaseException) -> str:
     """What an algorithm raised, as a sentence; raises what tells of the machine alone."""
     if isinstance(error, OF_THE_MACHINE):
         raise error
-    return _sentence(error)
+    return sentence(error)
 
 
 def _check_code(task: Task, key: str) -> None:
@@ -162,7 +162,7 @@ def _function(name: str) -> Callable[..., Result]:
     return found
 
 
-def _sentence(error: BaseException) -> str:
+def sentence(error: BaseException) -> str:
     """The exception in one line, the same in every process: without addresses in memory."""
     text = " ".join(f"{type(error).__name__}: {error}".split())
     return re.sub(r"0x[0-9a-f]+", "0x..", text)
