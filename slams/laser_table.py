@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from slams.params import MAX_LASERS
 from slams.types import Floats, Laser, Pose2, Ranges
 from slams.validation import MOST_BEAMS, expect
 
@@ -19,7 +20,6 @@ FORMAT, OF_SEVERAL = "scanlog-1", "scanlog-2"
 REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
 HEIGHTS = ("mount_z", "height")
 OF_LASER = (*REQUIRED[2:], "time_increment", "mount", *HEIGHTS)
-MAX_LASERS = 8  # of one log: more are a mistake
 MAX_SILENCE = 3.0  # s without a scan at the end of a log, and usual intervals: a laser that died
 MIN_SILENT_INTERVALS = 10.0
 

@@ -209,7 +209,6 @@ def test_compare_on_given_logs(log_file, tmp_path):
     updates = {n: r["errors"]["spans"]["update"]["translation_m"] for n, r in by_name.items()}
     means = {name: update["mean"] for name, update in updates.items()}
     assert means["hector"] < means["kiss"]
-    assert updates["hector"]["low"] < means["hector"] < updates["hector"]["high"]
     for name in ("fig2_translation", "fig3_orientation", "fig4_maps"):
         assert cv2.imread(str(out / f"{name}.png")).std() > 5.0
         assert (out / f"{name}.pdf").read_bytes().startswith(b"%PDF")

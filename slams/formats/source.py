@@ -13,7 +13,7 @@ import numpy as np
 from slams.formats import carmen, rosbag, trajectory
 from slams.formats.kind import BAGS, kind_of
 from slams.formats.options import SourceOptions
-from slams.laser_table import MAX_LASERS
+from slams.params import MAX_LASERS
 from slams.scanlog import ScanLog, load_npz
 from slams.validation import expect
 

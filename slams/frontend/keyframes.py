@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from slams.frontend.timing import MAX_LASERS
+from slams.params import MAX_LASERS
 from slams.types import IDENTITY, Pose2
 
 NOTHING = 0, IDENTITY, 0.0  # keyframes, pose and quality of the last

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
+from slams.params import MAX_LASERS
 from slams.types import Pose2
 
 MEMORY = 30.0  # intervals over which the statistics of the stamps are a mean
 SHORTEST = 0.5  # of the usual interval: no interval is shorter, stamps may repeat or go back
 LONGEST = 10.0  # s; after a longer interval nothing more is unknown
-MAX_LASERS = 8  # that are distinguished; more are a laser that is moved about
 SHORTEST_STEP = 1e-3  # s: two lasers may scan at the same moment
 GAP = 5.0  # deviations of the intervals beyond which scans are missing
 

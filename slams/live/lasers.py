@@ -36,16 +36,16 @@ class Lasers:
         self._buffer, self._queue, self._counts = buffer, queue, counts
         self._cleaners: dict[str, ScanCleaner] = {}  # by topics, as these
         self._frames: dict[str, str] = {}
-        self._heard: dict[str, float] = {}  # [s] when the last scan came
+        self._scan_times: dict[str, float] = {}  # [s] when the last scan came
 
     def hear(self, record: Record) -> None:
         """Let a message wait; never waits itself."""
-        self._heard[record.topic] = time.monotonic()
+        self._scan_times[record.topic] = time.monotonic()
         self._queue.put(record)
 
-    def heard(self, topic: str, otherwise: float) -> float:
+    def last_scan(self, topic: str, otherwise: float) -> float:
         """When the last scan of a topic came [s], on this machine's clock."""
-        return self._heard.get(topic, otherwise)
+        return self._scan_times.get(topic, otherwise)
 
     def place(self, topic: str, mounted: Mounted) -> None:
         """Tell where the laser of a topic sits."""

@@ -132,9 +132,9 @@ class Node:
     def check(self) -> None:
         """Report what goes wrong, and what is assumed of frames and laser."""
         frames, diagnostics, topics = self.buffer.frames, self._diagnostics, self._topics
-        heard = {topic: self._lasers.heard(topic, self._ready_at) for topic in topics}
+        scan_times = {topic: self._lasers.last_scan(topic, self._ready_at) for topic in topics}
         publishers = {topic: self.transport.publishers(topic) for topic in topics}
-        diagnostics.check(self.report(), heard, publishers)
+        diagnostics.check(self.report(), scan_times, publishers)
         sought, candidates = self.drive.counts["sought"], self.live.candidates
         if candidates and sought > MAX_UNLOCALIZED_SCANS:
             text = f"scans so far, and the place in the map is not sure ({candidates}); drive on"

@@ -8,7 +8,7 @@ import os
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from slams.laser_table import MAX_LASERS
+from slams.params import MAX_LASERS
 
 if TYPE_CHECKING:
     from slams.live.transport import Transport

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from slams.geometry import travelled
+from slams.params import MAX_LASERS
 from slams.scan import scan_kernels as kernels
 from slams.scan.leveling import Leveling
 from slams.scan.moving_average import MovingAverage
@@ -23,7 +24,6 @@ SAMPLES = 10  # triples of beams, fewer tell nothing of the noise
 NORMAL_MEDIAN = 0.6745  # of the absolute value of a normal deviate
 TRIPLE = math.sqrt(1.5)  # deviation of a beam less the mean of two others, of one beam's
 FAR_APART, LONG = 1.0, 30.0  # s between scans at most, s over which that is a mean
-MAX_LASERS = 8  # that are distinguished
 MEMORY = 1.0  # s over which the noise is a mean: five scans of a slow laser, and a robot's length
 
 
