@@ -16,7 +16,7 @@ UNITS = ("m", "rad", "s", "cell", "1", "m/s", "rad/s", "m/s^2", "rad/s^2", "Hz")
 MOST, FARTHEST, GREATEST = 1e6, 1e3, 1e9
 SEEDS = 2.0**64
 LASERS = ("utm30lx", "rplidar-a1", "lds01", "lds02")
-MAX_LASERS = 8  # of one robot that are told apart; more are a mistake
+MAX_LASERS = 8  # of one robot, distinguished by mount; more are a mistake
 
 
 @dataclass(frozen=True)

@@ -581,6 +581,7 @@ def test_an_mcap_of_ros_1_messages(tmp_path):
         (b"\x28\xb5\x2f\xfd123", "unpack it first: zstd -d x"),
         (b"#ROSBAG V1.2\n", "'rosbag fix' makes a new one"),
     ],
+    ids=["gzip", "bzip2", "zstd", "version 1.2"],  # packed bytes hold the time of day
 )
 def test_packed_and_old_bags_are_refused_with_the_way_out(content, command, tmp_path):
     (tmp_path / "x").write_bytes(content)
