@@ -59,16 +59,19 @@ class Renderer:
         self._room = Room(max_cells, resolution, 1 << COARSE)
         self._low, self._high = np.zeros((2, 2), np.int64)  # cells that were needed, both included
         self._scans: list[Ray] = []
-        self._drawn: list[Pose2 | None] = []  # where each of them is drawn
+        self._drawn = np.empty((64, 3))  # where each of them is drawn; nan: nowhere yet
         self._n_final = 0  # scans that are drawn for good
         self.counts = self._empty(resolution)
 
     def keep(self, scan: Ray, pose: Pose2 | None = None) -> None:
         """Keep a keyframe; it is drawn at once if it has a pose."""
+        k = len(self._scans)
+        if k == len(self._drawn):
+            self._drawn = np.concatenate([self._drawn, np.empty_like(self._drawn)])
         self._scans.append(scan)
-        self._drawn.append(None)
+        self._drawn[k] = np.nan
         if pose is not None:
-            self._move(len(self._scans) - 1, pose)
+            self._move(k, pose)
 
     def draw(self, scan: Ray, pose: Floats) -> None:
         """Draw a keyframe for good, at a pose (3,) that no resampling can change; before any kept.
@@ -83,10 +86,10 @@ class Renderer:
 
         Returns whether all of them are drawn so.
         """
-        poses = [Pose2(*pose) for pose in history[self._n_final :].tolist()]
-        moved = [k for k in range(len(poses)) if poses[k] != self._drawn[k]][::-1]
-        for k in moved[:most]:
-            self._move(k, poses[k])
+        poses = history[self._n_final :]
+        moved = np.flatnonzero((poses != self._drawn[: len(poses)]).any(axis=1))[::-1]
+        for k in moved[:most].tolist():
+            self._move(k, Pose2(*poses[k].tolist()))
         return most is None or len(moved) <= most
 
     def grid(self, history: Floats) -> OccupancyGrid:
@@ -111,13 +114,16 @@ class Renderer:
         grid = self._shares(*self._part(*low.tolist(), *high.tolist()))
         return None if np.isnan(grid.p).all() else grid
 
-    def drawn_before(self, end: int) -> list[tuple[int, Pose2]]:
-        """Numbers and poses of the first `end` kept scans that are drawn."""
-        return [(k, at) for k, at in enumerate(self._drawn[:end]) if at is not None]
+    def drawn_near(self, pose: Pose2, radius: float, end: int) -> list[int]:
+        """Numbers of those of the first `end` kept scans that are drawn within a radius [m]."""
+        away = np.hypot(*(self._drawn[: min(end, len(self._scans)), :2] - np.array(pose[:2])).T)
+        near: list[int] = np.flatnonzero(away < radius).tolist()
+        return near
 
-    def only(self, scans: list[tuple[int, Pose2]]) -> Counts:
-        """What some kept scans alone have seen, by numbers and poses."""
-        rays, edge = [self._scans[k].seen_from(pose) for k, pose in scans], self.counts.resolution
+    def only(self, scans: list[int]) -> Counts:
+        """What some kept scans alone have seen, from where they are drawn."""
+        drawn, edge = self._drawn, self.counts.resolution
+        rays = [self._scans[k].seen_from(Pose2(*drawn[k].tolist())) for k in scans]
         ends = np.concatenate([part for ray in rays for part in ray])
         low = np.floor(ends.min(axis=0) / edge).astype(np.int64) >> COARSE
         high = np.ceil(ends.max(axis=0) / edge).astype(np.int64) >> COARSE
@@ -162,8 +168,8 @@ class Renderer:
 
     def _move(self, k: int, pose: Pose2) -> None:
         """Draw a kept scan at a pose, and no longer where it was."""
-        ray, before = self._scans[k], self._drawn[k]
-        if before is not None:
+        ray, before = self._scans[k], Pose2(*self._drawn[k].tolist())
+        if not math.isnan(before.x):
             self._add(ray, before, -1)
         self._add(ray, pose, 1)
         self._drawn[k] = pose

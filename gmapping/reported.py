@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import bisect
 from typing import cast
 
 import numpy as np
@@ -66,8 +66,8 @@ class ReportedMap:
         if way - self._looked < SELDOM:
             return Revisit([], self._picture.counts)
         self._looked = way
-        old = self._picture.drawn_before(int(np.searchsorted(self._ways, way - OLD)))
-        old = [(k, at) for k, at in old if math.dist(at[:2], pose[:2]) < NEAR]
+        end = bisect.bisect_left(self._ways, way - OLD)
+        old = self._picture.drawn_near(pose, NEAR, end)
         if not old:
             return Revisit([], self._picture.counts)
         seen_then = self._picture.only(old[:: 1 + len(old) // SCANS])
