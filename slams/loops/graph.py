@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array, csr_array
+from scipy.sparse import bsr_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
@@ -21,6 +21,7 @@ from slams.loops.graph_kernels import propagate
 from slams.types import Floats, Pose2, wrap_angle
 
 LEVER = 10.0  # m a radian counts for, where the surest path is looked for
+WEIGHTS = np.array((1.0, 1.0, LEVER**2))
 ROOT_INFORMATION = 1e12  # holds the first keyframe where it is
 Indices = NDArray[np.int64]
 
@@ -34,15 +35,25 @@ class LoopEdge(NamedTuple):
     information: Floats = np.zeros((3, 3))
 
 
+class Loops(NamedTuple):
+    """Keyframes (m, 2) of loops, their poses (m, 3), information and covariances (m, 3, 3)."""
+
+    ends: Indices
+    poses: Floats
+    information: Floats
+    noise: Floats
+
+
 class PoseGraph:
     """Keyframes in a chain of steps, and loops between them.
 
-    `poses` (n, 3) x, y [m], theta [rad] in the map; `path` (n,) [m] driven so far.
+    `poses` (n, 3) x, y [m], theta [rad] in the map; `path` (n,) [m] driven so far; `loops` closed.
     """
 
     def __init__(self) -> None:
         self.n = 0
-        self.loops: list[LoopEdge] = []
+        empty = np.zeros((0, 3, 3))
+        self.loops = Loops(np.zeros((0, 2), np.int64), np.zeros((0, 3)), empty, empty)
         self._poses, self._path = np.zeros((64, 3)), np.zeros(64)
         self._steps, self._variances = np.zeros((64, 3)), np.ones((64, 3))
 
@@ -79,41 +90,39 @@ class PoseGraph:
         """The pose of one keyframe in the frame of another."""
         return self.pose(earlier).between(self.pose(later))
 
+    def close(self, loops: Sequence[LoopEdge]) -> None:
+        """Add loops; poses move by `iterate`."""
+        old, noise = self.loops, np.linalg.inv([edge.information for edge in loops])
+        self.loops = Loops(
+            np.concatenate([old.ends, [(edge.earlier, edge.later) for edge in loops]]),
+            np.concatenate([old.poses, [edge.pose for edge in loops]]),
+            np.concatenate([old.information, [edge.information for edge in loops]]),
+            np.concatenate([old.noise, noise]),
+        )
+
     def uncertainty(self, root: int) -> Floats:
         """Covariance (n, 3, 3) of all poses relative to that of `root`.
 
         In the map's axes, along the surest path through steps and loops [Olson08].
         """
-        n, steps = self.n, self.n - 1
-        ends, noise = self._edges()
-        cost = noise[:, 0, 0] + noise[:, 1, 1] + LEVER**2 * noise[:, 2, 2]
-        links = csr_array((cost, (ends[:, 0], ends[:, 1])), shape=(n, n))
+        n, (loops, _, _, noise) = self.n, self.loops
+        k, variances = np.arange(n - 1), self._variances[1:n]
+        costs = variances @ WEIGHTS, np.diagonal(noise, axis1=1, axis2=2) @ WEIGHTS
+        rows, columns = np.append(k, loops[:, 0]), np.append(k + 1, loops[:, 1])
+        links = csr_array((np.concatenate(costs), (rows, columns)), shape=(n, n))
         distance, parents = dijkstra(
             links, directed=False, indices=np.array(root), return_predecessors=True
         )
         order = np.argsort(distance, kind="stable")[1:]
-        edges = np.maximum(np.maximum(np.arange(n), parents) - 1, 0)  # of a step
-        known = {tuple(pair): steps + k for k, pair in enumerate(ends[steps:].tolist())}
-        for child in np.flatnonzero(np.abs(parents - np.arange(n)) > 1).tolist():
-            if child != root:
-                edges[child] = known[min(child, parents[child]), max(child, parents[child])]
+        used = np.full(n, -1)  # loop to the parent of each keyframe
+        child = order[np.abs(parents[order] - order) > 1]
+        pair = np.minimum(child, parents[child]) * n + np.maximum(child, parents[child])
+        pairs = loops @ (n, 1)
+        by_pair = np.argsort(pairs, kind="stable")
+        used[child] = by_pair[np.searchsorted(pairs[by_pair], pair)]
         out = np.zeros((n, 3, 3))
-        propagate(self.poses, order, parents, edges, noise, out)
+        propagate(self.poses, order, parents, used, self._variances, noise, out)
         return out
-
-    def _edges(self) -> tuple[Indices, Floats]:
-        """Both ends (m, 2) and covariances (m, 3, 3) in the map's axes: steps, then loops."""
-        k = np.arange(self.n - 1)
-        ends = np.array([(edge.earlier, edge.later) for edge in self.loops], np.int64)
-        ends = np.concatenate([np.stack([k, k + 1], axis=1), ends.reshape(-1, 2)])
-        noise = np.zeros((len(ends), 3, 3))
-        noise[: len(k), range(3), range(3)] = self._variances[1 : self.n]
-        if self.loops:
-            noise[len(k) :] = np.linalg.inv(np.array([edge.information for edge in self.loops]))
-        c, s = np.cos(self.poses[ends[:, 0], 2]), np.sin(self.poses[ends[:, 0], 2])
-        R = np.zeros_like(noise)
-        R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1], R[:, 2, 2] = c, -s, s, c, 1.0
-        return ends, R @ noise @ R.transpose(0, 2, 1)
 
     def iterate(self) -> float:
         """One Gauss-Newton iteration on all steps and loops; the largest move [m, rad].
@@ -121,28 +130,32 @@ class PoseGraph:
         [Grisetti10] sec. III with residuals in the frame of the earlier keyframe: the difference of
         positions, and of headings.
         """
-        n, poses = self.n, self.poses
+        n, poses, loops = self.n, self.poses, self.loops
         k = np.arange(n - 1)
-        i = np.concatenate([k, [edge.earlier for edge in self.loops]]).astype(np.int64)
-        j = np.concatenate([k + 1, [edge.later for edge in self.loops]]).astype(np.int64)
-        measured = np.concatenate(
-            [self._steps[1:n], np.array([e.pose for e in self.loops]).reshape(-1, 3)]
-        )
+        i, j = np.append(k, loops.ends[:, 0]), np.append(k + 1, loops.ends[:, 1])
+        measured = np.concatenate([self._steps[1:n], loops.poses])
         W = np.zeros((len(i), 3, 3))
         W[: n - 1, range(3), range(3)] = 1.0 / self._variances[1:n]
-        if self.loops:
-            W[n - 1 :] = [edge.information for edge in self.loops]
+        W[n - 1 :] = loops.information
         r, A, B = _linearized(poses[i], poses[j], measured)
-        AW, BW = A.transpose(0, 2, 1) @ W, B.transpose(0, 2, 1) @ W
-        blocks = (i, i, AW @ A), (i, j, AW @ B), (j, i, BW @ A), (j, j, BW @ B)
-        H = _assembled(blocks, n)
-        b = np.zeros((n, 3))
-        np.add.at(b, i, -(AW @ r[:, :, None])[:, :, 0])
-        np.add.at(b, j, -(BW @ r[:, :, None])[:, :, 0])
-        solver = splu(
-            H, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        m = len(i)
+        parts = np.stack([i, j], axis=1).ravel(), np.arange(0, 2 * m + 1, 2)
+        J, WJ = (
+            bsr_array((np.stack(both, axis=1).reshape(-1, 3, 3), *parts), shape=(3 * m, 3 * n))
+            for both in ((A, B), (W @ A, W @ B))
         )
-        move = solver.solve(b.ravel()).reshape(n, 3)
+        H = (J.T @ WJ).tocsc()
+        H[range(3), range(3)] += ROOT_INFORMATION
+        # a matrix of small blocks: factored column by column, more at once take twice as long
+        solver = splu(
+            H,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            relax=1,
+            panel_size=1,
+            options={"SymmetricMode": True},
+        )
+        move = solver.solve(-(WJ.T @ r.ravel())).reshape(n, 3)
         poses += move
         poses[:, 2] = wrap_angle(poses[:, 2])
         return float(np.abs(move).max())
@@ -163,17 +176,3 @@ def _linearized(a: Floats, b: Floats, measured: Floats) -> tuple[Floats, Floats,
     A[:, :, :2] = -B[:, :, :2]
     A[:, 0, 2], A[:, 1, 2], A[:, 2, 2] = y, -x, -1.0
     return r, A, B
-
-
-def _assembled(blocks: Sequence[tuple[Indices, Indices, Floats]], n: int) -> csc_array:
-    """The sparse matrix (3 n, 3 n) of blocks (rows, columns, (m, 3, 3)), the first pose held."""
-    three = np.arange(3)
-    rows = np.concatenate(
-        [np.repeat(3 * i[:, None] + three, 3, axis=1).ravel() for i, _, _ in blocks]
-    )
-    columns = np.concatenate([np.tile(3 * j[:, None] + three, 3).ravel() for _, j, _ in blocks])
-    values = np.concatenate([block.ravel() for _, _, block in blocks])
-    held = np.arange(3)
-    rows, columns = np.concatenate([rows, held]), np.concatenate([columns, held])
-    values = np.concatenate([values, np.full(3, ROOT_INFORMATION)])
-    return coo_array((values, (rows, columns)), shape=(3 * n, 3 * n)).tocsc()

@@ -206,7 +206,7 @@ class Looped:
 
     def _close(self, loops: list[LoopEdge]) -> None:
         graph = self.graph
-        graph.loops += loops
+        graph.close(loops)
         self._moving = any(gap(graph.step(e.earlier, e.later), e.pose) > MOVED for e in loops)
 
     def _is_moved(self) -> bool:

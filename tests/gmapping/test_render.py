@@ -103,7 +103,7 @@ def test_a_part_of_the_picture_is_the_same_as_in_the_whole():
 def test_walls_to_search_are_where_beams_ended():
     renderer, ends = Renderer(EDGE, 0.25), np.array([[1.01, -0.52], [-2.22, 0.31]])
     renderer.keep(Ray(ends, np.zeros((1, 2))), Pose2(0.0, 0.0, 0.0))
-    for found in (renderer.lookup(), walls(renderer.only(renderer.drawn_before(1)))):
+    for found in (renderer.lookup(), walls(renderer.only([0]))):
         u = np.floor((ends[:, 0] - found.x0) / found.resolution + 0.5).astype(int)
         v = np.floor((ends[:, 1] - found.y0) / found.resolution + 0.5).astype(int)
         assert (found.likelihood[v, u] > 0.0).all()
