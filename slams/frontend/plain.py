@@ -10,11 +10,13 @@ import numpy as np
 from slams.frontend.estimator import MatchedMap, PoseEstimator, Rematch
 from slams.frontend.motion_filter import TICK, Prediction
 from slams.frontend.params import FrontendParams
+from slams.frontend.wheels import is_reset
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Pose2, Scan, State
 
 NOTHING = np.zeros((3, 3))
+JITTER = 0.2  # s by which stamps may err
 
 
 class PlainEstimator:
@@ -49,9 +51,11 @@ class PlainEstimator:
         step = self._step  # not twist times interval: stamps jitter, steps hardly do
         information = NOTHING
         if last is not None and last.odometry and scan.odometry and self._p.wheels:
-            step = last.odometry.between(scan.odometry)
-            information = self._information(step) if self._motion_model else NOTHING
-            self.counts["odometry"] += 1
+            driven = last.odometry.between(scan.odometry)
+            information = self._information(driven) if self._motion_model else NOTHING
+            if not is_reset(driven, max(self._dt, JITTER)):
+                step = driven
+                self.counts["odometry"] += 1
         if last is not None and last.yaw is not None and scan.yaw is not None and self._p.gyro:
             step = step._replace(theta=scan.yaw - last.yaw)
             self.counts["gyro"] += 1

@@ -20,6 +20,12 @@ class WheelStep(NamedTuple):
     seconds: float
 
 
+def is_reset(step: Pose2, seconds: float) -> bool:
+    """Whether no robot drives so far in so many seconds: the odometry begins anew, or is wrong."""
+    speed, rate = FASTEST
+    return math.hypot(step.x, step.y) > speed * seconds or abs(step.theta) > rate * seconds
+
+
 class WheelSteps:
     """Increments of the odometry from scan to scan.
 
@@ -48,10 +54,7 @@ class WheelSteps:
         elif self._unchanged < BETWEEN * self._interval:
             return None
         self._since = 0.0
-        speed, rate = FASTEST
-        if math.hypot(step.x, step.y) > speed * since or abs(step.theta) > rate * since:
-            return None
-        return WheelStep(step, since)
+        return None if is_reset(step, since) else WheelStep(step, since)
 
     def _learn(self, interval: float) -> None:
         if interval < SLOWEST:
