@@ -109,6 +109,14 @@ class Setting:
         0.0,
         40.0,
     )
+    ramps: float = _option(
+        0.0,
+        float,
+        "slope of the steepest places of a floor of crossing ramps [deg], 1.2 m from valley to"
+        " ridge; laser and attitude as with a tilt",
+        0.0,
+        40.0,
+    )
     truth_rate: float | None = _option(
         None,
         float,
@@ -118,8 +126,8 @@ class Setting:
     )
 
     def __post_init__(self) -> None:
-        if self.lasers > 1 and self.tilt:
-            raise ValueError(f"lasers: got {self.lasers} and a tilt, expected one laser with it")
+        if (self.lasers > 1) + bool(self.tilt) + bool(self.ramps) > 1:
+            raise ValueError("got more than one of lasers, tilt and ramps, expected one of them")
         for field in dataclasses.fields(self):
             value, low, high = getattr(self, field.name), *_bounds(field)
             if isinstance(value, (int, float)) and not low <= value <= high:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bench.sim.drive import Drive, Robot, drive, drive_far
 from bench.sim.people import LEG, legs
+from bench.sim.ramps import Ramps
 from bench.sim.range_errors import Errors
 from bench.sim.routes import Progress
 from bench.sim.sensors import Sensor, find_sensor
@@ -70,24 +71,34 @@ def simulate(
     setting = setting or Setting()
     sensor, chance = find_sensor(setting.sensor), Chance.of(setting.seed)
     world = _world(setting, chance.arena)
-    swing = Swing(setting.tilt, chance.tilt) if setting.tilt else None
+    body = _body(setting, chance.tilt)
     true = _drive(setting, sensor, world, chance.drive, planning)
     t = np.arange(max(1, math.floor(true.t[-1] * sensor.rate + 1e-6))) / sensor.rate
-    measuring = _Measuring(setting, sensor, world, true, chance, swing)
+    measuring = _Measuring(setting, sensor, world, true, chance, body)
     if setting.lasers > 1:
         scans = _front_and_rear(setting, measuring, t, progress)
     else:
         scans = {"t": t, "ranges": measuring.scans(t, progress), "laser": measuring.laser}
+
+    def attitudes(stamps: Floats) -> Floats:
+        assert body is not None
+        return measured(body.stand(stamps, true.poses_at(stamps))[0], stamps, chance.tilt)
+
     return ScanLog(
         **scans,
         odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance.odometry)),
         truth=_track(true, _truth_rate(setting, sensor), lambda stamps: _truth(true, stamps)),
         yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance.gyro)),
         meta=_meta(setting, world),
-        attitude=None
-        if swing is None
-        else _track(true, GYRO, lambda stamps: measured(swing.at(stamps), stamps, chance.tilt)),
+        attitude=None if body is None else _track(true, GYRO, attitudes),
     )
+
+
+def _body(setting: Setting, rng: Generator) -> Swing | Ramps | None:
+    """What tilts the robot, if anything does."""
+    if setting.ramps:
+        return Ramps(setting.ramps, rng)
+    return Swing(setting.tilt, rng) if setting.tilt else None
 
 
 def _front_and_rear(
@@ -206,11 +217,11 @@ class _Measuring:
         world: World,
         true: Drive,
         chance: Chance,
-        swing: Swing | None,
+        body: Swing | Ramps | None,
     ) -> None:
         self.world, self.true, self.rng, self.sensor = world, true, chance.ranges, sensor
-        self.laser, self.swing = sensor.laser(setting.sweep), swing
-        if swing is not None:
+        self.laser, self.body = sensor.laser(setting.sweep), body
+        if body is not None:
             self.laser = dataclasses.replace(self.laser, mount_z=HEIGHT)
         self.errors = _errors(setting, sensor, world)
         self.legs = legs(world, true, setting.people, chance.people) if setting.people else None
@@ -237,15 +248,17 @@ class _Measuring:
             rays[:, 0] += c * mount.x - s * mount.y
             rays[:, 1] += s * mount.x + c * mount.y
             rays[:, 2] += mount.theta
-        if self.swing is None:
+        if self.body is None:
             rays[:, 2] += np.tile(self.laser.angles, len(t))
             return self._met(rays, stamps)
         directions = np.tile(self.laser.directions, (len(t), 1))
-        attitudes = self.swing.at(stamps)
+        attitudes, base = self.body.stand(stamps, rays)
         along, turn, slope = rise(directions, attitudes)
-        height = sway(rays, attitudes)
+        height = base + sway(rays, attitudes)
         rays[:, 2] += np.tile(self.laser.angles, len(t)) + turn
-        return ranges_of(self._met(rays, stamps), along, slope, height)
+        walls = self._met(rays, stamps)
+        floor = self.body.meet(rays, walls, slope / along, height)
+        return ranges_of(walls, floor, along, slope, height)
 
     def _met(self, rays: Floats, stamps: Floats) -> Floats:
         """Distances (m,) [m] over ground along rays (m, 3) to walls and legs."""

@@ -26,6 +26,17 @@ class Swing:
         self.rates = 2.0 * math.pi / rng.uniform(*PERIODS, 2)
         self.phases = rng.uniform(0.0, 2.0 * math.pi, 2)
 
+    def stand(self, t: Floats, poses: Floats) -> tuple[Floats, float]:
+        """Roll and pitch (m, 2) [rad] at times t (m,) [s]; the base stays on a level floor."""
+        return self.at(t), 0.0
+
+    def meet(self, rays: Floats, walls: Floats, rise: Floats, height: Floats) -> Floats:
+        """Distances (m,) [m] over ground to the floor, inf where a beam does not meet it.
+
+        Along rays that start so high [m] and rise so much (m,) for each meter over ground.
+        """
+        return level_floor(rise, height)
+
     def at(self, t: Floats) -> Floats:
         """Roll and pitch (..., 2) [rad] at times t (...) [s] of a drive."""
         attitudes: Floats = self.most * np.sin(self.rates * t[..., None] + self.phases)
@@ -53,16 +64,23 @@ def measured(attitudes: Floats, t: Floats, rng: Generator) -> Floats:
     return attitudes + np.stack(errors, axis=1)
 
 
-def ranges_of(walls: Floats, along: Floats, slope: Floats, height: Floats | float) -> Floats:
-    """Ranges [m] along tilted beams, of distances to walls over ground: these, or the floor.
+def level_floor(rise: Floats, height: Floats | float) -> Floats:
+    """Distances [m] over ground at which beams meet a level floor, inf where they do not."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(rise < 0.0, -height / rise, np.inf)
 
-    inf where a beam passes above the wall. `height` [m] of the laser above the floor.
+
+def ranges_of(
+    walls: Floats, floor: Floats, along: Floats, slope: Floats, height: Floats | float
+) -> Floats:
+    """Ranges [m] along tilted beams, of distances over ground to walls and to the floor.
+
+    inf where a beam passes above the wall. `height` [m] of the laser above the lowest floor.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ranges = walls / along
-        floor = np.where(slope < 0.0, -height / slope, np.inf)
         ranges[ranges * slope > WALLS - height] = np.inf
-    found: Floats = np.minimum(ranges, floor)
+        found: Floats = np.minimum(ranges, floor / along)
     return found
 
 

@@ -13,6 +13,8 @@ from slams.types import Floats
 Cells = NDArray[np.uint8]
 Ticks = NDArray[np.int32]
 
+STEP, HALVINGS = 0.1, 7  # m over ground in which a ray is tried, and how often the last is halved
+
 
 @njit
 def _cast(gap: Cells, x: float, y: float, dx: float, dy: float) -> float:
@@ -81,3 +83,45 @@ def occlude(rays: Floats, tick: Ticks, discs: Floats, radius: float, out: Floats
                 entry = along - math.sqrt(radius * radius - across * across)
                 if 0.0 < entry < out[i]:
                     out[i] = entry
+
+
+@njit(inner=True)
+def floor_at(x: float, y: float, ramps: Floats) -> float:
+    """Height [m] of a floor of ramps. ours: two crossing triangle waves.
+
+    `ramps` (4,): slope, length [m] over ground from a valley to a ridge, two phases.
+    """
+    u = (x / ramps[1] + ramps[2]) % 2.0 - 1.0
+    v = (y / ramps[1] + ramps[3]) % 2.0 - 1.0
+    height: float = ramps[0] * ramps[1] * (abs(u) + abs(v))
+    return height
+
+
+@njit(inner=True)
+def clears(ray: Floats, t: float, height: float, ramps: Floats) -> bool:
+    """Whether a ray (3,) is above the floor at `t` [m] over ground, `height` [m] high. ours."""
+    x, y = ray[0] + t * math.cos(ray[2]), ray[1] + t * math.sin(ray[2])
+    return height >= floor_at(x, y, ramps)
+
+
+@njit
+def meet_floor(
+    rays: Floats, far: Floats, rise: Floats, height: Floats, ramps: Floats, out: Floats
+) -> None:
+    """Distance out (m,) [m] over ground at which rays (m, 3) meet a floor of ramps; inf: none.
+
+    ours: fixed steps, then halving. A ray starts at `height` (m,) [m], rises by `rise` (m,) for
+    each meter and is followed up to `far` (m,) [m]; `ramps` (4,) as of `floor_at`.
+    """
+    for i in range(len(rays)):
+        low, high, out[i] = 0.0, STEP, math.inf
+        while low < far[i] and clears(rays[i], high, height[i] + high * rise[i], ramps):
+            low, high = high, high + STEP
+        if low < far[i]:
+            for _ in range(HALVINGS):
+                middle = 0.5 * (low + high)
+                if clears(rays[i], middle, height[i] + middle * rise[i], ramps):
+                    low = middle
+                else:
+                    high = middle
+            out[i] = high

@@ -13,6 +13,7 @@ from slams.types import Attitude, Floats, Laser, Pose2, Scan
 
 ATTITUDE_ERROR = math.radians(0.6)  # rad: two deviations of a good attitude reference
 CLEARANCE = 0.05  # m above the floor: bumps, and the width of a beam
+UNEVEN = 0.2  # m that ramps rise and fall by, from the floor under the robot
 MAX_TILT = math.radians(50.0)  # rad: a robot that tilts more has fallen, or its IMU hangs overhead
 MAX_TILT_RATE = 1.0  # rad/s: of a robot that tips over a step
 MAX_STEP = math.radians(3.0)  # rad beside that, from scan to scan: noise and latency
@@ -149,4 +150,4 @@ def floor_of(laser: Laser) -> Floor:
     height = laser.above_floor
     below = math.inf if height is None else height - laser.mount_z
     mount = laser.mount.x, laser.mount.y, laser.mount_z
-    return Floor(*mount, below, CLEARANCE, ATTITUDE_ERROR)
+    return Floor(*mount, below, CLEARANCE, UNEVEN, ATTITUDE_ERROR)

@@ -15,8 +15,8 @@ HITS, BELOW, LATE, SWUNG = range(4)  # of what `level` finds of the floor
 class Floor(NamedTuple):
     """The laser x, y, z [m] in the base frame, and the floor `below` [m] under the base's origin.
 
-    `below` is inf where it is not known. An end point up to `clear` [m] and `error` [rad] of its
-    range above the floor may be of it.
+    `below` is inf where it is not known. Ramps rise and fall by up to `uneven` [m] from there; ends
+    within `clear` [m] of it are of a level floor. Both are wider by `error` [rad] times the range.
     """
 
     x: float
@@ -24,6 +24,7 @@ class Floor(NamedTuple):
     z: float
     below: float
     clear: float
+    uneven: float
     error: float
 
 
@@ -59,10 +60,10 @@ def level(
         if rise < 0.0:
             distance = math.sqrt(dx * dx + dy * dy)
             above, blur = above_floor + rise, floor.error * distance
-            if above < floor.clear + blur and -rise > 0.5 * blur:
-                if above < -floor.clear - blur:
+            if above < floor.uneven + blur and -rise > 0.5 * blur:
+                if above < -floor.uneven - blur:
                     found[BELOW] += 1.0
-                else:
+                elif abs(above) < floor.clear + blur:
                     found[HITS] += 1.0
                     found[LATE] += above * swing / (distance * distance)
                     found[SWUNG] += swing * swing / (distance * distance)

@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.sim.degrade.degradation import Degradation
 from bench.sim.degrade.spells import elapsed
-from bench.sim.swing import HEIGHT, Swing, measured, ranges_of, rise
+from bench.sim.swing import HEIGHT, Swing, level_floor, measured, ranges_of, rise
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats, Laser, Ranges
 
@@ -54,7 +54,8 @@ def _seen(ranges: Ranges, laser: Laser, attitudes: Floats, rng: Generator) -> Fl
     )
     along, turn, slope = rise(directions, attitudes)
     walls = _between(ranges.astype(np.float64), turn / (laser.angle_increment or 1.0))
-    found = ranges_of(walls, along, slope, HEIGHT)
+    floor = level_floor(slope / along, HEIGHT)
+    found = ranges_of(walls, floor, along, slope, HEIGHT)
     on_floor = found < walls / along
     return np.asarray(found + on_floor * rng.normal(0.0, FLOOR_NOISE, found.shape))
 
