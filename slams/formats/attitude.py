@@ -92,6 +92,13 @@ def up_of(orientation: Floats) -> Floats:
     return np.column_stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
 
 
+def headings(orientation: Floats) -> Floats:
+    """Headings (n,) [rad] of orientations (n, 4) of any length."""
+    x, y, z, w = orientation.T
+    found: Floats = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return found
+
+
 def _filtered(t: Floats, rows: list[Inertial]) -> Floats:
     """The vertical (n, 3) by `GravityFilter`."""
     gravity = GravityFilter()

@@ -228,7 +228,8 @@ class Recording:
             return None, None
         if wanted is not None:
             return self._moving(wanted, "--odom"), f"tf {wanted}"
-        frames = [f for f in self.messages.transforms.above(self.base) if "odom" in f.lower()]
+        above = self.messages.transforms.ancestors(self.base, rigid=False)[1:]
+        frames = [frame for frame in above if "odom" in frame.lower()]
         if len(frames) > 1:
             raise ValueError(
                 f"{self.path}: {len(frames)} odometry frames, --odom picks one (or none): "
@@ -263,10 +264,10 @@ class Recording:
     def _moving(self, frame: str, flag: str, strict: bool = False) -> Track:
         track = self.messages.transforms.moving(frame, self.base, strict)
         if track is None:
-            found = some(self.messages.transforms.above(self.base)) or "none"
+            above = self.messages.transforms.ancestors(self.base, rigid=False)[1:]
             raise ValueError(
                 f"{self.path}: {flag}: {frame} is no topic and no frame above {self.base}; "
-                f"such frames: {found}"
+                f"such frames: {some(above) or 'none'}"
             )
         return track
 

@@ -27,10 +27,10 @@ from slams.formats.bag import (
 )
 from slams.formats.frames import Transforms, bare, yaw_of
 from slams.formats.options import DamagedError
-from slams.formats.sweep import Geometry, Sweep
+from slams.formats.sweep import Sweep
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
-from slams.types import Floats, Ranges
+from slams.types import Floats, Laser, Ranges
 from slams.validation import FAR
 
 ZSTD = b"\x28\xb5\x2f\xfd"
@@ -155,24 +155,24 @@ def _stamps(rows: list[Row]) -> Floats:
     return sent if sent.any() else np.array([row.received for row in rows], np.float64)
 
 
-def _scan(message: Any) -> tuple[str, tuple[Ranges, Geometry]]:
+def _scan(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
     return _sweep(message, np.array(message.ranges, np.float32))
 
 
-def _echoes(message: Any) -> tuple[str, tuple[Ranges, Geometry]]:
+def _echoes(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
     """The first echo of each beam; none means nothing up to range_max."""
     first = [e.echoes[0] if len(e.echoes) else math.inf for e in message.ranges]
     return _sweep(message, np.array(first, np.float32))
 
 
-def _sweep(message: Any, ranges: Ranges) -> tuple[str, tuple[Ranges, Geometry]]:
-    geometry = Geometry(
-        len(ranges),
+def _sweep(message: Any, ranges: Ranges) -> tuple[str, tuple[Ranges, Laser]]:
+    geometry = Laser(
         float(message.angle_min),
         float(message.angle_increment),
+        len(ranges),
         float(message.range_min),
         float(message.range_max),
-        float(message.time_increment),
+        time_increment=float(message.time_increment),
     )
     return message.header.frame_id, (ranges, geometry)
 

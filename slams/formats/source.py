@@ -50,6 +50,10 @@ def load(
     if first is not None and not abs(first) <= 360.0:
         raise ValueError(f"--first-beam: got {first:g}, expected degrees from -360 to 360")
     kinds = [kind_of(path) for path in paths]
+    if "other" in kinds:
+        other = paths[kinds.index("other")]
+        empty = "" if other.stat().st_size else "empty; "
+        raise ValueError(f"{other}: {empty}not an npz file, a ROS bag or a CARMEN log")
     kind = kinds[0]
     with _named(paths[0]):
         log = _with_truth(paths, kinds, options)

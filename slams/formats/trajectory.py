@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from slams.formats import rosbag
-from slams.formats.kind import BAGS, binary_kind_of, is_bag_folder, kind_of
+from slams.formats.attitude import headings
+from slams.formats.kind import BAGS, is_bag_folder, kind_of
 from slams.formats.options import SourceOptions
 from slams.formats.packed import text_of
 from slams.scanlog import Track
@@ -83,11 +84,11 @@ def read_track(path: Path, salvage: bool = False) -> Track:
         OSError: the file cannot be opened.
         ValueError: it is none of them; the sentence says what was found.
     """
-    kind = binary_kind_of(path)
-    if kind is None:
-        return Track(*read(path, salvage))
+    kind = kind_of(path)
+    if kind == "npz":
+        raise ValueError(f"{path}: got an npz file, expected a trajectory: TUM, csv or a bag")
     if kind not in BAGS:
-        raise ValueError(f"{path}: got an {kind} file, expected a trajectory: TUM, csv or a bag")
+        return Track(*read(path, salvage))
     return rosbag.read_track(path, kind, None, SourceOptions(salvage=salvage))
 
 
@@ -146,11 +147,9 @@ def _table(path: str | Path, rows: list[list[str]], columns: str) -> Floats:
 
 def _heading(rotations: Floats) -> Floats:
     """Heading (n,) of quaternions (n, 4) of any length; nan where one is no rotation."""
-    x, y, z, w = rotations.T
     with np.errstate(over="ignore", invalid="ignore"):
-        heading = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
         is_rotation = np.linalg.norm(rotations, axis=1) > MIN_QUATERNION_NORM
-    return np.where(is_rotation, heading, np.nan)
+        return np.where(is_rotation, headings(rotations), np.nan)
 
 
 def _in_order(what: str, track: Track) -> Track:
