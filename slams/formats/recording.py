@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from slams.formats.attitude import about_vertical, attitude_of, rotated
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag, Topic
@@ -20,13 +19,6 @@ from slams.types import IDENTITY, Floats, Pose2
 
 KIND = {"bag": "ROS 1 bag", "mcap": "ROS 2 mcap", "db3": "ROS 2 db3", "folder": "ROS 2 bag"}
 RESULT, MAP = "/pose", "map"  # where the poses of a result stand
-
-
-class Contents(NamedTuple):
-    """What is in a recording: its topics, and how its frames are connected."""
-
-    topics: list[Topic]
-    transforms: Transforms
 
 
 class Recording:
@@ -85,11 +77,11 @@ class Recording:
         self.base = self._base_frame()
         return self._whole(*self._truth())
 
-    def contents(self) -> Contents:
+    def contents(self) -> tuple[list[Topic], Transforms]:
         """The topics that have messages, and all transforms."""
         self.messages = Messages({})
         self._take(self._tf())
-        return Contents(self.topics.found, self.messages.transforms)
+        return self.topics.found, self.messages.transforms
 
     def _of_base_in_map(self) -> Track:
         """The base in the map, by transforms alone."""

@@ -70,10 +70,9 @@ def read_trajectory(
     name, options = str(spec), options or SourceOptions()
     if is_file(name):
         return _in_order(name, read_track(Path(name), options.salvage))
-    kind = None if log_path is None else kind_of(Path(log_path))
-    if log_path is None or kind not in BAGS:
+    if log_path is None or kind_of(Path(log_path)) not in BAGS:
         raise _no_such(name, log_path)
-    track = rosbag.read_track(Path(log_path), kind, name, options)
+    track = rosbag.read_track(Path(log_path), name, options)
     return _in_order(f"{log_path}: {name}", track)
 
 
@@ -89,7 +88,7 @@ def read_track(path: Path, salvage: bool = False) -> Track:
         raise ValueError(f"{path}: got an npz file, expected a trajectory: TUM, csv or a bag")
     if kind not in BAGS:
         return Track(*read(path, salvage))
-    return rosbag.read_track(path, kind, None, SourceOptions(salvage=salvage))
+    return rosbag.read_track(path, None, SourceOptions(salvage=salvage))
 
 
 def is_file(spec: str) -> bool:
