@@ -98,15 +98,13 @@ def copied(array: Array) -> Array:
 
 def deepcopied(values: Iterable[Any], memo: dict[int, Any]) -> list[Any]:
     """Numbers as they are and copies of arrays made by `zeros`: for the `__deepcopy__` of a map."""
-    return [_deepcopy(value, memo) for value in values]
-
-
-def _deepcopy(value: Any, memo: dict[int, Any]) -> Any:
-    if not isinstance(value, np.ndarray):
-        return value
-    if id(value) not in memo:
-        memo[id(value)] = copied(value)
-    return memo[id(value)]
+    found = list(values)
+    for k, value in enumerate(found):
+        if isinstance(value, np.ndarray):
+            if id(value) not in memo:
+                memo[id(value)] = copied(value)
+            found[k] = memo[id(value)]
+    return found
 
 
 class Room:
@@ -196,16 +194,8 @@ def observed(
 
 def move(source: Array, target: Array, below: int, left: int) -> None:
     """Copy rows of cells into a larger array of zeros; what was never touched stays so there."""
-    for row in _given_rows(source).tolist():
+    size = source.strides[0]
+    for row in sorted({k for a, b in filled(source) for k in range(a // size, -(-b // size))}):
         touched = source[row].reshape(source.shape[1], -1).any(axis=1)
         for first, n in runs(np.asarray(touched)):
             target[below + row, left + first : left + first + n] = source[row, first : first + n]
-
-
-def _given_rows(array: Array) -> NDArray[np.int64]:
-    """Rows of a contiguous array that have memory in them."""
-    low, high = byte_bounds(array)
-    pages = np.concatenate([[0], np.cumsum(given_pages(low, high))])
-    begin = low % PAGE + array.strides[0] * np.arange(len(array))
-    end = begin + array.strides[0] - 1
-    return np.flatnonzero(pages[end // PAGE + 1] > pages[begin // PAGE])

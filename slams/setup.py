@@ -68,9 +68,11 @@ def prepare(entry: Entry, params: Params, arguments: argparse.Namespace, program
     Raises:
         LookupError, OSError, TypeError, ValueError: one sentence about what the user gave.
     """
+    from slams.formats.source import load
+
     _check_options(arguments, program)
     folder = _folder(entry.label, arguments)
-    whole = _log(arguments)
+    whole = load(arguments.log, cli.log_options(arguments))
     slam, log, notes = _slam_and_rest(entry, params, whole, arguments)
     if arguments.save_state:
         from slams.state import session
@@ -143,9 +145,3 @@ def _localizing(
     else:
         found = source.find_start(ready.map_index, seen)
     return ready.at(found.pose), log.from_scan(found.scan), [*notes, found.note]
-
-
-def _log(arguments: argparse.Namespace) -> ScanLog:
-    from slams.formats.source import load
-
-    return load(arguments.log, cli.log_options(arguments))
