@@ -267,8 +267,8 @@ class Recording:
         """Roll and pitch of the base by the IMU, if its place on the base is known, else by tf."""
         topic = self.roles.imu
         matrix = self._fixed(self.base, self.messages.frame(topic)) if topic else None
-        if matrix is not None:
-            return attitude_of(self.messages.inertial, matrix[:3, :3])
+        if topic is not None and matrix is not None:
+            return attitude_of(*self.messages.inertial(topic), matrix[:3, :3])
         return None if topic else self.messages.transforms.attitude(self.base)
 
     def _yaw_rate(self, attitude: Track | None) -> Track | None:
