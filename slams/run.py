@@ -44,11 +44,7 @@ def parser() -> argparse.ArgumentParser:
         "--out", metavar="DIR", help="folder of the results (default: results/<log>-<algorithm>)"
     )
     cli.add_force_option(p)
-    p.add_argument(
-        "--no-odometry", action="store_true", help="ignore the odometry and gyro of the log"
-    )
-    p.add_argument("--limit", type=int, metavar="N", help="use the first N scans only")
-    p.add_argument("--every", type=int, default=1, metavar="K", help="use every K-th scan only")
+    cli.add_selection_options(p)
     p.add_argument(
         "--mcap", action="store_true", help="also write result.mcap for Foxglove, RViz, evo"
     )
