@@ -11,7 +11,6 @@ import math
 import mmap
 import os
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -85,26 +84,6 @@ def _blocks_with(data: NDArray[np.uint8], first: int, end: int) -> list[tuple[in
     some = part[: whole * PAGE].reshape(whole, PAGE).any(axis=1)
     rest = part[whole * PAGE :].any(keepdims=True)
     return [(first + a, n) for a, n in runs(np.concatenate([some, rest]))]
-
-
-def copied(array: Array) -> Array:
-    """A copy of a contiguous array that takes memory only where the array has."""
-    out = zeros(array.shape, array.dtype)
-    source, target = array.reshape(-1).view(np.uint8), out.reshape(-1).view(np.uint8)
-    for first, end in filled(array):
-        target[first:end] = source[first:end]
-    return out
-
-
-def deepcopied(values: Iterable[Any], memo: dict[int, Any]) -> list[Any]:
-    """Numbers as they are and copies of arrays made by `zeros`: for the `__deepcopy__` of a map."""
-    found = list(values)
-    for k, value in enumerate(found):
-        if isinstance(value, np.ndarray):
-            if id(value) not in memo:
-                memo[id(value)] = copied(value)
-            found[k] = memo[id(value)]
-    return found
 
 
 class Room:
