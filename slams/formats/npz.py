@@ -77,19 +77,12 @@ def write_npz(path: Path, arrays: dict[str, Any]) -> None:
     """As numpy's savez_compressed, with a fixed date so that equal logs are equal files."""
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with partial.open("wb") as file:
-            write_archive(file, arrays)
+        with zipfile.ZipFile(partial, "w") as archive:
+            for key, value in arrays.items():
+                buffer = io.BytesIO()
+                np.lib.format.write_array(buffer, np.asarray(value), allow_pickle=False)
+                info = zipfile.ZipInfo(f"{key}.npy", (1980, 1, 1, 0, 0, 0))
+                archive.writestr(info, buffer.getvalue(), zipfile.ZIP_DEFLATED, compresslevel=1)
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
-
-
-def write_archive(file: IO[bytes], arrays: dict[str, Any]) -> None:
-    """The bytes of `write_npz` into an open file."""
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for key, value in arrays.items():
-            buffer = io.BytesIO()
-            np.lib.format.write_array(buffer, np.asarray(value), allow_pickle=False)
-            info = zipfile.ZipInfo(f"{key}.npy", (1980, 1, 1, 0, 0, 0))
-            info.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(info, buffer.getvalue(), compresslevel=1)
