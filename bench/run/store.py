@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import platform
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
-
-from slams.formats.files import complete_file
 
 
 def canonical(value: Any) -> str:
@@ -90,8 +90,12 @@ class Store:
 
     def _put(self, path: Path, key: str, value: Any) -> None:
         """Write beside and rename: what a killed process leaves half-written is no result."""
-        with complete_file(path) as partial:
+        partial = path.with_name(f"{path.name}.{platform.node()}.{os.getpid()}.part")
+        try:
             partial.write_text(canonical(_signed(key, plain(value))) + "\n", encoding="utf-8")
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
 
 
 def _signed(key: str, value: Any) -> dict[str, Any]:
