@@ -11,22 +11,14 @@ import numpy as np
 from slams.params import Params, param
 from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan
 
+KEY_STEP = 0.2  # m, rad: way or turn between two scans drawn into the map
+
 
 @dataclass(frozen=True)
 class BaselineParams(Params):
     """How a baseline's scans become a picture; the pose does not depend on it."""
 
     resolution: float = param(0.05, "m", "cell of the map", source="hector's", low=0.005)
-    key_distance: float = param(
-        0.2, "m", "way between two scans drawn into the map", source="ours: a picture only", low=0.0
-    )
-    key_angle: float = param(
-        0.2,
-        "rad",
-        "turn between two scans drawn into the map",
-        source="ours: a picture only",
-        low=0.0,
-    )
 
 
 def hits(scan: Scan) -> Floats:
@@ -50,8 +42,7 @@ class HitMap:
         """Keep a scan for the map, if the robot moved since the last one kept."""
         if self._keys:
             step = self._keys[-1][1].between(pose)
-            near = math.hypot(step.x, step.y) < self.params.key_distance
-            if near and abs(step.theta) < self.params.key_angle:
+            if math.hypot(step.x, step.y) < KEY_STEP and abs(step.theta) < KEY_STEP:
                 return
         self._keys.append((scan, pose))
 

@@ -15,7 +15,7 @@ Others are ignored.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -128,13 +128,6 @@ class ScanLog:
         expect(not self.others, self.name, f"{len(self.lasers)} lasers", "one (--scan-topic)")
         return self
 
-    def of_laser(self, number: int) -> ScanLog:
-        """The log with the scans of one laser only."""
-        own = self.rows(self.numbers == number)
-        laser = self.lasers[number]
-        ranges = own.ranges[:, : laser.n_beams]
-        return replace(own, ranges=ranges, laser=laser, others=(), laser_of=None)
-
     @property
     def stamp_jumps(self) -> int:
         """How many stamps lie before the one ahead of them."""
@@ -147,19 +140,11 @@ class ScanLog:
 
     def odometry_at_scans(self) -> Floats | None:
         """Odometry (n, 3) at each scan; rows of nan where it was not recorded."""
-        if self.odom is None:
-            return None
-        if np.array_equal(self.odom.t, self.t):  # row by row, whatever the stamps do
-            return self.odom.values
-        return self.odom.poses_at(self.t)
+        return self._at_scans(self.odom, Track.poses_at)
 
     def attitude_at_scans(self) -> Floats | None:
         """Roll and pitch (n, 2) [rad] at each scan; rows of nan where they were not measured."""
-        if self.attitude is None:
-            return None
-        if np.array_equal(self.attitude.t, self.t):
-            return self.attitude.values
-        return self.attitude.attitudes_at(self.t)
+        return self._at_scans(self.attitude, Track.attitudes_at)
 
     def truth_at(self, t: Floats) -> Floats | None:
         """True poses (n, 3) at the stamps t (n,), nan where not covered; None without truth."""
@@ -207,6 +192,14 @@ class ScanLog:
         clean.flags.writeable = False
         return clean
 
+    def _at_scans(
+        self, track: Track | None, at: Callable[[Track, Floats], Floats]
+    ) -> Floats | None:
+        if track is None:
+            return None
+        same = np.array_equal(track.t, self.t)  # row by row, whatever the stamps do
+        return track.values if same else at(track, self.t)
+
     def _track_rows(self, track: Track | None, part: slice | NDArray[Any]) -> Track | None:
         if track is None or not np.array_equal(track.t, self.t):
             return track
@@ -214,23 +207,15 @@ class ScanLog:
 
     def save(self, path: str | Path) -> None:
         """Write "scanlog-1"; same log, same bytes. A temporary name is renamed when complete."""
-        arrays: dict[str, Any] = {
-            "format": OF_SEVERAL if self.others else FORMAT,
-            "t": self.t,
-            "ranges": np.asarray(self.ranges, np.float32),
-            "angle_min": self.laser.angle_min,
-            "angle_increment": self.laser.angle_increment,
-            "range_min": self.laser.range_min,
-            "range_max": self.laser.range_max,
-            "time_increment": self.laser.time_increment,
-            "mount": np.array(self.laser.mount),
-            "meta": json.dumps(self.meta, sort_keys=True),
-        }
-        heights = {"mount_z": self.laser.mount_z or None, "height": self.laser.height}
-        arrays |= {key: value for key, value in heights.items() if value is not None}
+        arrays: dict[str, Any] = {"format": OF_SEVERAL if self.others else FORMAT, "t": self.t}
+        arrays["ranges"] = np.asarray(self.ranges, np.float32)
+        meta = {"meta": json.dumps(self.meta, sort_keys=True)}
         if self.others:
-            arrays = {key: value for key, value in arrays.items() if key not in OF_LASER}
-            arrays |= {"laser": self.numbers, "lasers": to_table(self.lasers)}
+            arrays |= meta | {"laser": self.numbers, "lasers": to_table(self.lasers)}
+        else:
+            arrays |= {key: getattr(self.laser, key) for key in OF_LASER}
+            heights = {"mount_z": self.laser.mount_z or None, "height": self.laser.height}
+            arrays |= meta | {key: value for key, value in heights.items() if value is not None}
         for key in TRACKS:
             track = getattr(self, key)
             if track is not None:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slams.formats.attitude import Inertial, inertial
+from slams.formats.attitude import Inertial
 from slams.formats.bag import IMU, ODOMETRY, Record
 from slams.formats.frames import planar
 from slams.formats.ros_messages import READ
@@ -67,9 +67,9 @@ class SensorBuffer:
         """Take a sensor_msgs/Imu."""
         message = self._decoded(record)
         if message is not None:
-            (frame, rates), t = READ[IMU](message), seconds(message.header.stamp)
+            frame, measured = READ[IMU](message)
             with self._changed:
-                self._early.append(Reading(frame, np.array(rates), inertial(message, t, t)))
+                self._early.append(Reading(frame, np.array(measured.rates), measured))
                 self._integrate()
                 self._changed.notify_all()
 

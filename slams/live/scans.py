@@ -14,7 +14,7 @@ from slams.formats.bag import SCAN, Record
 from slams.formats.frames import bare
 from slams.formats.ros_messages import READ
 from slams.formats.ros_store import store
-from slams.formats.sweep import Geometry, Sweep, common, same_directions, usable
+from slams.formats.sweep import Sweep, common, same_directions, usable
 from slams.live.frames import Mounted
 from slams.scanlog import ScanLog
 from slams.types import Laser, Ranges
@@ -71,7 +71,7 @@ class Message(NamedTuple):
     stamp: int
     frame: str
     ranges: Ranges
-    geometry: Geometry
+    geometry: Laser
 
     @property
     def t(self) -> float:
@@ -104,7 +104,7 @@ class ScanCleaner:
         self.notes: list[str] = []
         self._mounted = mounted
         self._laser: Laser | None = None
-        self._geometry: Geometry | None = None
+        self._geometry: Laser | None = None
         self._first: Sweep | None = None
 
     def clean(self, message: Message) -> tuple[Ranges, Laser]:
