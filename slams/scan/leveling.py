@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from slams.scan.scan_kernels import Points
-from slams.scan.tilt_kernels import BELOW, HITS, LATE, SWUNG, Floor, level
+from slams.scan.tilt_kernels import BELOW, DEEP, HITS, LATE, SWUNG, Floor, level
 from slams.types import Attitude, Floats, Laser, Pose2, Scan
 
 ATTITUDE_ERROR = math.radians(0.6)  # rad: two deviations of a good attitude reference
 CLEARANCE = 0.05  # m above the floor: bumps, and the width of a beam
 UNEVEN = 0.2  # m that ramps rise and fall by, from the floor under the robot
+RAMPS = 0.1  # share of the ends at the floor that are deeper than a level one: there are ramps
 MAX_TILT = math.radians(50.0)  # rad: a robot that tilts more has fallen, or its IMU hangs overhead
 MAX_TILT_RATE = 1.0  # rad/s: of a robot that tips over a step
 MAX_STEP = math.radians(3.0)  # rad beside that, from scan to scan: noise and latency
@@ -57,7 +58,8 @@ class Leveling:
         self._jumps = np.zeros(2)  # rad: sum of jumps; one that is taken back was a single fault
         self._jumped_at = self._doubted_until = -math.inf  # s
         self._same_since, self._same = math.inf, 0  # s, scans: of this very attitude
-        self._ends, self._below = 0.0, 0.0  # lately at the floor or below; of these below
+        self._ends = self._deep = self._below = 0.0  # lately at the floor; deeper; too deep
+        self._has_ramps = False
         self._late, self._swung = 0.0, 0.0  # sums for the regression of the latency
 
     def project(
@@ -73,8 +75,9 @@ class Leveling:
             self._used = self._check(scan, speed)
         if self._tilt is None:
             return None
-        tilt, laser, found = self._tilt, scan.laser, np.zeros(4)
-        arrays = points, n, tilt.rotation, tilt.rate, laser.time_increment, floor_of(laser)
+        tilt, laser, found = self._tilt, scan.laser, np.zeros(5)
+        floor = floor_of(laser, self._has_ramps)
+        arrays = points, n, tilt.rotation, tilt.rate, laser.time_increment, floor
         left, far = level(*arrays, points if self._used else room, found)
         if not again:
             self._learn(found)
@@ -116,7 +119,7 @@ class Leveling:
             if np.abs(step).max() > MAX_TILT_RATE * dt + MAX_STEP:
                 self._jumps += step
                 self._jumped_at = t
-                self._ends = self._below = 0.0
+                self._ends = self._deep = self._below = 0.0
             elif 0.0 < dt < MAX_INTERVAL:
                 rate = (rotation - last.rotation) / dt
         return Tilt(t, dt, attitude, rotation, rate)
@@ -131,10 +134,12 @@ class Leveling:
 
     def _learn(self, found: Floats) -> None:
         """Take in what the scan shows of the floor."""
-        ends = float(found[HITS] + found[BELOW])
+        ends = float(found[HITS] + found[DEEP] + found[BELOW])
         keep = max(1.0 - ends / FLOOR_MEMORY, 0.0)
         self._ends = keep * self._ends + ends
+        self._deep = keep * self._deep + float(found[DEEP])
         self._below = keep * self._below + float(found[BELOW])
+        self._has_ramps |= self._deep > RAMPS * max(self._ends, FLOOR_ENOUGH)
         if found[SWUNG] > 0.0 and self._tilt is not None:
             seconds = min(self._tilt.dt, MAX_INTERVAL)
             self._late -= seconds * float(found[LATE] / found[HITS])
@@ -145,9 +150,10 @@ class Leveling:
             self.counts["attitude_late_ms"] = round(1e3 * late) if is_late else 0
 
 
-def floor_of(laser: Laser) -> Floor:
+def floor_of(laser: Laser, has_ramps: bool) -> Floor:
     """Where the floor lies under a laser, and how much an end point near it may be off."""
     height = laser.above_floor
     below = math.inf if height is None else height - laser.mount_z
     mount = laser.mount.x, laser.mount.y, laser.mount_z
-    return Floor(*mount, below, CLEARANCE, UNEVEN, ATTITUDE_ERROR)
+    rise = UNEVEN if has_ramps else CLEARANCE
+    return Floor(*mount, below, CLEARANCE, rise, UNEVEN, ATTITUDE_ERROR)

@@ -9,14 +9,15 @@ from slams.jit import njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats
 
-HITS, BELOW, LATE, SWUNG = range(4)  # of what `level` finds of the floor
+HITS, DEEP, BELOW, LATE, SWUNG = range(5)  # of what `level` finds of the floor
 
 
 class Floor(NamedTuple):
     """The laser x, y, z [m] in the base frame, and the floor `below` [m] under the base's origin.
 
-    `below` is inf where it is not known. Ramps rise and fall by up to `uneven` [m] from there; ends
-    within `clear` [m] of it are of a level floor. Both are wider by `error` [rad] times the range.
+    `below` is inf where it is not known. Ends within `clear` [m] of it are of a level floor; ramps
+    rise by `rise` [m] and fall by `fall` [m] from there. All are wider by `error` [rad] times the
+    range.
     """
 
     x: float
@@ -24,7 +25,8 @@ class Floor(NamedTuple):
     z: float
     below: float
     clear: float
-    uneven: float
+    rise: float
+    fall: float
     error: float
 
 
@@ -44,9 +46,9 @@ def level(
     [Kohlbrecher11] sec. III: scans are transformed by the attitude, ends at the floor left out.
     points (3, >= n) of `end_points`, out (3, >= n) the same or others. `start` (3, 3) turns base
     axes level at the first beam, `rate` (3, 3) [1/s] is its change, `per_beam` [s] the time from
-    beam to beam. ours: `found` (4,) tells what is wrong with an attitude, by the ends that should
-    be of the floor: how many are near it, how many deep below, and the sums of residual times rate
-    and of the squared rate of the slope of the beams near it.
+    beam to beam. ours: `found` (5,) tells what is wrong with an attitude, by the ends that should
+    be of the floor: how many are near it, how many deeper, how many too deep for any floor, and the
+    sums of residual times rate and of the squared rate of the slope of the beams near it.
     """
     kept, square = 0, 0.0
     found[:] = 0.0
@@ -60,10 +62,12 @@ def level(
         if rise < 0.0:
             distance = math.sqrt(dx * dx + dy * dy)
             above, blur = above_floor + rise, floor.error * distance
-            if above < floor.uneven + blur and -rise > 0.5 * blur:
-                if above < -floor.uneven - blur:
+            if above < floor.rise + blur and -rise > 0.5 * blur:
+                if above < -floor.fall - blur:
                     found[BELOW] += 1.0
-                elif abs(above) < floor.clear + blur:
+                elif above < -floor.clear - blur:
+                    found[DEEP] += 1.0
+                elif above < floor.clear + blur:
                     found[HITS] += 1.0
                     found[LATE] += above * swing / (distance * distance)
                     found[SWUNG] += swing * swing / (distance * distance)
