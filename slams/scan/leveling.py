@@ -104,7 +104,8 @@ class Leveling:
             return "stuck"
         below = self._below / self._ends if self._ends >= FLOOR_ENOUGH else math.nan
         if np.abs(self._jumps).max() > MAX_STEP:
-            if t < self._jumped_at + RECOVERY or not below < RIGHT:
+            deeper = self._deep + self._below
+            if t < self._jumped_at + RECOVERY or not deeper < RIGHT * self._ends:
                 return "jumped"
             self._jumps[:] = 0.0
         if below > (RIGHT if t < self._doubted_until else WRONG):
@@ -150,7 +151,7 @@ class Leveling:
             self.counts["attitude_late_ms"] = round(1e3 * late) if is_late else 0
 
 
-def floor_of(laser: Laser, has_ramps: bool) -> Floor:
+def floor_of(laser: Laser, has_ramps: bool = False) -> Floor:
     """Where the floor lies under a laser, and how much an end point near it may be off."""
     height = laser.above_floor
     below = math.inf if height is None else height - laser.mount_z
