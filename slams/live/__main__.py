@@ -48,7 +48,7 @@ def parser() -> argparse.ArgumentParser:
 def _add_topics(p: argparse.ArgumentParser) -> None:
     group, usual = p.add_argument_group("topics"), Topics()
     odometry = "odometry: auto (tf if it has the odometry's frame, else /odom), tf, a topic or none"
-    scans = f"subscribed scans (default: {usual.scan}); given several times: lasers used together"
+    scans = "subscribed scans (default: /scan); given several times: lasers used together"
     group.add_argument("--scan-topic", metavar="TOPIC", action="append", help=scans)
     path = f"path, published after a closed loop (default: {usual.path})"
     for flag, default, text in (
@@ -128,9 +128,10 @@ def _command(arguments: argparse.Namespace) -> int:
         cli.refusing(lambda: live.save(arguments.save_state))
     cli.refusing(lambda: write_results(folder, entry.label, live.params, node))
     if not arguments.quiet:
+        dropped = node.scans.counts["dropped"]
         spent = ", ".join(f"{name} {value} ms" for name, value in delays(node.drive).items())
         sys.stdout.write(
-            f"{len(node.drive.t)} scans, {node.queue.dropped} left out; "
+            f"{len(node.drive.t)} scans, {dropped} left out; "
             f"from scan to pose: {spent}\n{folder}/: {', '.join(files_of_run(folder))}\n"
         )
     return 0
@@ -157,10 +158,8 @@ def node_options(arguments: argparse.Namespace) -> NodeOptions:
     if arguments.localize and arguments.map_every != NodeOptions.map_every:
         raise ValueError("--map-every: got --localize, too, whose map is published once")
     named, imu = odom not in ("auto", "tf", "none"), arguments.imu != "none"
-    scan, *more = map(_absolute, arguments.scan_topic or [usual.scan])
     topics = Topics(
-        scan=scan,
-        more_scans=tuple(more),
+        scans=tuple(map(_absolute, arguments.scan_topic or usual.scans)),
         odom=_absolute(odom) if named else usual.odom,
         imu=_absolute(arguments.imu) if imu else usual.imu,
         map=_absolute(arguments.map_topic),

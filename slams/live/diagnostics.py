@@ -125,12 +125,13 @@ class Terminal:
         if estimate is None:
             return "waiting for scans"
         x, y, theta = estimate.pose
+        dropped = node.scans.counts["dropped"]
         where = f"x {x:.2f} y {y:.2f} m, {math.degrees(theta):.0f} deg"
         explained = "" if math.isnan(estimate.explained) else f", map {estimate.explained:.0%}"
         if not estimate.found:
             return f"{node.drive.counts['sought']} scans, sought in the map; {where}?{explained}"
         return (
-            f"{scans} scans, {rate:.1f}/s, {node.queue.dropped} left out, {len(node.queue)} wait; "
+            f"{scans} scans, {rate:.1f}/s, {dropped} left out, {len(node.scans)} wait; "
             f"{where}; {estimate.state} {estimate.quality:.2f}{explained}; "
             f"{1e3 * node.drive.delays[-1] if node.drive.delays else math.nan:.1f} ms"
         )

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 class Topics:
     """Names of the topics in and out."""
 
-    scan: str = "/scan"
-    more_scans: tuple[str, ...] = ()  # of further lasers
+    scans: tuple[str, ...] = ("/scan",)  # of the lasers
     odom: str = "/odom"
     imu: str = "/imu"
     tf: str = "/tf"
@@ -28,11 +27,6 @@ class Topics:
     path: str = "/path"
     pose: str = "/pose"
     state: str = "/slam/state"
-
-    @property
-    def scans(self) -> tuple[str, ...]:
-        """The topics of all lasers."""
-        return self.scan, *self.more_scans
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ class Recorder:
     def __init__(self, path: str | Path, topics: Topics) -> None:
         if Path(path).suffix != ".mcap":
             raise ValueError(f"--record: got {path}, expected a name that ends in .mcap")
-        types = {getattr(topics, name): msgtype for name, (msgtype, _) in KINDS.items()}
-        types |= dict.fromkeys(topics.more_scans, SCAN)
+        types = dict.fromkeys(topics.scans, SCAN)
+        types |= {getattr(topics, name): msgtype for name, (msgtype, _) in KINDS.items()}
         self._file = McapFile(path, types, (topics.map, topics.path, topics.tf_static))
         self._waiting: queue.SimpleQueue[tuple[str, int, bytes] | None] = queue.SimpleQueue()
         self._failed: Exception | None = None

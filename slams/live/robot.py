@@ -42,7 +42,7 @@ class Robot:
 
     def __init__(self, log: ScanLog, transport: Transport, names: Mapping[str, str]) -> None:
         topics = Topics()
-        types = {topics.tf_static: (TF, Quality.LATCHED), topics.scan: (SCAN, Quality.SENSOR)}
+        types = {topics.tf_static: (TF, Quality.LATCHED), topics.scans[0]: (SCAN, Quality.SENSOR)}
         if log.odom is not None:
             types |= {topics.odom: (ODOMETRY, Quality.RELIABLE), topics.tf: (TF, Quality.RELIABLE)}
         if log.yaw_rate is not None:
@@ -72,7 +72,7 @@ class Robot:
 
     def await_reader(self, patience: float, ending: threading.Event) -> bool:
         """Wait for somebody who takes scans and mount; whether there is one in time [s]."""
-        needed = [self._publishers[self._topics.scan], self._publishers[self._topics.tf_static]]
+        needed = [self._publishers[self._topics.scans[0]], self._publishers[self._topics.tf_static]]
         for _ in range(round(patience / TICK)):
             if all(one.subscribers for one in needed):
                 ending.wait(LINGER)  # the other topics find each other meanwhile
@@ -86,7 +86,7 @@ class Robot:
         later = turn * (self._due[-1][0] + self._log.scan_period)
         for due, kind, row in self._due:
             send = partial(self._publish, kind, row, later)
-            yield Moment(due + later, send, kind == self._topics.scan)
+            yield Moment(due + later, send, kind == self._topics.scans[0])
 
     def _all_due(self) -> list[tuple[float, str, int]]:
         """When, on which topic, which row: odometry before the scan of the same moment.
@@ -97,7 +97,7 @@ class Robot:
         sweep = log.laser.time_increment * (log.laser.n_beams - 1)
         tracks = {topics.odom: log.odom, topics.imu: log.yaw_rate}
         stamps = {name: track.t for name, track in tracks.items() if track is not None}
-        stamps[topics.scan] = log.t + sweep
+        stamps[topics.scans[0]] = log.t + sweep
         due = [
             (float(t), name, row)
             for name, all_t in stamps.items()
@@ -108,7 +108,7 @@ class Robot:
 
     def _publish(self, kind: str, row: int, later: float) -> None:
         log, topics = self._log, self._topics
-        if kind == topics.scan:
+        if kind == topics.scans[0]:
             stamp = self._stamp(float(log.t[row]), later)
             ranges, period = log.ranges[row], log.scan_period
             self._send(kind, self._make.scan(stamp, self._laser, log.laser, ranges, period))

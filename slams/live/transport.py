@@ -24,8 +24,8 @@ class Quality(Enum):
     LATCHED = "transient local"  # a late subscriber gets the last message
 
 
-KINDS = {  # what a node's topics carry and how, by the names that `Topics` has for them
-    "scan": (SCAN, Quality.SENSOR),
+SCANS = SCAN, Quality.SENSOR
+KINDS = {  # what a node's other topics carry and how, by the names that `Topics` has for them
     "odom": (ODOMETRY, Quality.SENSOR),
     "imu": (IMU, Quality.SENSOR),
     "tf": (TF, Quality.RELIABLE),
@@ -35,7 +35,7 @@ KINDS = {  # what a node's topics carry and how, by the names that `Topics` has 
     "pose": (POSE_COV, Quality.RELIABLE),
     "state": (STATUS, Quality.RELIABLE),
 }
-TYPES = tuple(dict.fromkeys(msgtype for msgtype, _ in KINDS.values()))
+TYPES = tuple(dict.fromkeys(msgtype for msgtype, _ in (SCANS, *KINDS.values())))
 DEPTH = {Quality.SENSOR: 5, Quality.RELIABLE: 100, Quality.LATCHED: 1}  # as ROS's profiles keep
 MAX_UNREAD = 200  # messages of a topic that wait to be taken
 END_PERIOD = 0.1  # [s] between looks at whether to end

@@ -1,12 +1,12 @@
 """Robots for tests: nodes on a network in memory, fed by the player or message by message."""
 
 import threading
-from types import SimpleNamespace
 
 import numpy as np
 
-from slams.formats.bag import IMU, ODOMETRY, SCAN, TF
+from slams.formats.bag import IMU, ODOMETRY, SCAN, TF, Record
 from slams.formats.ros_maker import Maker
+from slams.formats.ros_store import store
 from slams.live import LiveSlam, node
 from slams.live.node import Node
 from slams.live.options import NodeOptions
@@ -37,6 +37,17 @@ class Ending:
         """Nothing else happens meanwhile."""
 
 
+class Idle:
+    """An end that comes when no scan waits, or none is taken any more."""
+
+    def __init__(self, scans):
+        self.scans, self.waited = scans, None
+
+    def is_set(self):
+        before, self.waited = self.waited, len(self.scans)
+        return self.waited in (0, before)
+
+
 class Stand:
     """A node and the bus it is on; `said` is what it tells the user."""
 
@@ -46,6 +57,7 @@ class Stand:
         monkeypatch.setattr(node, "SETTLING_TIME", 0.0)
         monkeypatch.setattr(node, "MAX_WAIT_FOR_TF", 0.0)
         monkeypatch.setattr(node, "END_PERIOD", 0.0)
+        monkeypatch.setattr(node, "POLL_PERIOD", 0.0)
         self.bus, self.said, self.make = bus or Bus(), [], Maker()
         usual = {"map_every": 0.0, "wait": 0.0}
         self.live = LiveSlam(algorithm, warm_up=False, **(begin or {}))
@@ -61,9 +73,7 @@ class Stand:
 
     def drive(self):
         """Let the node take all scans that wait."""
-        queue = self.node.queue
-        ending = SimpleNamespace(is_set=lambda: len(queue) == 0)
-        self.node.run(ending, lambda: None)
+        self.node.run(Idle(self.node.scans), lambda: None)
 
     def start_and_drive(self):
         self.start()
@@ -84,9 +94,7 @@ class Stand:
         self.bus.publish(topic, TF, self.make.transforms(t, edges), quality)
 
     def scan(self, t, frame="laser", pose=(0.0, 0.0, 0.0), topic="/scan"):
-        ranges = scan_at(pose, LASER).ranges
-        message = self.make.scan(round(1e9 * t), frame, LASER, ranges, 0.1)
-        self.bus.publish(topic, SCAN, message)
+        self.bus.publish(topic, SCAN, scan_message(t, frame, pose))
 
     def odometry(self, t, pose, child="base_link"):
         message = self.make.odometry(round(1e9 * t), Pose2(*pose), "odom", child)
@@ -104,6 +112,14 @@ def mounted(monkeypatch, **options):
     stand = Stand(monkeypatch, **options)
     stand.tf(("base_link", "laser", MOUNT))
     return stand
+
+
+def scan_message(t, frame="laser", pose=(0.0, 0.0, 0.0)):
+    return Maker().scan(round(1e9 * t), frame, LASER, scan_at(pose, LASER).ranges, 0.1)
+
+
+def scan_record(t, topic="/scan"):
+    return Record(topic, SCAN, 0, bytes(store().serialize_cdr(scan_message(t), SCAN)))
 
 
 def turned_over(message):

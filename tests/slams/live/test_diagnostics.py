@@ -10,8 +10,9 @@ from slams.live import diagnostics
 from slams.live.diagnostics import COUNTERS, MAX_SILENCE, PERIOD, Diagnostics, Terminal
 from slams.live.estimate import Estimate
 from slams.live.node import Drive
-from slams.live.scans import ScanQueue
+from slams.live.scans import Scans
 from slams.types import Pose2
+from tests.slams.live.robots import scan_record
 
 
 class Stand:
@@ -67,10 +68,11 @@ def test_what_is_counted_is_reported_again_after_a_while(name, stand):
 @pytest.fixture
 def node():
     estimate = Estimate(1.0, Pose2(1.25, -0.5, np.pi / 2), None, np.eye(3), 0.9, True, False, 0.0)
-    drive, queue = Drive(t=[0.0] * 40, delays=[0.0021], estimate=estimate), ScanQueue(2)
-    for scan in range(5):
-        queue.put(scan)
-    return SimpleNamespace(drive=drive, queue=queue)
+    drive = Drive(t=[0.0] * 40, delays=[0.0021], estimate=estimate)
+    scans = Scans(["/scan"], lambda frame: None, 2, 0.0)
+    for k in range(5):
+        scans.put(scan_record(0.1 * k))
+    return SimpleNamespace(drive=drive, scans=scans)
 
 
 def test_a_line_a_second_on_a_terminal(node, stand, monkeypatch, capsys):

@@ -12,7 +12,6 @@ from slams.formats.ros_maker import UNKNOWN, percent
 from slams.live import node
 from slams.live.options import NodeOptions, Topics
 from slams.live.recorder import Recorder
-from slams.live.scans import ScanQueue
 from slams.live.transport import Quality
 from slams.player import replay
 from slams.scanlog import Track
@@ -302,14 +301,6 @@ def test_what_is_assumed_of_the_laser_is_told_once(monkeypatch):
         "range_max is 0; 2.00 m are taken instead"
     ]
     assert sum("no transform to the gyro's frame 'somewhere'" in said for said in stand.said) == 1
-
-
-def test_the_newest_scans_win():
-    queue = ScanQueue(3)
-    for k in range(10):
-        queue.put(k)
-    assert [queue.take(0.0).record for _ in range(3)] == [7, 8, 9]
-    assert (queue.came, queue.dropped, queue.take(0.0)) == (10, 7, None)
 
 
 def test_what_waits_while_frames_are_sought_is_not_left_out(monkeypatch):
