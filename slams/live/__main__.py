@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
-from slams.live.options import NodeOptions, Topics, add_network_options, transport_of
+from slams.live.options import add_network_options, add_node_options, node_options, transport_of
 from slams.run import chosen, files_of_run, parameter_table
 from slams.setup import add_state_options, given_start
 
 if TYPE_CHECKING:
     from slams.live.diagnostics import Terminal
     from slams.live.node import Node
+    from slams.live.options import NodeOptions
     from slams.live.slam import LiveSlam
     from slams.live.transport import Transport
 
@@ -39,54 +40,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--record", metavar="FILE.mcap", help="record all messages in and out to a bag")
     p.add_argument("-q", "--quiet", action="store_true", help="print no notes and no status line")
     add_state_options(p)
-    _add_topics(p)
-    _add_frames(p)
+    add_node_options(p)
     add_network_options(p)
     return p
-
-
-def _add_topics(p: argparse.ArgumentParser) -> None:
-    group, usual = p.add_argument_group("topics"), Topics()
-    odometry = "odometry: auto (tf if it has the odometry's frame, else /odom), tf, a topic or none"
-    scans = "subscribed scans (default: /scan); given several times: lasers used together"
-    group.add_argument("--scan-topic", metavar="TOPIC", action="append", help=scans)
-    path = f"path, published after a closed loop (default: {usual.path})"
-    for flag, default, text in (
-        ("--odom", "auto", odometry),
-        ("--imu", usual.imu, f"subscribed gyro and attitude, or none (default: {usual.imu})"),
-        ("--map-topic", usual.map, f"published map (default: {usual.map})"),
-        ("--path-topic", usual.path, path),
-        ("--pose-topic", usual.pose, f"published pose (default: {usual.pose})"),
-        ("--state-topic", usual.state, f"published state (default: {usual.state})"),
-    ):
-        group.add_argument(flag, metavar="TOPIC", default=default, help=text)
-
-
-def _add_frames(p: argparse.ArgumentParser) -> None:
-    group, usual = p.add_argument_group("frames and times"), NodeOptions()
-    frames = {
-        "map_frame": "frame of map and poses",
-        "odom_frame": "frame of the odometry",
-        "base_frame": "frame of the robot, whose poses are published (default: that of the "
-        "odometry, else base_link)",
-    }
-    times = {
-        "map_every": "time between two published maps [s], 0 for none",
-        "wait": "how long a scan waits for odometry and gyro at most [s]",
-        "tf_ahead": "how far ahead of its scan a transform is stamped [s]",
-    }
-    for name, text in (frames | times).items():
-        value, flag = getattr(usual, name), f"--{name.replace('_', '-')}"
-        kind, unit = (float, "S") if name in times else (str, "FRAME")
-        shown = text if value is None else f"{text} (default: {value})"
-        group.add_argument(flag, type=kind, metavar=unit, default=value, help=shown)
-    group.add_argument(
-        "--queue",
-        type=int,
-        metavar="N",
-        default=usual.queue,
-        help="how many scans wait at most; older ones are left out (default: %(default)s)",
-    )
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -146,34 +102,6 @@ def _why_nothing(node: Node) -> str:
         f"its place in the map is not sure after {sought} scans ({node.live.candidates}); expected "
         "a drive that leaves alike places, or --start; nothing is written"
     )
-
-
-def node_options(arguments: argparse.Namespace) -> NodeOptions:
-    """The options of topics, frames and times.
-
-    Raises:
-        ValueError: a number is out of its bounds, or means nothing.
-    """
-    usual, odom = Topics(), arguments.odom
-    if arguments.localize and arguments.map_every != NodeOptions.map_every:
-        raise ValueError("--map-every: got --localize, too, whose map is published once")
-    named, imu = odom not in ("auto", "tf", "none"), arguments.imu != "none"
-    topics = Topics(
-        scans=tuple(map(_absolute, arguments.scan_topic or usual.scans)),
-        odom=_absolute(odom) if named else usual.odom,
-        imu=_absolute(arguments.imu) if imu else usual.imu,
-        map=_absolute(arguments.map_topic),
-        path=_absolute(arguments.path_topic),
-        pose=_absolute(arguments.pose_topic),
-        state=_absolute(arguments.state_topic),
-    )
-    same = ("map_frame", "odom_frame", "base_frame", "queue", "wait", "map_every", "tf_ahead")
-    values = {name: getattr(arguments, name) for name in same}
-    return NodeOptions(topics, odometry="topic" if named else odom, imu=imu, **values)
-
-
-def _absolute(topic: str) -> str:
-    return topic if topic.startswith("/") else f"/{topic}"
 
 
 def _ending() -> threading.Event:

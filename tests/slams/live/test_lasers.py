@@ -6,10 +6,10 @@ import pytest
 import slams
 from slams.formats.bag import SCAN
 from slams.live import scans
-from slams.live.__main__ import node_options, parser
+from slams.live.__main__ import parser
 from slams.live.diagnostics import COUNTERS, MAX_SILENCE, Diagnostics
 from slams.live.frames import Mounted
-from slams.live.options import NodeOptions, Topics
+from slams.live.options import NodeOptions, Topics, node_options
 from slams.live.recorder import Recorder
 from slams.live.scans import Scans
 from slams.player import replay
