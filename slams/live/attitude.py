@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,14 +17,6 @@ from slams.formats.attitude import (
 from slams.types import Floats
 
 UNDECIDED = 0.5  # [s] in which an orientation changes, if it is measured: there is noise in it
-
-
-class Taken(NamedTuple):
-    """Stamp [s], turn rate about the vertical [rad/s], roll and pitch [rad], nan where unknown."""
-
-    t: float
-    rate: float
-    attitude: tuple[float, float]
 
 
 class ImuAttitude:
@@ -44,8 +35,12 @@ class ImuAttitude:
         self._first: Inertial | None = None
         self._oriented = False
 
-    def push(self, rates: Floats, measured: Inertial) -> list[Taken]:
-        """Take a message with its rates (3,) [rad/s]; gives the messages that wait no longer."""
+    def push(self, rates: Floats, measured: Inertial) -> list[tuple[float, float, float, float]]:
+        """Take a message with its rates (3,) [rad/s].
+
+        Gives stamp [s], turn rate about the vertical [rad/s], roll and pitch [rad], nan where
+        unknown, of the messages that wait no longer.
+        """
         self._waiting.append((rates, measured))
         first = self._first = self._first or measured
         if not self._oriented and math.isfinite(measured.orientation[0]):
@@ -55,7 +50,7 @@ class ImuAttitude:
         waiting, self._waiting = self._waiting, []
         return [self._taken(*one) for one in waiting]
 
-    def _taken(self, rates: Floats, measured: Inertial) -> Taken:
+    def _taken(self, rates: Floats, measured: Inertial) -> tuple[float, float, float, float]:
         if self._oriented:
             up = up_of(np.array([measured.orientation]))
         else:
@@ -66,4 +61,4 @@ class ImuAttitude:
         else:
             rate = sum(map(float.__mul__, rates.tolist(), self._turned[2].tolist()))
         roll, pitch = attitude[0].tolist()
-        return Taken(measured.sent, float(rate), (roll, pitch))
+        return measured.sent, float(rate), roll, pitch

@@ -33,21 +33,17 @@ class RobotFrames:
         self.base = None if base is None else bare(base)
         self.odom = bare(odom)
         self.notes: list[str] = []
-        self._tree = Transforms()
+        self.tree = Transforms()
         self._tilting: set[Edge] = set()
 
     def add(self, message: Any, static: bool) -> list[tuple[float, str, Pose2]]:
         """Take a tf message; returns stamp [s], name and pose of frames in the odometry's."""
-        self._tree.add(message, static)
-        for edge, rows in self._tree.samples.items():
-            keep = 1 if edge in self._tree.static else FEW
+        self.tree.add(message, static)
+        for edge, rows in self.tree.samples.items():
+            keep = 1 if edge in self.tree.static else FEW
             del rows[:-keep]
         items = (item for item in message.transforms if bare(item.header.frame_id) == self.odom)
         return [(seconds(i.header.stamp), bare(i.child_frame_id), _pose(i)) for i in items]
-
-    def knows(self, frame: str) -> bool:
-        """Whether tf has a frame."""
-        return bare(frame) in self._tree.frames
 
     def tilts(self, message: Any) -> list[tuple[float, str, Floats]]:
         """Stamp [s], name and attitude (2,) [rad] of frames in a tf message that tilt.
@@ -58,8 +54,8 @@ class RobotFrames:
         items = message.transforms
         for edge in {(bare(i.header.frame_id), bare(i.child_frame_id)): None for i in items}:
             child = edge[1]
-            if edge == self._tree.tilting(child):
-                rows = self._tree.samples[edge]
+            if edge == self.tree.tilting(child):
+                rows = self.tree.samples[edge]
                 rows = rows[-1:] if edge in self._tilting else rows
                 self._tilting.add(edge)
                 pairs = zip(rows, attitudes_of(rows), strict=True)
@@ -68,18 +64,10 @@ class RobotFrames:
 
     def carries(self, frame: str, laser: str) -> bool:
         """Whether the laser is fixed to a frame, or tilts with a base above it."""
-        if self._tree.fixed(frame, bare(laser)) is not None:
+        if self.tree.fixed(frame, bare(laser)) is not None:
             return True
-        edge = self._tree.tilting(self._tree.ancestors(laser)[-1])
-        return edge is not None and bare(frame) in self._tree.ancestors(edge[0])
-
-    def in_base(self, frame: str) -> Floats | None:
-        """A frame in the base, 4 x 4, if it is fixed to it."""
-        return None if self.base is None else self._tree.fixed(self.base, bare(frame))
-
-    def base_in(self, frame: str) -> Floats | None:
-        """The base in a frame, 4 x 4, if it is fixed to it."""
-        return None if self.base is None else self._tree.fixed(frame, self.base)
+        edge = self.tree.tilting(self.tree.ancestors(laser)[-1])
+        return edge is not None and bare(frame) in self.tree.ancestors(edge[0])
 
     def mounted(self, laser: str, moving: str | None) -> Mounted | None:
         """Where the laser sits, or None while tf leaves that open.
@@ -89,10 +77,10 @@ class RobotFrames:
             moving: the frame that the odometry is of; it is the base where none was asked for.
         """
         laser = bare(laser)
-        base = self.base or self._tree.base_of(laser, moving)
+        base = self.base or self.tree.base_of(laser, moving)
         if base is None:
             return None
-        matrix = self._tree.fixed(base, laser)
+        matrix = self.tree.fixed(base, laser)
         if matrix is None:
             return None
         self.base = base
@@ -103,7 +91,7 @@ class RobotFrames:
 
     def complaint(self, laser: str) -> str | None:
         """Why there is no way from the base to the laser; None where tf says nothing at all."""
-        frames, laser = self._tree.frames, bare(laser)
+        frames, laser = self.tree.frames, bare(laser)
         if self.base is not None and self.base not in (*frames, laser):
             there = some(frames) or "none"
             return f"--base-frame: {self.base} is not in tf; frames: {there}"

@@ -143,22 +143,18 @@ class Node:
             self._maps.failed = None
         for note in (*self.live.notes, *frames.notes, *self.scans.notes):
             diagnostics.note(note)
-        if self._without_tf and frames.knows(self._frame):
+        if self._without_tf and self._frame in frames.tree.frames:
             diagnostics.note(f"tf has {self._frame} now, too late: start again to have it used")
 
     # network
 
     def _subscribe(self) -> None:
-        options, buffer = self.options, self.buffer
+        options = self.options
         for topic in self._topics:
             self._hear(topic, SCANS, self.scans.put)
-        callbacks = {"tf": buffer.take_tf, "tf_static": buffer.take_tf}
-        if options.odometry in ("auto", "topic"):
-            callbacks["odom"] = buffer.take_odometry
-        if options.imu:
-            callbacks["imu"] = buffer.take_imu
-        for name, callback in callbacks.items():
-            self._hear(getattr(options.topics, name), KINDS[name], callback)
+        wanted = {"odom": options.odometry in ("auto", "topic"), "imu": options.imu}
+        for name in ("tf", "tf_static", *(name for name, is_wanted in wanted.items() if is_wanted)):
+            self._hear(getattr(options.topics, name), KINDS[name], self.buffer.take)
 
     def _hear(self, topic: str, kind: tuple[str, Quality], callback: Callback) -> None:
         def both(record: Record) -> None:
