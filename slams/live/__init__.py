@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from slams.live.estimate import Estimate
-    from slams.live.slam import LATE_IN_A_ROW, LiveSlam
+    from slams.live.slam import LiveSlam
 
-_HOME = {"Estimate": "estimate", "LATE_IN_A_ROW": "slam", "LiveSlam": "slam"}
+_HOME = {"Estimate": "estimate", "LiveSlam": "slam"}
 
-__all__ = ["LATE_IN_A_ROW", "Estimate", "LiveSlam"]
+__all__ = ["Estimate", "LiveSlam"]
 
 
 def __getattr__(name: str) -> Any:

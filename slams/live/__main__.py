@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from slams import cli
 from slams.live.options import add_network_options, add_node_options, node_options, transport_of
-from slams.run import chosen, files_of_run, parameter_table
+from slams.run import chosen, files_of_run, parameter_table, write_drive
 from slams.setup import add_state_options, given_start
 
 if TYPE_CHECKING:
@@ -58,7 +58,6 @@ def _command(arguments: argparse.Namespace) -> int:
         return 0
     from slams.formats.files import check_folder
     from slams.live.diagnostics import Terminal
-    from slams.live.results import delays, write_results
     from slams.live.slam import LiveSlam
 
     def begun() -> LiveSlam:
@@ -82,15 +81,34 @@ def _command(arguments: argparse.Namespace) -> int:
         raise RuntimeError(_why_nothing(node))
     if arguments.save_state:
         cli.refusing(lambda: live.save(arguments.save_state))
-    cli.refusing(lambda: write_results(folder, entry.label, live.params, node))
+    cli.refusing(lambda: write_results(folder, entry.label, node))
     if not arguments.quiet:
         dropped = node.scans.counts["dropped"]
-        spent = ", ".join(f"{name} {value} ms" for name, value in delays(node.drive).items())
+        spent = ", ".join(f"{name} {value} ms" for name, value in node.drive.delay_ms().items())
         sys.stdout.write(
             f"{len(node.drive.t)} scans, {dropped} left out; "
             f"from scan to pose: {spent}\n{folder}/: {', '.join(files_of_run(folder))}\n"
         )
     return 0
+
+
+def write_results(folder: Path, label: str, node: Node) -> None:
+    """Write map, trajectory and what happened, whole or not at all.
+
+    Raises:
+        OSError: they cannot be written.
+    """
+    import numpy as np
+
+    live, drive = node.live, node.drive
+    summary = {
+        "algorithm": label,
+        "params": live.params.as_dict(),
+        "delay_ms": drive.delay_ms(),
+        "node": node.report(),
+    }
+    poses = np.array(drive.poses, np.float64).reshape(-1, 3)
+    write_drive(folder, live.map(), (np.array(drive.t), poses, live.corrected()), summary)
 
 
 def _why_nothing(node: Node) -> str:

@@ -34,7 +34,11 @@ def topic_name(topic: str) -> str:
 @cache
 def packed(msgtype: str) -> Any:
     """The DDS type whose samples hold a message's bytes in `cdr`."""
-    kind = _struct(msgtype, _fields(msgtype))
+    from cyclonedds.idl import make_idl_struct
+
+    members = {name: _member(kind, what) for name, (kind, what) in fields(msgtype)}
+    name = msgtype.rpartition("/")[2]
+    kind: Any = make_idl_struct(name, type_name(msgtype), members, dataclassify=False)
     kind.serialize = lambda self, **_: self.cdr
     kind.deserialize = classmethod(lambda cls, data, **_: _of_bytes(cls, data))
     kind.deserialize_key = classmethod(lambda *_, **__: None)  # of samples that are no messages
@@ -52,26 +56,10 @@ def _of_bytes(kind: Any, data: bytes) -> Any:
     return made
 
 
-@cache
-def _nested(msgtype: str) -> Any:
-    return _struct(msgtype, _fields(msgtype))
-
-
-def _struct(msgtype: str, members: dict[str, Any]) -> Any:
-    from cyclonedds.idl import make_idl_struct
-
-    name = msgtype.rpartition("/")[2]
-    return make_idl_struct(name, type_name(msgtype), members, dataclassify=False)
-
-
-def _fields(msgtype: str) -> dict[str, Any]:
-    return {name: _member(kind, what) for name, (kind, what) in fields(msgtype)}
-
-
 def _member(kind: str, what: Any) -> Any:
     types: Any = import_module("cyclonedds.idl.types")
     if kind == "name":
-        return _nested(what)
+        return packed(what)
     if kind == "base":
         plain = {"bool": bool, "string": str, "byte": types.uint8}
         return plain.get(what) or getattr(types, what)

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from slams.formats.bag import SCAN, Record
 from slams.formats.ros_store import prepare
 from slams.live.buffer import SensorBuffer
@@ -46,6 +48,13 @@ class Drive:
     delays: list[float] = field(default_factory=list)
     estimate: Estimate | None = None
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTS, 0))
+
+    def delay_ms(self) -> dict[str, float]:
+        """The delays' median, 99 % and longest [ms]."""
+        if not self.delays:
+            return {}
+        shares = {"p50": 50, "p99": 99, "max": 100}
+        return {k: round(1e3 * float(np.percentile(self.delays, p)), 3) for k, p in shares.items()}
 
 
 class Node:

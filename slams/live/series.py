@@ -12,7 +12,7 @@ from bisect import bisect_left
 
 import numpy as np
 
-from slams.live.slam import LATE_IN_A_ROW
+from slams.live.estimate import LATE_IN_A_ROW
 from slams.types import Pose2, wrap_angle
 from slams.validation import LATEST, can_be
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from slams import LiveSlam, Pose2
-from slams.live import LATE_IN_A_ROW
+from slams.live.estimate import LATE_IN_A_ROW
 from slams.registry import BUILT_IN, find
 from slams.ros.stamps import seconds
 from slams.types import Attitude

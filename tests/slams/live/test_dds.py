@@ -85,11 +85,11 @@ def test_every_message_arrives_byte_by_byte(msgtype, transports):
 
 def test_the_types_are_laid_out_as_the_library_writes_them():
     """DDS knows the fields, too: a peer that unpacks them by its own rules gets the same."""
-    from slams.live.dds_types import _nested
+    from slams.live.dds_types import packed
 
     message = examples()[SCAN]
     data = bytes(store().serialize_cdr(message, SCAN))
-    scan = _nested(SCAN).__idl__
+    scan = packed(SCAN).__idl__
     names = [name for name, _ in store().fielddefs[SCAN][1]]
     assert list(scan.datatype.__annotations__) == names
     found = unpacked(SCAN, data)
@@ -103,7 +103,7 @@ def unpacked(msgtype, data):
     """A message unpacked by cyclonedds, as names and values."""
     from cyclonedds.idl import IdlStruct
 
-    from slams.live.dds_types import _nested
+    from slams.live.dds_types import packed
 
     def dressed(kind):
         kind.__init__ = lambda self, **fields: self.__dict__.update(fields)
@@ -116,8 +116,8 @@ def unpacked(msgtype, data):
             {k: plain(v) for k, v in vars(value).items()} if isinstance(value, IdlStruct) else value
         )
 
-    dressed(_nested(msgtype))
-    return plain(_nested(msgtype).__idl__.deserialize(data))
+    dressed(packed(msgtype))
+    return plain(packed(msgtype).__idl__.deserialize(data))
 
 
 def test_a_map_stays_for_who_comes_later_and_a_scan_does_not(transports):

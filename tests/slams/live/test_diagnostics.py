@@ -67,7 +67,7 @@ def test_what_is_counted_is_reported_again_after_a_while(name, stand):
 
 @pytest.fixture
 def node():
-    estimate = Estimate(1.0, Pose2(1.25, -0.5, np.pi / 2), None, np.eye(3), 0.9, True, False, 0.0)
+    estimate = Estimate(1.0, Pose2(1.25, -0.5, np.pi / 2), None, np.eye(3), 0.9, True, 0.0)
     drive = Drive(t=[0.0] * 40, delays=[0.0021], estimate=estimate)
     scans = Scans(["/scan"], lambda frame: None, 2, 0.0)
     for k in range(5):

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from slams.live import LATE_IN_A_ROW, series
+from slams.live import series
+from slams.live.estimate import LATE_IN_A_ROW
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.track import MAX_ATTITUDE_GAP, Track
 from slams.types import Pose2, wrap_angle
