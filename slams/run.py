@@ -224,9 +224,9 @@ def _write_mcap(path: Path, log: ScanLog, run: Run, grid: OccupancyGrid) -> None
 
 
 def _save_state(slam: Slam, path: str, log: ScanLog) -> None:
-    from slams.state import session
+    from slams.state import store
 
-    session.save_after(slam, path, float(log.t[-1]), log.ranges[-1])
+    store.save_after(slam, path, float(log.t[-1]), log.ranges[-1])
 
 
 def _replayed(

@@ -23,7 +23,7 @@ from slams.live.warm_up import warm_up as warm_up_kernels
 from slams.registry import find
 from slams.ros.stamps import seconds
 from slams.scanlog import ScanLog, single
-from slams.state.session import check_target, resume, save_after
+from slams.state.store import check_target, resume, save_after
 from slams.types import (
     IDENTITY,
     Attitude,
