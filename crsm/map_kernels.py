@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.cells import deepcopied
 from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats
@@ -36,9 +35,6 @@ class Grid(NamedTuple):
     x0: float
     y0: float
     resolution: float
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Grid:
-        return Grid(*deepcopied(self, memo))
 
 
 class Update(NamedTuple):

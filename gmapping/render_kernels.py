@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.tile_kernels import cell_of
-from slams.cells import deepcopied
 from slams.jit import njit
 from slams.types import Floats
 
@@ -29,9 +28,6 @@ class Counts(NamedTuple):
     x0: int
     y0: int
     resolution: float
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Counts:
-        return Counts(*deepcopied(self, memo))
 
 
 @njit(inner=True, borrows=True)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.cells import deepcopied
 from slams.jit import njit
 
 BITS = 4
@@ -38,9 +37,6 @@ class Tiles(NamedTuple):
     resolution: float
     axis_x: float = 1.0
     axis_y: float = 0.0
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Tiles:
-        return Tiles(*deepcopied(self, memo))
 
 
 @njit(inner=True, borrows=True)

@@ -7,12 +7,11 @@ map = (world - first) / resolution with `first` the center of cell [0, 0].
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.cells import deepcopied
 from slams.jit import njit
 from slams.scan.scan_kernels import Points
 from slams.types import Pose2
@@ -34,9 +33,6 @@ class Level(NamedTuple):
     x0: float
     y0: float
     resolution: float
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Level:
-        return Level(*deepcopied(self, memo))
 
 
 class Update(NamedTuple):

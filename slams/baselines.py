@@ -11,22 +11,14 @@ import numpy as np
 from slams.params import Params, param
 from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan
 
+KEY_STEP = 0.2  # m, rad: way or turn between two scans drawn into the map
+
 
 @dataclass(frozen=True)
 class BaselineParams(Params):
     """How a baseline's scans become a picture; the pose does not depend on it."""
 
     resolution: float = param(0.05, "m", "cell of the map", source="hector's", low=0.005)
-    key_distance: float = param(
-        0.2, "m", "way between two scans drawn into the map", source="ours: a picture only", low=0.0
-    )
-    key_angle: float = param(
-        0.2,
-        "rad",
-        "turn between two scans drawn into the map",
-        source="ours: a picture only",
-        low=0.0,
-    )
 
 
 def hits(scan: Scan) -> Floats:
@@ -37,27 +29,26 @@ def hits(scan: Scan) -> Floats:
 
 
 class HitMap:
-    """A map of end points alone: cells that were hit, the rest never observed.
+    """A map of end points alone: cells (edge in m) that were hit, the rest never observed.
 
     Scans are kept and drawn when asked for: a baseline is timed for its poses.
     """
 
-    def __init__(self, params: BaselineParams) -> None:
-        self.params = params
+    def __init__(self, resolution: float) -> None:
+        self._resolution = resolution
         self._keys: list[tuple[Scan, Pose2]] = []
 
     def insert(self, scan: Scan, pose: Pose2) -> None:
         """Keep a scan for the map, if the robot moved since the last one kept."""
         if self._keys:
             step = self._keys[-1][1].between(pose)
-            near = math.hypot(step.x, step.y) < self.params.key_distance
-            if near and abs(step.theta) < self.params.key_angle:
+            if math.hypot(step.x, step.y) < KEY_STEP and abs(step.theta) < KEY_STEP:
                 return
         self._keys.append((scan, pose))
 
     def grid(self) -> OccupancyGrid:
         """Hit cells with p = 1, all others nan."""
-        resolution = self.params.resolution
+        resolution = self._resolution
         points = [pose.transform(hits(scan)) for scan, pose in self._keys]
         cells = np.floor(np.concatenate([np.zeros((1, 2)), *points]) / resolution).astype(np.int64)
         low = cells.min(axis=0)
@@ -77,7 +68,7 @@ class Odometry:
         self._start: Pose2 | None = None
         self._pose = IDENTITY
         self._used = 0
-        self._map = HitMap(params)
+        self._map = HitMap(params.resolution)
 
     def update(self, scan: Scan) -> Pose2:
         """Compose the pose at the first odometry with the way since."""
@@ -147,7 +138,7 @@ class Kiss:
         self.params = params
         self._new = KissICP
         self._icp: Any = None
-        self._map = HitMap(params)
+        self._map = HitMap(params.resolution)
         self._pose = IDENTITY
         self._empty = 0
 

@@ -11,7 +11,6 @@ import math
 import mmap
 import os
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -85,28 +84,6 @@ def _blocks_with(data: NDArray[np.uint8], first: int, end: int) -> list[tuple[in
     some = part[: whole * PAGE].reshape(whole, PAGE).any(axis=1)
     rest = part[whole * PAGE :].any(keepdims=True)
     return [(first + a, n) for a, n in runs(np.concatenate([some, rest]))]
-
-
-def copied(array: Array) -> Array:
-    """A copy of a contiguous array that takes memory only where the array has."""
-    out = zeros(array.shape, array.dtype)
-    source, target = array.reshape(-1).view(np.uint8), out.reshape(-1).view(np.uint8)
-    for first, end in filled(array):
-        target[first:end] = source[first:end]
-    return out
-
-
-def deepcopied(values: Iterable[Any], memo: dict[int, Any]) -> list[Any]:
-    """Numbers as they are and copies of arrays made by `zeros`: for the `__deepcopy__` of a map."""
-    return [_deepcopy(value, memo) for value in values]
-
-
-def _deepcopy(value: Any, memo: dict[int, Any]) -> Any:
-    if not isinstance(value, np.ndarray):
-        return value
-    if id(value) not in memo:
-        memo[id(value)] = copied(value)
-    return memo[id(value)]
 
 
 class Room:
@@ -196,16 +173,8 @@ def observed(
 
 def move(source: Array, target: Array, below: int, left: int) -> None:
     """Copy rows of cells into a larger array of zeros; what was never touched stays so there."""
-    for row in _given_rows(source).tolist():
+    size = source.strides[0]
+    for row in sorted({k for a, b in filled(source) for k in range(a // size, -(-b // size))}):
         touched = source[row].reshape(source.shape[1], -1).any(axis=1)
         for first, n in runs(np.asarray(touched)):
             target[below + row, left + first : left + first + n] = source[row, first : first + n]
-
-
-def _given_rows(array: Array) -> NDArray[np.int64]:
-    """Rows of a contiguous array that have memory in them."""
-    low, high = byte_bounds(array)
-    pages = np.concatenate([[0], np.cumsum(given_pages(low, high))])
-    begin = low % PAGE + array.strides[0] * np.arange(len(array))
-    end = begin + array.strides[0] - 1
-    return np.flatnonzero(pages[end // PAGE + 1] > pages[begin // PAGE])

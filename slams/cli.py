@@ -163,6 +163,25 @@ def add_algorithm_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, metavar="N", help="seed of every random draw")
 
 
+def count(text: str) -> int:
+    """The value of an option that is 1 or more."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"got {value}, expected 1 or more")
+    return value
+
+
+def add_selection_options(parser: argparse.ArgumentParser) -> None:
+    """Give a command the options of what it uses of a log, for `ScanLog.select`."""
+    parser.add_argument(
+        "--no-odometry", action="store_true", help="ignore the odometry and gyro of the log"
+    )
+    parser.add_argument("--limit", type=count, metavar="N", help="use the first N scans only")
+    parser.add_argument(
+        "--every", type=count, default=1, metavar="K", help="use every K-th scan only"
+    )
+
+
 def add_output_options(parser: argparse.ArgumentParser, out: str) -> None:
     """Give a command the folder its results go to, and `-q`."""
     parser.add_argument(
@@ -214,11 +233,17 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
 
 
 def log_options(arguments: argparse.Namespace) -> SourceOptions:
-    """What the options of `add_log_options` say, for `slams.load`."""
+    """What the options of `add_log_options` say, for `slams.load`.
+
+    Raises:
+        ValueError: they choose an odometry that is ignored.
+    """
     from dataclasses import fields
 
     from slams.formats.options import SourceOptions
 
+    if getattr(arguments, "no_odometry", False) and (arguments.odom or arguments.imu):
+        raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
     given = {f.name: getattr(arguments, f.name, None) for f in fields(SourceOptions)}
     topics = tuple(arguments.scan_topic)
     lasers = {"scan_topic": topics[0] if topics else None, "more_scan_topics": topics[1:]}

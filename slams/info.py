@@ -14,8 +14,9 @@ from slams import cli
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from slams.formats.bag import Topic
+    from slams.formats.frames import Transforms
     from slams.formats.options import SourceOptions
-    from slams.formats.recording import Contents
     from slams.scanlog import ScanLog, Track
     from slams.types import Floats, Laser
 
@@ -71,9 +72,9 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
             yield from _of_carmen(paths[0], options)
         yield from _of_log(load(paths, options))
         return
-    contents = rosbag.contents(paths, kinds, options)
-    yield from _of_bag(paths[0], contents)
-    found = [topic.name for topic in contents.topics if topic.msgtype in SCANS]
+    topics, transforms = rosbag.contents(paths, options)
+    yield from _of_bag(paths[0], topics, transforms)
+    found = [topic.name for topic in topics if topic.msgtype in SCANS]
     lasers = found if found and not options.scan_topic else [options.scan_topic]
     for laser in lasers:
         try:
@@ -86,13 +87,12 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
         yield f"{len(lasers)} lasers: --scan-topic picks one, or several (given for each)"
 
 
-def _of_bag(path: Path, contents: Contents) -> Iterator[str]:
+def _of_bag(path: Path, topics: list[Topic], transforms: Transforms) -> Iterator[str]:
     """Topics with their types, and frames as a tree."""
-    yield f"{path.name}: {sum(topic.messages for topic in contents.topics)} messages"
-    width = max((len(topic.name) for topic in contents.topics), default=0)
-    for topic in contents.topics:
+    yield f"{path.name}: {sum(topic.messages for topic in topics)} messages"
+    width = max((len(topic.name) for topic in topics), default=0)
+    for topic in topics:
         yield f"  {topic.name:{width}}  {topic.messages:6}  {topic.msgtype}"
-    transforms = contents.transforms
     for edge, samples in transforms.samples.items():
         moves = "fixed" if transforms.is_fixed(edge) else f"moves, {len(samples)} stamps"
         yield f"  frame {edge[1]} in {edge[0]}: {moves}"

@@ -19,7 +19,7 @@ COLUMNS = (
 FORMAT, OF_SEVERAL = "scanlog-1", "scanlog-2"
 REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
 HEIGHTS = ("mount_z", "height")
-OF_LASER = (*REQUIRED[2:], "time_increment", "mount", *HEIGHTS)
+OF_LASER = (*REQUIRED[2:], "time_increment", "mount")
 MAX_SILENCE = 3.0  # s without a scan at the end of a log, and usual intervals: a laser that died
 MIN_SILENT_INTERVALS = 10.0
 
@@ -65,21 +65,21 @@ def _laser(row: dict[str, float]) -> Laser:
     )
 
 
-def silent_lasers(t: Floats, laser_of: NDArray[np.int64], count: int) -> list[tuple[int, float]]:
-    """Lasers without a scan in the last seconds of a log: number, and stamp of the last scan [s].
+def silent_lasers(t: Floats, laser_of: NDArray[np.int64], count: int) -> list[dict[str, float]]:
+    """Lasers without a scan at the end of a log, and after how many seconds they fell silent.
 
     Args:
         t: stamps (n,) [s].
         laser_of: the number of its laser for each scan (n,).
         count: of lasers.
     """
-    found = []
+    found = list[dict[str, float]]()
     for number in range(count):
         own = t[laser_of == number]
         last = float(own.max()) if len(own) else float(t.min())
         usual = float(np.median(np.diff(own))) if len(own) > 1 else 0.0
         if t.max() - last > max(MAX_SILENCE, MIN_SILENT_INTERVALS * usual):
-            found.append((number, last - float(t.min())))
+            found.append({"laser": number, "last_s": last - float(t.min())})
     return found
 
 
@@ -98,10 +98,9 @@ def lasers(data: dict[str, Any], n_beams: int, version: str) -> dict[str, Any]:
 def _laser_of(data: dict[str, Any], n_beams: int) -> Laser:
     mount = numbers(data, "mount", 1) if "mount" in data else np.zeros(3)
     expect(mount.shape == (3,), "mount", mount.shape, "(3,)")
-    scalars = {key: float(numbers(data, key, 0)) for key in REQUIRED[2:]}
-    between = float(numbers(data, "time_increment", 0)) if "time_increment" in data else 0.0
-    scalars |= {key: float(numbers(data, key, 0)) for key in HEIGHTS if key in data}
-    return Laser(n_beams=n_beams, mount=Pose2(*mount.tolist()), time_increment=between, **scalars)
+    keys = (*REQUIRED[2:], "time_increment", *HEIGHTS)
+    scalars = {key: float(numbers(data, key, 0)) for key in keys if key in data}
+    return Laser(n_beams=n_beams, mount=Pose2(*mount.tolist()), **scalars)
 
 
 def numbers(data: dict[str, Any], key: str, ndim: int) -> Floats:

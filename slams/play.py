@@ -31,7 +31,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("log", nargs="+", help="scan log: npz, ROS bag or CARMEN log")
     p.add_argument("--rate", type=float, default=1.0, metavar="X", help="play X times as fast")
     p.add_argument("--loop", action="store_true", help="repeat the log until Ctrl-C")
-    p.add_argument("--limit", type=int, metavar="N", help="publish the first N scans only")
+    p.add_argument("--limit", type=cli.count, metavar="N", help="publish the first N scans only")
     p.add_argument("--no-odometry", action="store_true", help="publish no odometry and no gyro")
     p.add_argument(
         "--wait-for-subscriber",
@@ -78,15 +78,11 @@ def _command(arguments: argparse.Namespace) -> int:
 def _log(arguments: argparse.Namespace) -> ScanLog:
     from slams.formats.source import load
 
-    if arguments.no_odometry and (arguments.odom or arguments.imu):
-        raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
     wait = arguments.wait_for_subscriber
     if not 0.0 <= wait < math.inf:
         raise ValueError(f"--wait-for-subscriber: got {wait:g}, expected 0 s or more")
     if not 0.0 < arguments.rate < math.inf:
         raise ValueError(f"--rate: got {arguments.rate:g}, expected a number greater than 0")
-    if arguments.limit is not None and arguments.limit < 1:
-        raise ValueError(f"--limit: got {arguments.limit}, expected 1 or more")
     log = load(arguments.log, cli.log_options(arguments)).of_one_laser()
     return log.select(arguments.limit, 1, not arguments.no_odometry)
 

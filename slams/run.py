@@ -44,11 +44,7 @@ def parser() -> argparse.ArgumentParser:
         "--out", metavar="DIR", help="folder of the results (default: results/<log>-<algorithm>)"
     )
     cli.add_force_option(p)
-    p.add_argument(
-        "--no-odometry", action="store_true", help="ignore the odometry and gyro of the log"
-    )
-    p.add_argument("--limit", type=int, metavar="N", help="use the first N scans only")
-    p.add_argument("--every", type=int, default=1, metavar="K", help="use every K-th scan only")
+    cli.add_selection_options(p)
     p.add_argument(
         "--mcap", action="store_true", help="also write result.mcap for Foxglove, RViz, evo"
     )
@@ -163,9 +159,12 @@ def write_results(
 
     def _add(partial: Path) -> None:
         if isinstance(slam, Illustrated):
-            occupancy.write_images(partial, slam.pictures())
+            for name, pixels in slam.pictures().items():
+                occupancy.write_image(partial / name, pixels)
         if mcap:
-            _write_mcap(partial / "result.mcap", log, run, grid)
+            from slams.formats.mcap import write_mcap  # only here, for it loads the bag library
+
+            write_mcap(partial / "result.mcap", log, run.poses, grid)
 
     write_drive(folder, grid, (run.t, run.poses, run.corrected), summary, _add)
     return as_text(summary)
@@ -202,7 +201,7 @@ def write_drive(
                 trajectory.write_tum(partial / f"{name}.tum", t, rows)
         occupancy.write_map(partial, grid)
         shown = poses if corrected is None else corrected
-        occupancy.write_picture(partial / "map.png", grid, shown)
+        occupancy.write_image(partial / "map.png", occupancy.picture(grid, shown))
         add(partial)
         summary["files"] = sorted([*(path.name for path in partial.iterdir()), SUMMARY])
         (partial / SUMMARY).write_text(as_json(summary), encoding="utf-8")
@@ -215,12 +214,6 @@ def files_of_run(folder: Path) -> list[str]:
     except (OSError, ValueError, LookupError, TypeError):
         return []
     return [name for name in names if isinstance(name, str) and Path(name).name == name]
-
-
-def _write_mcap(path: Path, log: ScanLog, run: Run, grid: OccupancyGrid) -> None:
-    from slams.formats.mcap import write_mcap  # only here, for it loads the bag library
-
-    write_mcap(path, log, run.poses, grid)
 
 
 def _save_state(slam: Slam, path: str, log: ScanLog) -> None:

@@ -128,13 +128,6 @@ class ScanLog:
         expect(not self.others, self.name, f"{len(self.lasers)} lasers", "one (--scan-topic)")
         return self
 
-    def of_laser(self, number: int) -> ScanLog:
-        """The log with the scans of one laser only."""
-        own = self.rows(self.numbers == number)
-        laser = self.lasers[number]
-        ranges = own.ranges[:, : laser.n_beams]
-        return replace(own, ranges=ranges, laser=laser, others=(), laser_of=None)
-
     @property
     def stamp_jumps(self) -> int:
         """How many stamps lie before the one ahead of them."""
@@ -214,23 +207,15 @@ class ScanLog:
 
     def save(self, path: str | Path) -> None:
         """Write "scanlog-1"; same log, same bytes. A temporary name is renamed when complete."""
-        arrays: dict[str, Any] = {
-            "format": OF_SEVERAL if self.others else FORMAT,
-            "t": self.t,
-            "ranges": np.asarray(self.ranges, np.float32),
-            "angle_min": self.laser.angle_min,
-            "angle_increment": self.laser.angle_increment,
-            "range_min": self.laser.range_min,
-            "range_max": self.laser.range_max,
-            "time_increment": self.laser.time_increment,
-            "mount": np.array(self.laser.mount),
-            "meta": json.dumps(self.meta, sort_keys=True),
-        }
-        heights = {"mount_z": self.laser.mount_z or None, "height": self.laser.height}
-        arrays |= {key: value for key, value in heights.items() if value is not None}
+        arrays: dict[str, Any] = {"format": OF_SEVERAL if self.others else FORMAT, "t": self.t}
+        arrays["ranges"] = np.asarray(self.ranges, np.float32)
+        meta = {"meta": json.dumps(self.meta, sort_keys=True)}
         if self.others:
-            arrays = {key: value for key, value in arrays.items() if key not in OF_LASER}
-            arrays |= {"laser": self.numbers, "lasers": to_table(self.lasers)}
+            arrays |= meta | {"laser": self.numbers, "lasers": to_table(self.lasers)}
+        else:
+            arrays |= {key: getattr(self.laser, key) for key in OF_LASER}
+            heights = {"mount_z": self.laser.mount_z or None, "height": self.laser.height}
+            arrays |= meta | {key: value for key, value in heights.items() if value is not None}
         for key in TRACKS:
             track = getattr(self, key)
             if track is not None:

@@ -68,9 +68,13 @@ def prepare(entry: Entry, params: Params, arguments: argparse.Namespace, program
     Raises:
         LookupError, OSError, TypeError, ValueError: one sentence about what the user gave.
     """
-    _check_options(arguments, program)
+    from slams.formats.source import load
+
+    if not arguments.log:
+        raise ValueError(f"no log given; expected {program} {arguments.algorithm} scans.npz")
+    options = cli.log_options(arguments)
     folder = _folder(entry.label, arguments)
-    whole = _log(arguments)
+    whole = load(arguments.log, options)
     slam, log, notes = _slam_and_rest(entry, params, whole, arguments)
     if arguments.save_state:
         from slams.state import store
@@ -78,18 +82,6 @@ def prepare(entry: Entry, params: Params, arguments: argparse.Namespace, program
         store.check_target(arguments.save_state, slam)
     log = log.select(arguments.limit, arguments.every, not arguments.no_odometry)
     return Setup(slam, log, folder, notes)
-
-
-def _check_options(arguments: argparse.Namespace, program: str) -> None:
-    """Refuse options that have no meaning, or none together."""
-    if not arguments.log:
-        raise ValueError(f"no log given; expected {program} {arguments.algorithm} scans.npz")
-    for name in ("limit", "every"):
-        value = getattr(arguments, name)
-        if value is not None and value < 1:
-            raise ValueError(f"--{name.replace('_', '-')}: got {value}, expected 1 or more")
-    if arguments.no_odometry and (arguments.odom or arguments.imu):
-        raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
 
 
 def _folder(label: str, arguments: argparse.Namespace) -> Path:
@@ -143,9 +135,3 @@ def _localizing(
     else:
         found = source.find_start(ready.map_index, seen)
     return ready.at(found.pose), log.from_scan(found.scan), [*notes, found.note]
-
-
-def _log(arguments: argparse.Namespace) -> ScanLog:
-    from slams.formats.source import load
-
-    return load(arguments.log, cli.log_options(arguments))

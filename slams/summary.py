@@ -80,7 +80,7 @@ def summarize(
         "stamps_back": log.stamp_jumps,
         "scans_without_attitude": _without_attitude(log),
         "lasers": len(log.lasers),
-        "silent_lasers": _silent_lasers(log),
+        "silent_lasers": silent_lasers(log.t, log.numbers, len(log.lasers)),
         "scans_without_return": int((~np.isfinite(log.ranges).any(axis=1)).sum()),
         "cpu_ms_per_scan": spent["mean_ms"],
         "cpu_ms": {name: spent[f"{name}_ms"] for name in ("p50", "p95", "max")},
@@ -94,12 +94,6 @@ def summarize(
         "versions": versions(),
         "machine": f"{platform.machine()} {platform.system()}",
     }
-
-
-def _silent_lasers(log: ScanLog) -> list[dict[str, float]]:
-    """Lasers without a scan at the end of the log, and after how many seconds they fell silent."""
-    found = silent_lasers(log.t, log.numbers, len(log.lasers))
-    return [{"laser": number, "last_s": last} for number, last in found]
 
 
 def _without_attitude(log: ScanLog) -> int:
@@ -154,7 +148,8 @@ def truth_errors(run: Run, log: ScanLog, spans: Sequence[Span] = SPANS) -> dict[
         pairs = span_pairs(t, truth, span)
         if len(pairs[0]):
             over = metrics.pair_errors(estimate, truth, *pairs)
-            errors[f"per_{span.name.replace(' ', '_')}"] = _statistics(*over)
+            named = zip(("translation_m", "rotation_rad"), map(moments, over), strict=True)
+            errors[f"per_{span.name.replace(' ', '_')}"] = dict(named)
     errors["ate_m"] = metrics.ate(estimate, truth)
     first = metrics.from_first(estimate) - metrics.from_first(truth)
     errors["end_m"] = float(math.hypot(first[-1, 0], first[-1, 1]))
@@ -239,10 +234,6 @@ def _error_lines(errors: dict[str, Any] | None) -> list[str]:
     if errors["not_covered"]:
         lines.append(f"  {errors['not_covered']} poses lie outside the truth and do not count")
     return lines
-
-
-def _statistics(translation: Floats, rotation: Floats) -> dict[str, dict[str, float]]:
-    return {"translation_m": moments(translation), "rotation_rad": moments(rotation)}
 
 
 def moments(values: Floats) -> dict[str, float]:

@@ -19,7 +19,6 @@ from slams.params import Params
 
 Floats = NDArray[np.float64]
 Ranges = NDArray[np.float32]
-Records = NDArray[np.void]  # rows of named numbers
 State = Literal["matched", "predicted", "lost"]
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.cells import deepcopied
 from slams.jit import FAST, njit
 from slams.types import Floats
 from tsd.scan_kernels import Beams
@@ -42,9 +41,6 @@ class Field(NamedTuple):
     used: NDArray[np.int64]
     seen: NDArray[np.uint8]
     walls: NDArray[np.float32]
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Field:
-        return Field(*deepcopied(self, memo))
 
 
 class PushRule(NamedTuple):

@@ -92,11 +92,7 @@ def parser() -> argparse.ArgumentParser:
         help="launch or parameter file of the original's ROS node; may be given again",
     )
     single.add_options(p)
-    p.add_argument(
-        "--no-odometry", action="store_true", help="ignore the odometry and gyro of the log"
-    )
-    p.add_argument("--limit", type=int, metavar="N", help="use the first N scans only")
-    p.add_argument("--every", type=int, default=1, metavar="K", help="use every K-th scan only")
+    cli.add_selection_options(p)
     p.add_argument(
         "--seed",
         metavar="N",
@@ -151,9 +147,9 @@ def checked(
 def _check_options(arguments: argparse.Namespace) -> None:
     if arguments.starts > 1 and arguments.relations is None:
         raise ValueError("--starts: expected --relations FILE as well, errors are of those")
-    for name in ("limit", "every", "jobs", "starts"):
+    for name in ("jobs", "starts"):
         value = getattr(arguments, name)
-        if value is not None and value < 1:
+        if value < 1:
             raise ValueError(f"--{name}: got {value}, expected 1 or more")
     if arguments.logs and arguments.duration is not None:
         raise ValueError("--duration: is of the simulation; got a log as well")

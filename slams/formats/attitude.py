@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats
 
@@ -17,35 +18,34 @@ OVERHEAD = 1.0  # rad: by more no robot tilts, its IMU is not mounted as the tra
 
 
 class Inertial(NamedTuple):
-    """One message in the IMU's own axes: orientation x, y, z, w (nan: none), rates, acceleration.
-
-    `received` [s] stands in where no header has a stamp.
-    """
+    """One message in the IMU's own axes: orientation x, y, z, w, rates, acceleration; nan: none."""
 
     sent: float
-    received: float
     orientation: tuple[float, float, float, float]
     rates: tuple[float, float, float]
     acceleration: tuple[float, float, float]
 
 
-def inertial(message: Any, received: float, sent: float) -> Inertial:
+def inertial(message: Any) -> Inertial:
     """Of a sensor_msgs/Imu; a covariance of -1 or a zero quaternion says that there is none."""
     q, w, a = message.orientation, message.angular_velocity, message.linear_acceleration
-    given = message.orientation_covariance[0] != -1.0 and (q.x or q.y or q.z or q.w)
-    orientation = (q.x, q.y, q.z, q.w) if given else (math.nan,) * 4
-    return Inertial(sent, received, orientation, (w.x, w.y, w.z), (a.x, a.y, a.z))
+    oriented = message.orientation_covariance[0] != -1.0 and (q.x or q.y or q.z or q.w)
+    turning = message.angular_velocity_covariance[0] != -1.0
+    return Inertial(
+        seconds(message.header.stamp),
+        (q.x, q.y, q.z, q.w) if oriented else (math.nan,) * 4,
+        (w.x, w.y, w.z) if turning else (math.nan,) * 3,
+        (a.x, a.y, a.z),
+    )
 
 
-def attitude_of(rows: list[Inertial], turned: Floats) -> Track | None:
+def attitude_of(t: Floats, rows: list[Inertial], turned: Floats) -> Track | None:
     """Roll and pitch of the base; `turned` (3, 3) from the IMU's axes to the base's.
 
     An orientation that never changes is a placeholder. None where nothing is measured.
     """
     if not rows:
         return None
-    sent = np.array([row.sent for row in rows])
-    t = sent if sent.any() else np.array([row.received for row in rows])
     orientation = np.array([row.orientation for row in rows])
     measured = np.isfinite(orientation).any() and (orientation != orientation[0]).any()
     up = up_of(orientation) if measured else _filtered(t, rows)
@@ -90,6 +90,13 @@ def up_of(orientation: Floats) -> Floats:
     with np.errstate(invalid="ignore"):
         x, y, z, w = (orientation / np.linalg.norm(orientation, axis=1, keepdims=True)).T
     return np.column_stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+
+
+def headings(orientation: Floats) -> Floats:
+    """Headings (n,) [rad] of orientations (n, 4) of any length."""
+    x, y, z, w = orientation.T
+    found: Floats = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return found
 
 
 def _filtered(t: Floats, rows: list[Inertial]) -> Floats:

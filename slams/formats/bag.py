@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from slams.formats.options import DamagedError
 
@@ -51,20 +51,17 @@ class Record(NamedTuple):
     data: bytes
 
 
-class Bag(Protocol):
-    """A recording: its topics, and the messages of some of them in the order of receiving."""
+class Bag(NamedTuple):
+    """A recording: its topics, and what gives the messages of some, in the order of receiving."""
 
     topics: list[Topic]
     ros1: bool
-
-    def records(self, topics: Collection[str]) -> Iterator[Record]:
-        """Messages of these topics."""
-        ...
+    records: Callable[[Collection[str]], Iterator[Record]]
 
 
 @contextmanager
-def open_bag(path: Path, kind: str) -> Iterator[LibraryBag]:
-    """A bag read by the library.
+def open_bag(path: Path, kind: str) -> Iterator[Bag]:
+    """A whole bag, read by the library.
 
     Raises:
         DamagedError: the library cannot read it, or would miss its end.
@@ -73,11 +70,41 @@ def open_bag(path: Path, kind: str) -> Iterator[LibraryBag]:
         raise damaged(path, kind, f"its last messages are still in {log.name}")
     if kind in ("mcap", "db3") and path.suffix != f".{kind}":  # by which the library goes
         raise ValueError(f"{path}: is a .{kind} by its content; give it this ending")
-    bag = LibraryBag(path, kind)
+    reader = _guarded(path, kind, lambda: _opened(path, kind))
+    topics = summed((c.topic, c.msgtype, c.msgcount) for c in reader.connections)
+
+    def _records(names: Collection[str]) -> Iterator[Record]:
+        wanted = [c for c in reader.connections if c.topic in names and c.msgtype in KNOWN]
+        messages = reader.messages(connections=wanted) if wanted else iter(())
+        while (item := _guarded(path, kind, lambda: next(messages, None))) is not None:
+            connection, received, data = item
+            if connection in wanted:  # a damaged index leads to others, too
+                yield Record(connection.topic, connection.msgtype, received, data)
+
     try:
-        yield bag
+        yield Bag(topics, kind == "bag", _records)
     finally:
-        bag.close()
+        _guarded(path, kind, reader.close)
+
+
+def _opened(path: Path, kind: str) -> Any:
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+
+    reader = Reader1(path) if kind == "bag" else Reader2(path)
+    reader.open()
+    return reader
+
+
+def _guarded(path: Path, kind: str, work: Callable[[], T]) -> T:
+    """Let the library do something; whatever it raises on a damaged file is one sentence."""
+    try:
+        return work()
+    except Exception as error:  # its parsers raise what they stumble over: any class
+        if isinstance(error, FileNotFoundError | PermissionError) and error.errno:
+            raise
+        text = (str(error) or type(error).__name__).replace(str(path), path.name)
+        raise damaged(path, kind, text) from error
 
 
 def write_ahead(database: Path) -> Path | None:
@@ -86,62 +113,20 @@ def write_ahead(database: Path) -> Path | None:
     return log if log.is_file() and log.stat().st_size else None
 
 
-class LibraryBag:
-    """A whole bag."""
+def joined(path: Path, bags: Sequence[Bag]) -> Bag:
+    """The files of one recording, the first at `path`, as one bag.
 
-    def __init__(self, path: Path, kind: str) -> None:
-        self.path, self.kind, self.ros1 = path, kind, kind == "bag"
-        self._reader = self._guarded(self._opened)
-        self.topics = summed((c.topic, c.msgtype, c.msgcount) for c in self._reader.connections)
+    Raises:
+        ValueError: some are of ROS 1 and some of ROS 2.
+    """
+    if len({bag.ros1 for bag in bags}) > 1:
+        raise ValueError(f"{path}: some of the files are of ROS 1 and of ROS 2 the others")
 
-    def close(self) -> None:
-        """Close the file."""
-        self._guarded(self._reader.close)
-
-    def records(self, topics: Collection[str]) -> Iterator[Record]:
-        """Messages of these topics.
-
-        Raises:
-            DamagedError: the library cannot read on.
-        """
-        wanted = [c for c in self._reader.connections if c.topic in topics and c.msgtype in KNOWN]
-        messages = self._reader.messages(connections=wanted) if wanted else iter(())
-        while (item := self._guarded(lambda: next(messages, None))) is not None:
-            connection, received, data = item
-            if connection in wanted:  # a damaged index leads to others, too
-                yield Record(connection.topic, connection.msgtype, received, data)
-
-    def _opened(self) -> Any:
-        from rosbags.rosbag1 import Reader as Reader1
-        from rosbags.rosbag2 import Reader as Reader2
-
-        reader = Reader1(self.path) if self.ros1 else Reader2(self.path)
-        reader.open()
-        return reader
-
-    def _guarded(self, work: Callable[[], T]) -> T:
-        """Let the library do something; whatever it raises on a damaged file is one sentence."""
-        try:
-            return work()
-        except Exception as error:  # its parsers raise what they stumble over: any class
-            if isinstance(error, FileNotFoundError | PermissionError) and error.errno:
-                raise
-            text = (str(error) or type(error).__name__).replace(str(self.path), self.path.name)
-            raise damaged(self.path, self.kind, text) from error
-
-
-class SeveralBags:
-    """The files of one recording, all of ROS 1 or all of ROS 2, as one bag."""
-
-    def __init__(self, bags: Sequence[Bag]) -> None:
-        self.ros1 = bags[0].ros1
-        self._bags = bags
-        self.topics = summed(topic for bag in bags for topic in bag.topics)
-
-    def records(self, topics: Collection[str]) -> Iterator[Record]:
-        """Messages of these topics."""
-        each = (bag.records(topics) for bag in self._bags)
+    def _records(names: Collection[str]) -> Iterator[Record]:
+        each = (bag.records(names) for bag in bags)
         return heapq.merge(*each, key=lambda record: record.received)
+
+    return Bag(summed(topic for bag in bags for topic in bag.topics), bags[0].ros1, _records)
 
 
 def summed(found: Iterable[tuple[str, str, int]]) -> list[Topic]:

@@ -5,20 +5,19 @@ from __future__ import annotations
 import bz2
 import mmap
 import os
-import re
 import shutil
 import sqlite3
 import struct
 import sys
 import tempfile
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import lz4.frame
 
-from slams.formats.bag import KNOWN, Record, summed, write_ahead
+from slams.formats.bag import KNOWN, Bag, Record, summed, write_ahead
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -45,43 +44,31 @@ Found = Iterator[tuple[str, str, int, bytes]]  # topic, type, received [ns], dat
 Bytes = bytes | mmap.mmap
 
 
-class SalvagedBag:
+def salvaged(path: Path, kind: str) -> Bag:
     """The messages that can still be read, with the topics they are of."""
-
-    def __init__(self, path: Path, kind: str) -> None:
-        self.ros1 = kind == "bag"
-        self._records: list[Record] = []
-        found: list[tuple[str, str, int]] = []
-        for topic, name, received, data in _found(path, kind):
-            msgtype = name if "/msg/" in name else name.replace("/", "/msg/", 1)
-            self.ros1 |= msgtype != name  # ROS 1 messages in an mcap
-            found.append((topic, msgtype, 1))
-            if msgtype in KNOWN:
-                self._records.append(Record(topic, msgtype, received, data))
-        self._records.sort(key=lambda record: record.received)
-        self.topics = summed(found)
-
-    def records(self, topics: Collection[str]) -> Iterator[Record]:
-        """Messages of these topics."""
-        return (record for record in self._records if record.topic in topics)
+    ros1, records = kind == "bag", list[Record]()
+    found: list[tuple[str, str, int]] = []
+    for topic, name, received, data in _found(path, kind):
+        msgtype = name if "/msg/" in name else name.replace("/", "/msg/", 1)
+        ros1 |= msgtype != name  # ROS 1 messages in an mcap
+        found.append((topic, msgtype, 1))
+        if msgtype in KNOWN:
+            records.append(Record(topic, msgtype, received, data))
+    records.sort(key=lambda record: record.received)
+    return Bag(summed(found), ros1, lambda names: (r for r in records if r.topic in names))
 
 
 def _found(path: Path, kind: str) -> Found:
     if kind == "folder":
-        for file in _files(path):
-            yield from _found(file, file.suffix[1:])
+        for file in sorted(path.iterdir()):
+            if file.suffix in (".mcap", ".db3"):
+                yield from _found(file, file.suffix[1:])
     elif kind == "db3":
         yield from _rows(path)
     elif path.stat().st_size:  # an empty file cannot be mapped
         with path.open("rb") as stored:
             data = mmap.mmap(stored.fileno(), 0, access=mmap.ACCESS_READ)
             yield from _ros1(data, HEADER1, {}) if kind == "bag" else _mcap(data, HEADER2, {}, {})
-
-
-def _files(folder: Path) -> list[Path]:
-    """Storage files of a ROS 2 bag, name_2 before name_10."""
-    files = [path for path in folder.iterdir() if path.suffix in (".mcap", ".db3")]
-    return sorted(files, key=lambda p: [int(n) for n in re.findall(r"\d+", p.stem)][-1:])
 
 
 def _rows(path: Path) -> Found:

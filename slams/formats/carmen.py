@@ -24,7 +24,7 @@ import numpy as np
 
 from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.packed import name_of, text_of
-from slams.formats.sweep import Geometry, Sweep, common, usable
+from slams.formats.sweep import Sweep, common, usable
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats, Laser, Pose2, Ranges
 from slams.validation import FAR, LATEST
@@ -150,7 +150,7 @@ class Lines:
         sweep = _sweep(words, words[2 : 2 + n], self._old_geometry(n))
         self.readings.append(Reading(sweep, Pose2(*poses[:3]), Pose2(*poses[3:])))
 
-    def _old_geometry(self, n: int) -> Geometry:
+    def _old_geometry(self, n: int) -> Laser:
         """The lines do not tell the angles: the parameters do, or else 180 degrees it is."""
         usual = SICK_STEPS.get(n, 180.0 / max(n - 1, 1))
         step = self.number("laser_front_laser_resolution", usual)
@@ -159,7 +159,7 @@ class Lines:
         first = -90.0 if n in SICK_STEPS else -0.5 * step * (n - 1)
         first = math.radians(first if self.first_beam is None else self.first_beam)
         high = self.number("robot_front_laser_max", RANGE_MAX)
-        return Geometry(n, first, math.radians(step), RANGE_MIN, high)
+        return Laser(first, math.radians(step), n, RANGE_MIN, high)
 
     def _new_laser(self, words: list[str]) -> None:
         """RAWLASERn and ROBOTLASERn; the number of words tells what stands at their end."""
@@ -170,13 +170,13 @@ class Lines:
         sweep = _sweep(words, words[9 : 9 + n], geometry)
         self.readings.append(Reading(sweep, *(poses or (None, None))))
 
-    def _new_geometry(self, n: int, numbers: list[float]) -> Geometry:
+    def _new_geometry(self, n: int, numbers: list[float]) -> Laser:
         first, fov, step, high = numbers
         even = fov / (n - 1) if n > 1 else step
         if step <= 0.0 or abs(step - even) * n < 1e-3:  # six decimals are few for a step
             step = even
         first = first if self.first_beam is None else math.radians(self.first_beam)
-        return Geometry(n, first, step, RANGE_MIN, high)
+        return Laser(first, step, n, RANGE_MIN, high)
 
 
 def _end_poses(rest: list[str], numbers: int) -> list[Pose2]:
@@ -190,7 +190,7 @@ def _end_poses(rest: list[str], numbers: int) -> list[Pose2]:
     return [Pose2(*values[:3]), Pose2(*values[3:])]
 
 
-def _sweep(words: list[str], readings: list[str], geometry: Geometry) -> Sweep:
+def _sweep(words: list[str], readings: list[str], geometry: Laser) -> Sweep:
     _expect(usable(geometry))
     with np.errstate(over="ignore"):  # beyond float32 is nothing seen
         return Sweep(_stamp(words), np.array(readings, np.float64).astype(np.float32), geometry)

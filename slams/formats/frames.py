@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from slams.formats.attitude import roll_and_pitch
+from slams.formats.attitude import headings, roll_and_pitch
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Pose2, wrap_angle
@@ -51,19 +50,12 @@ class Transforms:
         """Names of all frames."""
         return sorted({frame for edge in self.samples for frame in edge})
 
-    def ancestors(self, frame: str) -> list[str]:
-        """Frames the frame is rigidly fixed to, from itself up the tree."""
+    def ancestors(self, frame: str, rigid: bool = True) -> list[str]:
+        """Frames the frame is fixed to, or sits or moves in, from itself up the tree."""
         found = [bare(frame)]
-        while (edge := self._above(found[-1], rigid=True)) and edge[0] not in found:
+        while (edge := self._above(found[-1], rigid)) and edge[0] not in found:
             found.append(edge[0])
         return found
-
-    def above(self, frame: str) -> list[str]:
-        """All frames that the frame sits or moves in, nearest first."""
-        found = [bare(frame)]
-        while (edge := self._above(found[-1], rigid=False)) and edge[0] not in found:
-            found.append(edge[0])
-        return found[1:]
 
     def fixed(self, base: str, frame: str) -> Floats | None:
         """The frame in base, 4 x 4, if they are rigidly fixed to each other."""
@@ -90,9 +82,11 @@ class Transforms:
         the short way round. One that never changes holds at all times; if `strict`, as tf has it,
         only from its first to its last stamp unless it is static.
         """
-        chain = list(self._chain(bare(parent), bare(frame)))
-        if not chain:
+        above, parent = self.ancestors(frame, rigid=False), bare(parent)
+        if parent not in above[1:]:
             return None
+        down = above[above.index(parent) :: -1]
+        chain = list(pairwise(down))
         tracks = [_planar_track(self.samples[edge]) for edge in chain]
         alive = [k for k, edge in enumerate(chain) if not self.is_fixed(edge)]
         clock = max(alive or range(len(chain)), key=lambda k: len(np.unique(tracks[k].t)))
@@ -139,26 +133,11 @@ class Transforms:
 
     def _to_root(self, frame: str) -> dict[str, Floats]:
         """The frame in each of its rigid ancestors."""
-        pose, found = np.eye(4), {}
         names = self.ancestors(frame)
-        found[names[0]] = pose
+        found = {names[0]: np.eye(4)}
         for child, parent in pairwise(names):
-            pose = _matrix(self.samples[parent, child][0]) @ pose
-            found[parent] = pose
+            found[parent] = _matrix(self.samples[parent, child][0]) @ found[child]
         return found
-
-    def _chain(self, parent: str, frame: str) -> Iterator[Edge]:
-        """Edges from the parent down to the frame; none if it is not above it."""
-        edges: list[Edge] = []
-        names = {frame}
-        while frame != parent:
-            edge = self._above(frame, rigid=False)
-            if edge is None or edge[0] in names:
-                return
-            edges.append(edge)
-            frame = edge[0]
-            names.add(frame)
-        yield from reversed(edges)
 
 
 def attitudes_of(rows: list[tuple[float, ...]]) -> Floats:
@@ -196,11 +175,9 @@ def _composed(a: Floats, b: Floats) -> Floats:
     return poses
 
 
-def _planar_track(rows: Iterable[tuple[float, ...]]) -> Track:
-    table = np.array(list(rows), np.float64)
-    x, y, z, w = table[:, 4:].T
-    yaw = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    return Track(table[:, 0].copy(), np.column_stack([table[:, 1:3], yaw]))
+def _planar_track(rows: list[tuple[float, ...]]) -> Track:
+    table = np.array(rows, np.float64)
+    return Track(table[:, 0].copy(), np.column_stack([table[:, 1:3], headings(table[:, 4:])]))
 
 
 def _matrix(row: tuple[float, ...]) -> Floats:

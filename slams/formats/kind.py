@@ -20,44 +20,15 @@ UNPACK_COMMANDS = {b"\x28\xb5\x2f\xfd": "zstd -d", b"BZh": "bunzip2", b"\xfd7zXZ
 
 
 def kind_of(path: Path) -> str:
-    """npz, bag, mcap, db3, folder (of a ROS 2 bag) or carmen.
-
-    Raises:
-        OSError: the file cannot be opened.
-        ValueError: it is none of them.
-    """
-    kind, head = _binary_kind(path)
-    if kind is None and not carmen.is_carmen(head.decode("latin-1")):
-        empty = "" if head else "empty; "
-        raise ValueError(f"{path}: {empty}not an npz file, a ROS bag or a CARMEN log")
-    return kind or "carmen"
-
-
-def binary_kind_of(path: Path) -> str | None:
-    """npz, bag, mcap, db3 or folder; None for text, be it packed by gzip.
+    """npz, bag, mcap, db3, folder (of a ROS 2 bag), carmen or other, be it packed by gzip.
 
     Raises:
         OSError: the file cannot be opened.
         ValueError: it is packed in another way, too old a bag, or a folder without one.
     """
-    return _binary_kind(path)[0]
-
-
-def is_bag_folder(path: Path) -> bool:
-    """Whether a folder holds a ROS 2 bag.
-
-    Raises:
-        OSError: it cannot be looked into.
-    """
-    names = [item.name for item in path.iterdir()]  # glob finds nothing where it may not look
-    return any(name == "metadata.yaml" or name.endswith((".mcap", ".db3")) for name in names)
-
-
-def _binary_kind(path: Path) -> tuple[str | None, bytes]:
-    """The kind, None for text; and the start of the file, unpacked."""
     if path.is_dir():
         if is_bag_folder(path):
-            return "folder", b""
+            return "folder"
         raise ValueError(f"{path}: is a directory without a ROS 2 bag (metadata.yaml, .mcap, .db3)")
     with path.open("rb") as file:
         head = file.read(HEAD_SIZE)
@@ -70,4 +41,14 @@ def _binary_kind(path: Path) -> tuple[str | None, bytes]:
         raise ValueError(f"{path}: compressed as a whole; unpack it first: {command} {path.name}")
     if kind is None and head.startswith(OLD_BAG):
         raise ValueError(f"{path}: a bag of a version before 2.0; 'rosbag fix' makes a new one")
-    return kind, head
+    return kind or ("carmen" if carmen.is_carmen(head.decode("latin-1")) else "other")
+
+
+def is_bag_folder(path: Path) -> bool:
+    """Whether a folder holds a ROS 2 bag.
+
+    Raises:
+        OSError: it cannot be looked into.
+    """
+    names = [item.name for item in path.iterdir()]  # glob finds nothing where it may not look
+    return any(name == "metadata.yaml" or name.endswith((".mcap", ".db3")) for name in names)

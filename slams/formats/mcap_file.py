@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from collections.abc import Collection, Mapping
 from contextlib import suppress
@@ -28,8 +27,9 @@ class McapFile:
         from rosbags.rosbag2 import StoragePlugin, Writer
 
         self.path, self.types = Path(path), dict(types)
-        self._folder = tempfile.mkdtemp(prefix=f".{self.path.name}.", dir=self.path.parent)
-        bag = Path(self._folder) / "bag"
+        prefix = f".{self.path.name}."
+        self._folder = tempfile.TemporaryDirectory(prefix=prefix, dir=self.path.parent)
+        bag = Path(self._folder.name) / "bag"
         try:
             self._writer: Any = Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
@@ -40,7 +40,7 @@ class McapFile:
                 for topic, kind in self.types.items()
             }
         except BaseException:
-            self._discard()
+            self._folder.cleanup()
             raise
 
     def write(self, topic: str, stamp: int, message: Any) -> None:
@@ -55,9 +55,9 @@ class McapFile:
         """Finish the file and give it its name."""
         try:
             self._writer.close()
-            next((Path(self._folder) / "bag").glob("*.mcap")).replace(self.path)
+            next(Path(self._folder.name).rglob("*.mcap")).replace(self.path)
         finally:
-            self._discard()
+            self._folder.cleanup()
 
     def __enter__(self) -> Self:
         return self
@@ -72,10 +72,7 @@ class McapFile:
         """Leave nothing of the file."""
         with suppress(Exception):  # whatever went wrong before may go wrong again
             self._writer.close()
-        self._discard()
-
-    def _discard(self) -> None:
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._folder.cleanup()
 
 
 def _qos(kept: bool) -> Any:

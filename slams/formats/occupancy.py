@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -170,17 +168,6 @@ def picture(grid: OccupancyGrid, poses: Floats | None = None, least: int = 900) 
     return image
 
 
-def write_picture(path: str | Path, grid: OccupancyGrid, poses: Floats | None = None) -> None:
-    """Write `picture` as png."""
-    write_image(Path(path), picture(grid, poses))
-
-
-def write_images(folder: Path, images: dict[str, Pixels]) -> None:
-    """Write images (h, w) or (h, w, 3) BGR under their file names."""
-    for name, pixels in images.items():
-        write_image(folder / name, pixels)
-
-
 def write_image(path: Path, pixels: Pixels) -> None:
     """Write an image (h, w) or (h, w, 3) BGR in the format that its name ends in.
 
@@ -207,24 +194,14 @@ def _read_image(path: Path) -> Floats:
 
 
 def _decoded(data: Pixels) -> NDArray[Any] | None:
-    """The picture in the bytes of a file, if it is one."""
-    import cv2
-
-    with silent_opencv():
-        try:
-            return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-        except cv2.error:  # larger than any picture
-            return None
-
-
-@contextmanager
-def silent_opencv() -> Iterator[None]:
-    """OpenCV's own messages are held back: errors of ours say what fails."""
+    """The picture in the bytes of a file, if it is one; OpenCV's own messages are held back."""
     import cv2
 
     logging = cv2.utils.logging
     before = logging.setLogLevel(logging.LOG_LEVEL_SILENT)
     try:
-        yield
+        return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    except cv2.error:  # larger than any picture
+        return None
     finally:
         logging.setLogLevel(before)

@@ -21,11 +21,13 @@ def text_of(path: Path, salvage: bool, notes: list[str]) -> str:
     Raises:
         OSError: the file cannot be opened.
         DamagedError: the packed file is cut short or corrupt.
+        ValueError: it unpacks to more than a recording packs.
     """
     data = path.read_bytes()
     if not data.startswith(GZIP):
         return data.decode("latin-1")
-    text, reason = all_unpacked(path, data)
+    text, reason = unpacked(data, max(MIN_UNPACKED_LIMIT, MAX_GROWTH * len(data)) + 1)
+    check_growth(path, len(data), len(text))
     if reason and not salvage:
         raise DamagedError(f"{path}: {reason}; copy it again, or --salvage what is whole")
     if reason:
@@ -49,17 +51,6 @@ def check_growth(path: str | Path, size: int, unpacked_size: int) -> None:
             f"{path}: unpacks to {1e-9 * unpacked_size:.1f} GB or more from {1e-6 * size:.1f} MB, "
             "as no recording does; if this is one, give it unpacked"
         )
-
-
-def all_unpacked(path: str | Path, data: bytes) -> tuple[bytes, str]:
-    """As `unpacked`, all of it.
-
-    Raises:
-        ValueError: it is more than a recording packs.
-    """
-    text, reason = unpacked(data, max(MIN_UNPACKED_LIMIT, MAX_GROWTH * len(data)) + 1)
-    check_growth(path, len(data), len(text))
-    return text, reason
 
 
 def unpacked(data: bytes, most: int) -> tuple[bytes, str]:

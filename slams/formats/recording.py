@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from slams.formats.attitude import about_vertical, attitude_of, rotated
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag, Topic
@@ -20,13 +19,6 @@ from slams.types import IDENTITY, Floats, Pose2
 
 KIND = {"bag": "ROS 1 bag", "mcap": "ROS 2 mcap", "db3": "ROS 2 db3", "folder": "ROS 2 bag"}
 RESULT, MAP = "/pose", "map"  # where the poses of a result stand
-
-
-class Contents(NamedTuple):
-    """What is in a recording: its topics, and how its frames are connected."""
-
-    topics: list[Topic]
-    transforms: Transforms
 
 
 class Recording:
@@ -50,7 +42,7 @@ class Recording:
         truth, true_source = self._truth()
         attitude = self._attitude()
         rate = self._yaw_rate(attitude)
-        matrix = self._fixed(self.base, self.messages.frame(self.roles.scan))
+        matrix = self._fixed(self.base, self.laser)
         if attitude is not None and matrix is not None:
             laser = replace(laser, mount_z=float(matrix[2, 3]))
         source = {
@@ -61,7 +53,7 @@ class Recording:
             "yaw_rate": self.roles.imu if rate else None,
             "truth": true_source,
             "base_frame": self.base,
-            "laser_frame": self.messages.frame(self.roles.scan),
+            "laser_frame": self.laser,
         }
         meta = {"name": name_of(self.path), "source": source}
         return ScanLog(t, ranges, laser, odom, truth, rate, meta, tuple(self.notes), attitude)
@@ -85,11 +77,11 @@ class Recording:
         self.base = self._base_frame()
         return self._whole(*self._truth())
 
-    def contents(self) -> Contents:
+    def contents(self) -> tuple[list[Topic], Transforms]:
         """The topics that have messages, and all transforms."""
         self.messages = Messages({})
         self._take(self._tf())
-        return Contents(self.topics.found, self.messages.transforms)
+        return self.topics.found, self.messages.transforms
 
     def _of_base_in_map(self) -> Track:
         """The base in the map, by transforms alone."""
@@ -133,6 +125,7 @@ class Recording:
         for topic in sorted(frames):
             self.messages.collect_first(self.path, self.bag, topic, self.options.salvage)
         self._take(static | (topics - frames))
+        self.laser = self.messages.frame(self.roles.scan)
         if not self._knows_its_frames():
             self._take(tf - static)
         if self.messages.bad:
@@ -152,7 +145,7 @@ class Recording:
         if self.wanted not in (None, "none") and roles.truth is None:
             return False
         base = options.base_frame or (self.messages.frame(roles.odom) if roles.odom else "")
-        return bool(base) and self._fixed(base, self.messages.frame(roles.scan)) is not None
+        return bool(base) and self._fixed(base, self.laser) is not None
 
     def _sweeps(self) -> list[Sweep]:
         sweeps = self.messages.sweeps(self.roles.scan)
@@ -173,8 +166,7 @@ class Recording:
 
     def _base_frame(self) -> str:
         """The frame that poses are of: asked for, else the odometry's, else base_link or so."""
-        laser = self.messages.frame(self.roles.scan)
-        wanted = self.options.base_frame
+        laser, wanted = self.laser, self.options.base_frame
         if wanted is not None:
             if self._fixed(wanted, laser) is None:
                 raise ValueError(
@@ -194,23 +186,22 @@ class Recording:
 
     def _mount(self) -> tuple[Pose2, bool]:
         """The laser in the base, and whether it is upside down."""
-        laser = self.messages.frame(self.roles.scan)
-        matrix = self._fixed(self.base, laser)
-        if matrix is None or self.base == laser:
-            self._check_laser_frame(laser)
+        matrix = self._fixed(self.base, self.laser)
+        if matrix is None or self.base == self.laser:
+            self._check_laser_frame()
             self.notes.append(
-                f"no transform from a base to the laser's frame '{laser}'; the laser is taken as "
-                "the base"
+                f"no transform from a base to the laser's frame '{self.laser}'; the laser is taken "
+                "as the base"
             )
             return IDENTITY, False
         return planar(matrix, "the laser", self.notes)
 
-    def _check_laser_frame(self, laser: str) -> None:
+    def _check_laser_frame(self) -> None:
         """Refuse transforms that leave the laser out: it may hang upside down for all we know.
 
         So it is with the second file of a split ROS 1 bag; static transforms are in the first.
         """
-        frames = self.messages.transforms.frames
+        frames, laser = self.messages.transforms.frames, self.laser
         if frames and laser not in frames and self.options.base_frame is None:
             raise ValueError(
                 f"{self.path}: no way from the frames of its transforms ({some(frames)}) to the "
@@ -221,36 +212,37 @@ class Recording:
     # tracks
 
     def _odometry(self) -> tuple[Track | None, str | None]:
-        wanted, topic = self.options.odom, self.roles.odom
-        if topic is not None:
-            return self._at_base(topic), topic
-        if wanted == "none":
-            return None, None
-        if wanted is not None:
-            return self._moving(wanted, "--odom"), f"tf {wanted}"
-        frames = [f for f in self.messages.transforms.above(self.base) if "odom" in f.lower()]
-        if len(frames) > 1:
-            raise ValueError(
-                f"{self.path}: {len(frames)} odometry frames, --odom picks one (or none): "
-                f"{some(frames)}"
-            )
-        if not frames:
-            return None, None
-        return self._moving(frames[0], "--odom"), f"tf {frames[0]}"
+        wanted = self.options.odom
+        if self.roles.odom is None and wanted is None:
+            frames = [frame for frame in self._above() if "odom" in frame.lower()]
+            if len(frames) > 1:
+                raise ValueError(
+                    f"{self.path}: {len(frames)} odometry frames, --odom picks one (or none): "
+                    f"{some(frames)}"
+                )
+            wanted = frames[0] if frames else "none"
+        return self._poses(self.roles.odom, wanted, "--odom")
 
     def _truth(self) -> tuple[Track | None, str | None]:
         """From a topic or a frame, in this order; files are read elsewhere."""
         wanted, topic = self.wanted, self.roles.truth
+        flag = "--trajectory" if self.strict else "--truth"
+        known = [None, *self.messages.transforms.frames, *([] if self.strict else ["none"])]
+        if topic is None and (wanted and bare(wanted)) not in known:
+            raise ValueError(
+                f"{self.path}: {flag}: {wanted} is no topic, frame or file; {self._there_is()}"
+            )
+        return self._poses(topic, wanted, flag)
+
+    def _poses(
+        self, topic: str | None, frame: str | None, flag: str
+    ) -> tuple[Track | None, str | None]:
+        """The base's poses on a topic, else in a frame; and where they are from."""
         if topic is not None:
             return self._at_base(topic), topic
-        if wanted is None or (wanted == "none" and not self.strict):
+        if frame is None or frame == "none":
             return None, None
-        flag = "--trajectory" if self.strict else "--truth"
-        if bare(wanted) in self.messages.transforms.frames:
-            return self._moving(wanted, flag, self.strict), f"tf {wanted}"
-        raise ValueError(
-            f"{self.path}: {flag}: {wanted} is no topic, frame or file; {self._there_is()}"
-        )
+        return self._moving(frame, flag), f"tf {frame}"
 
     def _at_base(self, topic: str) -> Track | None:
         """A topic's poses, carried from the frame they are of to the base."""
@@ -260,13 +252,15 @@ class Recording:
             return track
         return moved(track, planar(matrix, "the base", self.notes)[0])
 
-    def _moving(self, frame: str, flag: str, strict: bool = False) -> Track:
-        track = self.messages.transforms.moving(frame, self.base, strict)
+    def _above(self) -> list[str]:
+        return self.messages.transforms.ancestors(self.base, rigid=False)[1:]
+
+    def _moving(self, frame: str, flag: str) -> Track:
+        track = self.messages.transforms.moving(frame, self.base, self.strict)
         if track is None:
-            found = some(self.messages.transforms.above(self.base)) or "none"
             raise ValueError(
                 f"{self.path}: {flag}: {frame} is no topic and no frame above {self.base}; "
-                f"such frames: {found}"
+                f"such frames: {some(self._above()) or 'none'}"
             )
         return track
 
@@ -274,8 +268,8 @@ class Recording:
         """Roll and pitch of the base by the IMU, if its place on the base is known, else by tf."""
         topic = self.roles.imu
         matrix = self._fixed(self.base, self.messages.frame(topic)) if topic else None
-        if matrix is not None:
-            return attitude_of(self.messages.inertial, matrix[:3, :3])
+        if topic is not None and matrix is not None:
+            return attitude_of(*self.messages.inertial(topic), matrix[:3, :3])
         return None if topic else self.messages.transforms.attitude(self.base)
 
     def _yaw_rate(self, attitude: Track | None) -> Track | None:

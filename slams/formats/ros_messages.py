@@ -27,10 +27,10 @@ from slams.formats.bag import (
 )
 from slams.formats.frames import Transforms, bare, yaw_of
 from slams.formats.options import DamagedError
-from slams.formats.sweep import Geometry, Sweep
+from slams.formats.sweep import Sweep
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
-from slams.types import Floats, Ranges
+from slams.types import Floats, Laser, Ranges
 from slams.validation import FAR
 
 ZSTD = b"\x28\xb5\x2f\xfd"
@@ -54,7 +54,6 @@ class Messages:
     def __init__(self, types: dict[str, Collection[str]]) -> None:
         self.types = types
         self.rows: dict[str, list[Row]] = {topic: [] for topic in types}
-        self.inertial: list[Inertial] = []
         self.transforms = Transforms()
         self.bad = 0
 
@@ -104,9 +103,6 @@ class Messages:
             self.transforms.add(message, record.topic.endswith("static"))
         elif record.msgtype in self.types.get(record.topic, ()):
             self.rows[record.topic] += _rows(record, message)
-            if record.msgtype == IMU:
-                sent = seconds(message.header.stamp)
-                self.inertial.append(inertial(message, 1e-9 * record.received, sent))
 
     def frame(self, topic: str) -> str:
         """The frame that most messages of a topic name."""
@@ -118,6 +114,11 @@ class Messages:
         rows = self.rows[topic]
         stamps = _stamps(rows).tolist()
         return [Sweep(t, *row.values) for t, row in zip(stamps, rows, strict=True)]
+
+    def inertial(self, topic: str) -> tuple[Floats, list[Inertial]]:
+        """Stamps (n,) [s] of an IMU, and what it measured then."""
+        rows = self.rows[topic]
+        return _stamps(rows), [row.values for row in rows]
 
     def track(self, topic: str) -> Track | None:
         """Poses, or turn rates about three axes, over time; what is not finite is left out."""
@@ -145,7 +146,8 @@ def _rows(record: Record, message: Any) -> list[Row]:
 
 def _numbers(rows: list[Row]) -> tuple[Floats, NDArray[np.bool_]]:
     """The values (n, 3) of rows, and which of them can be."""
-    values: Floats = np.array([row.values for row in rows], np.float64).reshape(-1, 3)
+    numbers = [v.rates if isinstance(v := row.values, Inertial) else v for row in rows]
+    values: Floats = np.array(numbers, np.float64).reshape(-1, 3)
     whole: NDArray[np.bool_] = np.all(np.abs(values) < FAR, axis=1)
     return values, whole
 
@@ -155,37 +157,30 @@ def _stamps(rows: list[Row]) -> Floats:
     return sent if sent.any() else np.array([row.received for row in rows], np.float64)
 
 
-def _scan(message: Any) -> tuple[str, tuple[Ranges, Geometry]]:
+def _scan(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
     return _sweep(message, np.array(message.ranges, np.float32))
 
 
-def _echoes(message: Any) -> tuple[str, tuple[Ranges, Geometry]]:
+def _echoes(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
     """The first echo of each beam; none means nothing up to range_max."""
     first = [e.echoes[0] if len(e.echoes) else math.inf for e in message.ranges]
     return _sweep(message, np.array(first, np.float32))
 
 
-def _sweep(message: Any, ranges: Ranges) -> tuple[str, tuple[Ranges, Geometry]]:
-    geometry = Geometry(
-        len(ranges),
+def _sweep(message: Any, ranges: Ranges) -> tuple[str, tuple[Ranges, Laser]]:
+    geometry = Laser(
         float(message.angle_min),
         float(message.angle_increment),
+        len(ranges),
         float(message.range_min),
         float(message.range_max),
-        float(message.time_increment),
+        time_increment=float(message.time_increment),
     )
     return message.header.frame_id, (ranges, geometry)
 
 
 def _odometry(message: Any) -> tuple[str, list[float]]:
     return message.child_frame_id, _pose(message.pose.pose)
-
-
-def _imu(message: Any) -> tuple[str, list[float]]:
-    """Turn rates; a covariance of -1 says that there are none."""
-    w = message.angular_velocity
-    given = message.angular_velocity_covariance[0] != -1.0
-    return message.header.frame_id, [w.x, w.y, w.z] if given else [math.nan] * 3
 
 
 def _pose(pose: Any) -> list[float]:
@@ -196,7 +191,7 @@ READ: dict[str, Callable[[Any], tuple[str, Any]]] = {
     SCAN: _scan,
     ECHOES: _echoes,
     ODOMETRY: _odometry,
-    IMU: _imu,
+    IMU: lambda message: (message.header.frame_id, inertial(message)),
     POSE: lambda message: ("", _pose(message.pose)),
     POSE_COV: lambda message: ("", _pose(message.pose.pose)),
 }

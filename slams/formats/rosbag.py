@@ -7,9 +7,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TypeVar
 
-from slams.formats.bag import Bag, SeveralBags, open_bag
+from slams.formats.bag import Topic, joined, open_bag
+from slams.formats.frames import Transforms
+from slams.formats.kind import kind_of
 from slams.formats.options import DamagedError, SourceOptions
-from slams.formats.recording import Contents, Recording
+from slams.formats.recording import Recording
 from slams.scanlog import ScanLog, Track
 
 T = TypeVar("T")
@@ -17,7 +19,7 @@ T = TypeVar("T")
 FOREIGN = ("ros1msg", "protobuf", "jsonschema", "flatbuffer")  # how mcap files call them
 
 
-def read(paths: Sequence[Path], kinds: Sequence[str], options: SourceOptions) -> ScanLog:
+def read(paths: Sequence[Path], options: SourceOptions) -> ScanLog:
     """The scans of one laser with odometry, yaw rate and truth; several files are one recording.
 
     Raises:
@@ -25,10 +27,10 @@ def read(paths: Sequence[Path], kinds: Sequence[str], options: SourceOptions) ->
         ValueError: it is damaged, has no scans, or leaves a choice open; the sentence says what
             to do.
     """
-    return _of_bags(paths, kinds, options, Recording.log)
+    return _of_bags(paths, options, Recording.log)
 
 
-def read_track(path: Path, kind: str, wanted: str | None, options: SourceOptions) -> Track:
+def read_track(path: Path, wanted: str | None, options: SourceOptions) -> Track:
     """Poses in a bag, without reading its scans.
 
     `wanted` is a topic, or a tf frame in which the base of the log moves; None takes those of a
@@ -38,49 +40,39 @@ def read_track(path: Path, kind: str, wanted: str | None, options: SourceOptions
         OSError: the bag cannot be opened.
         ValueError: as `read`; there is no such topic or frame, or it has no poses.
     """
-    return _of_bags([path], [kind], options, lambda recording: recording.track(wanted))
+    return _of_bags([path], options, lambda recording: recording.track(wanted))
 
 
-def contents(paths: Sequence[Path], kinds: Sequence[str], options: SourceOptions) -> Contents:
+def contents(paths: Sequence[Path], options: SourceOptions) -> tuple[list[Topic], Transforms]:
     """The topics and transforms of a recording, whatever is in it.
 
     Raises:
         OSError: a bag cannot be opened.
         ValueError: it is damaged.
     """
-    return _of_bags(paths, kinds, options, Recording.contents)
+    return _of_bags(paths, options, Recording.contents)
 
 
-def _of_bags(
-    paths: Sequence[Path],
-    kinds: Sequence[str],
-    options: SourceOptions,
-    work: Callable[[Recording], T],
-) -> T:
+def _of_bags(paths: Sequence[Path], options: SourceOptions, work: Callable[[Recording], T]) -> T:
     """Read a recording by the library, or what is whole where the library cannot."""
-    named = list(zip(paths, kinds, strict=True))
+    path, files = paths[0], [(path, kind_of(path)) for path in paths]
     try:
         with ExitStack() as opened:
-            bags: list[Bag] = [opened.enter_context(open_bag(*pair)) for pair in named]
-            return work(Recording(paths[0], kinds[0], _joined(paths[0], bags), options))
+            bags = [opened.enter_context(open_bag(*file)) for file in files]
+            return work(Recording(*files[0], joined(path, bags), options))
     except DamagedError as error:
-        if not (options.salvage or _has_foreign_messages(error)):
+        foreign = _has_foreign_messages(error)
+        if not (options.salvage or foreign):
             raise
-        from slams.formats.bag_salvage import SalvagedBag  # loads every decompressor
+        from slams.formats.bag_salvage import salvaged  # loads every decompressor
 
-        bags = [SalvagedBag(*pair) for pair in named]
-        if not any(bag.topics for bag in bags):
-            raise DamagedError(f"{paths[0]}: nothing in it can be salvaged") from error
-        recording = Recording(paths[0], kinds[0], _joined(paths[0], bags), options)
-        if not _has_foreign_messages(error):
-            recording.notes.append(str(error).partition("; ")[0].removeprefix(f"{paths[0]}: "))
+        bag = joined(path, [salvaged(*file) for file in files])
+        if not bag.topics:
+            raise DamagedError(f"{path}: nothing in it can be salvaged") from error
+        recording = Recording(*files[0], bag, options)
+        if not foreign:
+            recording.notes.append(str(error).partition("; ")[0].removeprefix(f"{path}: "))
         return work(recording)
-
-
-def _joined(path: Path, bags: Sequence[Bag]) -> Bag:
-    if len({bag.ros1 for bag in bags}) > 1:
-        raise ValueError(f"{path}: some of the files are of ROS 1 and of ROS 2 the others")
-    return bags[0] if len(bags) == 1 else SeveralBags(bags)
 
 
 def _has_foreign_messages(error: DamagedError) -> bool:

@@ -50,9 +50,15 @@ def load(
     if first is not None and not abs(first) <= 360.0:
         raise ValueError(f"--first-beam: got {first:g}, expected degrees from -360 to 360")
     kinds = [kind_of(path) for path in paths]
+    for item, its_kind in zip(paths, kinds, strict=True):
+        if its_kind == "other":
+            empty = "" if item.stat().st_size else "empty; "
+            raise ValueError(f"{item}: {empty}not an npz file, a ROS bag or a CARMEN log")
+        if len(paths) > 1 and its_kind not in BAGS:
+            raise ValueError(f"{item}: is no bag; of several files only bags make one log")
     kind = kinds[0]
     with _named(paths[0]):
-        log = _with_truth(paths, kinds, options)
+        log = _with_truth(paths, kind, options)
         pace = _pace(log)
     return _noted(log, [*log.notes, *_left_aside(kind, options), *_uncovered(log), *pace])
 
@@ -68,12 +74,12 @@ def _named(path: Path) -> Iterator[None]:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _with_truth(paths: list[Path], kinds: list[str], options: SourceOptions) -> ScanLog:
+def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
     """The log with the truth of a trajectory file if one is given; bags have other truths, too."""
     wanted = options.truth
-    if wanted is None or (kinds[0] in BAGS and not trajectory.is_file(wanted)):
-        return _read(paths, kinds, options)
-    log = replace(_read(paths, kinds, replace(options, truth="none")), truth=None)
+    if wanted is None or (kind in BAGS and not trajectory.is_file(wanted)):
+        return _read(paths, kind, options)
+    log = replace(_read(paths, kind, replace(options, truth="none")), truth=None)
     if wanted == "none":
         return log
     truth, source = trajectory.read_track(Path(wanted), options.salvage), log.meta.get("source", {})
@@ -82,28 +88,24 @@ def _with_truth(paths: list[Path], kinds: list[str], options: SourceOptions) -> 
     return replace(log, truth=truth, meta=log.meta | {"source": source})
 
 
-def _read(paths: list[Path], kinds: list[str], options: SourceOptions) -> ScanLog:
-    path, kind = paths[0], kinds[0]
-    for other, its_kind in zip(paths, kinds, strict=True):
-        if len(paths) > 1 and its_kind not in BAGS:
-            raise ValueError(f"{other}: is no bag; of several files only bags make one log")
-    topics = options.more_scan_topics
+def _read(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
+    path, topics = paths[0], options.more_scan_topics
     if kind in BAGS:
-        return _of_lasers(paths, kinds, options) if topics else rosbag.read(paths, kinds, options)
+        return _of_lasers(paths, options) if topics else rosbag.read(paths, options)
     expect(not topics, "--scan-topic", "several", f"one: {path} is no bag")
     return _read_npz(path, options) if kind == "npz" else carmen.read(path, options)
 
 
-def _of_lasers(paths: list[Path], kinds: list[str], options: SourceOptions) -> ScanLog:
+def _of_lasers(paths: list[Path], options: SourceOptions) -> ScanLog:
     """Scans of several topics of a bag, by stamps; everything else comes with the first."""
     topics = (options.scan_topic, *options.more_scan_topics)
     bare = {(topic or "").lstrip("/") for topic in topics}
     expect(len(bare) == len(topics) <= MAX_LASERS, "--scan-topic", topics, "different topics")
-    first = rosbag.read(paths, kinds, options)
+    first = rosbag.read(paths, options)
     base = first.meta["source"]["base_frame"]
     same = replace(options, base_frame=base, truth="none")
     more = [replace(same, scan_topic=topic) for topic in options.more_scan_topics]
-    logs = [first, *(rosbag.read(paths, kinds, choice) for choice in more)]
+    logs = [first, *(rosbag.read(paths, choice) for choice in more)]
     t, numbers = np.concatenate([log.t for log in logs]), [len(log) for log in logs]
     order = np.argsort(t, kind="stable")
     rows = np.full((len(t), max(log.laser.n_beams for log in logs)), np.nan, np.float32)

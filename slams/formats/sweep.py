@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,29 +16,21 @@ from slams.validation import LONGEST_RANGE
 DIRECTION_TOLERANCE = 0.01  # directions that differ by less than this part of a step are the same
 
 
-class Geometry(NamedTuple):
-    """What a driver says about one sweep: directions [rad], range limits [m], beam time [s]."""
-
-    n_beams: int
-    angle_min: float
-    angle_increment: float
-    range_min: float
-    range_max: float
-    time_increment: float = 0.0
-
-
-def usable(geometry: Geometry) -> bool:
+def usable(geometry: Laser) -> bool:
     """Whether beams have directions: a step that is one, from an angle that is one."""
     turning = 1e-6 < abs(geometry.angle_increment) < 7.0 or geometry.n_beams == 1
     return geometry.n_beams > 0 and turning and abs(geometry.angle_min) < 100.0
 
 
 class Sweep(NamedTuple):
-    """One sweep as recorded: stamp of the first beam [s], readings (n_beams,) [m]."""
+    """One sweep as recorded: stamp of the first beam [s], readings (n_beams,) [m], directions.
+
+    Of the geometry all but the mount is what the driver says.
+    """
 
     t: float
     ranges: Ranges
-    geometry: Geometry
+    geometry: Laser
 
 
 def common(
@@ -62,10 +55,21 @@ def common(
             f"common {geometry.n_beams}"
         )
     t = np.array([sweep.t for sweep in sweeps])
-    return t, rows, _laser(geometry, t, rows, mount, flipped, notes)
+    range_min, range_max = _limits(geometry, rows, notes)
+    sign = -1.0 if flipped else 1.0
+    laser = replace(
+        geometry,
+        angle_min=sign * geometry.angle_min,
+        angle_increment=sign * geometry.angle_increment,
+        range_min=range_min,
+        range_max=range_max,
+        mount=mount,
+        time_increment=_time_increment(geometry, t, notes),
+    )
+    return t, rows, laser
 
 
-def _most_common(sweeps: Sequence[Sweep]) -> Geometry:
+def _most_common(sweeps: Sequence[Sweep]) -> Laser:
     """The geometry most sweeps have; the drivers' rounding of angles set aside, the first wins."""
     rounded = Counter(_rounded(sweep.geometry) for sweep in sweeps)
     best = rounded.most_common(1)[0][0]
@@ -73,11 +77,11 @@ def _most_common(sweeps: Sequence[Sweep]) -> Geometry:
     return exact.most_common(1)[0][0]
 
 
-def _rounded(geometry: Geometry) -> tuple[int, float, float]:
+def _rounded(geometry: Laser) -> tuple[int, float, float]:
     return geometry.n_beams, round(geometry.angle_min, 4), round(geometry.angle_increment, 6)
 
 
-def same_directions(a: Geometry, b: Geometry) -> bool:
+def same_directions(a: Laser, b: Laser) -> bool:
     """Whether the beams of both point the same way, drivers' rounding of angles set aside."""
     if a.n_beams != b.n_beams:
         return False
@@ -86,38 +90,21 @@ def same_directions(a: Geometry, b: Geometry) -> bool:
     return abs(a.angle_min - b.angle_min) <= tolerance and spread <= tolerance
 
 
-def _resampled(sweep: Sweep, target: Geometry) -> Ranges:
+def _resampled(sweep: Sweep, target: Laser) -> Ranges:
     """Readings in the target's directions; nan where the sweep has none."""
     source = sweep.geometry
     row = np.full(target.n_beams, np.nan, np.float32)
     if source.n_beams == 1 or target.n_beams == 1:
         return row
-    angles = target.angle_min + target.angle_increment * np.arange(target.n_beams)
     turn = 2.0 * math.pi / abs(source.angle_increment)
-    place = (angles - source.angle_min) / source.angle_increment
+    place = (target.angles - source.angle_min) / source.angle_increment
     nearest = np.floor((place + 0.5) % turn).astype(np.intp)  # a whole turn on is the same beam
     inside = nearest < source.n_beams
     row[inside] = sweep.ranges[nearest[inside]]
     return row
 
 
-def _laser(
-    geometry: Geometry, t: Floats, rows: Ranges, mount: Pose2, flipped: bool, notes: list[str]
-) -> Laser:
-    sign = -1.0 if flipped else 1.0
-    range_min, range_max = _limits(geometry, rows, notes)
-    return Laser(
-        angle_min=sign * geometry.angle_min,
-        angle_increment=sign * geometry.angle_increment,
-        n_beams=geometry.n_beams,
-        range_min=range_min,
-        range_max=range_max,
-        mount=mount,
-        time_increment=_time_increment(geometry, t, notes),
-    )
-
-
-def _limits(geometry: Geometry, rows: Ranges, notes: list[str]) -> tuple[float, float]:
+def _limits(geometry: Laser, rows: Ranges, notes: list[str]) -> tuple[float, float]:
     """The driver's range limits, or what the readings say where it gives none."""
     low, high = geometry.range_min, geometry.range_max
     if not 0.0 <= low < LONGEST_RANGE:
@@ -129,7 +116,7 @@ def _limits(geometry: Geometry, rows: Ranges, notes: list[str]) -> tuple[float, 
     return low, high
 
 
-def _time_increment(geometry: Geometry, t: Floats, notes: list[str]) -> float:
+def _time_increment(geometry: Laser, t: Floats, notes: list[str]) -> float:
     """The driver's time from beam to beam, 0 where it cannot be true."""
     increment = geometry.time_increment
     if not math.isfinite(increment) or increment < 0.0:

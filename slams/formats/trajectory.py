@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from slams.formats import rosbag
-from slams.formats.kind import BAGS, binary_kind_of, is_bag_folder, kind_of
+from slams.formats.attitude import headings
+from slams.formats.kind import BAGS, is_bag_folder, kind_of
 from slams.formats.options import SourceOptions
 from slams.formats.packed import text_of
 from slams.scanlog import Track
@@ -69,10 +70,9 @@ def read_trajectory(
     name, options = str(spec), options or SourceOptions()
     if is_file(name):
         return _in_order(name, read_track(Path(name), options.salvage))
-    kind = None if log_path is None else kind_of(Path(log_path))
-    if log_path is None or kind not in BAGS:
+    if log_path is None or kind_of(Path(log_path)) not in BAGS:
         raise _no_such(name, log_path)
-    track = rosbag.read_track(Path(log_path), kind, name, options)
+    track = rosbag.read_track(Path(log_path), name, options)
     return _in_order(f"{log_path}: {name}", track)
 
 
@@ -83,12 +83,12 @@ def read_track(path: Path, salvage: bool = False) -> Track:
         OSError: the file cannot be opened.
         ValueError: it is none of them; the sentence says what was found.
     """
-    kind = binary_kind_of(path)
-    if kind is None:
-        return Track(*read(path, salvage))
+    kind = kind_of(path)
+    if kind == "npz":
+        raise ValueError(f"{path}: got an npz file, expected a trajectory: TUM, csv or a bag")
     if kind not in BAGS:
-        raise ValueError(f"{path}: got an {kind} file, expected a trajectory: TUM, csv or a bag")
-    return rosbag.read_track(path, kind, None, SourceOptions(salvage=salvage))
+        return Track(*read(path, salvage))
+    return rosbag.read_track(path, None, SourceOptions(salvage=salvage))
 
 
 def is_file(spec: str) -> bool:
@@ -146,11 +146,9 @@ def _table(path: str | Path, rows: list[list[str]], columns: str) -> Floats:
 
 def _heading(rotations: Floats) -> Floats:
     """Heading (n,) of quaternions (n, 4) of any length; nan where one is no rotation."""
-    x, y, z, w = rotations.T
     with np.errstate(over="ignore", invalid="ignore"):
-        heading = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
         is_rotation = np.linalg.norm(rotations, axis=1) > MIN_QUATERNION_NORM
-    return np.where(is_rotation, heading, np.nan)
+        return np.where(is_rotation, headings(rotations), np.nan)
 
 
 def _in_order(what: str, track: Track) -> Track:

@@ -6,9 +6,7 @@ import threading
 import time
 from typing import Any
 
-import numpy as np
-
-from slams.formats.attitude import Inertial, inertial
+from slams.formats.attitude import Inertial
 from slams.formats.bag import IMU, ODOMETRY, TF, Record
 from slams.formats.frames import planar
 from slams.formats.ros_messages import READ
@@ -41,7 +39,7 @@ class SensorBuffer:
         self._child: str | None = None  # frame of the topic's poses
         self._to_base: Pose2 | None = None  # from the frame of the odometry to the base
         self._gyro = IntegralSeries()
-        self._early = list[tuple[str, Floats, Inertial]]()  # frames, rates [rad/s], all of it
+        self._early = list[tuple[str, Inertial]]()  # with their frames
         self._imus: dict[str, ImuAttitude | None] = {}  # by frames; None where tf lacks one
         self._attitude, self._tilts = Series(MAX_ATTITUDE_GAP), dict[str, Series]()
         self._settled = False
@@ -62,8 +60,7 @@ class SensorBuffer:
                 self._child = child or self._child
                 self._of_topic.push(seconds(message.header.stamp), *pose)
             else:
-                (frame, rates), t = READ[IMU](message), seconds(message.header.stamp)
-                self._early.append((frame, np.array(rates), inertial(message, t, t)))
+                self._early.append(READ[IMU](message))
                 self._integrate()
             self._changed.notify_all()
 
@@ -155,14 +152,14 @@ class SensorBuffer:
         del self._early[:-MAX_EARLY_READINGS]
         if not self._settled:
             return
-        for frame, rates, measured in self._early:
+        for frame, measured in self._early:
             if frame not in self._imus:
                 self._imus[frame] = self._imu(frame)
             imu = self._imus[frame]
             if imu is None:
-                self._gyro.push(measured.sent, float(rates[2]))
+                self._gyro.push(measured.sent, measured.rates[2])
                 continue
-            for t, rate, roll, pitch in imu.push(rates, measured):
+            for t, rate, roll, pitch in imu.push(measured):
                 self._gyro.push(t, rate)
                 self._attitude.push(t, roll, pitch)
         self._early.clear()

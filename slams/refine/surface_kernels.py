@@ -9,12 +9,11 @@ opposite normals, and a corner has two walls.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.cells import deepcopied
 from slams.jit import njit
 from slams.scan.scan_kernels import Points
 from slams.types import Pose2
@@ -42,9 +41,6 @@ class Surface(NamedTuple):
     x0: float
     y0: float
     resolution: float
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Surface:
-        return Surface(*deepcopied(self, memo))
 
 
 class Splat(NamedTuple):

@@ -1,7 +1,5 @@
 """Room for maps that grow: memory only where something was written, and moves of what grows."""
 
-import copy
-
 import numpy as np
 import pytest
 from numpy.lib.array_utils import byte_bounds
@@ -10,8 +8,6 @@ from slams.cells import (
     PAGE,
     PAGEMAP,
     Room,
-    copied,
-    deepcopied,
     filled,
     given_pages,
     move,
@@ -45,33 +41,13 @@ def test_memory_is_taken_where_it_is_written_to():
     assert taken(array) == 2 * PAGE
 
 
-@needs_pagemap
-def test_a_copy_has_the_same_and_takes_no_more():
-    array = zeros((300, 4096), np.float32)
-    array[7, 5:3000] = 2.0
-    array[299, 4095] = 3.0
-    for source in (array, array[7:8, :], array[:, :].reshape(-1)[1030:9001]):
-        other = copied(source)
-        assert taken(other) <= taken(source) + PAGE < source.nbytes + 2 * PAGE
-        np.testing.assert_array_equal(other, source)
-        assert not np.shares_memory(other, source)
-
-
-def test_a_copy_without_the_system_telling_is_a_copy(monkeypatch, tmp_path):
+def test_without_the_system_telling_all_pages_count(monkeypatch, tmp_path):
     monkeypatch.setattr("slams.cells.PAGEMAP", tmp_path / "none")
     array = zeros((64, 4096), np.float32)
     array[3, 3000] = 1.0
-    np.testing.assert_array_equal(copied(array), array)
     assert given_pages(0, 10 * PAGE).all()
-
-
-def test_arrays_that_are_shared_stay_so_in_a_deep_copy():
-    array, memo = zeros((4, 4), np.int32), {}
-    first, number = deepcopied((array, 3.0), memo)
-    (second,) = deepcopied((array,), memo)
-    assert first is second
-    assert first is not array
-    assert number == 3.0
+    block = (3 * 4 * 4096 + 4 * 3000) // PAGE * PAGE
+    assert filled(array) == [(block, block + PAGE)]
 
 
 def test_a_room_is_a_square_around_the_origin():
@@ -141,30 +117,6 @@ def test_blocks_count_from_where_an_array_begins(offset):
     array[[2 * PAGE, 3 * PAGE, 8 * PAGE - 1, len(array) - 1]] = 1
     spans = [(2 * PAGE, 4 * PAGE), (7 * PAGE, 8 * PAGE), (9 * PAGE, len(array))]
     assert filled(array) == spans
-
-
-@needs_pagemap
-@pytest.mark.parametrize("name", ["hector", "crsm"])
-def test_a_deep_copy_of_an_algorithm_takes_what_it_has_seen_and_goes_on_alike(name):
-    log = drive(n=40)
-    entry = find(name)
-    slam = entry.cls(entry.params())
-    scans = list(log)
-    for scan in scans[:30]:
-        slam.update(scan)
-    other = copy.deepcopy(slam)
-    assert _taken(slam) < 30e6
-    assert _taken(other) <= 1.1 * _taken(slam)
-    poses = [slam.update(scan) for scan in scans[30:]]
-    assert poses == [other.update(scan) for scan in scans[30:]]
-    np.testing.assert_array_equal(other.map().p, slam.map().p)
-
-
-def _taken(slam):
-    """Bytes of the arrays of cells."""
-    grids = slam._map
-    arrays = [grids.lines.surface, *(getattr(grids, "levels", None) or [grids.cells])]
-    return sum(taken(a) for tuple_ in arrays for a in tuple_ if isinstance(a, np.ndarray))
 
 
 @pytest.mark.parametrize("name", ["hector", "crsm"])

@@ -534,14 +534,14 @@ def test_a_folder_without_metadata(kind, tmp_path):
 @pytest.mark.parametrize("kind", bags.KINDS[:5])
 def test_the_linear_reader_finds_all_that_the_library_finds(kind, tmp_path):
     from slams.formats.bag import open_bag
-    from slams.formats.bag_salvage import SalvagedBag
+    from slams.formats.bag_salvage import salvaged
 
     path = bags.write(tmp_path, kind, drive)
     names = ["/scan", "/odom", "/imu", "/tf_static"]
-    salvaged = SalvagedBag(path, kind.partition("-")[0])
+    found = salvaged(path, kind.partition("-")[0])
     with open_bag(path, kind.partition("-")[0]) as bag:
-        assert sorted(salvaged.topics) == sorted(bag.topics)
-        assert sorted(salvaged.records(names)) == sorted(bag.records(names))
+        assert sorted(found.topics) == sorted(bag.topics)
+        assert sorted(found.records(names)) == sorted(bag.records(names))
 
 
 def test_a_message_that_cannot_be_read(tmp_path):
