@@ -7,10 +7,14 @@ hundredth of a millisecond.
 from __future__ import annotations
 
 from functools import cache
-from importlib import import_module
 from typing import Any
 
+from cyclonedds.idl import make_idl_struct
+from cyclonedds.idl import types as idl_types
+
 from slams.formats.ros_store import fields
+
+types: Any = idl_types
 
 
 def type_name(msgtype: str) -> str:
@@ -34,8 +38,6 @@ def topic_name(topic: str) -> str:
 @cache
 def packed(msgtype: str) -> Any:
     """The DDS type whose samples hold a message's bytes in `cdr`."""
-    from cyclonedds.idl import make_idl_struct
-
     members = {name: _member(kind, what) for name, (kind, what) in fields(msgtype)}
     name = msgtype.rpartition("/")[2]
     kind: Any = make_idl_struct(name, type_name(msgtype), members, dataclassify=False)
@@ -57,7 +59,6 @@ def _of_bytes(kind: Any, data: bytes) -> Any:
 
 
 def _member(kind: str, what: Any) -> Any:
-    types: Any = import_module("cyclonedds.idl.types")
     if kind == "name":
         return packed(what)
     if kind == "base":

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,13 +18,15 @@ from slams.live.diagnostics import PERIOD, Diagnostics, Say
 from slams.live.estimate import Estimate
 from slams.live.frames import Mounted, RobotFrames
 from slams.live.maps import MapThread
-from slams.live.options import NodeOptions
+from slams.live.options import KINDS, SCANS, TYPES, Callback, NodeOptions, Quality
 from slams.live.publisher import NodePublisher
 from slams.live.recorder import Recorder
 from slams.live.scans import Arrived, Scans
 from slams.live.slam import LiveSlam
-from slams.live.transport import KINDS, SCANS, TYPES, Callback, Quality, Transport
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
+
+if TYPE_CHECKING:
+    from slams.live.transport import Transport
 
 SETTLING_TIME = 0.5  # [s] after the first scan, in which odometry and tf may begin
 MAX_WAIT_FOR_TF = 2.0  # [s] after the first scan; without any tf the laser is the base then

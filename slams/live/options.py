@@ -1,17 +1,41 @@
-"""Topics, frames, times and network of the live commands, with ROS's defaults."""
+"""Topics, frames and times of `slams live`, with ROS's kinds and defaults."""
 
 from __future__ import annotations
 
 import argparse
 import math
-import os
+from collections.abc import Callable
 from dataclasses import Field, dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from enum import Enum
+from typing import Any
 
+from slams.formats.bag import IMU, ODOMETRY, PATH, POSE_COV, SCAN, TF, Record
 from slams.params import MAX_LASERS
 
-if TYPE_CHECKING:
-    from slams.live.transport import Transport
+MAP, STATUS = "nav_msgs/msg/OccupancyGrid", "diagnostic_msgs/msg/DiagnosticArray"
+Callback = Callable[[Record], None]
+
+
+class Quality(Enum):
+    """How a topic's messages are carried: ROS 2's profiles, as far as they are needed."""
+
+    SENSOR = "best effort"  # a lost message is not sent again: the next one is newer
+    RELIABLE = "reliable"
+    LATCHED = "transient local"  # a late subscriber gets the last message
+
+
+SCANS = SCAN, Quality.SENSOR
+KINDS = {  # what a node's other topics carry and how, by the names that `Topics` has for them
+    "odom": (ODOMETRY, Quality.SENSOR),
+    "imu": (IMU, Quality.SENSOR),
+    "tf": (TF, Quality.RELIABLE),
+    "tf_static": (TF, Quality.LATCHED),
+    "map": (MAP, Quality.LATCHED),
+    "path": (PATH, Quality.LATCHED),
+    "pose": (POSE_COV, Quality.RELIABLE),
+    "state": (STATUS, Quality.RELIABLE),
+}
+TYPES = tuple(dict.fromkeys(msgtype for msgtype, _ in (SCANS, *KINDS.values())))
 
 
 def _option(flag: str, metavar: str, default: Any, text: str) -> Any:
@@ -135,38 +159,3 @@ def _given(kind: type, arguments: argparse.Namespace) -> dict[str, Any]:
 
 def _absolute(topic: str) -> str:
     return topic if topic.startswith("/") else f"/{topic}"
-
-
-def add_network_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command the options of ROS 2's network."""
-    group = parser.add_argument_group(
-        "network", "ROS 2's network protocol (DDS), with the names and settings of ROS"
-    )
-    group.add_argument(
-        "--domain-id", type=int, metavar="N", help="DDS domain (default: ROS_DOMAIN_ID, else 0)"
-    )
-    group.add_argument(
-        "--localhost-only",
-        action="store_true",
-        help="reach programs on this machine only, as ROS_LOCALHOST_ONLY=1 does",
-    )
-
-
-def transport_of(arguments: argparse.Namespace) -> Transport:
-    """The network that the options name.
-
-    Raises:
-        LookupError: cyclonedds is not installed.
-        ValueError: no such domain, or no network.
-    """
-    from slams.live.transport import Transport
-
-    domain: int | None = arguments.domain_id
-    if domain is None:
-        text = os.environ.get("ROS_DOMAIN_ID", "") or "0"
-        if not text.isdecimal():
-            raise ValueError(f"ROS_DOMAIN_ID: got {text!r}, expected a number")
-        domain = int(text)
-    local = os.environ.get("ROS_LOCALHOST_ONLY") == "1"  # of Humble; the next one of Jazzy
-    local |= os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "LOCALHOST"
-    return Transport(domain, arguments.localhost_only or local)

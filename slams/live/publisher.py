@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,9 +13,11 @@ from slams import metrics
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.estimate import STATES, Estimate
-from slams.live.options import NodeOptions
-from slams.live.transport import KINDS, Transport
+from slams.live.options import KINDS, NodeOptions
 from slams.types import Floats, OccupancyGrid, Pose2
+
+if TYPE_CHECKING:
+    from slams.live.transport import Transport
 
 PUBLISHED = ("map", "path", "tf", "pose", "state")
 PATH_STEP = 0.2  # [m] between two poses of a path: finer than a line on a screen shows

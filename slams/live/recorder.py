@@ -7,8 +7,7 @@ from pathlib import Path
 
 from slams.formats.bag import SCAN
 from slams.formats.mcap_file import McapFile
-from slams.live.options import Topics
-from slams.live.transport import KINDS
+from slams.live.options import KINDS, Topics
 
 
 class Recorder:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,10 +13,12 @@ from slams.formats.bag import IMU, ODOMETRY, SCAN, TF
 from slams.formats.mcap import LAST_STAMP, frames_of
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
-from slams.live.options import Topics
-from slams.live.transport import Publisher, Quality, Transport
+from slams.live.options import Quality, Topics
 from slams.scanlog import ScanLog, Track
 from slams.types import Pose2
+
+if TYPE_CHECKING:
+    from slams.live.transport import Publisher, Transport
 
 ODOM = "odom"
 TICK = 0.05  # [s] between looks at whether somebody listens

@@ -9,9 +9,8 @@ from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live import LiveSlam, node
 from slams.live.node import Node
-from slams.live.options import NodeOptions
+from slams.live.options import NodeOptions, Quality
 from slams.live.robot import Robot
-from slams.live.transport import Quality
 from slams.types import Pose2
 from tests.rooms import laser, scan_at
 from tests.slams.live.bus import Bus

@@ -8,9 +8,8 @@ import pytest
 import slams
 from slams.formats.bag import IMU, TF
 from slams.formats.ros_maker import Maker
-from slams.live.options import Topics
+from slams.live.options import Quality, Topics
 from slams.live.recorder import Recorder
-from slams.live.transport import Quality
 from slams.player import replay
 from slams.types import Attitude, Pose2
 from tests.rooms import way

@@ -12,7 +12,7 @@ from slams.formats.bag import PATH, POSE_COV, SCAN, TF
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.dds_types import ros_name, topic_name, type_name
-from slams.live.transport import MAP, STATUS, TYPES, Quality
+from slams.live.options import MAP, STATUS, TYPES, Quality
 from slams.player import replay
 from slams.types import OccupancyGrid, Pose2
 from tests.rooms import drive, laser

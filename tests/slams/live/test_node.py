@@ -10,9 +10,8 @@ from slams.formats.bag import IMU, SCAN, TF
 from slams.formats.frames import yaw_of
 from slams.formats.ros_maker import UNKNOWN, percent
 from slams.live import node
-from slams.live.options import NodeOptions, Topics
+from slams.live.options import NodeOptions, Quality, Topics
 from slams.live.recorder import Recorder
-from slams.live.transport import Quality
 from slams.player import replay
 from slams.scanlog import Track
 from slams.types import Pose2
