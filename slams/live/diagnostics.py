@@ -40,7 +40,7 @@ class Diagnostics:
         self._say = say
         self._silent_since: dict[str, float] = {}  # by topics
         self._reported: dict[str, tuple[float, int]] = {}
-        self._several: set[str] = set()  # topics
+        self._publishers: dict[str, int] = {}  # as they were, by topics
         self._notes: set[str] = set()
 
     def check(
@@ -59,12 +59,12 @@ class Diagnostics:
         for topic, last_scan in last_scans.items():
             self._check_silence(topic, last_scan)
         for topic, count in publishers.items():
-            if count > 1 and topic not in self._several:
+            if count > 1 >= self._publishers.get(topic, 1):
                 self._say(
                     f"{count} publishers on {topic}: the map is made of both lasers' scans; "
                     "--scan-topic takes another topic"
                 )
-        self._several = {topic for topic, count in publishers.items() if count > 1}
+        self._publishers = dict(publishers)
         for name, sentence in COUNTERS.items():
             self.count(name, report[name], sentence)
 

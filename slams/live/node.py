@@ -17,9 +17,8 @@ from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
 from slams.live.estimate import Estimate
 from slams.live.frames import Mounted, RobotFrames
-from slams.live.maps import MapThread
 from slams.live.options import KINDS, SCANS, TYPES, Callback, NodeOptions, Quality
-from slams.live.publisher import NodePublisher
+from slams.live.publisher import MapThread, NodePublisher
 from slams.live.recorder import Recorder
 from slams.live.scans import Arrived, Scans
 from slams.live.slam import LiveSlam

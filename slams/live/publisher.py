@@ -1,8 +1,9 @@
-"""The topics of a node: transform, pose and state with every scan, the map now and then."""
+"""The topics of a node: transform, pose and state with every scan, the map at its own pace."""
 
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -14,12 +15,14 @@ from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.estimate import STATES, Estimate
 from slams.live.options import KINDS, NodeOptions
+from slams.live.slam import LiveSlam
 from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
     from slams.live.transport import Transport
 
 PUBLISHED = ("map", "path", "tf", "pose", "state")
+MAX_HELD_SHARE = 0.05  # of the time that scans may wait for maps; slower maps come less often
 PATH_STEP = 0.2  # [m] between two poses of a path: finer than a line on a screen shows
 
 
@@ -96,3 +99,63 @@ class NodePublisher:
 def _share(value: float) -> str:
     """0..1 as text; nothing where it is not known."""
     return "" if math.isnan(value) else f"{value:.3f}"
+
+
+class MapThread:
+    """Draws a map every so often, in a thread of its own, if there was a scan since.
+
+    Args:
+        live: whose map.
+        publish: takes stamp [ns] and map.
+        every: time between two maps [s]; 0 for none.
+
+    `drawn` counts maps, `longest` is for how long [s] scans waited for one at most, `failed` why
+    the last one could not be drawn or published.
+    """
+
+    def __init__(
+        self, live: LiveSlam, publish: Callable[[int, OccupancyGrid], None], every: float
+    ) -> None:
+        self._live, self._publish, self._every = live, publish, every
+        self._stamp = self._published = -1
+        self.drawn, self.longest = 0, 0.0
+        self.failed: Exception | None = None
+        self._due = threading.Event()
+        self._ending = False
+        self._thread = threading.Thread(target=self._run, name="maps", daemon=True)
+        if every:
+            self._thread.start()
+
+    def add(self, stamp: int) -> None:
+        """Note that a scan with a stamp [ns] is in the map; the first map is drawn at once."""
+        is_first = self._stamp < 0
+        self._stamp = stamp
+        if is_first:
+            self._due.set()
+
+    def close(self) -> None:
+        """Publish the last map and end."""
+        self._ending = True
+        self._due.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        self._due.wait()
+        while not self._ending:
+            self._due.clear()
+            self._draw()
+            self._due.wait(max(self._every, self._live.held / MAX_HELD_SHARE))
+        self._draw()
+
+    def _draw(self) -> None:
+        stamp = self._stamp
+        if stamp < 0 or stamp == self._published:
+            return
+        try:
+            self._publish(stamp, self._live.map())
+        except Exception as error:  # the node reports it: scans go on
+            self.failed = error
+        self._published = stamp
+        self.drawn += 1
+        self.longest = max(self.longest, self._live.held)

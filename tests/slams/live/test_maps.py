@@ -7,7 +7,7 @@ import pytest
 
 import slams
 from slams.live import LiveSlam
-from slams.live.maps import MAX_HELD_SHARE, MapThread
+from slams.live.publisher import MAX_HELD_SHARE, MapThread
 from slams.registry import find
 from tests.rooms import drive
 
