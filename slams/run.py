@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
     from slams.types import Floats, OccupancyGrid, Slam
-    from slams.watch.view import View
+    from slams.view import View
 
 PROGRAM = "slams run"
 SUMMARY = "summary.json"
@@ -239,7 +239,7 @@ def _view(
     """The viewer if it was asked for; what it lacks is said before the run starts."""
     if not arguments.view:
         return nullcontext()
-    from slams.watch.view import View
+    from slams.view import View
 
     return View(arguments.view, slam, f"{label} on {log.name}")
 

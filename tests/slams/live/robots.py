@@ -4,18 +4,20 @@ import threading
 
 import numpy as np
 
+import slams
 from slams.formats.bag import IMU, ODOMETRY, SCAN, TF, Record
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live import LiveSlam, node
 from slams.live.node import Node
 from slams.live.options import NodeOptions, Quality
+from slams.live.recorder import Recorder
 from slams.live.robot import Robot
+from slams.player import replay
 from slams.types import Pose2
 from tests.rooms import laser, scan_at
 from tests.slams.live.bus import Bus
 
-BASELINE = "slams.baselines:Odometry"
 LASER = laser(91)
 MOUNT = Pose2(0.2, -0.05, 0.3)
 
@@ -48,10 +50,10 @@ class Idle:
 
 
 class Stand:
-    """A node and the bus it is on; `said` is what it tells the user."""
+    """A node and the bus it is on; `said` is what it tells the user, `file` where it records."""
 
     def __init__(
-        self, monkeypatch, algorithm=BASELINE, recorder=None, bus=None, begin=None, **options
+        self, monkeypatch, algorithm="odometry", file=None, bus=None, begin=None, **options
     ):
         monkeypatch.setattr(node, "SETTLING_TIME", 0.0)
         monkeypatch.setattr(node, "MAX_WAIT_FOR_TF", 0.0)
@@ -59,11 +61,12 @@ class Stand:
         monkeypatch.setattr(node, "POLL_PERIOD", 0.0)
         self.bus, self.said, self.make = bus or Bus(), [], Maker()
         usual = {"map_every": 0.0, "wait": 0.0}
+        self.algorithm, self.file = algorithm, file
         self.live = LiveSlam(algorithm, warm_up=False, **(begin or {}))
         self.transport = self.bus.transport()
         options = NodeOptions(**(usual | options))
         self.node = Node(self.live, self.transport, options, self.said.append)
-        self.node.recorder = recorder
+        self.node.recorder = None if file is None else Recorder(file, options.topics)
         self.transport.listen()
         self.transport.wanted.clear()
 
@@ -77,6 +80,21 @@ class Stand:
     def start_and_drive(self):
         self.start()
         self.drive()
+
+    def recorded(self, **load):
+        """The recorded log and the algorithm after a run of it, whose poses are the node's."""
+        self.node.recorder.close()
+        log, slam = slams.load(self.file, **load), slams.create(self.algorithm)
+        run = replay(slam, log)
+        assert np.array_equal(self.node.drive.t, run.t)
+        assert np.array_equal(self.node.drive.poses, run.poses)
+        return log, slam
+
+    def scans_seen(self):
+        """The scans that the algorithm gets from now on."""
+        seen, push = [], self.live.push_scan
+        self.live.push_scan = lambda scan: seen.append(scan) or push(scan)
+        return seen
 
     def look(self):
         self.node.check()

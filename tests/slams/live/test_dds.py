@@ -232,6 +232,7 @@ def test_ended_before_the_first_scan(number, started, tmp_path):
         ("slams.live", ["hectro"], "did you mean 'hector'"),
         ("slams.live", ["odometry", "--domain-id", "300"], "domain: got 300, expected 0 to 232"),
         ("slams.live", ["odometry", "--queue", "0"], "--queue: got 0, expected 1 scan or more"),
+        ("slams.live", ["odometry", "--map-every", "-1"], "--map-every: got -1, expected 0 s or"),
         ("slams.live", ["odometry", "--record", "a.bag"], "expected a name that ends in .mcap"),
         ("slams.live", ["hector", "--map", "m", "--map-every", "9"], "--map-every: got --localize"),
         ("slams.play", ["nothing.npz"], "nothing.npz: no such file"),
