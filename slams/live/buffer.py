@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any
 
 from slams.formats.attitude import Inertial
 from slams.formats.bag import IMU, ODOMETRY, TF, Record
@@ -35,13 +34,13 @@ class SensorBuffer:
         self.source: str | None = None  # of the odometry: "tf" or "topic", when chosen
         self._wanted = odometry
         self._odometry: PoseSeries | None = None
-        self._of_topic, self._of_tf = PoseSeries(), dict[str, PoseSeries]()
+        self._of_topic = PoseSeries()
         self._child: str | None = None  # frame of the topic's poses
         self._to_base: Pose2 | None = None  # from the frame of the odometry to the base
         self._gyro = IntegralSeries()
         self._early = list[tuple[str, Inertial]]()  # with their frames
         self._imus: dict[str, ImuAttitude | None] = {}  # by frames; None where tf lacks one
-        self._attitude, self._tilts = Series(MAX_ATTITUDE_GAP), dict[str, Series]()
+        self._attitude = Series(MAX_ATTITUDE_GAP)
         self._settled = False
         self._changed = threading.Condition()
 
@@ -54,7 +53,7 @@ class SensorBuffer:
             return
         with self._changed:
             if record.msgtype == TF:
-                self._take_tf(message, record.topic.endswith("static"))
+                self.frames.take(message, record.topic.endswith("static"))
             elif record.msgtype == ODOMETRY:
                 child, pose = READ[ODOMETRY](message)
                 self._child = child or self._child
@@ -67,7 +66,7 @@ class SensorBuffer:
     def has_tf_odometry(self, laser: str) -> bool:
         """Whether tf gives the odometry of the laser's base: no better source will come."""
         with self._changed:
-            return self._wanted != "topic" and self._moving(laser) in self._of_tf
+            return self._wanted != "topic" and self._moving(laser) in self.frames.moving
 
     def settle(self, laser: str) -> Mounted | None:
         """Where the laser sits, or None while that is open; the odometry is chosen with it."""
@@ -122,20 +121,20 @@ class SensorBuffer:
     @property
     def late(self) -> int:
         """How many samples came after newer ones."""
-        return sum(one.late for one in (self._of_topic, self._gyro, *self._of_tf.values()))
+        return sum(one.late for one in (self._of_topic, self._gyro, *self.frames.moving.values()))
 
     def _moving(self, laser: str) -> str | None:
         """The frame that the odometry is of: tf's, where the laser sits on it, else the topic's."""
         if self._wanted != "topic":
-            carrying = [child for child in self._of_tf if self.frames.carries(child, laser)]
+            carrying = [child for child in self.frames.moving if self.frames.carries(child, laser)]
             if carrying:
                 return carrying[0]
         return self._child if self._wanted in ("auto", "topic") else None
 
     def _choose(self, moving: str | None) -> None:
         """Settle on one odometry and attitude, as another one later would be a jump."""
-        if self._wanted != "topic" and moving in self._of_tf:
-            self.source, self._odometry = "tf", self._of_tf[moving]
+        if self._wanted != "topic" and moving in self.frames.moving:
+            self.source, self._odometry = "tf", self.frames.moving[moving]
         elif self._wanted in ("auto", "topic"):
             self.source, self._odometry = "topic", self._of_topic
         if moving is not None and moving != self.frames.base:
@@ -143,7 +142,7 @@ class SensorBuffer:
             if matrix is not None:
                 self._to_base = planar(matrix, "the base", self.frames.notes)[0]
         if not self._early and self.frames.base is not None:  # else the IMU has the attitude
-            self._attitude = self._tilts.setdefault(self.frames.base, self._attitude)
+            self._attitude = self.frames.tilting.setdefault(self.frames.base, self._attitude)
         self._settled = True
         self._integrate()
 
@@ -177,10 +176,3 @@ class SensorBuffer:
     def _fixed(self, base: str | None, frame: str | None) -> Floats | None:
         """A frame in a base, 4 x 4, if both are known and fixed to each other."""
         return None if base is None or frame is None else self.frames.tree.fixed(base, frame)
-
-    def _take_tf(self, message: Any, static: bool) -> None:
-        for t, child, pose in self.frames.add(message, static):
-            self._of_tf.setdefault(child, PoseSeries()).push(t, *pose)
-        for t, child, attitude in self.frames.tilts(message):
-            series = self._tilts.setdefault(child, Series(MAX_ATTITUDE_GAP))
-            series.push(t, *attitude.tolist())

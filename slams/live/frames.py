@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from slams.formats.frames import Edge, Transforms, attitudes_of, bare, planar, yaw_of
+from slams.formats.frames import Transforms, attitudes_of, bare, planar, yaw_of
 from slams.formats.topics import some
+from slams.live.series import PoseSeries, Series
 from slams.ros.stamps import seconds
-from slams.types import IDENTITY, Floats, Pose2
+from slams.track import MAX_ATTITUDE_GAP
+from slams.types import IDENTITY, Pose2
 
 FEW = 20  # transforms kept of each that moves: enough to see that it does
 
@@ -22,7 +24,10 @@ class Mounted(NamedTuple):
 
 
 class RobotFrames:
-    """The transform tree of a robot, without its past.
+    """The transform tree of a robot.
+
+    Of its past only the poses in the odometry's frame (`moving`) are kept, and the attitudes of
+    frames that tilt against a level one right above (`tilting`), by the frames' names.
 
     Args:
         base: the frame that poses are of; None leaves it to odometry and tf.
@@ -34,33 +39,27 @@ class RobotFrames:
         self.odom = bare(odom)
         self.notes: list[str] = []
         self.tree = Transforms()
-        self._tilting: set[Edge] = set()
+        self.moving: dict[str, PoseSeries] = {}
+        self.tilting: dict[str, Series] = {}
 
-    def add(self, message: Any, static: bool) -> list[tuple[float, str, Pose2]]:
-        """Take a tf message; returns stamp [s], name and pose of frames in the odometry's."""
+    def take(self, message: Any, static: bool) -> None:
+        """Take a tf message."""
         self.tree.add(message, static)
         for edge, rows in self.tree.samples.items():
-            keep = 1 if edge in self.tree.static else FEW
-            del rows[:-keep]
-        items = (item for item in message.transforms if bare(item.header.frame_id) == self.odom)
-        return [(seconds(i.header.stamp), bare(i.child_frame_id), _pose(i)) for i in items]
-
-    def tilts(self, message: Any) -> list[tuple[float, str, Floats]]:
-        """Stamp [s], name and attitude (2,) [rad] of frames in a tf message that tilt.
-
-        They move against a level frame above; `add` has taken the message.
-        """
-        found = []
-        items = message.transforms
-        for edge in {(bare(i.header.frame_id), bare(i.child_frame_id)): None for i in items}:
+            del rows[: -1 if edge in self.tree.static else -FEW]
+        new = {(bare(i.header.frame_id), bare(i.child_frame_id)): None for i in message.transforms}
+        for item in message.transforms:
+            t, where, child = seconds(item.header.stamp), item.transform, bare(item.child_frame_id)
+            if bare(item.header.frame_id) == self.odom:
+                p, yaw = where.translation, yaw_of(where.rotation)
+                self.moving.setdefault(child, PoseSeries()).push(t, p.x, p.y, yaw)
+        for edge in new:
             child = edge[1]
             if edge == self.tree.tilting(child):
-                rows = self.tree.samples[edge]
-                rows = rows[-1:] if edge in self._tilting else rows
-                self._tilting.add(edge)
-                pairs = zip(rows, attitudes_of(rows), strict=True)
-                found += [(row[0], child, attitude) for row, attitude in pairs]
-        return found
+                rows = self.tree.samples[edge][-1 if child in self.tilting else -FEW :]
+                series = self.tilting.setdefault(child, Series(MAX_ATTITUDE_GAP))
+                for row, attitude in zip(rows, attitudes_of(rows).tolist(), strict=True):
+                    series.push(row[0], *attitude)
 
     def carries(self, frame: str, laser: str) -> bool:
         """Whether the laser is fixed to a frame, or tilts with a base above it."""
@@ -103,8 +102,3 @@ class RobotFrames:
         if frames and self.base is not None:
             return f"tf has no fixed way from {self.base} to the laser's frame {laser}"
         return None
-
-
-def _pose(item: Any) -> Pose2:
-    where = item.transform.translation
-    return Pose2(where.x, where.y, yaw_of(item.transform.rotation))
