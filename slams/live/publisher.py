@@ -47,10 +47,7 @@ class NodePublisher:
         self._options, self._record, self._make = options, record, Maker()
         self.unsent = 0
         kinds = {getattr(topics, name): KINDS[name] for name in PUBLISHED}
-        self._types = {topic: msgtype for topic, (msgtype, _) in kinds.items()}
-        self._publishers = {
-            topic: transport.advertise(topic, *kind) for topic, kind in kinds.items()
-        }
+        self._publishers = {name: transport.advertise(name, *kind) for name, kind in kinds.items()}
 
     def publish_pose(self, stamp: int, estimate: Estimate, edge: tuple[str, Pose2] | None) -> None:
         """Publish the pose, and the transform of a frame in the map.
@@ -88,7 +85,7 @@ class NodePublisher:
         self._send(self._options.topics.path, self._make.path(*named, self._options.map_frame))
 
     def _send(self, topic: str, message: Any) -> None:
-        data = bytes(store().serialize_cdr(message, self._types[topic]))
+        data = bytes(store().serialize_cdr(message, message.__msgtype__))
         try:
             self._publishers[topic].publish(data)
         except OSError:

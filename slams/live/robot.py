@@ -57,7 +57,6 @@ class Robot:
                 f"--remap: {unknown[0]} is not published; there are {', '.join(kinds)}"
             )
         self._base, self._laser = frames_of(log.meta)
-        self._types = {topic: msgtype for topic, (msgtype, _) in kinds.items()}
         self._publishers: dict[str, Publisher] = {
             topic: transport.advertise(names.get(topic, topic), *kind)
             for topic, kind in kinds.items()
@@ -125,4 +124,5 @@ class Robot:
         return max(0, round(1e9 * (t - self._zero + later)))
 
     def _send(self, topic: str, message: Any) -> None:
-        self._publishers[topic].publish(bytes(store().serialize_cdr(message, self._types[topic])))
+        data = store().serialize_cdr(message, message.__msgtype__)
+        self._publishers[topic].publish(bytes(data))
