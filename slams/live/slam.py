@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -81,8 +81,8 @@ class LiveSlam:
         map_start: Sequence[float] | None = None,
         **changes: Any,
     ) -> None:
-        self._entry = find(algorithm)
-        params = self._entry.params()
+        entry = find(algorithm)
+        params = entry.params()
         if sensor is not None:
             params = params.for_sensor(sensor)
         self.params = params.replace(**changes)
@@ -91,14 +91,16 @@ class LiveSlam:
         if map is not None and state is not None:
             raise ValueError("map: stays as it is; got a state to go on from, too")
         self.notes: list[str] = []
-        self._given = in_given_map(self._entry, self.params, map, map_start, self.notes)
-        self.given = None if self._given is None else self._given.map()
-        saved = None if state is None else resume(state, self._entry, self.params)
+        given = in_given_map(entry, self.params, map, map_start, self.notes)
+        self.given = None if given is None else given().map()
+        saved = None if state is None else resume(state, entry, self.params)
         self.params = getattr(saved and saved.slam, "params", self.params)
+        self._new: Callable[[], Slam] = given or (lambda: entry.cls(self.params))
         if warm_up:
-            warm_up_kernels(self._entry.cls, self.params)
-        self.reset()
-        if saved is not None:
+            warm_up_kernels(entry.cls, self.params)
+        if saved is None:
+            self.reset()
+        else:
             self._begin(saved.slam, saved.beside.get("t"))
 
     def reset(self) -> None:
@@ -106,9 +108,7 @@ class LiveSlam:
 
         In a map that stays the place is sought anew, or `map_start` is taken again.
         """
-        self._begin(
-            self._entry.cls(self.params) if self._given is None else self._given.restarted()
-        )
+        self._begin(self._new())
 
     def _begin(self, slam: Slam, saved_at: float | None = None) -> None:
         """Go on with an algorithm, new or saved after a scan with a stamp [s]."""
@@ -258,8 +258,8 @@ class LiveSlam:
             ValueError: there was no scan yet, or the map is one that stays.
         """
         with self._lock:
-            if self._given is not None or self._scan is None:
-                why = "no scan came yet" if self._given is None else "the map stays as it was given"
+            if self.given is not None or self._scan is None:
+                why = "no scan came yet" if self.given is None else "the map stays as it was given"
                 raise ValueError(f"{path}: nothing to save: {why}")
             save_after(self._slam, path, self._scan.t, self._scan.ranges, **beside)
 
