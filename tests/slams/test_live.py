@@ -245,7 +245,7 @@ def test_mount_sensor_and_parameters_reach_the_algorithm():
 
 COLD = """
 from slams.jit import CompileClock
-from slams.live import LiveSlam
+from slams import LiveSlam
 from tests.rooms import drive, laser
 live = LiveSlam("hector")
 with CompileClock() as clock:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import slams
-from slams.live import LiveSlam
+from slams import LiveSlam
 from slams.live.publisher import MAX_HELD_SHARE, MapThread
 from tests.rooms import drive
 
