@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any, NamedTuple
 
-from slams.formats.frames import Transforms, attitudes_of, bare, planar, yaw_of
+from slams.formats.frames import Edge, Transforms, attitudes_of, bare, planar, yaw_of
 from slams.formats.topics import some
 from slams.live.series import PoseSeries, Series
 from slams.ros.stamps import seconds
@@ -47,19 +48,20 @@ class RobotFrames:
         self.tree.add(message, static)
         for edge, rows in self.tree.samples.items():
             del rows[: -1 if edge in self.tree.static else -FEW]
-        new = {(bare(i.header.frame_id), bare(i.child_frame_id)): None for i in message.transforms}
+        new: Counter[Edge] = Counter()
         for item in message.transforms:
-            t, where, child = seconds(item.header.stamp), item.transform, bare(item.child_frame_id)
-            if bare(item.header.frame_id) == self.odom:
-                p, yaw = where.translation, yaw_of(where.rotation)
-                self.moving.setdefault(child, PoseSeries()).push(t, p.x, p.y, yaw)
-        for edge in new:
-            child = edge[1]
-            if edge == self.tree.tilting(child):
-                rows = self.tree.samples[edge][-1 if child in self.tilting else -FEW :]
-                series = self.tilting.setdefault(child, Series(MAX_ATTITUDE_GAP))
+            parent, child = bare(item.header.frame_id), bare(item.child_frame_id)
+            new[parent, child] += 1
+            if parent == self.odom:
+                t, p = seconds(item.header.stamp), item.transform.translation
+                series = self.moving.setdefault(child, PoseSeries())
+                series.push(t, p.x, p.y, yaw_of(item.transform.rotation))
+        for (parent, child), n in new.items():
+            if (parent, child) == self.tree.tilting(child):
+                rows = self.tree.samples[parent, child][-n if child in self.tilting else -FEW :]
+                tilts = self.tilting.setdefault(child, Series(MAX_ATTITUDE_GAP))
                 for row, attitude in zip(rows, attitudes_of(rows).tolist(), strict=True):
-                    series.push(row[0], *attitude)
+                    tilts.push(row[0], *attitude)
 
     def carries(self, frame: str, laser: str) -> bool:
         """Whether the laser is fixed to a frame, or tilts with a base above it."""

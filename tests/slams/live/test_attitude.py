@@ -51,8 +51,10 @@ def test_poses_are_those_of_a_run_of_the_recording(source, monkeypatch, tmp_path
     stand = Stand(monkeypatch, "hector", tmp_path / "out.mcap")
     mount(stand)
     if source == "tf":
-        for k in range(500):
-            stand.bus.publish("/tf", TF, tilted(0.01 * k))
+        for k in range(0, 500, 2):
+            message = tilted(0.01 * k)
+            message.transforms += tilted(0.01 * (k + 1)).transforms
+            stand.bus.publish("/tf", TF, message)
     else:
         for row in messages(source == "orientation")[:500]:
             stand.bus.publish("/imu", IMU, imu(row))
