@@ -19,9 +19,7 @@ from slams.setup import add_state_options, given_start
 if TYPE_CHECKING:
     from slams.live.diagnostics import Terminal
     from slams.live.node import Node
-    from slams.live.options import NodeOptions
-    from slams.live.slam import LiveSlam
-    from slams.live.transport import Transport
+    from slams.params import Params
 
 PROGRAM = "slams live"
 
@@ -59,29 +57,23 @@ def _command(arguments: argparse.Namespace) -> int:
         return 0
     from slams.formats.files import check_folder
     from slams.live.diagnostics import Terminal
-    from slams.live.slam import LiveSlam
 
-    def begun() -> LiveSlam:
-        """The algorithm, new, from a state, or in a map that stays; compiled."""
-        saved, given, values = arguments.resume_state, arguments.localize, params.as_dict()
-        live = LiveSlam(entry.label, state=saved, map=given, map_start=start, **values)
-        if arguments.save_state:
-            live.check_saving(arguments.save_state)
-        return live
-
-    options = cli.refusing(lambda: node_options(arguments))
     folder = Path(arguments.out or f"results/live-{entry.label.replace(':', '.')}")
     cli.refusing(lambda: check_folder(folder))
-    terminal = Terminal(PROGRAM, arguments.quiet)
-    start = cli.refusing(lambda: given_start(arguments))
-    ending = _ending()
-    transport = cli.refusing(lambda: transport_of(arguments))
-    live = cli.refusing(begun)
-    node = _drive(live, transport, options, terminal, arguments.record, ending)
+    terminal, ending = Terminal(PROGRAM, arguments.quiet), _ending()
+    node = cli.refusing(lambda: _node(arguments, entry.label, params, terminal))
+    gc.collect()
+    gc.freeze()  # no search for garbage among all that was loaded while a scan waits
+    try:
+        node.start(ending)
+        node.run(ending, lambda: terminal.show_status(node))
+    finally:
+        terminal.end()
+        cli.refusing(node.close)
     if not node.drive.t:
         raise RuntimeError(_why_nothing(node))
     if arguments.save_state:
-        cli.refusing(lambda: live.save(arguments.save_state))
+        cli.refusing(lambda: node.live.save(arguments.save_state))
     cli.refusing(lambda: write_results(folder, entry.label, node))
     if not arguments.quiet:
         dropped = node.scans.counts["dropped"]
@@ -91,6 +83,24 @@ def _command(arguments: argparse.Namespace) -> int:
             f"from scan to pose: {spent}\n{folder}/: {', '.join(files_of_run(folder))}\n"
         )
     return 0
+
+
+def _node(arguments: argparse.Namespace, label: str, params: Params, terminal: Terminal) -> Node:
+    """The node, compiled; its algorithm is new, from a state, or in a map that stays."""
+    from slams.live.node import Node
+    from slams.live.recorder import Recorder
+    from slams.live.slam import LiveSlam
+
+    options, start = node_options(arguments), given_start(arguments)
+    transport = transport_of(arguments)
+    saved, given, values = arguments.resume_state, arguments.localize, params.as_dict()
+    live = LiveSlam(label, state=saved, map=given, map_start=start, **values)
+    if arguments.save_state:
+        live.check_saving(arguments.save_state)
+    node = Node(live, transport, options, terminal.say)
+    if arguments.record is not None:
+        node.recorder = Recorder(arguments.record, options.topics)
+    return node
 
 
 def write_results(folder: Path, label: str, node: Node) -> None:
@@ -135,35 +145,6 @@ def _ending() -> threading.Event:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, end)
     return ending
-
-
-def _drive(
-    live: LiveSlam,
-    transport: Transport,
-    options: NodeOptions,
-    terminal: Terminal,
-    record: str | None,
-    ending: threading.Event,
-) -> Node:
-    """Take scans until the end."""
-    from slams.live.node import Node
-    from slams.live.recorder import Recorder
-
-    node = cli.refusing(lambda: Node(live, transport, options, terminal.say))
-    gc.collect()
-    gc.freeze()  # no search for garbage among all that was loaded while a scan waits
-    try:
-        if record is not None:
-            node.recorder = cli.refusing(lambda: Recorder(record, options.topics))
-        node.start(ending)
-        node.run(ending, lambda: terminal.show_status(node))
-    finally:
-        terminal.end()
-        node.close()
-        if node.recorder is not None:
-            recorder, driven = node.recorder, bool(node.drive.t)
-            cli.refusing(lambda: recorder.close(keep=driven))
-    return node
 
 
 if __name__ == "__main__":

@@ -119,9 +119,15 @@ class Node:
             self._push(scan)
 
     def close(self) -> None:
-        """Publish the last map and leave the network."""
+        """Publish the last map and leave the network; no pose, no recording.
+
+        Raises:
+            OSError: some of it could not be recorded; then there is no file.
+        """
         self._maps.close()
         self.transport.close()
+        if self.recorder is not None:
+            self.recorder.close(keep=bool(self.drive.t))
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened to scans and maps."""

@@ -83,8 +83,8 @@ class Stand:
         self.drive()
 
     def recorded(self, **load):
-        """The recorded log and the algorithm after a run of it, whose poses are the node's."""
-        self.node.recorder.close()
+        """What the node recorded, and the algorithm after a run of it: the node's poses again."""
+        self.node.close()
         log, slam = slams.load(self.file, **load), slams.create(self.algorithm)
         run = replay(slam, log)
         assert np.array_equal(self.node.drive.t, run.t)

@@ -55,7 +55,6 @@ def test_poses_and_map_are_those_of_a_run_of_the_recording(algorithm, monkeypatc
     stand = Stand(monkeypatch, algorithm, tmp_path / "out.mcap")
     stand.play(robot_log())
     stand.start_and_drive()
-    stand.node.close()
     log, slam = stand.recorded()
     assert log.laser.mount == pytest.approx(MOUNT, abs=1e-12)
     assert np.array_equal(stand.live.map().p, slam.map().p, equal_nan=True)
