@@ -63,16 +63,11 @@ def _aligned(lines: dict[str, str]) -> str:
 
 
 def _command(name: str, words: list[str]) -> int:
-    module = import_module(cli.refusing(lambda: _module(name)))
-    code: int = module.main(words)
+    if name not in COMMANDS:
+        hint, known = nearest(name, COMMANDS), ", ".join(COMMANDS)
+        raise cli.RefusedError(f"unknown command {name!r}{hint} (known: {known})")
+    code: int = import_module(COMMANDS[name]).main(words)
     return code
-
-
-def _module(name: str) -> str:
-    if name in COMMANDS:
-        return COMMANDS[name]
-    hint = nearest(name, COMMANDS)
-    raise LookupError(f"unknown command {name!r}{hint} (known: {', '.join(COMMANDS)})")
 
 
 if __name__ == "__main__":

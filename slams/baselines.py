@@ -29,13 +29,13 @@ def hits(scan: Scan) -> Floats:
 
 
 class HitMap:
-    """A map of end points alone: cells (edge in m) that were hit, the rest never observed.
+    """A map of end points alone: cells that were hit, the rest never observed.
 
     Scans are kept and drawn when asked for: a baseline is timed for its poses.
     """
 
-    def __init__(self, resolution: float) -> None:
-        self._resolution = resolution
+    def __init__(self, params: BaselineParams) -> None:
+        self.params = params
         self._keys: list[tuple[Scan, Pose2]] = []
 
     def insert(self, scan: Scan, pose: Pose2) -> None:
@@ -48,7 +48,7 @@ class HitMap:
 
     def grid(self) -> OccupancyGrid:
         """Hit cells with p = 1, all others nan."""
-        resolution = self._resolution
+        resolution = self.params.resolution
         points = [pose.transform(hits(scan)) for scan, pose in self._keys]
         cells = np.floor(np.concatenate([np.zeros((1, 2)), *points]) / resolution).astype(np.int64)
         low = cells.min(axis=0)
@@ -68,7 +68,7 @@ class Odometry:
         self._start: Pose2 | None = None
         self._pose = IDENTITY
         self._used = 0
-        self._map = HitMap(params.resolution)
+        self._map = HitMap(params)
 
     def update(self, scan: Scan) -> Pose2:
         """Compose the pose at the first odometry with the way since."""
@@ -138,7 +138,7 @@ class Kiss:
         self.params = params
         self._new = KissICP
         self._icp: Any = None
-        self._map = HitMap(params.resolution)
+        self._map = HitMap(params)
         self._pose = IDENTITY
         self._empty = 0
 

@@ -12,12 +12,9 @@ import stat
 import tempfile
 import time
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, overload
-
-import numpy as np
-from numpy.typing import NDArray
 
 from slams.registry import BUILT_IN
 
@@ -144,21 +141,6 @@ class InnerKernel(CPUDispatcher):
     def __call__(self, *args: Any) -> Any:
         """From Python: by a twin that has an entry from there."""
         return self._entry(*args)
-
-
-def records(rows: int, names: str) -> NDArray[np.void]:
-    """Rows of named numbers, all 0, for kernels, which know them as `row.name`.
-
-    Without the compiler Python has to know them so as well.
-    """
-    made = np.zeros(rows, named(names))
-    return made.view(np.recarray) if getattr(numba.config, "DISABLE_JIT", False) else made
-
-
-@cache
-def named(names: str) -> np.dtype[np.void]:
-    """One type for all of these names: to compare two takes longer than many a kernel."""
-    return np.dtype([(name, "f8") for name in names.split()])
 
 
 class CompileClock(event.Listener):

@@ -15,7 +15,7 @@ Others are ignored.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -140,19 +140,11 @@ class ScanLog:
 
     def odometry_at_scans(self) -> Floats | None:
         """Odometry (n, 3) at each scan; rows of nan where it was not recorded."""
-        if self.odom is None:
-            return None
-        if np.array_equal(self.odom.t, self.t):  # row by row, whatever the stamps do
-            return self.odom.values
-        return self.odom.poses_at(self.t)
+        return self._at_scans(self.odom, Track.poses_at)
 
     def attitude_at_scans(self) -> Floats | None:
         """Roll and pitch (n, 2) [rad] at each scan; rows of nan where they were not measured."""
-        if self.attitude is None:
-            return None
-        if np.array_equal(self.attitude.t, self.t):
-            return self.attitude.values
-        return self.attitude.attitudes_at(self.t)
+        return self._at_scans(self.attitude, Track.attitudes_at)
 
     def truth_at(self, t: Floats) -> Floats | None:
         """True poses (n, 3) at the stamps t (n,), nan where not covered; None without truth."""
@@ -199,6 +191,14 @@ class ScanLog:
             clean[own, laser.n_beams :] = np.nan
         clean.flags.writeable = False
         return clean
+
+    def _at_scans(
+        self, track: Track | None, at: Callable[[Track, Floats], Floats]
+    ) -> Floats | None:
+        if track is None:
+            return None
+        same = np.array_equal(track.t, self.t)  # row by row, whatever the stamps do
+        return track.values if same else at(track, self.t)
 
     def _track_rows(self, track: Track | None, part: slice | NDArray[Any]) -> Track | None:
         if track is None or not np.array_equal(track.t, self.t):

@@ -37,18 +37,14 @@ class Track:
         """
         stamps, values = self.in_order
         columns = (values[:, 0], values[:, 1], np.unwrap(values[:, 2]))
-        poses: Floats = np.stack(
-            [np.interp(t, stamps, column, left=np.nan, right=np.nan) for column in columns], axis=1
-        )
+        poses = np.stack([_between(t, stamps, column) for column in columns], axis=1)
         poses[:, 2] = wrap_angle(poses[:, 2])
         return poses
 
     def attitudes_at(self, t: Floats) -> Floats:
         """Roll and pitch (n, 2) [rad] at the stamps t (n,), nan outside and in gaps."""
         stamps, values = self.in_order
-        found: Floats = np.stack(
-            [np.interp(t, stamps, column, left=np.nan, right=np.nan) for column in values.T], axis=1
-        )
+        found = np.stack([_between(t, stamps, column) for column in values.T], axis=1)
         after = np.clip(np.searchsorted(stamps, t), 1, max(len(stamps) - 1, 1))
         if len(stamps) > 1:
             found[stamps[after] - stamps[after - 1] > MAX_ATTITUDE_GAP] = np.nan
@@ -59,5 +55,9 @@ class Track:
         stamps, rate = self.in_order
         steps = np.diff(stamps) * 0.5 * (rate[1:] + rate[:-1])
         total = np.concatenate([[0.0], np.cumsum(steps)])
-        integral: Floats = np.interp(t, stamps, total, left=np.nan, right=np.nan)
-        return integral
+        return _between(t, stamps, total)
+
+
+def _between(t: Floats, stamps: Floats, values: Floats) -> Floats:
+    found: Floats = np.interp(t, stamps, values, left=np.nan, right=np.nan)
+    return found

@@ -4,10 +4,13 @@ import math
 import sqlite3
 
 import numpy as np
+import pytest
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+import slams
 
 SCAN, ECHOES = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/MultiEchoLaserScan"
 ODOMETRY, IMU = "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
@@ -119,6 +122,14 @@ def write(folder, kind, messages, name="drive"):
     if kind.startswith("folder"):
         return path
     return next(path.glob(f"*.{kind}")).rename(folder / f"{name}.{kind}")
+
+
+def refused(path, **choices):
+    """The one sentence in which a log is not read."""
+    with pytest.raises(ValueError, match="^" + str(path)) as caught:
+        slams.load(path, **choices)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
 
 
 def _write1(path, compression, messages):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,9 +24,10 @@ class Recording:
     """A bag as it is read; `notes` are for the user."""
 
     def __init__(self, path: Path, kind: str, bag: Bag, options: SourceOptions) -> None:
-        self.path, self.kind, self.bag, self.options = path, kind, bag, options
+        self.path, self.kind, self.options = path, kind, options
         self.notes: list[str] = []
         self.topics = Topics(path, bag.topics, options, self.notes)
+        self.messages = Messages(path, bag, options.salvage)
         self.wanted: str | None = options.truth
         self.strict = False  # transforms as tf has them
 
@@ -66,8 +66,8 @@ class Recording:
         """
         topic = match(wanted or RESULT, self.topics.of(POSES))
         if topic and not (wanted and match(topic, self.topics.of((ODOMETRY,)))):
-            self.messages = Messages({topic: POSES})
-            self._take([topic])
+            self.messages.types = {topic: POSES}
+            self.messages.collect([topic])
             return self._whole(self.messages.track(topic), topic)
         if wanted is None:
             return self._of_base_in_map()
@@ -79,14 +79,12 @@ class Recording:
 
     def contents(self) -> tuple[list[Topic], Transforms]:
         """The topics that have messages, and all transforms."""
-        self.messages = Messages({})
-        self._take(self._tf())
+        self.messages.collect(self._tf())
         return self.topics.found, self.messages.transforms
 
     def _of_base_in_map(self) -> Track:
         """The base in the map, by transforms alone."""
-        self.messages = Messages({})
-        self._take(self._tf())
+        self.messages.collect(self._tf())
         for base in BASES:
             track = self.messages.transforms.moving(MAP, base, strict=True)
             if track is not None:
@@ -98,7 +96,7 @@ class Recording:
 
     def _whole(self, track: Track | None, source: str | None) -> Track:
         """The track, unless there is none or poses of its topic are broken."""
-        broken = self.messages.broken(source) if source in self.messages.rows else 0
+        broken = self.messages.broken(source or "")
         if track is None or broken:
             what = f"{broken} poses are not finite" if broken else "there are no poses"
             raise ValueError(f"{self.path}: {source}: {what}; expected a trajectory")
@@ -118,24 +116,21 @@ class Recording:
         """
         types = (SCANS, (ODOMETRY,), (IMU,), POSES)
         roles = zip(self.roles, types, strict=True)
-        self.messages = Messages({topic: allowed for topic, allowed in roles if topic})
+        self.messages.types = {topic: allowed for topic, allowed in roles if topic}
         tf, topics = self._tf(), set(self.messages.types)
         static = {name for name in tf if name.endswith("static")}
         frames = set() if scans else topics - {self.roles.truth}
         for topic in sorted(frames):
-            self.messages.collect_first(self.path, self.bag, topic, self.options.salvage)
-        self._take(static | (topics - frames))
+            self.messages.collect_first(topic)
+        self.messages.collect(static | (topics - frames))
         self.laser = self.messages.frame(self.roles.scan)
         if not self._knows_its_frames():
-            self._take(tf - static)
+            self.messages.collect(tf - static)
         if self.messages.bad:
             self.notes.append(f"{self.messages.bad} messages cannot be read and are left out")
 
     def _tf(self) -> set[str]:
         return {topic.name for topic in self.topics.of(TFS)}
-
-    def _take(self, topics: Collection[str]) -> None:
-        self.messages.collect(self.path, self.bag, topics, self.options.salvage)
 
     def _knows_its_frames(self) -> bool:
         """Whether odometry, truth and mount can do without the moving transforms."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -48,48 +48,51 @@ class Row(NamedTuple):
 class Messages:
     """All that was taken from a bag: rows by topic, and the transforms.
 
-    `types` are the topics with the message types that are expected on them.
+    `types` are the topics with the message types that are expected on them; `bad` counts messages
+    that cannot be read, where that is no error because one is `salvaging`.
     """
 
-    def __init__(self, types: dict[str, Collection[str]]) -> None:
-        self.types = types
-        self.rows: dict[str, list[Row]] = {topic: [] for topic in types}
+    def __init__(self, path: Path, bag: Bag, salvaging: bool) -> None:
+        self.types: dict[str, Collection[str]] = {}
+        self.rows: dict[str, list[Row]] = defaultdict(list)
         self.transforms = Transforms()
         self.bad = 0
+        self._path, self._bag, self._salvaging = path, bag, salvaging
 
-    def collect(self, path: Path, bag: Bag, topics: Collection[str], salvage: bool) -> None:
+    def collect(self, topics: Collection[str]) -> None:
         """Take the messages of these topics, transforms among them; of paths the last one.
 
         Raises:
-            DamagedError: a message cannot be read, unless salvaging: then it is counted.
+            DamagedError: a message cannot be read.
         """
         paths: dict[str, Record] = {}
-        for record in bag.records(topics):
+        for record in self._bag.records(topics):
             if record.msgtype == PATH:  # each repeats the poses of those before
                 paths[record.topic] = record
             else:
-                self._read(path, bag, record, salvage)
+                self._read(record)
         for record in paths.values():
-            self._read(path, bag, record, salvage)
+            self._read(record)
 
-    def collect_first(self, path: Path, bag: Bag, topic: str, salvage: bool) -> None:
+    def collect_first(self, topic: str) -> None:
         """Take one message of a topic: enough to know the frame it is of.
 
         Raises:
             DamagedError: as `collect`.
         """
-        any(self._read(path, bag, record, salvage) for record in bag.records({topic}))
+        any(self._read(record) for record in self._bag.records({topic}))
 
-    def _read(self, path: Path, bag: Bag, record: Record, salvage: bool) -> bool:
-        if record.data.startswith(ZSTD) and not bag.ros1:  # no message begins like this
+    def _read(self, record: Record) -> bool:
+        path, ros1 = self._path, self._bag.ros1
+        if record.data.startswith(ZSTD) and not ros1:  # no message begins like this
             raise ValueError(
                 f"{path}: its messages are compressed, which only the metadata.yaml beside it "
                 "tells; give the folder of the bag"
             )
         try:
-            message = decoder(bag.ros1)(record.data, record.msgtype)
+            message = decoder(ros1)(record.data, record.msgtype)
         except Exception as error:  # the library's parsers raise what they stumble over
-            if not salvage:
+            if not self._salvaging:
                 raise DamagedError(
                     f"{path}: a message of {record.topic} cannot be read; --salvage leaves it out"
                 ) from error

@@ -18,7 +18,6 @@ from slams.types import IDENTITY, Laser, Pose2, Scan
 NEAR = 0.1  # m, between two beams with a straight wall between them
 SLACK = 0.1  # m, between neighbors of one surface
 STRAY = 6.0  # deviations of the noise that two neighbors of one surface may differ by
-WIDE = math.radians(2.5)  # between beams from which on five of them mostly meet several things
 SMOOTH = 6.0  # deviations of the noise in half a window, for a normal good to a tenth
 SAMPLES = 10  # triples of beams, fewer tell nothing of the noise
 NORMAL_MEDIAN = 0.6745  # of the absolute value of a normal deviate
@@ -94,11 +93,6 @@ class EndPoints:
     def noise(self) -> float:
         """Of the ranges [m], as the last scans show it."""
         return self._noise.value
-
-    @property
-    def is_sparse(self) -> bool:
-        """Whether neighboring beams mostly meet several things: normals by them are rough."""
-        return self.step > WIDE
 
     @property
     def apart(self) -> float:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.cells import SMALL, filled, zeros
-from slams.jit import named
+from slams.formats.files import complete_file
 
 Array = NDArray[Any]
 
@@ -37,25 +36,20 @@ def write(path: Path, algorithm: str, tree: Any, arrays: Arrays) -> None:
         OSError: the file cannot be written.
     """
     digest, large = hashlib.sha256(), {}
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with zipfile.ZipFile(partial, "w") as archive:
-            for name, array in arrays.items():
-                kept = array
-                if array.nbytes >= SMALL and array.flags.c_contiguous:
-                    spans, data = filled(array), array.reshape(-1).view(np.uint8)
-                    large[name] = [array.dtype.str, array.shape, spans]
-                    kept = np.concatenate([data[:0], *(data[a:b] for a, b in spans)])
-                file = io.BytesIO()
-                np.lib.format.write_array(file, kept, allow_pickle=False)
-                _add(archive, f"{name}.npy", file.getvalue(), digest)
-            text = json.dumps({"tree": tree, "large": large}, separators=(",", ":"))
-            _add(archive, TREE, text.encode(), digest)
-            head = _release() | {"algorithm": algorithm, "sha256": digest.hexdigest()}
-            _add(archive, HEAD, json.dumps(head, indent=1).encode(), digest)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with complete_file(path) as partial, zipfile.ZipFile(partial, "w") as archive:
+        for name, array in arrays.items():
+            kept = array
+            if array.nbytes >= SMALL and array.flags.c_contiguous:
+                spans, data = filled(array), array.reshape(-1).view(np.uint8)
+                large[name] = [array.dtype.str, array.shape, spans]
+                kept = np.concatenate([data[:0], *(data[a:b] for a, b in spans)])
+            file = io.BytesIO()
+            np.lib.format.write_array(file, kept, allow_pickle=False)
+            _add(archive, f"{name}.npy", file.getvalue(), digest)
+        text = json.dumps({"tree": tree, "large": large}, separators=(",", ":"))
+        _add(archive, TREE, text.encode(), digest)
+        head = _release() | {"algorithm": algorithm, "sha256": digest.hexdigest()}
+        _add(archive, HEAD, json.dumps(head, indent=1).encode(), digest)
 
 
 def _release() -> dict[str, Any]:
@@ -128,5 +122,4 @@ def _read(archive: zipfile.ZipFile) -> tuple[str, Any, Arrays]:
 
 def _array(data: bytes) -> Array:
     array: Array = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
-    names = array.dtype.names
-    return array.view(named(" ".join(names))) if names else array  # the dtype that kernels know
+    return array

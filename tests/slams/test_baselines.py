@@ -78,7 +78,7 @@ def test_no_environment_variable_changes_kiss(monkeypatch):
 
 
 def test_a_hit_map_marks_the_hit_cells_only():
-    hit_map = HitMap(0.5)
+    hit_map = HitMap(KissParams(resolution=0.5))
     scan = scan_at((0.0, 0.0, 0.0), laser(181))
     hit_map.insert(scan, IDENTITY)
     grid = hit_map.grid()

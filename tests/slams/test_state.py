@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from slams import run
-from slams.jit import records
 from slams.registry import find, label_of, names
 from slams.state import load_state, read_state, save
 from slams.state.tree import Reader, Writer
@@ -108,7 +107,7 @@ class Keeper:
         self.rng = np.random.default_rng(4)
         self.same_rng = self.rng
         self.none = np.zeros((0, 3), np.int32)
-        self.rows = records(2, "a b")
+        self.rows = np.zeros(2, [("a", "f8"), ("b", "f8")])
 
     def update(self, scan):
         return Pose2(0.0, 0.0, 0.0)
@@ -140,9 +139,9 @@ def test_an_algorithm_of_ones_own_is_saved_and_named_to_be_loaded(tmp_path):
     label = "tests.slams.test_state:Keeper"
     one = Keeper(Keeper.Params())
     save(one, tmp_path / "k")
-    assert load_state(tmp_path / "k", label).rows.dtype is one.rows.dtype  # known to kernels
     with pytest.raises(ValueError, match="say so"):
         load_state(tmp_path / "k")
+    assert load_state(tmp_path / "k", label).rows.dtype == one.rows.dtype
 
 
 @pytest.mark.parametrize("bad", [{1, 2}, np.array([None]), len, Exception, 1j, Path()])

@@ -79,7 +79,7 @@ def test_a_truth_from_another_file_is_looked_at_too(tmp_path):
         slams.load(path, truth=str(tmp_path / "truth.csv"))
 
 
-@pytest.mark.parametrize("limit", [1e9, 3e38, math.inf])
+@pytest.mark.parametrize("limit", [0.0, 1e9, 3e38, math.inf])
 def test_a_driver_that_knows_no_limit_gets_the_longest_reading(limit, tmp_path):
     def messages(make):
         return [("/scan", t, make.scan(t, [1.0, 7.0, 1e10], limits=(0.1, limit))) for t in T]

@@ -14,6 +14,7 @@ import slams
 from slams import convert, info
 from slams.types import Pose2
 from tests import bags
+from tests.bags import refused
 
 N, BEAMS = 12, 31
 T = 1.6e9 + 0.1 * np.arange(N)
@@ -41,13 +42,6 @@ def drive(make):
             ("/rosout", t + 0.03, make.string("hello")),
         ]
     return messages
-
-
-def refused(path, **choices):
-    with pytest.raises(ValueError, match="^" + str(path)) as caught:
-        slams.load(path, **choices)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
 
 
 @pytest.mark.parametrize("kind", bags.KINDS)
@@ -170,19 +164,11 @@ def test_several_gyros_are_none_and_said_so(tmp_path):
     assert slams.load(path, imu="none").notes == log.notes[:1]
 
 
-def test_truth_from_topics_of_every_type(tmp_path):
+def test_a_truth_that_does_not_call_itself_one_is_asked_for(tmp_path):
     def messages(make):
-        rows = [(t, *pose) for t, pose in zip(T, WAY, strict=True)]
-        return (
-            scans_on("/scan")(make)
-            + [("/mocap", row[0], make.posed(*row)) for row in rows]
-            + [("/amcl_pose", row[0], make.posed_with_covariance(*row)) for row in rows]
-            + [("/gt", row[0], make.odometry(*row)) for row in rows]
-        )
+        return scans_on("/scan")(make) + [("/mocap", t, make.posed(t, 0.0, 0.0, 0.0)) for t in T]
 
     path = bags.write(tmp_path, "bag", messages)
-    for topic in ("/mocap", "/amcl_pose", "gt"):
-        assert slams.load(path, truth=topic, odom="none").truth_at(T) == pytest.approx(WAY), topic
     assert slams.load(path).truth is None
     sentence = refused(path, truth="nowhere")
     assert "--truth: nowhere is no topic, frame or file; topics: /mocap (12)" in sentence
@@ -279,18 +265,6 @@ def test_odometry_of_another_frame_is_carried_to_the_base(tmp_path):
     log = slams.load(bags.write(tmp_path, "mcap", messages), odom="/w", base_frame="base_link")
     expected = Pose2(0.0, 0.0, 0.1) @ Pose2(0.5, 0.0, 0.0)
     assert log.odometry_at_scans()[3] == pytest.approx(expected)
-
-
-def test_a_slow_transform_above_a_quick_one_is_interpolated(tmp_path):
-    def messages(make):
-        every = tree(MOUNT, moving=(moves("odom", "base_link"),))(make)
-        ends = [(T[0], 5.0), (T[-1], 7.2)]
-        shift = [make.tf(t, ("map", "odom", (x, 0.0, 0.0), 0.0, 0.0)) for t, x in ends]
-        return every + [("/tf", t, item) for (t, _), item in zip(ends, shift, strict=True)]
-
-    truth = slams.load(bags.write(tmp_path, "bag", messages), truth="map").truth
-    assert len(truth.t) == N
-    assert truth.values[:, 0] == pytest.approx(5.0 + 3.0 * WAY[:, 0], abs=1e-5)
 
 
 def test_the_frame_of_the_odometry_is_the_base(tmp_path):
@@ -417,14 +391,6 @@ def test_the_first_echo_counts_and_none_is_nothing_seen(tmp_path):
     assert log.ranges[0].tolist() == [2.0, math.inf, 4.0]
 
 
-def test_readings_follow_rep_117(tmp_path):
-    row = [0.0, 0.05, -math.inf, math.nan, 5.0, 30.5, math.inf]
-    path = bags.write(tmp_path, "bag", lambda make: [("/scan", t, make.scan(t, row)) for t in T])
-    read = slams.load(path).ranges[0]
-    assert np.isnan(read[:4]).all()
-    assert read[4:].tolist() == [5.0, math.inf, math.inf]
-
-
 def test_scans_without_stamps_have_the_times_of_recording(tmp_path):
     path = bags.write(
         tmp_path, "bag", lambda make: [("/scan", t, make.scan(0.0, [1.0] * 3)) for t in T]
@@ -443,15 +409,6 @@ def test_a_time_increment_that_cannot_be_is_said(tmp_path):
     assert "does not fit a scan every 0.1 s" in " ".join(log.notes)
 
 
-def test_range_limits_that_are_none_come_from_the_readings(tmp_path):
-    def messages(make):
-        return [("/scan", t, make.scan(t, [1.0, 7.0], limits=(0.1, 0.0))) for t in T]
-
-    log = slams.load(bags.write(tmp_path, "bag", messages))
-    assert log.ranges[0].tolist() == [1.0, 7.0]
-    assert "range_max is 0" in " ".join(log.notes)
-
-
 def test_empty_scans_are_left_out(tmp_path):
     def messages(make):
         return [("/scan", t, make.scan(t, [] if i == 2 else [1.0] * 3)) for i, t in enumerate(T)]
@@ -459,17 +416,6 @@ def test_empty_scans_are_left_out(tmp_path):
     log = slams.load(bags.write(tmp_path, "bag", messages))
     assert len(log) == N - 1
     assert "1 scans without beams or angles are left out" in log.notes
-
-
-def test_what_covers_little_is_said(tmp_path):
-    def messages(make):
-        return scans_on("/scan")(make) + [
-            ("/odom", t, make.odometry(t, 0, 0, 0)) for t in (T[0], T[1], T[2])
-        ]
-
-    assert (
-        "odometry covers 3 of 12 scans" in slams.load(bags.write(tmp_path, "bag", messages)).notes
-    )
 
 
 # damage

@@ -10,6 +10,7 @@ import slams
 from slams import convert
 from slams.formats import trajectory
 from slams.types import Pose2
+from tests.bags import refused
 
 # the lines of the format's documentation, with three readings more or less
 FLASER = "FLASER 181 {} 1.25 2.0 0.5 1.0 2.0 0.5 100.5 host 0.25"
@@ -32,13 +33,6 @@ def written(tmp_path, *lines, name="drive.log", header=HEADER, newline="\n"):
     packed = gzip.compress(text.encode(), mtime=0) if name.endswith(".gz") else text.encode()
     path.write_bytes(packed)
     return path
-
-
-def refused(path, **choices):
-    with pytest.raises(ValueError, match="^" + str(path)) as caught:
-        slams.load(path, **choices)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["drive.log", "drive.clf", "drive.log.gz", "recording"])

@@ -37,8 +37,8 @@ YAML = {
     "itself": "delta: &a [*a, *a]\n",
     "long words": f"w: &w {'x' * 10_000}\n" + "".join(f"k{k}: *w\n" for k in range(200)),
     "blocks": "".join(f"{' ' * k}k:\n" for k in range(400)),
-    "brackets": "delta: " + "[" * 5000,
-    "flow": "delta: " + "{a: " * 3000,
+    "brackets": "delta: " + "[" * 600,
+    "flow": "delta: " + "{a: " * 600,
     "too long": "a: 1\n" * 100_000,
 }
 LAUNCH = {
