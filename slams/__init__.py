@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from slams.formats.source import load
-    from slams.live import Estimate, LiveSlam
+    from slams.live.estimate import Estimate
+    from slams.live.slam import LiveSlam
     from slams.params import Params, param
     from slams.player import Run, replay
     from slams.registry import create, find, names
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
-    "Estimate": "live",
-    "LiveSlam": "live",
+    "Estimate": "live.estimate",
+    "LiveSlam": "live.slam",
     "Params": "params",
     "param": "params",
     "create": "registry",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
     from slams.types import Floats, OccupancyGrid, Slam
-    from slams.watch.view import View
+    from slams.view import View
 
 PROGRAM = "slams run"
 SUMMARY = "summary.json"
@@ -217,9 +217,9 @@ def files_of_run(folder: Path) -> list[str]:
 
 
 def _save_state(slam: Slam, path: str, log: ScanLog) -> None:
-    from slams.state import session
+    from slams.state import store
 
-    session.save_after(slam, path, float(log.t[-1]), log.ranges[-1])
+    store.save_after(slam, path, float(log.t[-1]), log.ranges[-1])
 
 
 def _replayed(
@@ -239,7 +239,7 @@ def _view(
     """The viewer if it was asked for; what it lacks is said before the run starts."""
     if not arguments.view:
         return nullcontext()
-    from slams.watch.view import View
+    from slams.view import View
 
     return View(arguments.view, slam, f"{label} on {log.name}")
 

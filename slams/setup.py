@@ -77,9 +77,9 @@ def prepare(entry: Entry, params: Params, arguments: argparse.Namespace, program
     whole = load(arguments.log, options)
     slam, log, notes = _slam_and_rest(entry, params, whole, arguments)
     if arguments.save_state:
-        from slams.state import session
+        from slams.state import store
 
-        session.check_target(arguments.save_state, slam)
+        store.check_target(arguments.save_state, slam)
     log = log.select(arguments.limit, arguments.every, not arguments.no_odometry)
     return Setup(slam, log, folder, notes)
 
@@ -113,10 +113,10 @@ def _slam_and_rest(
         return _localizing(entry, params, log, arguments)
     if not arguments.resume_state:
         return entry.cls(params), log, []
-    from slams.state import session
+    from slams.state import store
 
-    state = session.resume(arguments.resume_state, entry, params)
-    rest, known = session.rest_of(log, state.beside, arguments.every)
+    state = store.resume(arguments.resume_state, entry, params)
+    rest, known = store.rest_of(log, state.beside, arguments.every)
     notes = [f"goes on at scan {known} of {len(log)}"] if known else []
     return state.slam, rest, notes
 

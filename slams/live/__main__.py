@@ -11,15 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
-from slams.live.options import NodeOptions, Topics, add_network_options, transport_of
-from slams.run import chosen, files_of_run, parameter_table
+from slams.live.network import add_network_options, transport_of
+from slams.live.options import add_node_options, node_options
+from slams.run import chosen, files_of_run, parameter_table, write_drive
 from slams.setup import add_state_options, given_start
 
 if TYPE_CHECKING:
     from slams.live.diagnostics import Terminal
     from slams.live.node import Node
-    from slams.live.slam import LiveSlam
-    from slams.live.transport import Transport
+    from slams.params import Params
 
 PROGRAM = "slams live"
 
@@ -39,54 +39,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--record", metavar="FILE.mcap", help="record all messages in and out to a bag")
     p.add_argument("-q", "--quiet", action="store_true", help="print no notes and no status line")
     add_state_options(p)
-    _add_topics(p)
-    _add_frames(p)
+    add_node_options(p)
     add_network_options(p)
     return p
-
-
-def _add_topics(p: argparse.ArgumentParser) -> None:
-    group, usual = p.add_argument_group("topics"), Topics()
-    odometry = "odometry: auto (tf if it has the odometry's frame, else /odom), tf, a topic or none"
-    scans = f"subscribed scans (default: {usual.scan}); given several times: lasers used together"
-    group.add_argument("--scan-topic", metavar="TOPIC", action="append", help=scans)
-    path = f"path, published after a closed loop (default: {usual.path})"
-    for flag, default, text in (
-        ("--odom", "auto", odometry),
-        ("--imu", usual.imu, f"subscribed gyro and attitude, or none (default: {usual.imu})"),
-        ("--map-topic", usual.map, f"published map (default: {usual.map})"),
-        ("--path-topic", usual.path, path),
-        ("--pose-topic", usual.pose, f"published pose (default: {usual.pose})"),
-        ("--state-topic", usual.state, f"published state (default: {usual.state})"),
-    ):
-        group.add_argument(flag, metavar="TOPIC", default=default, help=text)
-
-
-def _add_frames(p: argparse.ArgumentParser) -> None:
-    group, usual = p.add_argument_group("frames and times"), NodeOptions()
-    frames = {
-        "map_frame": "frame of map and poses",
-        "odom_frame": "frame of the odometry",
-        "base_frame": "frame of the robot, whose poses are published (default: that of the "
-        "odometry, else base_link)",
-    }
-    times = {
-        "map_every": "time between two published maps [s], 0 for none",
-        "wait": "how long a scan waits for odometry and gyro at most [s]",
-        "tf_ahead": "how far ahead of its scan a transform is stamped [s]",
-    }
-    for name, text in (frames | times).items():
-        value, flag = getattr(usual, name), f"--{name.replace('_', '-')}"
-        kind, unit = (float, "S") if name in times else (str, "FRAME")
-        shown = text if value is None else f"{text} (default: {value})"
-        group.add_argument(flag, type=kind, metavar=unit, default=value, help=shown)
-    group.add_argument(
-        "--queue",
-        type=int,
-        metavar="N",
-        default=usual.queue,
-        help="how many scans wait at most; older ones are left out (default: %(default)s)",
-    )
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -102,38 +57,69 @@ def _command(arguments: argparse.Namespace) -> int:
         return 0
     from slams.formats.files import check_folder
     from slams.live.diagnostics import Terminal
-    from slams.live.results import delays, write_results
-    from slams.live.slam import LiveSlam
 
-    def begun() -> LiveSlam:
-        """The algorithm, new, from a state, or in a map that stays; compiled."""
-        saved, given, values = arguments.resume_state, arguments.localize, params.as_dict()
-        live = LiveSlam(entry.label, state=saved, map=given, map_start=start, **values)
-        if arguments.save_state:
-            live.check_saving(arguments.save_state)
-        return live
-
-    options = cli.refusing(lambda: node_options(arguments))
     folder = Path(arguments.out or f"results/live-{entry.label.replace(':', '.')}")
     cli.refusing(lambda: check_folder(folder))
-    terminal = Terminal(PROGRAM, arguments.quiet)
-    start = cli.refusing(lambda: given_start(arguments))
-    ending = _ending()
-    transport = cli.refusing(lambda: transport_of(arguments))
-    live = cli.refusing(begun)
-    node = _drive(live, transport, options, terminal, arguments.record, ending)
+    terminal, ending = Terminal(PROGRAM, arguments.quiet), _ending()
+    node = cli.refusing(lambda: _node(arguments, entry.label, params, terminal))
+    gc.collect()
+    gc.freeze()  # no search for garbage among all that was loaded while a scan waits
+    try:
+        node.start(ending)
+        node.run(ending, lambda: terminal.show_status(node))
+    finally:
+        terminal.end()
+        cli.refusing(node.close)
     if not node.drive.t:
         raise RuntimeError(_why_nothing(node))
     if arguments.save_state:
-        cli.refusing(lambda: live.save(arguments.save_state))
-    cli.refusing(lambda: write_results(folder, entry.label, live.params, node))
+        cli.refusing(lambda: node.live.save(arguments.save_state))
+    cli.refusing(lambda: write_results(folder, entry.label, node))
     if not arguments.quiet:
-        spent = ", ".join(f"{name} {value} ms" for name, value in delays(node.drive).items())
+        dropped = node.scans.counts["dropped"]
+        spent = ", ".join(f"{name} {value} ms" for name, value in node.drive.delay_ms().items())
         sys.stdout.write(
-            f"{len(node.drive.t)} scans, {node.queue.dropped} left out; "
+            f"{len(node.drive.t)} scans, {dropped} left out; "
             f"from scan to pose: {spent}\n{folder}/: {', '.join(files_of_run(folder))}\n"
         )
     return 0
+
+
+def _node(arguments: argparse.Namespace, label: str, params: Params, terminal: Terminal) -> Node:
+    """The node, compiled; its algorithm is new, from a state, or in a map that stays."""
+    from slams.live.node import Node
+    from slams.live.recorder import Recorder
+    from slams.live.slam import LiveSlam
+
+    options, start = node_options(arguments), given_start(arguments)
+    transport = transport_of(arguments)
+    saved, given, values = arguments.resume_state, arguments.localize, params.as_dict()
+    live = LiveSlam(label, state=saved, map=given, map_start=start, **values)
+    if arguments.save_state:
+        live.check_saving(arguments.save_state)
+    node = Node(live, transport, options, terminal.say)
+    if arguments.record is not None:
+        node.recorder = Recorder(arguments.record, options.topics)
+    return node
+
+
+def write_results(folder: Path, label: str, node: Node) -> None:
+    """Write map, trajectory and what happened, whole or not at all.
+
+    Raises:
+        OSError: they cannot be written.
+    """
+    import numpy as np
+
+    live, drive = node.live, node.drive
+    summary = {
+        "algorithm": label,
+        "params": live.params.as_dict(),
+        "delay_ms": drive.delay_ms(),
+        "node": node.report(),
+    }
+    poses = np.array(drive.poses, np.float64).reshape(-1, 3)
+    write_drive(folder, live.map(), (np.array(drive.t), poses, live.corrected()), summary)
 
 
 def _why_nothing(node: Node) -> str:
@@ -145,36 +131,6 @@ def _why_nothing(node: Node) -> str:
         f"its place in the map is not sure after {sought} scans ({node.live.candidates}); expected "
         "a drive that leaves alike places, or --start; nothing is written"
     )
-
-
-def node_options(arguments: argparse.Namespace) -> NodeOptions:
-    """The options of topics, frames and times.
-
-    Raises:
-        ValueError: a number is out of its bounds, or means nothing.
-    """
-    usual, odom = Topics(), arguments.odom
-    if arguments.localize and arguments.map_every != NodeOptions.map_every:
-        raise ValueError("--map-every: got --localize, too, whose map is published once")
-    named, imu = odom not in ("auto", "tf", "none"), arguments.imu != "none"
-    scan, *more = map(_absolute, arguments.scan_topic or [usual.scan])
-    topics = Topics(
-        scan=scan,
-        more_scans=tuple(more),
-        odom=_absolute(odom) if named else usual.odom,
-        imu=_absolute(arguments.imu) if imu else usual.imu,
-        map=_absolute(arguments.map_topic),
-        path=_absolute(arguments.path_topic),
-        pose=_absolute(arguments.pose_topic),
-        state=_absolute(arguments.state_topic),
-    )
-    same = ("map_frame", "odom_frame", "base_frame", "queue", "wait", "map_every", "tf_ahead")
-    values = {name: getattr(arguments, name) for name in same}
-    return NodeOptions(topics, odometry="topic" if named else odom, imu=imu, **values)
-
-
-def _absolute(topic: str) -> str:
-    return topic if topic.startswith("/") else f"/{topic}"
 
 
 def _ending() -> threading.Event:
@@ -189,35 +145,6 @@ def _ending() -> threading.Event:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, end)
     return ending
-
-
-def _drive(
-    live: LiveSlam,
-    transport: Transport,
-    options: NodeOptions,
-    terminal: Terminal,
-    record: str | None,
-    ending: threading.Event,
-) -> Node:
-    """Take scans until the end."""
-    from slams.live.node import Node
-    from slams.live.recorder import Recorder
-
-    node = cli.refusing(lambda: Node(live, transport, options, terminal.say))
-    gc.collect()
-    gc.freeze()  # no search for garbage among all that was loaded while a scan waits
-    try:
-        if record is not None:
-            node.recorder = cli.refusing(lambda: Recorder(record, options.topics))
-        node.start(ending)
-        node.run(ending, lambda: terminal.show_status(node))
-    finally:
-        terminal.end()
-        node.close()
-        if node.recorder is not None:
-            recorder, driven = node.recorder, bool(node.drive.t)
-            cli.refusing(lambda: recorder.close(keep=driven))
-    return node
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,14 +19,6 @@ from slams.types import Floats
 UNDECIDED = 0.5  # [s] in which an orientation changes, if it is measured: there is noise in it
 
 
-class Taken(NamedTuple):
-    """Stamp [s], turn rate about the vertical [rad/s], roll and pitch [rad], nan where unknown."""
-
-    t: float
-    rate: float
-    attitude: tuple[float, float]
-
-
 class ImuAttitude:
     """Attitude and turn rate of the base from its IMU: by orientation, else gyro and accelerometer.
 
@@ -40,30 +31,34 @@ class ImuAttitude:
 
     def __init__(self, turned: Floats) -> None:
         self._turned, self._gravity = turned, GravityFilter()
-        self._waiting: list[tuple[Floats, Inertial]] = []
+        self._waiting: list[Inertial] = []
         self._first: Inertial | None = None
         self._oriented = False
 
-    def push(self, rates: Floats, measured: Inertial) -> list[Taken]:
-        """Take a message with its rates (3,) [rad/s]; gives the messages that wait no longer."""
-        self._waiting.append((rates, measured))
+    def push(self, measured: Inertial) -> list[tuple[float, float, float, float]]:
+        """Take a message.
+
+        Gives stamp [s], turn rate about the vertical [rad/s], roll and pitch [rad], nan where
+        unknown, of the messages that wait no longer.
+        """
+        self._waiting.append(measured)
         first = self._first = self._first or measured
         if not self._oriented and math.isfinite(measured.orientation[0]):
             self._oriented = measured.orientation != first.orientation
             if not self._oriented and 0.0 <= measured.sent - first.sent < UNDECIDED:
                 return []
         waiting, self._waiting = self._waiting, []
-        return [self._taken(*one) for one in waiting]
+        return [self._taken(one) for one in waiting]
 
-    def _taken(self, rates: Floats, measured: Inertial) -> Taken:
+    def _taken(self, measured: Inertial) -> tuple[float, float, float, float]:
         if self._oriented:
             up = up_of(np.array([measured.orientation]))
         else:
             up = self._gravity.push(measured.sent, measured)[None]
         attitude = roll_and_pitch(rotated(up, self._turned))
         if np.isfinite(attitude).all():
-            rate = vertical_rates(rotated(rates[None], self._turned), attitude)[0]
+            rate = vertical_rates(rotated(np.array([measured.rates]), self._turned), attitude)[0]
         else:
-            rate = sum(map(float.__mul__, rates.tolist(), self._turned[2].tolist()))
+            rate = sum(map(float.__mul__, measured.rates, self._turned[2].tolist()))
         roll, pitch = attitude[0].tolist()
-        return Taken(measured.sent, float(rate), (roll, pitch))
+        return measured.sent, float(rate), roll, pitch

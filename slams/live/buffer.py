@@ -4,30 +4,20 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any, NamedTuple
-
-import numpy as np
 
 from slams.formats.attitude import Inertial
-from slams.formats.bag import IMU, ODOMETRY, Record
+from slams.formats.bag import IMU, ODOMETRY, TF, Record
 from slams.formats.frames import planar
 from slams.formats.ros_messages import READ
 from slams.formats.ros_store import store
 from slams.live.attitude import ImuAttitude
 from slams.live.frames import Mounted, RobotFrames
-from slams.live.series import AttitudeSeries, PoseSeries, RateSeries, Series, all_cover
+from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.stamps import seconds
+from slams.track import MAX_ATTITUDE_GAP
 from slams.types import Attitude, Floats, Pose2
 
 MAX_EARLY_READINGS = 4000  # of the gyro, kept until the base is known: 20 s at 200 Hz
-
-
-class Reading(NamedTuple):
-    """A message of an IMU: its frame, rates about its axes [rad/s], all that is measured."""
-
-    frame: str
-    rates: Floats
-    inertial: Inertial
 
 
 class SensorBuffer:
@@ -44,51 +34,39 @@ class SensorBuffer:
         self.source: str | None = None  # of the odometry: "tf" or "topic", when chosen
         self._wanted = odometry
         self._odometry: PoseSeries | None = None
-        self._of_topic, self._of_tf = PoseSeries(), dict[str, PoseSeries]()
+        self._of_topic = PoseSeries()
         self._child: str | None = None  # frame of the topic's poses
         self._to_base: Pose2 | None = None  # from the frame of the odometry to the base
-        self._gyro, self._early = RateSeries(), list[Reading]()
+        self._gyro = IntegralSeries()
+        self._early = list[tuple[str, Inertial]]()  # with their frames
         self._imus: dict[str, ImuAttitude | None] = {}  # by frames; None where tf lacks one
-        self._attitude, self._tilts = AttitudeSeries(), dict[str, AttitudeSeries]()
+        self._attitude = Series(MAX_ATTITUDE_GAP)
         self._settled = False
         self._changed = threading.Condition()
 
-    def take_odometry(self, record: Record) -> None:
-        """Take a nav_msgs/Odometry."""
-        message = self._decoded(record)
-        if message is not None:
-            child, pose = READ[ODOMETRY](message)
-            with self._changed:
+    def take(self, record: Record) -> None:
+        """Take odometry, a message of an IMU, or transforms; static ones by their topic's name."""
+        try:
+            message = store().deserialize_cdr(record.data, record.msgtype)
+        except Exception:  # the library's parsers raise what they stumble over
+            self.unreadable += 1
+            return
+        with self._changed:
+            if record.msgtype == TF:
+                self.frames.take(message, record.topic.endswith("static"))
+            elif record.msgtype == ODOMETRY:
+                child, pose = READ[ODOMETRY](message)
                 self._child = child or self._child
-                self._of_topic.push(seconds(message.header.stamp), Pose2(*pose))
-                self._changed.notify_all()
-
-    def take_imu(self, record: Record) -> None:
-        """Take a sensor_msgs/Imu."""
-        message = self._decoded(record)
-        if message is not None:
-            frame, measured = READ[IMU](message)
-            with self._changed:
-                self._early.append(Reading(frame, np.array(measured.rates), measured))
+                self._of_topic.push(seconds(message.header.stamp), *pose)
+            else:
+                self._early.append(READ[IMU](message))
                 self._integrate()
-                self._changed.notify_all()
-
-    def take_tf(self, record: Record) -> None:
-        """Take transforms; static ones by their topic's name."""
-        message = self._decoded(record)
-        if message is not None:
-            with self._changed:
-                for t, child, pose in self.frames.add(message, record.topic.endswith("static")):
-                    self._of_tf.setdefault(child, PoseSeries()).push(t, pose)
-                for t, child, attitude in self.frames.tilts(message):
-                    series = self._tilts.setdefault(child, AttitudeSeries())
-                    series.push(t, *attitude.tolist())
-                self._changed.notify_all()
+            self._changed.notify_all()
 
     def has_tf_odometry(self, laser: str) -> bool:
         """Whether tf gives the odometry of the laser's base: no better source will come."""
         with self._changed:
-            return self._wanted != "topic" and self._moving(laser) in self._of_tf
+            return self._wanted != "topic" and self._moving(laser) in self.frames.moving
 
     def settle(self, laser: str) -> Mounted | None:
         """Where the laser sits, or None while that is open; the odometry is chosen with it."""
@@ -113,10 +91,9 @@ class SensorBuffer:
     def wait_for(self, t: float, until: float) -> None:
         """Let odometry and gyro catch up with a stamp, until a time of `time.monotonic` at most."""
         with self._changed:
-            series: list[Series] = [self._gyro, self._attitude]
-            series += [self._odometry] if self._odometry is not None else []
+            sources = [self._gyro, self._attitude, self._odometry or self._gyro]
             left = max(0.0, until - time.monotonic())
-            self._changed.wait_for(lambda: all_cover(series, t), left)
+            self._changed.wait_for(lambda: not any(one.holds_up(t) for one in sources), left)
 
     def odometry_at(self, t: float) -> Pose2 | None:
         """The base in the odometry's frame at a stamp; None where it was not measured."""
@@ -127,12 +104,14 @@ class SensorBuffer:
     def yaw_at(self, t: float) -> float | None:
         """The heading by the gyro at a stamp; None where it was not measured."""
         with self._changed:
-            return self._gyro.integral_at(t)
+            row = self._gyro.at(t)
+        return None if row is None else row[0]
 
     def attitude_at(self, t: float) -> Attitude | None:
         """The base's attitude by the IMU, or by tf, at a stamp; None where it was not measured."""
         with self._changed:
-            return self._attitude.attitude_at(t)
+            row = self._attitude.at(t)
+        return None if row is None else Attitude(*row)
 
     @property
     def has_odometry(self) -> bool:
@@ -142,28 +121,28 @@ class SensorBuffer:
     @property
     def late(self) -> int:
         """How many samples came after newer ones."""
-        return sum(one.late for one in (self._of_topic, self._gyro, *self._of_tf.values()))
+        return sum(one.late for one in (self._of_topic, self._gyro, *self.frames.moving.values()))
 
     def _moving(self, laser: str) -> str | None:
         """The frame that the odometry is of: tf's, where the laser sits on it, else the topic's."""
         if self._wanted != "topic":
-            carrying = [child for child in self._of_tf if self.frames.carries(child, laser)]
+            carrying = [child for child in self.frames.moving if self.frames.carries(child, laser)]
             if carrying:
                 return carrying[0]
         return self._child if self._wanted in ("auto", "topic") else None
 
     def _choose(self, moving: str | None) -> None:
         """Settle on one odometry and attitude, as another one later would be a jump."""
-        if self._wanted != "topic" and moving in self._of_tf:
-            self.source, self._odometry = "tf", self._of_tf[moving]
+        if self._wanted != "topic" and moving in self.frames.moving:
+            self.source, self._odometry = "tf", self.frames.moving[moving]
         elif self._wanted in ("auto", "topic"):
             self.source, self._odometry = "topic", self._of_topic
         if moving is not None and moving != self.frames.base:
-            matrix = self.frames.base_in(moving)
-            notes = self.frames.notes
-            self._to_base = None if matrix is None else planar(matrix, "the base", notes)[0]
+            matrix = self._fixed(moving, self.frames.base)
+            if matrix is not None:
+                self._to_base = planar(matrix, "the base", self.frames.notes)[0]
         if not self._early and self.frames.base is not None:  # else the IMU has the attitude
-            self._attitude = self._tilts.setdefault(self.frames.base, self._attitude)
+            self._attitude = self.frames.tilting.setdefault(self.frames.base, self._attitude)
         self._settled = True
         self._integrate()
 
@@ -172,21 +151,21 @@ class SensorBuffer:
         del self._early[:-MAX_EARLY_READINGS]
         if not self._settled:
             return
-        for frame, rates, measured in self._early:
+        for frame, measured in self._early:
             if frame not in self._imus:
                 self._imus[frame] = self._imu(frame)
             imu = self._imus[frame]
             if imu is None:
-                self._gyro.push(measured.sent, float(rates[2]))
+                self._gyro.push(measured.sent, measured.rates[2])
                 continue
-            for t, rate, attitude in imu.push(rates, measured):
+            for t, rate, roll, pitch in imu.push(measured):
                 self._gyro.push(t, rate)
-                self._attitude.push(t, *attitude)
+                self._attitude.push(t, roll, pitch)
         self._early.clear()
 
     def _imu(self, frame: str) -> ImuAttitude | None:
         """What reads the IMU of a frame; None, noted, where tf lacks it."""
-        matrix = self.frames.in_base(frame)
+        matrix = self._fixed(self.frames.base, frame)
         if matrix is None:
             self.frames.notes.append(
                 f"no transform to the gyro's frame '{frame}'; it is taken as upright"
@@ -194,10 +173,6 @@ class SensorBuffer:
             return None
         return ImuAttitude(matrix[:3, :3])
 
-    def _decoded(self, record: Record) -> Any:
-        """The message; None, counted, where it cannot be read."""
-        try:
-            return store().deserialize_cdr(record.data, record.msgtype)
-        except Exception:  # the library's parsers raise what they stumble over
-            self.unreadable += 1
-            return None
+    def _fixed(self, base: str | None, frame: str | None) -> Floats | None:
+        """A frame in a base, 4 x 4, if both are known and fixed to each other."""
+        return None if base is None or frame is None else self.frames.tree.fixed(base, frame)

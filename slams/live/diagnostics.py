@@ -40,7 +40,7 @@ class Diagnostics:
         self._say = say
         self._silent_since: dict[str, float] = {}  # by topics
         self._reported: dict[str, tuple[float, int]] = {}
-        self._several: set[str] = set()  # topics
+        self._publishers: dict[str, int] = {}  # as they were, by topics
         self._notes: set[str] = set()
 
     def check(
@@ -59,12 +59,12 @@ class Diagnostics:
         for topic, last_scan in last_scans.items():
             self._check_silence(topic, last_scan)
         for topic, count in publishers.items():
-            if count > 1 and topic not in self._several:
+            if count > 1 >= self._publishers.get(topic, 1):
                 self._say(
                     f"{count} publishers on {topic}: the map is made of both lasers' scans; "
                     "--scan-topic takes another topic"
                 )
-        self._several = {topic for topic, count in publishers.items() if count > 1}
+        self._publishers = dict(publishers)
         for name, sentence in COUNTERS.items():
             self.count(name, report[name], sentence)
 
@@ -125,12 +125,13 @@ class Terminal:
         if estimate is None:
             return "waiting for scans"
         x, y, theta = estimate.pose
+        dropped = node.scans.counts["dropped"]
         where = f"x {x:.2f} y {y:.2f} m, {math.degrees(theta):.0f} deg"
         explained = "" if math.isnan(estimate.explained) else f", map {estimate.explained:.0%}"
         if not estimate.found:
             return f"{node.drive.counts['sought']} scans, sought in the map; {where}?{explained}"
         return (
-            f"{scans} scans, {rate:.1f}/s, {node.queue.dropped} left out, {len(node.queue)} wait; "
+            f"{scans} scans, {rate:.1f}/s, {dropped} left out, {len(node.scans)} wait; "
             f"{where}; {estimate.state} {estimate.quality:.2f}{explained}; "
             f"{1e3 * node.drive.delays[-1] if node.drive.delays else math.nan:.1f} ms"
         )

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from slams.types import Floats, Pose2, Scan, Slam
 
 MATCHED, PREDICTED, LOST = STATES = ("matched", "predicted", "lost")
 FAILURES = ("lost", "rejected", "empty")  # counts in reports of algorithms without a state
+LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,7 @@ class Estimate:
         covariance: of the pose, (3, 3) [m, rad]; inf on the diagonal where the algorithm has none.
         quality: share of the scan that agrees with the map, 0..1; nan where there is none.
         used: False for a scan from the past or sent twice: the estimate before is repeated.
-        lost: the scan did not fit the map, the pose is a prediction.
-        seconds_lost: for how long that has been so.
+        seconds_lost: for how long the scans have not fitted the map.
         state: "matched", "predicted" (from odometry or motion alone) or "lost".
         found: False while the place in a given map is sought; the pose is the likeliest one.
         explained: share of the scan that a given map explains, 0..1; nan without such a map.
@@ -38,54 +37,67 @@ class Estimate:
     covariance: Floats
     quality: float
     used: bool
-    lost: bool
     seconds_lost: float
     state: str = MATCHED
     found: bool = True
     explained: float = math.nan
 
+    @property
+    def lost(self) -> bool:
+        """Whether the scan did not fit the map: the pose is a prediction."""
+        return self.state == LOST
 
-class EstimateMaker:
-    """Makes estimates of an algorithm's poses; what it has no attribute for gets a default."""
 
-    def __init__(self, slam: Slam) -> None:
-        self._slam = slam
+class Estimates:
+    """Makes estimates of an algorithm's poses; what it has no attribute for gets a default.
+
+    `last` is the newest; `counts` gets what is wrong with stamps.
+    """
+
+    def __init__(self, slam: Slam, counts: dict[str, int]) -> None:
+        self.last: Estimate | None = None
+        self._slam, self._counts = slam, counts
         self._failures = self._count_failures()  # earlier ones are not of the next scan
-        self._matched_at = -math.inf
+        self._matched_at, self._late = -math.inf, 0
 
-    def estimate(self, scan: Scan, pose: Pose2) -> Estimate:
+    def again(self, t: float) -> Estimate | None:
+        """The last one for a stamp that is not later; after many of them the clock was set back."""
+        if self.last is not None and t <= self.last.t:
+            self._counts["repeated" if t == self.last.t else "late"] += 1
+            self._late += t < self.last.t
+            if self._late <= LATE_IN_A_ROW:
+                self.last = replace(self.last, used=False)
+                return self.last
+            self._counts["clock_set_back"] += 1
+            self._matched_at = t
+        self._late = 0
+        return None
+
+    def add(self, scan: Scan, pose: Pose2) -> Estimate:
         """The estimate after a scan; to be called once for each."""
         state = self._state()
         if state != LOST or math.isinf(self._matched_at):
             self._matched_at = scan.t
-        covariance = self._get("covariance", None)
-        return Estimate(
+        covariance = getattr(self._slam, "covariance", None)
+        self.last = Estimate(
             t=scan.t,
             pose=pose,
             map_to_odom=None if scan.odometry is None else pose @ scan.odometry.inverse(),
             covariance=np.diag([math.inf] * 3) if covariance is None else np.array(covariance),
-            quality=float(self._get("quality", math.nan)),
+            quality=float(getattr(self._slam, "quality", math.nan)),
             used=True,
-            lost=state == LOST,
             seconds_lost=scan.t - self._matched_at,
             state=state,
-            found=bool(self._get("found", True)),
-            explained=float(self._get("explained", math.nan)),
+            found=bool(getattr(self._slam, "found", True)),
+            explained=float(getattr(self._slam, "explained", math.nan)),
         )
-
-    def restart_clock(self, t: float) -> None:
-        """Count the time lost from a stamp [s] on."""
-        self._matched_at = t
-
-    def _get(self, name: str, default: Any) -> Any:
-        return getattr(self._slam, name, default)
+        return self.last
 
     def _state(self) -> str:
         """The algorithm's own state; without one, lost after a scan that it counts as a failure."""
         before, self._failures = self._failures, self._count_failures()
-        state = self._get("state", None)
-        name = str(getattr(state, "value", state))
-        return name if name in STATES else LOST if self._failures > before else MATCHED
+        state = str(getattr(self._slam, "state", None))
+        return state if state in STATES else LOST if self._failures > before else MATCHED
 
     def _count_failures(self) -> int:
         report = self._slam.report()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any, NamedTuple
 
 from slams.formats.frames import Edge, Transforms, attitudes_of, bare, planar, yaw_of
 from slams.formats.topics import some
+from slams.live.series import PoseSeries, Series
 from slams.ros.stamps import seconds
-from slams.types import IDENTITY, Floats, Pose2
+from slams.track import MAX_ATTITUDE_GAP
+from slams.types import IDENTITY, Pose2
 
 FEW = 20  # transforms kept of each that moves: enough to see that it does
 
@@ -22,7 +25,10 @@ class Mounted(NamedTuple):
 
 
 class RobotFrames:
-    """The transform tree of a robot, without its past.
+    """The transform tree of a robot.
+
+    Of its past only the poses in the odometry's frame (`moving`) are kept, and the attitudes of
+    frames that tilt against a level one right above (`tilting`), by the frames' names.
 
     Args:
         base: the frame that poses are of; None leaves it to odometry and tf.
@@ -33,53 +39,36 @@ class RobotFrames:
         self.base = None if base is None else bare(base)
         self.odom = bare(odom)
         self.notes: list[str] = []
-        self._tree = Transforms()
-        self._tilting: set[Edge] = set()
+        self.tree = Transforms()
+        self.moving: dict[str, PoseSeries] = {}
+        self.tilting: dict[str, Series] = {}
 
-    def add(self, message: Any, static: bool) -> list[tuple[float, str, Pose2]]:
-        """Take a tf message; returns stamp [s], name and pose of frames in the odometry's."""
-        self._tree.add(message, static)
-        for edge, rows in self._tree.samples.items():
-            keep = 1 if edge in self._tree.static else FEW
-            del rows[:-keep]
-        items = (item for item in message.transforms if bare(item.header.frame_id) == self.odom)
-        return [(seconds(i.header.stamp), bare(i.child_frame_id), _pose(i)) for i in items]
-
-    def knows(self, frame: str) -> bool:
-        """Whether tf has a frame."""
-        return bare(frame) in self._tree.frames
-
-    def tilts(self, message: Any) -> list[tuple[float, str, Floats]]:
-        """Stamp [s], name and attitude (2,) [rad] of frames in a tf message that tilt.
-
-        They move against a level frame above; `add` has taken the message.
-        """
-        found = []
-        items = message.transforms
-        for edge in {(bare(i.header.frame_id), bare(i.child_frame_id)): None for i in items}:
-            child = edge[1]
-            if edge == self._tree.tilting(child):
-                rows = self._tree.samples[edge]
-                rows = rows[-1:] if edge in self._tilting else rows
-                self._tilting.add(edge)
-                pairs = zip(rows, attitudes_of(rows), strict=True)
-                found += [(row[0], child, attitude) for row, attitude in pairs]
-        return found
+    def take(self, message: Any, static: bool) -> None:
+        """Take a tf message."""
+        self.tree.add(message, static)
+        for edge, rows in self.tree.samples.items():
+            del rows[: -1 if edge in self.tree.static else -FEW]
+        new: Counter[Edge] = Counter()
+        for item in message.transforms:
+            parent, child = bare(item.header.frame_id), bare(item.child_frame_id)
+            new[parent, child] += 1
+            if parent == self.odom:
+                t, p = seconds(item.header.stamp), item.transform.translation
+                series = self.moving.setdefault(child, PoseSeries())
+                series.push(t, p.x, p.y, yaw_of(item.transform.rotation))
+        for (parent, child), n in new.items():
+            if (parent, child) == self.tree.tilting(child):
+                rows = self.tree.samples[parent, child][-n if child in self.tilting else -FEW :]
+                tilts = self.tilting.setdefault(child, Series(MAX_ATTITUDE_GAP))
+                for row, attitude in zip(rows, attitudes_of(rows).tolist(), strict=True):
+                    tilts.push(row[0], *attitude)
 
     def carries(self, frame: str, laser: str) -> bool:
         """Whether the laser is fixed to a frame, or tilts with a base above it."""
-        if self._tree.fixed(frame, bare(laser)) is not None:
+        if self.tree.fixed(frame, bare(laser)) is not None:
             return True
-        edge = self._tree.tilting(self._tree.ancestors(laser)[-1])
-        return edge is not None and bare(frame) in self._tree.ancestors(edge[0])
-
-    def in_base(self, frame: str) -> Floats | None:
-        """A frame in the base, 4 x 4, if it is fixed to it."""
-        return None if self.base is None else self._tree.fixed(self.base, bare(frame))
-
-    def base_in(self, frame: str) -> Floats | None:
-        """The base in a frame, 4 x 4, if it is fixed to it."""
-        return None if self.base is None else self._tree.fixed(frame, self.base)
+        edge = self.tree.tilting(self.tree.ancestors(laser)[-1])
+        return edge is not None and bare(frame) in self.tree.ancestors(edge[0])
 
     def mounted(self, laser: str, moving: str | None) -> Mounted | None:
         """Where the laser sits, or None while tf leaves that open.
@@ -89,10 +78,10 @@ class RobotFrames:
             moving: the frame that the odometry is of; it is the base where none was asked for.
         """
         laser = bare(laser)
-        base = self.base or self._tree.base_of(laser, moving)
+        base = self.base or self.tree.base_of(laser, moving)
         if base is None:
             return None
-        matrix = self._tree.fixed(base, laser)
+        matrix = self.tree.fixed(base, laser)
         if matrix is None:
             return None
         self.base = base
@@ -103,7 +92,7 @@ class RobotFrames:
 
     def complaint(self, laser: str) -> str | None:
         """Why there is no way from the base to the laser; None where tf says nothing at all."""
-        frames, laser = self._tree.frames, bare(laser)
+        frames, laser = self.tree.frames, bare(laser)
         if self.base is not None and self.base not in (*frames, laser):
             there = some(frames) or "none"
             return f"--base-frame: {self.base} is not in tf; frames: {there}"
@@ -115,8 +104,3 @@ class RobotFrames:
         if frames and self.base is not None:
             return f"tf has no fixed way from {self.base} to the laser's frame {laser}"
         return None
-
-
-def _pose(item: Any) -> Pose2:
-    where = item.transform.translation
-    return Pose2(where.x, where.y, yaw_of(item.transform.rotation))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -43,10 +43,6 @@ class InGivenMap:
         self.state: Any = LOST
         self.explained, self.quality = 0.0, math.nan
         self.covariance: Floats = np.diag([math.inf] * 3)
-
-    def restarted(self) -> InGivenMap:
-        """Another that seeks its place in the same map, or takes the same start."""
-        return InGivenMap(self._ready, self._start, self._notes)
 
     def update(self, scan: Scan) -> Pose2:
         """Take the next scan; the base's pose in the map, or the likeliest one."""
@@ -100,8 +96,8 @@ def in_given_map(
     given: str | Path | OccupancyGrid | None,
     start: Sequence[float] | None,
     notes: list[str],
-) -> InGivenMap | None:
-    """An algorithm in a map, if there is one; slow preparations are done before it returns.
+) -> Callable[[], InGivenMap] | None:
+    """What begins an algorithm in a map, if there is one; slow preparations are done before.
 
     Raises:
         OSError, TypeError, ValueError: as `open_map` and `prepare`; or a start without a map.
@@ -112,7 +108,7 @@ def in_given_map(
         return None
     whole = Given(given, None, "") if isinstance(given, OccupancyGrid) else open_map(given, notes)
     ready = prepare(entry, params, whole)
-    if start is not None:
-        return InGivenMap(ready, Pose2(*map(float, start)), notes)
-    _ = ready.map_index.lattice  # a second per 1000 m^2, before the scans come
-    return InGivenMap(ready, None, notes)
+    place = None if start is None else Pose2(*map(float, start))
+    if place is None:
+        _ = ready.map_index.lattice  # a second per 1000 m^2, before the scans come
+    return lambda: InGivenMap(ready, place, notes)

@@ -7,7 +7,9 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from slams.formats.bag import SCAN, Record
 from slams.formats.ros_store import prepare
@@ -15,16 +17,15 @@ from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
 from slams.live.estimate import Estimate
 from slams.live.frames import Mounted, RobotFrames
-from slams.live.lasers import Lasers
-from slams.live.maps import MapThread
-from slams.live.options import NodeOptions
-from slams.live.publisher import NodePublisher
+from slams.live.options import KINDS, SCANS, TYPES, Callback, NodeOptions, Quality
+from slams.live.publisher import MapThread, NodePublisher
 from slams.live.recorder import Recorder
-from slams.live.scan_order import Arrived
-from slams.live.scans import ScanQueue, message_of
+from slams.live.scans import Arrived, Scans
 from slams.live.slam import LiveSlam
-from slams.live.transport import KINDS, TYPES, Callback, Transport
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
+
+if TYPE_CHECKING:
+    from slams.live.transport import Transport
 
 SETTLING_TIME = 0.5  # [s] after the first scan, in which odometry and tf may begin
 MAX_WAIT_FOR_TF = 2.0  # [s] after the first scan; without any tf the laser is the base then
@@ -33,7 +34,7 @@ END_PERIOD = 0.1  # [s] between looks at whether to end
 CHECK_PERIOD = 1.0  # [s] between diagnostics
 MAX_UNLOCALIZED_SCANS = 20  # in a given map, until that is reported
 MAX_EARLY_SCANS = 1000  # that wait until the frames are known
-COUNTS = ("unreadable", "other_frame", "unplaced", "no_odometry", "sought")  # of scans
+COUNTS = ("no_odometry", "sought")  # of scans
 
 
 @dataclass
@@ -48,6 +49,13 @@ class Drive:
     delays: list[float] = field(default_factory=list)
     estimate: Estimate | None = None
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTS, 0))
+
+    def delay_ms(self) -> dict[str, float]:
+        """The delays' median, 99 % and longest [ms]."""
+        if not self.delays:
+            return {}
+        shares = {"p50": 50, "p99": 99, "max": 100}
+        return {k: round(1e3 * float(np.percentile(self.delays, p)), 3) for k, p in shares.items()}
 
 
 class Node:
@@ -67,7 +75,7 @@ class Node:
     ) -> None:
         prepare(TYPES)
         self.live, self.transport, self.options = live, transport, options
-        self.drive, self.queue = Drive(), ScanQueue(MAX_EARLY_SCANS)
+        self.drive = Drive()
         frames = RobotFrames(options.base_frame, options.odom_frame)
         self.buffer = SensorBuffer(frames, options.odometry)
         self.recorder: Recorder | None = None
@@ -77,8 +85,8 @@ class Node:
         every = options.map_every if live.given is None else 0.0
         self._maps = MapThread(live, self._publish_map, every)
         self._redrawn = 0
-        self._topics, counts = options.topics.scans, self.drive.counts
-        self._lasers = Lasers(self._topics, self.buffer, self.queue, options.wait, counts)
+        self._topics = options.topics.scans
+        self.scans = Scans(self._topics, self.buffer.mounted, MAX_EARLY_SCANS, options.wait)
         self._topic, self._frame, self._without_tf = "", "", False  # of the first scan
         self._checked_at, self._ready_at = -math.inf, math.inf
         self._subscribe()
@@ -92,33 +100,40 @@ class Node:
         since = self._wait_for_scan(ending)
         mounted = None if since is None else self._wait_for_mount(since, ending)
         if mounted is not None:
-            self._lasers.place(self._topic, mounted)
+            self.scans.place(self._topic, mounted)
             self._ready_at = time.monotonic()
 
     def run(self, ending: threading.Event, show_status: Callable[[], None]) -> None:
         """Take scans until the end; `show_status` is called about once a second."""
         while not ending.is_set():
-            self._take_next()
-            if len(self.queue) <= self.options.queue:  # what came before `start` ended is done
-                self.queue.size = self.options.queue
+            scan = self.scans.take(POLL_PERIOD)
+            if scan is not None:
+                self._push(scan)
+            if len(self.scans) <= self.options.queue:  # what came before `start` ended is done
+                self.scans.size = self.options.queue
             if time.monotonic() - self._checked_at >= CHECK_PERIOD:
                 self._checked_at = time.monotonic()
                 self.check()
                 show_status()
-        for scan in self._lasers.order.rest():
+        for scan in self.scans.rest():
             self._push(scan)
 
     def close(self) -> None:
-        """Publish the last map and leave the network."""
+        """Publish the last map and leave the network; no pose, no recording.
+
+        Raises:
+            OSError: some of it could not be recorded; then there is no file.
+        """
         self._maps.close()
         self.transport.close()
+        if self.recorder is not None:
+            self.recorder.close(keep=bool(self.drive.t))
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened to scans and maps."""
         buffer = self.buffer
         return self.live.report() | {
-            "came": self.queue.came,
-            "dropped": self.queue.dropped,
+            **self.scans.counts,
             "unsent": self._publisher.unsent,
             **self.drive.counts,
             "late_odometry": buffer.late,
@@ -132,7 +147,7 @@ class Node:
     def check(self) -> None:
         """Report what goes wrong, and what is assumed of frames and laser."""
         frames, diagnostics, topics = self.buffer.frames, self._diagnostics, self._topics
-        scan_times = {topic: self._lasers.last_scan(topic, self._ready_at) for topic in topics}
+        scan_times = {topic: self.scans.came_at.get(topic, self._ready_at) for topic in topics}
         publishers = {topic: self.transport.publishers(topic) for topic in topics}
         diagnostics.check(self.report(), scan_times, publishers)
         sought, candidates = self.drive.counts["sought"], self.live.candidates
@@ -142,33 +157,28 @@ class Node:
         if self._maps.failed is not None:
             self._say(f"the map is not published: {self._maps.failed}")
             self._maps.failed = None
-        for note in (*self.live.notes, *frames.notes, *self._lasers.notes):
+        for note in (*self.live.notes, *frames.notes, *self.scans.notes):
             diagnostics.note(note)
-        if self._without_tf and frames.knows(self._frame):
+        if self._without_tf and self._frame in frames.tree.frames:
             diagnostics.note(f"tf has {self._frame} now, too late: start again to have it used")
 
     # network
 
     def _subscribe(self) -> None:
-        options, buffer = self.options, self.buffer
+        options = self.options
         for topic in self._topics:
-            self._hear("scan", self._lasers.hear, topic)
-        if options.odometry in ("auto", "topic"):
-            self._hear("odom", buffer.take_odometry)
-        if options.imu:
-            self._hear("imu", buffer.take_imu)
-        self._hear("tf", buffer.take_tf)
-        self._hear("tf_static", buffer.take_tf)
+            self._hear(topic, SCANS, self.scans.put)
+        wanted = {"odom": options.odometry in ("auto", "topic"), "imu": options.imu}
+        for name in ("tf", "tf_static", *(name for name, is_wanted in wanted.items() if is_wanted)):
+            self._hear(getattr(options.topics, name), KINDS[name], self.buffer.take)
 
-    def _hear(self, name: str, callback: Callback, topic: str = "") -> None:
-        topic = topic or getattr(self.options.topics, name)
-
+    def _hear(self, topic: str, kind: tuple[str, Quality], callback: Callback) -> None:
         def both(record: Record) -> None:
             """Take a message and record it."""
             callback(record)
             self._record(topic, record.received, record.data)
 
-        self.transport.subscribe(topic, *KINDS[name], both)
+        self.transport.subscribe(topic, *kind, both)
 
     def _record(self, topic: str, received: int, data: bytes) -> None:
         if self.recorder is not None:
@@ -190,18 +200,13 @@ class Node:
         """When the first scan came; it stays in the queue. None if ended before."""
         said_at = time.monotonic()
         while not ending.is_set():
-            first = self.queue.peek(END_PERIOD)
+            first = self.scans.first(END_PERIOD)
             if first is not None:
-                try:
-                    self._topic = first.record.topic
-                    self._frame = message_of(first.record).frame
-                    return first.at
-                except ValueError as error:
-                    self.queue.take(0.0)
-                    self._leave_out(error)
-            elif time.monotonic() - said_at >= PERIOD:
+                self._topic, self._frame = first.topic, first.frame
+                return first.at
+            if time.monotonic() - said_at >= PERIOD:
                 said_at = time.monotonic()
-                self._say(self._why_no_scan())
+                self._say("; ".join([self._why_no_scan(), *self.scans.notes]))
         return None
 
     def _why_no_scan(self) -> str:
@@ -244,51 +249,32 @@ class Node:
 
     # scans
 
-    def _take_next(self) -> None:
-        """Wait for a message, and push the scans whose turn has come."""
-        order = self._lasers.order
-        received = self.queue.take(POLL_PERIOD if order else END_PERIOD)
-        try:
-            if received is not None:
-                self._lasers.take(received)
-        except ValueError as error:
-            self._leave_out(error)
-        while (scan := order.take(time.monotonic())) is not None:
-            self._push(scan)
-
-    def _leave_out(self, error: ValueError) -> None:
-        self.drive.counts["unreadable"] += 1
-        self._diagnostics.note(f"{error}; such scans are left out")
-
     def _push(self, scan: Arrived) -> None:
         """From a scan to its pose, out on the network."""
-        message, since, t = scan.message, scan.at, scan.message.t
-        try:
-            ranges, laser = self._lasers.clean(scan)
-        except ValueError as error:
-            self._leave_out(error)
+        cleaned, t = self.scans.clean(scan), scan.t
+        if cleaned is None:
             return
-        self.buffer.wait_for(t, since + self.options.wait)
+        self.buffer.wait_for(t, scan.at + self.options.wait)
         odometry = self.buffer.odometry_at(t)
         self.drive.counts["no_odometry"] += odometry is None and self.buffer.has_odometry
         used = None if self.options.odometry == "none" else odometry
         yaw, attitude = self.buffer.yaw_at(t), self.buffer.attitude_at(t)
-        estimate = self.live.push_scan(Scan(t, ranges, laser, used, yaw, attitude))
+        estimate = self.live.push_scan(Scan(t, *cleaned, used, yaw, attitude))
         if not estimate.used:
             return
         self.drive.estimate = estimate
         if estimate.found:
             edge = self._edge(estimate.pose, odometry)
-            self._publisher.publish_pose(message.stamp, estimate, edge)
-            if since >= self._ready_at:
-                self.drive.delays.append(time.monotonic() - since)
+            self._publisher.publish_pose(scan.stamp, estimate, edge)
+            if scan.at >= self._ready_at:
+                self.drive.delays.append(time.monotonic() - scan.at)
             self.drive.t.append(t)
             self.drive.poses.append(estimate.pose)
-            self._maps.add(message.stamp)
+            self._maps.add(scan.stamp)
         else:
             self.drive.counts["sought"] += 1
-        counts = {"scans": len(self.drive.t), "dropped": self.queue.dropped}
-        self._publisher.publish_state(message.stamp, estimate, counts)
+        counts = {"scans": len(self.drive.t), "dropped": self.scans.counts["dropped"]}
+        self._publisher.publish_state(scan.stamp, estimate, counts)
 
     def _edge(self, pose: Pose2, odometry: Pose2 | None) -> tuple[str, Pose2] | None:
         """The frame to place in the map: the odometry's, or the base where nothing places that."""

@@ -1,11 +1,12 @@
-"""The topics of a node: transform, pose and state with every scan, the map now and then."""
+"""The topics of a node: transform, pose and state with every scan, the map at its own pace."""
 
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,11 +14,15 @@ from slams import metrics
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.estimate import STATES, Estimate
-from slams.live.options import NodeOptions
-from slams.live.transport import KINDS, Transport
+from slams.live.options import KINDS, NodeOptions
+from slams.live.slam import LiveSlam
 from slams.types import Floats, OccupancyGrid, Pose2
 
+if TYPE_CHECKING:
+    from slams.live.transport import Transport
+
 PUBLISHED = ("map", "path", "tf", "pose", "state")
+MAX_HELD_SHARE = 0.05  # of the time that scans may wait for maps; slower maps come less often
 PATH_STEP = 0.2  # [m] between two poses of a path: finer than a line on a screen shows
 
 
@@ -42,10 +47,7 @@ class NodePublisher:
         self._options, self._record, self._make = options, record, Maker()
         self.unsent = 0
         kinds = {getattr(topics, name): KINDS[name] for name in PUBLISHED}
-        self._types = {topic: msgtype for topic, (msgtype, _) in kinds.items()}
-        self._publishers = {
-            topic: transport.advertise(topic, *kind) for topic, kind in kinds.items()
-        }
+        self._publishers = {name: transport.advertise(name, *kind) for name, kind in kinds.items()}
 
     def publish_pose(self, stamp: int, estimate: Estimate, edge: tuple[str, Pose2] | None) -> None:
         """Publish the pose, and the transform of a frame in the map.
@@ -83,7 +85,7 @@ class NodePublisher:
         self._send(self._options.topics.path, self._make.path(*named, self._options.map_frame))
 
     def _send(self, topic: str, message: Any) -> None:
-        data = bytes(store().serialize_cdr(message, self._types[topic]))
+        data = bytes(store().serialize_cdr(message, message.__msgtype__))
         try:
             self._publishers[topic].publish(data)
         except OSError:
@@ -94,3 +96,63 @@ class NodePublisher:
 def _share(value: float) -> str:
     """0..1 as text; nothing where it is not known."""
     return "" if math.isnan(value) else f"{value:.3f}"
+
+
+class MapThread:
+    """Draws a map every so often, in a thread of its own, if there was a scan since.
+
+    Args:
+        live: whose map.
+        publish: takes stamp [ns] and map.
+        every: time between two maps [s]; 0 for none.
+
+    `drawn` counts maps, `longest` is for how long [s] scans waited for one at most, `failed` why
+    the last one could not be drawn or published.
+    """
+
+    def __init__(
+        self, live: LiveSlam, publish: Callable[[int, OccupancyGrid], None], every: float
+    ) -> None:
+        self._live, self._publish, self._every = live, publish, every
+        self._stamp = self._published = -1
+        self.drawn, self.longest = 0, 0.0
+        self.failed: Exception | None = None
+        self._due = threading.Event()
+        self._ending = False
+        self._thread = threading.Thread(target=self._run, name="maps", daemon=True)
+        if every:
+            self._thread.start()
+
+    def add(self, stamp: int) -> None:
+        """Note that a scan with a stamp [ns] is in the map; the first map is drawn at once."""
+        is_first = self._stamp < 0
+        self._stamp = stamp
+        if is_first:
+            self._due.set()
+
+    def close(self) -> None:
+        """Publish the last map and end."""
+        self._ending = True
+        self._due.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        self._due.wait()
+        while not self._ending:
+            self._due.clear()
+            self._draw()
+            self._due.wait(max(self._every, self._live.held / MAX_HELD_SHARE))
+        self._draw()
+
+    def _draw(self) -> None:
+        stamp = self._stamp
+        if stamp < 0 or stamp == self._published:
+            return
+        try:
+            self._publish(stamp, self._live.map())
+        except Exception as error:  # the node reports it: scans go on
+            self.failed = error
+        self._published = stamp
+        self.drawn += 1
+        self.longest = max(self.longest, self._live.held)

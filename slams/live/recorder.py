@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import queue
-import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from slams.formats.bag import SCAN
 from slams.formats.mcap_file import McapFile
-from slams.live.options import Topics
-from slams.live.transport import KINDS
+from slams.live.options import KINDS, Topics
 
 
 class Recorder:
@@ -23,17 +21,15 @@ class Recorder:
     def __init__(self, path: str | Path, topics: Topics) -> None:
         if Path(path).suffix != ".mcap":
             raise ValueError(f"--record: got {path}, expected a name that ends in .mcap")
-        types = {getattr(topics, name): msgtype for name, (msgtype, _) in KINDS.items()}
-        types |= dict.fromkeys(topics.more_scans, SCAN)
+        types = dict.fromkeys(topics.scans, SCAN)
+        types |= {getattr(topics, name): msgtype for name, (msgtype, _) in KINDS.items()}
         self._file = McapFile(path, types, (topics.map, topics.path, topics.tf_static))
-        self._waiting: queue.SimpleQueue[tuple[str, int, bytes] | None] = queue.SimpleQueue()
         self._failed: Exception | None = None
-        self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)
-        self._thread.start()
+        self._writing = ThreadPoolExecutor(1, "recorder")
 
     def put(self, topic: str, received: int, data: bytes) -> None:
         """Take a message that was received at a time [ns]; never waits."""
-        self._waiting.put((topic, received, data))
+        self._writing.submit(self._write, topic, received, data)
 
     def close(self, keep: bool = True) -> None:
         """Write the messages that still wait and give the file its name, or leave no file.
@@ -41,8 +37,7 @@ class Recorder:
         Raises:
             OSError: some of it could not be written; then there is no file.
         """
-        self._waiting.put(None)
-        self._thread.join()
+        self._writing.shutdown()
         if keep and self._failed is None:
             self._file.close()
             return
@@ -50,11 +45,10 @@ class Recorder:
         if keep:
             raise OSError(f"{self._file.path}: not recorded: {self._failed}") from self._failed
 
-    def _write(self) -> None:
-        """Write until the end, or until the first failure; later messages are ignored."""
-        while (entry := self._waiting.get()) is not None:
-            try:
-                if self._failed is None:
-                    self._file.write_raw(*entry)
-            except Exception as error:  # the library raises its own and the disk's
-                self._failed = error
+    def _write(self, topic: str, received: int, data: bytes) -> None:
+        """Write a message, unless an earlier one failed."""
+        try:
+            if self._failed is None:
+                self._file.write_raw(topic, received, data)
+        except Exception as error:  # the library raises its own and the disk's
+            self._failed = error

@@ -5,18 +5,20 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from slams.formats.bag import IMU, ODOMETRY, SCAN, TF
+from slams.formats.bag import ODOMETRY
 from slams.formats.mcap import LAST_STAMP, frames_of
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
-from slams.live.options import Topics
-from slams.live.transport import Publisher, Quality, Transport
-from slams.scanlog import ScanLog, Track
+from slams.live.options import KINDS, SCANS, Quality, Topics
+from slams.scanlog import ScanLog
 from slams.types import Pose2
+
+if TYPE_CHECKING:
+    from slams.live.transport import Publisher, Transport
 
 ODOM = "odom"
 TICK = 0.05  # [s] between looks at whether somebody listens
@@ -41,23 +43,23 @@ class Robot:
     """
 
     def __init__(self, log: ScanLog, transport: Transport, names: Mapping[str, str]) -> None:
-        topics = Topics()
-        types = {topics.tf_static: (TF, Quality.LATCHED), topics.scan: (SCAN, Quality.SENSOR)}
+        self._log, self._make, self._topics = log, Maker(), Topics()
+        topics, self._period = self._topics, log.scan_period
+        self._scan = topics.scans[0]
+        kinds = {topics.tf_static: KINDS["tf_static"], self._scan: SCANS}
         if log.odom is not None:
-            types |= {topics.odom: (ODOMETRY, Quality.RELIABLE), topics.tf: (TF, Quality.RELIABLE)}
+            kinds |= {topics.odom: (ODOMETRY, Quality.RELIABLE), topics.tf: KINDS["tf"]}
         if log.yaw_rate is not None:
-            types[topics.imu] = (IMU, Quality.SENSOR)
-        unknown = [name for name in names if name not in types]
+            kinds[topics.imu] = KINDS["imu"]
+        unknown = [name for name in names if name not in kinds]
         if unknown:
             raise ValueError(
-                f"--remap: {unknown[0]} is not published; there are {', '.join(types)}"
+                f"--remap: {unknown[0]} is not published; there are {', '.join(kinds)}"
             )
-        self._log, self._make, self._topics = log, Maker(), topics
         self._base, self._laser = frames_of(log.meta)
-        self._kinds = {topic: kind for topic, (kind, _) in types.items()}
         self._publishers: dict[str, Publisher] = {
             topic: transport.advertise(names.get(topic, topic), *kind)
-            for topic, kind in types.items()
+            for topic, kind in kinds.items()
         }
         fits = log.t.min() >= 0.0 and log.t.max() < LAST_STAMP
         self._zero = 0.0 if fits else float(log.t.min())
@@ -72,7 +74,7 @@ class Robot:
 
     def await_reader(self, patience: float, ending: threading.Event) -> bool:
         """Wait for somebody who takes scans and mount; whether there is one in time [s]."""
-        needed = [self._publishers[self._topics.scan], self._publishers[self._topics.tf_static]]
+        needed = [self._publishers[self._scan], self._publishers[self._topics.tf_static]]
         for _ in range(round(patience / TICK)):
             if all(one.subscribers for one in needed):
                 ending.wait(LINGER)  # the other topics find each other meanwhile
@@ -86,18 +88,17 @@ class Robot:
         later = turn * (self._due[-1][0] + self._log.scan_period)
         for due, kind, row in self._due:
             send = partial(self._publish, kind, row, later)
-            yield Moment(due + later, send, kind == self._topics.scan)
+            yield Moment(due + later, send, kind == self._scan)
 
     def _all_due(self) -> list[tuple[float, str, int]]:
         """When, on which topic, which row: odometry before the scan of the same moment.
 
         A scan is due when its last beam is measured. Where stamps jump back the log's order rules.
         """
-        log, topics = self._log, self._topics
-        sweep = log.laser.time_increment * (log.laser.n_beams - 1)
-        tracks = {topics.odom: log.odom, topics.imu: log.yaw_rate}
-        stamps = {name: track.t for name, track in tracks.items() if track is not None}
-        stamps[topics.scan] = log.t + sweep
+        log = self._log
+        self._tracks = {self._topics.odom: log.odom, self._topics.imu: log.yaw_rate}
+        stamps = {name: track.t for name, track in self._tracks.items() if track is not None}
+        stamps[self._scan] = log.t + log.laser.time_increment * (log.laser.n_beams - 1)
         due = [
             (float(t), name, row)
             for name, all_t in stamps.items()
@@ -106,26 +107,22 @@ class Robot:
         due.sort(key=lambda one: one[0])
         return [(t - due[0][0], name, row) for t, name, row in due]
 
-    def _publish(self, kind: str, row: int, later: float) -> None:
-        log, topics = self._log, self._topics
-        if kind == topics.scan:
-            stamp = self._stamp(float(log.t[row]), later)
-            ranges, period = log.ranges[row], log.scan_period
-            self._send(kind, self._make.scan(stamp, self._laser, log.laser, ranges, period))
-        elif kind == topics.odom and log.odom is not None:
-            self._publish_odometry(log.odom, row, later)
-        elif log.yaw_rate is not None:
-            stamp = self._stamp(float(log.yaw_rate.t[row]), later)
-            self._send(kind, self._make.imu(stamp, float(log.yaw_rate.values[row]), self._base))
-
-    def _publish_odometry(self, track: Track, row: int, later: float) -> None:
-        stamp, pose = self._stamp(float(track.t[row]), later), Pose2(*track.values[row].tolist())
-        said = self._make.odometry(stamp, pose, ODOM, self._base)
-        self._send(self._topics.odom, said)
-        self._send(self._topics.tf, self._make.transforms(stamp, [(ODOM, self._base, pose)]))
+    def _publish(self, topic: str, row: int, later: float) -> None:
+        track, log, make = self._tracks.get(topic), self._log, self._make
+        stamp = self._stamp(float((track or log).t[row]), later)
+        if track is None:
+            ranges = log.ranges[row]
+            self._send(topic, make.scan(stamp, self._laser, log.laser, ranges, self._period))
+        elif topic == self._topics.imu:
+            self._send(topic, make.imu(stamp, float(track.values[row]), self._base))
+        else:
+            pose = Pose2(*track.values[row].tolist())
+            self._send(topic, make.odometry(stamp, pose, ODOM, self._base))
+            self._send(self._topics.tf, make.transforms(stamp, [(ODOM, self._base, pose)]))
 
     def _stamp(self, t: float, later: float) -> int:
         return max(0, round(1e9 * (t - self._zero + later)))
 
     def _send(self, topic: str, message: Any) -> None:
-        self._publishers[topic].publish(bytes(store().serialize_cdr(message, self._kinds[topic])))
+        data = store().serialize_cdr(message, message.__msgtype__)
+        self._publishers[topic].publish(bytes(data))

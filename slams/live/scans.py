@@ -1,10 +1,11 @@
-"""Scans from messages: a queue of them, and their ranges cleaned as a log's are."""
+"""A robot's scans: from the messages of its lasers to ranges, in the order of their stamps."""
 
 from __future__ import annotations
 
+import math
 import threading
 import time
-from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,71 +17,164 @@ from slams.formats.ros_messages import READ
 from slams.formats.ros_store import store
 from slams.formats.sweep import Sweep, common, same_directions, usable
 from slams.live.frames import Mounted
+from slams.ros.stamps import seconds
 from slams.scanlog import ScanLog
 from slams.types import Laser, Ranges
 
-
-class Received(NamedTuple):
-    """A message and when it came [s], on this machine's clock."""
-
-    record: Record
-    at: float
+MAX_SILENCE = 2.0  # [s] without a scan of a laser; then no other laser's scan waits for one
+EARLIEST = 0.75  # of its shortest interval: scans of a laser come by no more too early
+SLOWER = 1.1  # by how much the shortest interval follows a longer one: scans can be lost
+COUNTS = ("came", "dropped", "unreadable", "other_frame", "unplaced")
 
 
-class ScanQueue:
-    """First in, first out, at most `size`; when it is full the oldest scan is dropped.
+class Arrived(NamedTuple):
+    """A scan as its driver sent it, its stamp [ns], and when it came [s, monotonic]."""
 
-    `came` counts all scans, `dropped` those left out.
-    """
-
-    def __init__(self, size: int) -> None:
-        self.size = size
-        self.came = self.dropped = 0
-        self._scans: deque[Received] = deque()
-        self._changed = threading.Condition()
-
-    def put(self, record: Record) -> None:
-        """Take a scan; never waits."""
-        with self._changed:
-            self.came += 1
-            self._scans.append(Received(record, time.monotonic()))
-            while len(self._scans) > self.size:
-                self._scans.popleft()
-                self.dropped += 1
-            self._changed.notify()
-
-    def take(self, timeout: float) -> Received | None:
-        """The oldest scan; None if none comes in time [s]."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._scans, timeout)
-            return self._scans.popleft() if self._scans else None
-
-    def peek(self, timeout: float) -> Received | None:
-        """As `take`, but the scan stays."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._scans, timeout)
-            return self._scans[0] if self._scans else None
-
-    def __len__(self) -> int:
-        return len(self._scans)
-
-
-class Message(NamedTuple):
-    """A scan as its driver sent it; `stamp` [ns]."""
-
-    stamp: int
+    topic: str
     frame: str
-    ranges: Ranges
-    geometry: Laser
+    stamp: int
+    sweep: Sweep
+    at: float
 
     @property
     def t(self) -> float:
-        """The stamp [s], rounded as `slams.ros.stamps` does."""
-        whole, rest = divmod(self.stamp, 10**9)
-        return float(whole + 1e-9 * rest)
+        """The stamp [s]."""
+        return self.sweep.t
 
 
-def message_of(record: Record) -> Message:
+class Scans:
+    """Scans that wait, each topic's of one laser; given out by their stamps.
+
+    A scan waits while another laser can still send an older one, by the stamp and the interval of
+    that laser's last scans; those of a single laser never do. `counts` says what became of all.
+
+    Args:
+        topics: of the lasers; of scans with one stamp the first topic's goes first.
+        mounted: where the laser of a frame sits; None while that is not known.
+        size: how many may wait; then the oldest is dropped.
+        wait: for an older scan at most [s].
+    """
+
+    def __init__(
+        self,
+        topics: Sequence[str],
+        mounted: Callable[[str], Mounted | None],
+        size: int,
+        wait: float,
+    ) -> None:
+        self.size, self.counts = size, dict.fromkeys(COUNTS, 0)
+        self.came_at: dict[str, float] = {}  # [s] the last message, by topics as all of these
+        self._topics, self._mounted = tuple(topics), mounted
+        self._wait = wait if len(topics) > 1 else 0.0
+        self._waiting: list[Arrived] = []
+        self._last: dict[str, Arrived] = {}
+        self._interval = dict.fromkeys(topics, math.inf)
+        self._cleaners: dict[str, Cleaner] = {}
+        self._odd: dict[str, None] = {}  # sentences
+        self._changed = threading.Condition()
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def put(self, record: Record) -> None:
+        """Take a message; never waits."""
+        self.counts["came"] += 1
+        self.came_at[record.topic] = time.monotonic()
+        try:
+            scan = _arrived(record)
+        except ValueError as error:
+            self._leave_out(error)
+            return
+        with self._changed:
+            last = self._last.get(scan.topic, scan)
+            if scan.frame != last.frame:
+                self.counts["other_frame"] += 1
+                return
+            if 0.0 < (step := scan.t - last.t) < MAX_SILENCE:
+                self._interval[scan.topic] = min(step, SLOWER * self._interval[scan.topic])
+            self._last[scan.topic] = scan
+            self._waiting.append(scan)
+            if len(self._topics) > 1:
+                self._waiting.sort(key=lambda one: (one.t, self._topics.index(one.topic)))
+            while self._is_full(scan.at):
+                del self._waiting[0]
+                self.counts["dropped"] += 1
+            self._changed.notify()
+
+    def first(self, timeout: float) -> Arrived | None:
+        """The first scan, which stays; None if none comes in time [s]."""
+        with self._changed:
+            return next(iter(self._changed.wait_for(lambda: self._waiting, timeout)), None)
+
+    def place(self, topic: str, mounted: Mounted) -> None:
+        """Tell where the laser of a topic sits."""
+        self._cleaners[topic] = Cleaner(mounted)
+
+    def take(self, timeout: float) -> Arrived | None:
+        """The next scan of a laser whose place is known; None if no scan's turn comes in time."""
+        with self._changed:
+            return self._changed.wait_for(self._next, timeout)
+
+    def rest(self) -> list[Arrived]:
+        """The scans that still wait, in order."""
+        with self._changed:
+            left, self._waiting = self._waiting, []
+        return [scan for scan in left if scan.topic in self._cleaners]
+
+    def clean(self, scan: Arrived) -> tuple[Ranges, Laser] | None:
+        """Ranges and laser of a scan; None, noted, where no laser has such a geometry."""
+        try:
+            return self._cleaners[scan.topic].clean(scan.sweep)
+        except ValueError as error:
+            self._leave_out(error)
+            return None
+
+    @property
+    def notes(self) -> list[str]:
+        """What is assumed of the lasers, and which scans are left out."""
+        assumed = [note for cleaner in self._cleaners.values() for note in cleaner.notes]
+        return assumed + list(self._odd)
+
+    def _leave_out(self, error: ValueError) -> None:
+        self.counts["unreadable"] += 1
+        self._odd[f"{error}; such scans are left out"] = None
+
+    def _is_full(self, now: float) -> bool:
+        """Whether more wait than may, without those that wait for another laser."""
+        over = len(self._waiting) - self.size
+        return over > 0 and now - self._waiting[over - 1].at >= self._wait
+
+    def _next(self) -> Arrived | None:
+        while self._waiting and not self._is_placed(self._waiting[0].topic):
+            del self._waiting[0]
+            self.counts["unplaced"] += 1
+        if not self._waiting or self._has_to_wait(self._waiting[0], time.monotonic()):
+            return None
+        return self._waiting.pop(0)
+
+    def _has_to_wait(self, scan: Arrived, now: float) -> bool:
+        """Whether another laser can still send an older one."""
+        return now - scan.at < self._wait and any(
+            self._next_stamp(topic) < scan.t
+            for topic, last in self._last.items()
+            if topic != scan.topic and now - last.at < MAX_SILENCE and self._is_placed(topic)
+        )
+
+    def _next_stamp(self, topic: str) -> float:
+        """The least stamp [s] of the next scan of a laser; of its last one after a first scan."""
+        interval = self._interval[topic]
+        early = 0.0 if math.isinf(interval) else EARLIEST * interval
+        return self._last[topic].t + early
+
+    def _is_placed(self, topic: str) -> bool:
+        if topic not in self._cleaners:
+            mounted = self._mounted(self._last[topic].frame)
+            if mounted is not None:
+                self.place(topic, mounted)
+        return topic in self._cleaners
+
+
+def _arrived(record: Record) -> Arrived:
     """A sensor_msgs/LaserScan unpacked.
 
     Raises:
@@ -94,36 +188,37 @@ def message_of(record: Record) -> Message:
     if not usable(geometry):
         raise ValueError(f"a scan of {record.topic} has no beams or no directions")
     stamp = message.header.stamp
-    return Message(stamp.sec * 10**9 + stamp.nanosec, bare(frame), ranges, geometry)
+    sweep = Sweep(seconds(stamp), ranges, geometry)
+    ns = stamp.sec * 10**9 + stamp.nanosec
+    return Arrived(record.topic, bare(frame), ns, sweep, time.monotonic())
 
 
-class ScanCleaner:
+class Cleaner:
     """Gives every scan its laser, the same object as long as the beams stay where they are."""
 
     def __init__(self, mounted: Mounted) -> None:
         self.notes: list[str] = []
         self._mounted = mounted
         self._laser: Laser | None = None
-        self._geometry: Laser | None = None
-        self._first: Sweep | None = None
+        self._sweeps: list[Sweep] = []  # of one geometry: the first one, and the second
 
-    def clean(self, message: Message) -> tuple[Ranges, Laser]:
+    def clean(self, sweep: Sweep) -> tuple[Ranges, Laser]:
         """Ranges (n,) [m], infinite and invalid as REP 117 has them, and the laser.
 
         Raises:
             ValueError: no laser has such a geometry.
         """
-        sweep = Sweep(message.t, message.ranges, message.geometry)
-        if self._geometry is None or not same_directions(sweep.geometry, self._geometry):
-            self._geometry, self._laser, self._first = sweep.geometry, self._fan([sweep]), sweep
-        elif self._first is not None:  # with a second scan the time between two is known
-            self._laser, self._first = self._fan([self._first, sweep]), None
+        if not self._sweeps or not same_directions(sweep.geometry, self._sweeps[0].geometry):
+            self._sweeps = []
+        if len(self._sweeps) < 2:  # with a second scan the time between two is known
+            self._sweeps.append(sweep)
+            self._laser = self._fan()
         assert self._laser is not None
         one = ScanLog(np.array([sweep.t]), sweep.ranges[None], self._laser)
         return one.ranges[0], one.laser
 
-    def _fan(self, sweeps: list[Sweep]) -> Laser:
-        """The laser of sweeps of one geometry; an equal one stays the object it is."""
+    def _fan(self) -> Laser:
+        """The laser of the sweeps; an equal one stays the object it is."""
         _, mount, flipped, z = self._mounted
-        laser = replace(common(sweeps, mount, flipped, self.notes)[2], mount_z=z)
+        laser = replace(common(self._sweeps, mount, flipped, self.notes)[2], mount_z=z)
         return self._laser if laser == self._laser and self._laser is not None else laser

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,18 +17,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slams.heading import Heading
-from slams.live.estimate import Estimate, EstimateMaker
+from slams.live.estimate import Estimate, Estimates
 from slams.live.given_map import in_given_map
-from slams.live.scan_checker import ScanChecker
 from slams.live.warm_up import warm_up as warm_up_kernels
 from slams.registry import find
 from slams.ros.stamps import seconds
 from slams.scanlog import ScanLog, single
-from slams.state.session import check_target, resume, save_after
-from slams.types import IDENTITY, Attitude, Corrected, Floats, OccupancyGrid, Pose2, Scan, Slam
-from slams.validation import check_laser, check_stamps, expect
+from slams.state.store import check_target, resume, save_after
+from slams.types import (
+    IDENTITY,
+    Attitude,
+    Corrected,
+    Floats,
+    Laser,
+    OccupancyGrid,
+    Pose2,
+    Scan,
+    Slam,
+)
+from slams.validation import LONGEST_SWEEP, can_be, check_laser, check_stamps, expect
 
-LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
 MAX_RESUME_GAP = 60.0  # [s] after a state's last scan in which wheels are taken to have counted on
 COUNTS = ("scans", "late", "repeated", "lasers", "bad_odometry", "clock_set_back")
 
@@ -51,8 +59,8 @@ class LiveSlam:
         map_start: about where in it the first scan is, x, y [m], theta [rad]; None seeks it.
         changes: single parameters.
 
-    `notes` are sentences for the user about the map, and where in it the robot was found. `held`
-    [s] is for how long the last map kept pushes waiting.
+    `given` is the map that stays, if there is one. `notes` are sentences for the user about it, and
+    where in it the robot was found. `held` [s] is for how long the last map kept pushes waiting.
 
     Raises:
         LookupError: unknown algorithm, sensor or parameter.
@@ -73,8 +81,8 @@ class LiveSlam:
         map_start: Sequence[float] | None = None,
         **changes: Any,
     ) -> None:
-        self._entry = find(algorithm)
-        params = self._entry.params()
+        entry = find(algorithm)
+        params = entry.params()
         if sensor is not None:
             params = params.for_sensor(sensor)
         self.params = params.replace(**changes)
@@ -83,13 +91,16 @@ class LiveSlam:
         if map is not None and state is not None:
             raise ValueError("map: stays as it is; got a state to go on from, too")
         self.notes: list[str] = []
-        self._given = in_given_map(self._entry, self.params, map, map_start, self.notes)
-        saved = None if state is None else resume(state, self._entry, self.params)
+        given = in_given_map(entry, self.params, map, map_start, self.notes)
+        self.given = None if given is None else given().map()
+        saved = None if state is None else resume(state, entry, self.params)
         self.params = getattr(saved and saved.slam, "params", self.params)
+        self._new: Callable[[], Slam] = given or (lambda: entry.cls(self.params))
         if warm_up:
-            warm_up_kernels(self._entry.cls, self.params)
-        self.reset()
-        if saved is not None:
+            warm_up_kernels(entry.cls, self.params)
+        if saved is None:
+            self.reset()
+        else:
             self._begin(saved.slam, saved.beside.get("t"))
 
     def reset(self) -> None:
@@ -97,21 +108,18 @@ class LiveSlam:
 
         In a map that stays the place is sought anew, or `map_start` is taken again.
         """
-        self._begin(
-            self._entry.cls(self.params) if self._given is None else self._given.restarted()
-        )
+        self._begin(self._new())
 
     def _begin(self, slam: Slam, saved_at: float | None = None) -> None:
         """Go on with an algorithm, new or saved after a scan with a stamp [s]."""
         with self._lock:
             self._slam, self._saved_at = slam, saved_at
-            self._estimates = EstimateMaker(slam)
             self._heading = Heading()
             self._scan: Scan | None = None
-            self._last: Estimate | None = None
-            self._late, self.held = 0, 0.0
+            self._laser: Laser | None = None  # of `push`
+            self.held = 0.0
             self._counts = dict.fromkeys(COUNTS, 0)
-            self._checker = ScanChecker(self._mount, self._counts)
+            self._estimates = Estimates(slam, self._counts)
 
     def push(
         self,
@@ -144,34 +152,38 @@ class LiveSlam:
         Raises:
             ValueError: the fields are not those of a scan.
         """
-        values = single(ranges)
-        if values.ndim != 1 or not len(values):
-            raise ValueError(f"ranges: got shape {values.shape}, expected (n,) with n >= 1")
-        geometry = (angle_min, angle_increment, range_min, range_max, time_increment)
-        stamp = float(stamp)
+        values, stamp = single(ranges), float(stamp)
+        shape = values.shape
+        expect(len(shape) == 1 and shape[0] > 0, "ranges", f"shape {shape}", "(n,) with n >= 1")
         check_stamps("stamp", np.array([stamp]))
+        if odometry is not None:
+            expect(len(odometry) == 3, "odometry", f"{len(odometry)} numbers", "x, y, theta")
+        fan = (angle_min, angle_increment, range_min, range_max, time_increment)
+        start, step, low, high, between = map(float, fan)
+        between = between if 0.0 < between * len(values) <= LONGEST_SWEEP else 0.0
+        laser = Laser(start, step, len(values), low, high, self._mount, between)
+        log = ScanLog(np.array([stamp]), values[None], laser)  # checks both
         with self._lock:
-            laser = self._checker.laser_of(len(values), geometry)
+            if laser != self._laser:
+                self._counts["lasers"] += 1
+                self._laser = laser
             if yaw_rate is not None:
                 self._heading.push(stamp, yaw_rate)
             scan = Scan(
                 stamp,
-                ScanLog(np.array([stamp]), values[None], laser).ranges[0],
-                laser,
-                odometry=self._checker.pose_of(odometry),
-                yaw=self._heading.at(stamp),
-                attitude=None if attitude is None else Attitude(*map(float, attitude)),
+                log.ranges[0],
+                self._laser,
+                None if odometry is None else self._possible(Pose2(*map(float, odometry))),
+                self._heading.at(stamp),
+                None if attitude is None else Attitude(*map(float, attitude)),
             )
             return self.push_scan(scan)
 
-    def push_message(
-        self,
-        message: Any,
-        *,
-        odometry: Sequence[float] | None = None,
-        yaw_rate: float | None = None,
-    ) -> Estimate:
-        """Take one sensor_msgs/LaserScan of ROS 1 or ROS 2, or anything with its fields."""
+    def push_message(self, message: Any, **measured: Any) -> Estimate:
+        """Take one sensor_msgs/LaserScan of ROS 1 or ROS 2, or anything with its fields.
+
+        `measured` are odometry, yaw_rate and attitude, as `push` takes them.
+        """
         return self.push(
             seconds(message.header.stamp),
             message.ranges,
@@ -180,8 +192,7 @@ class LiveSlam:
             message.range_min,
             message.range_max,
             time_increment=message.time_increment,
-            odometry=odometry,
-            yaw_rate=yaw_rate,
+            **measured,
         )
 
     def push_scan(self, scan: Scan) -> Estimate:
@@ -195,14 +206,13 @@ class LiveSlam:
         shape, expected = np.shape(scan.ranges), (scan.laser.n_beams,)
         expect(shape == expected, "ranges", f"shape {shape}", f"{expected}")
         with self._lock:
-            scan = self._checker.checked(scan if self._scan is not None else self._resumed(scan))
-            if self._last is not None and not self._is_next(scan.t, self._last):
-                return self._last
-            self._late = 0
+            scan = self._checked(scan)
+            again = self._estimates.again(scan.t)
+            if again is not None:
+                return again
             self._counts["scans"] += 1
             self._scan = scan
-            self._last = self._estimates.estimate(scan, self._slam.update(scan))
-            return self._last
+            return self._estimates.add(scan, self._slam.update(scan))
 
     def push_yaw_rate(self, stamp: float, rate: float) -> None:
         """Take one reading of the gyro [rad/s], as often as it comes."""
@@ -212,8 +222,7 @@ class LiveSlam:
     @property
     def last(self) -> Estimate | None:
         """The estimate of the last push; None before the first."""
-        with self._lock:
-            return self._last
+        return self._estimates.last
 
     def map(self) -> OccupancyGrid:
         """The map as it stands now, drawn when asked for.
@@ -249,19 +258,14 @@ class LiveSlam:
             ValueError: there was no scan yet, or the map is one that stays.
         """
         with self._lock:
-            if self._given is not None or self._scan is None:
-                why = "no scan came yet" if self._given is None else "the map stays as it was given"
+            if self.given is not None or self._scan is None:
+                why = "no scan came yet" if self.given is None else "the map stays as it was given"
                 raise ValueError(f"{path}: nothing to save: {why}")
             save_after(self._slam, path, self._scan.t, self._scan.ranges, **beside)
 
     def check_saving(self, path: str | Path) -> None:
         """Refuse, before any work is done, what `save` could not do; it raises the same."""
         check_target(path, self._slam)
-
-    @property
-    def given(self) -> OccupancyGrid | None:
-        """The map that stays, if there is one."""
-        return None if self._given is None else self._given.map()
 
     @property
     def candidates(self) -> str:
@@ -273,25 +277,21 @@ class LiveSlam:
         with self._lock:
             return self._counts | {"algorithm": self._slam.report()}
 
-    def _is_next(self, t: float, last: Estimate) -> bool:
-        """Whether a stamp is later than the last; if not for long, the clock was set back."""
-        if t > last.t:
-            return True
-        self._counts["repeated" if t == last.t else "late"] += 1
-        self._late += t < last.t
-        if self._late > LATE_IN_A_ROW:
-            self._counts["clock_set_back"] += 1
-            self._estimates.restart_clock(t)
-            return True
-        self._last = replace(last, used=False)
-        return False
+    def _checked(self, scan: Scan) -> Scan:
+        """The scan without odometry or heading that no robot can have, or that began anew.
 
-    def _resumed(self, scan: Scan) -> Scan:
-        """The first scan, with odometry only if it goes on from the one that a state ended with.
-
-        A robot that was switched off has begun to count anew, and so has its gyro's heading.
+        The first scan after a state has no heading, and odometry only if it comes soon: a robot
+        that was switched off has begun to count anew.
         """
-        if self._saved_at is None:
-            return scan
-        goes_on = 0.0 < scan.t - self._saved_at <= MAX_RESUME_GAP
-        return replace(scan, odometry=scan.odometry if goes_on else None, yaw=None)
+        odometry, yaw = self._possible(scan.odometry), scan.yaw
+        if self._scan is None and self._saved_at is not None:
+            goes_on = 0.0 < scan.t - self._saved_at <= MAX_RESUME_GAP
+            odometry, yaw = odometry if goes_on else None, None
+        return replace(scan, odometry=odometry, yaw=None if yaw is None or not can_be(yaw) else yaw)
+
+    def _possible(self, odometry: Pose2 | None) -> Pose2 | None:
+        """Odometry, unless no robot can have it."""
+        if odometry is None or can_be(*odometry):
+            return odometry
+        self._counts["bad_odometry"] += 1
+        return None

@@ -109,7 +109,10 @@ def _read(archive: zipfile.ZipFile) -> tuple[str, Any, Arrays]:
     if digest.hexdigest() != head["sha256"]:
         raise ValueError("changed since it was saved: its sha256 differs; save it again")
     known = json.loads(entries.pop(TREE))
-    arrays = {name.removesuffix(".npy"): _array(data) for name, data in entries.items()}
+    arrays: Arrays = {
+        name.removesuffix(".npy"): np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+        for name, data in entries.items()
+    }
     for name, (dtype, shape, spans) in known["large"].items():
         whole, at = zeros(tuple(shape), np.dtype(dtype)), 0
         target = whole.reshape(-1).view(np.uint8)
@@ -118,8 +121,3 @@ def _read(archive: zipfile.ZipFile) -> tuple[str, Any, Arrays]:
             at += b - a
         arrays[name] = whole
     return head["algorithm"], known["tree"], arrays
-
-
-def _array(data: bytes) -> Array:
-    array: Array = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
-    return array

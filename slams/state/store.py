@@ -1,17 +1,24 @@
-"""Save an algorithm and read it again."""
+"""Save an algorithm, read it again, and go on with it in another run."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from slams.registry import find, label_of
 from slams.state import archive
 from slams.state.tree import Reader, Writer
 
 if TYPE_CHECKING:
-    from slams.types import Slam
+    from slams.params import Params
+    from slams.registry import Entry
+    from slams.scanlog import ScanLog
+    from slams.types import Ranges, Slam
 
 
 class State(NamedTuple):
@@ -35,10 +42,25 @@ def save(slam: Slam, path: str | Path, beside: Mapping[str, Any] | None = None) 
         OSError: the file cannot be written.
         TypeError: the algorithm keeps something that a state cannot hold (kiss: a foreign library).
     """
-    archive.write(Path(path), *state_of(slam, beside or {}))
+    archive.write(Path(path), *_state_of(slam, beside or {}))
 
 
-def state_of(slam: Slam, beside: Mapping[str, Any]) -> tuple[str, Any, archive.Arrays]:
+def save_after(slam: Slam, path: str | Path, t: float, ranges: Ranges, **beside: Any) -> None:
+    """As `save`, with the last scan, by stamp [s] and ranges (n,) [m], among what is `beside`."""
+    save(slam, path, {"t": t, "scan": _digest(ranges)} | beside)
+
+
+def check_target(path: str | Path, slam: Slam) -> None:
+    """Refuse, before any work is done, what cannot be saved, or not there; raises as `save`."""
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path.parent}: no such folder to save a state in")
+    if path.is_dir():
+        raise IsADirectoryError(f"{path}: is a folder; expected a file to save the state in")
+    _state_of(slam, {})
+
+
+def _state_of(slam: Slam, beside: Mapping[str, Any]) -> tuple[str, Any, archive.Arrays]:
     """What `save` writes: label, tree and arrays; it raises the same TypeError."""
     label, writer = label_of(type(slam)), Writer(type(slam).__module__.partition(".")[0])
     things = {"params": getattr(slam, "params", None), "slam": slam, "beside": dict(beside)}
@@ -68,7 +90,11 @@ def read_state(path: str | Path, algorithm: str | None = None) -> State:
     """As `load_state`, with the label and what was kept beside the algorithm."""
     path = Path(path)
     label, tree, arrays = archive.read(path)
-    cls = _class_of(path, label, algorithm)
+    if algorithm is None and (not isinstance(label, str) or ":" in label):  # somebody's module
+        raise ValueError(f"{path}: the state of {label!r}; say so (algorithm=...) to load its code")
+    cls = find(algorithm or label).cls
+    if label_of(cls) != label:
+        raise ValueError(f"{path}: the state of {label}, expected one of {label_of(cls)}")
     reader = Reader(arrays, cls.__module__.partition(".")[0])
     try:
         params = reader.thing(tree["params"], "params", cls.Params())
@@ -80,13 +106,43 @@ def read_state(path: str | Path, algorithm: str | None = None) -> State:
         raise ValueError(text) from error
 
 
-def _class_of(path: Path, label: Any, wanted: str | None) -> type[Slam]:
-    """The class that a file names; one of somebody's module only if the caller names it, too."""
-    if wanted is not None:
-        cls = find(wanted).cls
-        if label_of(cls) != label:
-            raise ValueError(f"{path}: the state of {label}, expected one of {label_of(cls)}")
-        return cls
-    if not isinstance(label, str) or ":" in label:
-        raise ValueError(f"{path}: the state of {label!r}; say so (algorithm=...) to load its code")
-    return find(label).cls
+def resume(path: str | Path, entry: Entry, params: Params) -> State:
+    """The state in a file, for a run that asked for an algorithm and parameters.
+
+    Raises:
+        OSError: the file cannot be opened.
+        ValueError: it is no such state, or the run asked for other parameters than it has.
+    """
+    state = read_state(path, entry.label)
+    saved: Params = getattr(state.slam, "params", params)
+    if params not in (entry.params(), saved):
+        names = [field.name for field in fields(saved)]
+        name = next(n for n in names if getattr(saved, n) != getattr(params, n))
+        raise ValueError(
+            f"{path}: saved with {name} {getattr(saved, name)}, got {getattr(params, name)}; "
+            "a state goes on with its own parameters, leave them away"
+        )
+    return state
+
+
+def rest_of(log: ScanLog, beside: dict[str, Any], every: int = 1) -> tuple[ScanLog, int]:
+    """What of a log comes after the last scan of a state, and how many scans do not.
+
+    A log that has no such scan, by stamp and ranges, is another drive: all of it is left. `every`
+    is the step from one scan to the next.
+
+    Raises:
+        ValueError: nothing is left.
+    """
+    same = np.flatnonzero(log.t == beside.get("t"))
+    known = [int(i) for i in same if _digest(log.ranges[i]) == beside.get("scan")]
+    if not known:
+        return log, 0
+    first = known[-1] + every
+    if first >= len(log):
+        raise ValueError(f"{log.name}: all its {len(log)} scans are in the state already")
+    return log.from_scan(first), first
+
+
+def _digest(ranges: Ranges) -> str:
+    return hashlib.sha256(np.ascontiguousarray(ranges).tobytes()).hexdigest()

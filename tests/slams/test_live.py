@@ -12,13 +12,11 @@ import numpy as np
 import pytest
 
 from slams import LiveSlam, Pose2
-from slams.live import LATE_IN_A_ROW
+from slams.live.estimate import LATE_IN_A_ROW
 from slams.registry import BUILT_IN, find
 from slams.ros.stamps import seconds
 from slams.types import Attitude
 from tests.rooms import ROOM, drive, laser, scan_at
-
-ODOMETRY = "slams.baselines:Odometry"
 
 
 def fan(lidar):
@@ -31,7 +29,7 @@ def push(live, scan, **more):
 
 def watched(get):
     """A `LiveSlam` and, by `get`, what its algorithm got of each scan."""
-    live, seen = LiveSlam(ODOMETRY, warm_up=False), []
+    live, seen = LiveSlam("odometry", warm_up=False), []
     live._slam.update = lambda scan: seen.append(get(scan)) or Pose2(0.0, 0.0, 0.0)
     return live, seen
 
@@ -82,7 +80,7 @@ def test_late_and_repeated_scans_are_left_out(log):
 
 
 def test_a_clock_that_was_set_back_is_followed(log):
-    live = LiveSlam(ODOMETRY)
+    live = LiveSlam("odometry")
     for scan in log:
         push(live, replace(scan, t=scan.t + 100.0))
     used = [push(live, scan).used for scan in log]
@@ -91,27 +89,35 @@ def test_a_clock_that_was_set_back_is_followed(log):
 
 
 def test_single_late_scans_do_not_set_the_clock_back(log):
-    live, scans = LiveSlam(ODOMETRY, warm_up=False), list(log)
+    live, scans = LiveSlam("odometry", warm_up=False), list(log)
     for k in range(3):
         assert push(live, scans[20 + k]).used
         assert not any(push(live, scan).used for scan in scans[: LATE_IN_A_ROW - 2])
     assert live.report()["clock_set_back"] == 0
 
 
-def test_no_map_is_drawn_in_the_middle_of_a_push(log):
-    free = []
+def test_pushes_wait_for_a_map_only_while_its_snapshot_is_taken(log):
+    free = {}
+
+    def look(name):
+        other = threading.Thread(target=lambda: free.update({name: live._lock.acquire(False)}))
+        other.start()
+        other.join()
 
     class Watched(find("odometry").cls):
         def update(self, scan):
-            other = threading.Thread(target=lambda: free.append(live._lock.acquire(blocking=False)))
-            other.start()
-            other.join()
+            look("update")
             return super().update(scan)
 
-    live = LiveSlam(ODOMETRY, warm_up=False)
+        def snapshot(self):
+            look("snapshot")
+            return lambda: look("draw") or self.map()
+
+    live = LiveSlam("odometry", warm_up=False)
     live._begin(Watched(live.params))
     push(live, next(iter(log)))
-    assert free == [False]
+    live.map()
+    assert free == {"update": False, "snapshot": False, "draw": True}
 
 
 def test_a_change_of_the_laser_is_counted_and_an_unchanged_one_is_one_object():
@@ -194,7 +200,7 @@ def test_the_attitude_reaches_the_algorithm():
 
 
 def test_messages_of_ros_1_and_2():
-    live = LiveSlam(ODOMETRY, warm_up=False)
+    live = LiveSlam("odometry", warm_up=False)
     scan = scan_at((0.0, 0.0, 0.0))
     names = ("angle_min", "angle_increment", "range_min", "range_max")
     fields = dict(zip(names, fan(scan.laser), strict=True))
@@ -239,7 +245,7 @@ def test_mount_sensor_and_parameters_reach_the_algorithm():
 
 COLD = """
 from slams.jit import CompileClock
-from slams.live import LiveSlam
+from slams import LiveSlam
 from tests.rooms import drive, laser
 live = LiveSlam("hector")
 with CompileClock() as clock:

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 from slams.formats.bag import Record
 from slams.formats.ros_store import store
-from slams.live.transport import Quality
+from slams.live.options import Quality
 
 
 class Bus:

@@ -1,22 +1,24 @@
 """Robots for tests: nodes on a network in memory, fed by the player or message by message."""
 
 import threading
-from types import SimpleNamespace
 
 import numpy as np
 
-from slams.formats.bag import IMU, ODOMETRY, SCAN, TF
+import slams
+from slams import LiveSlam
+from slams.formats.bag import IMU, ODOMETRY, SCAN, TF, Record
 from slams.formats.ros_maker import Maker
-from slams.live import LiveSlam, node
+from slams.formats.ros_store import store
+from slams.live import node
 from slams.live.node import Node
-from slams.live.options import NodeOptions
+from slams.live.options import NodeOptions, Quality
+from slams.live.recorder import Recorder
 from slams.live.robot import Robot
-from slams.live.transport import Quality
+from slams.player import replay
 from slams.types import Pose2
 from tests.rooms import laser, scan_at
 from tests.slams.live.bus import Bus
 
-BASELINE = "slams.baselines:Odometry"
 LASER = laser(91)
 MOUNT = Pose2(0.2, -0.05, 0.3)
 
@@ -37,22 +39,35 @@ class Ending:
         """Nothing else happens meanwhile."""
 
 
+class Idle:
+    """An end that comes when no scan waits, or none is taken any more."""
+
+    def __init__(self, scans):
+        self.scans, self.waited = scans, None
+
+    def is_set(self):
+        before, self.waited = self.waited, len(self.scans)
+        return self.waited in (0, before)
+
+
 class Stand:
-    """A node and the bus it is on; `said` is what it tells the user."""
+    """A node and the bus it is on; `said` is what it tells the user, `file` where it records."""
 
     def __init__(
-        self, monkeypatch, algorithm=BASELINE, recorder=None, bus=None, begin=None, **options
+        self, monkeypatch, algorithm="odometry", file=None, bus=None, begin=None, **options
     ):
         monkeypatch.setattr(node, "SETTLING_TIME", 0.0)
         monkeypatch.setattr(node, "MAX_WAIT_FOR_TF", 0.0)
         monkeypatch.setattr(node, "END_PERIOD", 0.0)
+        monkeypatch.setattr(node, "POLL_PERIOD", 0.0)
         self.bus, self.said, self.make = bus or Bus(), [], Maker()
         usual = {"map_every": 0.0, "wait": 0.0}
+        self.algorithm, self.file = algorithm, file
         self.live = LiveSlam(algorithm, warm_up=False, **(begin or {}))
         self.transport = self.bus.transport()
         options = NodeOptions(**(usual | options))
         self.node = Node(self.live, self.transport, options, self.said.append)
-        self.node.recorder = recorder
+        self.node.recorder = None if file is None else Recorder(file, options.topics)
         self.transport.listen()
         self.transport.wanted.clear()
 
@@ -61,13 +76,26 @@ class Stand:
 
     def drive(self):
         """Let the node take all scans that wait."""
-        queue = self.node.queue
-        ending = SimpleNamespace(is_set=lambda: len(queue) == 0)
-        self.node.run(ending, lambda: None)
+        self.node.run(Idle(self.node.scans), lambda: None)
 
     def start_and_drive(self):
         self.start()
         self.drive()
+
+    def recorded(self, **load):
+        """What the node recorded, and the algorithm after a run of it: the node's poses again."""
+        self.node.close()
+        log, slam = slams.load(self.file, **load), slams.create(self.algorithm)
+        run = replay(slam, log)
+        assert np.array_equal(self.node.drive.t, run.t)
+        assert np.array_equal(self.node.drive.poses, run.poses)
+        return log, slam
+
+    def scans_seen(self):
+        """The scans that the algorithm gets from now on."""
+        seen, push = [], self.live.push_scan
+        self.live.push_scan = lambda scan: seen.append(scan) or push(scan)
+        return seen
 
     def look(self):
         self.node.check()
@@ -84,9 +112,7 @@ class Stand:
         self.bus.publish(topic, TF, self.make.transforms(t, edges), quality)
 
     def scan(self, t, frame="laser", pose=(0.0, 0.0, 0.0), topic="/scan"):
-        ranges = scan_at(pose, LASER).ranges
-        message = self.make.scan(round(1e9 * t), frame, LASER, ranges, 0.1)
-        self.bus.publish(topic, SCAN, message)
+        self.bus.publish(topic, SCAN, scan_message(t, frame, pose))
 
     def odometry(self, t, pose, child="base_link"):
         message = self.make.odometry(round(1e9 * t), Pose2(*pose), "odom", child)
@@ -104,6 +130,14 @@ def mounted(monkeypatch, **options):
     stand = Stand(monkeypatch, **options)
     stand.tf(("base_link", "laser", MOUNT))
     return stand
+
+
+def scan_message(t, frame="laser", pose=(0.0, 0.0, 0.0)):
+    return Maker().scan(round(1e9 * t), frame, LASER, scan_at(pose, LASER).ranges, 0.1)
+
+
+def scan_record(t, topic="/scan"):
+    return Record(topic, SCAN, 0, bytes(store().serialize_cdr(scan_message(t), SCAN)))
 
 
 def turned_over(message):

@@ -11,31 +11,28 @@ import slams
 from slams.formats.bag import PATH, POSE_COV, SCAN, TF
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
-from slams.live.dds_types import ros_name, topic_name, type_name
-from slams.live.transport import MAP, STATUS, TYPES, Quality
+from slams.live.options import MAP, STATUS, TYPES, Quality
 from slams.player import replay
 from slams.types import OccupancyGrid, Pose2
 from tests.rooms import drive, laser
 from tests.slams.live.commands import DOMAIN, PATIENCE, environment
 
-pytest.importorskip("cyclonedds", reason="needs the extra live")
+transport = pytest.importorskip("slams.live.transport", reason="needs the extra live")
 
 
 @pytest.fixture
 def transports(monkeypatch):
     """Makes participants of one domain on loopback, and closes them."""
-    from slams.live.transport import Transport
-
     monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
     made = []
 
     def make():
-        made.append(Transport(DOMAIN, localhost=True))
+        made.append(transport.Transport(DOMAIN, localhost=True))
         return made[-1]
 
     yield make
-    for transport in made:
-        transport.close()
+    for one in made:
+        one.close()
 
 
 def until(condition):
@@ -61,10 +58,10 @@ def examples():
 
 
 def test_names_are_ros_2s():
-    assert topic_name("/scan") == topic_name("scan") == "rt/scan"
-    assert type_name(SCAN) == "sensor_msgs::msg::dds_::LaserScan_"
-    assert ros_name(type_name(SCAN)) == SCAN
-    assert ros_name("Plain") == "Plain"
+    assert transport.topic_name("/scan") == transport.topic_name("scan") == "rt/scan"
+    assert transport.type_name(SCAN) == "sensor_msgs::msg::dds_::LaserScan_"
+    assert transport.ros_name(transport.type_name(SCAN)) == SCAN
+    assert transport.ros_name("Plain") == "Plain"
 
 
 @pytest.mark.parametrize("msgtype", TYPES)
@@ -85,11 +82,9 @@ def test_every_message_arrives_byte_by_byte(msgtype, transports):
 
 def test_the_types_are_laid_out_as_the_library_writes_them():
     """DDS knows the fields, too: a peer that unpacks them by its own rules gets the same."""
-    from slams.live.dds_types import _nested
-
     message = examples()[SCAN]
     data = bytes(store().serialize_cdr(message, SCAN))
-    scan = _nested(SCAN).__idl__
+    scan = transport.packed(SCAN).__idl__
     names = [name for name, _ in store().fielddefs[SCAN][1]]
     assert list(scan.datatype.__annotations__) == names
     found = unpacked(SCAN, data)
@@ -103,8 +98,6 @@ def unpacked(msgtype, data):
     """A message unpacked by cyclonedds, as names and values."""
     from cyclonedds.idl import IdlStruct
 
-    from slams.live.dds_types import _nested
-
     def dressed(kind):
         kind.__init__ = lambda self, **fields: self.__dict__.update(fields)
         for annotation in kind.__annotations__.values():
@@ -116,8 +109,8 @@ def unpacked(msgtype, data):
             {k: plain(v) for k, v in vars(value).items()} if isinstance(value, IdlStruct) else value
         )
 
-    dressed(_nested(msgtype))
-    return plain(_nested(msgtype).__idl__.deserialize(data))
+    dressed(transport.packed(msgtype))
+    return plain(transport.packed(msgtype).__idl__.deserialize(data))
 
 
 def test_a_map_stays_for_who_comes_later_and_a_scan_does_not(transports):
@@ -139,12 +132,12 @@ def test_a_map_stays_for_who_comes_later_and_a_scan_does_not(transports):
 
 
 def test_messages_of_ones_own_do_not_come_back(transports):
-    transport, other, mine, its = transports(), transports(), [], []
+    first, other, mine, its = transports(), transports(), [], []
     data = bytes(store().serialize_cdr(examples()[TF], TF))
-    transport.subscribe("/tf", TF, Quality.RELIABLE, mine.append)
+    first.subscribe("/tf", TF, Quality.RELIABLE, mine.append)
     other.subscribe("/tf", TF, Quality.RELIABLE, its.append)
-    outlet = transport.advertise("/tf", TF, Quality.RELIABLE)
-    transport.listen()
+    outlet = first.advertise("/tf", TF, Quality.RELIABLE)
+    first.listen()
     other.listen()
     until(lambda: outlet.subscribers)
     outlet.publish(data)
@@ -157,22 +150,20 @@ def test_a_writer_that_leaves_is_no_message(transports):
     data = bytes(store().serialize_cdr(examples()[TF], TF))
     receiver.subscribe("/tf", TF, Quality.RELIABLE, got.append)
     receiver.listen()
-    for transport in (first, second):
-        outlet = transport.advertise("/tf", TF, Quality.RELIABLE)
+    for sender in (first, second):
+        outlet = sender.advertise("/tf", TF, Quality.RELIABLE)
         until(lambda outlet=outlet: outlet.subscribers)
         outlet.publish(data)
-        until(lambda transport=transport: len(got) == 1 + (transport is second))
+        until(lambda sender=sender: len(got) == 1 + (sender is second))
         del outlet
-        transport.close()
+        sender.close()
         until(lambda: receiver.publishers("/tf") == 0)
     assert len(got) == 2
 
 
 def test_a_domain_that_is_none_is_refused():
-    from slams.live.transport import Transport
-
     with pytest.raises(ValueError, match="domain: got 233, expected 0 to 232"):
-        Transport(233)
+        transport.Transport(233)
 
 
 # the commands
@@ -241,6 +232,7 @@ def test_ended_before_the_first_scan(number, started, tmp_path):
         ("slams.live", ["hectro"], "did you mean 'hector'"),
         ("slams.live", ["odometry", "--domain-id", "300"], "domain: got 300, expected 0 to 232"),
         ("slams.live", ["odometry", "--queue", "0"], "--queue: got 0, expected 1 scan or more"),
+        ("slams.live", ["odometry", "--map-every", "-1"], "--map-every: got -1, expected 0 s or"),
         ("slams.live", ["odometry", "--record", "a.bag"], "expected a name that ends in .mcap"),
         ("slams.live", ["hector", "--map", "m", "--map-every", "9"], "--map-every: got --localize"),
         ("slams.play", ["nothing.npz"], "nothing.npz: no such file"),

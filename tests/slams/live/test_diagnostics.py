@@ -10,23 +10,25 @@ from slams.live import diagnostics
 from slams.live.diagnostics import COUNTERS, MAX_SILENCE, PERIOD, Diagnostics, Terminal
 from slams.live.estimate import Estimate
 from slams.live.node import Drive
-from slams.live.scans import ScanQueue
+from slams.live.scans import Scans
 from slams.types import Pose2
+from tests.slams.live.robots import scan_record
 
 
 class Stand:
     """Diagnostics on a clock of their own."""
 
     def __init__(self, monkeypatch):
-        self.now, self.said, self.publishers, self.last = 1000.0, [], 1, None
+        self.now, self.said, self.publishers, self.last = 1000.0, [], 1, {}
+        self.all = []
         monkeypatch.setattr(diagnostics.time, "monotonic", lambda: self.now)
         self.diagnostics = Diagnostics(self.said.append)
 
     def reported(self, **counts):
         report = dict.fromkeys(COUNTERS, 0) | counts
-        last = {} if self.last is None else {"/scan": self.last}
-        self.diagnostics.check(report, last, {"/scan": self.publishers})
+        self.diagnostics.check(report, self.last, {"/scan": self.publishers})
         said, self.said[:] = list(self.said), []
+        self.all += said
         return said
 
 
@@ -37,14 +39,15 @@ def stand(monkeypatch):
 
 def test_a_laser_that_is_unplugged_and_comes_back_is_reported_once_each(stand):
     assert stand.reported() == []
-    stand.last = stand.now
-    assert stand.reported() == []
-    stand.now += MAX_SILENCE + 0.1
-    assert "no scan on /scan for 2 s" in stand.reported()[0]
-    stand.now += 50.0
-    assert stand.reported() == []
-    stand.last = stand.now
-    assert "back after about 52 s" in stand.reported()[0]
+    start = stand.now
+    for _ in range(5):  # the other one goes on
+        stand.last = {"/scan": start, "/rear": stand.now}
+        stand.reported()
+        stand.now += 0.6 * MAX_SILENCE
+    stand.last = {"/scan": start, "/rear": stand.now}
+    assert stand.all == ["no scan on /scan for 2 s: is the laser unplugged?"]
+    stand.last["/scan"] = start + 52.0
+    assert stand.reported() == ["scans on /scan are back after about 52 s"]
     assert stand.reported() == []
 
 
@@ -66,11 +69,12 @@ def test_what_is_counted_is_reported_again_after_a_while(name, stand):
 
 @pytest.fixture
 def node():
-    estimate = Estimate(1.0, Pose2(1.25, -0.5, np.pi / 2), None, np.eye(3), 0.9, True, False, 0.0)
-    drive, queue = Drive(t=[0.0] * 40, delays=[0.0021], estimate=estimate), ScanQueue(2)
-    for scan in range(5):
-        queue.put(scan)
-    return SimpleNamespace(drive=drive, queue=queue)
+    estimate = Estimate(1.0, Pose2(1.25, -0.5, np.pi / 2), None, np.eye(3), 0.9, True, 0.0)
+    drive = Drive(t=[0.0] * 40, delays=[0.0021], estimate=estimate)
+    scans = Scans(["/scan"], lambda frame: None, 2, 0.0)
+    for k in range(5):
+        scans.put(scan_record(0.1 * k))
+    return SimpleNamespace(drive=drive, scans=scans)
 
 
 def test_a_line_a_second_on_a_terminal(node, stand, monkeypatch, capsys):

@@ -11,7 +11,7 @@ import pytest
 from slams.formats.bag import POSE_COV, SCAN, TF
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
-from slams.live.transport import MAP
+from slams.live.options import MAP
 from tests.rooms import laser, scan_at
 from tests.slams.live.commands import DOMAIN, PATIENCE
 

@@ -5,7 +5,7 @@ import pytest
 
 from slams import metrics
 from slams.formats.frames import yaw_of
-from slams.live.results import write_results
+from slams.live.__main__ import write_results
 from slams.types import Pose2
 from tests.slams.live.robots import Stand, close
 from tests.slams.loops.test_looped import around
@@ -51,7 +51,7 @@ def test_the_path_so_far_is_published_as_corrected(stand):
 
 
 def test_the_corrected_poses_are_among_the_results(stand, tmp_path):
-    write_results(tmp_path / "out", "drifting+loops", stand.live.params, stand.node)
+    write_results(tmp_path / "out", "drifting+loops", stand.node)
     corrected = np.loadtxt(tmp_path / "out/trajectory_corrected.tum")[:, 1:3]
     assert np.allclose(corrected, stand.live.corrected()[:, :2], rtol=0.0, atol=1e-6)
 

@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 
 import slams
-from slams.live import LiveSlam
-from slams.live.maps import MAX_HELD_SHARE, MapThread
-from slams.registry import find
+from slams import LiveSlam
+from slams.live.publisher import MAX_HELD_SHARE, MapThread
 from tests.rooms import drive
-
-ODOMETRY = "slams.baselines:Odometry"
 
 
 def test_a_map_is_published_at_once_then_at_its_pace_and_at_the_end():
     published, seen = [], threading.Event()
-    live = LiveSlam(ODOMETRY, warm_up=False)
+    live = LiveSlam("odometry", warm_up=False)
 
     def publish(stamp, grid):
         published.append(stamp)
@@ -33,7 +30,7 @@ def test_a_map_is_published_at_once_then_at_its_pace_and_at_the_end():
 
 
 def test_a_map_that_takes_long_comes_less_often(monkeypatch):
-    live, waits = LiveSlam(ODOMETRY, warm_up=False), []
+    live, waits = LiveSlam("odometry", warm_up=False), []
     maps = MapThread(live, lambda *_: setattr(live, "held", 3.0), every=0.0)
 
     def wait(seconds=None):
@@ -50,14 +47,14 @@ def test_a_map_that_cannot_be_published_is_kept_for_the_node_to_report():
     def refuse(stamp, grid):
         raise OSError("no network")
 
-    maps = MapThread(LiveSlam(ODOMETRY, warm_up=False), refuse, every=3600.0)
+    maps = MapThread(LiveSlam("odometry", warm_up=False), refuse, every=3600.0)
     maps.add(1)
     maps.close()
     assert str(maps.failed) == "no network"
 
 
 def test_no_maps_when_none_are_wanted():
-    maps = MapThread(LiveSlam(ODOMETRY, warm_up=False), lambda *_: 1 / 0, every=0.0)
+    maps = MapThread(LiveSlam("odometry", warm_up=False), lambda *_: 1 / 0, every=0.0)
     maps.add(1)
     maps.close()
     assert maps.drawn == 0
@@ -75,22 +72,3 @@ def test_a_snapshot_is_not_touched_by_later_scans(name):
     np.testing.assert_array_equal(drawn.p, before.p)
     assert (drawn.origin, drawn.resolution) == (before.origin, before.resolution)
     assert not np.array_equal(slam.map().p, before.p, equal_nan=True)
-
-
-def test_no_push_waits_while_a_map_is_drawn_from_a_snapshot():
-    free = []
-
-    class Copied(find("odometry").cls):
-        def snapshot(self):
-            return self.draw
-
-        def draw(self):
-            other = threading.Thread(target=lambda: free.append(live._lock.acquire(blocking=False)))
-            other.start()
-            other.join()
-            return self.map()
-
-    live = LiveSlam(ODOMETRY, warm_up=False)
-    live._begin(Copied(live.params))
-    live.map()
-    assert free == [True]

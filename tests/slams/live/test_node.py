@@ -10,16 +10,12 @@ from slams.formats.bag import IMU, SCAN, TF
 from slams.formats.frames import yaw_of
 from slams.formats.ros_maker import UNKNOWN, percent
 from slams.live import node
-from slams.live.options import NodeOptions, Topics
+from slams.live.options import Quality, Topics
 from slams.live.recorder import Recorder
-from slams.live.scans import ScanQueue
-from slams.live.transport import Quality
-from slams.player import replay
 from slams.scanlog import Track
 from slams.types import Pose2
 from tests.rooms import drive, laser, way
 from tests.slams.live.robots import (
-    BASELINE,
     LASER,
     MOUNT,
     Ending,
@@ -56,19 +52,11 @@ def pose_of(message):
 
 @pytest.mark.parametrize("algorithm", ["hector", "crsm"])
 def test_poses_and_map_are_those_of_a_run_of_the_recording(algorithm, monkeypatch, tmp_path):
-    file = tmp_path / "out.mcap"
-    recorder = Recorder(file, Topics())
-    stand = Stand(monkeypatch, algorithm, recorder)
+    stand = Stand(monkeypatch, algorithm, tmp_path / "out.mcap")
     stand.play(robot_log())
     stand.start_and_drive()
-    stand.node.close()
-    recorder.close()
-    log = slams.load(file)
+    log, slam = stand.recorded()
     assert log.laser.mount == pytest.approx(MOUNT, abs=1e-12)
-    slam = slams.create(algorithm)
-    run = replay(slam, log)
-    assert np.array_equal(stand.node.drive.poses, run.poses)
-    assert np.array_equal(stand.node.drive.t, run.t)
     assert np.array_equal(stand.live.map().p, slam.map().p, equal_nan=True)
     assert sum(scan.odometry is not None for scan in log) == len(log) - 1  # the first is earlier
     assert sum(scan.yaw is not None for scan in log) == len(log)
@@ -136,8 +124,7 @@ def test_a_laser_upside_down_turns_the_other_way(monkeypatch):
     stand = Stand(monkeypatch)
     mount = turned_over(stand.make.transforms(0, [("base_link", "laser", MOUNT)]))
     stand.bus.publish("/tf_static", TF, mount, Quality.LATCHED)
-    seen = []
-    stand.live.push_scan = lambda scan, push=stand.live.push_scan: seen.append(scan) or push(scan)
+    seen = stand.scans_seen()
     stand.scan(1.0)
     stand.scan(2.0)
     stand.start_and_drive()
@@ -157,8 +144,7 @@ def test_odometry_is_tfs_where_there_is_one_else_the_topics(wanted, x, monkeypat
         stand.odometry(t, (6.0 + t, 0.0, 0.0))
     stand.scan(1.0)
     stand.start()
-    seen = []
-    stand.live.push_scan = lambda scan, push=stand.live.push_scan: seen.append(scan) or push(scan)
+    seen = stand.scans_seen()
     stand.drive()
     assert seen[0].odometry == (None if x is None else Pose2(x, 0.0, 0.0))
     edge = stand.bus.sent("/tf")[-1].transforms[0]
@@ -304,14 +290,6 @@ def test_what_is_assumed_of_the_laser_is_told_once(monkeypatch):
     assert sum("no transform to the gyro's frame 'somewhere'" in said for said in stand.said) == 1
 
 
-def test_the_newest_scans_win():
-    queue = ScanQueue(3)
-    for k in range(10):
-        queue.put(k)
-    assert [queue.take(0.0).record for _ in range(3)] == [7, 8, 9]
-    assert (queue.came, queue.dropped, queue.take(0.0)) == (10, 7, None)
-
-
 def test_what_waits_while_frames_are_sought_is_not_left_out(monkeypatch):
     stand = mounted(monkeypatch, queue=2)
     for k in range(10):
@@ -384,15 +362,6 @@ def test_a_network_that_takes_nothing_does_not_stop_the_robot(monkeypatch):
     assert "1 messages were not taken by the network in time" in stand.said
 
 
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [({"queue": 0}, "--queue: got 0"), ({"map_every": -1.0}, "--map-every: got -1")],
-)
-def test_options_out_of_bounds_are_refused(change, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        NodeOptions(**change)
-
-
 def test_a_recording_that_cannot_be_written_is_said(monkeypatch, tmp_path):
     with pytest.raises(ValueError, match=r"--record: got .*out.bag, expected .*\.mcap"):
         Recorder(tmp_path / "out.bag", Topics())
@@ -403,7 +372,3 @@ def test_a_recording_that_cannot_be_written_is_said(monkeypatch, tmp_path):
     with pytest.raises(OSError, match=r"out.mcap: not recorded"):
         recorder.close()
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_baseline_has_a_name():
-    assert slams.find(BASELINE).cls is slams.find("odometry").cls

@@ -5,7 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from slams.live import LATE_IN_A_ROW, diagnostics, node
+from slams.live import diagnostics, node
+from slams.live.estimate import LATE_IN_A_ROW
 from tests.slams.live.robots import MOUNT, Ending, Stand, mounted
 
 

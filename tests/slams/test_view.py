@@ -8,11 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from slams import player
+from slams import player, view
 from slams import run as slams_run
 from slams.registry import find
 from slams.types import Pose2, Scan
-from slams.watch import view
 from tests.rooms import drive, laser
 
 

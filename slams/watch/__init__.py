@@ -1,1 +1,0 @@
-"""Watching a run: films, the viewer rerun, and the scene both draw."""
