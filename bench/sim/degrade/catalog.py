@@ -7,11 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from bench.sim.degrade.degradation import Degradation
-from bench.sim.degrade.entries import ENTRIES
+from bench.sim.degrade import fan, glass, people, readings, stamps, tilt, wheels
+from bench.sim.degrade.degradation import Degradation, degradation
 from slams.scanlog import ScanLog
 
-CATALOG = {entry.name: entry for entry in ENTRIES}
+
+@degradation("1", (0,), 0, 0)
+def clean(log: ScanLog, level: float) -> ScanLog:
+    """The log as it is."""
+    return log
+
+
+KINDS = (fan, readings, people, glass, stamps, wheels, tilt)
+EVERY = [clean, *(one for kind in KINDS for one in vars(kind).values())]
+CATALOG = {one.name: one for one in EVERY if isinstance(one, Degradation)}
 
 
 def find_degradation(name: str) -> Degradation:
@@ -62,7 +71,7 @@ def degrade(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
         raise ValueError(
             f"{name}: {log.name} has no {missing}; leave {name} out or take another log"
         )
-    degraded = found.apply(log, level, np.random.default_rng([seed, *name.encode()]))
+    degraded = found(log, level, np.random.default_rng([seed, *name.encode()]))
     return degraded if found is CATALOG["clean"] else _noted(degraded, name, level, seed)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.sim.degrade.degradation import degradation
 from bench.sim.rays import rays_of, true_poses
 from slams.scanlog import ScanLog
 from slams.types import Floats, Ranges
@@ -24,8 +25,9 @@ MIRROR = math.radians(8.0)  # incidence up to which a pane throws the light stra
 SPAN = math.radians(3.0)  # to either side of a beam: where its wall's direction is read
 
 
+@degradation("%", (20, 40, 60, 80, 100), 0, 100, needs=("truth",))
 def glass(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """`level` [%] of the walls, in places of about 1 m, let the light through.
+    """Of the walls, in panes of about 1 m.
 
     A place is glass from wherever it is seen. A beam that meets it sees nothing (inf: what lies
     behind is not in the log), unless it meets it within 8 deg of the perpendicular.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bench.sim.degrade.degradation import degradation
 from bench.sim.degrade.spells import Mask, elapsed
 from bench.sim.people import APART, LEG, PACE, SWING, gait
 from bench.sim.rays import rays_of, true_poses
@@ -20,11 +21,13 @@ BLOCK = 200  # scans at once
 LEAST = 0.5 + LEG + float(np.hypot(SWING, APART))  # m, so that no leg comes nearer than 0.5 m
 
 
+@degradation("1", (3, 5, 8, 12, 20, 30, 50), 0, 50, whole=True, needs=("truth",))
 def people(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """So many people keep the robot company; their legs shorten the beams that meet them.
+    """People who walk near the robot, 0.8 to 1.2 m/s.
 
-    Legs rather than bodies, as in `slams simulate --people`: that is what a laser on a robot sees.
-    They walk from place to place that the laser sees, within 3 m of it, at 0.8 to 1.2 m/s.
+    Their legs shorten the beams that meet them. Legs rather than bodies, as in `slams simulate
+    --people`: that is what a laser on a robot sees. They walk from place to place that the
+    laser sees, within 3 m of it, at 0.8 to 1.2 m/s.
     """
     truth = log.truth_at(log.t)
     assert truth is not None, "the catalog says that people need a truth"
