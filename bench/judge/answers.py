@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.judge import survival
-from bench.judge.statistics import adjusted, mcnemar, wilcoxon
-from bench.judge.survival import Critical, Errors, Figures, Held, Share
+from bench.judge.statistics import Share, adjusted, mcnemar, wilcoxon
+from bench.judge.survival import Critical, Errors, Figures, Held
 from bench.results.sweep import CLEAN, Sweep
 
 SIGNIFICANT = 0.05

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from bench.judge.answers import Analysis, Cell, analysis
-from bench.judge.survival import Critical, Figures, Share
+from bench.judge.statistics import Share
+from bench.judge.survival import Critical, Figures
 from bench.report import sweep_tables
 from bench.report.text import markdown_table
 from bench.results.sweep import Sweep

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import pandas as pd
 
 from bench.judge.answers import Analysis, Cell
-from bench.judge.survival import Critical, Share
+from bench.judge.statistics import Share
+from bench.judge.survival import Critical
 from bench.report.lines import listed, scaled
 from bench.report.text import text_table
 from bench.results.runs import Line
