@@ -181,7 +181,8 @@ def _tables(keys: tuple[str, ...]) -> str:
     parts = [f"`{found['command']}`: {report.head(log)}, on {found['machine']['cpu']}."]
     for key in keys:
         if key in made:
-            parts += [f"**{tables.TITLES[key]}**", report.markdown_table(made[key])]
+            title, frame = made[key]
+            parts += [f"**{title}**", report.markdown_table(frame)]
     return "\n\n".join(parts) + "\n"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bench.judge import mapquality, verdicts
 from bench.judge.consistency import disagreements
@@ -47,13 +47,12 @@ def _with_map(outcome: Outcome, reference: Reference) -> Outcome:
     return replace(outcome, row=outcome.row | {"map": _map_quality(outcome, reference)})
 
 
-def _map_quality(outcome: Outcome, reference: Reference) -> dict[str, Any] | None:
+def _map_quality(outcome: Outcome, reference: Reference) -> dict[str, float | None] | None:
     """The run's map against the true one, brought into the world by the true first pose."""
     if outcome.grid is None or reference.grid is None or reference.start is None:
         return None
     T_world_map = reference.start @ outcome.frame.inverse()
-    found = mapquality.compare(outcome.grid, reference.grid, T_world_map)
-    return {name: quality._asdict() for name, quality in found.items()}
+    return mapquality.compare(outcome.grid, reference.grid, T_world_map)
 
 
 def _notes(log: LogResult) -> list[str]:

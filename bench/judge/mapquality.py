@@ -16,15 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.judge.map_cells import Cells, Mask, cells_of, cut, resampled, true_window
-from bench.judge.map_measures import (
-    FEWEST_WALLS,
-    Quality,
-    coverage,
-    distances,
-    mean_of,
-    overlap,
-    thickness,
-)
+from bench.judge.map_measures import FEWEST_WALLS, coverage, distances, overlap, thickness
 from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
@@ -59,8 +51,10 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     return OccupancyGrid(p, world.resolution, world.origin)
 
 
-def compare(grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2) -> dict[str, Quality]:
-    """Every measure of a run's map.
+def compare(
+    grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2
+) -> dict[str, float | None]:
+    """Every measure of a run's map; None where it would mean nothing.
 
     - iou: cells occupied in both over cells occupied in either, of those known in both.
     - adnn_to_truth: average distance [m] from an occupied cell to the nearest true wall: accuracy.
@@ -79,12 +73,14 @@ def compare(grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2) -> di
     here, there = cut(grid, window), resampled(truth, grid, T_world_map, window)
     known = here.known & there.known
     walls = cells_of(grid.p).occupied
-    comparable = _are_comparable(walls, known, there)
-    to_truth, from_truth = distances(grid, truth, T_world_map)
+    iou, to_truth, from_truth = None, None, None
+    if _are_comparable(walls, known, there):
+        iou = overlap(here.occupied & known, there.occupied & known)
+        to_truth, from_truth = distances(grid, truth, T_world_map)
     return {
-        "iou": overlap(here.occupied & known, there.occupied & known, comparable),
-        "adnn_to_truth": mean_of(to_truth, comparable),
-        "adnn_from_truth": mean_of(from_truth, comparable),
+        "iou": iou,
+        "adnn_to_truth": to_truth,
+        "adnn_from_truth": from_truth,
         "wall_thickness": thickness(walls, grid.resolution),
         "true_wall_thickness": thickness(there.occupied, grid.resolution),
         "coverage": coverage(known, there.known),

@@ -9,7 +9,7 @@ import pandas as pd
 
 from bench.judge.answers import Analysis
 from bench.judge.survival import Figures
-from bench.report import run_tables, sweep_tables
+from bench.report import sweep_tables, tables
 from bench.report.sweep_tables import MODES
 from bench.report.text import head, markdown_table
 from slams.registry import BUILT_IN, IDEAS
@@ -18,7 +18,7 @@ from slams.registry import BUILT_IN, IDEAS
 def table(found: dict[str, Any], weighed: Analysis, known: dict[str, Any]) -> str:
     """The algorithms of the sweep: idea, error on the clean log, levels held, cost; and of what."""
     log, machine = found["logs"][0], found["machine"]["cpu"]
-    main = run_tables.main_table(log, found["rows"]).to_dict("index")
+    main = tables.main_table(log, found["rows"]).to_dict("index")
     rows: dict[str, dict[bool, Figures]] = {}
     for name, odometry, figures in weighed.rows:
         if "@" not in name:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bench.report.error_tables import published
+from bench.report.tables import published
 from slams.registry import names
 
 

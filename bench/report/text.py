@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from bench.judge.metrics import SpanErrors
-from bench.report import run_tables, tables, words
+from bench.report import tables, words
 from bench.report.numbers import cell
-from bench.report.tables import TITLES
 from bench.results import Line, Rows
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ def terminal(comparison: Comparison) -> str:
     """The answer, then one table for each log; the files have more."""
     parts = ["\n".join(words.answer(comparison))]
     if len(comparison.logs) > 1:
-        parts += [tables.OVER_LOGS, text_table(run_tables.logs_table(comparison))]
+        parts += [tables.OVER_LOGS, text_table(tables.logs_table(comparison))]
     parts += [as_text(log.entry, log.rows) for log in comparison.logs]
     return "\n\n".join(parts)
 
@@ -70,15 +69,16 @@ def as_text(log: Line, rows: Rows) -> str:
     parts = [head(log), *(f"note: {note}" for note in log.get("notes", []))]
     for key in TERMINAL:
         if key in made:
-            parts += [*([TITLES[key]] if key != "main" else []), text_table(made[key])]
+            title, frame = made[key]
+            parts += [*([title] if key != "main" else []), text_table(frame)]
     return "\n\n".join([*parts, *words.failures(rows)])
 
 
 def as_markdown(log: Line, rows: Rows) -> str:
     """The whole comparison on one log, for a README."""
     parts = [head(log), *(f"Note: {note}." for note in log.get("notes", []))]
-    for key, frame in tables.tables(log, rows).items():
-        parts += [f"**{TITLES[key]}**", markdown_table(frame)]
+    for key, (title, frame) in tables.tables(log, rows).items():
+        parts += [f"**{title}**", markdown_table(frame)]
         if key == "published":
             parts.append(tables.DIFFERS)
     if log.get("verdicts"):
@@ -89,7 +89,7 @@ def as_markdown(log: Line, rows: Rows) -> str:
 def write_tables(folder: Path, log: Line, rows: Rows) -> None:
     """tables.md, and every table as csv with all digits."""
     (folder / "tables.md").write_text(as_markdown(log, rows), encoding="utf-8")
-    for key, frame in tables.tables(log, rows).items():
+    for key, (_, frame) in tables.tables(log, rows).items():
         frame.to_csv(folder / f"table-{key}.csv", index_label="algorithm")
 
 

@@ -19,7 +19,7 @@ from bench.results.runs import Line, Outcome, Reference, Rows
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-FORMAT = "results-3"
+FORMAT = "results-4"
 FIGURES, ARRAYS = "results.json", "arrays.npz"
 
 

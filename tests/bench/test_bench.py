@@ -8,7 +8,7 @@ import pytest
 from bench.judge import loss, verdicts
 from bench.judge.alarms import LIMIT_M, LIMIT_RAD
 from bench.judge.metrics import Common, RelationErrors, SpanErrors
-from bench.report import error_tables
+from bench.report import tables
 from bench.report import text as report
 from bench.run import timing
 from bench.run.cases import Choice, read_relations, replayed
@@ -189,11 +189,11 @@ def test_a_pair_on_fewer_logs_is_judged_by_its_own():
 
 
 def test_published_figures_are_read_with_their_columns():
-    rows = error_tables.published("update", "stdr arena (not public)")
+    rows = tables.published("update", "stdr arena (not public)")
     assert [row["ours"] for row in rows] == ["hector@original", "tsd@original", "crsm@original"]
     assert rows[0]["translation_mean"] == 0.025
     assert rows[2]["rotation_max"] == 0.333
-    intel = error_tables.published("relations", "intel")
+    intel = tables.published("relations", "intel")
     assert [row["translation_mean"] for row in intel] == [0.220, 0.070, 0.031, 0.0229]
 
 

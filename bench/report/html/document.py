@@ -77,12 +77,13 @@ def _span(shown: list[Run]) -> str:
     return next(shared, "update")
 
 
-def _tables(made: dict[str, pd.DataFrame], rows: Rows, keys: tuple[str, ...]) -> Markup:
+def _tables(made: dict[str, tuple[str, pd.DataFrame]], rows: Rows, keys: tuple[str, ...]) -> Markup:
     kinds = {label(row): f"run-{k}" for k, row in enumerate(rows)}
     drawn = []
     for key in keys:
         if key in made:
-            drawn.append(table(made[key], tables.TITLES[key], kinds))
+            title, frame = made[key]
+            drawn.append(table(frame, title, kinds))
             drawn += [element("p", tables.DIFFERS)] if key == "published" else []
     return together(*drawn)
 

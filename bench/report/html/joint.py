@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from bench.report import pareto, run_tables, tables, words
+from bench.report import pareto, tables, words
 from bench.report import text as report
 from bench.report.html import charts, page
 from bench.report.html.cells import table
@@ -33,7 +33,7 @@ def joint(comparison: Comparison, folders: Sequence[str]) -> str:
     before = {
         "Which one": together(
             element("ul", *answer),
-            table(run_tables.logs_table(comparison), tables.OVER_LOGS, kinds),
+            table(tables.logs_table(comparison), tables.OVER_LOGS, kinds),
         ),
         "Each log": _links(comparison, folders),
     }
