@@ -6,8 +6,9 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from string import Template
 
-from bench.report.html.legend import Named, legend, rules
+from bench.report.html.legend import legend, rules
 from bench.report.html.markup import Markup, element, together
+from bench.report.html.runs import Curve
 
 HERE = Path(__file__).parent
 
@@ -18,7 +19,7 @@ def page(
     title: str,
     heading: str,
     parts: tuple[Sections, Sections, Sections],
-    shown: Sequence[Named],
+    shown: Sequence[Curve],
     folded: Collection[str] = (),
 ) -> str:
     """The text of a page.
@@ -50,7 +51,7 @@ def template(name: str) -> Template:
 
 
 def _under_legend(
-    drawn: Sections, shown: Sequence[Named], folded: Collection[str]
+    drawn: Sections, shown: Sequence[Curve], folded: Collection[str]
 ) -> Markup | None:
     if not any(drawn.values()):
         return None

@@ -3,44 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from bench.report.lines import label
+from bench.report.lines import label, value
 
 if TYPE_CHECKING:
     from bench.results import LogResult, Outcome
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
-    """An outcome with its name and the class of its color and dashes (bench/html/legend.py)."""
+class Curve:
+    """What a figure shows: the class of its color and dashes, run-K of the K-th, and its name."""
 
-    outcome: Outcome
     kind: str
     name: str
 
-    @property
-    def mark(self) -> str:
-        """The class of what the legend hides."""
-        return f"{self.kind} mark"
+
+@dataclass(frozen=True, eq=False)
+class Run(Curve):
+    """A run on one log."""
+
+    outcome: Outcome
 
     @property
     def lost(self) -> bool:
         """Whether it lost its way."""
-        return bool((self.outcome.row.get("loss") or {}).get("lost"))
-
-
-class Curve(NamedTuple):
-    """An algorithm over several runs in a figure: the class of its color, and its name."""
-
-    kind: str
-    name: str
+        return bool(value(self.outcome.row, "loss/lost"))
 
 
 def runs(done: LogResult) -> list[Run]:
     """Those that did not fail."""
     return [
-        Run(outcome, f"run-{k}", label(outcome.row))
+        Run(f"run-{k}", label(outcome.row), outcome)
         for k, outcome in enumerate(done.outcomes)
         if not outcome.row["failed"]
     ]
