@@ -304,10 +304,10 @@ def test_the_default_sweep_has_ten_drives_an_arena_and_all_three_kinds_of_rows()
     names = ("hector", "tsd", "crsm", "gmapping")
     assert made.algorithms == [f"{n}{p}" for p in ("", "@paper", "@original") for n in names]
     assert len(made.logs) == 40
-    assert [rise.degradation.name for rise in made.conditions] == list(command.DEGRADATIONS)
+    assert set(made.conditions) == set(command.DEGRADATIONS)
     quick = command._plan(command.parser().parse_args(["--quick"]))
     assert quick.algorithms == list(names)
-    assert {rise.degradation.name for rise in quick.conditions} == set(command.QUICK)
+    assert set(quick.conditions) == set(command.QUICK)
     assert len(quick.logs) == 20
 
 
