@@ -7,7 +7,6 @@ rescue robotics [Kuehn].
 from __future__ import annotations
 
 import argparse
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,9 +42,9 @@ def _command(arguments: argparse.Namespace) -> int:
     from bench.judge.comparison import weighed
     from bench.report import outputs, text
     from bench.run import folder as folders
-    from bench.run import ros_files
     from bench.run.comparing import Wanted, Work, compared
     from slams.formats import files
+    from slams.ros import ros_params
 
     labels = cli.refusing(lambda: labels_of(arguments))
     choice, relations, logs = cli.refusing(lambda: checked(arguments, labels))
@@ -55,7 +54,8 @@ def _command(arguments: argparse.Namespace) -> int:
             arguments.out, "compare", arguments.logs, outputs.FILES, arguments.force
         )
     )
-    ros_files.say(choice.ros, arguments.quiet)
+    for label, taken in choice.ros.items() if not arguments.quiet else ():
+        sys.stderr.write(ros_params.report(taken, label))
     wanted, work = Wanted(relations, arguments.starts), Work(arguments.jobs, arguments.quiet)
     with files.complete_folder(out) as folder:
         logs = logs or [cli.refusing(lambda: simulated(folder, choice, arguments))]
@@ -97,16 +97,12 @@ def _others(
 
 def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
     """How the comparison was made: command, machine, versions."""
-    from bench.run import ros_files, timing
-    from slams.summary import versions
+    from bench.run import timing
+    from slams.ros import ros_params
 
-    return {
-        "command": f"{PROGRAM} {shlex.join(arguments.words)}".strip(),
-        "odometry": choice.odometry,
-        "ros_params": {label: ros_files.record(taken) for label, taken in choice.ros.items()},
-        "versions": versions(),
-        "machine": timing.machine() | {"processes": arguments.jobs},
-    }
+    ros = {label: ros_params.record(taken) for label, taken in choice.ros.items()}
+    made = timing.record(PROGRAM, arguments.words, processes=arguments.jobs)
+    return made | {"odometry": choice.odometry, "ros_params": ros}
 
 
 def _write(folder: Path, comparison: Comparison, logs: list[ScanLog], mcap: bool) -> None:

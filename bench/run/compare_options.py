@@ -16,6 +16,7 @@ from slams.registry import names
 if TYPE_CHECKING:
     from bench.run.cases import Choice
     from slams.formats.options import SourceOptions
+    from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
     from slams.types import Floats
 
@@ -174,7 +175,6 @@ def check_log_options(logs: Sequence[str], options: SourceOptions) -> None:
 
 def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
     """What the options say of logs and parameters; every algorithm can be run with it."""
-    from bench.run import ros_files
     from bench.run.cases import Choice
     from slams.registry import find
 
@@ -189,9 +189,31 @@ def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
     )
     choice = replace(
         choice,
-        ros=ros_files.taken(arguments.ros_params, labels, choice),
-        single=single.singles(labels, arguments.params, arguments.changes, named),
+        ros=_ros(arguments.ros_params, labels, choice),
+        single=single.singles(labels, arguments.params, [*arguments.changes, *named]),
     )
     for label in labels:
         choice.params(find(label))
     return choice
+
+
+def _ros(given: list[str], labels: list[str], choice: Choice) -> dict[str, Taken]:
+    """What the files of ROS nodes say for each algorithm that has some."""
+    from slams.registry import find
+    from slams.ros import ros_params
+
+    files: dict[str, list[str]] = {}
+    for text in given:
+        label, _, path = text.partition("=")
+        if not path:
+            raise ValueError(f"--ros-params: got {text!r}, expected ALGORITHM=FILE")
+        if label not in labels:
+            raise ValueError(
+                f"--ros-params: got {label!r}, expected one that is compared: {', '.join(labels)}"
+            )
+        files.setdefault(label, []).append(path)
+    entries = {label: find(label) for label in files}
+    return {
+        label: ros_params.take(choice.params(entry), files[label], entry.preset)
+        for label, entry in entries.items()
+    }

@@ -1,4 +1,4 @@
-"""Parameters for single algorithms: --params, --set and --seed with a name, and variants.
+"""Parameters for single algorithms: --params and --set with a name, and variants.
 
 A variant is an algorithm with settings of its own, NAME:KEY=VALUE[,KEY=VALUE]: "=" stands behind
 the last colon, as in no module:Class. Light: help reads it.
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Single:
-    """What one algorithm alone is given: YAML files, values by name, a seed."""
+    """What one algorithm alone is given: YAML files, values by name."""
 
     files: list[str] = field(default_factory=list)
     values: dict[str, str] = field(default_factory=dict)
@@ -107,12 +107,9 @@ def params_of(label: str, sensor: str | None, given: Mapping[str, Single]) -> Pa
 
 
 def singles(
-    labels: Sequence[str],
-    files: Sequence[str],
-    values: Sequence[str],
-    seeds: Sequence[str] = (),
+    labels: Sequence[str], files: Sequence[str], values: Sequence[str]
 ) -> dict[str, Single]:
-    """What ALGORITHM:FILE, [ALGORITHM:]KEY=VALUE and ALGORITHM:SEED say, by label.
+    """What ALGORITHM:FILE and [ALGORITHM:]KEY=VALUE say, by label.
 
     What is of an algorithm is of its variants, too. A value with a name wins over one without.
 
@@ -133,33 +130,23 @@ def singles(
         key, value = cli.assignment(assignment)
         for label in (label for name in names for label in rows[name]):
             found[label].values[key] = value
-    for text in seeds:
-        name, seed = _parted("--seed", text, "N", rows)
-        for label in rows[name]:
-            found[label].values["seed"] = seed
     return dict(found)
 
 
 def common_seed(seeds: Sequence[str]) -> tuple[int | None, list[str]]:
-    """The last seed that is for all (None without), and those for single algorithms.
+    """The last seed that is for all (None without), and ALGORITHM:N of the others as settings.
 
     Raises:
         ValueError: neither a number nor of the form ALGORITHM:N.
     """
-    common, named = None, []
-    for text in seeds:
-        if ":" in text:
-            named.append(text)
-        else:
-            common = _number(text)
-    return common, named
-
-
-def _number(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise ValueError(f"--seed: got {text!r}, expected a number, or ALGORITHM:N") from None
+    common = None
+    for text in (text for text in seeds if ":" not in text):
+        try:
+            common = int(text)
+        except ValueError:
+            raise ValueError(f"--seed: got {text!r}, expected a number, or ALGORITHM:N") from None
+    named = [text.rpartition(":") for text in seeds if ":" in text]
+    return common, [f"{name}:seed={seed}" for name, _, seed in named]
 
 
 def _split(label: str) -> tuple[str, str]:

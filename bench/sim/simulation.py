@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bench.sim.drive import Drive, Robot, drive, drive_far
 from bench.sim.people import LEG, legs
 from bench.sim.range_errors import Errors
+from bench.sim.rays import rays_of
 from bench.sim.routes import Progress
 from bench.sim.sensors import Sensor, find_sensor
 from bench.sim.setting import ARENAS, FINE, Setting
@@ -22,7 +23,7 @@ from bench.sim.swing import HEIGHT, Swing, measured, ranges_of, rise, sway
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
 from slams.scanlog import ScanLog, Track
-from slams.types import IDENTITY, Floats, Pose2, Ranges, wrap_angle
+from slams.types import Floats, Pose2, Ranges, wrap_angle
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -231,15 +232,8 @@ class _Measuring:
         delays = self.laser.time_increment * np.arange(self.laser.n_beams)
         stamps = (t[:, None] + delays).ravel()
         rays = self.true.poses_at(stamps)
-        mount = self.laser.mount
-        if mount != IDENTITY:
-            c, s = np.cos(rays[:, 2]), np.sin(rays[:, 2])
-            rays[:, 0] += c * mount.x - s * mount.y
-            rays[:, 1] += s * mount.x + c * mount.y
-            rays[:, 2] += mount.theta
         if self.swing is None:
-            rays[:, 2] += np.tile(self.laser.angles, len(t))
-            return self._met(rays, stamps)
+            return self._met(rays_of(self.laser, rays.reshape(len(t), -1, 3)), stamps)
         directions = np.tile(self.laser.directions, (len(t), 1))
         attitudes = self.swing.at(stamps)
         along, turn, slope = rise(directions, attitudes)
@@ -248,7 +242,8 @@ class _Measuring:
         return ranges_of(self._met(rays, stamps), along, slope, height)
 
     def _met(self, rays: Floats, stamps: Floats) -> Floats:
-        """Distances (m,) [m] over ground along rays (m, 3) to walls and legs."""
+        """Distances (m,) [m] over ground along rays (..., 3) to walls and legs."""
+        rays = np.ascontiguousarray(rays.reshape(-1, 3))
         distances = self.world.cast(rays)
         if self.legs is not None:
             from bench.sim.world_kernels import occlude
