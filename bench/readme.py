@@ -172,10 +172,7 @@ def _tables(keys: tuple[str, ...]) -> str:
     log = found["logs"][0]
     made = tables.tables(log, found["rows"])
     parts = [f"`{found['command']}`: {report.head(log)}, on {found['machine']['cpu']}."]
-    for key in keys:
-        if key in made:
-            title, frame = made[key]
-            parts += [f"**{title}**", report.markdown_table(frame)]
+    parts += [report.titled(*made[key]) for key in keys if key in made]
     return "\n\n".join(parts) + "\n"
 
 

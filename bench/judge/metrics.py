@@ -92,14 +92,9 @@ def component_errors(
     return translation, np.abs(wrap_angle(dg[:, 2] - dp[:, 2]))
 
 
-def pairs(common: Common, span: Span) -> tuple[Indices, Indices]:
-    """Indices (k,), (k,) of the poses a span apart."""
-    return span_pairs(common.t, common.truth, span)
-
-
 def span_errors(common: Common, span: Span) -> SpanErrors | None:
     """All errors over a span; None where no two poses are that far apart."""
-    first, second = pairs(common, span)
+    first, second = span_pairs(common.t, common.truth, span)
     if not len(first):
         return None
     paper = component_errors(common.estimate, common.truth, first, second)

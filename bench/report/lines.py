@@ -38,6 +38,11 @@ def label(row: Row) -> str:
     return f"{row['algorithm']} (lost)" if value(row, "loss/lost") else row["algorithm"]
 
 
+def is_lost(row: Row) -> bool:
+    """Whether a run failed or lost its way."""
+    return bool(row["failed"] or row["loss"]["lost"])
+
+
 def sensors(row: Row) -> str | None:
     """What the poses of a run come from, as it reports it; None where nobody knows."""
     used = row.get("used")

@@ -80,7 +80,7 @@ def _draw_errors(folder: Path, log: LogResult) -> None:
     second = {o.row["algorithm"]: o.errors["1 s"] for o in log.outcomes if "1 s" in o.errors}
     if second:
         small = {name: 1e3 * found.se2_translation for name, found in second.items()}
-        figures.save_overview(small, pareto.points_of(log), _looks(log), folder / "fig_errors")
+        figures.save_overview(small, pareto.drawn_of(log), _looks(log), folder / "fig_errors")
 
 
 def _draw_maps(folder: Path, log: LogResult) -> None:

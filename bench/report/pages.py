@@ -11,7 +11,7 @@ import pandas as pd
 from bench.judge.answers import analysis
 from bench.report import sweep_tables, tables
 from bench.report.sweep_tables import MODES, Table
-from bench.report.text import head, markdown_table
+from bench.report.text import head, markdown_table, titled
 from bench.results.sweep import Sweep
 from slams.registry import BUILT_IN, IDEAS, names
 
@@ -94,8 +94,7 @@ def sweep_part(swept: Kept) -> str:
 
 def _shown(kept: list[Kept]) -> str:
     made = [_table(one) for one in kept]
-    texts = [f"**{one.title}**\n\n{markdown_table(one.frame, one.corner)}" for one in made]
-    return "\n\n".join(texts) + "\n"
+    return "\n\n".join(titled(one.title, one.frame, one.corner) for one in made) + "\n"
 
 
 def relations_table(known: Kept) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench.judge.answers import Analysis, analysis
 from bench.report import sweep_tables
-from bench.report.text import markdown_table
+from bench.report.text import titled
 
 if TYPE_CHECKING:
     from bench.results import Line
@@ -33,6 +33,6 @@ def write(folder: Path, sweep: Sweep) -> Analysis:
 def as_markdown(found: Analysis, facts: Line) -> str:
     """The answers and all tables."""
     parts = [f"{sweep_tables.head(found, facts)}."]
-    for made in [*sweep_tables.choices(found), *sweep_tables.tables(found, facts).values()]:
-        parts += [f"**{made.title}**", markdown_table(made.frame, made.corner)]
+    made = [*sweep_tables.choices(found), *sweep_tables.tables(found, facts).values()]
+    parts += [titled(one.title, one.frame, one.corner) for one in made]
     return "\n\n".join(parts) + "\n"

@@ -16,12 +16,12 @@ from bench.report.lines import (
     deciding_error,
     deciding_span,
     frame_of,
+    is_lost,
     label,
     line,
     sensors,
     value,
 )
-from bench.report.words import by_algorithm
 from bench.results import Line, Row, Rows
 from slams.registry import BASELINES
 
@@ -189,14 +189,14 @@ def logs_table(comparison: Comparison) -> pd.DataFrame:
     that failed or was lost ranks behind all others, and has no part in the mean. Without either
     the rank is that of `unaided.mean_ranks`.
     """
-    runs = by_algorithm(comparison)
-    lost = {name: [_is_lost(row) for row in rows] for name, rows in runs.items()}
+    runs = comparison.by_algorithm()
+    lost = {name: [is_lost(row) for row in rows] for name, rows in runs.items()}
     table = pd.DataFrame(
         {"logs": len(comparison.logs), "lost or failed": [sum(of) for of in lost.values()]},
         index=[*runs],
     )
     kept = [
-        {row["algorithm"]: None if _is_lost(row) else deciding_error(row) for row in log.rows}
+        {row["algorithm"]: None if is_lost(row) else deciding_error(row) for row in log.rows}
         for log in comparison.logs
     ]
     errors = pd.DataFrame(kept, columns=[*runs], dtype=float)
@@ -213,10 +213,6 @@ def logs_table(comparison: Comparison) -> pd.DataFrame:
     table["worst [mm]"] = 1e3 * errors.max(skipna=False)
     table["worst log"] = [comparison.logs[k].entry["name"] for k in worst]
     return table.dropna(axis=1, how="all")
-
-
-def _is_lost(row: Row) -> bool:
-    return bool(row["failed"] or row["loss"]["lost"])
 
 
 def _by(columns: Columns) -> Maker:

@@ -49,6 +49,11 @@ def markdown_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], rule, *lines[1:]))
 
 
+def titled(title: str, frame: pd.DataFrame, corner: str = "algorithm") -> str:
+    """A markdown table below its title."""
+    return f"**{title}**\n\n{markdown_table(frame, corner)}"
+
+
 def head(log: Line) -> str:
     """The log in one line."""
     return f"{log['name']}: {log['scans']} scans of {log['beams']} beams, {log['duration_s']:.0f} s"
@@ -78,7 +83,7 @@ def as_markdown(log: Line, rows: Rows) -> str:
     """The whole comparison on one log, for a README."""
     parts = [head(log), *(f"Note: {note}." for note in log.get("notes", []))]
     for key, (title, frame) in tables.tables(log, rows).items():
-        parts += [f"**{title}**", markdown_table(frame)]
+        parts.append(titled(title, frame))
         if key == "published":
             parts.append(tables.DIFFERS)
     if log.get("verdicts"):

@@ -56,6 +56,13 @@ class Comparison(NamedTuple):
         """The figures of every run on every log."""
         return [row for log in self.logs for row in log.rows]
 
+    def by_algorithm(self) -> dict[str, Rows]:
+        """The rows of each algorithm, a row for each log."""
+        found: dict[str, Rows] = {}
+        for row in self.rows:
+            found.setdefault(row["algorithm"], []).append(row)
+        return found
+
     def as_dict(self) -> Line:
         """The content of results.json."""
         return {

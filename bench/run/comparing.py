@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bench.judge.starts import start_scans, summarize_starts
+import numpy as np
+
 from bench.results import LogResult, Outcome
 from bench.run import pool
 from bench.run.cases import failed, relation_error, replayed
@@ -19,6 +22,10 @@ from slams.types import Floats
 if TYPE_CHECKING:
     from bench.run.cases import Choice
     from slams.scanlog import ScanLog
+
+
+LATEST_SHARE = 0.1  # of a log that may be left out at its start
+LATEST = 500  # scans that may, as so many have been left out of Intel in the measurements
 
 
 class Job(NamedTuple):
@@ -89,11 +96,39 @@ def with_consistency(outcome: Outcome, log: ScanLog, poses: Floats) -> Outcome:
     return replace(outcome, row=outcome.row | {"consistency": found})
 
 
+def start_scans(scans: int, n: int) -> list[int]:
+    """Scans to begin at, evenly from 0 to a tenth of the log's `scans` (`LATEST` at most).
+
+    The same log begun at several tells a good algorithm from a lucky first map. As many as `n`,
+    both 1 or more, or fewer in a log too short for so many different ones.
+    """
+    latest = min(LATEST, int(LATEST_SHARE * scans))
+    return [int(first) for first in np.unique(np.round(np.linspace(0, latest, n)))]
+
+
+def spread_over_starts(errors: Sequence[float | None], limit: float) -> dict[str, Any]:
+    """The spread of one error over the starts, 1 or more; None is a lost run.
+
+    `mean` is that of the runs that were not lost. In `median` and `worst` a lost run is as bad as
+    can be. `above` of the runs were above the limit, lost ones included.
+    """
+    values = np.array([math.inf if error is None else error for error in errors])
+    found = values[np.isfinite(values)]
+    return {
+        "n": len(values),
+        "mean": float(found.mean()) if len(found) else math.nan,
+        "median": float(np.median(values)),
+        "worst": float(values.max()),
+        "above": int((values > limit).sum()),
+        "limit_m": limit,
+    }
+
+
 def _later_starts(log: ScanLog, wanted: Wanted) -> list[int]:
     """The scans to begin at besides the first."""
     if wanted.relations is None or wanted.starts < 2:
         return []
-    return [int(first) for first in start_scans(len(log), wanted.starts)[1:]]
+    return start_scans(len(log), wanted.starts)[1:]
 
 
 def _outcome(found: dict[Job, Any], job: Job, wanted: Wanted) -> Outcome:
@@ -103,7 +138,7 @@ def _outcome(found: dict[Job, Any], job: Job, wanted: Wanted) -> Outcome:
     if not later or outcome.row["failed"]:
         return outcome
     errors = [relation_error(outcome), *later]
-    starts = summarize_starts(errors, wanted.limit_m)._asdict() | {"limit_m": wanted.limit_m}
+    starts = spread_over_starts(errors, wanted.limit_m)
     return replace(outcome, row=outcome.row | {"starts": starts})
 
 

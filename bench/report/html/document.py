@@ -61,7 +61,7 @@ def _figures(shown: list[Run], done: LogResult) -> dict[str, Markup | None]:
     kinds = {run.outcome.row["algorithm"]: run.kind for run in shown}
     curves = [
         charts.errors(shown, _span(shown)),
-        charts.against_cost(pareto.points_of(done), kinds),
+        charts.against_cost(pareto.drawn_of(done), kinds),
     ]
     pair = element("div", *(curve for curve in curves if curve), class_="pair")
     return {

@@ -28,7 +28,7 @@ def joint(comparison: Comparison, folders: Sequence[str]) -> str:
     """The page's text."""
     answer = (element("li", text) for text in words.answer(comparison))
     over = [element("li", verdict["sentence"]) for verdict in comparison.over_logs]
-    shown = [Curve(f"run-{k}", name) for k, name in enumerate(words.by_algorithm(comparison))]
+    shown = [Curve(f"run-{k}", name) for k, name in enumerate(comparison.by_algorithm())]
     kinds = {curve.name: curve.kind for curve in shown}
     before = {
         "Which one": together(
@@ -39,7 +39,7 @@ def joint(comparison: Comparison, folders: Sequence[str]) -> str:
     }
     curves = [
         charts.over_runs(_errors(comparison), shown),
-        charts.against_cost(pareto.points(comparison), kinds),
+        charts.against_cost(pareto.drawn(comparison), kinds),
     ]
     pair = element("div", *(curve for curve in curves if curve), class_="pair")
     behind = {
@@ -58,7 +58,7 @@ def _errors(comparison: Comparison) -> dict[str, list[float]]:
             float("inf") if row["failed"] or not row["errors"] else 1e3 * row["errors"]["ate_m"]
             for row in rows
         ]
-        for name, rows in words.by_algorithm(comparison).items()
+        for name, rows in comparison.by_algorithm().items()
     }
 
 
