@@ -16,6 +16,8 @@ import numpy as np
 from bench.judge import autocorrelation
 from slams.types import Floats
 
+LEVEL = 0.95  # of the intervals
+
 
 class Paired(NamedTuple):
     """A mean difference a - b of `n` pairs with its interval, how likely chance alone makes it."""
@@ -71,7 +73,7 @@ def mcnemar(only_a: int, only_b: int) -> float:
     return float(binomtest(only_a, discordant).pvalue) if discordant else 1.0
 
 
-def paired(a: Floats, b: Floats, level: float = 0.95) -> Paired:
+def paired(a: Floats, b: Floats, level: float = LEVEL) -> Paired:
     """The mean difference a - b of two error series (n,) at the same times.
 
     Interval and p-value, of both sides, are Student's. Pairs with a value that is not finite are
@@ -90,7 +92,7 @@ def paired(a: Floats, b: Floats, level: float = 0.95) -> Paired:
     return Paired(*_student(mean, deviation, blocks, level), p_value, n)
 
 
-def paired_over_runs(a: Floats, b: Floats, level: float = 0.95) -> Paired:
+def paired_over_runs(a: Floats, b: Floats, level: float = LEVEL) -> Paired:
     """The mean difference a - b over independent runs (n,): one number per seed or log, n >= 2.
 
     The interval is Student's, the p-value that of `wilcoxon`; it cannot be less than
@@ -153,9 +155,7 @@ def sentence(
     name_b: str,
     result: Paired,
     unit: str = "mm",
-    scale: float = 1e3,
     what: str = "per second",
-    level: float = 0.95,
     where: str = "",
 ) -> str:
     """What a comparison of two errors says, in words: less is better.
@@ -163,24 +163,22 @@ def sentence(
     Args:
         name_a: what the difference counts from.
         name_b: what was subtracted.
-        result: their difference; its p-value may be one from `adjusted`.
-        unit: of the numbers printed.
-        scale: from the difference's unit to that one.
+        result: their difference [m] or [rad]; its p-value may be one from `adjusted`.
+        unit: of the numbers printed, mm or mrad.
         what: the span of the errors.
-        level: that of the interval.
         where: to what the sentence is limited, as "on this log".
     """
     where = where and f" {where}"
     if math.isnan(result.p_value):
         return f"{name_a} and {name_b} can't be compared{where}: only {result.n} common values"
-    sure = result.p_value < 1.0 - level and not result.low <= 0.0 <= result.high
+    sure = result.p_value < 1.0 - LEVEL and not result.low <= 0.0 <= result.high
     swap = sure and result.difference < 0.0
-    difference, low, high = (scale * value for value in result[:3])
+    difference, low, high = (1e3 * value for value in result[:3])
     if swap:
         low, high = -high, -low
     digits = _digits(high - low)
     low_text, high_text = _fixed(low, digits), _fixed(high, digits)
-    interval = f"{level * 100:g} % interval {low_text} to {high_text}"
+    interval = f"{LEVEL * 100:g} % interval {low_text} to {high_text}"
     chance = _chance(result.p_value)
     if not sure:
         amount = f"difference {_fixed(difference, digits)} {unit} {what}"

@@ -235,8 +235,8 @@ def test_sentence_in_words():
     worse = Paired(0.0012, 0.0010, 0.0014, 0.0001, 300)
     assert sentence("crsm", "hector", worse) == f"hector is better than crsm {words}"
     turn = Paired(0.00012, 0.00001, 0.00023, 0.0312, 300)
-    assert sentence("tsd", "crsm", turn, "mrad", 1e3, "per update", 0.9) == (
-        "crsm is better than tsd by 0.12 mrad per update, 90 % interval 0.01 to 0.23, p = 0.031"
+    assert sentence("tsd", "crsm", turn, "mrad", "per update") == (
+        "crsm is better than tsd by 0.12 mrad per update, 95 % interval 0.01 to 0.23, p = 0.031"
     )
 
 
