@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from bench.results.arrays import arrays_of_outcome, arrays_of_reference, outcome_of, reference_of
-from bench.results.runs import Line, Outcome, Reference, Rows
+from bench.results.runs import Line, Outcome, Reference, Row, Rows
+from slams.types import OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -81,9 +81,9 @@ def save(folder: Path, comparison: Comparison) -> None:
     write_figures(folder / FIGURES, comparison.as_dict())
     arrays: dict[str, Any] = {"format": FORMAT}
     for k, log in enumerate(comparison.logs):
-        arrays |= _keyed(f"{k}", arrays_of_reference(log.reference))
+        arrays |= _keyed(f"{k}", _arrays_of_reference(log.reference))
         for i, outcome in enumerate(log.outcomes):
-            arrays |= _keyed(f"{k}/{i}", arrays_of_outcome(outcome))
+            arrays |= _keyed(f"{k}/{i}", _arrays_of_outcome(outcome))
     write_npz(folder / ARRAYS, arrays)
 
 
@@ -101,8 +101,8 @@ def read(folder: str | Path) -> Comparison:
     logs = []
     for k, entry in enumerate(found["logs"]):
         count = sum(1 for key in arrays if key.startswith(f"{k}/") and key.endswith("/t"))
-        outcomes = [outcome_of(next(rows), _under(arrays, f"{k}/{i}")) for i in range(count)]
-        logs.append(LogResult(reference_of(entry, _under(arrays, f"{k}")), outcomes))
+        outcomes = [_outcome_of(next(rows), _under(arrays, f"{k}/{i}")) for i in range(count)]
+        logs.append(LogResult(_reference_of(entry, _under(arrays, f"{k}")), outcomes))
     known = ("format", "logs", "rows", "over_logs")
     facts = {key: value for key, value in found.items() if key not in known}
     return Comparison(facts, logs, found["over_logs"])
@@ -133,6 +133,62 @@ def read_figures(path: str | Path, expected: str | None = None) -> Line:
             "another version; run it again"
         )
     return found
+
+
+def _arrays_of_outcome(outcome: Outcome) -> dict[str, Any]:
+    """Everything of a run but its row."""
+    arrays: dict[str, Any] = {
+        "t": outcome.t,
+        "poses": outcome.poses,
+        "seconds": outcome.seconds,
+        "frame": np.array(outcome.frame),
+        **_arrays_of_grid(outcome.grid),
+    }
+    if outcome.common is not None:
+        arrays |= {f"common_{key}": value for key, value in outcome.common._asdict().items()}
+    return arrays
+
+
+def _outcome_of(row: Row, arrays: dict[str, Any]) -> Outcome:
+    """The run of `_arrays_of_outcome`."""
+    from bench.judge.metrics import Common
+
+    common = None
+    if "common_t" in arrays:
+        t, estimate, truth = (arrays[f"common_{key}"] for key in ("t", "estimate", "truth"))
+        common = Common(t, estimate, truth, int(arrays["common_dropped"]))
+    frame = Pose2(*arrays["frame"].tolist())
+    series = arrays["t"], arrays["poses"], arrays["seconds"]
+    return Outcome(row, *series, _grid(arrays), common, frame)
+
+
+def _arrays_of_reference(reference: Reference) -> dict[str, Any]:
+    """Everything known of a log but its figures."""
+    arrays = _arrays_of_grid(reference.grid)
+    if reference.path is not None:
+        arrays["path"] = reference.path
+    if reference.start is not None:
+        arrays["start"] = np.array(reference.start)
+    return arrays
+
+
+def _reference_of(entry: Line, arrays: dict[str, Any]) -> Reference:
+    """The log of `_arrays_of_reference`."""
+    start = Pose2(*arrays["start"].tolist()) if "start" in arrays else None
+    return Reference(entry, arrays.get("path"), _grid(arrays), start)
+
+
+def _arrays_of_grid(grid: OccupancyGrid | None) -> dict[str, Any]:
+    if grid is None:
+        return {}
+    return {"grid": grid.p, "grid_place": np.array([grid.resolution, *grid.origin])}
+
+
+def _grid(arrays: dict[str, Any]) -> OccupancyGrid | None:
+    if "grid" not in arrays:
+        return None
+    resolution, x, y = arrays["grid_place"].tolist()
+    return OccupancyGrid(arrays["grid"], resolution, (x, y))
 
 
 def _read_arrays(path: Path) -> dict[str, Any]:

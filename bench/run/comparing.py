@@ -13,8 +13,7 @@ import numpy as np
 
 from bench.results import LogResult, Outcome
 from bench.run import pool
-from bench.run.cases import failed, relation_error, replayed
-from bench.run.reference import reference
+from bench.run.cases import failed, reference, relation_error, replayed
 from bench.run.work import sentence
 from slams import cli
 from slams.types import Floats

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from bench.judge import loss
 from bench.results.sweep import Cost, Sweep, Trial
-from bench.run.code import package_of, sources_with
 from bench.run.compare_options import check_log_options
 from bench.run.single import Single, algorithm_of, params_of
+from bench.run.store import package_of, sources_with
 from bench.run.trial import FUNCTION, content_of
 from bench.run.work import Task
 from bench.sim.degrade import CATALOG, find_degradation, parse

@@ -21,8 +21,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from bench.run import pool
-from bench.run.code import code_version
-from bench.run.store import Store, canonical, digest, plain
+from bench.run.store import Store, canonical, code_version, digest, plain
 
 # these tell of the machine, not of the algorithm: said, but not kept as its result
 OF_THE_MACHINE = (MemoryError, OSError, ImportError)

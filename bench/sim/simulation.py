@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,7 @@ from bench.sim.range_errors import Errors
 from bench.sim.rays import rays_of
 from bench.sim.routes import Progress
 from bench.sim.sensors import Sensor, find_sensor
-from bench.sim.setting import ARENAS, FINE, Setting
+from bench.sim.setting import ARENAS, CELL, FINE, Setting
 from bench.sim.swing import HEIGHT, Swing, measured, ranges_of, rise, sway
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
@@ -33,24 +32,12 @@ ODOMETRY = 50.0  # Hz
 GYRO = 100.0  # Hz
 OFFSET = 0.2  # m, of each of two lasers from the base
 BLOCK = 200  # scans measured at once
+STREAMS = ("arena", "drive", "ranges", "odometry", "gyro", "people", "tilt")
 
 
-@dataclass(frozen=True)
-class Chance:
+def _chances(seed: int) -> dict[str, Generator]:
     """One stream of random numbers per purpose: a change in one leaves the others alone."""
-
-    arena: Generator
-    drive: Generator
-    ranges: Generator
-    odometry: Generator
-    gyro: Generator
-    people: Generator
-    tilt: Generator
-
-    @classmethod
-    def of(cls, seed: int) -> Chance:
-        """The streams of a seed."""
-        return cls(*np.random.default_rng(seed).spawn(7))
+    return dict(zip(STREAMS, np.random.default_rng(seed).spawn(len(STREAMS)), strict=True))
 
 
 def simulate(
@@ -69,10 +56,10 @@ def simulate(
         ValueError: the map is none, or has no room to drive.
     """
     setting = setting or Setting()
-    sensor, chance = find_sensor(setting.sensor), Chance.of(setting.seed)
-    world = _world(setting, chance.arena)
-    swing = Swing(setting.tilt, chance.tilt) if setting.tilt else None
-    true = _drive(setting, sensor, world, chance.drive, planning)
+    sensor, chance = find_sensor(setting.sensor), _chances(setting.seed)
+    world = _world(setting, chance["arena"])
+    swing = Swing(setting.tilt, chance["tilt"]) if setting.tilt else None
+    true = _drive(setting, sensor, world, chance["drive"], planning)
     t = np.arange(max(1, math.floor(true.t[-1] * sensor.rate + 1e-6))) / sensor.rate
     measuring = _Measuring(setting, sensor, world, true, chance, swing)
     if setting.lasers > 1:
@@ -81,13 +68,13 @@ def simulate(
         scans = {"t": t, "ranges": measuring.scans(t, progress), "laser": measuring.laser}
     return ScanLog(
         **scans,
-        odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance.odometry)),
+        odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance["odometry"])),
         truth=_track(true, _truth_rate(setting, sensor), lambda stamps: _truth(true, stamps)),
-        yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance.gyro)),
+        yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance["gyro"])),
         meta=_meta(setting, world),
         attitude=None
         if swing is None
-        else _track(true, GYRO, lambda stamps: measured(swing.at(stamps), stamps, chance.tilt)),
+        else _track(true, GYRO, lambda stamps: measured(swing.at(stamps), stamps, chance["tilt"])),
     )
 
 
@@ -125,7 +112,7 @@ def world_of(log: ScanLog) -> World | None:
     if setting is None:
         return None
     try:
-        world = _world(setting, Chance.of(setting.seed).arena)
+        world = _world(setting, _chances(setting.seed)["arena"])
     except (ValueError, OSError):
         return None
     return world if world.fingerprint == log.meta["simulated"]["world"] else None
@@ -141,11 +128,34 @@ def setting_of(log: ScanLog) -> Setting | None:
         return None
 
 
+def build_arena(
+    name: str, rng: Generator, resolution: float | None = None, size: float | None = None
+) -> World:
+    """The arena of that name with its longer side of about `size` [m] and cells of `resolution`.
+
+    Same generator state, same arena. Without them cells of `CELL` and the usual size.
+
+    Raises:
+        ValueError: cells too coarse for its walls, or a size it cannot have.
+    """
+    from bench.sim.hall import hall
+    from bench.sim.maze import rescue_arena
+    from bench.sim.office import office
+    from bench.sim.ring import ring
+
+    builders = {"rescue": rescue_arena, "office": office, "hall": hall, "ring": ring}
+    known = ARENAS[name]
+    size = known.size if size is None else size
+    if not known.least <= size <= known.most:
+        raise ValueError(
+            f"size: got {size:g} m, expected {known.least:g} to {known.most:g} for the {name} arena"
+        )
+    return builders[name](rng, resolution or CELL, size)
+
+
 def _world(setting: Setting, rng: Generator) -> World:
     if setting.arena not in ARENAS:
         return read_world(setting.arena, setting.resolution)
-    from bench.sim.arena import build_arena
-
     return build_arena(setting.arena, rng, setting.resolution, setting.size)
 
 
@@ -206,15 +216,15 @@ class _Measuring:
         sensor: Sensor,
         world: World,
         true: Drive,
-        chance: Chance,
+        chance: dict[str, Generator],
         swing: Swing | None,
     ) -> None:
-        self.world, self.true, self.rng, self.sensor = world, true, chance.ranges, sensor
+        self.world, self.true, self.rng, self.sensor = world, true, chance["ranges"], sensor
         self.laser, self.swing = sensor.laser(setting.sweep), swing
         if swing is not None:
             self.laser = dataclasses.replace(self.laser, mount_z=HEIGHT)
         self.errors = _errors(setting, sensor, world)
-        self.legs = legs(world, true, setting.people, chance.people) if setting.people else None
+        self.legs = legs(world, true, setting.people, chance["people"]) if setting.people else None
 
     def scans(self, t: Floats, progress: Progress | None) -> Ranges:
         """Ranges (n, b) [m] measured from the stamps t (n,) on."""

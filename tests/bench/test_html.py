@@ -11,15 +11,13 @@ import pytest
 
 from bench.judge import alarms, metrics, verdicts
 from bench.report import html, tables
-from bench.report.html.legend import ON_DARK, ON_LIGHT, rules
+from bench.report.html.legend import ON_DARK, ON_LIGHT, rules, runs
 from bench.report.html.markup import Markup, element, together
-from bench.report.html.runs import runs
 from bench.report.html.svg import drawing, look
 from bench.report.palette import COLORS, UNKNOWN, bar_length, shade
 from bench.report.pareto import Point, front, spread
 from bench.results import Comparison, LogResult, Outcome, Reference
-from bench.run.cases import Choice, failed, replayed
-from bench.run.reference import facts
+from bench.run.cases import Choice, facts, failed, replayed
 from slams import OccupancyGrid, Params, Pose2
 from tests.rooms import drive
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS
 from bench.report import figures
+from bench.report.html.legend import Curve, Run
 from bench.report.html.markup import Markup, element
-from bench.report.html.runs import Curve, Run
 from bench.report.html.svg import MAP, drawing, figure, look
 from bench.report.pareto import Point
 

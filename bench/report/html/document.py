@@ -10,15 +10,15 @@ from bench.report import pareto, tables, words
 from bench.report import text as report
 from bench.report.html import charts, page
 from bench.report.html.cells import table
+from bench.report.html.legend import runs
 from bench.report.html.markup import Markup, element, together
 from bench.report.html.record import facts, parameters
-from bench.report.html.runs import runs
 from bench.report.lines import DECIDING_SPANS, label
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bench.report.html.runs import Run
+    from bench.report.html.legend import Run
     from bench.results import Comparison, Line, LogResult, Rows
 
 # tables that stand in sections of their own; the others are under "All tables"

@@ -11,9 +11,9 @@ from bench.report import pareto, tables, words
 from bench.report import text as report
 from bench.report.html import charts, page
 from bench.report.html.cells import table
+from bench.report.html.legend import Curve
 from bench.report.html.markup import Markup, element, together
 from bench.report.html.record import facts
-from bench.report.html.runs import Curve
 
 if TYPE_CHECKING:
     from bench.results import Comparison

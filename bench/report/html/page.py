@@ -6,9 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from string import Template
 
-from bench.report.html.legend import legend, rules
+from bench.report.html.legend import Curve, legend, rules
 from bench.report.html.markup import Markup, element, together
-from bench.report.html.runs import Curve
 
 HERE = Path(__file__).parent
 

@@ -9,8 +9,8 @@ from bench.judge.answers import Analysis, Cell
 from bench.report import sweep_figure, sweep_tables
 from bench.report.html import page
 from bench.report.html.cells import table
+from bench.report.html.legend import Curve
 from bench.report.html.markup import Markup, element, together
-from bench.report.html.runs import Curve
 from bench.report.html.svg import drawing, figure, look
 from bench.results.sweep import Sweep
 
