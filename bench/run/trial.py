@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bench.judge import metrics
-from bench.judge.alarms import alarms, beyond
+from bench.judge.loss import alarms, beyond
 from bench.results.sweep import Cost, Trial
 from bench.run.cases import sources
 from bench.run.store import canonical
@@ -105,22 +105,17 @@ def judged(run: Run, log: ScanLog) -> Trial:
     return {
         "failed": None,
         "used": row["used"] or [],
-        "posed": row["posed"],
-        "refined": row["refined"],
         "scans": len(run),
         "duration_s": float(run.t.max() - run.t.min()),
         "way_m": path_length(common.truth),
         "ate_m": metrics.ate_with(log, run.t, run.poses),
         "worst_m": float(np.hypot(*(common.estimate - common.truth)[:, :2].T).max()),
         "second_m": None if second is None else float(second.se2_translation.mean()),
-        "second_rad": None if second is None else float(second.orientation.mean()),
         "lost": bool(off.any()),
         "lost_at_s": float(common.t[np.argmax(off)] - common.t.min()) if off.any() else None,
         "right_again": said.right_again,
         "episodes": said.episodes,
         "said_in_time": said.in_time,
-        "said_late": said.late,
-        "missed": said.missed,
         "right_scans": said.right,
         "false_alarms": said.false,
         "wheels_ate_m": _wheels_ate(log),

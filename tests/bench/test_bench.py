@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.judge import loss, verdicts
-from bench.judge.alarms import LIMIT_M, LIMIT_RAD
+from bench.judge.loss import LIMIT_M, LIMIT_RAD
 from bench.judge.metrics import Common, RelationErrors, SpanErrors
 from bench.report import tables
 from bench.report import text as report

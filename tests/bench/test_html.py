@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from bench.judge import alarms, metrics, verdicts
+from bench.judge import loss, metrics, verdicts
 from bench.report import html, tables
 from bench.report.html.legend import ON_DARK, ON_LIGHT, rules, runs
 from bench.report.html.markup import Markup, element, together
@@ -268,7 +268,7 @@ def test_it_is_told_how_sure_a_difference_is(page):
 
 def test_definitions_have_the_constants_of_the_code(page, monkeypatch, comparison, tmp_path):
     assert "off by more than 0.5 m or 0.3 rad" in page.text
-    monkeypatch.setattr(alarms, "LIMIT_M", 7.25)
+    monkeypatch.setattr(loss, "LIMIT_M", 7.25)
     monkeypatch.setattr(metrics, "LOOP", 33.0)
     changed = Page(written(tmp_path, comparison)).text
     assert "off by more than 7.25 m or" in changed

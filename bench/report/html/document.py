@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bench.judge import alarms, loss, metrics
+from bench.judge import loss, metrics
 from bench.report import pareto, tables, words
 from bench.report import text as report
 from bench.report.html import charts, page
@@ -115,8 +115,8 @@ def _definitions() -> Markup:
     """The prose, with the constants of the code."""
     constants = {
         "loop_s": metrics.LOOP,
-        "limit_m": alarms.LIMIT_M,
-        "limit_rad": alarms.LIMIT_RAD,
+        "limit_m": loss.LIMIT_M,
+        "limit_rad": loss.LIMIT_RAD,
         "broken_share": 100 * loss.BROKEN_SHARE,
         "reported_share": 100 * loss.REPORTED_SHARE,
     }
