@@ -33,6 +33,7 @@ class Choice:
 
     `options` say how a recorded log is read; `sensor` names the laser that the parameters are for;
     `ros` has what ROS files say and `single` what is given for one algorithm alone, by label.
+    Runs are judged by `relations`, too, each algorithm begun at so many scans.
     """
 
     limit: int | None = None
@@ -43,6 +44,8 @@ class Choice:
     sensor: str | None = None
     ros: Mapping[str, Taken] = field(default_factory=dict)
     single: Mapping[str, Single] = field(default_factory=dict)
+    relations: Floats | None = None
+    starts: int = 1
 
     def log(self, path: str | Path) -> ScanLog:
         """The chosen part of the log at `path`."""
@@ -100,7 +103,7 @@ def facts(log: ScanLog) -> dict[str, Any]:
     return entry
 
 
-def replayed(label: str, log: ScanLog, choice: Choice, relations: Floats | None = None) -> Outcome:
+def replayed(label: str, log: ScanLog, choice: Choice) -> Outcome:
     """Replay a log through the algorithm `label`; raises whatever that raises."""
     entry = find(label)
     params = choice.params(entry)
@@ -117,7 +120,7 @@ def replayed(label: str, log: ScanLog, choice: Choice, relations: Floats | None 
         "peak_memory_mb": memory.mb,
     }
     row["conflict"] = 1.0 - float(np.mean(quality)) if quality else None
-    row |= judged(log, run.t, run.final, relations, run.report)
+    row |= judged(log, run.t, run.final, choice.relations, run.report)
     common = metrics.common_with(log, run.t, run.final)
     return Outcome(row, run.t, run.final, run.seconds, grid, common)
 
@@ -230,14 +233,8 @@ def read_relations(path: str | Path) -> Floats:
     """
     text = Path(path).read_text(encoding="utf-8", errors="replace")
     rows = [line.split() for line in text.splitlines() if line.strip()]
-    if not rows:
-        raise ValueError(f"{path}: no relation in it; expected lines t1 t2 x y z roll pitch yaw")
-    widths = {len(row) for row in rows}
-    if widths != {8}:
-        raise ValueError(
-            f"{path}: got lines of {', '.join(map(str, sorted(widths)))} columns, "
-            "expected t1 t2 x y z roll pitch yaw"
-        )
+    if {len(row) for row in rows} != {8}:
+        raise ValueError(f"{path}: expected relations, lines t1 t2 x y z roll pitch yaw")
     try:
         table = np.array(rows, dtype=np.float64)
     except ValueError as error:

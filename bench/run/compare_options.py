@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from slams.formats.options import SourceOptions
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
-    from slams.types import Floats
 
 IDEA, ORIGINAL = "paper", "original"  # presets compared beside the defaults
 QUICK_SCANS = 2400
@@ -131,9 +130,7 @@ def labels_of(arguments: argparse.Namespace) -> list[str]:
     return others + list(known)
 
 
-def checked(
-    arguments: argparse.Namespace, labels: list[str]
-) -> tuple[Choice, Floats | None, list[ScanLog]]:
+def checked(arguments: argparse.Namespace, labels: list[str]) -> tuple[Choice, list[ScanLog]]:
     """Everything the user gave, read once before the work starts."""
     from bench.run.cases import read_relations
 
@@ -141,12 +138,12 @@ def checked(
     choice = _choice(arguments, labels)
     logs = [choice.log(path) for path in arguments.logs]
     if arguments.relations is None:
-        return choice, None, logs
+        return choice, logs
     if len(arguments.logs) != 1:
         raise ValueError(
             f"--relations: got {len(arguments.logs)} logs, expected the one they are of"
         )
-    return choice, read_relations(arguments.relations), logs
+    return replace(choice, relations=read_relations(arguments.relations)), logs
 
 
 def _check_options(arguments: argparse.Namespace) -> None:
@@ -186,6 +183,7 @@ def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
         common,
         options=cli.log_options(arguments),
         sensor=arguments.sensor,
+        starts=arguments.starts,
     )
     choice = replace(
         choice,

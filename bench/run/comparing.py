@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
 
 
+LIMIT_M = 0.03  # of the relations' mean error: starts above it are counted
 LATEST_SHARE = 0.1  # of a log that may be left out at its start
 LATEST = 500  # scans that may, as so many have been left out of Intel in the measurements
 
@@ -38,23 +39,8 @@ class Job(NamedTuple):
     first: int | None = None
 
 
-class Wanted(NamedTuple):
-    """What is asked for besides the runs: relations, from so many start scans, their limit [m]."""
-
-    relations: Floats | None = None
-    starts: int = 1
-    limit_m: float = 0.03
-
-
-class Work(NamedTuple):
-    """How the runs are done: processes at a time, progress shown or not."""
-
-    jobs: int
-    quiet: bool
-
-
 def compared(
-    labels: list[str], logs: list[ScanLog], choice: Choice, wanted: Wanted, work: Work
+    labels: list[str], logs: list[ScanLog], choice: Choice, jobs: int, quiet: bool
 ) -> list[LogResult]:
     """Every algorithm on every log; a run that fails leaves the others as they are.
 
@@ -66,24 +52,22 @@ def compared(
     for k, log in reversed(list(enumerate(logs))):
         calls[Job(None, k)] = (reference, (log,))
         for label in reversed(labels):
-            for first in (None, *_later_starts(log, wanted)):
-                calls[Job(label, k, first)] = (run, (label, log, choice, wanted.relations, first))
-    ended = pool.finished(calls, work.jobs)
-    shown = cli.progress(ended, len(calls), "comparing", work.quiet, unit="run")
+            for first in (None, *_later_starts(log, choice)):
+                calls[Job(label, k, first)] = (run, (label, log, choice, first))
+    ended = pool.finished(calls, jobs)
+    shown = cli.progress(ended, len(calls), "comparing", quiet, unit="run")
     found = {job: _result(job, logs[job.k], future) for job, future in shown}
     return [
-        LogResult(found[Job(None, k)], [_outcome(found, Job(label, k), wanted) for label in labels])
+        LogResult(found[Job(None, k)], [_outcome(found, Job(label, k)) for label in labels])
         for k in range(len(logs))
     ]
 
 
-def run(
-    label: str, log: ScanLog, choice: Choice, relations: Floats | None, first: int | None
-) -> Outcome | float | None:
+def run(label: str, log: ScanLog, choice: Choice, first: int | None) -> Outcome | float | None:
     """One run in this process; with `first`, only its error of the relations from that scan on."""
     if first is not None:
-        return relation_error(replayed(label, log.from_scan(first), choice, relations))
-    outcome = replayed(label, log, choice, relations)
+        return relation_error(replayed(label, log.from_scan(first), choice))
+    outcome = replayed(label, log, choice)
     return with_consistency(outcome, log, outcome.poses)
 
 
@@ -123,21 +107,19 @@ def spread_over_starts(errors: Sequence[float | None], limit: float) -> dict[str
     }
 
 
-def _later_starts(log: ScanLog, wanted: Wanted) -> list[int]:
+def _later_starts(log: ScanLog, choice: Choice) -> list[int]:
     """The scans to begin at besides the first."""
-    if wanted.relations is None or wanted.starts < 2:
-        return []
-    return start_scans(len(log), wanted.starts)[1:]
+    return [] if choice.relations is None else start_scans(len(log), choice.starts)[1:]
 
 
-def _outcome(found: dict[Job, Any], job: Job, wanted: Wanted) -> Outcome:
+def _outcome(found: dict[Job, Any], job: Job) -> Outcome:
     """The run from the first scan, with the spread over all starts where there are several."""
     outcome: Outcome = found[job]
     later = [found[other] for other in found if other[:2] == job[:2] and other.first]
     if not later or outcome.row["failed"]:
         return outcome
     errors = [relation_error(outcome), *later]
-    starts = spread_over_starts(errors, wanted.limit_m)
+    starts = spread_over_starts(errors, LIMIT_M)
     return replace(outcome, row=outcome.row | {"starts": starts})
 
 

@@ -200,9 +200,9 @@ def test_published_figures_are_read_with_their_columns():
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "no relation in it"),
-        ("1 2 3\n", "got lines of 3 columns"),
-        ("1 2 3 4 5 6 7 8\n1 2\n", "got lines of 2, 8 columns"),
+        ("", "expected relations, lines t1 t2"),
+        ("1 2 3\n", "expected relations, lines t1 t2"),
+        ("1 2 3 4 5 6 7 8\n1 2\n", "expected relations, lines t1 t2"),
         ("a b c d e f g h\n", "not a relations file"),
         ("1 2 nan 4 5 6 7 8\n", "not finite"),
     ],

@@ -14,7 +14,7 @@ from tests.rooms import drive
 def choice_of(*words):
     arguments = compare_options.parser().parse_args(words)
     labels = compare_options.labels_of(arguments)
-    choice, _, _ = compare_options.checked(arguments, labels)
+    choice, _ = compare_options.checked(arguments, labels)
     return {label: choice.params(find(label)) for label in labels}
 
 
