@@ -7,7 +7,6 @@ the last colon, as in no module:Class. Light: help reads it.
 from __future__ import annotations
 
 import argparse
-import difflib
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -167,12 +166,13 @@ def _assigned(text: str, algorithms: Mapping[str, object]) -> tuple[list[str], s
         name, assignment = _parted("--set", text, "KEY=VALUE", algorithms)
         return [name], assignment
     key, _ = cli.assignment(text)
+    from slams.params import nearest
+
     known = {name: params_of(name, None, {}).specs() for name in algorithms}
     having = [name for name, specs in known.items() if key in specs]
     if not having:
         every = {parameter for specs in known.values() for parameter in specs}
-        near = difflib.get_close_matches(key, sorted(every), n=1, cutoff=0.4)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = nearest(key, sorted(every))
         raise LookupError(
             f"--set: got {text!r}, expected a parameter of {' or '.join(algorithms)}{hint}"
         )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import replace
 
 import numpy as np
 
 from bench.sim.degrade import fan, glass, people, readings, stamps, tilt, wheels
 from bench.sim.degrade.degradation import Degradation, degradation
+from slams.params import nearest
 from slams.scanlog import ScanLog
 
 
@@ -31,8 +31,7 @@ def find_degradation(name: str) -> Degradation:
     """
     if name in CATALOG:
         return CATALOG[name]
-    near = difflib.get_close_matches(name.lower(), CATALOG, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = nearest(name.lower(), CATALOG)
     raise LookupError(f"unknown degradation {name!r}{hint} (known: {', '.join(CATALOG)})")
 
 
