@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.metrics import Indices, ate, between, from_first, pair_errors
+from slams.metrics import Indices, between, from_first, pair_errors
 from slams.summary import Span, span_pairs
 from slams.types import Floats, wrap_angle
 
@@ -69,15 +69,6 @@ def common_with(log: ScanLog, t: Floats, estimate: Floats) -> Common | None:
     truth = log.truth_at(t)
     found = None if truth is None else common(t, estimate, truth)
     return None if found is None or len(found.t) < 2 else found
-
-
-def ate_with(log: ScanLog, t: Floats, estimate: Floats) -> float:
-    """Absolute trajectory error [m] of poses (n, 3) against the truth of a log that has one."""
-    truth = log.truth_at(t)
-    if truth is None:
-        raise ValueError(f"{log.name}: no truth in the log; an absolute error needs one")
-    covered = ~np.isnan(truth[:, 0])
-    return ate(estimate[covered], truth[covered])
 
 
 def component_errors(

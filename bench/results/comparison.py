@@ -7,7 +7,9 @@ again without a run.
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -81,9 +83,9 @@ def save(folder: Path, comparison: Comparison) -> None:
     write_figures(folder / FIGURES, comparison.as_dict())
     arrays: dict[str, Any] = {"format": FORMAT}
     for k, log in enumerate(comparison.logs):
-        arrays |= _keyed(f"{k}", _arrays_of_reference(log.reference))
+        arrays |= _arrays(f"{k}", log.reference)
         for i, outcome in enumerate(log.outcomes):
-            arrays |= _keyed(f"{k}/{i}", _arrays_of_outcome(outcome))
+            arrays |= _arrays(f"{k}/{i}", outcome)
     write_npz(folder / ARRAYS, arrays)
 
 
@@ -100,7 +102,7 @@ def read(folder: str | Path) -> Comparison:
     rows = iter(found["rows"])
     logs = []
     for k, entry in enumerate(found["logs"]):
-        count = sum(1 for key in arrays if key.startswith(f"{k}/") and key.endswith("/t"))
+        count = sum(1 for key in arrays if re.fullmatch(rf"{k}/\d+/t", key))
         outcomes = [_outcome_of(next(rows), _under(arrays, f"{k}/{i}")) for i in range(count)]
         logs.append(LogResult(_reference_of(entry, _under(arrays, f"{k}")), outcomes))
     known = ("format", "logs", "rows", "over_logs")
@@ -135,60 +137,41 @@ def read_figures(path: str | Path, expected: str | None = None) -> Line:
     return found
 
 
-def _arrays_of_outcome(outcome: Outcome) -> dict[str, Any]:
-    """Everything of a run but its row."""
-    arrays: dict[str, Any] = {
-        "t": outcome.t,
-        "poses": outcome.poses,
-        "seconds": outcome.seconds,
-        "frame": np.array(outcome.frame),
-        **_arrays_of_grid(outcome.grid),
-    }
-    if outcome.common is not None:
-        arrays |= {f"common_{key}": value for key, value in outcome.common._asdict().items()}
-    return arrays
+def _arrays(place: str, value: Any) -> dict[str, Any]:
+    """The arrays and numbers inside a value by their place; dicts are in results.json."""
+    if value is None or isinstance(value, dict):
+        return {}
+    if dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+    elif isinstance(value, tuple) and hasattr(value, "_fields") and not isinstance(value, Pose2):
+        names = list(value._fields)
+    else:
+        return {place: value}
+    parts = (_arrays(f"{place}/{name}", getattr(value, name)) for name in names)
+    return {key: array for part in parts for key, array in part.items()}
 
 
 def _outcome_of(row: Row, arrays: dict[str, Any]) -> Outcome:
-    """The run of `_arrays_of_outcome`."""
     from bench.judge.metrics import Common
 
     common = None
-    if "common_t" in arrays:
-        t, estimate, truth = (arrays[f"common_{key}"] for key in ("t", "estimate", "truth"))
-        common = Common(t, estimate, truth, int(arrays["common_dropped"]))
-    frame = Pose2(*arrays["frame"].tolist())
+    if "common/t" in arrays:
+        t, estimate, truth = (arrays[f"common/{key}"] for key in ("t", "estimate", "truth"))
+        common = Common(t, estimate, truth, int(arrays["common/dropped"]))
     series = arrays["t"], arrays["poses"], arrays["seconds"]
-    return Outcome(row, *series, _grid(arrays), common, frame)
-
-
-def _arrays_of_reference(reference: Reference) -> dict[str, Any]:
-    """Everything known of a log but its figures."""
-    arrays = _arrays_of_grid(reference.grid)
-    if reference.path is not None:
-        arrays["path"] = reference.path
-    if reference.start is not None:
-        arrays["start"] = np.array(reference.start)
-    return arrays
+    return Outcome(row, *series, _grid(arrays), common, Pose2(*arrays["frame"].tolist()))
 
 
 def _reference_of(entry: Line, arrays: dict[str, Any]) -> Reference:
-    """The log of `_arrays_of_reference`."""
     start = Pose2(*arrays["start"].tolist()) if "start" in arrays else None
     return Reference(entry, arrays.get("path"), _grid(arrays), start)
 
 
-def _arrays_of_grid(grid: OccupancyGrid | None) -> dict[str, Any]:
-    if grid is None:
-        return {}
-    return {"grid": grid.p, "grid_place": np.array([grid.resolution, *grid.origin])}
-
-
 def _grid(arrays: dict[str, Any]) -> OccupancyGrid | None:
-    if "grid" not in arrays:
+    if "grid/p" not in arrays:
         return None
-    resolution, x, y = arrays["grid_place"].tolist()
-    return OccupancyGrid(arrays["grid"], resolution, (x, y))
+    x, y = arrays["grid/origin"].tolist()
+    return OccupancyGrid(arrays["grid/p"], float(arrays["grid/resolution"]), (x, y))
 
 
 def _read_arrays(path: Path) -> dict[str, Any]:
@@ -201,11 +184,6 @@ def _read_arrays(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path}: damaged ({error}); run it again") from error
 
 
-def _keyed(place: str, arrays: dict[str, Any]) -> dict[str, Any]:
-    return {f"{place}/{key}": value for key, value in arrays.items()}
-
-
 def _under(arrays: dict[str, Any], place: str) -> dict[str, Any]:
-    """The arrays of one place, those of deeper ones left out."""
-    found = {key[len(place) + 1 :]: arrays[key] for key in arrays if key.startswith(f"{place}/")}
-    return {key: value for key, value in found.items() if "/" not in key}
+    """The arrays of one place."""
+    return {key[len(place) + 1 :]: arrays[key] for key in arrays if key.startswith(f"{place}/")}

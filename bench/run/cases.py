@@ -17,7 +17,7 @@ from bench.run.single import Single
 from bench.run.timing import PeakMemory
 from slams import load
 from slams.formats.options import SourceOptions
-from slams.metrics import path_length
+from slams.metrics import ate, path_length
 from slams.params import Params
 from slams.player import WARM_UP_SCANS, replay, warm_up
 from slams.registry import Entry, find
@@ -162,13 +162,13 @@ def judged(
     common = metrics.common_with(log, t, poses)
     found = None if relations is None else metrics.relation_errors(t, poses, relations)
     return {
-        "errors": None if common is None else _against_truth(common, log, t, poses),
+        "errors": None if common is None else _against_truth(common),
         "relations": None if found is None else _relations(found),
         "loss": _losses(common, found, t, report),
     }
 
 
-def _against_truth(common: metrics.Common, log: ScanLog, t: Floats, poses: Floats) -> Errors:
+def _against_truth(common: metrics.Common) -> Errors:
     """[Kuehn] Tables I and II over every span; ATE and drift."""
     length = path_length(common.truth)
     end = float(math.hypot(*(common.estimate[-1, :2] - common.truth[-1, :2])))
@@ -176,7 +176,7 @@ def _against_truth(common: metrics.Common, log: ScanLog, t: Floats, poses: Float
     return {
         "dropped": common.dropped,
         "spans": {name: _moments(found) for name, found in spans.items()},
-        "ate_m": metrics.ate_with(log, t, poses),
+        "ate_m": ate(common.estimate, common.truth),
         "end_m": end,
         "drift": end / length if length > 0.0 else None,
     }

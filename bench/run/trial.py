@@ -20,7 +20,7 @@ from bench.results.sweep import Cost, Trial
 from bench.run.cases import sources
 from bench.run.store import canonical
 from bench.run.work import Result, failure_of
-from slams.metrics import path_length
+from slams.metrics import ate, path_length
 
 if TYPE_CHECKING:
     from slams.params import Params
@@ -108,7 +108,7 @@ def judged(run: Run, log: ScanLog) -> Trial:
         "scans": len(run),
         "duration_s": float(run.t.max() - run.t.min()),
         "way_m": path_length(common.truth),
-        "ate_m": metrics.ate_with(log, run.t, run.poses),
+        "ate_m": ate(common.estimate, common.truth),
         "worst_m": float(np.hypot(*(common.estimate - common.truth)[:, :2].T).max()),
         "second_m": None if second is None else float(second.se2_translation.mean()),
         "lost": bool(off.any()),
@@ -129,7 +129,7 @@ def _wheels_ate(log: ScanLog) -> float | None:
         return None
     known = np.isfinite(wheels[:, 0])
     found = metrics.common_with(log, log.t[known], wheels[known])
-    return None if found is None else metrics.ate_with(log, log.t[known], wheels[known])
+    return None if found is None else ate(found.estimate, found.truth)
 
 
 @lru_cache(maxsize=1)

@@ -11,7 +11,7 @@ import numpy as np
 from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS
 from bench.report import figures
 from bench.report.html.legend import Curve, Run
-from bench.report.html.markup import Markup, element
+from bench.report.html.markup import Markup, beside, element
 from bench.report.html.svg import MAP, drawing, figure, look
 from bench.report.pareto import Point
 
@@ -72,7 +72,7 @@ def histograms(shown: Sequence[Run]) -> Markup | None:
         )
         words = f"Fig. {number} of the paper: error of {kind} per update, share of the updates."
         drawn.append(figure(words, drawing(f"histogram: error of {kind} per update", draw)))
-    return element("div", *drawn, class_="pair")
+    return beside(*drawn)
 
 
 def trajectories(shown: Sequence[Run], done: LogResult) -> Markup | None:

@@ -11,7 +11,7 @@ from bench.report import text as report
 from bench.report.html import charts, page
 from bench.report.html.cells import table
 from bench.report.html.legend import runs
-from bench.report.html.markup import Markup, element, together
+from bench.report.html.markup import Markup, beside, bullets, element, together
 from bench.report.html.record import facts, parameters
 from bench.report.lines import DECIDING_SPANS, label
 
@@ -37,7 +37,7 @@ def document(comparison: Comparison, done: LogResult) -> str:
     made = tables.tables(entry, rows)
     alone = comparison._replace(logs=[done], over_logs=[])
     before = {
-        "Which one": together(_listed(words.answer(alone)), _tables(made, rows, MAIN)),
+        "Which one": together(bullets(words.answer(alone)), _tables(made, rows, MAIN)),
     }
     drawn = _figures(shown, done)
     paper = together(_tables(made, rows, PAPER), charts.histograms(shown))
@@ -59,15 +59,9 @@ def document(comparison: Comparison, done: LogResult) -> str:
 
 def _figures(shown: list[Run], done: LogResult) -> dict[str, Markup | None]:
     kinds = {run.outcome.row["algorithm"]: run.kind for run in shown}
-    curves = [
-        charts.errors(shown, _span(shown)),
-        charts.against_cost(pareto.drawn_of(done), kinds),
-    ]
-    pair = element("div", *(curve for curve in curves if curve), class_="pair")
-    return {
-        "Maps": charts.maps(shown, done),
-        "Errors": pair if any(curves) else None,
-    }
+    errors = charts.errors(shown, _span(shown))
+    costs = charts.against_cost(pareto.drawn_of(done), kinds)
+    return {"Maps": charts.maps(shown, done), "Errors": beside(errors, costs)}
 
 
 def _span(shown: list[Run]) -> str:
@@ -90,7 +84,7 @@ def _tables(made: dict[str, tuple[str, pd.DataFrame]], rows: Rows, keys: tuple[s
 
 def _failed(rows: Rows) -> Markup | None:
     found = words.failures(rows)
-    return together(element("h3", "Failed"), _listed(found)) if found else None
+    return together(element("h3", "Failed"), bullets(found)) if found else None
 
 
 def _verdicts(entry: Line) -> Markup | None:
@@ -100,15 +94,11 @@ def _verdicts(entry: Line) -> Markup | None:
         return None
     others = [verdict["sentence"] for verdict in found if not verdict["next"]]
     return together(
-        _listed([verdict["sentence"] for verdict in words.neighbors(found)]),
-        element("details", element("summary", "all other pairs"), _listed(others))
+        bullets([verdict["sentence"] for verdict in words.neighbors(found)]),
+        element("details", element("summary", "all other pairs"), bullets(others))
         if others
         else None,
     )
-
-
-def _listed(lines: list[str]) -> Markup:
-    return element("ul", *(element("li", line) for line in lines))
 
 
 def _definitions() -> Markup:

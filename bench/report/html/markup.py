@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from html import escape
 
 VOID = {"img", "input", "meta"}
@@ -31,6 +32,17 @@ def element(tag: str, *children: str | None, **attributes: object) -> Markup:
 def together(*parts: str | None) -> Markup:
     """Elements and plain text, one after the other."""
     return Markup("".join(_safe(part) for part in parts if part is not None))
+
+
+def bullets(lines: Iterable[str]) -> Markup:
+    """A list of sentences."""
+    return element("ul", *(element("li", line) for line in lines))
+
+
+def beside(*drawn: Markup | None) -> Markup | None:
+    """Figures side by side, those that there are."""
+    found = [one for one in drawn if one]
+    return element("div", *found, class_="pair") if found else None
 
 
 def _safe(part: str) -> str:

@@ -10,7 +10,7 @@ from bench.report import sweep_figure, sweep_tables
 from bench.report.html import page
 from bench.report.html.cells import table
 from bench.report.html.legend import Curve
-from bench.report.html.markup import Markup, element, together
+from bench.report.html.markup import Markup, beside, element, together
 from bench.report.html.svg import drawing, figure, look
 from bench.results.sweep import Sweep
 
@@ -52,7 +52,7 @@ def _figures(found: Analysis, sweep: Sweep, shown: Sequence[Curve]) -> Markup | 
     made = []
     for (question, name), cells in groups.items():
         meaning, unit = (sweep.facts[key].get(name, "") for key in ("meanings", "units"))
-        drawn = element("div", *(_plot(cell, unit, shown) for cell in cells), class_="pair")
+        drawn = beside(*(_plot(cell, unit, shown) for cell in cells))
         words = "share of the runs that hold the level, with its 95 % band"
         made.append(figure(f"{question}. {name} [{unit}]: {meaning}; {words}.", drawn))
     return together(*made) if made else None
