@@ -48,11 +48,7 @@ def _command(arguments: argparse.Namespace) -> int:
     labels = cli.refusing(lambda: labels_of(arguments))
     choice, logs = cli.refusing(lambda: checked(arguments, labels))
     others = cli.refusing(lambda: _others(arguments, labels, logs, choice))
-    out = cli.refusing(
-        lambda: folders.claimed(
-            arguments.out, "compare", arguments.logs, outputs.FILES, arguments.force
-        )
-    )
+    out = cli.refusing(lambda: folders.claimed(arguments.out, arguments.logs, arguments.force))
     for label, taken in choice.ros.items() if not arguments.quiet else ():
         sys.stderr.write(ros_params.report(taken, label))
     with files.complete_folder(out) as folder:

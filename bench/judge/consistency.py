@@ -40,10 +40,10 @@ FEWEST_SHARED = 10  # stamps that two runs must share to be compared
 
 
 class Consistency(NamedTuple):
-    """Wall area [m2]; mean error at revisits [m], nan without any; how many of these there are."""
+    """Wall area [m2]; mean error at revisits [m], None without any; how many of these there are."""
 
     walls_m2: float
-    revisits_m: float
+    revisits_m: float | None
     revisits: int
 
 
@@ -53,7 +53,7 @@ def consistency(log: ScanLog, poses: Floats) -> Consistency:
     chosen = known[:: max(1, -(-len(known) // SCANS))]
     walls = wall_area(points_at(log, poses, chosen))
     errors = revisit_errors(log, poses, known)
-    return Consistency(walls, float(errors.mean()) if len(errors) else float("nan"), len(errors))
+    return Consistency(walls, float(errors.mean()) if len(errors) else None, len(errors))
 
 
 def points_at(log: ScanLog, poses: Floats, scans: NDArray[np.int64]) -> Floats:

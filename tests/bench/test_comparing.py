@@ -60,15 +60,12 @@ def test_the_last_seed_for_all_counts():
 
 # where the results go
 
-OURS = ("results.json", "fig*.png")
-
 
 def test_results_are_named_after_the_log_and_a_taken_name_gets_a_number(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def claimed(*logs, **more):
-        known = {"out": None, "command": "compare", "logs": logs, "ours": OURS, "force": False}
-        return folder.claimed(**known | more)
+        return folder.claimed(**{"out": None, "logs": logs, "force": False} | more)
 
     assert claimed() == folder.ROOT / "compare"
     assert claimed("bags/drive.bag") == folder.ROOT / "compare-drive"
@@ -86,10 +83,10 @@ def test_what_is_in_the_folder_asked_for_is_not_overwritten(tmp_path):
         (place / name).touch()
     for force in (False, True):
         with pytest.raises(FileExistsError, match="files that are no results"):
-            folder.claimed(str(theirs), "compare", [], OURS, force)
+            folder.claimed(str(theirs), [], force)
     with pytest.raises(FileExistsError, match="--force to replace"):
-        folder.claimed(str(mine), "compare", [], OURS, False)
-    assert folder.claimed(str(mine), "compare", [], OURS, True) == mine
+        folder.claimed(str(mine), [], False)
+    assert folder.claimed(str(mine), [], True) == mine
 
 
 def test_no_stale_file_stays_beside_a_new_report(tmp_path, capsys):

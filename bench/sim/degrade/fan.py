@@ -10,7 +10,6 @@ import numpy as np
 from bench.sim.degrade.degradation import degradation
 from bench.sim.degrade.spells import at_rate, elapsed
 from slams.scanlog import ScanLog
-from slams.types import Laser
 
 SHARP = 4.0  # scans in the time of one turn, at least, to put a turning laser's scan together from
 
@@ -93,16 +92,12 @@ def _left(n: int, every: int) -> int:
 def _part(log: ScanLog, part: slice) -> ScanLog:
     """Some beams of every scan; the stamp is that of the first of them."""
     first, _, every = part.indices(log.laser.n_beams)
-    ranges = log.ranges[:, part]
-    laser = _laser(log.laser, first, every, ranges.shape[1])
-    return replace(log, t=log.t + first * log.laser.time_increment, ranges=ranges, laser=laser)
-
-
-def _laser(laser: Laser, first: int, every: int, n_beams: int) -> Laser:
-    return replace(
+    ranges, laser = log.ranges[:, part], log.laser
+    part_of_it = replace(
         laser,
         angle_min=laser.angle_min + first * laser.angle_increment,
         angle_increment=laser.angle_increment * every,
-        n_beams=n_beams,
+        n_beams=ranges.shape[1],
         time_increment=laser.time_increment * every,
     )
+    return replace(log, t=log.t + first * laser.time_increment, ranges=ranges, laser=part_of_it)
