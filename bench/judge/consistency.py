@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.judge.registration import Reference, register
-from bench.sim.rays import rays_of
+from bench.sim.rays import ends_of, rays_of
 from slams.metrics import ate, driven
 from slams.types import Floats
 
@@ -61,10 +61,7 @@ def points_at(log: ScanLog, poses: Floats, scans: NDArray[np.int64]) -> Floats:
     rays = rays_of(log.laser, _beam_poses(log, poses, scans))
     ranges = log.ranges[scans].astype(np.float64)
     hit = np.isfinite(ranges)
-    ranges = np.where(hit, ranges, 0.0)
-    x = rays[..., 0] + ranges * np.cos(rays[..., 2])
-    y = rays[..., 1] + ranges * np.sin(rays[..., 2])
-    return np.column_stack([x[hit], y[hit]])
+    return ends_of(rays, np.where(hit, ranges, 0.0))[hit]
 
 
 def _beam_poses(log: ScanLog, poses: Floats, scans: NDArray[np.int64]) -> Floats:

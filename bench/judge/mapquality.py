@@ -214,14 +214,13 @@ def _looked_at(world: World, laser: Laser, poses: Floats) -> Mask:
     """Cells inside the outline of an exact scan from one of the poses (n, 3) or (n, b, 3)."""
     import cv2
 
-    from bench.sim.rays import rays_of
+    from bench.sim.rays import ends_of, rays_of
 
     seen = np.zeros(world.occupied.shape, np.uint8)
     for k in range(len(poses)):
         (rays,) = rays_of(laser, poses[k : k + 1])
         reach = np.minimum(world.cast(rays), laser.range_max)
-        sights = np.stack([reach * np.cos(rays[:, 2]), reach * np.sin(rays[:, 2])], axis=1)
-        corners = np.vstack([rays[:1, :2], rays[:, :2] + sights])
+        corners = np.vstack([rays[:1, :2], ends_of(rays, reach)])
         outline = (corners - np.array(world.origin)) / world.resolution - 0.5
         cv2.fillPoly(seen, [np.round(FINE * outline).astype(np.int32)], 1, 8, FINE.bit_length() - 1)
     return seen.astype(bool)
