@@ -172,7 +172,7 @@ def _tables(keys: tuple[str, ...]) -> str:
     log = found["logs"][0]
     made = tables.tables(log, found["rows"])
     parts = [f"`{found['command']}`: {report.head(log)}, on {found['machine']['cpu']}."]
-    parts += [report.titled(*made[key]) for key in keys if key in made]
+    parts += [report.titled(made[key]) for key in keys if key in made]
     return "\n\n".join(parts) + "\n"
 
 

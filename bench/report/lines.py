@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -11,6 +11,14 @@ from bench.results import Line, Row
 DECIDING_SPANS = ("1 s", "10 s", "update")  # the first that a log has tells runs apart
 # a table's columns: header, the way to its value in a row, a factor to the unit of the header
 Columns = dict[str, tuple[str, float]]
+
+
+class Table(NamedTuple):
+    """A table with its title and what stands over the names of its lines."""
+
+    title: str
+    frame: pd.DataFrame
+    corner: str = "algorithm"
 
 
 def value(row: Row | Line, way: str) -> Any:

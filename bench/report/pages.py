@@ -10,7 +10,8 @@ import pandas as pd
 
 from bench.judge.answers import analysis
 from bench.report import sweep_tables, tables
-from bench.report.sweep_tables import MODES, Table
+from bench.report.lines import Table
+from bench.report.sweep_tables import MODES
 from bench.report.text import head, markdown_table, titled
 from bench.results.sweep import Sweep
 from slams.registry import BUILT_IN, IDEAS, names
@@ -37,7 +38,7 @@ def _plain(one: Table) -> Kept:
 
 
 def _table(kept: Kept) -> Table:
-    return Table(kept["title"], kept["corner"], pd.DataFrame(**kept["frame"], dtype=object))
+    return Table(kept["title"], pd.DataFrame(**kept["frame"], dtype=object), kept["corner"])
 
 
 def front_table(found: Kept, swept: Kept) -> str:
@@ -93,8 +94,7 @@ def sweep_part(swept: Kept) -> str:
 
 
 def _shown(kept: list[Kept]) -> str:
-    made = [_table(one) for one in kept]
-    return "\n\n".join(titled(one.title, one.frame, one.corner) for one in made) + "\n"
+    return "\n\n".join(titled(_table(one)) for one in kept) + "\n"
 
 
 def relations_table(known: Kept) -> str:

@@ -13,6 +13,7 @@ from bench.judge.metrics import SPANS
 from bench.report import unaided
 from bench.report.lines import (
     Columns,
+    Table,
     deciding_error,
     deciding_span,
     frame_of,
@@ -252,8 +253,8 @@ TABLES: dict[str, tuple[str, Maker]] = {
 }
 
 
-def tables(log: Line, rows: Rows) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Title and frame of all tables of one log that have anything to say, by their names."""
+def tables(log: Line, rows: Rows) -> dict[str, Table]:
+    """All tables of one log that have anything to say, by their names."""
     done = [row for row in rows if not row["failed"]]
-    made = {key: (title, maker(log, done)) for key, (title, maker) in TABLES.items()}
-    return {key: one for key, one in made.items() if len(one[1]) and len(one[1].columns)}
+    made = {key: Table(title, maker(log, done)) for key, (title, maker) in TABLES.items()}
+    return {key: one for key, one in made.items() if one.frame.size}

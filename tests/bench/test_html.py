@@ -188,9 +188,9 @@ def test_headings_and_sections_are_there_in_order(page):
 def test_one_table_maps_and_curves_are_seen_at_first_and_the_rest_is_folded(comparison, page):
     made = tables.tables(comparison.reference.entry, [o.row for o in comparison.outcomes])
     titles = [attrs["aria-label"] for attrs in page.all("div", role="region")]
-    wanted = [title for title, _ in made.values()]
+    wanted = [one.title for one in made.values()]
     assert sorted(titles[: len(wanted)]) == sorted(wanted)
-    assert titles[0] == made["main"][0]
+    assert titles[0] == made["main"].title
     assert [title.partition(":")[0] for title in titles[1:3]] == ["Table I", "Table II"]
     seen = page.raw.partition("<details>")[0]
     assert seen.count("<table>") == 1

@@ -89,7 +89,7 @@ def unaided(name, area, revisits, apart):
 @pytest.mark.parametrize(("by", "at"), [("truth", "after 4 s"), ("relations", "after 9 s")])
 def test_a_lost_run_tells_when_by_what_judged_it(by, at):
     assert tables.main_table({}, [strayed(by=by)]).loc["a (lost)", "lost"] == at
-    table = tables.tables({"name": "l"}, [strayed(by=by), row("b")])["overview"][1]
+    table = tables.tables({"name": "l"}, [strayed(by=by), row("b")])["overview"].frame
     assert table.loc["a (lost)", "lost after [m]"] == 2.0
     assert table.loc["a (lost)", "within limits [%]"] == 25.0
     assert table.loc["b"].isna()["lost after [m]"]
@@ -101,7 +101,7 @@ def test_a_figure_of_a_map_that_means_nothing_is_left_out():
         "adnn_to_truth": 0.02,
         "coverage": None,
     }
-    _, table = tables.tables({"name": "l"}, [row(map=found)])["maps"]
+    table = tables.tables({"name": "l"}, [row(map=found)])["maps"].frame
     assert table.to_dict("index") == {"a": {"IoU": 0.5, "ADNN to truth [mm]": 20.0}}
 
 

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from bench.report import text as report
 from bench.report.html.markup import Markup, element
-
-if TYPE_CHECKING:
-    import pandas as pd
+from bench.report.lines import Table
 
 
-def table(
-    frame: pd.DataFrame, title: str, kinds: Mapping[str, str], corner: str = "algorithm"
-) -> Markup:
+def table(one: Table, kinds: Mapping[str, str]) -> Markup:
     """A table that scrolls in its own box; `kinds` gives the class of a run by its name."""
-    head, *body = report.cells(frame, corner)
-    return lines_table(title, head, body, kinds)
+    head, *body = report.cells(one.frame, one.corner)
+    return lines_table(one.title, head, body, kinds)
 
 
 def lines_table(

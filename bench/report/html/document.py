@@ -13,11 +13,9 @@ from bench.report.html.cells import table
 from bench.report.html.legend import runs
 from bench.report.html.markup import Markup, beside, bullets, element, together
 from bench.report.html.record import facts, parameters
-from bench.report.lines import DECIDING_SPANS, label
+from bench.report.lines import DECIDING_SPANS, Table, label
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from bench.report.html.legend import Run
     from bench.results import Comparison, Line, LogResult, Rows
 
@@ -71,13 +69,12 @@ def _span(shown: list[Run]) -> str:
     return next(shared, "update")
 
 
-def _tables(made: dict[str, tuple[str, pd.DataFrame]], rows: Rows, keys: tuple[str, ...]) -> Markup:
+def _tables(made: dict[str, Table], rows: Rows, keys: tuple[str, ...]) -> Markup:
     kinds = {label(row): f"run-{k}" for k, row in enumerate(rows)}
     drawn = []
     for key in keys:
         if key in made:
-            title, frame = made[key]
-            drawn.append(table(frame, title, kinds))
+            drawn.append(table(made[key], kinds))
             drawn += [element("p", tables.DIFFERS)] if key == "published" else []
     return together(*drawn)
 

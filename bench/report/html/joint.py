@@ -14,6 +14,7 @@ from bench.report.html.cells import table
 from bench.report.html.legend import Curve
 from bench.report.html.markup import Markup, beside, bullets, element, together
 from bench.report.html.record import facts
+from bench.report.lines import Table
 
 if TYPE_CHECKING:
     from bench.results import Comparison
@@ -32,7 +33,7 @@ def joint(comparison: Comparison, folders: Sequence[str]) -> str:
     before = {
         "Which one": together(
             bullets(words.answer(comparison)),
-            table(tables.logs_table(comparison), tables.OVER_LOGS, kinds),
+            table(Table(tables.OVER_LOGS, tables.logs_table(comparison)), kinds),
         ),
         "Each log": _links(comparison, folders),
     }

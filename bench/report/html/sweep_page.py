@@ -22,25 +22,17 @@ def document(sweep: Sweep, found: Analysis) -> str:
     """The page's text; same results, same bytes."""
     labels = dict.fromkeys(name for name, *_ in found.rows)
     shown = [Curve(f"run-{k}", label) for k, label in enumerate(labels)]
-    before = {
-        ANSWERS: together(
-            element("p", sweep_tables.TAKE), *(_table(one) for one in sweep_tables.choices(found))
-        )
-    }
+    answers = (table(one, {}) for one in sweep_tables.choices(found))
+    before = {ANSWERS: together(element("p", sweep_tables.TAKE), *answers)}
     made = sweep_tables.tables(found, sweep.facts).values()
     behind = {
-        TABLES: together(*(_table(one) for one in made)),
+        TABLES: together(*(table(one, {}) for one in made)),
         RECORD: _record(sweep),
     }
     drawn = {"Runs that hold a level": _figures(found, sweep, shown)}
     heading = f"{sweep_tables.head(found, sweep.facts)}."
     parts = before, drawn, behind
     return page.page("SLAM in the field: what breaks it", heading, parts, shown, FOLDED)
-
-
-def _table(one: sweep_tables.Table) -> Markup:
-    frame = one.frame.replace(r"\*\*", "", regex=True)
-    return table(frame, one.title, {}, one.corner)
 
 
 def _figures(found: Analysis, sweep: Sweep, shown: Sequence[Curve]) -> Markup | None:
