@@ -22,11 +22,11 @@ def document(sweep: Sweep, found: Analysis) -> str:
     """The page's text; same results, same bytes."""
     labels = dict.fromkeys(name for name, *_ in found.rows)
     shown = [Curve(f"run-{k}", label) for k, label in enumerate(labels)]
-    answers = (table(one, {}) for one in sweep_tables.choices(found))
+    answers = (table(one) for one in sweep_tables.choices(found))
     before = {ANSWERS: together(element("p", sweep_tables.TAKE), *answers)}
     made = sweep_tables.tables(found, sweep.facts).values()
     behind = {
-        TABLES: together(*(table(one, {}) for one in made)),
+        TABLES: together(*(table(one) for one in made)),
         RECORD: _record(sweep),
     }
     drawn = {"Runs that hold a level": _figures(found, sweep, shown)}
