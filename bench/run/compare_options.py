@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from bench.run import single
+from bench.run import single, spread
 from slams import cli
 from slams.params import LASERS
 from slams.registry import names
@@ -109,7 +108,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--jobs",
         type=int,
-        default=min(2, os.cpu_count() or 1),
+        default=spread.JOBS,
         metavar="N",
         help="number of processes (default: %(default)s)",
     )
