@@ -120,10 +120,10 @@ def revisits(t: Floats, poses: Floats) -> tuple[NDArray[np.int64], NDArray[np.in
     return np.array(now, np.int64), np.array(then, np.int64)
 
 
-def disagreements(runs: Sequence[tuple[Floats, Floats]]) -> list[float]:
+def disagreements(runs: Sequence[tuple[Floats, Floats]]) -> list[float | None]:
     """Median over the others of each run's distance [m] from them, rigidly aligned.
 
-    A run is its stamps (n,) and poses (n, 3); nan where no other has the same stamps.
+    A run is its stamps (n,) and poses (n, 3); None where no other has the same stamps.
     """
     apart = np.full((len(runs), len(runs)), np.nan)
     for i, (t, poses) in enumerate(runs):
@@ -132,4 +132,4 @@ def disagreements(runs: Sequence[tuple[Floats, Floats]]) -> list[float]:
             if len(own) >= FEWEST_SHARED:
                 apart[i, j] = apart[j, i] = ate(poses[own], runs[j][1][other])
     rows = [row[np.isfinite(row)] for row in apart]
-    return [float(np.median(row)) if len(row) else float("nan") for row in rows]
+    return [float(np.median(row)) if len(row) else None for row in rows]

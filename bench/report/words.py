@@ -49,7 +49,8 @@ def _take(comparison: Comparison, kept: list[Point]) -> list[str]:
     best = judged[0]
     equal = [best, *(one for one in judged[1:] if _alike(comparison, best, one))]
     taken = min(equal, key=lambda one: math.inf if math.isnan(one.cpu_ms) else one.cpu_ms)
-    over = "over 1 s" if _has_truth(comparison) else "by the relations"
+    with_truth = any(row["errors"] for row in comparison.rows if not row["failed"])
+    over = "over 1 s" if with_truth else "by the relations"
     what = f"{_mm(taken)} {over}{_cost(taken)}"
     others = [one.name for one in equal if one is not taken]
     verb = "Take" if not taken.lost else "The most accurate all the same is"
@@ -62,7 +63,8 @@ def _take(comparison: Comparison, kept: list[Point]) -> list[str]:
             f"Next: {listed([f'{one.name} {_mm(one)}{_cost(one)}' for one in behind[:3]])}."
         )
     if kept[0].lost:
-        words.insert(0, f"Every algorithm was lost on {kept[0].lost} of {_logs(comparison)}.")
+        logs = "1 log" if len(comparison.logs) == 1 else f"{len(comparison.logs)} logs"
+        words.insert(0, f"Every algorithm was lost on {kept[0].lost} of {logs}.")
     return words
 
 
@@ -105,14 +107,6 @@ def _slow(rows: Rows) -> list[str]:
     costs = [(row["algorithm"], row.get("cost") or {}) for row in rows]
     slow = dict.fromkeys(name for name, cost in costs if 0 < cost.get("real_time_factor", 0) < 1)
     return [f"Slower than the scans came: {listed([*slow])}."] if slow else []
-
-
-def _has_truth(comparison: Comparison) -> bool:
-    return any(row["errors"] for row in comparison.rows if not row["failed"])
-
-
-def _logs(comparison: Comparison) -> str:
-    return "1 log" if len(comparison.logs) == 1 else f"{len(comparison.logs)} logs"
 
 
 def _cost(one: Point) -> str:

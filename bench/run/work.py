@@ -126,7 +126,8 @@ def perform(task: Task, key: str) -> Result:
         TypeError: the function returned what JSON does not have.
     """
     _check_code(task, key)
-    function = _function(task.function)
+    module, _, attribute = task.function.partition(":")
+    function: Callable[..., Result] = getattr(importlib.import_module(module), attribute)
     try:
         result = function(**task.what, **task.where)
     except OF_THE_MACHINE as error:
@@ -153,12 +154,6 @@ def _check_code(task: Task, key: str) -> None:
         f"({', '.join(task.packages)}, numpy, numba ...): install the same versions everywhere, "
         "change nothing meanwhile, and start again"
     )
-
-
-def _function(name: str) -> Callable[..., Result]:
-    module, _, attribute = name.partition(":")
-    found: Callable[..., Result] = getattr(importlib.import_module(module), attribute)
-    return found
 
 
 def sentence(error: BaseException) -> str:

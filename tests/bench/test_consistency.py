@@ -75,4 +75,4 @@ def test_the_odd_one_out_disagrees_most():
     odd = way * (3.0, 3.0, 1.0)
     apart = judged.disagreements([(t, way), (t, way), (t, odd), (t + 0.5, way)])
     assert apart[0] == pytest.approx(0.5 * apart[2])
-    assert np.isnan(apart[3]), "no stamp in common"
+    assert apart[3] is None, "no stamp in common"

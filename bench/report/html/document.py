@@ -40,12 +40,14 @@ def document(comparison: Comparison, done: LogResult) -> str:
     drawn = _figures(shown, done)
     paper = together(_tables(made, rows, PAPER), charts.histograms(shown))
     others = tuple(key for key in made if key not in (*MAIN, *PAPER))
+    broken = words.failures(rows)
+    failed = together(element("h3", "Failed"), bullets(broken)) if broken else None
     folded = {
         "Tables and histograms of the paper": paper or None,
         "Trajectories": charts.trajectories(shown, done),
     }
     behind = {
-        "All tables": together(_tables(made, rows, others), _failed(rows)) or None,
+        "All tables": together(_tables(made, rows, others), failed) or None,
         "How sure": _verdicts(entry),
         "How it was run": together(facts(results, entry), parameters(rows)),
         "Definitions": _definitions(),
@@ -77,11 +79,6 @@ def _tables(made: dict[str, Table], rows: Rows, keys: tuple[str, ...]) -> Markup
             drawn.append(table(made[key], kinds))
             drawn += [element("p", tables.DIFFERS)] if key == "published" else []
     return together(*drawn)
-
-
-def _failed(rows: Rows) -> Markup | None:
-    found = words.failures(rows)
-    return together(element("h3", "Failed"), bullets(found)) if found else None
 
 
 def _verdicts(entry: Line) -> Markup | None:

@@ -51,13 +51,9 @@ def legs_near(log: ScanLog, truth: Floats, n_people: int, rng: Generator) -> Flo
         middle = np.empty((len(log), 2))
         pace = float(one.uniform(*PACE))
         stroll(sensors, log.ranges, log.laser.angles, pace * seconds, LEAST, one, middle)
-        both.append(_walking(middle))
+        dx, dy = np.diff(middle, axis=0, prepend=middle[:1]).T
+        both.append(gait(middle, np.arctan2(dy, dx), np.cumsum(np.hypot(dx, dy))))
     return np.concatenate(both, axis=1) if both else np.empty((len(log), 0, 2))
-
-
-def _walking(middle: Floats) -> Floats:
-    dx, dy = np.diff(middle, axis=0, prepend=middle[:1]).T
-    return gait(middle, np.arctan2(dy, dx), np.cumsum(np.hypot(dx, dy)))
 
 
 def _occluded(log: ScanLog, known: Mask, legs: Floats) -> Ranges:
