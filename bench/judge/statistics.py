@@ -179,15 +179,15 @@ def sentence(
     digits = _digits(high - low)
     low_text, high_text = _fixed(low, digits), _fixed(high, digits)
     interval = f"{LEVEL * 100:g} % interval {low_text} to {high_text}"
-    how_sure = chance(result.p_value)
+    chance = _chance(result.p_value)
     if not sure:
         amount = f"difference {_fixed(difference, digits)} {unit} {what}"
         return (
-            f"{name_a} and {name_b} can't be distinguished{where}: {amount}, {interval}, {how_sure}"
+            f"{name_a} and {name_b} can't be distinguished{where}: {amount}, {interval}, {chance}"
         )
     better, worse = (name_a, name_b) if swap else (name_b, name_a)
     amount = f"{abs(difference):.{digits}f} {unit} {what}"
-    return f"{better} is better than {worse}{where} by {amount}, {interval}, {how_sure}"
+    return f"{better} is better than {worse}{where} by {amount}, {interval}, {chance}"
 
 
 def _fixed(value: float, digits: int) -> str:
@@ -200,8 +200,7 @@ def _digits(width: float) -> int:
     return max(0, -math.floor(math.log10(width / 3.9))) if width > 0.0 else 2
 
 
-def chance(p_value: float) -> str:
-    """A p-value in words."""
+def _chance(p_value: float) -> str:
     if p_value < 0.001:
         return "p < 0.001"
     return f"p = {p_value:.3f}" if p_value < 0.1 else f"p = {p_value:.2f}"

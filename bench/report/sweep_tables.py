@@ -7,7 +7,7 @@ import math
 import pandas as pd
 
 from bench.judge.answers import Analysis, Cell
-from bench.judge.statistics import Share, chance
+from bench.judge.statistics import Share
 from bench.judge.survival import Critical
 from bench.report.lines import Table, listed, scaled
 from bench.report.text import text_table
@@ -82,10 +82,14 @@ def answer(cell: Cell) -> str:
         return f"{number} cannot tell: take {cell.take}"
     if len(cell.unbeaten) == 1 and cell.beaten:
         reasons = listed(list(dict.fromkeys(reason for *_, reason in cell.beaten.values())), "or")
-        return f"**{cell.take}** ({reasons}, {chance(max(p for _, p, _ in cell.beaten.values()))})"
+        return f"**{cell.take}** ({reasons}, {_chance(max(p for _, p, _ in cell.beaten.values()))})"
     if not cell.beaten:
         return f"equal within chance: take {cell.take}"
     return f"{listed(cell.unbeaten, 'or')} within chance: take {cell.take}"
+
+
+def _chance(p: float) -> str:
+    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
 
 
 def choices(found: Analysis) -> list[Table]:
