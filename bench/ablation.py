@@ -17,7 +17,6 @@ from slams import cli
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bench.judge.survival import Figures, Held
     from bench.results.sweep import Sweep
 
 PROGRAM = "slams ablation"
@@ -109,9 +108,13 @@ def table(found: Sweep, rows: dict[str, str]) -> pd.DataFrame:
     lines: dict[str, dict[str, object]] = {}
     for name, label in rows.items():
         own = {MODES[mode]: survival.figures(found, label, mode) for mode in modes}
-        before, now = (_together([held[m][row] for m in modes]) for row in (rows[ALL], label))
+        # levels held by each drive, over laser alone and with odometry
+        before, now = (
+            {drive: sum(held[m][row].get(drive, 0) for m in modes) for drive in held[modes[0]][row]}
+            for row in (rows[ALL], label)
+        )
         lines[name] = {
-            **{f"levels held, {words}": _count(figures) for words, figures in own.items()},
+            **{f"levels held, {w}": "{} of {}".format(*of.levels) for w, of in own.items()},
             **{
                 f"1 s, {words} [mm]": scaled(figures.second_m, 1e3)
                 for words, figures in own.items()
@@ -120,15 +123,6 @@ def table(found: Sweep, rows: dict[str, str]) -> pd.DataFrame:
             "p": None if name == ALL else f"{mcnemar(*survival.votes(before, now)):.2g}",
         }
     return pd.DataFrame.from_dict(lines, orient="index")
-
-
-def _together(held: list[Held]) -> Held:
-    """Levels held by each drive, over laser alone and with odometry."""
-    return {drive: sum(of.get(drive, 0) for of in held) for drive in held[0]}
-
-
-def _count(figures: Figures) -> str:
-    return f"{figures.levels[0]} of {figures.levels[1]}"
 
 
 def as_markdown(found: Sweep, made: pd.DataFrame, algorithm: str) -> str:

@@ -7,7 +7,6 @@ rescue robotics [Kuehn].
 from __future__ import annotations
 
 import argparse
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from bench.results import Comparison, Outcome
     from bench.run.cases import Choice
     from slams.scanlog import ScanLog
-    from slams.types import Floats
 
 PROGRAM = "slams compare"
 DURATION, QUICK_DURATION = 300.0, 60.0  # s of the simulated log
@@ -43,23 +41,19 @@ def _command(arguments: argparse.Namespace) -> int:
     from bench.judge.comparison import weighed
     from bench.report import outputs, text
     from bench.run import folder as folders
-    from bench.run import ros_files
-    from bench.run.comparing import Wanted, Work, compared
+    from bench.run.comparing import compared
     from slams.formats import files
+    from slams.ros import ros_params
 
     labels = cli.refusing(lambda: labels_of(arguments))
-    choice, relations, logs = cli.refusing(lambda: checked(arguments, labels))
-    others = cli.refusing(lambda: _others(arguments, labels, logs, choice, relations))
-    out = cli.refusing(
-        lambda: folders.claimed(
-            arguments.out, "compare", arguments.logs, outputs.FILES, arguments.force
-        )
-    )
-    ros_files.say(choice.ros, arguments.quiet)
-    wanted, work = Wanted(relations, arguments.starts), Work(arguments.jobs, arguments.quiet)
+    choice, logs = cli.refusing(lambda: checked(arguments, labels))
+    others = cli.refusing(lambda: _others(arguments, labels, logs, choice))
+    out = cli.refusing(lambda: folders.claimed(arguments.out, arguments.logs, arguments.force))
+    for label, taken in choice.ros.items() if not arguments.quiet else ():
+        sys.stderr.write(ros_params.report(taken, label))
     with files.complete_folder(out) as folder:
         logs = logs or [cli.refusing(lambda: simulated(folder, choice, arguments))]
-        found = compared(labels, logs, choice, wanted, work)
+        found = compared(labels, logs, choice, arguments.jobs, arguments.quiet)
         found = [log._replace(outcomes=[*log.outcomes, *others]) for log in found]
         comparison = weighed(found, _facts(choice, arguments))
         _write(folder, comparison, logs, arguments.mcap)
@@ -72,11 +66,7 @@ def _command(arguments: argparse.Namespace) -> int:
 
 
 def _others(
-    arguments: argparse.Namespace,
-    labels: list[str],
-    logs: list[ScanLog],
-    choice: Choice,
-    relations: Floats | None,
+    arguments: argparse.Namespace, labels: list[str], logs: list[ScanLog], choice: Choice
 ) -> list[Outcome]:
     """The rows of other programs; their trajectories are of the one log."""
     from bench.run.comparing import with_consistency
@@ -90,23 +80,19 @@ def _others(
     found = read_foreign(*given, labels, arguments.logs[0], choice.options)
     log = logs[0]
     return [
-        with_consistency(foreign_case(one, log, relations), log, one.track.poses_at(log.t))
+        with_consistency(foreign_case(one, log, choice.relations), log, one.track.poses_at(log.t))
         for one in found
     ]
 
 
 def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
     """How the comparison was made: command, machine, versions."""
-    from bench.run import ros_files, timing
-    from slams.summary import versions
+    from bench.run import timing
+    from slams.ros import ros_params
 
-    return {
-        "command": f"{PROGRAM} {shlex.join(arguments.words)}".strip(),
-        "odometry": choice.odometry,
-        "ros_params": {label: ros_files.record(taken) for label, taken in choice.ros.items()},
-        "versions": versions(),
-        "machine": timing.machine() | {"processes": arguments.jobs},
-    }
+    ros = {label: ros_params.record(taken) for label, taken in choice.ros.items()}
+    made = timing.record(PROGRAM, arguments.words, processes=arguments.jobs)
+    return made | {"odometry": choice.odometry, "ros_params": ros}
 
 
 def _write(folder: Path, comparison: Comparison, logs: list[ScanLog], mcap: bool) -> None:

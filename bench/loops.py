@@ -21,7 +21,8 @@ ROWS = ("hector+loops", "gmapping", "gmapping:n_particles=1")
 SIZE, WAY, SPEED = 70.0, 260.0, 2.0  # m, m, m/s: a ring of corridors, driven around and on
 STEP, LEVER = 0.7, 0.7  # m between keyframes; m a radian counts for
 FAN, BEAMS, RANGE = 180.0, 181, 8.0  # deg, beams and m that the laser sees
-WRONG_WAY, WRONG_TURN, VEER = 0.05, 0.05, 0.052  # 5 % of way and turn, 3 degrees a meter
+SCALE_ERROR, TURN_ERROR = 0.05, 0.05  # of way and turn that wheels count wrong, 5 %
+HEADING_DRIFT = 0.052  # rad/m, 3 degrees a meter
 AGAIN, NEAR = 40.0, 1.0  # s later and m away: a place visited again
 CLOSED = 0.2  # m of error between the two visits, on average
 
@@ -32,7 +33,7 @@ def parser() -> argparse.ArgumentParser:
         prog=PROGRAM,
         description="Drive loops in simulated buildings of bare corridors: scans "
         f"{STEP:g} m apart, a laser with a range of {RANGE:g} m, wheels that err by "
-        f"{WRONG_WAY:.0%} and 3 degrees per meter. A loop is closed if the poses at revisited "
+        f"{SCALE_ERROR:.0%} and 3 degrees per meter. A loop is closed if the poses at revisited "
         f"places are right to {CLOSED:g} m.",
         epilog="Writes loops.json.",
     )
@@ -93,8 +94,8 @@ def building(seed: int) -> ScanLog:
     """Keyframes of one drive around a ring of corridors, with wheels that are wrong."""
     import numpy as np
 
-    from bench.sim.degrade.fan import beams, field_of_view
-    from bench.sim.degrade.readings import cut
+    from bench.sim.degrade.fan import beams, fov
+    from bench.sim.degrade.readings import range_
     from bench.sim.setting import Setting
     from bench.sim.simulation import simulate
     from bench.sim.wheels import WHEELS, counted
@@ -103,8 +104,8 @@ def building(seed: int) -> ScanLog:
     setting = Setting("ring", seed=seed, size=SIZE, length=WAY, v=SPEED, noise=0.02)
     log, chance = simulate(setting), np.random.default_rng(seed)
     log = log.rows(np.array(_keys(_true(log))))
-    log = cut(beams(field_of_view(log, FAN, chance), BEAMS, chance), RANGE, chance)
-    wrong = WHEELS._replace(scale=WRONG_WAY, turning=WRONG_TURN, straight=VEER)
+    log = range_(beams(fov(log, FAN), BEAMS), RANGE)
+    wrong = WHEELS._replace(scale=SCALE_ERROR, turning=TURN_ERROR, straight=HEADING_DRIFT)
     odometry = Track(log.t, counted(_true(log), log.t, chance, wrong))
     return replace(log, odom=odometry, yaw_rate=None, meta={})
 

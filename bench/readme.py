@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from bench.report import readme_logs, readme_sweep
+from bench.report import pages
 from bench.results import FORMAT, read_figures, sweep, write_figures
 from slams import cli
 
@@ -78,7 +78,7 @@ def adopt(folder: Path) -> None:
     for its algorithms on a real log; else the main one.
     """
     if (folder / sweep.TRIALS).exists():
-        readme_sweep.adopt(SWEEP, sweep.read(folder))
+        pages.adopt(SWEEP, sweep.read(folder))
         if (folder / SWEEP_PICTURE).exists():
             shutil.copyfile(folder / SWEEP_PICTURE, ROOT / "bench" / SWEEP_PICTURE)
         return
@@ -152,14 +152,7 @@ def _body(part: str, name: str | None) -> str:
 
 def table() -> str:
     """The front page's table, from the committed results and sweep."""
-    from bench.report import front
-
-    return front.table(read_figures(RESULTS), *readme_sweep.committed(SWEEP))
-
-
-def choice() -> str:
-    """Which algorithm to take, from the committed sweep."""
-    return readme_sweep.choice(SWEEP)
+    return pages.front_table(read_figures(RESULTS), read_figures(SWEEP))
 
 
 def results() -> str:
@@ -179,9 +172,7 @@ def _tables(keys: tuple[str, ...]) -> str:
     log = found["logs"][0]
     made = tables.tables(log, found["rows"])
     parts = [f"`{found['command']}`: {report.head(log)}, on {found['machine']['cpu']}."]
-    for key in keys:
-        if key in made:
-            parts += [f"**{tables.TITLES[key]}**", report.markdown_table(made[key])]
+    parts += [report.titled(made[key]) for key in keys if key in made]
     return "\n\n".join(parts) + "\n"
 
 
@@ -205,12 +196,12 @@ def parameters(name: str) -> str:
 
 PARTS: dict[str, Callable[[], str]] = {
     "table": table,
-    "choice": choice,
+    "choice": lambda: pages.choice(read_figures(SWEEP)),
     "results": results,
-    "sweep": lambda: readme_sweep.part(SWEEP),
-    "field": lambda: readme_sweep.field_part(SWEEP),
-    "relations": lambda: readme_logs.relations_table(read_figures(RELATIONS)),
-    "public": lambda: readme_logs.public_table(read_figures(PUBLIC)),
+    "sweep": lambda: pages.sweep_part(read_figures(SWEEP)),
+    "field": lambda: pages.field(read_figures(SWEEP), "alarms"),
+    "relations": lambda: pages.relations_table(read_figures(RELATIONS)),
+    "public": lambda: pages.public_table(read_figures(PUBLIC)),
 }
 
 

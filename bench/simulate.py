@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bench.sim.setting import Setting
+from bench.sim.setting import Setting, kinds
 from slams import cli
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("out", type=Path, metavar="OUT.npz", help="the log to write")
     for field in dataclasses.fields(Setting):
         flag, meaning = f"--{field.name.replace('_', '-')}", field.metadata["meaning"]
-        kind = field.metadata["kind"]
+        kind = kinds()[field.name]
         if kind is bool:
             p.add_argument(flag, action="store_true", help=meaning)
             continue

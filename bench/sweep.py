@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -168,6 +167,7 @@ def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRA
 
     None where this was one part of several and trials of others are missing.
     """
+    from bench.run import timing
     from bench.run.store import Store
     from slams.formats.files import check_folder
 
@@ -179,7 +179,7 @@ def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRA
     shard = cli.refusing(lambda: spread.shard_of(arguments))
     if not _all_done(cases, store, shard, arguments, program):
         return None
-    return plan.gathered(cases, store, _record(words, program))
+    return plan.gathered(cases, store, timing.record(program, words))
 
 
 def _plan(arguments: argparse.Namespace) -> Plan:
@@ -260,14 +260,6 @@ def _all_done(
             "the tables\n"
         )
     return not left
-
-
-def _record(words: list[str], program: str) -> dict[str, Any]:
-    from bench.run import timing
-    from slams.summary import versions
-
-    command = f"{program} {shlex.join(words)}".strip()
-    return {"command": command, "machine": timing.machine(), "versions": versions()}
 
 
 if __name__ == "__main__":

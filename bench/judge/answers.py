@@ -17,13 +17,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.judge import survival
-from bench.judge.statistics import adjusted, mcnemar, wilcoxon
-from bench.judge.survival import Critical, Errors, Figures, Held, Share
+from bench.judge.statistics import Share, adjusted, mcnemar, wilcoxon
+from bench.judge.survival import Critical, Errors, Figures, Held
 from bench.results.sweep import CLEAN, Sweep
 
 SIGNIFICANT = 0.05
 SAME_ACCURACY = 1.25  # ratio of two errors; ours: no user chooses by a quarter of a millimeter
 LOST_LESS, MORE_ACCURATE = "lost less", "more accurate"  # why one beats another
+
+Beaten = dict[str, tuple[str, float, str]]  # rows: by whom, with which corrected p, why
 
 QUESTIONS = {
     "": "The programs to use: defaults",
@@ -78,7 +80,7 @@ class Cell(NamedTuple):
     critical: dict[str, Critical]
     error_m: dict[str, float]
     cpu_s: dict[str, float]
-    beaten: dict[str, tuple[str, float, str]]
+    beaten: Beaten
     unbeaten: list[str]
     take: str
     equal: bool
@@ -127,15 +129,17 @@ def _answers(sweep: Sweep, parts: dict[str, tuple[str, ...]]) -> list[Cell]:
     labels = dict.fromkeys(trial["algorithm"] for trial in sweep.trials)
     for question, rows in questions(labels).items():
         own = [trial for trial in sweep.trials if trial["algorithm"] in rows]
-        cells: list[Cell] = []
+        asked = [
+            (title, odometry, names, runs)
+            for odometry in modes
+            for title, names in parts.items()
+            if (runs := survival.held(own, odometry, names))
+        ]
         tests: list[Test] = []
-        for odometry in modes:
-            for title, names in parts.items():
-                runs = survival.held(own, odometry, names)
-                if runs:
-                    tests += _tests(len(cells), runs, survival.errors(own, odometry, names))
-                    cells.append(_draft(sweep, question, title, odometry, names, runs))
-        found += _decided(cells, tests)
+        for k, (_, odometry, names, runs) in enumerate(asked):
+            tests += _tests(k, runs, survival.errors(own, odometry, names))
+        for one, beaten in zip(asked, _beaten(len(asked), tests), strict=True):
+            found.append(_cell(sweep, question, *one, beaten, len(tests)))
     return found
 
 
@@ -172,33 +176,38 @@ def error_ratio(a: Errors, b: Errors) -> tuple[float, float]:
     return ratio, wilcoxon(logs)
 
 
-def _draft(
+def _cell(
     sweep: Sweep,
     question: str,
     title: str,
     odometry: bool,
     names: tuple[str, ...],
     runs: dict[str, Held],
+    beaten: Beaten,
+    tests: int,
 ) -> Cell:
-    """A cell with everything but its answer."""
+    """An answer from the levels that each row's runs held and from who is ruled out."""
     levels = sweep.facts["levels"][names[0]] if len(names) == 1 else []
     curves = {row: survival.curve(of, len(levels)) for row, of in runs.items() if levels}
     errors, costs = _common(sweep, odometry, names, runs)
+    drives = max(len(of) for of in runs.values())
+    # all of them were they to beat each other in a ring
+    unbeaten = [row for row in runs if row not in beaten] or list(runs)
     return Cell(
         question,
         title,
         odometry,
         levels,
-        max(len(of) for of in runs.values()),
+        drives,
         curves,
         {row: survival.critical(shares, levels) for row, shares in curves.items()},
         errors,
         costs,
-        beaten={},
-        unbeaten=list(runs),
-        take="",
+        beaten,
+        unbeaten,
+        take=_take(errors, costs, unbeaten),
         equal=all(of == next(iter(runs.values())) for of in runs.values()),
-        decidable=True,
+        decidable=tests * mcnemar(drives, 0) < SIGNIFICANT,
     )
 
 
@@ -222,31 +231,20 @@ def _common(
     return (medians[0], medians[1]) if shared else ({}, {})
 
 
-def _decided(cells: Sequence[Cell], tests: Sequence[Test]) -> list[Cell]:
-    """The cells of one question with their answers; survival rules out before accuracy does."""
-    corrected = adjusted([test.p for test in tests])
-    beaten: list[dict[str, tuple[str, float, str]]] = [{} for _ in cells]
-    both = zip(tests, corrected, strict=True)
+def _beaten(cells: int, tests: Sequence[Test]) -> list[Beaten]:
+    """Who is ruled out in each cell of a question; survival rules out before accuracy does."""
+    found: list[Beaten] = [{} for _ in range(cells)]
+    both = zip(tests, adjusted([test.p for test in tests]), strict=True)
     for test, p in sorted(both, key=lambda one: (one[0].reason == MORE_ACCURATE, one[1])):
         if p < SIGNIFICANT:
-            beaten[test.cell].setdefault(test.loser, (test.winner, p, test.reason))
-    found = []
-    for cell, lost in zip(cells, beaten, strict=True):
-        # all of them were they to beat each other in a ring
-        unbeaten = [row for row in cell.unbeaten if row not in lost] or cell.unbeaten
-        decidable = len(tests) * mcnemar(cell.drives, 0) < SIGNIFICANT
-        found.append(
-            cell._replace(
-                beaten=lost, unbeaten=unbeaten, take=_take(cell, unbeaten), decidable=decidable
-            )
-        )
+            found[test.cell].setdefault(test.loser, (test.winner, p, test.reason))
     return found
 
 
-def _take(cell: Cell, unbeaten: list[str]) -> str:
+def _take(error_m: dict[str, float], cpu_s: dict[str, float], unbeaten: list[str]) -> str:
     """The cheapest of the unbeaten rows with the same accuracy; the first if none is known."""
-    errors = {row: cell.error_m[row] for row in unbeaten if row in cell.error_m}
+    errors = {row: error_m[row] for row in unbeaten if row in error_m}
     if not errors:
         return unbeaten[0]
     same = [row for row, error in errors.items() if error <= SAME_ACCURACY * min(errors.values())]
-    return min(same, key=lambda row: cell.cpu_s[row])
+    return min(same, key=lambda row: cpu_s[row])

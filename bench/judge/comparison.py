@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bench.judge import mapquality, verdicts
 from bench.judge.consistency import disagreements
-from bench.results import Comparison, Line, LogResult, Reference
+from bench.results import Comparison, Line, LogResult, Reference, Row
 from slams.registry import BASELINES
 
 if TYPE_CHECKING:
@@ -27,33 +26,23 @@ def _weighed_log(log: LogResult) -> LogResult:
         "verdicts": verdicts.on_one_log(log.outcomes),
         "notes": [*log.entry["notes"], *_notes(log)],
     }
-    outcomes = [_with_map(outcome, log.reference) for outcome in _compared(log.outcomes)]
+    # baselines are no witnesses of how far a run is from the others
+    witnesses = [o for o in log.outcomes if len(o.t) and o.row["algorithm"] not in BASELINES]
+    apart = disagreements([(o.t, o.poses) for o in witnesses])
+    known = dict(zip(map(id, witnesses), apart, strict=True))
+    outcomes = []
+    for one in log.outcomes:
+        more: Row = {"disagreement_m": known.get(id(one)), "map": _map_quality(one, log.reference)}
+        outcomes.append(replace(one, row=one.row | more))
     return LogResult(log.reference._replace(entry=log.entry | found), outcomes)
 
 
-def _compared(outcomes: list[Outcome]) -> list[Outcome]:
-    """Each run with how far it is from the others; baselines are no witnesses."""
-    witnesses = [o for o in outcomes if len(o.t) and o.row["algorithm"] not in BASELINES]
-    apart = disagreements([(o.t, o.poses) for o in witnesses])
-    known = dict(zip(map(id, witnesses), apart, strict=True))
-    return [replace(o, row=o.row | {"disagreement_m": _finite(known.get(id(o)))}) for o in outcomes]
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else value
-
-
-def _with_map(outcome: Outcome, reference: Reference) -> Outcome:
-    return replace(outcome, row=outcome.row | {"map": _map_quality(outcome, reference)})
-
-
-def _map_quality(outcome: Outcome, reference: Reference) -> dict[str, Any] | None:
+def _map_quality(outcome: Outcome, reference: Reference) -> dict[str, float | None] | None:
     """The run's map against the true one, brought into the world by the true first pose."""
     if outcome.grid is None or reference.grid is None or reference.start is None:
         return None
     T_world_map = reference.start @ outcome.frame.inverse()
-    found = mapquality.compare(outcome.grid, reference.grid, T_world_map)
-    return {name: quality._asdict() for name, quality in found.items()}
+    return mapquality.compare(outcome.grid, reference.grid, T_world_map)
 
 
 def _notes(log: LogResult) -> list[str]:

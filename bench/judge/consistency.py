@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.judge.registration import Reference, register
-from bench.sim.rays import rays_of
+from bench.sim.rays import ends_of, rays_of
 from slams.metrics import ate, driven
 from slams.types import Floats
 
@@ -40,10 +40,10 @@ FEWEST_SHARED = 10  # stamps that two runs must share to be compared
 
 
 class Consistency(NamedTuple):
-    """Wall area [m2]; mean error at revisits [m], nan without any; how many of these there are."""
+    """Wall area [m2]; mean error at revisits [m], None without any; how many of these there are."""
 
     walls_m2: float
-    revisits_m: float
+    revisits_m: float | None
     revisits: int
 
 
@@ -53,7 +53,7 @@ def consistency(log: ScanLog, poses: Floats) -> Consistency:
     chosen = known[:: max(1, -(-len(known) // SCANS))]
     walls = wall_area(points_at(log, poses, chosen))
     errors = revisit_errors(log, poses, known)
-    return Consistency(walls, float(errors.mean()) if len(errors) else float("nan"), len(errors))
+    return Consistency(walls, float(errors.mean()) if len(errors) else None, len(errors))
 
 
 def points_at(log: ScanLog, poses: Floats, scans: NDArray[np.int64]) -> Floats:
@@ -61,10 +61,7 @@ def points_at(log: ScanLog, poses: Floats, scans: NDArray[np.int64]) -> Floats:
     rays = rays_of(log.laser, _beam_poses(log, poses, scans))
     ranges = log.ranges[scans].astype(np.float64)
     hit = np.isfinite(ranges)
-    ranges = np.where(hit, ranges, 0.0)
-    x = rays[..., 0] + ranges * np.cos(rays[..., 2])
-    y = rays[..., 1] + ranges * np.sin(rays[..., 2])
-    return np.column_stack([x[hit], y[hit]])
+    return ends_of(rays, np.where(hit, ranges, 0.0))[hit]
 
 
 def _beam_poses(log: ScanLog, poses: Floats, scans: NDArray[np.int64]) -> Floats:
@@ -123,10 +120,10 @@ def revisits(t: Floats, poses: Floats) -> tuple[NDArray[np.int64], NDArray[np.in
     return np.array(now, np.int64), np.array(then, np.int64)
 
 
-def disagreements(runs: Sequence[tuple[Floats, Floats]]) -> list[float]:
+def disagreements(runs: Sequence[tuple[Floats, Floats]]) -> list[float | None]:
     """Median over the others of each run's distance [m] from them, rigidly aligned.
 
-    A run is its stamps (n,) and poses (n, 3); nan where no other has the same stamps.
+    A run is its stamps (n,) and poses (n, 3); None where no other has the same stamps.
     """
     apart = np.full((len(runs), len(runs)), np.nan)
     for i, (t, poses) in enumerate(runs):
@@ -135,4 +132,4 @@ def disagreements(runs: Sequence[tuple[Floats, Floats]]) -> list[float]:
             if len(own) >= FEWEST_SHARED:
                 apart[i, j] = apart[j, i] = ate(poses[own], runs[j][1][other])
     rows = [row[np.isfinite(row)] for row in apart]
-    return [float(np.median(row)) if len(row) else float("nan") for row in rows]
+    return [float(np.median(row)) if len(row) else None for row in rows]

@@ -1,19 +1,30 @@
-"""Failure is a result: whether a run was lost, when, and how far it had come."""
+"""Failure is a result: whether a run was lost, when, how far it had come, whether it said so."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.judge.alarms import LIMIT_M, LIMIT_RAD, beyond
 from bench.judge.metrics import Common, RelationErrors
 from slams.metrics import driven
-from slams.types import Floats
+from slams.types import Floats, wrap_angle
 
+LIMIT_M = 0.5  # a pose further off is lost; a robot of that size runs into a wall
+LIMIT_RAD = 0.3
+PATIENCE = 1.0  # s in which a loss has to be said, and a pose has to hold to count as right again
 BROKEN_SHARE = 0.05  # of the relations that may be off by LIMIT_M or LIMIT_RAD
 REPORTED_SHARE = 0.05  # of the scans that the algorithm itself may report as lost
+
+Flags = NDArray[np.bool_]
+
+
+def beyond(common: Common, limit_m: float = LIMIT_M, limit_rad: float = LIMIT_RAD) -> Flags:
+    """Where (n,) the pose is further off than the limits, in the frame of the first."""
+    off = np.hypot(*(common.estimate - common.truth)[:, :2].T)
+    turned = np.abs(wrap_angle(common.estimate[:, 2] - common.truth[:, 2]))
+    return np.asarray((off > limit_m) | (turned > limit_rad))
 
 
 def by_truth(common: Common) -> dict[str, Any]:
@@ -45,7 +56,7 @@ def by_report(report: dict[str, Any], scans: int) -> dict[str, Any]:
     return {"lost": count > REPORTED_SHARE * scans, "scans": count}
 
 
-def _verdict(off: NDArray[np.bool_], t: Floats, reached: Floats | None) -> dict[str, Any]:
+def _verdict(off: Flags, t: Floats, reached: Floats | None) -> dict[str, Any]:
     lost = np.flatnonzero(off)
     first = int(lost[0]) if len(lost) else None
     return {
@@ -54,3 +65,75 @@ def _verdict(off: NDArray[np.bool_], t: Floats, reached: Floats | None) -> dict[
         "after_m": None if first is None or reached is None else float(reached[first]),
         "completed": float(1.0 - off.mean()) if len(off) else 0.0,
     }
+
+
+class Alarms(NamedTuple):
+    """What was said of the loss episodes of a run.
+
+    An episode begins where the pose leaves the limits, and ends where it is within them again for
+    `PATIENCE`. So many were said `in_time`: within `PATIENCE` of the beginning, or right before.
+    Of `right` scans outside of all episodes, and not right before one, `false` were reported lost.
+    `right_again`: the pose was within the limits at the end; None if it never left them.
+    """
+
+    episodes: int
+    in_time: int
+    right: int
+    false: int
+    right_again: bool | None
+
+
+def alarms(says_lost: Flags, t: Floats, off: Flags, patience: float = PATIENCE) -> Alarms:
+    """Judge what a run said of itself.
+
+    Args:
+        says_lost: the scans (n,) that the algorithm reported lost.
+        t: their stamps (n,) [s]; where they jump back the clock is taken to stand still.
+        off: where the pose was of no use (n,), as by `beyond`.
+        patience: in which a loss has to be said [s], and which an episode's end has to hold.
+
+    Raises:
+        ValueError: there is no scan, or not as many of each.
+    """
+    if not len(t) or not len(says_lost) == len(t) == len(off):
+        raise ValueError(
+            f"alarms: got {len(says_lost)} flags, {len(t)} stamps and {len(off)} errors, expected "
+            "as many of each, one at least"
+        )
+    clock = np.maximum.accumulate(t)
+    found = _episodes(clock, off, patience)
+    right = _right(clock, found, patience)
+    return Alarms(
+        episodes=len(found),
+        in_time=sum(_in_time(clock, says_lost, *episode, patience) for episode in found),
+        right=int(right.sum()),
+        false=int((right & says_lost).sum()),
+        right_again=not off[clock >= clock[-1] - patience].any() if found else None,
+    )
+
+
+def _episodes(clock: Floats, off: Flags, patience: float) -> list[tuple[int, int]]:
+    """First scan of each episode and the one behind its last that was off."""
+    edges = np.flatnonzero(np.diff(off, prepend=False, append=False))
+    found: list[tuple[int, int]] = []
+    for first, after in edges.reshape(-1, 2).tolist():
+        if found and clock[first] - clock[found[-1][1]] < patience:
+            first = found.pop()[0]
+        found.append((first, after))
+    return found
+
+
+def _in_time(clock: Floats, says_lost: Flags, first: int, after: int, patience: float) -> bool:
+    """Whether an episode was said at most `patience` [s] after its beginning, or before."""
+    near = np.abs(clock - clock[first]) <= patience
+    near[after:] = False
+    return bool(says_lost[near].any())
+
+
+def _right(clock: Floats, episodes: list[tuple[int, int]], patience: float) -> Flags:
+    """Scans in no episode, and not so shortly before one that an alarm would be a warning."""
+    right = np.ones(len(clock), bool)
+    for first, after in episodes:
+        right[first:after] = False
+        right[:first] &= clock[:first] < clock[first] - patience
+    return right

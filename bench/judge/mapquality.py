@@ -11,20 +11,11 @@ occupied cells and need no common grid.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bench.judge.map_cells import Cells, Mask, cells_of, cut, resampled, true_window
-from bench.judge.map_measures import (
-    FEWEST_WALLS,
-    Quality,
-    coverage,
-    distances,
-    mean_of,
-    overlap,
-    thickness,
-)
 from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
@@ -34,7 +25,11 @@ if TYPE_CHECKING:
 
 POSES = 2000  # of a log that the world is looked at from, evenly spread
 FINE = 256  # parts of a cell in which outlines are drawn
+FEWEST_WALLS = 100  # occupied cells that a statement about walls takes
+FEWEST_CELLS = 1000  # known cells that a statement about areas takes
 LEAST_SHARE = 0.1  # of the true map that a run must know to be judged by it
+
+Mask = NDArray[np.bool_]
 
 
 def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
@@ -59,8 +54,10 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     return OccupancyGrid(p, world.resolution, world.origin)
 
 
-def compare(grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2) -> dict[str, Quality]:
-    """Every measure of a run's map.
+def compare(
+    grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2
+) -> dict[str, float | None]:
+    """Every measure of a run's map; None where it would mean nothing.
 
     - iou: cells occupied in both over cells occupied in either, of those known in both.
     - adnn_to_truth: average distance [m] from an occupied cell to the nearest true wall: accuracy.
@@ -79,30 +76,151 @@ def compare(grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2) -> di
     here, there = cut(grid, window), resampled(truth, grid, T_world_map, window)
     known = here.known & there.known
     walls = cells_of(grid.p).occupied
-    comparable = _are_comparable(walls, known, there)
-    to_truth, from_truth = distances(grid, truth, T_world_map)
+    iou, to_truth, from_truth = None, None, None
+    if _are_comparable(walls, known, there):
+        iou = overlap(here.occupied & known, there.occupied & known)
+        to_truth, from_truth = distances(grid, truth, T_world_map)
     return {
-        "iou": overlap(here.occupied & known, there.occupied & known, comparable),
-        "adnn_to_truth": mean_of(to_truth, comparable),
-        "adnn_from_truth": mean_of(from_truth, comparable),
+        "iou": iou,
+        "adnn_to_truth": to_truth,
+        "adnn_from_truth": from_truth,
         "wall_thickness": thickness(walls, grid.resolution),
         "true_wall_thickness": thickness(there.occupied, grid.resolution),
         "coverage": coverage(known, there.known),
     }
 
 
+class Cells(NamedTuple):
+    """What is known of the cells (ny, nx) of a grid."""
+
+    occupied: Mask
+    free: Mask
+
+    @property
+    def known(self) -> Mask:
+        """Cells of which something is known."""
+        return self.occupied | self.free
+
+
+class Window(NamedTuple):
+    """The part of a grid, or around it, from cell [iy, ix] on."""
+
+    iy: int
+    ix: int
+    ny: int
+    nx: int
+
+    @property
+    def indices(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Of its rows and columns in the grid."""
+        return self.iy + np.arange(self.ny), self.ix + np.arange(self.nx)
+
+
+def cells_of(p: NDArray[np.float32]) -> Cells:
+    """Occupied above a probability of one half, free below; nan is unknown."""
+    return Cells(p > 0.5, p < 0.5)
+
+
+def centers(grid: OccupancyGrid, mask: Mask) -> Floats:
+    """Centers (n, 2) [m] of the cells of a mask."""
+    iy, ix = np.nonzero(mask)
+    x, y = grid.origin
+    return np.stack([x + (ix + 0.5) * grid.resolution, y + (iy + 0.5) * grid.resolution], axis=1)
+
+
+def true_window(truth: OccupancyGrid, grid: OccupancyGrid, T_world_map: Pose2) -> Window:
+    """The part of the run's grid that holds all that the true map knows; never empty."""
+    known = T_world_map.inverse().transform(centers(truth, cells_of(truth.p).known))
+    if not len(known):
+        return Window(0, 0, 1, 1)
+    margin, origin = truth.resolution, np.array(grid.origin)
+    low = np.floor((known.min(axis=0) - margin - origin) / grid.resolution).astype(int)
+    high = np.ceil((known.max(axis=0) + margin - origin) / grid.resolution).astype(int)
+    return Window(int(low[1]), int(low[0]), int(high[1] - low[1]), int(high[0] - low[0]))
+
+
+def cut(grid: OccupancyGrid, window: Window) -> Cells:
+    """The run's own cells of a window, unknown beyond its edges."""
+    (ny, nx), iy, ix = grid.p.shape, *window.indices
+    inside = ((iy >= 0) & (iy < ny))[:, None] & (ix >= 0) & (ix < nx)
+    p = grid.p[np.clip(iy, 0, ny - 1)[:, None], np.clip(ix, 0, nx - 1)]
+    return cells_of(np.where(inside, p, np.nan))
+
+
+def resampled(
+    truth: OccupancyGrid, grid: OccupancyGrid, T_world_map: Pose2, window: Window
+) -> Cells:
+    """The true map in the run's grid, looked up at points half a true cell apart or closer."""
+    true = cells_of(truth.p)
+    ny, nx = truth.p.shape
+    parts = max(1, math.ceil(2.0 * grid.resolution / truth.resolution))
+    iy, ix = window.indices
+    occupied = np.zeros((window.ny, window.nx), bool)
+    free = np.zeros_like(occupied)
+    c, s = math.cos(T_world_map.theta), math.sin(T_world_map.theta)
+    for part in range(parts * parts):
+        down, across = divmod(part, parts)
+        y = ((iy + (down + 0.5) / parts) * grid.resolution + grid.origin[1])[:, None]
+        x = (ix + (across + 0.5) / parts) * grid.resolution + grid.origin[0]
+        at_x = np.floor((T_world_map.x + c * x - s * y - truth.origin[0]) / truth.resolution)
+        at_y = np.floor((T_world_map.y + s * x + c * y - truth.origin[1]) / truth.resolution)
+        inside = (at_x >= 0) & (at_x < nx) & (at_y >= 0) & (at_y < ny)
+        place = at_y[inside].astype(int), at_x[inside].astype(int)
+        occupied[inside] |= true.occupied[place]
+        free[inside] |= true.free[place]
+    return Cells(occupied, free & ~occupied)
+
+
+def overlap(here: Mask, there: Mask) -> float | None:
+    """Cells in both masks (ny, nx) over those in either."""
+    either = int((here | there).sum())
+    return int((here & there).sum()) / either if either else None
+
+
+def distances(grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2) -> tuple[float, float]:
+    """Mean from each occupied cell to the nearest true one, and back [m]; both maps have walls."""
+    from scipy.spatial import KDTree
+
+    here = T_world_map.transform(centers(grid, cells_of(grid.p).occupied))
+    there = centers(truth, cells_of(truth.p).occupied)
+    to_truth, from_truth = KDTree(there).query(here)[0], KDTree(here).query(there)[0]
+    return float(np.mean(to_truth)), float(np.mean(from_truth))
+
+
+def thickness(occupied: Mask, resolution: float) -> float | None:
+    """Area over half the outline, the latter by Cauchy and Crofton from four directions.
+
+    Lines along rows, columns and diagonals meet the walls so many times; the factor makes long
+    walls along the grid exact, and leaves slanted ones up to 8 % too thin.
+    """
+    cells = int(occupied.sum())
+    if cells < FEWEST_WALLS:
+        return None
+    padded = np.pad(occupied, 1)
+    inner = padded[1:-1, 1:-1]
+    straight = (inner & ~padded[1:-1, :-2]).sum() + (inner & ~padded[:-2, 1:-1]).sum()
+    slanted = (inner & ~padded[:-2, :-2]).sum() + (inner & ~padded[:-2, 2:]).sum()
+    half_outline = (straight + slanted / math.sqrt(2.0)) / (1.0 + math.sqrt(2.0))
+    return resolution * cells / float(half_outline)
+
+
+def coverage(known: Mask, true: Mask) -> float | None:
+    """Share of the cells that could be seen (ny, nx) that are known."""
+    cells = int(true.sum())
+    return int(known.sum()) / cells if cells >= FEWEST_CELLS else None
+
+
 def _looked_at(world: World, laser: Laser, poses: Floats) -> Mask:
     """Cells inside the outline of an exact scan from one of the poses (n, 3) or (n, b, 3)."""
     import cv2
 
-    from bench.sim.rays import rays_of
+    from bench.sim.rays import ends_of, rays_of
 
     seen = np.zeros(world.occupied.shape, np.uint8)
     for k in range(len(poses)):
         (rays,) = rays_of(laser, poses[k : k + 1])
         reach = np.minimum(world.cast(rays), laser.range_max)
-        sights = np.stack([reach * np.cos(rays[:, 2]), reach * np.sin(rays[:, 2])], axis=1)
-        corners = np.vstack([rays[:1, :2], rays[:, :2] + sights])
+        corners = np.vstack([rays[:1, :2], ends_of(rays, reach)])
         outline = (corners - np.array(world.origin)) / world.resolution - 0.5
         cv2.fillPoly(seen, [np.round(FINE * outline).astype(np.int32)], 1, 8, FINE.bit_length() - 1)
     return seen.astype(bool)

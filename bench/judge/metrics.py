@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.metrics import Indices, ate, between, from_first, pair_errors
+from slams.metrics import Indices, between, from_first, pair_errors
 from slams.summary import Span, span_pairs
 from slams.types import Floats, wrap_angle
 
@@ -71,15 +71,6 @@ def common_with(log: ScanLog, t: Floats, estimate: Floats) -> Common | None:
     return None if found is None or len(found.t) < 2 else found
 
 
-def ate_with(log: ScanLog, t: Floats, estimate: Floats) -> float:
-    """Absolute trajectory error [m] of poses (n, 3) against the truth of a log that has one."""
-    truth = log.truth_at(t)
-    if truth is None:
-        raise ValueError(f"{log.name}: no truth in the log; an absolute error needs one")
-    covered = ~np.isnan(truth[:, 0])
-    return ate(estimate[covered], truth[covered])
-
-
 def component_errors(
     estimate: Floats, truth: Floats, first: Indices, second: Indices
 ) -> tuple[Floats, Floats]:
@@ -92,14 +83,9 @@ def component_errors(
     return translation, np.abs(wrap_angle(dg[:, 2] - dp[:, 2]))
 
 
-def pairs(common: Common, span: Span) -> tuple[Indices, Indices]:
-    """Indices (k,), (k,) of the poses a span apart."""
-    return span_pairs(common.t, common.truth, span)
-
-
 def span_errors(common: Common, span: Span) -> SpanErrors | None:
     """All errors over a span; None where no two poses are that far apart."""
-    first, second = pairs(common, span)
+    first, second = span_pairs(common.t, common.truth, span)
     if not len(first):
         return None
     paper = component_errors(common.estimate, common.truth, first, second)

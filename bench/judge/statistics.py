@@ -1,7 +1,8 @@
 """How sure a difference of two errors is: paired tests, Holm's correction, one sentence in words.
 
-Errors of one drive, which are autocorrelated, get the block bootstrap of `bench.judge.bootstrap`,
-drives that are independent Wilcoxon's and McNemar's tests, shares Wilson's interval.
+Errors of one drive, which are autocorrelated, get Student's t with the deviation of
+`bench.judge.autocorrelation`, drives that are independent Wilcoxon's and McNemar's tests, shares
+Wilson's interval.
 """
 
 from __future__ import annotations
@@ -12,8 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.judge import bootstrap
+from bench.judge import autocorrelation
 from slams.types import Floats
+
+LEVEL = 0.95  # of the intervals
 
 
 class Paired(NamedTuple):
@@ -27,14 +30,19 @@ class Paired(NamedTuple):
 
 
 class Share(NamedTuple):
-    """Limits of the confidence interval of a share, both within 0 and 1."""
+    """k of n, and the confidence interval of the share, both limits within 0 and 1."""
 
+    k: int
+    n: int
     low: float
     high: float
 
+    def __str__(self) -> str:
+        return f"{self.k} of {self.n}"
 
-def wilson(successes: int, n: int, confidence: float = 0.95) -> Share:
-    """Wilson's interval (1927) of the share of successes in `n` independent trials.
+
+def wilson(k: int, n: int, confidence: float = 0.95) -> Share:
+    """The share of `k` successes in `n` independent trials with Wilson's interval (1927).
 
     Unlike the usual one it is right for few trials and shares of 0 and 1. No trial tells nothing:
     0 to 1.
@@ -44,12 +52,12 @@ def wilson(successes: int, n: int, confidence: float = 0.95) -> Share:
     """
     from scipy.stats import binomtest
 
-    if not 0 <= successes <= n:
-        raise ValueError(f"share: got {successes} of {n}, expected 0 to {n} of at least 0")
+    if not 0 <= k <= n:
+        raise ValueError(f"share: got {k} of {n}, expected 0 to {n} of at least 0")
     if n == 0:
-        return Share(0.0, 1.0)
-    found = binomtest(successes, n).proportion_ci(confidence, "wilson")
-    return Share(float(found.low), float(found.high))
+        return Share(k, n, 0.0, 1.0)
+    found = binomtest(k, n).proportion_ci(confidence, "wilson")
+    return Share(k, n, float(found.low), float(found.high))
 
 
 def mcnemar(only_a: int, only_b: int) -> float:
@@ -65,35 +73,51 @@ def mcnemar(only_a: int, only_b: int) -> float:
     return float(binomtest(only_a, discordant).pvalue) if discordant else 1.0
 
 
-def paired(a: Floats, b: Floats, level: float = 0.95, seed: int = 0) -> Paired:
+def paired(a: Floats, b: Floats, level: float = LEVEL) -> Paired:
     """The mean difference a - b of two error series (n,) at the same times.
 
-    The p-value, of both sides, is the greatest level at which the interval leaves out 0. Pairs with
-    a value that is not finite are left out.
+    Interval and p-value, of both sides, are Student's. Pairs with a value that is not finite are
+    left out.
     """
+    from scipy.special import stdtr
+
     differences = _differences(a, b)
     n = len(differences)
-    if n < bootstrap.FEWEST:
-        return Paired(_plain_mean(differences), math.nan, math.nan, math.nan, n)
-    mean = bootstrap.studentized(differences, seed)
-    return Paired(mean.value, *bootstrap.limits(mean, level), bootstrap.p_value(mean), n)
+    if n < autocorrelation.FEWEST:
+        return _unsure(differences)
+    mean, deviation, blocks = autocorrelation.mean_of(differences)
+    if deviation == 0.0:
+        return Paired(mean, mean, mean, 0.0 if mean else 1.0, n)
+    p_value = 2.0 * float(stdtr(blocks - 1, -abs(mean) / deviation))
+    return Paired(*_student(mean, deviation, blocks, level), p_value, n)
 
 
-def paired_over_runs(a: Floats, b: Floats, level: float = 0.95) -> Paired:
+def paired_over_runs(a: Floats, b: Floats, level: float = LEVEL) -> Paired:
     """The mean difference a - b over independent runs (n,): one number per seed or log, n >= 2.
 
     The interval is Student's, the p-value that of `wilcoxon`; it cannot be less than
     `least_p_value`.
     """
-    from scipy.special import stdtrit
-
     differences = _differences(a, b)
     n = len(differences)
     if n < 2:
-        return Paired(_plain_mean(differences), math.nan, math.nan, math.nan, n)
-    mean = float(differences.mean())
-    half = float(stdtrit(n - 1, 0.5 + 0.5 * level) * differences.std(ddof=1) / math.sqrt(n))
-    return Paired(mean, mean - half, mean + half, wilcoxon(differences), n)
+        return _unsure(differences)
+    mean, deviation = float(differences.mean()), float(differences.std(ddof=1)) / math.sqrt(n)
+    return Paired(*_student(mean, deviation, n, level), wilcoxon(differences), n)
+
+
+def _student(mean: float, deviation: float, n: int, level: float) -> tuple[float, float, float]:
+    """A mean with the limits of its interval, from its deviation over n independent values."""
+    from scipy.special import stdtrit
+
+    half = float(stdtrit(n - 1, 0.5 + 0.5 * level)) * deviation
+    return mean, mean - half, mean + half
+
+
+def _unsure(differences: Floats) -> Paired:
+    """Of too few values: their mean alone."""
+    mean = float(differences.mean()) if len(differences) else math.nan
+    return Paired(mean, math.nan, math.nan, math.nan, len(differences))
 
 
 def wilcoxon(differences: Floats) -> float:
@@ -131,9 +155,7 @@ def sentence(
     name_b: str,
     result: Paired,
     unit: str = "mm",
-    scale: float = 1e3,
     what: str = "per second",
-    level: float = 0.95,
     where: str = "",
 ) -> str:
     """What a comparison of two errors says, in words: less is better.
@@ -141,24 +163,22 @@ def sentence(
     Args:
         name_a: what the difference counts from.
         name_b: what was subtracted.
-        result: their difference; its p-value may be one from `adjusted`.
-        unit: of the numbers printed.
-        scale: from the difference's unit to that one.
+        result: their difference [m] or [rad]; its p-value may be one from `adjusted`.
+        unit: of the numbers printed, mm or mrad.
         what: the span of the errors.
-        level: that of the interval.
         where: to what the sentence is limited, as "on this log".
     """
     where = where and f" {where}"
     if math.isnan(result.p_value):
         return f"{name_a} and {name_b} can't be compared{where}: only {result.n} common values"
-    sure = result.p_value < 1.0 - level and not result.low <= 0.0 <= result.high
+    sure = result.p_value < 1.0 - LEVEL and not result.low <= 0.0 <= result.high
     swap = sure and result.difference < 0.0
-    difference, low, high = (scale * value for value in result[:3])
+    difference, low, high = (1e3 * value for value in result[:3])
     if swap:
         low, high = -high, -low
     digits = _digits(high - low)
     low_text, high_text = _fixed(low, digits), _fixed(high, digits)
-    interval = f"{level * 100:g} % interval {low_text} to {high_text}"
+    interval = f"{LEVEL * 100:g} % interval {low_text} to {high_text}"
     chance = _chance(result.p_value)
     if not sure:
         amount = f"difference {_fixed(difference, digits)} {unit} {what}"
@@ -191,7 +211,3 @@ def _differences(a: Floats, b: Floats) -> Floats:
         raise ValueError(f"pairs: got {a.shape} and {b.shape} values, expected as many of each")
     differences: Floats = a - b
     return differences[np.isfinite(differences)]
-
-
-def _plain_mean(values: Floats) -> float:
-    return float(values.mean()) if len(values) else math.nan

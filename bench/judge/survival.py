@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.judge.statistics import wilson
+from bench.judge.statistics import Share, wilson
 from bench.results.sweep import CLEAN, Cost, Sweep, Trial
 
 HALF = 0.5  # of the runs lost: the critical level
@@ -20,18 +20,6 @@ HALF = 0.5  # of the runs lost: the critical level
 Drive = tuple[str, int]  # name of a log, seed
 Held = dict[Drive, int]  # how many levels each drive's run held
 Errors = dict[tuple[str, int, str, float], float]  # error over 1 s by drive, degradation, level
-
-
-class Share(NamedTuple):
-    """k of n, and the 95 % Wilson interval of the share."""
-
-    k: int
-    n: int
-    low: float
-    high: float
-
-    def __str__(self) -> str:
-        return f"{self.k} of {self.n}"
 
 
 class Critical(NamedTuple):
@@ -65,11 +53,6 @@ class Figures(NamedTuple):
     false_share: float
     cpu_scan: float | None
     dearest: float | None
-
-
-def share(k: int, n: int) -> Share:
-    """K of n with its Wilson interval."""
-    return Share(k, n, *wilson(k, n))
 
 
 def survived(trial: Trial) -> bool:
@@ -111,7 +94,7 @@ def votes(a: Held, b: Held) -> tuple[int, int]:
 def curve(runs: Held, levels: int) -> list[Share]:
     """The share of runs that hold each level: Kaplan and Meier's curve, no run leaves early."""
     counts = list(runs.values())
-    return [share(sum(count > k for count in counts), len(counts)) for k in range(levels)]
+    return [wilson(sum(count > k for count in counts), len(counts)) for k in range(levels)]
 
 
 def critical(shares: Sequence[Share], levels: Sequence[float]) -> Critical:
@@ -163,12 +146,12 @@ def figures(sweep: Sweep, algorithm: str, odometry: bool) -> Figures:
     return Figures(
         used=list(dict.fromkeys(name for trial in done for name in trial["used"])),
         levels=_levels(sweep, [trial for trial, _ in own]),
-        clean=share(sum(map(survived, clean)), len(clean)),
+        clean=wilson(sum(map(survived, clean)), len(clean)),
         second_m=_second(kept),
         clean_m=_second([trial for trial in kept if trial["degradation"] == CLEAN]),
-        worse_than_wheels=share(len(worse), len(beside)),
-        right_again=share(sum(bool(trial["right_again"]) for trial in lost), len(lost)),
-        said_in_time=share(
+        worse_than_wheels=wilson(len(worse), len(beside)),
+        right_again=wilson(sum(bool(trial["right_again"]) for trial in lost), len(lost)),
+        said_in_time=wilson(
             sum(trial["said_in_time"] for trial in done), sum(trial["episodes"] for trial in done)
         ),
         false_share=sum(trial["false_alarms"] for trial in done) / max(right, 1),

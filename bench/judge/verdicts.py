@@ -6,11 +6,12 @@ show the opposite. Only several independent drives say more, and too few of them
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import combinations
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.judge import statistics
 from bench.judge.metrics import SpanErrors
@@ -18,26 +19,32 @@ from bench.results import Line, Outcome
 from slams.types import Floats
 
 Lines = list[Line]
-T = TypeVar("T")
 
 SIGNIFICANT = 0.05
 RESOLUTION = 1e-6  # m or rad: a smaller difference of two errors is rounding
+SPANS = {"1 s": "per second", "10 s": "per 10 s", "update": "per update"}
 
 
 class Measure(NamedTuple):
-    """What pairs are compared by: a series of errors, and how it is put in words."""
+    """What pairs are compared by: a series of errors [m] or [rad], and the unit of sentences."""
 
     name: str
     values: Callable[[SpanErrors], Floats]
     unit: str
-    scale: float
 
 
 MEASURES = (
-    Measure("translation", lambda errors: errors.se2_translation, "mm", 1e3),
-    Measure("rotation", lambda errors: errors.orientation, "mrad", 1e3),
+    Measure("translation", lambda errors: errors.se2_translation, "mm"),
+    Measure("rotation", lambda errors: errors.orientation, "mrad"),
 )
-SPANS = {"1 s": "per second", "10 s": "per 10 s", "update": "per update"}
+
+
+class Series(NamedTuple):
+    """Errors of an algorithm (n,), and what they are errors of: stamps, or numbers of logs."""
+
+    name: str
+    keys: NDArray[np.float64]
+    values: Floats
 
 
 def on_one_log(outcomes: list[Outcome]) -> Lines:
@@ -46,17 +53,15 @@ def on_one_log(outcomes: list[Outcome]) -> Lines:
     Errors over 1 s, where the log has them; they do not depend on the rate of the updates. The
     sentences hold on this log and say so.
     """
-    runs = _judged(outcomes)
+    runs = [outcome for outcome in outcomes if outcome.errors]
     span = next((name for name in SPANS if all(name in run.errors for run in runs)), None)
     if span is None or len(runs) < 2:
         return []
     found: Lines = []
     for measure in MEASURES:
-        order = sorted(runs, key=lambda run: float(measure.values(run.errors[span]).mean()))
-        for places, (a, b) in _numbered_pairs(order):
-            paired = statistics.paired(*_same_times(a.errors[span], b.errors[span], measure))
-            pair = a.row["algorithm"], b.row["algorithm"]
-            found.append(_entry(pair, measure, SPANS[span], paired, beside=places == 1))
+        errors = ((run.row["algorithm"], run.errors[span]) for run in runs)
+        series = [Series(name, of.t, measure.values(of)) for name, of in errors]
+        found += _pairs(series, measure, SPANS[span], statistics.paired)
     return [entry | {"sentence": _words(entry, "on this log")} for entry in _adjusted(found)]
 
 
@@ -66,70 +71,53 @@ def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Lines:
     The only verdict that may claim more than one log shows, if the logs are independent drives.
     Where there are too few for any p-value below 0.05, the sentence says so instead.
     """
+    logs = list(dict.fromkeys(outcome.row["log"] for outcome in outcomes))
     found: Lines = []
     for measure in MEASURES:
-        order = _ordered_means(outcomes, span, measure)
-        found += _pairs(order, measure, SPANS[span])
-    logs = [entry["n"] for entry in found]
-    return [entry | {"sentence": _words_over(entry, logs)} for entry in _adjusted(found)]
+        means: dict[str, dict[float, float]] = {}
+        for outcome in outcomes:
+            if span in outcome.errors:
+                mean = float(measure.values(outcome.errors[span]).mean())
+                own = means.setdefault(outcome.row["algorithm"], {})
+                own[float(logs.index(outcome.row["log"]))] = mean
+        series = [
+            Series(name, np.array([*of]), np.array([*of.values()])) for name, of in means.items()
+        ]
+        found += _pairs(series, measure, SPANS[span], statistics.paired_over_runs)
+    found = [entry for entry in found if entry["n"] >= 2]
+    counts = [entry["n"] for entry in found]
+    return [entry | {"sentence": _words_over(entry, counts)} for entry in _adjusted(found)]
 
 
-def _pairs(order: list[tuple[str, dict[str, float]]], measure: Measure, what: str) -> Lines:
-    """Every pair of algorithms on the logs that both have."""
-    found: Lines = []
-    for places, ((a, of_a), (b, of_b)) in _numbered_pairs(order):
-        shared = [log for log in of_a if log in of_b]
-        if len(shared) < 2:
-            continue
-        paired = statistics.paired_over_runs(
-            np.array([of_a[log] for log in shared]), np.array([of_b[log] for log in shared])
-        )
-        found.append(_entry((a, b), measure, what, paired, beside=places == 1))
-    return found
+def _pairs(
+    series: list[Series],
+    measure: Measure,
+    what: str,
+    test: Callable[[Floats, Floats], statistics.Paired],
+) -> Lines:
+    """Every pair at what both have errors of, the best algorithm first."""
+    order = sorted(series, key=lambda one: float(one.values.mean()))
+    return [
+        {
+            "a": a.name,
+            "b": b.name,
+            "measure": measure.name,
+            "what": what,
+            "unit": measure.unit,
+            "next": j - i == 1,
+        }
+        | test(*_shared(a, b))._asdict()
+        for (i, a), (j, b) in combinations(enumerate(order), 2)
+    ]
 
 
-def _ordered_means(
-    outcomes: list[Outcome], span: str, measure: Measure
-) -> list[tuple[str, dict[str, float]]]:
-    """Each algorithm's mean error on each log, the best algorithm first."""
-    means: dict[str, dict[str, float]] = {}
-    for outcome in _judged(outcomes):
-        if span in outcome.errors:
-            of_logs = means.setdefault(outcome.row["algorithm"], {})
-            of_logs[outcome.row["log"]] = float(measure.values(outcome.errors[span]).mean())
-    return sorted(means.items(), key=lambda item: float(np.mean([*item[1].values()])))
-
-
-def _numbered_pairs(order: Sequence[T]) -> list[tuple[int, tuple[T, T]]]:
-    """All pairs in order, each with how many places lie between."""
-    numbered = list(enumerate(order))
-    return [(j - i, (a, b)) for (i, a), (j, b) in combinations(numbered, 2)]
-
-
-def _judged(outcomes: list[Outcome]) -> list[Outcome]:
-    return [outcome for outcome in outcomes if outcome.errors]
-
-
-def _same_times(a: SpanErrors, b: SpanErrors, measure: Measure) -> tuple[Floats, Floats]:
-    """Both series at the stamps that both have; what differs by rounding alone is equal."""
-    first, second = measure.values(a), measure.values(b)
-    if not np.array_equal(a.t, b.t):
-        _, of_a, of_b = np.intersect1d(a.t, b.t, return_indices=True)
+def _shared(a: Series, b: Series) -> tuple[Floats, Floats]:
+    """Both series where both have errors; what differs by rounding alone is equal."""
+    first, second = a.values, b.values
+    if not np.array_equal(a.keys, b.keys):
+        _, of_a, of_b = np.intersect1d(a.keys, b.keys, return_indices=True)
         first, second = first[of_a], second[of_b]
     return first, np.where(np.abs(first - second) < RESOLUTION, first, second)
-
-
-def _entry(
-    pair: tuple[str, str], measure: Measure, what: str, paired: statistics.Paired, beside: bool
-) -> dict[str, Any]:
-    return {
-        "a": pair[0],
-        "b": pair[1],
-        "measure": measure.name,
-        "what": what,
-        "unit": measure.unit,
-        "next": beside,
-    } | paired._asdict()
 
 
 def _adjusted(found: Lines) -> Lines:
@@ -141,17 +129,15 @@ def _adjusted(found: Lines) -> Lines:
     ]
 
 
-def _words(entry: dict[str, Any], where: str) -> str:
+def _words(entry: Line, where: str) -> str:
     """A pair in words, limited to where it holds."""
     paired = statistics.Paired(**{name: entry[name] for name in statistics.Paired._fields})
-    scale = next(measure.scale for measure in MEASURES if measure.name == entry["measure"])
-    words = statistics.sentence(
-        entry["a"], entry["b"], paired, entry["unit"], scale, entry["what"], where=where
-    )
+    pair = entry["a"], entry["b"]
+    words = statistics.sentence(*pair, paired, entry["unit"], entry["what"], where)
     return f"{entry['measure']}: {words}"
 
 
-def _words_over(entry: dict[str, Any], logs: list[int]) -> str:
+def _words_over(entry: Line, logs: list[int]) -> str:
     """A pair in words; of too few logs, that they cannot show anything.
 
     `logs` is how many each pair has: those with no more logs than this one have no better p-values

@@ -48,33 +48,22 @@ def redraw(folder: Path) -> str:
         OSError: there are no results.
         ValueError: they are damaged or of another version.
     """
-    from bench.results.sweep import TRIALS
-
-    return _redrawn_sweep(folder) if (folder / TRIALS).exists() else _redrawn_comparison(folder)
-
-
-def _redrawn_comparison(folder: Path) -> str:
     from bench import results
-    from bench.report import outputs, text
+    from bench.report import outputs, sweep_outputs, sweep_tables, text
+    from bench.results import sweep
     from bench.run.folder import cleared
     from slams.formats import files
 
+    if (folder / sweep.TRIALS).exists():
+        found = sweep.read(folder)
+        with files.complete_folder(folder) as partial:
+            weighed = sweep_outputs.write(partial, found)
+        return sweep_tables.terminal(weighed, found.facts)
     comparison = results.read(folder)
     with files.complete_folder(folder) as partial:
         outputs.write(partial, comparison)
         cleared(folder, outputs.DRAWN)
     return text.terminal(comparison)
-
-
-def _redrawn_sweep(folder: Path) -> str:
-    from bench.report import sweep_outputs, sweep_tables
-    from bench.results import sweep
-    from slams.formats import files
-
-    found = sweep.read(folder)
-    with files.complete_folder(folder) as partial:
-        weighed = sweep_outputs.write(partial, found)
-    return sweep_tables.terminal(weighed, found.facts)
 
 
 if __name__ == "__main__":

@@ -86,7 +86,9 @@ def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Loo
         if not len(kept):
             continue
         kept = kept[_evenly(len(kept))]
-        _line(axes, ordered[kept], share[kept], name, looks[name])
+        look = looks[name]
+        (drawn,) = axes.plot(ordered[kept], share[kept], look.line, color=look.color, label=name)
+        drawn.set(drawstyle="steps-post", gid=look.group)
     low = min(float(np.quantile(values, SHOWN_FROM)) for values in errors.values())
     axes.set(xscale="log", xlabel=f"{what} [mm]", ylabel="share below")
     _plain_numbers(axes.xaxis)
@@ -199,10 +201,6 @@ def _plain_numbers(axis: Axis) -> None:
     """Ticks of a logarithmic axis as 0.1, 1, 10; those between only on a short axis."""
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.0, 0.4)))
-
-
-def _line(axes: Axes, x: Floats, y: Floats, name: str, look: Look) -> None:
-    axes.plot(x, y, look.line, color=look.color, label=name, gid=look.group, drawstyle="steps-post")
 
 
 def _path(axes: Axes, path: Floats, name: str, look: Look) -> None:

@@ -1,17 +1,54 @@
-"""What all tables have in common: a line per run, marked where it was lost, nothing empty."""
+"""What all tables have in common: values of rows by their place, a line per run, nothing empty."""
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import pandas as pd
 
 from bench.results import Line, Row
 
 DECIDING_SPANS = ("1 s", "10 s", "update")  # the first that a log has tells runs apart
+# a table's columns: header, the way to its value in a row, a factor to the unit of the header
+Columns = dict[str, tuple[str, float]]
+
+
+class Table(NamedTuple):
+    """A table with its title and what stands over the names of its lines."""
+
+    title: str
+    frame: pd.DataFrame
+    corner: str = "algorithm"
+
+
+def value(row: Row | Line, way: str) -> Any:
+    """What stands in a row under keys, "a/b/c"; None where one of them is missing."""
+    found: Any = row
+    for key in way.split("/"):
+        found = found.get(key) if isinstance(found, dict) else None
+    return found
+
+
+def line(row: Row, columns: Columns) -> Line:
+    """A run's values in a table."""
+    return {head: scaled(value(row, way), factor) for head, (way, factor) in columns.items()}
+
+
+def frame_of(lines: dict[str, Line]) -> pd.DataFrame:
+    """A line per algorithm; columns and lines with nothing in them are left out."""
+    columns = list(dict.fromkeys(key for line in lines.values() for key in line))
+    frame = pd.DataFrame.from_dict(lines, orient="index", columns=columns)
+    return frame.dropna(axis=1, how="all").dropna(axis=0, how="all")
 
 
 def label(row: Row) -> str:
     """The algorithm's name in a table; a lost run is marked and stays."""
-    return f"{row['algorithm']} (lost)" if (row.get("loss") or {}).get("lost") else row["algorithm"]
+    return f"{row['algorithm']} (lost)" if value(row, "loss/lost") else row["algorithm"]
+
+
+def is_lost(row: Row) -> bool:
+    """Whether a run failed or lost its way."""
+    return bool(row["failed"] or row["loss"]["lost"])
 
 
 def sensors(row: Row) -> str | None:
@@ -25,45 +62,20 @@ def listed(words: list[str], last: str = "and") -> str:
     return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-def scaled(value: float | None, scale: float) -> float | None:
+def scaled(value: Any, scale: float) -> Any:
     """A value in another unit; nothing stays nothing."""
     return None if value is None else scale * value
 
 
-def frame_of(lines: dict[str, Line]) -> pd.DataFrame:
-    """A line per algorithm; columns and lines with nothing in them are left out."""
-    columns = list(dict.fromkeys(key for line in lines.values() for key in line))
-    frame = pd.DataFrame.from_dict(lines, orient="index", columns=columns)
-    return frame.dropna(axis=1, how="all").dropna(axis=0, how="all")
-
-
-def spans_of(row: Row) -> dict[str, Line]:
-    """The moments of a run's errors over each span; none without a truth."""
-    return (row["errors"] or {"spans": {}})["spans"]
-
-
-def span_of(row: Row, name: str) -> Line | None:
-    """The moments of a run's errors over a span, by kind of error."""
-    return spans_of(row).get(name)
-
-
-def second_of(row: Row) -> tuple[str, Line] | None:
-    """The span that decides, 1 s where the log has it, and the moments of the errors over it."""
-    spans = spans_of(row)
-    return next(((name, spans[name]) for name in DECIDING_SPANS if name in spans), None)
-
-
-def mean_of(found: Line, key: str) -> float | None:
-    """The mean among the moments of one kind of error."""
-    return found[key]["mean"] if found else None
+def deciding_span(row: Row) -> str | None:
+    """The span that decides, 1 s where the log has it; none without a truth."""
+    spans = value(row, "errors/spans") or {}
+    return next((name for name in DECIDING_SPANS if name in spans), None)
 
 
 def deciding_error(row: Row) -> float | None:
     """The error over 1 s (or, in a log without truth, of its relations) [m]."""
-    if row["failed"]:
-        return None
-    found = second_of(row)
-    if found is not None:
-        return float(found[1]["se2_translation_m"]["mean"])
-    known = (row["relations"] or {}).get("all")
-    return None if known is None else float(known["translation_m"]["mean"])
+    span = deciding_span(row)
+    way = f"errors/spans/{span}/se2_translation_m" if span else "relations/all/translation_m"
+    found = value(row, f"{way}/mean")
+    return None if found is None else float(found)

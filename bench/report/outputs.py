@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS
-from bench.report import figures, palette, pareto, run_tables, text
+from bench.report import figures, palette, pareto, tables, text
 from bench.results import ARRAYS, FIGURES
 from slams.formats import trajectory
 
@@ -40,7 +40,7 @@ def write(folder: Path, comparison: Comparison) -> None:
         _draw_maps(place, log)
         html.write(place / "report.html", comparison, log)
     if len(comparison.logs) > 1:
-        logs = run_tables.logs_table(comparison)
+        logs = tables.logs_table(comparison)
         logs.to_csv(folder / "table-logs.csv", index_label="algorithm")
         links = [place_of(folder, comparison, k).name for k in range(len(comparison.logs))]
         html.write_joint(folder / "report.html", comparison, links)
@@ -80,7 +80,7 @@ def _draw_errors(folder: Path, log: LogResult) -> None:
     second = {o.row["algorithm"]: o.errors["1 s"] for o in log.outcomes if "1 s" in o.errors}
     if second:
         small = {name: 1e3 * found.se2_translation for name, found in second.items()}
-        figures.save_overview(small, pareto.points_of(log), _looks(log), folder / "fig_errors")
+        figures.save_overview(small, pareto.drawn_of(log), _looks(log), folder / "fig_errors")
 
 
 def _draw_maps(folder: Path, log: LogResult) -> None:

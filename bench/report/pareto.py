@@ -2,49 +2,57 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from bench.report.lines import deciding_error
-from bench.report.words import by_algorithm
+from bench.report.lines import deciding_error, is_lost
 
 if TYPE_CHECKING:
-    from bench.results import Comparison, LogResult
+    from bench.results import Comparison, LogResult, Rows
 
 NAME_WIDTH, STEP = 0.15, 0.055  # of the figure, that a name takes
 LOWEST, HIGHEST = 0.01, 0.94  # of the figure, where a name is written
 
 
 class Point(NamedTuple):
-    """An algorithm: CPU time per scan [ms], error [mm], whether it was lost on any log."""
+    """An algorithm: mean CPU time per scan [ms] and error [mm], nan where there is none.
+
+    The error is that over 1 s, or of the relations; `lost` is on how many logs it was lost or
+    failed.
+    """
 
     name: str
     cpu_ms: float
     error_mm: float
-    lost: bool
+    lost: int
 
 
 def points(comparison: Comparison) -> list[Point]:
-    """A point for each algorithm that has an error and a cost, means over the logs."""
-    found = []
-    for name, rows in by_algorithm(comparison).items():
-        known = [
-            (row["cost"]["mean_ms"], error)
-            for row in rows
-            if not row["failed"] and row["cost"] and (error := deciding_error(row)) is not None
-        ]
-        if known:
-            cpu, error = (sum(values) / len(known) for values in zip(*known, strict=True))
-            lost = any(row["failed"] or row["loss"]["lost"] for row in rows)
-            found.append(Point(name, cpu, 1e3 * error, lost))
-    return found
+    """A point for each algorithm, means over the logs."""
+    return [_point(name, rows) for name, rows in comparison.by_algorithm().items()]
 
 
-def points_of(log: LogResult) -> list[Point]:
+def _point(name: str, rows: Rows) -> Point:
+    errors = [1e3 * error for row in rows if (error := deciding_error(row)) is not None]
+    costs = [cost["mean_ms"] for row in rows if (cost := row.get("cost"))]
+    return Point(name, _mean(costs), _mean(errors), sum(map(is_lost, rows)))
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values) if values else math.nan
+
+
+def drawn(comparison: Comparison) -> list[Point]:
+    """The points that have an error and a cost."""
+    return [one for one in points(comparison) if not math.isnan(one.cpu_ms + one.error_mm)]
+
+
+def drawn_of(log: LogResult) -> list[Point]:
     """The same of one log."""
     from bench.results import Comparison
 
-    return points(Comparison({}, [log], []))
+    return drawn(Comparison({}, [log], []))
 
 
 def front(of: Sequence[Point]) -> list[Point]:

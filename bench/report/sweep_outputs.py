@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench.judge.answers import Analysis, analysis
 from bench.report import sweep_tables
-from bench.report.text import markdown_table
+from bench.report.text import titled, write_csv
 
 if TYPE_CHECKING:
     from bench.results import Line
@@ -20,8 +20,7 @@ def write(folder: Path, sweep: Sweep) -> Analysis:
     from bench.report.html import sweep_page
 
     found = analysis(sweep)
-    for name, made in sweep_tables.tables(found, sweep.facts).items():
-        made.frame.to_csv(folder / f"table-{name}.csv", index_label=made.corner)
+    write_csv(folder, sweep_tables.tables(found, sweep.facts))
     sweep_tables.curve_table(found).to_csv(folder / "survival.csv", index=False)
     sweep_tables.trial_table(sweep).to_csv(folder / "trials.csv", index=False)
     (folder / "tables.md").write_text(as_markdown(found, sweep.facts), encoding="utf-8")
@@ -33,6 +32,6 @@ def write(folder: Path, sweep: Sweep) -> Analysis:
 def as_markdown(found: Analysis, facts: Line) -> str:
     """The answers and all tables."""
     parts = [f"{sweep_tables.head(found, facts)}."]
-    for made in [*sweep_tables.choices(found), *sweep_tables.tables(found, facts).values()]:
-        parts += [f"**{made.title}**", markdown_table(made.frame, made.corner)]
+    made = [*sweep_tables.choices(found), *sweep_tables.tables(found, facts).values()]
+    parts += [titled(one) for one in made]
     return "\n\n".join(parts) + "\n"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import pandas as pd
 
 from bench.judge.answers import Analysis, Cell
-from bench.judge.survival import Critical, Share
-from bench.report.lines import listed, scaled
+from bench.judge.statistics import Share
+from bench.judge.survival import Critical
+from bench.report.lines import Table, listed, scaled
 from bench.report.text import text_table
 from bench.results.runs import Line
 from bench.results.sweep import Sweep
@@ -25,25 +25,17 @@ TAKE = (
 HOW = "critical level: half of the runs are lost, with its 95 % interval"
 
 
-class Table(NamedTuple):
-    """A table with its title and what stands over the names of its lines."""
-
-    title: str
-    corner: str
-    frame: pd.DataFrame
-
-
 def tables(found: Analysis, facts: Line) -> dict[str, Table]:
     """All tables of a sweep, by a name for a file."""
-    made = {"rows": Table(ROWS, "algorithm", row_table(found))}
+    made = {"rows": Table(ROWS, row_table(found))}
     groups = dict.fromkeys((cell.question, cell.odometry) for cell in found.cells)
     for k, (question, odometry) in enumerate(groups):
         own = [c for c in found.cells if (c.question, c.odometry) == (question, odometry)]
         shown = [cell for cell in own if not cell.equal]
         title = f"{question}, {MODES[odometry]}; {HOW}{_not_shown(own)}"
         frame = critical_table(shown, facts["units"])
-        made[f"critical-{k + 1}"] = Table(title, "degradation", frame)
-    made["alarms"] = Table(ALARMS, "algorithm", alarm_table(found))
+        made[f"critical-{k + 1}"] = Table(title, frame, "degradation")
+    made["alarms"] = Table(ALARMS, alarm_table(found))
     return {name: one for name, one in made.items() if len(one.frame)}
 
 
@@ -106,7 +98,7 @@ def choices(found: Analysis) -> list[Table]:
     for cell in found.situations:
         lines = made.setdefault(cell.question, {})
         lines.setdefault(cell.title, {})[MODES[cell.odometry]] = answer(cell)
-    return [Table(question, "situation", _frame(lines)) for question, lines in made.items()]
+    return [Table(question, _frame(lines), "situation") for question, lines in made.items()]
 
 
 def row_table(found: Analysis) -> pd.DataFrame:
@@ -172,8 +164,7 @@ def terminal(found: Analysis, facts: Line) -> str:
     """The answer first, then the tables."""
     parts = [head(found, facts), TAKE]
     for one in [*choices(found), *tables(found, facts).values()]:
-        frame = one.frame.replace(r"\*\*", "", regex=True)
-        parts += [one.title, text_table(frame, one.corner)]
+        parts += [one.title, text_table(one.frame, one.corner)]
     return "\n\n".join(parts)
 
 

@@ -1,32 +1,37 @@
-"""Every table of the benchmark as a data frame, made from the results alone."""
+"""Every table of a comparison as a data frame, made from the results alone."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from bench.report import error_tables, run_tables
-from bench.results import Line, Rows
+from bench.judge.metrics import SPANS
+from bench.report import unaided
+from bench.report.lines import (
+    Columns,
+    Table,
+    deciding_error,
+    deciding_span,
+    frame_of,
+    is_lost,
+    label,
+    line,
+    sensors,
+    value,
+)
+from bench.results import Line, Row, Rows
+from slams.registry import BASELINES
 
-PAPER = {
-    "translation_m": "Table I: relative error of translation per update [m]",
-    "orientation_rad": "Table II: relative error of orientation per update [rad]",
-}
-TITLES = {
-    "main": "Error, cost and whether the run was lost",
-    "translation": PAPER["translation_m"],
-    "orientation": PAPER["orientation_rad"],
-    "spans": "The same over equal times and ways: mean error [mm] and [mrad], SE(2)",
-    "overview": "Whole run: drift, where it was lost, where its poses come from",
-    "relations": "Errors of the relations, mean and deviation",
-    "starts": "The same from other start scans: how much of it was luck",
-    "parts": "Errors of the relations, those between near stamps and the loops apart",
-    "unaided": "Measures that need no truth, to hold against it; less is better",
-    "maps": "Maps against the true one",
-    "cost": "Cost on one thread",
-    "published": "Published, per update, on other logs",
-}
+if TYPE_CHECKING:
+    from bench.results import Comparison
+
+Maker = Callable[[Line, Rows], pd.DataFrame]
+
+PUBLISHED = Path(__file__).with_name("published.csv")
 OVER_LOGS = "Over all logs: error over 1 s, or of the relations, of the runs not lost"
 DIFFERS = (
     "The paper's log is not public: another drive, map and simulator (stdr_simulator's ranges come "
@@ -34,25 +39,222 @@ DIFFERS = (
 )
 
 
-Maker = Callable[[Line, Rows], pd.DataFrame]
-MAKERS: dict[str, Maker] = {
-    "main": run_tables.main_table,
-    "translation": lambda _, rows: error_tables.paper_table(rows, "translation_m"),
-    "orientation": lambda _, rows: error_tables.paper_table(rows, "orientation_rad"),
-    "published": error_tables.published_table,
-    "spans": error_tables.span_table,
-    "overview": run_tables.overview_table,
-    "relations": error_tables.relation_table,
-    "starts": run_tables.starts_table,
-    "parts": error_tables.parts_table,
-    "unaided": run_tables.unaided_table,
-    "maps": run_tables.map_table,
-    "cost": run_tables.cost_table,
+def _update(kind: str) -> Columns:
+    """[Kuehn] Table I or II: mean, deviation (ddof 0), least and greatest error per update."""
+    names = {"mean": "mean", "deviation": "std", "min": "min", "max": "max"}
+    return {head: (f"errors/spans/update/{kind}/{key}", 1) for head, key in names.items()}
+
+
+def _relations(part: str, mark: str) -> Columns:
+    """[Kuemmerle09]: absolute errors of all relations, or of the local ones or the loops."""
+    return {
+        f"{mark}[m]": (f"relations/{part}/translation_m/mean", 1),
+        f"{mark}± [m]": (f"relations/{part}/translation_m/std", 1),
+        f"{mark}[rad]": (f"relations/{part}/rotation_rad/mean", 1),
+        f"{mark}± [rad]": (f"relations/{part}/rotation_rad/std", 1),
+        f"{mark}relations": (f"relations/{part}/used", 1),
+    }
+
+
+SPAN_COLUMNS: Columns = {
+    f"{span.name} [{unit}]": (f"errors/spans/{span.name}/{key}/mean", 1e3)
+    for span in SPANS
+    for unit, key in (("mm", "se2_translation_m"), ("mrad", "orientation_rad"))
+}
+OVERVIEW: Columns = {
+    "end [mm]": ("errors/end_m", 1e3),
+    "drift [mm/m]": ("errors/drift", 1e3),
+    "dropped": ("errors/dropped", 1),
+    "lost after [m]": ("loss/truth/after_m", 1),
+    "posed [%]": ("posed", 1e2),
+    "refined [%]": ("refined", 1e2),
+    "within limits [%]": ("loss/truth/completed", 1e2),
+    "says lost": ("loss/report/scans", 1),
+}
+PRICE: Columns = {
+    "CPU [ms]": ("cost/mean_ms", 1),
+    "memory [MB]": ("cost/peak_memory_mb", 1),
+    "start-up [s]": ("cost/start_up_s", 1),
+}
+COST: Columns = {
+    "mean [ms]": ("cost/mean_ms", 1),
+    "p50 [ms]": ("cost/p50_ms", 1),
+    "p95 [ms]": ("cost/p95_ms", 1),
+    "p99 [ms]": ("cost/p99_ms", 1),
+    "max [ms]": ("cost/max_ms", 1),
+    "x real time": ("cost/real_time_factor", 1),
+}
+MAPS: Columns = {
+    "IoU": ("map/iou", 1),
+    "ADNN to truth [mm]": ("map/adnn_to_truth", 1e3),
+    "from truth [mm]": ("map/adnn_from_truth", 1e3),
+    "walls [mm]": ("map/wall_thickness", 1e3),
+    "true walls [mm]": ("map/true_wall_thickness", 1e3),
+    "coverage [%]": ("map/coverage", 1e2),
+}
+STARTS: Columns = {
+    "starts": ("starts/n", 1),
+    "mean [m]": ("starts/mean", 1),
+    "median [m]": ("starts/median", 1),
+    "worst [m]": ("starts/worst", 1),
 }
 
 
-def tables(log: Line, rows: Rows) -> dict[str, pd.DataFrame]:
-    """All tables of one log that have anything to say, by their key in `TITLES`."""
+def main_table(_: Line, rows: Rows) -> pd.DataFrame:
+    """The one table: error, whether the run was lost, cost; without a truth what stands for it."""
+    without = {} if any(row["errors"] for row in rows) else unaided.measures(rows)
+    lines: dict[str, Line] = {}
+    for row in rows:
+        span = deciding_span(row) or "1 s"
+        errors: Columns = {
+            f"{span} [mm]": (f"errors/spans/{span}/se2_translation_m/mean", 1e3),
+            "ATE [mm]": ("errors/ate_m", 1e3),
+            "relations [mm]": ("relations/all/translation_m/mean", 1e3),
+        }
+        found = line(row, errors) | without.get(row["algorithm"], {}) | {"lost": _lost(row)}
+        lines[label(row)] = found | line(row, PRICE) | {"used": sensors(row)}
+    return frame_of(lines)
+
+
+def _lost(row: Row) -> str:
+    """Whether a run was lost, and when."""
+    at = value(row, f"loss/{row['loss']['by']}/at_s")
+    return "no" if not row["loss"]["lost"] else "yes" if at is None else f"after {at:.0f} s"
+
+
+def unaided_table(_: Line, rows: Rows) -> pd.DataFrame:
+    """The measures that need no truth, where there is one: they can be held against it."""
+    if not any(row["errors"] for row in rows):
+        return pd.DataFrame()  # they stand in the one table
+    found = unaided.measures(rows)
+    return frame_of({label(row): found[row["algorithm"]] for row in rows})
+
+
+def starts_table(_: Line, rows: Rows) -> pd.DataFrame:
+    """Errors of the relations when the run begins at other scans of the log."""
+    lines: dict[str, Line] = {}
+    for row in rows:
+        if found := row.get("starts"):
+            above = {f"above {found['limit_m']:g} m": f"{found['above']} of {found['n']}"}
+            lines[label(row)] = line(row, STARTS) | above
+    return frame_of(lines)
+
+
+def relation_table(log: Line, rows: Rows) -> pd.DataFrame:
+    """[Kuemmerle09]: absolute errors; the published ones of the log below."""
+    found = frame_of({label(row): line(row, _relations("all", "")) for row in rows})
+    known = {"[m]": "translation_mean", "± [m]": "translation_std"}
+    known |= {"[rad]": "rotation_mean", "± [rad]": "rotation_std"}
+    printed = {
+        f"published: {one['program']}": {head: one[key] for head, key in known.items()}
+        for one in published("relations", log["name"])
+    }
+    return pd.concat([found, frame_of(printed)]) if len(found) and printed else found
+
+
+def published(kind: str, log: str | None = None) -> list[Line]:
+    """Figures printed in papers or measured from the published programs."""
+    known = pd.read_csv(PUBLISHED)
+    chosen = known[(known["kind"] == kind) & ((known["log"] == log) | (log is None))]
+    return [{str(key): one for key, one in row.items()} for row in chosen.to_dict("records")]
+
+
+def published_table(_: Line, rows: Rows) -> pd.DataFrame:
+    """[Kuehn] Tables I and II as printed, and what was measured of the programs on another log.
+
+    Beside runs of our versions of those programs only.
+    """
+    known = published("update")
+    if not {row["ours"] for row in known} & {row["algorithm"] for row in rows}:
+        return pd.DataFrame()
+    columns = {
+        "translation mean [m]": "translation_mean",
+        "dev [m]": "translation_std",
+        "max [m]": "translation_max",
+        "orientation mean [rad]": "rotation_mean",
+        "dev [rad]": "rotation_std",
+        "max [rad]": "rotation_max",
+    }
+    return frame_of(
+        {
+            f"{row['program']}, {row['log']}": {head: row[key] for head, key in columns.items()}
+            for row in known
+        }
+    )
+
+
+def logs_table(comparison: Comparison) -> pd.DataFrame:
+    """A line per algorithm over all logs: lost runs, rank, mean and worst log.
+
+    The error that counts is that over a second, or of the relations in a log without truth. A run
+    that failed or was lost ranks behind all others, and has no part in the mean. Without either
+    the rank is that of `unaided.mean_ranks`.
+    """
+    runs = comparison.by_algorithm()
+    lost = {name: [is_lost(row) for row in rows] for name, rows in runs.items()}
+    table = pd.DataFrame(
+        {"logs": len(comparison.logs), "lost or failed": [sum(of) for of in lost.values()]},
+        index=[*runs],
+    )
+    kept = [
+        {row["algorithm"]: None if is_lost(row) else deciding_error(row) for row in log.rows}
+        for log in comparison.logs
+    ]
+    errors = pd.DataFrame(kept, columns=[*runs], dtype=float)
+    if errors.isna().all(axis=None):
+        own_names = {name for name in runs if name.partition("@")[0] not in BASELINES}
+        ranks, _ = unaided.mean_ranks(comparison, own_names)
+        return table.assign(**{"mean rank": pd.Series(ranks, dtype=float)}).dropna(
+            axis=1, how="all"
+        )
+    behind = errors.fillna(math.inf)
+    worst = behind.to_numpy().argmax(axis=0)
+    table["mean rank"] = behind.rank(axis=1).mean()
+    table["mean [mm]"] = 1e3 * errors.mean()
+    table["worst [mm]"] = 1e3 * errors.max(skipna=False)
+    table["worst log"] = [comparison.logs[k].entry["name"] for k in worst]
+    return table.dropna(axis=1, how="all")
+
+
+def _by(columns: Columns) -> Maker:
+    """The table that has these columns and nothing else."""
+    return lambda _, rows: frame_of({label(row): line(row, columns) for row in rows})
+
+
+# by the name of its file: the title, and what makes it
+TABLES: dict[str, tuple[str, Maker]] = {
+    "main": ("Error, cost and whether the run was lost", main_table),
+    "translation": (
+        "Table I: relative error of translation per update [m]",
+        _by(_update("translation_m")),
+    ),
+    "orientation": (
+        "Table II: relative error of orientation per update [rad]",
+        _by(_update("orientation_rad")),
+    ),
+    "published": ("Published, per update, on other logs", published_table),
+    "spans": (
+        "The same over equal times and ways: mean error [mm] and [mrad], SE(2)",
+        _by(SPAN_COLUMNS),
+    ),
+    "overview": ("Whole run: drift, where it was lost, where its poses come from", _by(OVERVIEW)),
+    "relations": ("Errors of the relations, mean and deviation", relation_table),
+    "starts": ("The same from other start scans: how much of it was luck", starts_table),
+    "parts": (
+        "Errors of the relations, those between near stamps and the loops apart",
+        _by(_relations("local", "local ") | _relations("loop", "loop ")),
+    ),
+    "unaided": (
+        "Measures that need no truth, to hold against it; less is better",
+        unaided_table,
+    ),
+    "maps": ("Maps against the true one", _by(MAPS)),
+    "cost": ("Cost on one thread", _by(COST)),
+}
+
+
+def tables(log: Line, rows: Rows) -> dict[str, Table]:
+    """All tables of one log that have anything to say, by their names."""
     done = [row for row in rows if not row["failed"]]
-    made = {key: maker(log, done) for key, maker in MAKERS.items()}
-    return {key: frame for key, frame in made.items() if len(frame) and len(frame.columns)}
+    made = {key: Table(title, maker(log, done)) for key, (title, maker) in TABLES.items()}
+    return {key: one for key, one in made.items() if one.frame.size}

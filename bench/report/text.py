@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from bench.judge.metrics import SpanErrors
-from bench.report import run_tables, tables, words
+from bench.report import tables, words
+from bench.report.lines import Table
 from bench.report.numbers import cell
-from bench.report.tables import TITLES
 from bench.results import Line, Rows
 
 if TYPE_CHECKING:
@@ -20,14 +20,17 @@ if TYPE_CHECKING:
 TERMINAL = ("main", "starts")
 
 
-def cells(frame: pd.DataFrame, corner: str = "algorithm") -> list[list[str]]:
-    """Head, with `corner` over the names of the lines, and body of a table as text."""
+def cells(frame: pd.DataFrame, corner: str, bold: str = "") -> list[list[str]]:
+    """Head, with `corner` over the names of the lines, and body of a table as text.
+
+    `bold` is what stands around an answer.
+    """
     head = [corner, *map(str, frame.columns)]
     body = [
         [str(name), *(cell(str(c), v) for c, v in zip(frame.columns, line, strict=True))]
         for name, line in zip(frame.index, frame.to_numpy(), strict=True)
     ]
-    return [head, *body]
+    return [head, *([text.replace("**", bold) for text in line] for line in body)]
 
 
 def text_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
@@ -45,9 +48,14 @@ def text_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
 
 def markdown_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
     """A frame as a markdown table."""
-    lines = cells(frame, corner)
+    lines = cells(frame, corner, "**")
     rule = ["---", *["---:"] * (len(lines[0]) - 1)]
     return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], rule, *lines[1:]))
+
+
+def titled(one: Table) -> str:
+    """A markdown table below its title."""
+    return f"**{one.title}**\n\n{markdown_table(one.frame, one.corner)}"
 
 
 def head(log: Line) -> str:
@@ -59,7 +67,7 @@ def terminal(comparison: Comparison) -> str:
     """The answer, then one table for each log; the files have more."""
     parts = ["\n".join(words.answer(comparison))]
     if len(comparison.logs) > 1:
-        parts += [tables.OVER_LOGS, text_table(run_tables.logs_table(comparison))]
+        parts += [tables.OVER_LOGS, text_table(tables.logs_table(comparison))]
     parts += [as_text(log.entry, log.rows) for log in comparison.logs]
     return "\n\n".join(parts)
 
@@ -70,15 +78,15 @@ def as_text(log: Line, rows: Rows) -> str:
     parts = [head(log), *(f"note: {note}" for note in log.get("notes", []))]
     for key in TERMINAL:
         if key in made:
-            parts += [*([TITLES[key]] if key != "main" else []), text_table(made[key])]
+            parts += [*([made[key].title] if key != "main" else []), text_table(made[key].frame)]
     return "\n\n".join([*parts, *words.failures(rows)])
 
 
 def as_markdown(log: Line, rows: Rows) -> str:
     """The whole comparison on one log, for a README."""
     parts = [head(log), *(f"Note: {note}." for note in log.get("notes", []))]
-    for key, frame in tables.tables(log, rows).items():
-        parts += [f"**{TITLES[key]}**", markdown_table(frame)]
+    for key, one in tables.tables(log, rows).items():
+        parts.append(titled(one))
         if key == "published":
             parts.append(tables.DIFFERS)
     if log.get("verdicts"):
@@ -89,8 +97,13 @@ def as_markdown(log: Line, rows: Rows) -> str:
 def write_tables(folder: Path, log: Line, rows: Rows) -> None:
     """tables.md, and every table as csv with all digits."""
     (folder / "tables.md").write_text(as_markdown(log, rows), encoding="utf-8")
-    for key, frame in tables.tables(log, rows).items():
-        frame.to_csv(folder / f"table-{key}.csv", index_label="algorithm")
+    write_csv(folder, tables.tables(log, rows))
+
+
+def write_csv(folder: Path, made: Mapping[str, Table]) -> None:
+    """Every table as csv with all digits."""
+    for key, one in made.items():
+        one.frame.to_csv(folder / f"table-{key}.csv", index_label=one.corner)
 
 
 def write_errors(path: Path, errors: SpanErrors) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.report.lines import listed
+from bench.report.lines import Columns, line, listed, value
 from bench.results import Line, Row, Rows
 
 if TYPE_CHECKING:
@@ -21,6 +21,11 @@ MEASURES = {
 }
 # by their rank correlation with the truth, docs/comparison.md; two runs alone are equally far apart
 DECIDING, OF_TWO = ("disagreement [mm]",), ("walls [x]", "revisits [mm]")
+COLUMNS: Columns = {
+    "revisits [mm]": ("consistency/revisits_m", 1e3),
+    "disagreement [mm]": ("disagreement_m", 1e3),
+    "conflict [%]": ("conflict", 1e2),
+}
 FEWEST = 3  # runs of which one can be the odd one out
 
 
@@ -33,15 +38,8 @@ def measures(rows: Rows) -> dict[str, Line]:
 
 
 def _measures(row: Row, least: float | None) -> Line:
-    found = row.get("consistency") or {}
-    area, revisits = found.get("walls_m2"), found.get("revisits_m")
-    apart, conflict = row.get("disagreement_m"), row.get("conflict")
-    return {
-        "walls [x]": area / least if area and least else None,
-        "revisits [mm]": None if revisits is None or revisits != revisits else 1e3 * revisits,
-        "disagreement [mm]": None if apart is None else 1e3 * apart,
-        "conflict [%]": None if conflict is None else 1e2 * conflict,
-    }
+    area = value(row, "consistency/walls_m2")
+    return {"walls [x]": area / least if area and least else None} | line(row, COLUMNS)
 
 
 def ranks(found: dict[str, Line]) -> dict[str, float]:

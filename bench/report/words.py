@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+import math
+from typing import TYPE_CHECKING
 
 from bench.judge.verdicts import SIGNIFICANT
 from bench.report import unaided
-from bench.report.lines import deciding_error, listed
+from bench.report.lines import is_lost, listed, value
 from bench.report.numbers import cell
+from bench.report.pareto import Point, points
 from bench.results import Line, Row, Rows
 from slams.registry import BASELINES
 
@@ -17,38 +19,17 @@ if TYPE_CHECKING:
 SAME = 1.25  # times the least error is the same accuracy, if chance may make the difference
 
 
-class Candidate(NamedTuple):
-    """An algorithm over all logs: how many runs were lost or failed, mean error [m], CPU [ms].
-
-    The error is that over 1 s, or of the relations; None where there is neither. CPU is None where
-    nobody measured it.
-    """
-
-    name: str
-    lost: int
-    error: float | None
-    cpu_ms: float | None
-
-
 def answer(comparison: Comparison) -> list[str]:
     """Which one to take, on what grounds, and what else there is to know; a sentence each."""
-    every = [_candidate(name, rows) for name, rows in by_algorithm(comparison).items()]
+    every = points(comparison)
     own = [one for one in every if one.name.partition("@")[0] not in BASELINES] or every
     least = min((one.lost for one in own), default=0)
     kept = [one for one in own if one.lost == least]
-    if not kept or (least == len(comparison.logs) and not any(one.error for one in kept)):
+    if not kept or (least == len(comparison.logs) and not any(one.error_mm > 0.0 for one in kept)):
         return ["Every algorithm was lost or failed: none can be recommended here."]
-    if all(one.error is None for one in kept):
+    if all(math.isnan(one.error_mm) for one in kept):
         return unaided.answer(comparison, {one.name for one in kept})
     return [*_take(comparison, kept), *_lost(comparison), *_slow(comparison.rows)]
-
-
-def by_algorithm(comparison: Comparison) -> dict[str, Rows]:
-    """The rows of each algorithm, a row for each log."""
-    found: dict[str, Rows] = {}
-    for row in comparison.rows:
-        found.setdefault(row["algorithm"], []).append(row)
-    return found
 
 
 def failures(rows: Rows) -> list[str]:
@@ -61,22 +42,16 @@ def neighbors(verdicts: list[Line]) -> list[Line]:
     return [verdict for verdict in verdicts if verdict["next"]]
 
 
-def _candidate(name: str, rows: Rows) -> Candidate:
-    whole = [row for row in rows if not row["failed"]]
-    lost = len(rows) - sum(not row["loss"]["lost"] for row in whole)
-    errors = [error for row in whole if (error := deciding_error(row)) is not None]
-    times = [row["cost"]["mean_ms"] for row in whole if row["cost"]]
-    return Candidate(name, lost, _mean(errors), _mean(times))
-
-
-def _take(comparison: Comparison, kept: list[Candidate]) -> list[str]:
+def _take(comparison: Comparison, kept: list[Point]) -> list[str]:
     """The most accurate; of those as accurate within chance the cheapest."""
-    judged = sorted((one for one in kept if one.error is not None), key=lambda one: one.error or 0)
+    known = [one for one in kept if not math.isnan(one.error_mm)]
+    judged = sorted(known, key=lambda one: one.error_mm)
     best = judged[0]
     equal = [best, *(one for one in judged[1:] if _alike(comparison, best, one))]
-    taken = min(equal, key=lambda one: float("inf") if one.cpu_ms is None else one.cpu_ms)
-    over = "over 1 s" if _has_truth(comparison) else "by the relations"
-    what = f"{_mm(taken.error)} {over}{_cost(taken)}"
+    taken = min(equal, key=lambda one: math.inf if math.isnan(one.cpu_ms) else one.cpu_ms)
+    with_truth = any(row["errors"] for row in comparison.rows if not row["failed"])
+    over = "over 1 s" if with_truth else "by the relations"
+    what = f"{_mm(taken)} {over}{_cost(taken)}"
     others = [one.name for one in equal if one is not taken]
     verb = "Take" if not taken.lost else "The most accurate all the same is"
     words = [f"{verb} {taken.name}: {what}."]
@@ -85,16 +60,17 @@ def _take(comparison: Comparison, kept: list[Candidate]) -> list[str]:
     behind = [one for one in judged if one not in equal]
     if behind:
         words.append(
-            f"Next: {listed([f'{one.name} {_mm(one.error)}{_cost(one)}' for one in behind[:3]])}."
+            f"Next: {listed([f'{one.name} {_mm(one)}{_cost(one)}' for one in behind[:3]])}."
         )
     if kept[0].lost:
-        words.insert(0, f"Every algorithm was lost on {kept[0].lost} of {_logs(comparison)}.")
+        logs = "1 log" if len(comparison.logs) == 1 else f"{len(comparison.logs)} logs"
+        words.insert(0, f"Every algorithm was lost on {kept[0].lost} of {logs}.")
     return words
 
 
-def _alike(comparison: Comparison, best: Candidate, other: Candidate) -> bool:
+def _alike(comparison: Comparison, best: Point, other: Point) -> bool:
     """Whether chance may make the difference of two in translation, and it is a small one."""
-    if (other.error or 0.0) > SAME * (best.error or 0.0):
+    if other.error_mm > SAME * best.error_mm:
         return False  # a log too short to prove anything proves no equality
     several = len(comparison.logs) > 1
     found = comparison.over_logs if several else comparison.logs[0].entry.get("verdicts") or []
@@ -110,8 +86,8 @@ def _alike(comparison: Comparison, best: Candidate, other: Candidate) -> bool:
 def _lost(comparison: Comparison) -> list[str]:
     """The algorithms that were lost or failed, on how many logs, on one log when."""
     words = []
-    for name, rows in by_algorithm(comparison).items():
-        lost = [row for row in rows if row["failed"] or row["loss"]["lost"]]
+    for name, rows in comparison.by_algorithm().items():
+        lost = [row for row in rows if is_lost(row)]
         if lost and len(comparison.logs) == 1:
             words.append(f"{name}{_when(lost[0])}")
         elif lost:
@@ -122,7 +98,7 @@ def _lost(comparison: Comparison) -> list[str]:
 def _when(row: Row) -> str:
     if row["failed"]:
         return " (failed)"
-    at = (row["loss"].get(row["loss"]["by"]) or {}).get("at_s")
+    at = value(row, f"loss/{row['loss']['by']}/at_s")
     return "" if at is None else f" after {at:.0f} s"
 
 
@@ -133,21 +109,9 @@ def _slow(rows: Rows) -> list[str]:
     return [f"Slower than the scans came: {listed([*slow])}."] if slow else []
 
 
-def _has_truth(comparison: Comparison) -> bool:
-    return any(row["errors"] for row in comparison.rows if not row["failed"])
+def _cost(one: Point) -> str:
+    return "" if math.isnan(one.cpu_ms) else f", {cell('[ms]', one.cpu_ms)} ms per scan"
 
 
-def _logs(comparison: Comparison) -> str:
-    return "1 log" if len(comparison.logs) == 1 else f"{len(comparison.logs)} logs"
-
-
-def _cost(one: Candidate) -> str:
-    return "" if one.cpu_ms is None else f", {cell('[ms]', one.cpu_ms)} ms per scan"
-
-
-def _mm(meters: float | None) -> str:
-    return f"{cell('[mm]', 1e3 * (meters or 0.0))} mm"
-
-
-def _mean(values: list[float]) -> float | None:
-    return sum(values) / len(values) if values else None
+def _mm(one: Point) -> str:
+    return f"{cell('[mm]', one.error_mm)} mm"

@@ -7,19 +7,21 @@ again without a run.
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from bench.results.arrays import arrays_of_outcome, arrays_of_reference, outcome_of, reference_of
-from bench.results.runs import Line, Outcome, Reference, Rows
+from bench.results.runs import Line, Outcome, Reference, Row, Rows
+from slams.types import OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-FORMAT = "results-3"
+FORMAT = "results-4"
 FIGURES, ARRAYS = "results.json", "arrays.npz"
 
 
@@ -56,6 +58,13 @@ class Comparison(NamedTuple):
         """The figures of every run on every log."""
         return [row for log in self.logs for row in log.rows]
 
+    def by_algorithm(self) -> dict[str, Rows]:
+        """The rows of each algorithm, a row for each log."""
+        found: dict[str, Rows] = {}
+        for row in self.rows:
+            found.setdefault(row["algorithm"], []).append(row)
+        return found
+
     def as_dict(self) -> Line:
         """The content of results.json."""
         return {
@@ -74,9 +83,9 @@ def save(folder: Path, comparison: Comparison) -> None:
     write_figures(folder / FIGURES, comparison.as_dict())
     arrays: dict[str, Any] = {"format": FORMAT}
     for k, log in enumerate(comparison.logs):
-        arrays |= _keyed(f"{k}", arrays_of_reference(log.reference))
+        arrays |= _arrays(f"{k}", log.reference)
         for i, outcome in enumerate(log.outcomes):
-            arrays |= _keyed(f"{k}/{i}", arrays_of_outcome(outcome))
+            arrays |= _arrays(f"{k}/{i}", outcome)
     write_npz(folder / ARRAYS, arrays)
 
 
@@ -93,9 +102,9 @@ def read(folder: str | Path) -> Comparison:
     rows = iter(found["rows"])
     logs = []
     for k, entry in enumerate(found["logs"]):
-        count = sum(1 for key in arrays if key.startswith(f"{k}/") and key.endswith("/t"))
-        outcomes = [outcome_of(next(rows), _under(arrays, f"{k}/{i}")) for i in range(count)]
-        logs.append(LogResult(reference_of(entry, _under(arrays, f"{k}")), outcomes))
+        count = sum(1 for key in arrays if re.fullmatch(rf"{k}/\d+/t", key))
+        outcomes = [_outcome_of(next(rows), _under(arrays, f"{k}/{i}")) for i in range(count)]
+        logs.append(LogResult(_reference_of(entry, _under(arrays, f"{k}")), outcomes))
     known = ("format", "logs", "rows", "over_logs")
     facts = {key: value for key, value in found.items() if key not in known}
     return Comparison(facts, logs, found["over_logs"])
@@ -128,6 +137,43 @@ def read_figures(path: str | Path, expected: str | None = None) -> Line:
     return found
 
 
+def _arrays(place: str, value: Any) -> dict[str, Any]:
+    """The arrays and numbers inside a value by their place; dicts are in results.json."""
+    if value is None or isinstance(value, dict):
+        return {}
+    if dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+    elif isinstance(value, tuple) and hasattr(value, "_fields") and not isinstance(value, Pose2):
+        names = list(value._fields)
+    else:
+        return {place: value}
+    parts = (_arrays(f"{place}/{name}", getattr(value, name)) for name in names)
+    return {key: array for part in parts for key, array in part.items()}
+
+
+def _outcome_of(row: Row, arrays: dict[str, Any]) -> Outcome:
+    from bench.judge.metrics import Common
+
+    common = None
+    if "common/t" in arrays:
+        t, estimate, truth = (arrays[f"common/{key}"] for key in ("t", "estimate", "truth"))
+        common = Common(t, estimate, truth, int(arrays["common/dropped"]))
+    series = arrays["t"], arrays["poses"], arrays["seconds"]
+    return Outcome(row, *series, _grid(arrays), common, Pose2(*arrays["frame"].tolist()))
+
+
+def _reference_of(entry: Line, arrays: dict[str, Any]) -> Reference:
+    start = Pose2(*arrays["start"].tolist()) if "start" in arrays else None
+    return Reference(entry, arrays.get("path"), _grid(arrays), start)
+
+
+def _grid(arrays: dict[str, Any]) -> OccupancyGrid | None:
+    if "grid/p" not in arrays:
+        return None
+    x, y = arrays["grid/origin"].tolist()
+    return OccupancyGrid(arrays["grid/p"], float(arrays["grid/resolution"]), (x, y))
+
+
 def _read_arrays(path: Path) -> dict[str, Any]:
     import zipfile
 
@@ -138,11 +184,6 @@ def _read_arrays(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path}: damaged ({error}); run it again") from error
 
 
-def _keyed(place: str, arrays: dict[str, Any]) -> dict[str, Any]:
-    return {f"{place}/{key}": value for key, value in arrays.items()}
-
-
 def _under(arrays: dict[str, Any], place: str) -> dict[str, Any]:
-    """The arrays of one place, those of deeper ones left out."""
-    found = {key[len(place) + 1 :]: arrays[key] for key in arrays if key.startswith(f"{place}/")}
-    return {key: value for key, value in found.items() if "/" not in key}
+    """The arrays of one place."""
+    return {key[len(place) + 1 :]: arrays[key] for key in arrays if key.startswith(f"{place}/")}

@@ -47,7 +47,7 @@ class Row(TypedDict, total=False):
     relations: dict[str, Any] | None
     starts: dict[str, Any] | None
     loss: dict[str, Any]
-    map: dict[str, Any] | None
+    map: dict[str, float | None] | None
     consistency: dict[str, Any]
     disagreement_m: float | None
     conflict: float | None

@@ -31,22 +31,17 @@ class Trial(TypedDict, total=False):
     odometry: bool
     failed: str | None
     used: list[str]
-    posed: float | None
-    refined: float | None
     scans: int
     duration_s: float
     way_m: float
     ate_m: float
     worst_m: float
     second_m: float | None
-    second_rad: float | None
     lost: bool
     lost_at_s: float | None
     right_again: bool | None
     episodes: int
     said_in_time: int
-    said_late: int
-    missed: int
     right_scans: int
     false_alarms: int
     wheels_ate_m: float | None

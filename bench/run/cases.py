@@ -11,13 +11,13 @@ from typing import Any, cast
 import numpy as np
 
 import slams.jit  # noqa: F401 so that numba is loaded before the memory is measured
-from bench.judge import loss, metrics
-from bench.results import Errors, Outcome, Row
+from bench.judge import loss, mapquality, metrics
+from bench.results import Errors, Outcome, Reference, Row
 from bench.run.single import Single
 from bench.run.timing import PeakMemory
 from slams import load
 from slams.formats.options import SourceOptions
-from slams.metrics import path_length
+from slams.metrics import ate, path_length
 from slams.params import Params
 from slams.player import WARM_UP_SCANS, replay, warm_up
 from slams.registry import Entry, find
@@ -33,6 +33,7 @@ class Choice:
 
     `options` say how a recorded log is read; `sensor` names the laser that the parameters are for;
     `ros` has what ROS files say and `single` what is given for one algorithm alone, by label.
+    Runs are judged by `relations`, too, each algorithm begun at so many scans.
     """
 
     limit: int | None = None
@@ -43,6 +44,8 @@ class Choice:
     sensor: str | None = None
     ros: Mapping[str, Taken] = field(default_factory=dict)
     single: Mapping[str, Single] = field(default_factory=dict)
+    relations: Floats | None = None
+    starts: int = 1
 
     def log(self, path: str | Path) -> ScanLog:
         """The chosen part of the log at `path`."""
@@ -59,7 +62,48 @@ class Choice:
         return self.single.get(entry.label, Single()).applied(params)
 
 
-def replayed(label: str, log: ScanLog, choice: Choice, relations: Floats | None = None) -> Outcome:
+def reference(log: ScanLog) -> Reference:
+    """Everything known of a log."""
+    entry = facts(log)
+    truth = log.truth_at(log.t)
+    if truth is None:
+        return Reference(entry)
+    found = metrics.common(log.t, truth, truth)
+    if not len(found.t):
+        return Reference(entry)
+    at_first = Pose2(*truth[0].tolist()) if np.isfinite(truth[0]).all() else None
+    true_map = mapquality.truth_map(log)
+    return Reference(entry, found.truth, true_map, at_first)
+
+
+def facts(log: ScanLog) -> dict[str, Any]:
+    """The log's own figures."""
+    entry: dict[str, Any] = {
+        "name": log.name,
+        "scans": len(log),
+        "beams": log.laser.n_beams,
+        "duration_s": float(log.t.max() - log.t.min()),
+        "stamps_back": log.stamp_jumps,
+        "odometry": log.odom is not None,
+        "gyro": log.yaw_rate is not None,
+        "truth_gap_s": None,
+        "notes": list(log.notes),
+        "meta": log.meta,
+    }
+    if len(log) == 1:
+        entry["notes"].append("one scan only: there is no motion to compare")
+    if log.truth is not None:
+        stamps, _ = log.truth.in_order
+        entry["truth_gap_s"] = float(np.diff(stamps).max()) if len(stamps) > 1 else None
+        covered = int(np.isfinite(log.truth.poses_at(log.t)[:, 0]).sum())
+        if covered < len(log):
+            entry["notes"].append(
+                f"the truth covers {covered} of {len(log)} scans; the others do not count"
+            )
+    return entry
+
+
+def replayed(label: str, log: ScanLog, choice: Choice) -> Outcome:
     """Replay a log through the algorithm `label`; raises whatever that raises."""
     entry = find(label)
     params = choice.params(entry)
@@ -76,7 +120,7 @@ def replayed(label: str, log: ScanLog, choice: Choice, relations: Floats | None 
         "peak_memory_mb": memory.mb,
     }
     row["conflict"] = 1.0 - float(np.mean(quality)) if quality else None
-    row |= judged(log, run.t, run.final, relations, run.report)
+    row |= judged(log, run.t, run.final, choice.relations, run.report)
     common = metrics.common_with(log, run.t, run.final)
     return Outcome(row, run.t, run.final, run.seconds, grid, common)
 
@@ -118,13 +162,13 @@ def judged(
     common = metrics.common_with(log, t, poses)
     found = None if relations is None else metrics.relation_errors(t, poses, relations)
     return {
-        "errors": None if common is None else _against_truth(common, log, t, poses),
+        "errors": None if common is None else _against_truth(common),
         "relations": None if found is None else _relations(found),
         "loss": _losses(common, found, t, report),
     }
 
 
-def _against_truth(common: metrics.Common, log: ScanLog, t: Floats, poses: Floats) -> Errors:
+def _against_truth(common: metrics.Common) -> Errors:
     """[Kuehn] Tables I and II over every span; ATE and drift."""
     length = path_length(common.truth)
     end = float(math.hypot(*(common.estimate[-1, :2] - common.truth[-1, :2])))
@@ -132,7 +176,7 @@ def _against_truth(common: metrics.Common, log: ScanLog, t: Floats, poses: Float
     return {
         "dropped": common.dropped,
         "spans": {name: _moments(found) for name, found in spans.items()},
-        "ate_m": metrics.ate_with(log, t, poses),
+        "ate_m": ate(common.estimate, common.truth),
         "end_m": end,
         "drift": end / length if length > 0.0 else None,
     }
@@ -189,14 +233,8 @@ def read_relations(path: str | Path) -> Floats:
     """
     text = Path(path).read_text(encoding="utf-8", errors="replace")
     rows = [line.split() for line in text.splitlines() if line.strip()]
-    if not rows:
-        raise ValueError(f"{path}: no relation in it; expected lines t1 t2 x y z roll pitch yaw")
-    widths = {len(row) for row in rows}
-    if widths != {8}:
-        raise ValueError(
-            f"{path}: got lines of {', '.join(map(str, sorted(widths)))} columns, "
-            "expected t1 t2 x y z roll pitch yaw"
-        )
+    if {len(row) for row in rows} != {8}:
+        raise ValueError(f"{path}: expected relations, lines t1 t2 x y z roll pitch yaw")
     try:
         table = np.array(rows, dtype=np.float64)
     except ValueError as error:

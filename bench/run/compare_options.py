@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from bench.run import single
+from bench.run import single, spread
 from slams import cli
 from slams.params import LASERS
 from slams.registry import names
@@ -16,8 +15,8 @@ from slams.registry import names
 if TYPE_CHECKING:
     from bench.run.cases import Choice
     from slams.formats.options import SourceOptions
+    from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
-    from slams.types import Floats
 
 IDEA, ORIGINAL = "paper", "original"  # presets compared beside the defaults
 QUICK_SCANS = 2400
@@ -105,7 +104,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--jobs",
         type=int,
-        default=min(2, os.cpu_count() or 1),
+        default=spread.JOBS,
         metavar="N",
         help="number of processes (default: %(default)s)",
     )
@@ -126,9 +125,7 @@ def labels_of(arguments: argparse.Namespace) -> list[str]:
     return others + list(known)
 
 
-def checked(
-    arguments: argparse.Namespace, labels: list[str]
-) -> tuple[Choice, Floats | None, list[ScanLog]]:
+def checked(arguments: argparse.Namespace, labels: list[str]) -> tuple[Choice, list[ScanLog]]:
     """Everything the user gave, read once before the work starts."""
     from bench.run.cases import read_relations
 
@@ -136,12 +133,12 @@ def checked(
     choice = _choice(arguments, labels)
     logs = [choice.log(path) for path in arguments.logs]
     if arguments.relations is None:
-        return choice, None, logs
+        return choice, logs
     if len(arguments.logs) != 1:
         raise ValueError(
             f"--relations: got {len(arguments.logs)} logs, expected the one they are of"
         )
-    return choice, read_relations(arguments.relations), logs
+    return replace(choice, relations=read_relations(arguments.relations)), logs
 
 
 def _check_options(arguments: argparse.Namespace) -> None:
@@ -170,7 +167,6 @@ def check_log_options(logs: Sequence[str], options: SourceOptions) -> None:
 
 def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
     """What the options say of logs and parameters; every algorithm can be run with it."""
-    from bench.run import ros_files
     from bench.run.cases import Choice
     from slams.registry import find
 
@@ -182,12 +178,35 @@ def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
         common,
         options=cli.log_options(arguments),
         sensor=arguments.sensor,
+        starts=arguments.starts,
     )
     choice = replace(
         choice,
-        ros=ros_files.taken(arguments.ros_params, labels, choice),
-        single=single.singles(labels, arguments.params, arguments.changes, named),
+        ros=_ros(arguments.ros_params, labels, choice),
+        single=single.singles(labels, arguments.params, [*arguments.changes, *named]),
     )
     for label in labels:
         choice.params(find(label))
     return choice
+
+
+def _ros(given: list[str], labels: list[str], choice: Choice) -> dict[str, Taken]:
+    """What the files of ROS nodes say for each algorithm that has some."""
+    from slams.registry import find
+    from slams.ros import ros_params
+
+    files: dict[str, list[str]] = {}
+    for text in given:
+        label, _, path = text.partition("=")
+        if not path:
+            raise ValueError(f"--ros-params: got {text!r}, expected ALGORITHM=FILE")
+        if label not in labels:
+            raise ValueError(
+                f"--ros-params: got {label!r}, expected one that is compared: {', '.join(labels)}"
+            )
+        files.setdefault(label, []).append(path)
+    entries = {label: find(label) for label in files}
+    return {
+        label: ros_params.take(choice.params(entry), files[label], entry.preset)
+        for label, entry in entries.items()
+    }

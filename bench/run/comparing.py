@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bench.judge.starts import start_scans, summarize_starts
+import numpy as np
+
 from bench.results import LogResult, Outcome
 from bench.run import pool
-from bench.run.cases import failed, relation_error, replayed
-from bench.run.reference import reference
+from bench.run.cases import failed, reference, relation_error, replayed
 from bench.run.work import sentence
 from slams import cli
 from slams.types import Floats
@@ -19,6 +21,11 @@ from slams.types import Floats
 if TYPE_CHECKING:
     from bench.run.cases import Choice
     from slams.scanlog import ScanLog
+
+
+LIMIT_M = 0.03  # of the relations' mean error: starts above it are counted
+LATEST_SHARE = 0.1  # of a log that may be left out at its start
+LATEST = 500  # scans that may, as so many have been left out of Intel in the measurements
 
 
 class Job(NamedTuple):
@@ -32,23 +39,8 @@ class Job(NamedTuple):
     first: int | None = None
 
 
-class Wanted(NamedTuple):
-    """What is asked for besides the runs: relations, from so many start scans, their limit [m]."""
-
-    relations: Floats | None = None
-    starts: int = 1
-    limit_m: float = 0.03
-
-
-class Work(NamedTuple):
-    """How the runs are done: processes at a time, progress shown or not."""
-
-    jobs: int
-    quiet: bool
-
-
 def compared(
-    labels: list[str], logs: list[ScanLog], choice: Choice, wanted: Wanted, work: Work
+    labels: list[str], logs: list[ScanLog], choice: Choice, jobs: int, quiet: bool
 ) -> list[LogResult]:
     """Every algorithm on every log; a run that fails leaves the others as they are.
 
@@ -60,24 +52,22 @@ def compared(
     for k, log in reversed(list(enumerate(logs))):
         calls[Job(None, k)] = (reference, (log,))
         for label in reversed(labels):
-            for first in (None, *_later_starts(log, wanted)):
-                calls[Job(label, k, first)] = (run, (label, log, choice, wanted.relations, first))
-    ended = pool.finished(calls, work.jobs)
-    shown = cli.progress(ended, len(calls), "comparing", work.quiet, unit="run")
+            for first in (None, *_later_starts(log, choice)):
+                calls[Job(label, k, first)] = (run, (label, log, choice, first))
+    ended = pool.finished(calls, jobs)
+    shown = cli.progress(ended, len(calls), "comparing", quiet, unit="run")
     found = {job: _result(job, logs[job.k], future) for job, future in shown}
     return [
-        LogResult(found[Job(None, k)], [_outcome(found, Job(label, k), wanted) for label in labels])
+        LogResult(found[Job(None, k)], [_outcome(found, Job(label, k)) for label in labels])
         for k in range(len(logs))
     ]
 
 
-def run(
-    label: str, log: ScanLog, choice: Choice, relations: Floats | None, first: int | None
-) -> Outcome | float | None:
+def run(label: str, log: ScanLog, choice: Choice, first: int | None) -> Outcome | float | None:
     """One run in this process; with `first`, only its error of the relations from that scan on."""
     if first is not None:
-        return relation_error(replayed(label, log.from_scan(first), choice, relations))
-    outcome = replayed(label, log, choice, relations)
+        return relation_error(replayed(label, log.from_scan(first), choice))
+    outcome = replayed(label, log, choice)
     return with_consistency(outcome, log, outcome.poses)
 
 
@@ -89,21 +79,47 @@ def with_consistency(outcome: Outcome, log: ScanLog, poses: Floats) -> Outcome:
     return replace(outcome, row=outcome.row | {"consistency": found})
 
 
-def _later_starts(log: ScanLog, wanted: Wanted) -> list[int]:
+def start_scans(scans: int, n: int) -> list[int]:
+    """Scans to begin at, evenly from 0 to a tenth of the log's `scans` (`LATEST` at most).
+
+    The same log begun at several tells a good algorithm from a lucky first map. As many as `n`,
+    both 1 or more, or fewer in a log too short for so many different ones.
+    """
+    latest = min(LATEST, int(LATEST_SHARE * scans))
+    return [int(first) for first in np.unique(np.round(np.linspace(0, latest, n)))]
+
+
+def spread_over_starts(errors: Sequence[float | None], limit: float) -> dict[str, Any]:
+    """The spread of one error over the starts, 1 or more; None is a lost run.
+
+    `mean` is that of the runs that were not lost. In `median` and `worst` a lost run is as bad as
+    can be. `above` of the runs were above the limit, lost ones included.
+    """
+    values = np.array([math.inf if error is None else error for error in errors])
+    found = values[np.isfinite(values)]
+    return {
+        "n": len(values),
+        "mean": float(found.mean()) if len(found) else math.nan,
+        "median": float(np.median(values)),
+        "worst": float(values.max()),
+        "above": int((values > limit).sum()),
+        "limit_m": limit,
+    }
+
+
+def _later_starts(log: ScanLog, choice: Choice) -> list[int]:
     """The scans to begin at besides the first."""
-    if wanted.relations is None or wanted.starts < 2:
-        return []
-    return [int(first) for first in start_scans(len(log), wanted.starts)[1:]]
+    return [] if choice.relations is None else start_scans(len(log), choice.starts)[1:]
 
 
-def _outcome(found: dict[Job, Any], job: Job, wanted: Wanted) -> Outcome:
+def _outcome(found: dict[Job, Any], job: Job) -> Outcome:
     """The run from the first scan, with the spread over all starts where there are several."""
     outcome: Outcome = found[job]
     later = [found[other] for other in found if other[:2] == job[:2] and other.first]
     if not later or outcome.row["failed"]:
         return outcome
     errors = [relation_error(outcome), *later]
-    starts = summarize_starts(errors, wanted.limit_m)._asdict() | {"limit_m": wanted.limit_m}
+    starts = spread_over_starts(errors, LIMIT_M)
     return replace(outcome, row=outcome.row | {"starts": starts})
 
 

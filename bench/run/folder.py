@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
+
+from bench.results import FIGURES
 
 ROOT = Path("results")
 LONGEST = 60  # characters of a folder's name
 
 
-def claimed(
-    out: str | None, command: str, logs: Iterable[str], ours: tuple[str, ...], force: bool
-) -> Path:
+def claimed(out: str | None, logs: Iterable[str], force: bool) -> Path:
     """The folder to write to.
 
     Args:
-        out: the one asked for; by default results/COMMAND-LOG, with a number where it is taken.
-        command: what makes the results.
-        logs: paths of the logs they are of.
-        ours: patterns of the files the command writes, the one with the figures first.
+        out: the one asked for; by default results/compare-LOG, with a number where it is taken.
+        logs: paths of the logs that the results are of.
         force: results in the folder asked for may be replaced.
 
     Raises:
@@ -28,25 +26,23 @@ def claimed(
     """
     from slams.formats import files
 
+    names = [Path(log).name.partition(".")[0] or "log" for log in logs]
+    usual = ROOT / "-".join(["compare", *names])[:LONGEST].rstrip("-")
     if out is None and not force:
-        return _new(default(command, logs))
-    folder = Path(out or default(command, logs))
+        files.check_folder(usual.parent)
+        numbered = (usual.with_name(f"{usual.name}-{k}") for k in count(2))
+        return next(path for path in chain([usual], numbered) if not path.exists())
+    folder = Path(out or usual)
     files.check_folder(folder)
     if not folder.exists() or not any(folder.iterdir()):
         return folder
-    if not any(folder.glob(ours[0])):
+    if not (folder / FIGURES).exists():
         raise FileExistsError(f"{folder}: has files that are no results; expected a new folder")
     if not force:
         raise FileExistsError(
             f"{folder}: has results already; expected another --out, or --force to replace them"
         )
     return folder
-
-
-def default(command: str, logs: Iterable[str]) -> Path:
-    """The folder named after the logs; of the simulated one after the command alone."""
-    names = [Path(log).name.partition(".")[0] or "log" for log in logs]
-    return ROOT / "-".join([command, *names])[:LONGEST].rstrip("-")
 
 
 def cleared(folder: Path, ours: tuple[str, ...]) -> None:
@@ -57,12 +53,3 @@ def cleared(folder: Path, ours: tuple[str, ...]) -> None:
                 path.unlink()
         if place != folder and place.is_dir() and not any(place.iterdir()):
             place.rmdir()
-
-
-def _new(folder: Path) -> Path:
-    """The folder, or the first of folder-2, folder-3, ... that is not there."""
-    from slams.formats import files
-
-    files.check_folder(folder.parent)
-    numbered = (folder if k == 1 else folder.with_name(f"{folder.name}-{k}") for k in count(1))
-    return next(path for path in numbered if not path.exists())

@@ -78,7 +78,7 @@ def foreign_case(foreign: Foreign, log: ScanLog, relations: Floats | None = None
     """
     t, poses = _within(foreign, log)
     frame = _frame(t, poses, log)
-    seen = _seen_from(frame, poses)
+    seen = between(np.repeat(np.array(frame)[None], len(poses), axis=0), poses)
     row: Row = {
         "algorithm": foreign.name,
         "log": log.name,
@@ -136,10 +136,6 @@ def _frame(t: Floats, poses: Floats, log: ScanLog) -> Pose2:
         return first
     start, here = (Pose2(*pose.tolist()) for pose in truth)
     return first @ here.inverse() @ start
-
-
-def _seen_from(frame: Pose2, poses: Floats) -> Floats:
-    return between(np.repeat(np.array(frame)[None], len(poses), axis=0), poses)
 
 
 def _by_relations(foreign: Foreign, log: ScanLog, relations: Floats, row: Row) -> Row:

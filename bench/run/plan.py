@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from bench.judge import loss
 from bench.results.sweep import Cost, Sweep, Trial
-from bench.run.code import package_of
 from bench.run.compare_options import check_log_options
 from bench.run.single import Single, algorithm_of, params_of
-from bench.run.trial import Condition, Log, content_of, task_of
-from bench.sim.degrade import CATALOG, Degradation, find_degradation, parse
+from bench.run.store import package_of, sources_with
+from bench.run.trial import FUNCTION, content_of
+from bench.run.work import Task
+from bench.sim.degrade import CATALOG, find_degradation, parse
 from bench.sim.sensors import find_sensor
 from bench.sim.setting import ARENAS, Setting
 from slams import load
@@ -21,9 +22,11 @@ from slams.registry import find
 
 if TYPE_CHECKING:
     from bench.run.store import Store
-    from bench.run.work import Task
     from slams.formats.options import SourceOptions
     from slams.scanlog import ScanLog
+
+WHEELS = frozenset({"odometry", "gyro"})
+Conditions = dict[str, tuple[float, ...]]  # degradations, each with the levels it is tried at
 
 
 class Drives(NamedTuple):
@@ -40,25 +43,23 @@ class Drives(NamedTuple):
 
 
 class Given(NamedTuple):
-    """A log of the plan; `recorded` is the log itself where it was not simulated.
+    """A log of the plan, simulated or recorded.
 
-    `lacks` names what it has not and a degradation may need; `scans` it has about. `repeated`: the
-    same log stands before it with another seed for what is done to it.
+    `place` is the kind of arena, or the log's name; `seed` that of the simulation, or of what is
+    done to the log; `identity` what tells it from all others, wherever it lies. `lacks` names what
+    it has not and a degradation may need; `scans` it has about. `recorded` is the log itself where
+    it was not simulated, `repeated`: the same one stands before it with another seed.
     """
 
-    log: Log
+    name: str
+    place: str
+    seed: int
+    identity: dict[str, Any]
     scans: int
     period: float
-    lacks: frozenset[str]
+    lacks: frozenset[str] = frozenset()
     recorded: ScanLog | None = None
     repeated: bool = False
-
-
-class Rise(NamedTuple):
-    """A degradation and the levels at which it is tried, in this order."""
-
-    degradation: Degradation
-    levels: tuple[float, ...]
 
 
 class Case(NamedTuple):
@@ -77,7 +78,7 @@ class Plan:
     """
 
     algorithms: list[str]
-    conditions: list[Rise]
+    conditions: Conditions
     logs: list[Given]
     odometry: tuple[bool, ...]
     rate: float | None
@@ -114,12 +115,13 @@ class Plan:
         found: list[Case] = []
         for given in self.logs:
             recorded = _kept(given, place)
-            for condition in self.conditions:
-                if _same_again(given, condition.degradation):
-                    continue
+            for name in self.conditions:
                 for odometry in self.odometry:
-                    if _makes_sense(given, condition.degradation, odometry):
-                        found += self._cases_of(given, condition, odometry, recorded)
+                    if _makes_sense(given, name, odometry):
+                        found += [
+                            self._case(given, name, odometry, algorithm, recorded)
+                            for algorithm in self.algorithms
+                        ]
         return found
 
     def gathered(self, cases: list[Case], store: Store, record: dict[str, Any]) -> Sweep:
@@ -137,50 +139,54 @@ class Plan:
         return Sweep(self._facts(), trials, costs, record)
 
     def _facts(self) -> dict[str, Any]:
-        entries = [rise.degradation for rise in self.conditions]
-        logs = [given.log._asdict() for given in self.logs]
+        entries = [CATALOG[name] for name in self.conditions]
         settings = self.settings()
         return {
             "units": {entry.name: entry.unit for entry in entries},
             "meanings": {entry.name: entry.meaning for entry in entries},
-            "levels": {rise.degradation.name: list(rise.levels) for rise in self.conditions},
-            "logs": logs,
+            "levels": {name: list(levels) for name, levels in self.conditions.items()},
+            "logs": [
+                {"name": one.name, "place": one.place, "seed": one.seed, **one.identity}
+                for one in self.logs
+            ],
             "rate": self.rate,
             "sensor": self.sensor or "utm30lx",
             "lost": loss.words(),
             **({"settings": settings} if settings else {}),
         }
 
-    def _cases_of(
-        self, given: Given, rise: Rise, odometry: bool, recorded: str | None
-    ) -> list[Case]:
-        """One log under one condition, all algorithms."""
-        log, degradation = given.log, rise.degradation
-        seed = log.seed if degradation.random else 0
-        condition = Condition(degradation.name, rise.levels, seed, self.rate)
-        cases = []
-        for algorithm in self.algorithms:
-            known: Trial = {
-                "algorithm": algorithm,
-                "log": log.name,
-                "place": log.place,
-                "seed": log.seed,
-                "degradation": degradation.name,
-                "odometry": odometry,
-            }
-            name, parameters = algorithm_of(algorithm), self.parameters(algorithm)
-            package = package_of(find(name).cls)
-            task = task_of(log, condition, name, parameters, odometry, package, recorded)
-            cases.append(Case(known, task, self._scans(given) * len(rise.levels)))
-        return cases
+    def _case(
+        self, given: Given, degradation: str, odometry: bool, algorithm: str, recorded: str | None
+    ) -> Case:
+        """One algorithm on one log under one condition; `recorded` is where the log lies here."""
+        known: Trial = {
+            "algorithm": algorithm,
+            "log": given.name,
+            "place": given.place,
+            "seed": given.seed,
+            "degradation": degradation,
+            "odometry": odometry,
+        }
+        name, levels = algorithm_of(algorithm), self.conditions[degradation]
+        what = {
+            "log": given.identity,
+            "condition": {
+                "degradation": degradation,
+                "levels": levels,
+                "seed": given.seed if CATALOG[degradation].random else 0,
+                "rate": self.rate,
+            },
+            "algorithm": name,
+            "parameters": self.parameters(algorithm),
+            "odometry": odometry,
+        }
+        sources = sources_with(package_of(find(name).cls))
+        left = 1.0 if self.rate is None else min(1.0, self.rate * given.period)  # share of scans
+        task = Task(FUNCTION, what, sources, {"recorded": recorded})
+        return Case(known, task, given.scans * left * len(levels))
 
-    def _scans(self, given: Given) -> float:
-        """About how many scans of that log are left at the rate."""
-        thin = 1.0 if self.rate is None else min(1.0, self.rate * given.period)
-        return given.scans * thin
 
-
-def conditions_of(chosen: list[str]) -> list[Rise]:
+def conditions_of(chosen: list[str]) -> Conditions:
     """The degradations that are named, in the order of the catalog; all: every one there is.
 
     One without a level rises through all levels of the catalog, `noise=0.05 noise=0.1` through
@@ -198,11 +204,7 @@ def conditions_of(chosen: list[str]) -> list[Rise]:
         else:
             entry = find_degradation(text)
             found[entry.name] = [float(level) for level in entry.levels]
-    return [
-        Rise(entry, tuple(dict.fromkeys(found[name])))
-        for name, entry in CATALOG.items()
-        if name in found
-    ]
+    return {name: tuple(dict.fromkeys(found[name])) for name in CATALOG if name in found}
 
 
 def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Given]:
@@ -219,14 +221,10 @@ def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Gi
     if not paths:
         return [_simulated(arena, seed, drives) for seed in seeds for arena in drives.arenas]
     found = [_recorded(path, options) for path in paths]
-    names = [given.log.name for given in found]
+    names = [given.name for given in found]
     if len(set(names)) < len(names):
         raise ValueError(f"logs: got the names {', '.join(names)}, expected different ones")
-    return [
-        g._replace(log=g.log._replace(seed=seed), repeated=seed > drives.first)
-        for g in found
-        for seed in seeds
-    ]
+    return [g._replace(seed=seed, repeated=seed > drives.first) for g in found for seed in seeds]
 
 
 def _simulated(arena: str, seed: int, drives: Drives) -> Given:
@@ -234,9 +232,9 @@ def _simulated(arena: str, seed: int, drives: Drives) -> Given:
         raise LookupError(f"unknown arena {arena!r}; expected one of {', '.join(ARENAS)}")
     sensor = find_sensor(drives.sensor)
     setting = Setting(arena=arena, seed=seed, duration=drives.duration, sensor=drives.sensor)
-    log = Log(f"{arena}-{drives.sensor}-{seed}", arena, seed, asdict(setting))
-    scans = max(1, round(drives.duration * sensor.rate))
-    return Given(log, scans, 1.0 / sensor.rate, frozenset())
+    scans, identity = max(1, round(drives.duration * sensor.rate)), {"setting": asdict(setting)}
+    name = f"{arena}-{drives.sensor}-{seed}"
+    return Given(name, arena, seed, identity, scans, 1.0 / sensor.rate)
 
 
 def _recorded(path: str, options: SourceOptions) -> Given:
@@ -247,30 +245,27 @@ def _recorded(path: str, options: SourceOptions) -> Given:
         )
     lacks = {"odometry": log.odom is None, "gyro": log.yaw_rate is None}
     missing = frozenset(name for name, absent in lacks.items() if absent)
-    known = Log(log.name, log.name, 0, content=content_of(log))
-    return Given(known, len(log), log.scan_period, missing, log)
+    identity = {"content": content_of(log)}
+    return Given(log.name, log.name, 0, identity, len(log), log.scan_period, missing, log)
 
 
 def _kept(given: Given, place: Path) -> str | None:
     """Where a recorded log lies as npz, under the name of its content: read once, by all."""
     if given.recorded is None:
         return None
-    path = (place / f"{given.log.content}.npz").resolve()
+    path = (place / f"{given.identity['content']}.npz").resolve()
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         given.recorded.save(path)
     return str(path)
 
 
-def _same_again(given: Given, degradation: Degradation) -> bool:
-    """A recorded log and a degradation without chance: another seed is no other run."""
-    return given.repeated and not degradation.random
+def _makes_sense(given: Given, name: str, odometry: bool) -> bool:
+    """Not where it would be another run's twin.
 
-
-def _makes_sense(given: Given, degradation: Degradation, odometry: bool) -> bool:
-    """A degradation of what a run is not given changes nothing."""
-    needs = set(degradation.needs)
-    hidden = set() if odometry else {"odometry", "gyro"}
-    if odometry and {"odometry", "gyro"} <= given.lacks:
-        return False
-    return not needs & (hidden | given.lacks)
+    So is a degradation of what the run is not given, another seed of one without chance on the same
+    log, and a run with the odometry of a log that has none.
+    """
+    missing = given.lacks if odometry else WHEELS
+    twin = (given.repeated and not CATALOG[name].random) or (odometry and missing == WHEELS)
+    return not twin and not missing & set(CATALOG[name].needs)

@@ -1,4 +1,4 @@
-"""Parameters for single algorithms: --params, --set and --seed with a name, and variants.
+"""Parameters for single algorithms: --params and --set with a name, and variants.
 
 A variant is an algorithm with settings of its own, NAME:KEY=VALUE[,KEY=VALUE]: "=" stands behind
 the last colon, as in no module:Class. Light: help reads it.
@@ -7,7 +7,6 @@ the last colon, as in no module:Class. Light: help reads it.
 from __future__ import annotations
 
 import argparse
-import difflib
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Single:
-    """What one algorithm alone is given: YAML files, values by name, a seed."""
+    """What one algorithm alone is given: YAML files, values by name."""
 
     files: list[str] = field(default_factory=list)
     values: dict[str, str] = field(default_factory=dict)
@@ -107,12 +106,9 @@ def params_of(label: str, sensor: str | None, given: Mapping[str, Single]) -> Pa
 
 
 def singles(
-    labels: Sequence[str],
-    files: Sequence[str],
-    values: Sequence[str],
-    seeds: Sequence[str] = (),
+    labels: Sequence[str], files: Sequence[str], values: Sequence[str]
 ) -> dict[str, Single]:
-    """What ALGORITHM:FILE, [ALGORITHM:]KEY=VALUE and ALGORITHM:SEED say, by label.
+    """What ALGORITHM:FILE and [ALGORITHM:]KEY=VALUE say, by label.
 
     What is of an algorithm is of its variants, too. A value with a name wins over one without.
 
@@ -133,33 +129,23 @@ def singles(
         key, value = cli.assignment(assignment)
         for label in (label for name in names for label in rows[name]):
             found[label].values[key] = value
-    for text in seeds:
-        name, seed = _parted("--seed", text, "N", rows)
-        for label in rows[name]:
-            found[label].values["seed"] = seed
     return dict(found)
 
 
 def common_seed(seeds: Sequence[str]) -> tuple[int | None, list[str]]:
-    """The last seed that is for all (None without), and those for single algorithms.
+    """The last seed that is for all (None without), and ALGORITHM:N of the others as settings.
 
     Raises:
         ValueError: neither a number nor of the form ALGORITHM:N.
     """
-    common, named = None, []
-    for text in seeds:
-        if ":" in text:
-            named.append(text)
-        else:
-            common = _number(text)
-    return common, named
-
-
-def _number(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise ValueError(f"--seed: got {text!r}, expected a number, or ALGORITHM:N") from None
+    common = None
+    for text in (text for text in seeds if ":" not in text):
+        try:
+            common = int(text)
+        except ValueError:
+            raise ValueError(f"--seed: got {text!r}, expected a number, or ALGORITHM:N") from None
+    named = [text.rpartition(":") for text in seeds if ":" in text]
+    return common, [f"{name}:seed={seed}" for name, _, seed in named]
 
 
 def _split(label: str) -> tuple[str, str]:
@@ -180,12 +166,13 @@ def _assigned(text: str, algorithms: Mapping[str, object]) -> tuple[list[str], s
         name, assignment = _parted("--set", text, "KEY=VALUE", algorithms)
         return [name], assignment
     key, _ = cli.assignment(text)
+    from slams.params import nearest
+
     known = {name: params_of(name, None, {}).specs() for name in algorithms}
     having = [name for name, specs in known.items() if key in specs]
     if not having:
         every = {parameter for specs in known.values() for parameter in specs}
-        near = difflib.get_close_matches(key, sorted(every), n=1, cutoff=0.4)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = nearest(key, sorted(every))
         raise LookupError(
             f"--set: got {text!r}, expected a parameter of {' or '.join(algorithms)}{hint}"
         )

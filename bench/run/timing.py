@@ -1,10 +1,11 @@
-"""What a run costs: memory, and the machine it ran on."""
+"""What a run costs: memory; and by which command it was made, on which machine."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import platform
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,14 @@ def _status(key: str) -> float | None:
         return None
     line = next((line for line in text.splitlines() if line.startswith(f"{key}:")), None)
     return None if line is None else int(line.split()[1]) / 1024.0
+
+
+def record(program: str, words: list[str], **more: Any) -> dict[str, Any]:
+    """How results were made: command, machine with `more` of it, versions."""
+    from slams.summary import versions
+
+    command = f"{program} {shlex.join(words)}".strip()
+    return {"command": command, "versions": versions(), "machine": machine() | more}
 
 
 def machine() -> dict[str, Any]:

@@ -10,18 +10,17 @@ import hashlib
 import json
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bench.judge import metrics
-from bench.judge.alarms import alarms, beyond
+from bench.judge.loss import alarms, beyond
 from bench.results.sweep import Cost, Trial
 from bench.run.cases import sources
-from bench.run.code import sources_with
 from bench.run.store import canonical
-from bench.run.work import Result, Task, failure_of
-from slams.metrics import path_length
+from bench.run.work import Result, failure_of
+from slams.metrics import ate, path_length
 
 if TYPE_CHECKING:
     from slams.params import Params
@@ -30,32 +29,6 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
 
 FUNCTION = "bench.run.trial:perform"
-
-
-class Log(NamedTuple):
-    """A log to sweep over: simulated from `setting`, or recorded, known by its `content`.
-
-    `place` is the kind of arena, or the log's name; `seed` that of the simulation.
-    """
-
-    name: str
-    place: str
-    seed: int
-    setting: dict[str, Any] | None = None
-    content: str | None = None
-
-    def identity(self) -> dict[str, Any]:
-        """What tells it from all other logs, wherever it lies."""
-        return {"setting": self.setting} if self.content is None else {"content": self.content}
-
-
-class Condition(NamedTuple):
-    """What is done to a log: a degradation at rising levels, a seed, its rate at most [Hz]."""
-
-    degradation: str
-    levels: tuple[float, ...]
-    seed: int
-    rate: float | None
 
 
 def content_of(log: ScanLog) -> str:
@@ -70,26 +43,6 @@ def content_of(log: ScanLog) -> str:
     if log.attitude is not None:
         found.update(log.attitude.t.tobytes() + log.attitude.values.tobytes())
     return found.hexdigest()
-
-
-def task_of(
-    log: Log,
-    condition: Condition,
-    algorithm: str,
-    parameters: dict[str, Any],
-    odometry: bool,
-    package: str,
-    recorded: str | None,
-) -> Task:
-    """A climb as a task; `recorded` is where a recorded log lies here, as npz."""
-    what = {
-        "log": log.identity(),
-        "condition": condition._asdict(),
-        "algorithm": algorithm,
-        "parameters": parameters,
-        "odometry": odometry,
-    }
-    return Task(FUNCTION, what, sources_with(package), {"recorded": recorded})
 
 
 def perform(
@@ -152,22 +105,17 @@ def judged(run: Run, log: ScanLog) -> Trial:
     return {
         "failed": None,
         "used": row["used"] or [],
-        "posed": row["posed"],
-        "refined": row["refined"],
         "scans": len(run),
         "duration_s": float(run.t.max() - run.t.min()),
         "way_m": path_length(common.truth),
-        "ate_m": metrics.ate_with(log, run.t, run.poses),
+        "ate_m": ate(common.estimate, common.truth),
         "worst_m": float(np.hypot(*(common.estimate - common.truth)[:, :2].T).max()),
         "second_m": None if second is None else float(second.se2_translation.mean()),
-        "second_rad": None if second is None else float(second.orientation.mean()),
         "lost": bool(off.any()),
         "lost_at_s": float(common.t[np.argmax(off)] - common.t.min()) if off.any() else None,
         "right_again": said.right_again,
         "episodes": said.episodes,
         "said_in_time": said.in_time,
-        "said_late": said.late,
-        "missed": said.missed,
         "right_scans": said.right,
         "false_alarms": said.false,
         "wheels_ate_m": _wheels_ate(log),
@@ -181,12 +129,12 @@ def _wheels_ate(log: ScanLog) -> float | None:
         return None
     known = np.isfinite(wheels[:, 0])
     found = metrics.common_with(log, log.t[known], wheels[known])
-    return None if found is None else metrics.ate_with(log, log.t[known], wheels[known])
+    return None if found is None else ate(found.estimate, found.truth)
 
 
 @lru_cache(maxsize=1)
 def _loaded(identity: str, recorded: str | None) -> ScanLog:
-    """The log of `Log.identity`, as JSON: simulated, or read from where it lies here."""
+    """A log of the plan by its identity, as JSON: simulated, or read from where it lies here."""
     from bench.sim.setting import Setting
     from bench.sim.simulation import simulate
     from slams.scanlog import load_npz

@@ -21,8 +21,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from bench.run import pool
-from bench.run.code import code_version
-from bench.run.store import Store, canonical, digest, plain
+from bench.run.store import Store, canonical, code_version, digest, plain
 
 # these tell of the machine, not of the algorithm: said, but not kept as its result
 OF_THE_MACHINE = (MemoryError, OSError, ImportError)
@@ -127,7 +126,8 @@ def perform(task: Task, key: str) -> Result:
         TypeError: the function returned what JSON does not have.
     """
     _check_code(task, key)
-    function = _function(task.function)
+    module, _, attribute = task.function.partition(":")
+    function: Callable[..., Result] = getattr(importlib.import_module(module), attribute)
     try:
         result = function(**task.what, **task.where)
     except OF_THE_MACHINE as error:
@@ -154,12 +154,6 @@ def _check_code(task: Task, key: str) -> None:
         f"({', '.join(task.packages)}, numpy, numba ...): install the same versions everywhere, "
         "change nothing meanwhile, and start again"
     )
-
-
-def _function(name: str) -> Callable[..., Result]:
-    module, _, attribute = name.partition(":")
-    found: Callable[..., Result] = getattr(importlib.import_module(module), attribute)
-    return found
 
 
 def sentence(error: BaseException) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,25 +19,6 @@ if TYPE_CHECKING:
 STEP = 0.06  # m, least distance of two nodes of the route graph
 NEIGHBORS = ((0, 1), (1, 0), (1, 1), (1, -1))  # (dy, dx) to half of the eight
 Numbers = NDArray[np.integer]
-
-
-class Places(Protocol):
-    """Places to plan with: points (n, 2) [m], clearance (n,) [m], graph (n, n) of costs.
-
-    `step` [m] is about the distance of two neighbors. A goal is the nearest of `choice` random
-    places; a share `anywhere` of the goals is just any place.
-    """
-
-    points: Floats
-    clearance: Floats
-    graph: csr_array
-    step: float
-    choice: int
-    anywhere: float
-
-    def line(self, route: list[int]) -> Floats:
-        """The polyline (k, 2) [m] along a route over places."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -69,7 +50,12 @@ def nodes_of(world: World, clearance: float) -> Nodes:
 
 
 class EveryNode:
-    """Every node of a part of the grid is a place."""
+    """Every node of a part of the grid is a place, as `bench.sim.regions` is for large worlds.
+
+    `points` (n, 2) [m], `clearance` (n,) [m], `graph` (n, n) of costs; `step` [m] is about the
+    distance of two neighbors. A goal is the nearest of `choice` random places; a share `anywhere`
+    of the goals is just any place.
+    """
 
     choice = 6
     anywhere = 0.15

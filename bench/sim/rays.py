@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slams.types import Floats, Laser
 
@@ -30,3 +31,10 @@ def rays_of(laser: Laser, poses: Floats) -> Floats:
     rays[..., 1] = bases[..., 1] + s * laser.mount.x + c * laser.mount.y
     rays[..., 2] = bases[..., 2] + laser.mount.theta + laser.angles
     return rays
+
+
+def ends_of(rays: Floats, ranges: NDArray[np.floating]) -> Floats:
+    """Where ranges (...) [m] along rays (..., 3) end (..., 2)."""
+    x = rays[..., 0] + ranges * np.cos(rays[..., 2])
+    y = rays[..., 1] + ranges * np.sin(rays[..., 2])
+    return np.stack([x, y], axis=-1)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.sim.places import EveryNode, Places, largest_part, nodes_of, route_of
+from bench.sim.places import EveryNode, largest_part, nodes_of, route_of
 from bench.sim.regions import Regions
 from bench.sim.world import Mask, World
 from slams.types import Floats
@@ -45,7 +45,8 @@ class Routes:
             )
         self.laps = laps
         self.large = int(self.part.sum()) > MANY
-        self.places: Places = (Regions if self.large else EveryNode)(nodes, self.part)
+        places = Regions if self.large else EveryNode
+        self.places: EveryNode | Regions = places(nodes, self.part)
 
     def way(self, length: float, rng: Generator, progress: Progress | None = None) -> Floats:
         """A way (m, 2) of at least `length` [m] that visits place after place, evenly spaced.

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+from slams.params import nearest
 
 if TYPE_CHECKING:
     from slams.types import Laser
@@ -112,6 +113,7 @@ def find_sensor(name: str) -> Sensor:
     """
     if name in SENSORS:
         return SENSORS[name]
-    near = difflib.get_close_matches(name.lower(), SENSORS, 1, 0.4)
-    hint = f"; did you mean {near[0]}?" if near else ""
-    raise LookupError(f"unknown sensor {name!r}; expected one of {', '.join(SENSORS)}{hint}")
+    known = ", ".join(SENSORS)
+    raise LookupError(
+        f"unknown sensor {name!r}; expected one of {known}{nearest(name.lower(), SENSORS)}"
+    )

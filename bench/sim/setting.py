@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import typing
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,11 +38,9 @@ KINDS = ", ".join(f"{name} ({known.meaning})" for name, known in ARENAS.items())
 SIZES = ", ".join(f"{name} {known.size:g}" for name, known in ARENAS.items())
 
 
-def _option(
-    default: Any, kind: type, meaning: str, low: float = -math.inf, high: float = math.inf
-) -> Any:
-    """A field of `Setting`: its type, one line for `--help`, and its bounds."""
-    known = {"kind": kind, "meaning": meaning, "low": low, "high": high}
+def _option(default: Any, meaning: str, low: float = -math.inf, high: float = math.inf) -> Any:
+    """A field of `Setting`: one line for `--help`, and its bounds."""
+    known = {"meaning": meaning, "low": low, "high": high}
     return dataclasses.field(default=default, metadata=known)
 
 
@@ -54,56 +53,51 @@ class Setting:
     """
 
     arena: str = _option(
-        "rescue",
-        str,
-        f"arena, made from the seed: {KINDS}; or MAP.yaml, or a picture (dark = wall)",
+        "rescue", f"arena, made from the seed: {KINDS}; or MAP.yaml, or a picture (dark = wall)"
     )
     resolution: float | None = _option(
         None,
-        float,
         f"edge of a cell of the arena, or of a pixel of the picture [m] (default {CELL})",
         1e-3,
         1.0,
     )
     size: float | None = _option(
-        None, float, f"longer side of an arena made from the seed [m] (default {SIZES})", 7, 320
+        None, f"longer side of an arena made from the seed [m] (default {SIZES})", 7, 320
     )
-    seed: int = _option(0, int, "seed of every random draw", 0, 2**63 - 1)
-    sensor: str = _option("utm30lx", str, f"laser, one of {', '.join(SENSORS)}")
-    duration: float = _option(300.0, float, "length of the log [s]", 0.1, 14400.0)
+    seed: int = _option(0, "seed of every random draw", 0, 2**63 - 1)
+    sensor: str = _option("utm30lx", f"laser, one of {', '.join(SENSORS)}")
+    duration: float = _option(300.0, "length of the log [s]", 0.1, 14400.0)
     length: float | None = _option(
-        None, float, "length of the path [m], instead of the duration", 0.1, 5000.0
+        None, "length of the path [m], instead of the duration", 0.1, 5000.0
     )
-    v: float = _option(0.5, float, "greatest speed [m/s]", 0.05, 5.0)
-    w: float = _option(0.8, float, "greatest turn rate [rad/s]", 0.1, 10.0)
-    clearance: float = _option(0.3, float, "least distance between laser and wall [m]", 0.05, 5.0)
+    v: float = _option(0.5, "greatest speed [m/s]", 0.05, 5.0)
+    w: float = _option(0.8, "greatest turn rate [rad/s]", 0.1, 10.0)
+    clearance: float = _option(0.3, "least distance between laser and wall [m]", 0.05, 5.0)
     noise: float | None = _option(
-        None, float, "standard deviation of a range [m], instead of the sensor's", 0.0, 10.0
+        None, "standard deviation of a range [m], instead of the sensor's", 0.0, 10.0
     )
     stdr: bool = _option(
-        False, bool, "ranges like those of stdr_simulator: no noise, multiples of the map's cell"
+        False, "ranges like those of stdr_simulator: no noise, multiples of the map's cell"
     )
     dropout: float = _option(
-        0.0, float, "share of beams that are lost, half as nan, half as inf", 0.0, 1.0
+        0.0, "share of beams that are lost, half as nan, half as inf", 0.0, 1.0
     )
     mixed: float = _option(
-        0.0, float, "share of the beams at an edge that end between its near and far side", 0.0, 1.0
+        0.0, "share of the beams at an edge that end between its near and far side", 0.0, 1.0
     )
-    people: int = _option(0, int, "number of people who walk through the arena", 0, 50)
+    people: int = _option(0, "number of people who walk through the arena", 0, 50)
     lasers: int = _option(
         1,
-        int,
         "number of lasers; 2: front and rear half of the sensor's fan, 0.2 m before and behind the"
         " base, half a period apart",
         1,
         2,
     )
     sweep: bool = _option(
-        False, bool, "measure beam after beam while the robot moves, as a turning mirror does"
+        False, "measure beam after beam while the robot moves, as a turning mirror does"
     )
     tilt: float = _option(
         0.0,
-        float,
         "greatest roll and pitch of the body [deg], its laser 0.35 m above the floor; the log has"
         " the attitude, measured to 0.3 deg",
         0.0,
@@ -111,28 +105,26 @@ class Setting:
     )
     ramps: float = _option(
         0.0,
-        float,
         "slope of the steepest places of a floor of crossing ramps [deg], 1.2 m from valley to"
         " ridge; laser and attitude as with a tilt",
         0.0,
         40.0,
     )
     truth_rate: float | None = _option(
-        None,
-        float,
-        "rate of the logged truth [Hz], rounded up to a multiple of the scans'",
-        1,
-        FINE,
+        None, "rate of the logged truth [Hz], rounded up to a multiple of the scans'", 1, FINE
     )
 
     def __post_init__(self) -> None:
         if (self.lasers > 1) + bool(self.tilt) + bool(self.ramps) > 1:
             raise ValueError("got more than one of lasers, tilt and ramps, expected one of them")
         for field in dataclasses.fields(self):
-            value, low, high = getattr(self, field.name), *_bounds(field)
+            value, known = getattr(self, field.name), field.metadata
+            low, high = known["low"], known["high"]
             if isinstance(value, (int, float)) and not low <= value <= high:
                 raise ValueError(f"{field.name}: got {value}, expected {low:g} to {high:g}")
 
 
-def _bounds(field: dataclasses.Field[Any]) -> tuple[float, float]:
-    return field.metadata["low"], field.metadata["high"]
+def kinds() -> dict[str, type]:
+    """The type of each field of `Setting`, of one that may be None the other."""
+    hints = typing.get_type_hints(Setting)
+    return {name: next(iter(typing.get_args(hint)), hint) for name, hint in hints.items()}

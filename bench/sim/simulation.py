@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,14 +15,15 @@ from bench.sim.drive import Drive, Robot, drive, drive_far
 from bench.sim.people import LEG, legs
 from bench.sim.ramps import Ramps
 from bench.sim.range_errors import Errors
+from bench.sim.rays import rays_of
 from bench.sim.routes import Progress
 from bench.sim.sensors import Sensor, find_sensor
-from bench.sim.setting import ARENAS, FINE, Setting
+from bench.sim.setting import ARENAS, CELL, FINE, Setting
 from bench.sim.swing import HEIGHT, Swing, measured, ranges_of, rise, sway
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
 from slams.scanlog import ScanLog, Track
-from slams.types import IDENTITY, Floats, Pose2, Ranges, wrap_angle
+from slams.types import Floats, Pose2, Ranges, wrap_angle
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -33,24 +33,12 @@ ODOMETRY = 50.0  # Hz
 GYRO = 100.0  # Hz
 OFFSET = 0.2  # m, of each of two lasers from the base
 BLOCK = 200  # scans measured at once
+STREAMS = ("arena", "drive", "ranges", "odometry", "gyro", "people", "tilt")
 
 
-@dataclass(frozen=True)
-class Chance:
+def _chances(seed: int) -> dict[str, Generator]:
     """One stream of random numbers per purpose: a change in one leaves the others alone."""
-
-    arena: Generator
-    drive: Generator
-    ranges: Generator
-    odometry: Generator
-    gyro: Generator
-    people: Generator
-    tilt: Generator
-
-    @classmethod
-    def of(cls, seed: int) -> Chance:
-        """The streams of a seed."""
-        return cls(*np.random.default_rng(seed).spawn(7))
+    return dict(zip(STREAMS, np.random.default_rng(seed).spawn(len(STREAMS)), strict=True))
 
 
 def simulate(
@@ -69,10 +57,10 @@ def simulate(
         ValueError: the map is none, or has no room to drive.
     """
     setting = setting or Setting()
-    sensor, chance = find_sensor(setting.sensor), Chance.of(setting.seed)
-    world = _world(setting, chance.arena)
-    body = _body(setting, chance.tilt)
-    true = _drive(setting, sensor, world, chance.drive, planning)
+    sensor, chance = find_sensor(setting.sensor), _chances(setting.seed)
+    world = _world(setting, chance["arena"])
+    body = _body(setting, chance["tilt"])
+    true = _drive(setting, sensor, world, chance["drive"], planning)
     t = np.arange(max(1, math.floor(true.t[-1] * sensor.rate + 1e-6))) / sensor.rate
     measuring = _Measuring(setting, sensor, world, true, chance, body)
     if setting.lasers > 1:
@@ -82,13 +70,13 @@ def simulate(
 
     def attitudes(stamps: Floats) -> Floats:
         assert body is not None
-        return measured(body.stand(stamps, true.poses_at(stamps))[0], stamps, chance.tilt)
+        return measured(body.stand(stamps, true.poses_at(stamps))[0], stamps, chance["tilt"])
 
     return ScanLog(
         **scans,
-        odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance.odometry)),
+        odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance["odometry"])),
         truth=_track(true, _truth_rate(setting, sensor), lambda stamps: _truth(true, stamps)),
-        yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance.gyro)),
+        yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance["gyro"])),
         meta=_meta(setting, world),
         attitude=None if body is None else _track(true, GYRO, attitudes),
     )
@@ -135,7 +123,7 @@ def world_of(log: ScanLog) -> World | None:
     if setting is None:
         return None
     try:
-        world = _world(setting, Chance.of(setting.seed).arena)
+        world = _world(setting, _chances(setting.seed)["arena"])
     except (ValueError, OSError):
         return None
     return world if world.fingerprint == log.meta["simulated"]["world"] else None
@@ -151,11 +139,34 @@ def setting_of(log: ScanLog) -> Setting | None:
         return None
 
 
+def build_arena(
+    name: str, rng: Generator, resolution: float | None = None, size: float | None = None
+) -> World:
+    """The arena of that name with its longer side of about `size` [m] and cells of `resolution`.
+
+    Same generator state, same arena. Without them cells of `CELL` and the usual size.
+
+    Raises:
+        ValueError: cells too coarse for its walls, or a size it cannot have.
+    """
+    from bench.sim.hall import hall
+    from bench.sim.maze import rescue_arena
+    from bench.sim.office import office
+    from bench.sim.ring import ring
+
+    builders = {"rescue": rescue_arena, "office": office, "hall": hall, "ring": ring}
+    known = ARENAS[name]
+    size = known.size if size is None else size
+    if not known.least <= size <= known.most:
+        raise ValueError(
+            f"size: got {size:g} m, expected {known.least:g} to {known.most:g} for the {name} arena"
+        )
+    return builders[name](rng, resolution or CELL, size)
+
+
 def _world(setting: Setting, rng: Generator) -> World:
     if setting.arena not in ARENAS:
         return read_world(setting.arena, setting.resolution)
-    from bench.sim.arena import build_arena
-
     return build_arena(setting.arena, rng, setting.resolution, setting.size)
 
 
@@ -216,15 +227,15 @@ class _Measuring:
         sensor: Sensor,
         world: World,
         true: Drive,
-        chance: Chance,
+        chance: dict[str, Generator],
         body: Swing | Ramps | None,
     ) -> None:
-        self.world, self.true, self.rng, self.sensor = world, true, chance.ranges, sensor
+        self.world, self.true, self.rng, self.sensor = world, true, chance["ranges"], sensor
         self.laser, self.body = sensor.laser(setting.sweep), body
         if body is not None:
             self.laser = dataclasses.replace(self.laser, mount_z=HEIGHT)
         self.errors = _errors(setting, sensor, world)
-        self.legs = legs(world, true, setting.people, chance.people) if setting.people else None
+        self.legs = legs(world, true, setting.people, chance["people"]) if setting.people else None
 
     def scans(self, t: Floats, progress: Progress | None) -> Ranges:
         """Ranges (n, b) [m] measured from the stamps t (n,) on."""
@@ -242,15 +253,8 @@ class _Measuring:
         delays = self.laser.time_increment * np.arange(self.laser.n_beams)
         stamps = (t[:, None] + delays).ravel()
         rays = self.true.poses_at(stamps)
-        mount = self.laser.mount
-        if mount != IDENTITY:
-            c, s = np.cos(rays[:, 2]), np.sin(rays[:, 2])
-            rays[:, 0] += c * mount.x - s * mount.y
-            rays[:, 1] += s * mount.x + c * mount.y
-            rays[:, 2] += mount.theta
         if self.body is None:
-            rays[:, 2] += np.tile(self.laser.angles, len(t))
-            return self._met(rays, stamps)
+            return self._met(rays_of(self.laser, rays.reshape(len(t), -1, 3)), stamps)
         directions = np.tile(self.laser.directions, (len(t), 1))
         attitudes, base = self.body.stand(stamps, rays)
         along, turn, slope = rise(directions, attitudes)
@@ -261,7 +265,8 @@ class _Measuring:
         return ranges_of(walls, floor, along, slope, height)
 
     def _met(self, rays: Floats, stamps: Floats) -> Floats:
-        """Distances (m,) [m] over ground along rays (m, 3) to walls and legs."""
+        """Distances (m,) [m] over ground along rays (..., 3) to walls and legs."""
+        rays = np.ascontiguousarray(rays.reshape(-1, 3))
         distances = self.world.cast(rays)
         if self.legs is not None:
             from bench.sim.world_kernels import occlude

@@ -111,13 +111,13 @@ def test_the_nearer_setting_wins(tmp_path):
 def test_the_drives_count_from_the_first_seed(tmp_path):
     for words, seeds in (([], [0, 1]), (["--seed", "7"], [7, 8])):
         made = planned("--algorithms", "odometry", *words)
-        assert [given.log.seed for given in made.logs] == seeds
-        assert [given.log.name for given in made.logs] == [f"ring-utm30lx-{k}" for k in seeds]
-        assert [given.log.setting["seed"] for given in made.logs] == seeds
+        assert [given.seed for given in made.logs] == seeds
+        assert [given.name for given in made.logs] == [f"ring-utm30lx-{k}" for k in seeds]
+        assert [given.identity["setting"]["seed"] for given in made.logs] == seeds
         assert "settings" not in made.gathered([], None, {}).facts
     drive(n=20).save(tmp_path / "room.npz")
     given = planned(str(tmp_path / "room.npz"), "--algorithms", "odometry", "--seed", "7").logs
-    assert [one.log.seed for one in given] == [7, 8]
+    assert [one.seed for one in given] == [7, 8]
 
 
 def test_the_file_and_the_heading_say_what_was_set(tmp_path, here):

@@ -6,6 +6,7 @@ import pytest
 
 from bench.judge import answers, survival
 from bench.judge.answers import SITUATIONS, analysis, questions
+from bench.judge.statistics import wilson
 from bench.report import sweep_figure, sweep_tables
 from bench.sim.degrade import CATALOG
 from bench.sweep import DEGRADATIONS
@@ -55,7 +56,7 @@ def test_the_curve_falls_by_the_runs_that_each_level_lost():
 
 
 def crossing(counts, n=4, levels=LEVELS):
-    return survival.critical([survival.share(k, n) for k in counts], levels)
+    return survival.critical([wilson(k, n) for k in counts], levels)
 
 
 def test_the_critical_level_is_where_half_are_lost_between_levels_by_their_ratio():
@@ -216,7 +217,7 @@ def test_situations_are_answered_together_and_apart():
 
 
 def shown(counts, levels=LEVELS, n=4):
-    shares = [survival.share(k, n) for k in counts]
+    shares = [wilson(k, n) for k in counts]
     return sweep_tables.shown_level(survival.critical(shares, levels), shares, levels)
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from bench.judge.answers import analysis
-from bench.report import front
+from bench import readme
+from bench.report import pages
 from bench.run import compare_options
 from hector.params import HectorParams
 from slams.registry import names
@@ -28,7 +28,7 @@ def row(name, error, **loss):
     }
 
 
-def test_the_table_joins_both_by_the_name():
+def test_the_table_joins_both_by_the_name(tmp_path):
     log = {"name": "n", "scans": 5, "beams": 3, "duration_s": 9.0}
     found = {
         "logs": [log],
@@ -40,8 +40,9 @@ def test_the_table_joins_both_by_the_name():
     trials += [*climb(1, algorithm="mine:Slam"), *climb(0, algorithm="tsd")]
     trials += climb(0, algorithm="tsd@paper")
     swept = sweep_of(trials)
-    known = {"facts": swept.facts, "record": swept.record}
-    lines = front.table(found, analysis(swept), known).splitlines()
+    pages.adopt(tmp_path / "swept.json", swept)
+    kept = readme.read_figures(tmp_path / "swept.json")
+    lines = pages.front_table(found, kept).splitlines()
     idea = "gradient matching on grid pyramids"
     assert lines[0].count("|") == 7, "at most six columns"
     assert lines[2] == f"| [hector](hector/README.md) | {idea} | 3.00 | 66.7 | 100.0 | 0.250 |"

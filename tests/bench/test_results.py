@@ -10,7 +10,7 @@ import pytest
 
 from bench import compare, results
 from bench.report import __main__ as again
-from bench.report.run_tables import logs_table
+from bench.report.tables import logs_table
 from tests.rooms import drive
 
 

@@ -326,7 +326,7 @@ def test_picture_is_drawn_and_quiet_is_quiet(tmp_path, capsys):
         (["scans.npz", "--arena", "none.yaml"], "none.yaml"),
         (["scans.npz", "--arena", "rescu"], "no such file; expected"),
         (["scans.npz", "--arena", "none.png", "--resolution", "0.05"], "none.png"),
-        (["scans.npz", "--sensor", "utm30"], "did you mean utm30lx"),
+        (["scans.npz", "--sensor", "utm30"], "did you mean 'utm30lx'"),
         (["scans.npz", "--duration", "-1"], "expected 0.1 to"),
         (["scans.npz", "--noise", "nan"], "noise"),
         (["scans.npz", "--dropout", "1.5"], "expected 0 to 1"),

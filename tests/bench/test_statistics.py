@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from bench.judge.bootstrap import studentized
+from bench.judge.autocorrelation import mean_of
 from bench.judge.statistics import (
     Paired,
     adjusted,
@@ -18,9 +18,9 @@ from bench.judge.statistics import (
 )
 
 
-def mean_interval(values, level=0.95, seed=0):
+def mean_interval(values, level=0.95):
     """The mean of a series with its limits: its difference to nothing."""
-    return paired(values, np.zeros(len(values)), level, seed)[:3]
+    return paired(values, np.zeros(len(values)), level)[:3]
 
 
 def autoregressive(phi, series, n, seed):
@@ -34,15 +34,15 @@ def coverage(values, mean):
     return np.mean([low <= mean <= high for _, low, high in intervals])
 
 
-@pytest.mark.parametrize(("phi", "series"), [(0.0, 300), (0.5, 300), (0.9, 400)])
+@pytest.mark.parametrize(("phi", "series"), [(0.0, 600), (0.5, 600), (0.9, 800)])
 def test_intervals_cover_the_mean_of_an_autocorrelated_series(phi, series):
     assert 0.93 <= coverage(autoregressive(phi, series, 3000, 1), 0.0) <= 0.97
 
 
 def test_intervals_cover_the_mean_of_errors_that_are_never_negative():
-    values = autoregressive(0.9, 400, 3000, 15)
+    values = autoregressive(0.9, 2000, 3000, 15)
     assert 0.93 <= coverage(np.abs(values), math.sqrt(2.0 / math.pi)) <= 0.97
-    assert 0.92 <= coverage(values**2, 1.0) <= 0.97  # 94.3 % over 2000 series
+    assert 0.93 <= coverage(values**2, 1.0) <= 0.97
 
 
 def test_intervals_cover_the_mean_of_errors_over_overlapping_spans():
@@ -52,18 +52,18 @@ def test_intervals_cover_the_mean_of_errors_over_overlapping_spans():
 
 
 def test_intervals_of_short_series_cover_a_little_less():
-    assert 0.92 <= coverage(autoregressive(0.9, 500, 300, 16), 0.0) <= 0.96
+    assert 0.92 <= coverage(autoregressive(0.9, 2000, 300, 16), 0.0) <= 0.96
 
 
 def test_blocks_are_longer_than_what_hangs_together():
     """A hundred blocks at most, ten at least; for AR(1) the best length is known."""
     (white,), (slow,) = (autoregressive(phi, 1, 3000, 17) for phi in (0.0, 0.9))
     best = (1.5 * (2.0 * 0.9 / (1.0 - 0.9**2)) ** 2 * 3000) ** (1.0 / 3.0)
-    assert studentized(white, 0).blocks == 100
-    assert 3000 / best / 2.0 < studentized(slow, 0).blocks < 3000 / best * 1.5
-    assert studentized(np.cumsum(white), 0).blocks == 10
+    assert mean_of(white).blocks == 100
+    assert 3000 / best / 2.0 < mean_of(slow).blocks < 3000 / best * 1.5
+    assert mean_of(np.cumsum(white)).blocks == 10
     spans = np.cumsum(autoregressive(0.0, 1, 3300, 18)[0])
-    assert studentized(spans[100:] - spans[:-100], 0).blocks <= 3200 / 100
+    assert mean_of(spans[100:] - spans[:-100]).blocks <= 3200 / 100
 
 
 def test_intervals_of_differences_of_neighbors():
@@ -76,7 +76,7 @@ def test_intervals_of_differences_of_neighbors():
 
 def test_deviation_of_a_short_series_is_not_too_small():
     values = autoregressive(0.9, 400, 300, 20)
-    variance = np.mean([studentized(row, 0).deviation ** 2 for row in values])
+    variance = np.mean([mean_of(row).deviation ** 2 for row in values])
     assert variance == pytest.approx(np.mean(values.mean(axis=1) ** 2), rel=0.12)
 
 
@@ -100,10 +100,8 @@ def test_interval_follows_scale_shift_and_level():
     assert wide[1] < low < narrow[1] < value < narrow[2] < high < wide[2]
 
 
-def test_interval_is_the_same_every_time_and_leaves_out_what_is_not_finite():
+def test_interval_leaves_out_what_is_not_finite():
     (values,) = autoregressive(0.7, 1, 500, 6)
-    assert mean_interval(values, seed=3) == mean_interval(values, seed=3)
-    assert mean_interval(values, seed=3) != mean_interval(values, seed=4)
     gaps = np.insert(values, [0, 7, 400], [np.nan, np.inf, np.nan])
     assert mean_interval(gaps) == mean_interval(values)
 
@@ -144,12 +142,11 @@ def test_p_value_and_interval_agree():
         (values,) = autoregressive(0.5, 1, 400, seed)
         for level in (0.5, 0.8, 0.95, 0.98):
             result = paired(values, np.full(400, 0.1), level)
-            if abs(result.p_value - (1.0 - level)) > 0.002:
-                assert (result.p_value < 1.0 - level) == (not result.low < 0.0 < result.high)
+            assert (result.p_value < 1.0 - level) == (not result.low < 0.0 < result.high)
 
 
 def test_p_value_of_a_great_difference_goes_on_falling():
-    """Far out the draws are too few; with a hundred blocks the normal tail is not far off."""
+    """With a hundred blocks the normal tail is not far off."""
     (noise,) = autoregressive(0.0, 1, 4000, 10)
     noise = (noise - noise.mean()) / noise.std()
     ratios = np.array([2.0, 3.0, 4.0, 5.0, 6.0])
@@ -201,12 +198,12 @@ def test_shares_by_hand_and_at_the_ends():
     z, n = 1.959964, 20
     half = z * math.sqrt(0.3 * 0.7 / n + (0.5 * z / n) ** 2) / (1.0 + z * z / n)
     center = (0.3 + 0.5 * z * z / n) / (1.0 + z * z / n)
-    assert wilson(6, n) == pytest.approx((center - half, center + half), abs=1e-6)
-    assert wilson(0, 10) == pytest.approx((0.0, z * z / (10 + z * z)))
+    assert wilson(6, n)[2:] == pytest.approx((center - half, center + half), abs=1e-6)
+    assert wilson(0, 10)[2:] == pytest.approx((0.0, z * z / (10 + z * z)))
     assert wilson(10, 10).high == pytest.approx(1.0) and wilson(10, 10).low > 0.7
     narrow, wide = wilson(6, n, 0.8), wilson(6, n, 0.99)
     assert wide.low < narrow.low < 0.3 < narrow.high < wide.high
-    assert wilson(0, 0) == (0.0, 1.0)
+    assert wilson(0, 0)[2:] == (0.0, 1.0)
     with pytest.raises(ValueError, match="got 3 of 2"):
         wilson(3, 2)
 
@@ -238,8 +235,8 @@ def test_sentence_in_words():
     worse = Paired(0.0012, 0.0010, 0.0014, 0.0001, 300)
     assert sentence("crsm", "hector", worse) == f"hector is better than crsm {words}"
     turn = Paired(0.00012, 0.00001, 0.00023, 0.0312, 300)
-    assert sentence("tsd", "crsm", turn, "mrad", 1e3, "per update", 0.9) == (
-        "crsm is better than tsd by 0.12 mrad per update, 90 % interval 0.01 to 0.23, p = 0.031"
+    assert sentence("tsd", "crsm", turn, "mrad", "per update") == (
+        "crsm is better than tsd by 0.12 mrad per update, 95 % interval 0.01 to 0.23, p = 0.031"
     )
 
 

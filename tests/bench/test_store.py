@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.run import code
-from bench.run.code import code_version, package_of
-from bench.run.store import Store, canonical, digest, plain
+from bench.run import store
+from bench.run.store import Store, canonical, code_version, digest, package_of, plain
 from bench.run.work import Task
 
 KEY = digest("some run")
@@ -107,7 +106,7 @@ def test_an_outsiders_module_is_a_package_of_one_file(package):
 
 def test_versions_of_libraries_are_part_of_it(package, monkeypatch):
     before = version_now("toy_package")
-    monkeypatch.setattr(code, "version", lambda name: "0.0")
+    monkeypatch.setattr(store, "version", lambda name: "0.0")
     assert version_now("toy_package") != before
 
 

@@ -34,22 +34,17 @@ def trial(algorithm="a", level=0.0, log="l0", odometry=False, **more):
         "odometry": odometry,
         "failed": None,
         "used": ["laser"],
-        "posed": None,
-        "refined": None,
         "scans": 100,
         "duration_s": 10.0,
         "way_m": 5.0,
         "ate_m": 0.01,
         "worst_m": 0.02,
         "second_m": 0.001,
-        "second_rad": 0.001,
         "lost": False,
         "lost_at_s": None,
         "right_again": None,
         "episodes": 0,
         "said_in_time": 0,
-        "said_late": 0,
-        "missed": 0,
         "right_scans": 100,
         "false_alarms": 0,
         "wheels_ate_m": None,
@@ -58,7 +53,7 @@ def trial(algorithm="a", level=0.0, log="l0", odometry=False, **more):
 
 
 def lost(**more):
-    return trial(lost=True, ate_m=3.0, episodes=1, missed=1, right_again=False, **more)
+    return trial(lost=True, ate_m=3.0, episodes=1, right_again=False, **more)
 
 
 def sweep_of(trials, cpu=0.1, levels=None):
@@ -100,11 +95,10 @@ def test_a_trial_is_judged_against_the_truth():
     found = judged(run, log)
     assert found["lost"]
     assert found["lost_at_s"] == pytest.approx(log.t[40] - log.t[0])
-    said = ("episodes", "said_in_time", "missed", "false_alarms")
-    assert [found[name] for name in said] == [1, 0, 1, 1]
+    said = ("episodes", "said_in_time", "false_alarms")
+    assert [found[name] for name in said] == [1, 0, 1]
     assert found["right_again"] is False
     assert found["used"] == ["laser", "wheels"]
-    assert found["posed"] == 0.5
     assert found["worst_m"] == pytest.approx(2.0, abs=1e-6)
     assert found["wheels_ate_m"] >= 0.0
     right = judged(Run(log.t, truth, np.full(60, 1e-3), 0.0, {}, np.zeros(60, bool)), log)
@@ -304,10 +298,10 @@ def test_the_default_sweep_has_ten_drives_an_arena_and_all_three_kinds_of_rows()
     names = ("hector", "tsd", "crsm", "gmapping")
     assert made.algorithms == [f"{n}{p}" for p in ("", "@paper", "@original") for n in names]
     assert len(made.logs) == 40
-    assert [rise.degradation.name for rise in made.conditions] == list(command.DEGRADATIONS)
+    assert set(made.conditions) == set(command.DEGRADATIONS)
     quick = command._plan(command.parser().parse_args(["--quick"]))
     assert quick.algorithms == list(names)
-    assert {rise.degradation.name for rise in quick.conditions} == set(command.QUICK)
+    assert set(quick.conditions) == set(command.QUICK)
     assert len(quick.logs) == 20
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from bench.report import run_tables, words
+from bench.report import tables, words
 from bench.report.numbers import cell
 from bench.results import Comparison, LogResult, Outcome, Reference
 
@@ -50,7 +50,7 @@ def compared(*logs):
 
 def test_the_one_table_has_error_loss_and_cost_in_their_units():
     cost = {"mean_ms": 0.5, "real_time_factor": 9.0, "peak_memory_mb": 70.0, "start_up_s": 0.25}
-    table = run_tables.main_table({}, [row(error=0.002, cost=cost), strayed("b")])
+    table = tables.main_table({}, [row(error=0.002, cost=cost), strayed("b")])
     assert table.loc["a"].to_dict() == {
         "1 s [mm]": 2.0,
         "ATE [mm]": 10.0,
@@ -65,7 +65,7 @@ def test_the_one_table_has_error_loss_and_cost_in_their_units():
 
 def test_without_a_truth_the_one_table_has_what_stands_for_it():
     rows = [unaided("a", 20.0, 0.01, 0.03), unaided("b", 25.0, 0.02, None)]
-    table = run_tables.main_table({}, rows)
+    table = tables.main_table({}, rows)
     assert table.loc["b"].to_dict() | {"disagreement [mm]": 0} == {
         "walls [x]": 1.25,
         "revisits [mm]": 20.0,
@@ -74,9 +74,9 @@ def test_without_a_truth_the_one_table_has_what_stands_for_it():
         "CPU [ms]": 1.0,
         "used": "laser",
     }
-    assert run_tables.unaided_table({}, rows).empty
+    assert tables.unaided_table({}, rows).empty
     truth = [unaided("a", 20.0, 0.01, 0.03) | {"errors": row()["errors"]}]
-    assert run_tables.unaided_table({}, truth).loc["a", "disagreement [mm]"] == 30.0
+    assert tables.unaided_table({}, truth).loc["a", "disagreement [mm]"] == 30.0
 
 
 def unaided(name, area, revisits, apart):
@@ -88,8 +88,8 @@ def unaided(name, area, revisits, apart):
 
 @pytest.mark.parametrize(("by", "at"), [("truth", "after 4 s"), ("relations", "after 9 s")])
 def test_a_lost_run_tells_when_by_what_judged_it(by, at):
-    assert run_tables.main_table({}, [strayed(by=by)]).loc["a (lost)", "lost"] == at
-    table = run_tables.overview_table({}, [strayed(by=by), row("b")])
+    assert tables.main_table({}, [strayed(by=by)]).loc["a (lost)", "lost"] == at
+    table = tables.tables({"name": "l"}, [strayed(by=by), row("b")])["overview"].frame
     assert table.loc["a (lost)", "lost after [m]"] == 2.0
     assert table.loc["a (lost)", "within limits [%]"] == 25.0
     assert table.loc["b"].isna()["lost after [m]"]
@@ -97,11 +97,11 @@ def test_a_lost_run_tells_when_by_what_judged_it(by, at):
 
 def test_a_figure_of_a_map_that_means_nothing_is_left_out():
     found = {
-        "iou": {"value": 0.5, "meaningful": True},
-        "adnn_to_truth": {"value": 0.02, "meaningful": True},
-        "coverage": {"value": 0.9, "meaningful": False},
+        "iou": 0.5,
+        "adnn_to_truth": 0.02,
+        "coverage": None,
     }
-    table = run_tables.map_table({}, [row(map=found)])
+    table = tables.tables({"name": "l"}, [row(map=found)])["maps"].frame
     assert table.to_dict("index") == {"a": {"IoU": 0.5, "ADNN to truth [mm]": 20.0}}
 
 
@@ -110,7 +110,7 @@ def test_over_logs_the_lost_rank_last_and_those_alike_share_their_ranks():
         [row("a", 0.001), row("b", 0.002), row("c", 0.002), strayed("d")],
         [row("a", 0.005), row("b", 0.002), strayed("c"), strayed("d")],
     )
-    table = run_tables.logs_table(comparison)
+    table = tables.logs_table(comparison)
     assert table["mean rank"].tolist() == [1.5, 1.75, 3.0, 3.75]
     assert table["lost or failed"].tolist() == [0, 0, 1, 2]
     assert table["worst log"].tolist()[:3] == ["l1", "l0", "l1"]
@@ -184,5 +184,5 @@ def test_nothing_and_what_is_no_number_is_a_dash():
 
 def test_over_logs_without_a_truth_a_run_is_not_lost_for_that():
     loss = {"lost": False, "by": "report", "report": {"scans": 0}}
-    table = run_tables.logs_table(compared(*[[row("a", errors=None, loss=loss)]] * 2))
+    table = tables.logs_table(compared(*[[row("a", errors=None, loss=loss)]] * 2))
     assert table.loc["a"].to_dict() == {"logs": 2, "lost or failed": 0}

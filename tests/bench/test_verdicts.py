@@ -7,7 +7,6 @@ import pytest
 
 from bench.judge import verdicts
 from bench.judge.metrics import SpanErrors
-from bench.judge.verdicts import MEASURES
 
 N = 200
 
@@ -46,12 +45,14 @@ def test_the_span_is_the_first_that_all_runs_have():
 
 
 def test_series_are_compared_at_the_stamps_that_both_have():
-    a, b = errors(0.001), errors(0.002, t=np.arange(50.0, N))
-    first, second = verdicts._same_times(a, b, MEASURES[0])
+    a, b = (
+        verdicts.Series("a", found.t, found.orientation)
+        for found in (errors(0.001), errors(0.002, t=np.arange(50.0, N)))
+    )
+    first, second = verdicts._shared(a, b)
     assert len(first) == len(second) == N - 50
-    assert first == pytest.approx(a.se2_translation[50:])
-    same, _ = verdicts._same_times(a, a, MEASURES[1])
-    assert same is a.orientation
+    assert first == pytest.approx(a.values[50:])
+    assert verdicts._shared(a, a)[0] is a.values
 
 
 def translation(means):

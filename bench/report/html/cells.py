@@ -3,34 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from bench.report import text as report
 from bench.report.html.markup import Markup, element
-
-if TYPE_CHECKING:
-    import pandas as pd
+from bench.report.lines import Table
 
 
-def table(
-    frame: pd.DataFrame, title: str, kinds: Mapping[str, str], corner: str = "algorithm"
-) -> Markup:
+def table(one: Table, kinds: Mapping[str, str] | None = None) -> Markup:
     """A table that scrolls in its own box; `kinds` gives the class of a run by its name."""
-    head, *body = report.cells(frame, corner)
-    return lines_table(title, head, body, kinds)
-
-
-def lines_table(
-    title: str, head: list[str], body: list[list[str]], kinds: Mapping[str, str] | None = None
-) -> Markup:
-    """The same of text, the name of each line in front."""
+    head, *body = report.cells(one.frame, one.corner)
     drawn = element(
         "table",
-        element("caption", element("span", title)),
+        element("caption", element("span", one.title)),
         element("thead", element("tr", *(element("th", text, scope="col") for text in head))),
         element("tbody", *(_line(head, line, kinds or {}) for line in body)),
     )
-    return element("div", drawn, class_="scroll", tabindex=0, role="region", aria_label=title)
+    return element("div", drawn, class_="scroll", tabindex=0, role="region", aria_label=one.title)
 
 
 def _line(head: list[str], line: list[str], kinds: Mapping[str, str]) -> Markup:

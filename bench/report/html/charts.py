@@ -10,13 +10,12 @@ import numpy as np
 
 from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS
 from bench.report import figures
-from bench.report.html.markup import Markup, element
-from bench.report.html.runs import Run
+from bench.report.html.legend import Curve, Run
+from bench.report.html.markup import Markup, beside, element
 from bench.report.html.svg import MAP, drawing, figure, look
 from bench.report.pareto import Point
 
 if TYPE_CHECKING:
-    from bench.report.html.legend import Named
     from bench.results import LogResult
     from slams.types import Floats
 
@@ -32,7 +31,7 @@ def errors(shown: Sequence[Run], span: str) -> Markup | None:
     return _shares(f"error of translation {over}", words, values, judged)
 
 
-def over_runs(found: Mapping[str, Sequence[float]], shown: Sequence[Named]) -> Markup | None:
+def over_runs(found: Mapping[str, Sequence[float]], shown: Sequence[Curve]) -> Markup | None:
     """Shares of the runs with absolute errors [mm] below a value, a curve for each algorithm."""
     words = (
         "Share of the runs whose absolute error is below a value: further left and higher is "
@@ -73,7 +72,7 @@ def histograms(shown: Sequence[Run]) -> Markup | None:
         )
         words = f"Fig. {number} of the paper: error of {kind} per update, share of the updates."
         drawn.append(figure(words, drawing(f"histogram: error of {kind} per update", draw)))
-    return element("div", *drawn, class_="pair")
+    return beside(*drawn)
 
 
 def trajectories(shown: Sequence[Run], done: LogResult) -> Markup | None:
@@ -132,7 +131,7 @@ def _panel(
 
 
 def _shares(
-    what: str, words: str, values: Mapping[str, Floats], shown: Sequence[Named]
+    what: str, words: str, values: Mapping[str, Floats], shown: Sequence[Curve]
 ) -> Markup | None:
     if not values:
         return None
@@ -140,7 +139,7 @@ def _shares(
     return figure(words, drawing(f"distribution: {what}", draw))
 
 
-def _looks(shown: Sequence[Named]) -> figures.Looks:
+def _looks(shown: Sequence[Curve]) -> figures.Looks:
     return {run.name: look(run.kind) for run in shown}
 
 

@@ -5,20 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bench.judge import alarms, loss, metrics
+from bench.judge import loss, metrics
 from bench.report import pareto, tables, words
 from bench.report import text as report
 from bench.report.html import charts, page
 from bench.report.html.cells import table
-from bench.report.html.markup import Markup, element, together
+from bench.report.html.legend import runs
+from bench.report.html.markup import Markup, beside, bullets, element, together
 from bench.report.html.record import facts, parameters
-from bench.report.html.runs import runs
-from bench.report.lines import DECIDING_SPANS, label
+from bench.report.lines import DECIDING_SPANS, Table, label
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    from bench.report.html.runs import Run
+    from bench.report.html.legend import Run
     from bench.results import Comparison, Line, LogResult, Rows
 
 # tables that stand in sections of their own; the others are under "All tables"
@@ -37,17 +35,19 @@ def document(comparison: Comparison, done: LogResult) -> str:
     made = tables.tables(entry, rows)
     alone = comparison._replace(logs=[done], over_logs=[])
     before = {
-        "Which one": together(_listed(words.answer(alone)), _tables(made, rows, MAIN)),
+        "Which one": together(bullets(words.answer(alone)), _tables(made, rows, MAIN)),
     }
     drawn = _figures(shown, done)
     paper = together(_tables(made, rows, PAPER), charts.histograms(shown))
     others = tuple(key for key in made if key not in (*MAIN, *PAPER))
+    broken = words.failures(rows)
+    failed = together(element("h3", "Failed"), bullets(broken)) if broken else None
     folded = {
         "Tables and histograms of the paper": paper or None,
         "Trajectories": charts.trajectories(shown, done),
     }
     behind = {
-        "All tables": together(_tables(made, rows, others), _failed(rows)) or None,
+        "All tables": together(_tables(made, rows, others), failed) or None,
         "How sure": _verdicts(entry),
         "How it was run": together(facts(results, entry), parameters(rows)),
         "Definitions": _definitions(),
@@ -59,15 +59,9 @@ def document(comparison: Comparison, done: LogResult) -> str:
 
 def _figures(shown: list[Run], done: LogResult) -> dict[str, Markup | None]:
     kinds = {run.outcome.row["algorithm"]: run.kind for run in shown}
-    curves = [
-        charts.errors(shown, _span(shown)),
-        charts.against_cost(pareto.points_of(done), kinds),
-    ]
-    pair = element("div", *(curve for curve in curves if curve), class_="pair")
-    return {
-        "Maps": charts.maps(shown, done),
-        "Errors": pair if any(curves) else None,
-    }
+    errors = charts.errors(shown, _span(shown))
+    costs = charts.against_cost(pareto.drawn_of(done), kinds)
+    return {"Maps": charts.maps(shown, done), "Errors": beside(errors, costs)}
 
 
 def _span(shown: list[Run]) -> str:
@@ -77,19 +71,14 @@ def _span(shown: list[Run]) -> str:
     return next(shared, "update")
 
 
-def _tables(made: dict[str, pd.DataFrame], rows: Rows, keys: tuple[str, ...]) -> Markup:
+def _tables(made: dict[str, Table], rows: Rows, keys: tuple[str, ...]) -> Markup:
     kinds = {label(row): f"run-{k}" for k, row in enumerate(rows)}
     drawn = []
     for key in keys:
         if key in made:
-            drawn.append(table(made[key], tables.TITLES[key], kinds))
+            drawn.append(table(made[key], kinds))
             drawn += [element("p", tables.DIFFERS)] if key == "published" else []
     return together(*drawn)
-
-
-def _failed(rows: Rows) -> Markup | None:
-    found = words.failures(rows)
-    return together(element("h3", "Failed"), _listed(found)) if found else None
 
 
 def _verdicts(entry: Line) -> Markup | None:
@@ -99,23 +88,19 @@ def _verdicts(entry: Line) -> Markup | None:
         return None
     others = [verdict["sentence"] for verdict in found if not verdict["next"]]
     return together(
-        _listed([verdict["sentence"] for verdict in words.neighbors(found)]),
-        element("details", element("summary", "all other pairs"), _listed(others))
+        bullets([verdict["sentence"] for verdict in words.neighbors(found)]),
+        element("details", element("summary", "all other pairs"), bullets(others))
         if others
         else None,
     )
-
-
-def _listed(lines: list[str]) -> Markup:
-    return element("ul", *(element("li", line) for line in lines))
 
 
 def _definitions() -> Markup:
     """The prose, with the constants of the code."""
     constants = {
         "loop_s": metrics.LOOP,
-        "limit_m": alarms.LIMIT_M,
-        "limit_rad": alarms.LIMIT_RAD,
+        "limit_m": loss.LIMIT_M,
+        "limit_rad": loss.LIMIT_RAD,
         "broken_share": 100 * loss.BROKEN_SHARE,
         "reported_share": 100 * loss.REPORTED_SHARE,
     }

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from bench.report import pareto, run_tables, tables, words
+from bench.report import pareto, tables, words
 from bench.report import text as report
 from bench.report.html import charts, page
 from bench.report.html.cells import table
-from bench.report.html.markup import Markup, element, together
+from bench.report.html.legend import Curve
+from bench.report.html.markup import Markup, beside, bullets, element, together
 from bench.report.html.record import facts
-from bench.report.html.runs import Curve
+from bench.report.lines import Table
 
 if TYPE_CHECKING:
     from bench.results import Comparison
@@ -26,28 +27,24 @@ def write_joint(path: Path, comparison: Comparison, folders: Sequence[str]) -> N
 
 def joint(comparison: Comparison, folders: Sequence[str]) -> str:
     """The page's text."""
-    answer = (element("li", text) for text in words.answer(comparison))
-    over = [element("li", verdict["sentence"]) for verdict in comparison.over_logs]
-    shown = [Curve(f"run-{k}", name) for k, name in enumerate(words.by_algorithm(comparison))]
+    over = [verdict["sentence"] for verdict in comparison.over_logs]
+    shown = [Curve(f"run-{k}", name) for k, name in enumerate(comparison.by_algorithm())]
     kinds = {curve.name: curve.kind for curve in shown}
     before = {
         "Which one": together(
-            element("ul", *answer),
-            table(run_tables.logs_table(comparison), tables.OVER_LOGS, kinds),
+            bullets(words.answer(comparison)),
+            table(Table(tables.OVER_LOGS, tables.logs_table(comparison)), kinds),
         ),
         "Each log": _links(comparison, folders),
     }
-    curves = [
-        charts.over_runs(_errors(comparison), shown),
-        charts.against_cost(pareto.points(comparison), kinds),
-    ]
-    pair = element("div", *(curve for curve in curves if curve), class_="pair")
+    errors = charts.over_runs(_errors(comparison), shown)
+    costs = charts.against_cost(pareto.drawn(comparison), kinds)
     behind = {
-        "How sure": element("ul", *over) if over else None,
+        "How sure": bullets(over) if over else None,
         "How it was run": facts(comparison.as_dict(), {}),
     }
     title = f"SLAM comparison over {len(comparison.logs)} logs"
-    drawn = {"Errors": pair if any(curves) else None}
+    drawn = {"Errors": beside(errors, costs)}
     return page.page(title, title, (before, drawn, behind), shown, set(behind))
 
 
@@ -58,7 +55,7 @@ def _errors(comparison: Comparison) -> dict[str, list[float]]:
             float("inf") if row["failed"] or not row["errors"] else 1e3 * row["errors"]["ate_m"]
             for row in rows
         ]
-        for name, rows in words.by_algorithm(comparison).items()
+        for name, rows in comparison.by_algorithm().items()
     }
 
 

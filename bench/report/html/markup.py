@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from html import escape
 
 VOID = {"img", "input", "meta"}
@@ -30,11 +31,19 @@ def element(tag: str, *children: str | None, **attributes: object) -> Markup:
 
 def together(*parts: str | None) -> Markup:
     """Elements and plain text, one after the other."""
-    return Markup("".join(_safe(part) for part in parts if part is not None))
+    known = [part for part in parts if part is not None]
+    return Markup("".join(part if isinstance(part, Markup) else escape(part) for part in known))
 
 
-def _safe(part: str) -> str:
-    return part if isinstance(part, Markup) else escape(part)
+def bullets(lines: Iterable[str]) -> Markup:
+    """A list of sentences."""
+    return element("ul", *(element("li", line) for line in lines))
+
+
+def beside(*drawn: Markup | None) -> Markup | None:
+    """Figures side by side, those that there are."""
+    found = [one for one in drawn if one]
+    return element("div", *found, class_="pair") if found else None
 
 
 def _attributes(values: dict[str, object]) -> list[str]:

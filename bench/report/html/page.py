@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from string import Template
 
-from bench.report.html.legend import Named, legend, rules
+from bench.report.html.legend import Curve, legend, rules
 from bench.report.html.markup import Markup, element, together
 
 HERE = Path(__file__).parent
@@ -18,7 +18,7 @@ def page(
     title: str,
     heading: str,
     parts: tuple[Sections, Sections, Sections],
-    shown: Sequence[Named],
+    shown: Sequence[Curve],
     folded: Collection[str] = (),
 ) -> str:
     """The text of a page.
@@ -34,12 +34,14 @@ def page(
     main = together(
         _sections(before, folded), _under_legend(drawn, shown, folded), _sections(behind, folded)
     )
+    named = [name for name, body in {**before, **drawn, **behind}.items() if body]
+    links = [element("a", name, href=f"#{_anchor(name)}") for name in named]
     return template("report.template.html").substitute(
         title=element("title", title),
         style=(HERE / "report.css").read_text(encoding="utf-8") + rules(shown),
         script=(HERE / "report.js").read_text(encoding="utf-8"),
         heading=element("h1", heading),
-        contents=_contents({**before, **drawn, **behind}),
+        contents=together(*links),
         main=main,
     )
 
@@ -50,7 +52,7 @@ def template(name: str) -> Template:
 
 
 def _under_legend(
-    drawn: Sections, shown: Sequence[Named], folded: Collection[str]
+    drawn: Sections, shown: Sequence[Curve], folded: Collection[str]
 ) -> Markup | None:
     if not any(drawn.values()):
         return None
@@ -67,11 +69,6 @@ def _section(name: str, body: Markup, folded: bool) -> Markup:
     if folded:
         return element("section", element("details", element("summary", head), body))
     return element("section", head, body)
-
-
-def _contents(bodies: Sections) -> Markup:
-    links = [element("a", name, href=f"#{_anchor(name)}") for name, body in bodies.items() if body]
-    return together(*links)
 
 
 def _anchor(name: str) -> str:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from bench.report.html.cells import lines_table
+import pandas as pd
+
+from bench.report.html.cells import table
 from bench.report.html.markup import Markup, element, together
-from bench.report.lines import label
+from bench.report.lines import Table, label
 from bench.results import Line, Row, Rows
 
 
@@ -44,10 +46,11 @@ def _choices(results: Line, entry: Line) -> dict[str, Any]:
 
 
 def _run(row: Row) -> Markup:
-    values = [[name, _text(value)] for name, value in row["parameters"].items()]
+    values = {name: _text(value) for name, value in row["parameters"].items()}
+    frame = pd.DataFrame({"value": values})
     return _folded(
         f"{label(row)}: parameters and own report",
-        lines_table(f"parameters of {row['algorithm']}", ["parameter", "value"], values),
+        table(Table(f"parameters of {row['algorithm']}", frame, "parameter")),
         _pairs(row.get("report") or {}),
     )
 

@@ -71,7 +71,7 @@ def drawing(label: str, draw: Callable[[Axes], None], size: tuple[float, float] 
     )
 
 
-def figure(words: str, *drawn: Markup) -> Markup:
+def figure(words: str, *drawn: Markup | None) -> Markup:
     """What is drawn, and in words below what it shows."""
     return element("figure", *drawn, element("figcaption", words))
 

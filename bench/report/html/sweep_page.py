@@ -9,8 +9,8 @@ from bench.judge.answers import Analysis, Cell
 from bench.report import sweep_figure, sweep_tables
 from bench.report.html import page
 from bench.report.html.cells import table
-from bench.report.html.markup import Markup, element, together
-from bench.report.html.runs import Curve
+from bench.report.html.legend import Curve
+from bench.report.html.markup import Markup, beside, element, together
 from bench.report.html.svg import drawing, figure, look
 from bench.results.sweep import Sweep
 
@@ -22,25 +22,17 @@ def document(sweep: Sweep, found: Analysis) -> str:
     """The page's text; same results, same bytes."""
     labels = dict.fromkeys(name for name, *_ in found.rows)
     shown = [Curve(f"run-{k}", label) for k, label in enumerate(labels)]
-    before = {
-        ANSWERS: together(
-            element("p", sweep_tables.TAKE), *(_table(one) for one in sweep_tables.choices(found))
-        )
-    }
+    answers = (table(one) for one in sweep_tables.choices(found))
+    before = {ANSWERS: together(element("p", sweep_tables.TAKE), *answers)}
     made = sweep_tables.tables(found, sweep.facts).values()
     behind = {
-        TABLES: together(*(_table(one) for one in made)),
+        TABLES: together(*(table(one) for one in made)),
         RECORD: _record(sweep),
     }
     drawn = {"Runs that hold a level": _figures(found, sweep, shown)}
     heading = f"{sweep_tables.head(found, sweep.facts)}."
     parts = before, drawn, behind
     return page.page("SLAM in the field: what breaks it", heading, parts, shown, FOLDED)
-
-
-def _table(one: sweep_tables.Table) -> Markup:
-    frame = one.frame.replace(r"\*\*", "", regex=True)
-    return table(frame, one.title, {}, one.corner)
 
 
 def _figures(found: Analysis, sweep: Sweep, shown: Sequence[Curve]) -> Markup | None:
@@ -52,7 +44,7 @@ def _figures(found: Analysis, sweep: Sweep, shown: Sequence[Curve]) -> Markup | 
     made = []
     for (question, name), cells in groups.items():
         meaning, unit = (sweep.facts[key].get(name, "") for key in ("meanings", "units"))
-        drawn = element("div", *(_plot(cell, unit, shown) for cell in cells), class_="pair")
+        drawn = beside(*(_plot(cell, unit, shown) for cell in cells))
         words = "share of the runs that hold the level, with its 95 % band"
         made.append(figure(f"{question}. {name} [{unit}]: {meaning}; {words}.", drawn))
     return together(*made) if made else None

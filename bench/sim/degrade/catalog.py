@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import replace
 
 import numpy as np
 
-from bench.sim.degrade.degradation import Degradation
-from bench.sim.degrade.entries import ENTRIES
+from bench.sim.degrade import fan, glass, people, readings, stamps, tilt, wheels
+from bench.sim.degrade.degradation import Degradation, degradation
+from slams.params import nearest
 from slams.scanlog import ScanLog
 
-CATALOG = {entry.name: entry for entry in ENTRIES}
+
+@degradation("1", (0,), 0, 0)
+def clean(log: ScanLog, level: float) -> ScanLog:
+    """The log as it is."""
+    return log
+
+
+KINDS = (fan, readings, people, glass, stamps, wheels, tilt)
+EVERY = [clean, *(one for kind in KINDS for one in vars(kind).values())]
+CATALOG = {one.name: one for one in EVERY if isinstance(one, Degradation)}
 
 
 def find_degradation(name: str) -> Degradation:
@@ -22,8 +31,7 @@ def find_degradation(name: str) -> Degradation:
     """
     if name in CATALOG:
         return CATALOG[name]
-    near = difflib.get_close_matches(name.lower(), CATALOG, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = nearest(name.lower(), CATALOG)
     raise LookupError(f"unknown degradation {name!r}{hint} (known: {', '.join(CATALOG)})")
 
 
@@ -62,7 +70,7 @@ def degrade(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
         raise ValueError(
             f"{name}: {log.name} has no {missing}; leave {name} out or take another log"
         )
-    degraded = found.apply(log, level, np.random.default_rng([seed, *name.encode()]))
+    degraded = found(log, level, np.random.default_rng([seed, *name.encode()]))
     return degraded if found is CATALOG["clean"] else _noted(degraded, name, level, seed)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -13,8 +14,6 @@ from slams.scanlog import ScanLog
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-Apply = Callable[[ScanLog, float, "Generator"], ScanLog]
-
 SAID = 3  # levels that a refusal names
 LACKS = {
     "truth": "truth at any scan",
@@ -25,31 +24,45 @@ LACKS = {
 
 @dataclass(frozen=True)
 class Degradation:
-    """One way to degrade a log.
+    """One way to degrade a log; called with a log, a level and, where it is random, a generator.
 
     Attributes:
-        name: as on the command line, `noise=0.05`.
+        apply: pure function of log, level and, where the seed plays a part, a fresh generator.
         unit: of the level, "1" for a count.
-        meaning: what the level says, one line.
         levels: from mild to deadly, in the order in which a sweep raises them.
-        apply: pure function of log, level and a fresh generator; `degrade` calls it.
         low: least level allowed.
         high: greatest level allowed.
         whole: the level is a whole number.
         needs: of "truth", "odometry", "gyro": a log without has nothing to degrade.
-        random: the seed plays a part; without, two seeds give the same log.
     """
 
-    name: str
+    apply: Callable[..., ScanLog]
     unit: str
-    meaning: str
     levels: tuple[float, ...]
-    apply: Apply
     low: float
     high: float
     whole: bool = False
     needs: tuple[str, ...] = ()
-    random: bool = True
+
+    def __call__(self, log: ScanLog, level: float, rng: Generator | None = None) -> ScanLog:
+        """The log degraded."""
+        return self.apply(log, level, rng) if self.random else self.apply(log, level)
+
+    @property
+    def name(self) -> str:
+        """As on the command line, `noise=0.05`: that of the function."""
+        return self.apply.__name__.rstrip("_")
+
+    @property
+    def meaning(self) -> str:
+        """What the level says: the first line of the function's docstring."""
+        line = (inspect.getdoc(self.apply) or "").partition("\n")[0]
+        return line[:1].lower() + line[1:].rstrip(".")
+
+    @property
+    def random(self) -> bool:
+        """The seed plays a part; without, two seeds give the same log."""
+        return "rng" in inspect.signature(self.apply).parameters
 
     def checked(self, level: float | str) -> float:
         """The level as a number.
@@ -80,6 +93,19 @@ class Degradation:
             f"{self.name}: got {level}, expected {kind}{bounds}{unit} ({self.meaning}),"
             f" for instance {known}"
         )
+
+
+def degradation(
+    unit: str,
+    levels: tuple[float, ...],
+    low: float,
+    high: float,
+    *,
+    whole: bool = False,
+    needs: tuple[str, ...] = (),
+) -> Callable[[Callable[..., ScanLog]], Degradation]:
+    """Make a function a degradation; the arguments are the attributes of `Degradation`."""
+    return lambda apply: Degradation(apply, unit, levels, low, high, whole, needs)
 
 
 def _has(log: ScanLog, need: str) -> bool:

@@ -4,27 +4,31 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bench.sim.degrade.degradation import degradation
 from bench.sim.degrade.spells import at_rate, elapsed
 from slams.scanlog import ScanLog
-from slams.types import Laser
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
 
 SHARP = 4.0  # scans in the time of one turn, at least, to put a turning laser's scan together from
 
 
-def rate(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Only the scans nearest to an even rate of `level` [Hz]; wheels and gyro keep theirs."""
+@degradation("Hz", (5, 3, 2, 1, 0.5, 0.25), 0.01, 1000)
+def rate(log: ScanLog, level: float) -> ScanLog:
+    """Scans a second; a log that has no more keeps them all.
+
+    Those nearest to an even rate; wheels and gyro keep theirs.
+    """
     return log.rows(at_rate(log.t, level))
 
 
-def beams(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Every k-th beam over the whole fan, with the k that comes nearest to `level` beams."""
+@degradation("1", (180, 90, 60, 45, 30, 20, 12, 8), 1, 100_000, whole=True)
+def beams(log: ScanLog, level: float) -> ScanLog:
+    """Beams of a scan, evenly over the whole fan.
+
+    Every k-th beam, with the k that comes nearest to `level` beams.
+    """
     n = log.laser.n_beams
     if level >= n:
         return log
@@ -37,8 +41,9 @@ def beams(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     return _part(log, slice(first, first + (left - 1) * every + 1, every))
 
 
-def field_of_view(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """The beams within `level` [deg] about the middle of the fan."""
+@degradation("deg", (180, 120, 90, 60, 45, 30, 20), 1, 360)
+def fov(log: ScanLog, level: float) -> ScanLog:
+    """Field of view, about the middle of the fan."""
     n, step = log.laser.n_beams, abs(log.laser.angle_increment)
     if step * (n - 1) <= math.radians(level):
         return log
@@ -48,12 +53,14 @@ def field_of_view(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     return _part(log, slice(first, first + left))
 
 
-def sweep(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """A laser whose mirror turns `level` times a second, put together out of a faster log.
+@degradation("Hz", (10, 5, 3, 2, 1), 0.01, 1000)
+def sweep(log: ScanLog, level: float) -> ScanLog:
+    """Turns a second of a mirror that measures beam after beam.
 
-    Beam j is measured `j * time_increment` after the stamp, the time the mirror needs to turn that
-    far, and its reading is that of the scan nearest in time. So nothing is computed, and no beam
-    is off by more than half a period of the faster log.
+    Put together out of a faster log. Beam j is measured `j * time_increment` after the stamp,
+    the time the mirror needs to turn that far, and its reading is that of the scan nearest in
+    time. So nothing is computed, and no beam is off by more than half a period of the faster
+    log.
 
     Raises:
         ValueError: the log is not fast enough for that.
@@ -85,16 +92,12 @@ def _left(n: int, every: int) -> int:
 def _part(log: ScanLog, part: slice) -> ScanLog:
     """Some beams of every scan; the stamp is that of the first of them."""
     first, _, every = part.indices(log.laser.n_beams)
-    ranges = log.ranges[:, part]
-    laser = _laser(log.laser, first, every, ranges.shape[1])
-    return replace(log, t=log.t + first * log.laser.time_increment, ranges=ranges, laser=laser)
-
-
-def _laser(laser: Laser, first: int, every: int, n_beams: int) -> Laser:
-    return replace(
+    ranges, laser = log.ranges[:, part], log.laser
+    part_of_it = replace(
         laser,
         angle_min=laser.angle_min + first * laser.angle_increment,
         angle_increment=laser.angle_increment * every,
-        n_beams=n_beams,
+        n_beams=ranges.shape[1],
         time_increment=laser.time_increment * every,
     )
+    return replace(log, t=log.t + first * laser.time_increment, ranges=ranges, laser=part_of_it)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.sim.rays import rays_of, true_poses
+from bench.sim.degrade.degradation import degradation
+from bench.sim.rays import ends_of, rays_of, true_poses
 from slams.scanlog import ScanLog
 from slams.types import Floats, Ranges
 
@@ -24,8 +25,9 @@ MIRROR = math.radians(8.0)  # incidence up to which a pane throws the light stra
 SPAN = math.radians(3.0)  # to either side of a beam: where its wall's direction is read
 
 
+@degradation("%", (20, 40, 60, 80, 100), 0, 100, needs=("truth",))
 def glass(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """`level` [%] of the walls, in places of about 1 m, let the light through.
+    """Of the walls, in panes of about 1 m.
 
     A place is glass from wherever it is seen. A beam that meets it sees nothing (inf: what lies
     behind is not in the log), unless it meets it within 8 deg of the perpendicular.
@@ -34,7 +36,9 @@ def glass(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     ranges = np.array(log.ranges)
     for start in range(0, len(log), BLOCK):
         block = slice(start, start + BLOCK)
-        ends = _ends(log, block)
+        rays = rays_of(log.laser, true_poses(log, log.t[block]))
+        seen = np.where(np.isfinite(log.ranges[block]), log.ranges[block], np.nan)
+        ends = ends_of(rays, seen)
         through = places.chance(ends) < 0.01 * level
         through &= _incidence(log.ranges[block], log.laser.angle_increment) > MIRROR
         ranges[block][through] = np.inf
@@ -60,14 +64,6 @@ class _Places:
         chance = np.ones(points.shape[:-1])
         chance[known] = self.draws[cells[:, 0], cells[:, 1]]
         return chance
-
-
-def _ends(log: ScanLog, block: slice) -> Floats:
-    """End points (n, b, 2) [m] of the beams in the world; not finite where there is none."""
-    rays = rays_of(log.laser, true_poses(log, log.t[block]))
-    c, s = np.cos(rays[..., 2]), np.sin(rays[..., 2])
-    ranges = np.where(np.isfinite(log.ranges[block]), log.ranges[block], np.nan)
-    return np.stack([rays[..., 0] + ranges * c, rays[..., 1] + ranges * s], axis=-1)
 
 
 def _incidence(ranges: Ranges, increment: float) -> Floats:

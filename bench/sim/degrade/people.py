@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bench.sim.degrade.degradation import degradation
 from bench.sim.degrade.spells import Mask, elapsed
 from bench.sim.people import APART, LEG, PACE, SWING, gait
 from bench.sim.rays import rays_of, true_poses
@@ -20,11 +21,13 @@ BLOCK = 200  # scans at once
 LEAST = 0.5 + LEG + float(np.hypot(SWING, APART))  # m, so that no leg comes nearer than 0.5 m
 
 
+@degradation("1", (3, 5, 8, 12, 20, 30, 50), 0, 50, whole=True, needs=("truth",))
 def people(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """So many people keep the robot company; their legs shorten the beams that meet them.
+    """People who walk near the robot, 0.8 to 1.2 m/s.
 
-    Legs rather than bodies, as in `slams simulate --people`: that is what a laser on a robot sees.
-    They walk from place to place that the laser sees, within 3 m of it, at 0.8 to 1.2 m/s.
+    Their legs shorten the beams that meet them. Legs rather than bodies, as in `slams simulate
+    --people`: that is what a laser on a robot sees. They walk from place to place that the
+    laser sees, within 3 m of it, at 0.8 to 1.2 m/s.
     """
     truth = log.truth_at(log.t)
     assert truth is not None, "the catalog says that people need a truth"
@@ -48,13 +51,9 @@ def legs_near(log: ScanLog, truth: Floats, n_people: int, rng: Generator) -> Flo
         middle = np.empty((len(log), 2))
         pace = float(one.uniform(*PACE))
         stroll(sensors, log.ranges, log.laser.angles, pace * seconds, LEAST, one, middle)
-        both.append(_walking(middle))
+        dx, dy = np.diff(middle, axis=0, prepend=middle[:1]).T
+        both.append(gait(middle, np.arctan2(dy, dx), np.cumsum(np.hypot(dx, dy))))
     return np.concatenate(both, axis=1) if both else np.empty((len(log), 0, 2))
-
-
-def _walking(middle: Floats) -> Floats:
-    dx, dy = np.diff(middle, axis=0, prepend=middle[:1]).T
-    return gait(middle, np.arctan2(dy, dx), np.cumsum(np.hypot(dx, dy)))
 
 
 def _occluded(log: ScanLog, known: Mask, legs: Floats) -> Ranges:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.sim.degrade import fan
+from bench.sim.degrade.degradation import degradation
 from bench.sim.range_errors import Errors
 from slams.scanlog import ScanLog
 from slams.types import Floats
@@ -18,8 +19,9 @@ if TYPE_CHECKING:
 EXACT = Errors(noise=0.0, step=0.0)
 
 
-def cut(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """The laser sees no further than `level` [m].
+@degradation("m", (8, 6, 4, 3, 2, 1.5, 1), 0.1, 1000)
+def range_(log: ScanLog, level: float) -> ScanLog:
+    """The laser sees no further.
 
     Raises:
         ValueError: that is nearer than it sees at all.
@@ -34,30 +36,39 @@ def cut(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     return replace(log, laser=laser)
 
 
+@degradation("m", (0.05, 0.1, 0.2, 0.3, 0.5, 0.8), 0, 10)
 def noise(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Gaussian noise of the standard deviation `level` [m] on top of what there is."""
+    """Standard deviation added to each reading.
+
+    Gaussian, on top of what there is.
+    """
     return _measured(log, replace(EXACT, noise=level), rng)
 
 
-def bias(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Every reading `level` [m] too long."""
+@degradation("m", (0.05, 0.1, 0.2, 0.5, 1), -10, 10)
+def bias(log: ScanLog, level: float) -> ScanLog:
+    """Added to each reading."""
     return replace(log, ranges=log.ranges + np.float32(level))
 
 
-def scale(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Every reading `level` [%] too long."""
+@degradation("%", (2, 5, 10, 20, 40), -90, 1000)
+def scale(log: ScanLog, level: float) -> ScanLog:
+    """Each reading too long by that much of it."""
     return replace(log, ranges=log.ranges * np.float32(1.0 + 0.01 * level))
 
 
-def dropouts(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """`level` [%] of the readings lost by chance, half as "nothing there", half as not valid."""
+@degradation("%", (50, 70, 80, 90, 95, 98), 0, 100)
+def dropout(log: ScanLog, level: float, rng: Generator) -> ScanLog:
+    """Readings lost by chance, half inf, half nan."""
     return _measured(log, replace(EXACT, dropout=0.01 * level), rng)
 
 
+@degradation("%", (30, 50, 70, 80, 90, 95), 0, 100)
 def short(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """`level` [%] of the readings, by chance, anywhere between the laser and what it saw.
+    """Readings that end by chance before what they should meet: rain, dust, smoke.
 
-    Rain, dust, smoke, leaves. A beam that saw nothing may be short of its greatest range.
+    Anywhere between the laser and what it saw. A beam that saw nothing may be short of its
+    greatest range.
     """
     struck, share = rng.random((2, *log.ranges.shape), np.float32)
     least, most = np.float32(log.laser.range_min), np.float32(log.laser.range_max)
@@ -68,14 +79,19 @@ def short(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     )
 
 
-def quantization(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Readings rounded to multiples of `level` [m]."""
-    return _measured(log, replace(EXACT, step=level), rng)
+@degradation("m", (0.05, 0.1, 0.2, 0.5, 1), 0, 10)
+def quantization(log: ScanLog, level: float) -> ScanLog:
+    """Readings are rounded to multiples of it."""
+    return _measured(log, replace(EXACT, step=level), np.random.default_rng())
 
 
+@degradation("1", (1,), 1, 1)
 def poor_lidar(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """What a cheap turning scanner has left: 5 Hz, 360 beams, 3.5 m, 22 mm noise, 10 % dropouts."""
-    log = cut(fan.beams(fan.rate(log, 5.0, rng), 360, rng), 3.5, rng)
+    """5 Hz, 360 beams, 3.5 m, 22 mm of noise, 10 % dropouts; level 1.
+
+    What a cheap turning scanner has left.
+    """
+    log = range_(fan.beams(fan.rate(log, 5.0), 360), 3.5)
     return _measured(log, replace(EXACT, noise=0.022, dropout=0.1), rng)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bench.sim.degrade.degradation import degradation
 from bench.sim.degrade.spells import at_rate, spell
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats
@@ -15,23 +16,30 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 
+@degradation("s", (1, 2, 3, 5, 8), 0, 3600)
 def gap(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Scans of `level` [s] in the middle are missing; wheels and gyro go on where they have more.
+    """Scans missing in the middle.
 
-    A log that is no longer than that keeps its first scan.
+    Wheels and gyro go on where they have more. A log that is no longer than that keeps its
+    first scan.
     """
     return log.rows(~spell(log.t, level, rng))
 
 
+@degradation("s", (1, 2, 3, 5, 8), 0, 3600)
 def blind(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """For `level` [s] in the middle the laser sees nothing: the scans are there, all inf."""
+    """In the middle the laser sees nothing.
+
+    The scans are there, all inf.
+    """
     ranges = np.array(log.ranges)
     ranges[spell(log.t, level, rng)] = np.inf
     return replace(log, ranges=ranges)
 
 
-def speed(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """The robot drives the same way `level` times as fast under the same laser.
+@degradation("x", (2, 3, 4, 6, 8, 12), 1, 100)
+def speed(log: ScanLog, level: float) -> ScanLog:
+    """Times as fast on the same way, under the same laser.
 
     All stamps lie closer, turn rates are greater, and as the laser measures no more often than it
     did, scans are left out.
@@ -56,11 +64,12 @@ def _sooner(t: Floats, start: float, level: float) -> Floats:
     return np.asarray(start + (t - start) / level)
 
 
+@degradation("ms", (10, 20, 50, 100, 200), 0, 60000)
 def jitter(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Each scan's stamp is off by chance, with the standard deviation `level` [ms]; some jump back.
+    """Standard deviation of the scans' stamps.
 
-    Wheels and gyro keep theirs. The truth goes with the scans (one pose for each), so that a pose
-    is held against where its scan was measured.
+    Some jump back. Wheels and gyro keep theirs. The truth goes with the scans (one pose for
+    each), so that a pose is held against where its scan was measured.
     """
     t, truth = log.t + rng.normal(0.0, 1e-3 * level, len(log)), log.truth_at(log.t)
     if truth is None:
@@ -69,8 +78,12 @@ def jitter(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     return replace(log, t=t, truth=Track(t[known], truth[known]) if known.any() else None)
 
 
-def lag(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Scans are stamped `level` [ms] late against wheels and gyro; the truth goes with them."""
+@degradation("ms", (50, 100, 200, 500, 1000), 0, 60000, needs=("odometry",))
+def lag(log: ScanLog, level: float) -> ScanLog:
+    """Scans stamped late against wheels and gyro.
+
+    The truth goes with them.
+    """
     late = 1e-3 * level
     truth = log.truth and Track(log.truth.t + late, log.truth.values)
     return replace(log, t=log.t + late, truth=truth)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.sim.degrade.degradation import Degradation
+from bench.sim.degrade.degradation import degradation
 from bench.sim.degrade.spells import elapsed
 from bench.sim.swing import HEIGHT, Swing, level_floor, measured, ranges_of, rise
 from slams.scanlog import ScanLog, Track
@@ -21,14 +21,16 @@ FLOOR_NOISE = 0.01  # m, standard deviation of a range to the floor
 EDGE = 0.3  # share by which ranges of neighbors differ that meet two things
 
 
+@degradation("deg", (3, 6, 10, 15, 25), 0, 40)
 def tilt(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Roll and pitch of up to `level` [deg] each about the laser; measured, to 0.3 deg."""
+    """Roll and pitch of up to that much each, laser 0.35 m above the floor; measured to 0.3 deg."""
     tilted, attitudes = _tilted(log, level, rng)
     return replace(tilted, attitude=Track(log.t, measured(attitudes, elapsed(log.t), rng)))
 
 
+@degradation("deg", (3, 6, 10, 15, 25), 0, 40)
 def tilt_unmeasured(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Roll and pitch of up to `level` [deg] each about the laser, and nothing that measures it."""
+    """Roll and pitch of up to that much each, laser 0.35 m above the floor; nothing measures it."""
     return replace(_tilted(log, level, rng)[0], attitude=None)
 
 
@@ -75,13 +77,3 @@ def _between(ranges: Floats, shift: Floats) -> Floats:
         line = 1.0 / ((1.0 - part) / a + part / b)
         one = np.abs(a - b) < EDGE * np.minimum(a, b)
     return np.where(one & (part > 0.0), line, nearest)
-
-
-LEVELS = (3, 6, 10, 15, 25)
-MEANING = "roll and pitch of up to that much each, laser 0.35 m above the floor"
-ENTRIES = (
-    Degradation("tilt", "deg", f"{MEANING}; measured to 0.3 deg", LEVELS, tilt, 0, 40),
-    Degradation(
-        "tilt_unmeasured", "deg", f"{MEANING}; nothing measures it", LEVELS, tilt_unmeasured, 0, 40
-    ),
-)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bench.sim.degrade.degradation import degradation
 from bench.sim.degrade.spells import elapsed, moment, spell
 from bench.sim.wheels import integrate, steps
 from slams.scanlog import ScanLog, Track
@@ -22,10 +23,11 @@ SPELLS = 3600  # after which the draws repeat
 TWIST = 0.2  # rad, at most, that a jump turns the robot for each meter
 
 
+@degradation("%", (10, 20, 50, 100, 200), 0, 1000, needs=("odometry",))
 def slip(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Wheels turn `level` [%] further than they roll, in spells of 1 s, 30 % of the time.
+    """Wheels turn further than they roll, 30 % of the time.
 
-    Left and right for themselves, 0.4 m apart, so that the heading suffers most.
+    In spells of 1 s, left and right for themselves, 0.4 m apart, so that the heading suffers most.
     """
     odom, (ahead, aside, turn) = _increments(log)
     second = elapsed(odom.t)[1:].astype(np.int64) % SPELLS
@@ -35,15 +37,23 @@ def slip(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     return _counted(log, 0.5 * (left + right), aside, (right - left) / TRACK)
 
 
+@degradation("s", (1, 2, 3, 5, 8), 0, 3600, needs=("odometry",))
 def stall(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """For `level` [s] in the middle the wheels count nothing, though the robot moves."""
+    """In the middle the wheels count nothing.
+
+    The robot moves all the same.
+    """
     odom, (ahead, aside, turn) = _increments(log)
     rolls = ~spell(odom.t, level, rng)[1:]
     return _counted(log, rolls * ahead, rolls * aside, rolls * turn)
 
 
+@degradation("m", (0.5, 1, 2, 5, 10), 0, 1000, needs=("odometry",))
 def jump(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Once in the middle, odometry jumps `level` [m] in any direction and turns, too."""
+    """One jump of the odometry in the middle.
+
+    In any direction; the robot turns, too.
+    """
     odom, (ahead, aside, turn) = _increments(log)
     direction, twist = rng.uniform(-math.pi, math.pi), TWIST * level * rng.uniform(-1.0, 1.0)
     last = moment(odom.t, rng) - 1
@@ -54,15 +64,20 @@ def jump(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     return _counted(log, ahead, aside, turn)
 
 
-def wheel_scale(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Wheels are `level` [%] smaller than believed: way and turns are counted too long."""
+@degradation("%", (5, 15, 25, 50, 100), -90, 1000, needs=("odometry",))
+def wheel_scale(log: ScanLog, level: float) -> ScanLog:
+    """Way and turns counted too long by that much.
+
+    Wheels are smaller than believed.
+    """
     _, (ahead, aside, turn) = _increments(log)
     factor = 1.0 + 0.01 * level
     return _counted(log, factor * ahead, factor * aside, factor * turn)
 
 
+@degradation("Hz", (10, 5, 3, 2, 1), 0.1, 1e6, needs=("odometry",))
 def wheel_rate(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """The wheels tell where they are `level` times a second; in between it is their last value.
+    """Wheels tell their pose that often; until then the last is given again.
 
     So do recorders that give a scan the last message of the wheels, out of step with the laser.
     """
@@ -72,14 +87,16 @@ def wheel_rate(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     return replace(log, odom=Track(log.odom.t, log.odom.values[known]))
 
 
-def heading_bias(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Odometry turns `level` [deg] to the left for each meter driven."""
+@degradation("deg/m", (2, 5, 10, 20, 40), -360, 360, needs=("odometry",))
+def heading_bias(log: ScanLog, level: float) -> ScanLog:
+    """Odometry turns left by that much for each meter."""
     _, (ahead, aside, turn) = _increments(log)
     return _counted(log, ahead, aside, turn + math.radians(level) * np.hypot(ahead, aside))
 
 
-def gyro_bias(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """The gyro's turn rate is `level` [deg/s] too large."""
+@degradation("deg/s", (0.5, 2, 5, 10, 20), -360, 360, needs=("gyro",))
+def gyro_bias(log: ScanLog, level: float) -> ScanLog:
+    """Added to the turn rate."""
     assert log.yaw_rate is not None, "the catalog says that this needs a gyro"
     rate = log.yaw_rate.values + math.radians(level)
     return replace(log, yaw_rate=Track(log.yaw_rate.t, rate))
