@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -135,10 +133,6 @@ class Particles:
         self._parents.append(self._leaves)
         self._nodes.append(self.poses.copy())
         self._leaves = np.arange(len(self))
-
-    def generations(self) -> Iterator[tuple[NDArray[np.int64], Floats]]:
-        """Parents (n,) in the generation before, and poses (n, 3), at every keyframe so far."""
-        return zip(self._parents, self._nodes, strict=True)
 
     def history(self, particle: int) -> Floats:
         """Poses (k, 3) of a particle at every keyframe so far."""

@@ -91,7 +91,6 @@ def kernels():
 def test_an_algorithm_imports_only_itself_and_the_interface(name):
     parts = ("types", "params", "jit", "geometry", "grid_bounds", "cells", "scan", "refine")
     parts += (
-        "test_world",  # pictures and nothing else
         "scan.end_points",
         "scan.params",
         "scan.leveling",
