@@ -186,7 +186,7 @@ def _cell(
     beaten: Beaten,
     tests: int,
 ) -> Cell:
-    """An answer from the levels that each row's runs held and from who is ruled out."""
+    """An answer from the levels that each row's runs held and from the rows that are ruled out."""
     levels = sweep.facts["levels"][names[0]] if len(names) == 1 else []
     curves = {row: survival.curve(of, len(levels)) for row, of in runs.items() if levels}
     errors, costs = _common(sweep, odometry, names, runs)

@@ -12,18 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.sim.drive import Drive, Robot, drive, drive_far
-from bench.sim.people import LEG, legs
+from bench.sim.measuring import Measuring
 from bench.sim.ramps import Ramps
-from bench.sim.range_errors import Errors
-from bench.sim.rays import rays_of
 from bench.sim.routes import Progress
 from bench.sim.sensors import Sensor, find_sensor
 from bench.sim.setting import ARENAS, CELL, FINE, Setting
-from bench.sim.swing import HEIGHT, Swing, measured, ranges_of, rise, sway
+from bench.sim.swing import Swing, measured
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
 from slams.scanlog import ScanLog, Track
-from slams.types import Floats, Pose2, Ranges, wrap_angle
+from slams.types import Floats, Pose2, wrap_angle
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -32,7 +30,6 @@ TRUTH = 200.0  # Hz, least rate of the logged truth
 ODOMETRY = 50.0  # Hz
 GYRO = 100.0  # Hz
 OFFSET = 0.2  # m, of each of two lasers from the base
-BLOCK = 200  # scans measured at once
 STREAMS = ("arena", "drive", "ranges", "odometry", "gyro", "people", "tilt")
 
 
@@ -62,15 +59,11 @@ def simulate(
     body = _body(setting, chance["tilt"])
     true = _drive(setting, sensor, world, chance["drive"], planning)
     t = np.arange(max(1, math.floor(true.t[-1] * sensor.rate + 1e-6))) / sensor.rate
-    measuring = _Measuring(setting, sensor, world, true, chance, body)
+    measuring = Measuring(setting, sensor, world, true, chance, body)
     if setting.lasers > 1:
         scans = _front_and_rear(setting, measuring, t, progress)
     else:
         scans = {"t": t, "ranges": measuring.scans(t, progress), "laser": measuring.laser}
-
-    def attitudes(stamps: Floats) -> Floats:
-        assert body is not None
-        return measured(body.stand(stamps, true.poses_at(stamps))[0], stamps, chance["tilt"])
 
     return ScanLog(
         **scans,
@@ -78,7 +71,7 @@ def simulate(
         truth=_track(true, _truth_rate(setting, sensor), lambda stamps: _truth(true, stamps)),
         yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance["gyro"])),
         meta=_meta(setting, world),
-        attitude=None if body is None else _track(true, GYRO, attitudes),
+        attitude=None if body is None else _attitudes(true, body, chance["tilt"]),
     )
 
 
@@ -89,8 +82,13 @@ def _body(setting: Setting, rng: Generator) -> Swing | Ramps | None:
     return Swing(setting.tilt, rng) if setting.tilt else None
 
 
+def _attitudes(true: Drive, body: Swing | Ramps, rng: Generator) -> Track:
+    """Roll and pitch as they are measured."""
+    return _track(true, GYRO, lambda t: measured(body.stand(t, true.poses_at(t))[0], t, rng))
+
+
 def _front_and_rear(
-    setting: Setting, measuring: _Measuring, t: Floats, progress: Progress | None
+    setting: Setting, measuring: Measuring, t: Floats, progress: Progress | None
 ) -> dict[str, Any]:
     """Scans of two lasers that face away from each other, half a period apart, by stamps."""
     half = measuring.sensor.half().laser(setting.sweep)
@@ -216,73 +214,6 @@ def _meta(setting: Setting, world: World) -> dict[str, Any]:
         known["size"] = ARENAS[setting.arena].size
     name = f"{Path(setting.arena).stem}-{setting.sensor}-{setting.seed}"
     return {"name": name, "simulated": known | {"world": world.fingerprint}}
-
-
-class _Measuring:
-    """The sensor on its way through the world."""
-
-    def __init__(
-        self,
-        setting: Setting,
-        sensor: Sensor,
-        world: World,
-        true: Drive,
-        chance: dict[str, Generator],
-        body: Swing | Ramps | None,
-    ) -> None:
-        self.world, self.true, self.rng, self.sensor = world, true, chance["ranges"], sensor
-        self.laser, self.body = sensor.laser(setting.sweep), body
-        if body is not None:
-            self.laser = dataclasses.replace(self.laser, mount_z=HEIGHT)
-        self.errors = _errors(setting, sensor, world)
-        self.legs = legs(world, true, setting.people, chance["people"]) if setting.people else None
-
-    def scans(self, t: Floats, progress: Progress | None) -> Ranges:
-        """Ranges (n, b) [m] measured from the stamps t (n,) on."""
-        ranges = np.empty((len(t), self.laser.n_beams), np.float32)
-        for start in range(0, len(t), BLOCK):
-            block = t[start : start + BLOCK]
-            distances = self._distances(block).reshape(len(block), -1)
-            ranges[start : start + BLOCK] = self.errors.apply(distances, self.rng)
-            if progress is not None:
-                progress(start + len(block), len(t))
-        return ranges
-
-    def _distances(self, t: Floats) -> Floats:
-        """True distances (n * b,), each beam at its own time and the pose of that time."""
-        delays = self.laser.time_increment * np.arange(self.laser.n_beams)
-        stamps = (t[:, None] + delays).ravel()
-        rays = self.true.poses_at(stamps)
-        if self.body is None:
-            return self._met(rays_of(self.laser, rays.reshape(len(t), -1, 3)), stamps)
-        directions = np.tile(self.laser.directions, (len(t), 1))
-        attitudes, base = self.body.stand(stamps, rays)
-        along, turn, slope = rise(directions, attitudes)
-        height = base + sway(rays, attitudes)
-        rays[:, 2] += np.tile(self.laser.angles, len(t)) + turn
-        walls = self._met(rays, stamps)
-        floor = self.body.meet(rays, walls, slope / along, height)
-        return ranges_of(walls, floor, along, slope, height)
-
-    def _met(self, rays: Floats, stamps: Floats) -> Floats:
-        """Distances (m,) [m] over ground along rays (..., 3) to walls and legs."""
-        rays = np.ascontiguousarray(rays.reshape(-1, 3))
-        distances = self.world.cast(rays)
-        if self.legs is not None:
-            from bench.sim.world_kernels import occlude
-
-            now = np.round(stamps / self.true.t[1]).astype(np.int32)
-            occlude(rays, np.minimum(now, len(self.legs) - 1), self.legs, LEG, distances)
-        return distances
-
-
-def _errors(setting: Setting, sensor: Sensor, world: World) -> Errors:
-    noise, share, step = sensor.noise, sensor.noise_share, sensor.step
-    if setting.stdr:
-        noise, share, step = 0.0, 0.0, world.resolution
-    if setting.noise is not None:
-        noise, share = setting.noise, 0.0
-    return Errors(noise, share, step, setting.dropout, setting.mixed)
 
 
 def picture(world: World, way: NDArray[np.float64], title: str, path: Path) -> None:
