@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from slams.registry import find
 from slams.test_world import ROOM, box, cast, drive, laser, scan_at, way
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "cast",
     "drive",
     "laser",
+    "made",
     "mirrored",
     "scan_at",
     "still",
@@ -25,6 +27,12 @@ CORRIDOR = np.array([(-50.0, -1.0, 50.0, -1.0), (-50.0, 1.0, 50.0, 1.0)])
 
 def mirrored(segments):
     return segments * np.array([1.0, -1.0, 1.0, -1.0])
+
+
+def made(label, **changes):
+    """An algorithm by its label, with some parameters changed."""
+    entry = find(label)
+    return entry.cls(entry.params().replace(**changes))
 
 
 def still(k, **more):

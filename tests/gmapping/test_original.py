@@ -3,16 +3,13 @@ import math
 import numpy as np
 import pytest
 
-import slams
 from gmapping import GMappingParams
 from gmapping.original import Original, OriginalParams
 from gmapping.original.map import HitMap
 from gmapping.original.match_kernels import hill_climb, log_likelihood, score
 from gmapping.original.motion import Step as OriginalStep
 from gmapping.original.scan import EndPoints as OriginalPoints
-from slams.formats.trajectory import read
 from slams.geometry import travelled
-from slams.registry import find
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping import naive
@@ -112,15 +109,3 @@ def test_the_originals_sweep_is_taken_out_as_the_defaults_is(seconds, way):
     middle = travelled(velocity, 0.5 * laser.sweep_time)  # there ours are, the original's at first
     assert ours.n == len(found)
     np.testing.assert_allclose(middle.transform(ours.points[:2, : ours.n].T), found, atol=1e-9)
-
-
-def test_the_original_drives_as_the_program_does(shared_data):
-    """Three seeds of the program differ by up to 2 cm within these 15 s."""
-    log = slams.load(shared_data("data/robocup/robocup.npz")).select(600)
-    poses = slams.replay(find("gmapping@original").cls(OriginalParams()), log).poses
-    assert np.hypot(*poses[:, :2].T).max() > 0.5  # it has left the start
-    off = []
-    for seed in (1, 2, 3):
-        _, expected = read(shared_data(f"reference/robocup/gmapping_s{seed}.csv.gz"))
-        off.append(np.abs(poses - expected[: len(poses)]).max())
-    assert min(off) < 0.02 and max(off) < 0.03  # m, rad
