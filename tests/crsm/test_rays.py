@@ -5,9 +5,10 @@ import pytest
 
 from crsm.rays_kernels import critical_rays, leverage
 from crsm.scan import LEAST_RAYS, ScanReader
-from slams.types import IDENTITY, Laser, Pose2, Scan
+from slams.types import IDENTITY, Scan
 from tests.crsm import naive
-from tests.crsm.room import LASER, Parameters, cast, noisy_view, off_the_walls, reader_of
+from tests.crsm.room import LASER, Parameters, noisy_view, reader_of
+from tests.rooms import laser, scan_at
 
 
 def corridor(n=400, ends=10):
@@ -71,14 +72,13 @@ def test_critical_rays_equal_the_naive_selection():
 
 def test_at_most_half_of_the_points_are_rays_unless_they_are_few():
     for beams, rays in ((361, 150), (101, LEAST_RAYS), (41, 41)):
-        laser = Laser(-2.35, 4.7 / (beams - 1), beams, 0.05, 30.0)
         reader = ScanReader(Parameters(critical_rays=150))
-        reader.take(Scan(0.0, cast(IDENTITY, laser), laser), IDENTITY)
+        reader.take(scan_at(IDENTITY, laser(beams)), IDENTITY)
         assert len(reader.ends) == pytest.approx(rays, abs=0.1 * rays)
 
 
 def test_information_of_the_rays_is_that_of_their_share_of_all_points():
-    view, theta = reader_of(), 0.7
+    view, theta = reader_of(scan_at(IDENTITY, LASER)), 0.7
     c, s = np.cos(theta), np.sin(theta)
     turn = np.array([[c, -s], [s, c]])
     xy, normal = (turn @ a[:2, : view.n] for a in (view.points, view.normals))
@@ -87,38 +87,11 @@ def test_information_of_the_rays_is_that_of_their_share_of_all_points():
     assert view.information(theta) == pytest.approx(expected, rel=1e-4)
 
 
-def test_noise_is_measured_and_makes_no_lone_points():
-    for noise, low, high in ((0.0, 0.001, 0.002), (0.05, 0.035, 0.07), (0.1, 0.06, 0.14)):
-        reader, rng = ScanReader(Parameters()), np.random.default_rng(2)
-        for _ in range(3):
-            reader.take(Scan(0.0, cast(IDENTITY, noise=noise, rng=rng), LASER), IDENTITY)
-        assert low <= reader.noise <= high
-        assert (~reader.normals[:2, : reader.n].any(axis=0)).mean() < 0.2
-
-
 def test_a_single_short_beam_does_not_tear_a_wall():
-    whole, ranges = reader_of(), cast(IDENTITY).copy()
+    scan = scan_at(IDENTITY, LASER)
+    ranges = scan.ranges.copy()
     ranges[100:300:7] *= 0.5
-    reader = ScanReader(Parameters())
-    reader.take(Scan(0.0, ranges, LASER), IDENTITY)
+    whole, reader = reader_of(scan), reader_of(Scan(0.0, ranges, LASER))
     assert reader.n == whole.n - len(ranges[100:300:7])
     stretches = len(np.unique(reader.moments[5, : reader.n]))
     assert stretches <= len(np.unique(whole.moments[5, : whole.n])) + 1
-
-
-def test_skew_of_a_scan_is_taken_out():
-    mount = Pose2(0.2, -0.6, 0.5)
-    laser = Laser(-2.35, 4.7 / 90, 91, 0.05, 30.0, mount, 0.001)
-    velocity = Pose2(0.5, 0.0, 1.0)
-    ranges = [
-        cast(Pose2(*(0.001 * k * v for v in velocity)), laser)[k] for k in range(laser.n_beams)
-    ]
-    reader = ScanReader(Parameters())
-    off = []
-    for assumed in (IDENTITY, velocity):
-        reader.take(Scan(0.0, np.array(ranges), laser), assumed)
-        middle = reader.at_stamp(IDENTITY).inverse()  # as seen from the first beam's time
-        points = np.ascontiguousarray(reader.points[:2, : reader.n].T)
-        off.append(off_the_walls(middle.transform(points)).max())
-    assert off[0] > 0.05
-    assert off[1] < 0.01
