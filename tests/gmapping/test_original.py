@@ -16,7 +16,7 @@ from tests.gmapping import naive
 from tests.gmapping.scenes import (
     CLIMB,
     LASER,
-    make_scan,
+    seen,
 )
 
 
@@ -87,7 +87,7 @@ def test_a_robot_at_rest_gets_no_noise_from_the_original():
 
 
 def test_the_originals_beams_are_half_a_beam_off_and_not_those_of_its_picture():
-    step, scan = OriginalStep(IDENTITY, 0.0, True), make_scan(IDENTITY)
+    step, scan = OriginalStep(IDENTITY, 0.0, True), seen(IDENTITY)
     off, true = (OriginalPoints(OriginalParams(), offset)(scan, step) for offset in (-0.5, 0.0))
     turned = np.arctan2(off[:, 1], off[:, 0]) - np.arctan2(true[:, 1], true[:, 0])
     np.testing.assert_allclose(turned, -0.5 * LASER.angle_increment, atol=1e-9)
@@ -102,7 +102,7 @@ def test_the_originals_beams_are_half_a_beam_off_and_not_those_of_its_picture():
 @pytest.mark.parametrize("way", [Pose2(0.3, -0.1, 0.0), Pose2(0.0, 0.0, 0.2)])
 def test_the_originals_sweep_is_taken_out_as_the_defaults_is(seconds, way):
     laser = Laser(-2.0, 0.02, 200, 0.1, 30.0, Pose2(0.2, 0.1, 0.4), time_increment=0.001)
-    scan, params = make_scan(IDENTITY, laser=laser), OriginalParams(deskew=True)
+    scan, params = seen(IDENTITY, laser=laser), OriginalParams(deskew=True)
     found = OriginalPoints(params, 0.0)(scan, OriginalStep(way, seconds, True))
     velocity = Pose2(*(v / seconds if seconds else 0.0 for v in way))
     ours = EndPoints(GMappingParams()).take(scan, velocity)

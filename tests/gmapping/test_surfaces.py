@@ -20,11 +20,11 @@ from tests.gmapping.scenes import (
     SPLAT,
     climb,
     linearized,
-    make_scan,
     mapped,
     matcher_of,
     one,
     run,
+    seen,
     surface_of,
     view_of,
 )
@@ -233,7 +233,7 @@ def test_inliers_lie_on_surfaces_and_conflicts_end_where_beams_came_by():
 def test_a_proposal_keeps_the_way_along_a_bare_corridor():
     walls = np.array([[-50.0, -1.0, 50.0, -1.0], [50.0, 1.0, -50.0, 1.0]])
     laser = Laser(-math.pi / 2, math.radians(1.0), 181, 0.1, 8.0)
-    scan = make_scan(IDENTITY, laser=laser, walls=walls, rng=np.random.default_rng(1), sd=0.02)
+    scan = seen(IDENTITY, laser=laser, walls=walls, rng=np.random.default_rng(1), noise=0.02)
     params = GMappingParams(n_particles=1, max_tiles=5000, max_range=8.0)
     matcher, view = SurfaceMatcher(params), View(params).take(scan, IDENTITY)
     matcher.tiles.cover(np.full(2, -10.0), np.full(2, 10.0))
