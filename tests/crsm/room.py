@@ -5,7 +5,7 @@ import numpy as np
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
 from slams.types import IDENTITY, Pose2
-from tests.rooms import ROOM, laser, made, scan_at
+from tests.rooms import laser, made, scan_at
 
 LASER = laser(721)
 
@@ -41,11 +41,3 @@ def noisy_view(seed=4, pose=IDENTITY):
     scan.ranges.flags.writeable = True
     scan.ranges[40:720:64] -= 0.4
     return reader_of(scan)
-
-
-def off_the_walls(points):
-    """Distance of each point (n, 2) to the nearest wall of the room."""
-    p, e = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
-    along = ((points[:, None] - p) * e).sum(axis=2) / (e * e).sum(axis=1)
-    foot = p + np.clip(along, 0.0, 1.0)[..., None] * e
-    return np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1)
