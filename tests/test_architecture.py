@@ -239,20 +239,6 @@ def test_no_file_is_too_long_to_read():
     assert [f"{p}" for p in FILES if len(p.read_text().splitlines()) > most] == []
 
 
-def test_public_functions_are_documented_and_hinted():
-    missing = []
-    for path in FILES:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
-                if any("overload" in ast.unparse(d) for d in node.decorator_list):
-                    continue
-                arguments = [a for a in node.args.args if a.arg not in ("self", "cls")]
-                hinted = node.returns is not None and all(a.annotation for a in arguments)
-                if not (ast.get_docstring(node) and hinted) and node.name != "njit":
-                    missing.append(f"{path.parent.name}/{path.name}: {node.name}")
-    assert missing == []
-
-
 def test_every_parameter_tells_unit_meaning_and_source():
     for name in [*names(), *(f"{name}@original" for name in ALGORITHMS)]:
         for key, spec in find(name).cls.Params.specs().items():
