@@ -18,6 +18,7 @@ __all__ = [
     "mirrored",
     "off_the_walls",
     "scan_at",
+    "settled",
     "still",
     "way",
 ]
@@ -59,3 +60,11 @@ def calls(monkeypatch, owner, name):
 
     monkeypatch.setattr(owner, name, noted)
     return made
+
+
+def settled(label, n, **changes):
+    """An algorithm after `n` scans of a robot that stands still."""
+    slam = made(label, **changes)
+    for k in range(n):
+        slam.update(still(k))
+    return slam

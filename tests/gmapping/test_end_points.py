@@ -191,16 +191,6 @@ def test_samples_tell_the_curvature_of_the_posterior():
     assert eta - best == pytest.approx(volume, abs=0.2)  # Laplace's, but for lattice and tails
 
 
-def test_samples_that_find_a_far_better_place_have_their_mean_there():
-    ends, known = surface_of(IDENTITY), 1e-6 * np.eye(3)
-    tiles, start = tiles_of(ends), np.array([[0.5, 0.0, 0.0]])
-    prior, owners = Prior(start.copy(), known[None]), np.zeros(1, np.int64)
-    value, covariance = np.full(1, -1e5), np.zeros((1, 3, 3))  # as if of a peak that is none
-    sample(tiles, owners, ends, FIELD, prior, start, covariance, value)
-    assert np.isfinite(covariance).all() and np.isfinite(start).all() and np.isfinite(value)
-    assert (np.linalg.eigvalsh(covariance[0]) > 0.0).all()
-
-
 def matcher_of_room():
     """A matcher whose one particle has the room, and what is seen of it from 0."""
     params = GMappingParams(refine=False, n_particles=1, max_tiles=5000)

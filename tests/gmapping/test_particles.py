@@ -28,14 +28,6 @@ def test_weights_and_n_eff_by_hand():
     np.testing.assert_allclose(normalize(np.log([1.0, 16.0]), 4.0)[0], [1 / 3, 2 / 3])
 
 
-def test_mean_offspring_is_n_times_the_weight():
-    rng = np.random.default_rng(11)
-    w, count = np.array([0.05, 0.4, 0.0, 0.22, 0.33]), np.zeros(5)
-    for _ in range(20_000):
-        count += np.bincount(systematic(w, rng.random()), minlength=5)
-    np.testing.assert_allclose(count / 20_000, 5 * w, atol=0.015)
-
-
 def test_systematic_resampling_with_a_known_draw():
     out = systematic(np.array([0.1, 0.2, 0.3, 0.4]), 0.5)
     np.testing.assert_array_equal(out, [1, 2, 3, 3])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hector import Hector, HectorParams
+from hector import HectorParams
 from hector.map import BLUR, FINE, ROUGH, LogOddsPyramid
 from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
@@ -12,19 +12,11 @@ from slams.refine.lines import ENOUGH
 from slams.registry import find
 from slams.scan.end_points import EndPoints, gap
 from slams.types import IDENTITY, Pose2
-from tests.rooms import scan_at, still
-
-
-def settled(n=12, **changes):
-    """Hector after `n` scans of a robot that stands still."""
-    slam = Hector(HectorParams(**changes))
-    for k in range(n):
-        slam.update(still(k))
-    return slam
+from tests.rooms import scan_at, settled
 
 
 def test_one_step_of_gauss_newton_is_damped_and_limited():
-    slam = settled(3)
+    slam = settled("hector", 3)
     level, points, start = slam._map.levels[0], slam._scan, Pose2(0.03, -0.02, 0.01)
     H, b = np.zeros((3, 3)), np.zeros(3)
     normal_equations(level, points.points, points.n, 1, start, H, b)
@@ -40,7 +32,7 @@ def test_one_step_of_gauss_newton_is_damped_and_limited():
 
 
 def test_what_cells_say_is_never_surer_than_their_ridges_are_exact():
-    slam = settled(12)
+    slam = settled("hector", 12)
     prior = Prior(IDENTITY, 1e4 * np.eye(3))
     points, grids = slam._scan, slam._map
     found = grids.climb(points, IDENTITY, prior)
@@ -52,7 +44,7 @@ def test_what_cells_say_is_never_surer_than_their_ridges_are_exact():
 
 
 def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
-    points = settled(1)._scan
+    points = settled("hector", 1)._scan
     points.far = 8.0
     for other, apart in ((Pose2(0.3, 0.4, 0.0), 0.5), (Pose2(0.0, 0.0, -0.1), 0.4)):
         assert gap(points, IDENTITY, other) == pytest.approx(apart)

@@ -15,8 +15,6 @@ from tsd.map_kernels import (
     list_rows,
     place_lines,
 )
-from tsd.params import TsdParams
-from tsd.scan import SurfaceScan
 from tsd.scan_kernels import (
     find_runs,
     fit_best_line,
@@ -121,23 +119,6 @@ def test_a_hit_alone_between_far_beams_has_no_normal():
         field, rows = field_of(max_weight=100.0).kernel, np.zeros((999, 4))
         rule = PushRule(0.15, 100.0, lidar.angle_increment)
         assert not alone or list_rows(field, lines, 1, rule, rows) == 0
-
-
-def test_hits_that_nothing_is_seen_beside_are_left_out():
-    lidar, rng = laser(1081), np.random.default_rng(4)
-    corridor = np.array([(-40.0, 1.0, 40.0, 1.0), (-40.0, -1.0, 40.0, -1.0)])
-    for segments in (ROOM, corridor):  # far along a corridor hits are a meter apart
-        scan = scan_at((0.3, -0.2, 0.5), lidar, segments)
-        count = ((scan.ranges > 0.1) & (scan.ranges < 30.0)).sum()
-        assert SurfaceScan(TsdParams()).take(scan, IDENTITY).n >= count - 2
-    clean = scan_at((0.3, -0.2, 0.5), lidar)
-    struck = rng.random(1081) < 0.3
-    short = np.where(struck, rng.uniform(0.1, clean.ranges), clean.ranges).astype(np.float32)
-    view = SurfaceScan(TsdParams()).take(dataclasses.replace(clean, ranges=short), IDENTITY)
-    kept = view.points[2, : view.n].astype(int)
-    assert (np.diff(kept) > 0).all()
-    assert struck[kept].sum() < 0.3 * struck.sum()
-    assert (~struck[kept]).sum() > 0.95 * (~struck).sum()
 
 
 def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():

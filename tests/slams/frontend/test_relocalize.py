@@ -21,7 +21,7 @@ from slams.test_world import odd_scans
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 from tests.floors import ALIKE, grid_of
 from tests.places import ROOT
-from tests.rooms import ROOM, box, laser, scan_at
+from tests.rooms import ROOM, box, calls, laser, scan_at
 
 LIDAR = laser(541, range_max=30.0)
 HERE, GUESS = Pose2(1.5, -2.0, 2.0), Pose2(-2.5, 1.0, -0.5)
@@ -208,50 +208,29 @@ def test_pieces_give_what_all_at_once_gives(room):
     assert np.array_equal(pieces.lattice.ranges, whole.lattice.ranges)
 
 
-class Counter:
-    """Counts what kernels are given in one scan, whatever the relocalizer says."""
+def cells_made(monkeypatch):
+    """Sizes of the maps of which a property was worked out from now on."""
+    made = []
+    for name in ("gap", "distances"):
+        prop = getattr(DistanceMap, name)
 
-    def __init__(self, monkeypatch):
-        self.counts = {"rays": 0, "comparisons": 0, "fits": 0, "cells": 0}
-        self.most = dict(self.counts)
-        view, compare, fit = view_lattice.view_around, view_lattice.compare, DistanceMap.fit
+        def counted(distances, prop=prop):
+            if prop.attrname not in distances.__dict__:
+                made.append(distances.free.size)
+            return prop.__get__(distances)
 
-        def viewed(distances, points, out, *more):
-            self.counts["rays"] += out.size
-            view(distances, points, out, *more)
-
-        def compared(views, *more):
-            self.counts["comparisons"] += len(views)
-            compare(views, *more)
-
-        def fitted(distances, points, start):
-            self.counts["fits"] += 1
-            return fit(distances, points, start)
-
-        monkeypatch.setattr(view_lattice, "view_around", viewed)
-        monkeypatch.setattr(view_lattice, "compare", compared)
-        monkeypatch.setattr(DistanceMap, "fit", fitted)
-        for name in ("gap", "distances"):
-            monkeypatch.setattr(DistanceMap, name, self._counted(getattr(DistanceMap, name)))
-
-    def _counted(self, made):
-        def count(distances):
-            if made.attrname not in distances.__dict__:
-                self.counts["cells"] += distances.free.size
-            return made.__get__(distances)
-
-        return property(count)
-
-    def scan(self):
-        self.most = {key: max(n, self.counts[key]) for key, n in self.most.items()}
-        self.counts = dict.fromkeys(self.counts, 0)
+        monkeypatch.setattr(DistanceMap, name, property(counted))
+    return made
 
 
 def test_the_work_of_a_scan_is_bounded_on_a_large_map(monkeypatch):
     rng = np.random.default_rng(1)
     pillars = [box(x, y, x + 0.3, y + 0.3) for x, y in rng.uniform(1.0, 38.0, (60, 2)).tolist()]
     hall = np.array([*box(0.0, 0.0, 39.5, 39.5), *[side for pillar in pillars for side in pillar]])
-    draw, counter = Map(grid_of(hall, inside=(0.5, 0.5))), Counter(monkeypatch)
+    draw, most = Map(grid_of(hall, inside=(0.5, 0.5))), np.zeros(4)
+    places = ((view_lattice, "view_around"), (view_lattice, "compare"), (DistanceMap, "fit"))
+    views, compared, fits = (calls(monkeypatch, *place) for place in places)
+    cells = cells_made(monkeypatch)
     assert draw.grid.p.size > 650_000
     relocalizer, pose = Relocalizer(), Pose2(20.1, 18.2, 0.5)
     found, scans = None, 0
@@ -259,17 +238,17 @@ def test_the_work_of_a_scan_is_bounded_on_a_large_map(monkeypatch):
         pose = pose @ Pose2(0.0, 0.0, 0.03)
         scan = scan_at(pose, laser(181), hall, t=0.1 * scans)
         found = relocalizer.update(scan, Pose2(19.0, 19.0, 0.0), math.inf, draw)
-        counter.scan()
+        rays = sum(out.size for _, _, out, *_ in views)
+        work = rays, sum(len(one[0]) for one in compared), len(fits), sum(cells)
+        most = np.maximum(most, work)
+        for made in (views, compared, fits, cells):
+            made.clear()
         scans += 1
     assert_near(found, pose)
     assert scans > 35
-    for key, cost in (
-        ("rays", map_index.RAY),
-        ("comparisons", map_index.COMPARISON),
-        ("fits", map_index.FIT),
-        ("cells", map_index.CELL),
-    ):
-        assert 0.5 * relocalize.WORK < cost * counter.most[key] <= relocalize.WORK, key
+    costs = (map_index.RAY, map_index.COMPARISON, map_index.FIT, map_index.CELL)
+    for name, share in zip(("rays", "comparisons", "fits", "cells"), costs * most, strict=True):
+        assert 0.5 * relocalize.WORK < share <= relocalize.WORK, name
 
 
 def test_a_fine_map_is_made_coarser_and_the_robot_found(monkeypatch):
