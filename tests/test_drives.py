@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from slams import metrics
+from slams.frontend.correlative import search
 from slams.grid_bounds import Box
 from slams.player import replay
 from slams.types import IDENTITY, Pose2
@@ -40,9 +41,11 @@ def test_a_known_step_is_found_there_and_back(name, segments, mount, motion):
 
 @pytest.mark.parametrize("label", [*ALGORITHMS, *PAPERS])
 def test_the_mechanism_poses_every_scan_and_what_refines_it_is_ours(label):
-    log = drive(n=50, odometry=False, gyro=False)
-    run = replay(made(label), log)
+    log, slam = drive(n=50, odometry=False, gyro=False), made(label)
+    run = replay(slam, log)
     assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.006
+    if "@" in label and hasattr(slam._map, "lines"):
+        assert slam._map.lines.surface.used[0] == 0  # of refinement nothing is kept
     refined = 0 if "@" in label else 49
     expected = {"kept": 49, "refined": refined, "odometry": 0, "predicted": 0, "lost": 0}
     for count, number in expected.items():
@@ -123,6 +126,27 @@ def test_a_bare_corridor_is_driven_by_the_wheels(name, walker, n_beams):
         found = slam.update(scan_at(pose, lidar, walls, t=0.05 * k, odometry=pose))
     assert found.x == pytest.approx(pose.x, abs=0.1)
     assert found.y == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("label", [*ALGORITHMS, *PAPERS])
+def test_the_map_says_what_fits_and_where_there_are_walls_to_search(label):
+    slam = made(label)
+    for scan in drive(n=20, lidar=laser(361)):
+        slam.update(scan)
+    points = slam._view if "gmapping" in label else slam._scan
+    pose, lookup = slam._estimator.pose, slam._map.lookup()
+    inliers, conflicts = slam._map.evaluate(points, pose)
+    assert inliers > 0.6 and conflicts < 0.05
+    aside, against = slam._map.evaluate(points, pose @ Pose2(0.5, 0.4, 0.3))
+    assert aside < inliers - 0.2 and against > conflicts + 0.1
+    assert slam._map.evaluate(points, Pose2(500.0, 0.0, 0.0)) == (0.0, 0.0)
+    ends = pose.transform(points.points[:2, : points.n].T)
+    ix, iy = np.floor((ends - (lookup.x0, lookup.y0)).T / lookup.resolution + 0.5).astype(int)
+    assert lookup.likelihood[iy, ix].mean() > 0.6
+    wrong = pose @ Pose2(0.5, -0.3, 0.1)
+    ends, spread = points.points[:, : points.n], np.diag([0.04, 0.04, 0.01])
+    (found,) = search(lookup, ends, points.far, wrong, spread, 1)
+    assert found == pytest.approx(pose, abs=1.5 * lookup.resolution)
 
 
 def is_wall(grid, x, y):

@@ -7,7 +7,6 @@ import pytest
 
 from crsm.map import GreyMap
 from crsm.map_kernels import Grid, Update, blacken, darkness, strokes, whiten
-from crsm.match_kernels import evaluate
 from slams.jit import njit
 from slams.types import IDENTITY, Pose2
 from tests.crsm import naive
@@ -146,32 +145,10 @@ def test_what_has_gone_fades_and_what_passes_is_no_wall():
     assert darkness_at(grid, 0.8, 0.0) < 0.3
 
 
-def test_inliers_are_dark_and_conflicts_free():
-    slam = mapped(12, refine=False)
-    view = noisy_view(9)
-    inliers, conflicts = slam._map.evaluate(view, IDENTITY)
-    assert inliers > 0.6
-    assert conflicts < 0.05
-    aside = slam._map.evaluate(view, Pose2(0.5, 0.5, 0.0))
-    assert aside[0] < inliers - 0.2
-    assert aside[1] > conflicts + 0.1
-    nowhere = evaluate(tuple(slam._map.levels[0]), view.points, view.n, (1e4, 0.0, 0.0))
-    assert tuple(nowhere) == (0.0, 0.0)
-
-
 def test_with_lines_these_are_asked():
     slam = mapped(12)
     view = noisy_view(9)
     assert slam._map.evaluate(view, IDENTITY) == slam._map.lines.evaluate(view, IDENTITY)
-
-
-def test_coarse_cells_are_dark_where_fine_ones_are():
-    grid, view = GreyMap(Parameters()), reader_of(scan_at(IDENTITY, LASER))
-    grid.insert(view, IDENTITY)
-    coarse = grid.lookup()
-    assert coarse.resolution == pytest.approx(0.2)
-    ends = np.floor((view.points[:2, : view.n].T - (coarse.x0, coarse.y0)) / 0.2 + 0.5).astype(int)
-    assert coarse.likelihood[ends[:, 1], ends[:, 0]].mean() > 0.7
 
 
 def test_a_building_that_begins_at_the_start_is_not_moved(monkeypatch):

@@ -21,7 +21,6 @@ from gmapping.end_points import EndPointMatcher
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
 from gmapping.map import TileMap
 from gmapping.match_kernels import Prior
-from gmapping.render import Renderer
 from gmapping.tile_kernels import cell_of, inside_tile, slot_of
 from slams import geometry
 from slams.types import IDENTITY, Pose2
@@ -221,14 +220,3 @@ def test_a_match_tells_share_and_information_without_the_prior():
     np.testing.assert_allclose(np.diag(strong.seen), np.diag(weak.seen), rtol=0.5)
     far = Pose2(0.7, 0.4, 0.3)
     assert matcher.match(view, 0, geometry.Prior(far, 1e9 * np.eye(3)), far).share < 0.5
-
-
-def test_conflicts_are_ends_where_beams_came_by_and_nothing_stands():
-    matcher, view = matcher_of_room()
-    renderer = Renderer(EDGE, 0.25)
-    for _ in range(2):
-        renderer.draw(view.ray, np.zeros(3))
-    inliers, conflicts = matcher.evaluate(view, 0, IDENTITY, renderer.counts)
-    assert inliers > 0.95 and conflicts < 0.02
-    inliers, conflicts = matcher.evaluate(view, 0, Pose2(0.7, 0.4, 0.3), renderer.counts)
-    assert inliers < 0.5 and conflicts > 0.2

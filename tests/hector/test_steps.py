@@ -9,10 +9,9 @@ from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from slams.geometry import Prior
 from slams.refine.lines import ENOUGH
-from slams.registry import find
-from slams.scan.end_points import EndPoints, gap
+from slams.scan.end_points import gap
 from slams.types import IDENTITY, Pose2
-from tests.rooms import scan_at, settled
+from tests.rooms import settled
 
 
 def test_one_step_of_gauss_newton_is_damped_and_limited():
@@ -75,16 +74,3 @@ def test_fewer_beams_are_climbed_with_where_there_are_many(n, refine, strides):
 
 def test_what_was_never_seen_has_no_probability():
     assert [round(float(probability(x)), 4) for x in (0.0, 1.0, -1.0)] == [0.0, 0.7311, 0.2689]
-
-
-def test_the_occupancy_speaks_for_the_mechanism_alone():
-    params = find("hector@paper").params()
-    grids, points = LogOddsPyramid(params), EndPoints(params)
-    points.take(scan_at(IDENTITY), IDENTITY)
-    assert grids.evaluate(points, IDENTITY) == (0.0, 0.0)
-    for _ in range(4):
-        grids.insert(points, IDENTITY)
-    here, there = (grids.evaluate(points, pose) for pose in (IDENTITY, Pose2(0.5, 0.3, 0.2)))
-    assert here == (1.0, 0.0)
-    assert there[1] > there[0]
-    assert grids.lines.surface.used[0] == 0  # nothing of ours is kept

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from slams.grid_bounds import Box
+from slams.scan.end_points import EndPoints
 from slams.types import Pose2
 from tests.rooms import box, drive, laser, scan_at
 from tests.tsd import naive as naive_tsd
@@ -18,6 +19,7 @@ from tests.tsd.cases import (
     field_of,
     occupied,
     original,
+    scanned,
 )
 from tsd.drawing import CERTAIN, surface_cells
 from tsd.image import colored
@@ -30,6 +32,7 @@ from tsd.map_kernels import (
     push_rows,
     read_field,
 )
+from tsd.params import TsdParams
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.4, 0.785])
@@ -228,3 +231,21 @@ def test_pictures_show_both_sides_of_the_field():
     assert shown[1, 1].tolist() == [255, 255, 255] and shown[0, 0].tolist() == [0, 0, 255]
     assert shown[0, 1].tolist() == [255, 127, 127]
     assert colored(np.full((2, 2), np.nan, np.float32), 0.1).shape == (1, 1, 3)
+
+
+def test_shares_count_what_is_explained_and_what_is_contradicted():
+    slam, elements = scanned()
+    field, pose, softness = slam._map, slam._estimator.pose, slam._scan.softness
+    inliers, conflicts = field.evaluate(slam._scan, pose)
+    assert inliers > 0.9 and conflicts < 0.05
+    values = []
+    for x, y, nx, ny, *_ in elements:
+        p = pose.transform(np.array([[x, y]]))[0]
+        n = Pose2(0.0, 0.0, pose.theta).transform(np.array([[nx, ny]]))[0]
+        values.append(read_field(field.kernel, facing(*n), *p)[0])
+    known = np.array(values)[np.isfinite(values)]
+    assert inliers * len(elements) == pytest.approx((1 / (1 + (known / softness) ** 2)).sum())
+    inliers, conflicts = field.evaluate(slam._scan, pose @ Pose2(0.5, 0.4, 0.3))
+    assert conflicts > 0.2 and inliers < 0.7
+    with pytest.raises(TypeError, match="expected a SurfaceScan"):
+        field.evaluate(EndPoints(TsdParams()), pose)
