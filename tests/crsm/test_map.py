@@ -132,19 +132,6 @@ def test_a_corner_is_as_dark_as_its_walls():
     assert darkness_at(grid, 1.0, 0.93) > 0.85 * darkness_at(grid, 1.0, 0.3)
 
 
-def test_what_has_gone_fades_and_what_passes_is_no_wall():
-    grid, box, behind = blank(), wall(0.0, 0.8, 0.05, 0.2), wall(0.0, 1.6)
-    blacken(grid, box, len(box), IDENTITY, 1, tuple(RULE))
-    assert darkness_at(grid, 0.8, 0.0) > 0.7
-    for mark in range(2, 14):
-        blacken(grid, behind, len(behind), IDENTITY, mark, tuple(RULE))
-        whiten(grid, behind, len(behind), IDENTITY, IDENTITY, mark, tuple(RULE))
-    assert darkness_at(grid, 0.8, 0.0) == 0.0
-    assert darkness_at(grid, 1.6, 0.0) > 0.7
-    blacken(grid, box, len(box), IDENTITY, 14, tuple(RULE))  # once: hardly a wall
-    assert darkness_at(grid, 0.8, 0.0) < 0.3
-
-
 def test_with_lines_these_are_asked():
     slam = mapped(12)
     view = noisy_view(9)

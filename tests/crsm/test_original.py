@@ -12,7 +12,6 @@ from slams.formats.trajectory import read
 from slams.jit import njit
 from slams.types import IDENTITY
 from tests.crsm import naive
-from tests.places import SHARED
 from tests.rooms import ROOM, cast, drive, laser, made
 
 LASER = laser(361)
@@ -158,9 +157,8 @@ def test_original_takes_the_steps_of_the_program_with_its_random_numbers(shared_
     assert np.abs(poses - expected[: len(poses)]).max() < 1e-6
 
 
-@pytest.mark.skipif(not (SHARED / "data").exists(), reason="the shared logs are not here")
-def test_original_takes_as_many_rays_as_the_published_program():
-    log = slams.load(SHARED / "data" / "robocup" / "robocup.npz").select(120)
+def test_original_takes_as_many_rays_as_the_published_program(shared_data):
+    log = slams.load(shared_data("data/robocup/robocup.npz")).select(120)
     slam = made("crsm@original", iterations=2000)
     slams.replay(slam, log)
     assert 60 < slam.report()["rays"] / 120 < 130

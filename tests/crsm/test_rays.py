@@ -3,52 +3,12 @@
 import numpy as np
 import pytest
 
-from crsm.rays_kernels import critical_rays, leverage
+from crsm.rays_kernels import leverage
 from crsm.scan import LEAST_RAYS, ScanReader
 from slams.types import IDENTITY, Scan
 from tests.crsm import naive
 from tests.crsm.room import LASER, Parameters, noisy_view, reader_of
 from tests.rooms import laser, scan_at
-
-
-def corridor(n=400, ends=10):
-    """Points on two side walls, 2 m off, and in the middle of the scan some on the far end."""
-    points, normals, moments = np.zeros((3, n)), np.zeros((3, n)), np.zeros((6, n + 1))
-    points[0] = np.linspace(-2.0, 2.0, n)
-    points[1] = np.where(np.arange(n) % 2, 2.0, -2.0)
-    normals[1] = 1.0
-    middle = slice(n // 2, n // 2 + ends)
-    points[0, middle], normals[0, middle], normals[1, middle] = 3.0, -1.0, 0.0
-    moments[5, n] = n
-    return points, normals, moments
-
-
-def picked(arrays, n, count):
-    ends = np.zeros((n, 2))
-    return ends[: critical_rays(*arrays, n, IDENTITY, count, np.zeros((3, 3)), ends)]
-
-
-def test_leverages_add_up_and_a_corridor_picks_its_end():
-    points, normals, moments = corridor()
-    shares = np.zeros(400)
-    leverage(points, normals, 400, np.zeros((3, 3)), shares)
-    assert shares.sum() == pytest.approx(3.0, abs=1e-4)
-    ends = picked((points, normals, moments), 400, 40)
-    assert 30 <= len(ends) <= 41
-    assert (ends[:, 0] == 3.0).sum() >= 5  # evenly spread: 1
-
-
-def test_discontinuities_and_far_ends_are_critical():
-    points, normals, moments = corridor(ends=0)
-    points[2] = np.arange(400)
-    moments[5, :400] = np.repeat([0, 100, 300], [100, 200, 100])
-    points[:2, 200:300] *= 4.0
-    ends = picked((points, normals, moments), 400, 40)
-    numbers = [int(np.flatnonzero((end == points[:2].T).all(axis=1))[0]) for end in ends]
-    for jump in (100, 300):
-        assert {jump - 1, jump, jump + 1} & set(numbers)
-    assert sum(200 <= i < 300 for i in numbers) > 1.3 * sum(100 <= i < 200 for i in numbers)
-    assert len(picked((points, normals, moments), 30, 40)) == 30  # few: all of them
 
 
 def test_critical_rays_equal_the_naive_selection():

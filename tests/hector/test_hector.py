@@ -157,16 +157,6 @@ def test_insertion_equals_its_twin_in_every_octant(turn, kernels):
 
 
 @both_maps
-def test_insertion_on_a_hand_made_grid(kernels):
-    grid = level(5, 5, 1.0)
-    kernels.insert(grid, column(4.0, 2.0), 1, IDENTITY, IDENTITY, 1, UPDATE)
-    expected = np.zeros((5, 5))
-    expected[0, 0] = expected[1, 1] = expected[1, 2] = expected[2, 3] = FREE
-    expected[2, 4] = OCCUPIED
-    assert grid.log_odds == pytest.approx(expected)
-
-
-@both_maps
 def test_a_cell_crossed_and_hit_in_one_scan_is_exactly_occupied(kernels):
     for points in ([[2.0, 4.0], [0.0, 0.0]], [[4.0, 2.0], [0.0, 0.0]]):
         grid = level(5, 6, 1.0)

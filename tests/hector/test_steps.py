@@ -74,3 +74,14 @@ def test_fewer_beams_are_climbed_with_where_there_are_many(n, refine, strides):
 
 def test_what_was_never_seen_has_no_probability():
     assert [round(float(probability(x)), 4) for x in (0.0, 1.0, -1.0)] == [0.0, 0.7311, 0.2689]
+
+
+def test_a_pyramid_that_has_grown_is_climbed_as_before():
+    slam = settled("hector", 3, max_cells=1 << 20)
+    grids, loose = slam._map, Prior(IDENTITY, 1e-3 * np.eye(3))
+    start, before = Pose2(0.1, -0.05, 0.04), [level.p.shape for level in grids.levels]
+    found = grids.climb(slam._scan, start, loose)
+    grids._cover(Pose2(0.0, -70.0, 0.0), 5.0)
+    assert all(a.p.shape > b for a, b in zip(grids.levels, before, strict=True))
+    assert grids.climb(slam._scan, start, loose).pose == pytest.approx(found.pose, abs=1e-9)
+    assert found.pose == pytest.approx(IDENTITY, abs=0.03)
