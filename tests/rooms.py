@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from slams.registry import find
+from slams.registry import BASELINES, BUILT_IN, find
 from slams.test_world import ROOM, box, cast, drive, laser, scan_at, way
 
 __all__ = [
+    "ALGORITHMS",
     "CORRIDOR",
     "LIDAR",
     "ROOM",
@@ -23,6 +24,7 @@ __all__ = [
     "way",
 ]
 
+ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
 LIDAR = laser(181)
 CORRIDOR = np.array([(-50.0, -1.0, 50.0, -1.0), (-50.0, 1.0, 50.0, 1.0)])
 

@@ -9,9 +9,9 @@ from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from slams import metrics
 from slams.player import replay
-from slams.registry import BASELINES, BUILT_IN, create, find
+from slams.registry import create, find
+from tests.rooms import ALGORITHMS
 
-ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
 # case: setting, odometry shown, bound of the absolute error [m], of the error over 1 s [m]
 CASES = {
     "utm30lx": (Setting(size=9.0, duration=8.0, seed=1), False, 0.004, 0.0025),

@@ -10,9 +10,8 @@ from slams.frontend.correlative import search
 from slams.grid_bounds import Box
 from slams.player import replay
 from slams.types import IDENTITY, Pose2
-from tests.rooms import CORRIDOR, ROOM, box, drive, laser, made, mirrored, scan_at
+from tests.rooms import ALGORITHMS, CORRIDOR, ROOM, box, drive, laser, made, mirrored, scan_at
 
-ALGORITHMS = ["hector", "tsd", "crsm", "gmapping"]
 PAPERS = [f"{name}@paper" for name in ALGORITHMS]
 ORIGINALS = [f"{name}@original" for name in ALGORITHMS]
 MOUNT = Pose2(0.2, -0.1, 0.7)

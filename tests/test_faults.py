@@ -14,9 +14,8 @@ from slams.player import replay
 from slams.registry import find
 from slams.scanlog import Track
 from slams.types import Pose2
-from tests.rooms import CORRIDOR, box, drive, laser, made, scan_at
+from tests.rooms import ALGORITHMS, CORRIDOR, box, drive, laser, made, scan_at
 
-ALGORITHMS = ("hector", "tsd", "crsm", "gmapping")
 ALLOWED = 1.5  # times the error without odometry
 MORE = 0.005  # m, more than that
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slams.types import Pose2
-from tests.rooms import box, laser, made, scan_at
+from tests.rooms import ALGORITHMS, box, laser, made, scan_at
 
 TURNED = Pose2(0.0, 0.0, 0.1)  # so that walls cross their cells at all places
 CORNERS = TURNED.transform(np.array([side[:2] for side in box(-2.5, -2.0, 3.0, 2.5)]))
@@ -29,7 +29,7 @@ def offsets(points):
     return [float(np.mean(each)) for each in found]
 
 
-@pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
+@pytest.mark.parametrize("name", ALGORITHMS)
 def test_walls_stand_where_they_are(name):
     slam, rng = made(name), np.random.default_rng(0)
     for k in range(12):

@@ -6,6 +6,7 @@ import pytest
 import slams
 from slams import metrics
 from slams.formats.trajectory import read
+from tests.rooms import ALGORITHMS
 
 # scans, with odometry, farthest from the nearest and from all of the references [m, rad]
 PROGRAMS = {
@@ -28,7 +29,7 @@ def test_an_original_drives_as_its_program_does(name, shared_data):
     assert min(off) < least and max(off) < most
 
 
-@pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
+@pytest.mark.parametrize("name", ALGORITHMS)
 def test_a_default_is_accurate_with_the_laser_alone(name, shared_data):
     """Measured: 0.5 to 0.6 mm."""
     log = slams.load(shared_data("data/robocup/robocup.npz")).select(400, odometry=False)

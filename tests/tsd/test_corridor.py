@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from slams.types import IDENTITY, Pose2
-from tests.rooms import box, laser, scan_at
-from tests.tsd.cases import HALLWAY, PILLARS, default
+from tests.rooms import CORRIDOR, box, laser, scan_at
+from tests.tsd.cases import PILLARS, default
 
 
 @pytest.mark.parametrize("n_beams", [361, 1081])
@@ -15,7 +15,7 @@ def test_pillars_of_a_corridor_are_enough_without_odometry(n_beams):
     pillars = [side for x, y in PILLARS for side in box(x, y, x + 0.5, y + 0.3)]
     slam, lidar, rng = default(), laser(n_beams), np.random.default_rng(3)
     for i in range(60):
-        walls = np.array([*HALLWAY, *pillars])
+        walls = np.array([*CORRIDOR, *pillars])
         found = slam.update(scan_at((0.03 * i, 0.0, 0.0), lidar, walls, 0.01, rng, 0.1 * i))
     assert found.x == pytest.approx(1.77, abs=0.2)
 

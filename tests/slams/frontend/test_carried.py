@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from slams.types import IDENTITY, Pose2, Scan
-from tests.rooms import ROOM, laser, made, scan_at
+from tests.rooms import ALGORITHMS, ROOM, laser, made, scan_at
 
 LIDAR = laser(541, range_max=30.0)
 FIRST, THERE = Pose2(-3.0, 1.0, 0.0), Pose2(1.5, -2.0, 2.0)
-each = pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
+each = pytest.mark.parametrize("name", ALGORITHMS)
 
 
 def stamped(k, pose, wheels=None):

@@ -22,6 +22,7 @@ from slams.registry import find, label_of
 from slams.scanlog import Track
 from slams.test_world import laser, scan_at
 from slams.types import IDENTITY, Corrected, Pose2
+from tests.rooms import ALGORITHMS
 
 
 class Drifting:
@@ -114,7 +115,7 @@ def test_a_drive_without_a_return_closes_nothing():
     assert slam.report()["loops"] == 0
 
 
-@pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
+@pytest.mark.parametrize("name", ALGORITHMS)
 def test_the_four_go_on_in_the_new_map(name):
     """A robot whose map is exchanged keeps its motion: the next pose is a step from the last."""
     log = around()
