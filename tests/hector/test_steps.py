@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hector import HectorParams
+from hector import HectorParams, match_kernels
 from hector.map import BLUR, FINE, ROUGH, LogOddsPyramid
 from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
@@ -30,7 +30,7 @@ def test_one_step_of_gauss_newton_is_damped_and_limited():
     assert np.array(pose) - np.array(start) == pytest.approx(0.5 * step, rel=1e-6)
 
 
-def test_what_cells_say_is_never_surer_than_their_ridges_are_exact():
+def test_what_cells_say_is_never_surer_than_their_ridges_are_exact(monkeypatch):
     slam = settled("hector", 12)
     prior = Prior(IDENTITY, 1e4 * np.eye(3))
     points, grids = slam._scan, slam._map
@@ -40,6 +40,8 @@ def test_what_cells_say_is_never_surer_than_their_ridges_are_exact():
     _, _, square = gauss_newton(level, points.points, points.n, found.pose, prior, solver, H)
     assert found.seen == pytest.approx(H / max(square, BLUR), rel=0.05, abs=1.0)
     assert found.seen[0, 0] > 5.0 * H[0, 0]
+    monkeypatch.setattr(match_kernels, "climb", lambda *_: (tuple(IDENTITY), 1.0, 0.0))
+    assert grids.climb(points, IDENTITY, prior).seen == pytest.approx(grids._H / BLUR)
 
 
 def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
