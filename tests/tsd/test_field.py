@@ -24,6 +24,7 @@ from tests.tsd.cases import (
 from tsd.drawing import CERTAIN, surface_cells
 from tsd.image import colored
 from tsd.map_kernels import (
+    BEHIND,
     PASSED,
     PushRule,
     carve,
@@ -146,6 +147,9 @@ def test_push_blends_every_line_into_its_cells():
         value, total = naive_tsd.pushed_cell(lines[:, :5], x, cell_y, 0.15, 3.0)
         assert tsd[iy, ix] == pytest.approx(value, abs=1e-5)
         assert weight[iy, ix] == pytest.approx(total, rel=1e-5)
+    for y, behind in ((-0.125, True), (0.025, False)):
+        ix, iy = ((np.array([1.01, y]) - field.kernel.corner) / 0.05).astype(int)
+        assert bool(field.kernel.seen[iy, ix] & BEHIND) == behind
 
 
 def test_a_sparse_line_is_not_continued_far_beyond_its_hit():
