@@ -7,7 +7,7 @@ import pytest
 
 from crsm import match_kernels
 from crsm.map_kernels import Update, blacken
-from crsm.match_kernels import Expected, climb, fitness, score
+from crsm.match_kernels import Expected, climb, fitness, score, stepped
 from crsm.matcher import FINEST, FIRST, LONGEST, MEMORY, ROUGH, Matcher
 from slams.frontend.motion_filter import Prediction
 from slams.jit import njit
@@ -29,6 +29,11 @@ def fitness_at(grid, ends, pose):
 @njit(inner=True)
 def score_at(grid, ends, prior, pose):
     return score(grid, ends, prior, pose)
+
+
+@njit(inner=True)
+def turned(pose, step, x, y):
+    return stepped(pose, 2, step, x, y)
 
 
 def one_wall():
@@ -60,6 +65,13 @@ def test_score_charges_for_leaving_the_prediction():
     distance = 100 * 0.1**2 + 400 * 0.1**2 + 900 * 0.05**2
     expected = fitness_at(grid, ends, pose) - 0.5 * 3.0 * math.log1p(distance / 3.0)
     assert score_at(grid, ends, prior, pose) == pytest.approx(expected)
+
+
+def test_a_turn_is_about_the_middle_of_the_rays():
+    before, middle = Pose2(0.3, -0.2, 0.5), np.array([[1.5, 0.8]])
+    after = Pose2(*turned(tuple(before), 0.2, 1.5, 0.8))
+    assert after.theta == pytest.approx(0.7)
+    assert after.transform(middle) == pytest.approx(before.transform(middle))
 
 
 def test_climb_ends_where_no_finest_step_gains():
