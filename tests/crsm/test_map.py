@@ -39,19 +39,21 @@ def wall(angle, off, spacing=0.02, length=2.0):
 
 
 def test_neighbors_of_one_wall_are_one_stroke():
-    points, normals = np.zeros((3, 6)), np.zeros((3, 6))
-    points[:2] = [(1.0, 1.0, 1.0, 1.0, 0.9, 0.8), (0.0, 0.01, 0.02, 0.05, 0.05, 0.05)]
-    normals[0, :4], normals[1, 4] = -1.0, -1.0
+    points, normals = np.zeros((3, 7)), np.zeros((3, 7))
+    points[0] = (1.0, 1.0, 1.0, 1.0, 0.9, 0.89, 0.8)
+    points[1] = (0.0, 0.01, 0.02, 0.05, 0.05, 0.05, 0.05)
+    normals[0, :5], normals[1, 5] = -1.0, -1.0
     normals[2] = 0.01
-    out = np.zeros((6, 5))
-    assert strokes(points, normals, 6, 0.025, out) == 4
+    out = np.zeros((7, 5))
+    assert strokes(points, normals, 7, 0.025, out) == 5
     expected = [
         (1.0, 0.01, -1.0, 0.0, 0.015),  # three of them, and half of a gap at each end
         (1.0, 0.05, -1.0, 0.0, 0.005),  # too far off
-        (0.9, 0.05, 0.0, -1.0, 0.005),  # another wall
+        (0.9, 0.05, -1.0, 0.0, 0.005),
+        (0.89, 0.05, 0.0, -1.0, 0.005),  # another wall
         (0.8, 0.05, 0.0, 0.0, 0.005),  # a lone point
     ]
-    np.testing.assert_allclose(out[:4], expected, atol=1e-12)
+    np.testing.assert_allclose(out[:5], expected, atol=1e-12)
 
 
 def test_map_update_equals_the_naive_one():
