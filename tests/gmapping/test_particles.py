@@ -200,3 +200,13 @@ def test_the_spread_is_around_the_reported_particle():
     particles.poses[:] = [[1.0, 2.0, 3.1], [1.2, 1.6, -3.1]]
     off = np.array([0.2, -0.4, 2.0 * np.pi - 6.2])
     np.testing.assert_allclose(particles.spread(), 0.5 * np.outer(off, off))
+
+
+def test_every_particle_steps_in_its_own_heading_and_inherits_a_lifetime():
+    particles = Particles(2)
+    particles.poses[:] = [[1.0, 2.0, 0.5 * np.pi], [0.0, 0.0, 0.0]]
+    particles.move(np.array([0.3, 0.1, 0.2]))
+    np.testing.assert_allclose(particles.poses, [[0.9, 2.3, 0.5 * np.pi + 0.2], [0.3, 0.1, 0.2]])
+    particles.lifetime[:] = [-3.0, 0.0]
+    particles.follow(np.array([1, 1]))
+    np.testing.assert_array_equal(particles.lifetime, 0.0)
