@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from slams.registry import BASELINES, BUILT_IN, find
 from slams.test_world import ROOM, box, cast, drive, laser, scan_at, way
 
 __all__ = [
+    "ALGORITHMS",
     "CORRIDOR",
     "LIDAR",
     "ROOM",
@@ -13,18 +15,36 @@ __all__ = [
     "cast",
     "drive",
     "laser",
+    "made",
     "mirrored",
+    "off_the_walls",
     "scan_at",
+    "settled",
     "still",
     "way",
 ]
 
+ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
 LIDAR = laser(181)
 CORRIDOR = np.array([(-50.0, -1.0, 50.0, -1.0), (-50.0, 1.0, 50.0, 1.0)])
 
 
 def mirrored(segments):
     return segments * np.array([1.0, -1.0, 1.0, -1.0])
+
+
+def off_the_walls(points):
+    """Distance of each point (n, 2) to the nearest wall of the room."""
+    p, e = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
+    along = ((points[:, None] - p) * e).sum(axis=2) / (e * e).sum(axis=1)
+    foot = p + np.clip(along, 0.0, 1.0)[..., None] * e
+    return np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1)
+
+
+def made(label, **changes):
+    """An algorithm by its label, with some parameters changed."""
+    entry = find(label)
+    return entry.cls(entry.params().replace(**changes))
 
 
 def still(k, **more):
@@ -42,3 +62,11 @@ def calls(monkeypatch, owner, name):
 
     monkeypatch.setattr(owner, name, noted)
     return made
+
+
+def settled(label, n, **changes):
+    """An algorithm after `n` scans of a robot that stands still."""
+    slam = made(label, **changes)
+    for k in range(n):
+        slam.update(still(k))
+    return slam

@@ -247,9 +247,12 @@ def slug(heading):
     return re.sub(r"[^\w -]", "", heading.lower()).strip().replace(" ", "-")
 
 
-@ids
-def test_links_to_a_section_find_it(path):
-    for name, anchor in re.findall(r"\]\(([^)#:]*)#([^)]+)\)", path.read_text(encoding="utf-8")):
+@pytest.mark.parametrize("path", [*DOCS, *OTHERS], ids=str)
+def test_links_find_their_file_and_section(path):
+    text = path.read_text(encoding="utf-8")
+    for name in re.findall(r"\]\(([^)#:]+)\)", text):
+        assert (path.parent / name).is_file(), name
+    for name, anchor in re.findall(r"\]\(([^)#:]*)#([^)]+)\)", text):
         target = (path.parent / name) if name else path
         headings = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.M)
         assert anchor in map(slug, headings), (name, anchor)

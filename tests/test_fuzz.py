@@ -4,7 +4,7 @@ import pytest
 
 from tests.fuzz.campaign import one, run
 
-CASES = {"npz": 900, "live": 700, "bag": 400}
+CASES = {"npz": 450, "live": 350, "bag": 200}
 EACH = 12  # pushes into each algorithm
 KEPT = [  # these once broke a property
     ("npz", 153, "odometry"),

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from slams.registry import find
 from slams.types import Pose2
-from tests.rooms import box, laser, scan_at
+from tests.rooms import ALGORITHMS, box, laser, made, scan_at
 
 TURNED = Pose2(0.0, 0.0, 0.1)  # so that walls cross their cells at all places
 CORNERS = TURNED.transform(np.array([side[:2] for side in box(-2.5, -2.0, 3.0, 2.5)]))
@@ -30,10 +29,9 @@ def offsets(points):
     return [float(np.mean(each)) for each in found]
 
 
-@pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
+@pytest.mark.parametrize("name", ALGORITHMS)
 def test_walls_stand_where_they_are(name):
-    entry = find(name)
-    slam, rng = entry.cls(entry.params()), np.random.default_rng(0)
+    slam, rng = made(name), np.random.default_rng(0)
     for k in range(12):
         pose = Pose2(0.04 * k, 0.02 * k, 0.05 * k)
         scan = scan_at(pose, laser(721, fov=2.0 * math.pi * 720 / 721), WALLS, 0.005, rng, 0.1 * k)

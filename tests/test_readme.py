@@ -1,23 +1,17 @@
 """The READMEs say what the code does."""
 
-import ast
 import json
 import re
 import shlex
-import sys
 
 import pytest
 
 from bench import compare, readme
 from bench.results import FORMAT
 from bench.results import sweep as results
-from slams import metrics
-from slams.player import replay
-from slams.registry import find
 from tests.bench.test_answers import climbs
 from tests.bench.test_sweep import sweep_of
 from tests.places import ROOT
-from tests.rooms import drive
 
 FRONT = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -124,88 +118,14 @@ def test_every_public_log_with_figures_says_where_it_is_from():
 
 
 PACKAGES = [path.parent for path in readme.readmes()[1:] if path.name == "README.md"]
-CODE = re.compile(r"[A-Za-z_][\w.]*(\(\))?(=\S*)?")
-
-
-def defined(path):
-    """Names a module defines: at its top, and of each class what stands in it or is set on self."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    names = {}
-    for node in tree.body:
-        if isinstance(node, ast.ClassDef):
-            inner = list(ast.walk(node))
-            names[node.name] = {n.name for n in inner if isinstance(n, ast.FunctionDef)}
-            names[node.name] |= {n.attr for n in inner if isinstance(n, ast.Attribute)}
-            names[node.name] |= {n.id for n in inner if isinstance(n, ast.Name)}
-        elif isinstance(node, ast.FunctionDef):
-            names[node.name] = set()
-        else:
-            names |= {n.id: set() for n in ast.walk(node) if isinstance(n, ast.Name)}
-    return names
-
-
-def words_of(package):
-    """Every bare word a README of the package may use, and every dotted one."""
-    bare = {package.name, "tsd", "slams", "kiss-icp"}
-    dotted = set()
-    for path in [*package.rglob("*.py"), *(ROOT / "slams").rglob("*.py")]:
-        module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        bare |= {path.name, path.stem, path.parent.name, path.relative_to(ROOT).as_posix()}
-        bare.add(
-            path.relative_to(package.parent if package not in path.parents else package).as_posix()
-        )
-        dotted.add(module)
-        for name, members in defined(path).items():
-            bare |= {name, *members}
-            dotted |= {f"{module}.{name}", f"{path.stem}.{name}"}
-            dotted |= {f"{name}.{member}" for member in members}
-        if package in path.parents:  # words of a report, of a choice, of the node
-            text = path.read_text(encoding="utf-8")
-            bare |= set(re.findall(r'"([A-Za-z_][\w]*)"', text))
-    for path in (ROOT / "tests").rglob("*.py"):
-        bare |= set(defined(path))
-    return bare, dotted
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
 def test_names_of_code_in_a_package_readme_exist(package):
-    text = (package / "README.md").read_text(encoding="utf-8")
-    text = readme.PART.sub("", text)
-    bare, dotted = words_of(package)
-    labels = (package.name, f"{package.name}@original")
-    parameters = {name for label in labels for name in find(label).params().specs()}
-    missing = []
-    for word in re.findall(r"`([^`\n]+)`", text):
-        if not CODE.fullmatch(word):
-            continue
-        name, equals, _ = word.partition("=")
-        name = name.removesuffix("()")
-        known = parameters if equals else dotted | bare if "." in name else bare | parameters
-        if name not in known:
-            missing.append(word)
-    assert missing == []
-
-
-def test_linked_files_exist():
-    for path in {*readme.readmes(), *PAGES}:
-        for link in re.findall(r"\]\(([^)#:]+)\)", path.read_text(encoding="utf-8")):
-            assert (path.parent / link).is_file(), link
-
-
-@pytest.fixture
-def example(tmp_path, monkeypatch):
-    code = next(b for b in re.findall(r"```python\n(.*?)```", README, re.S) if "class Icp" in b)
-    assert len([line for line in code.splitlines() if line.strip()]) <= 30
-    (tmp_path / "mine.py").write_text(code)
-    monkeypatch.syspath_prepend(tmp_path)
-    yield find("mine:Icp")
-    sys.modules.pop("mine", None)
-
-
-def test_the_example_algorithm_works(example):
-    log = drive(n=60)
-    slam = example.cls(example.params())
-    done = replay(slam, log)
-    truth = log.truth_at(done.t)
-    assert metrics.relative_errors(done.poses, truth, 1)[0].mean() < 0.02
-    assert (slam.map().p == 1.0).any()
+    files = [path for folder in (package, ROOT / "slams") for path in folder.rglob("*.py")]
+    code = [*map(str, files), *(path.read_text(encoding="utf-8") for path in files)]
+    known = {word for text in code for word in re.findall(r"\w+", text)}
+    known |= {path.stem for path in (ROOT / "tests").rglob("*.py")}
+    text = readme.PART.sub("", (package / "README.md").read_text(encoding="utf-8"))
+    for name in re.findall(r"`([A-Za-z_][\w./]*)(?:\(\))?(?:=\S*)?`", text):
+        assert set(re.findall(r"\w+", name)) <= known, name

@@ -8,8 +8,10 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from slams import check
-from slams.registry import Entry, find
+from slams import check, metrics
+from slams.player import replay
+from slams.registry import find
+from tests import bags
 from tests.places import ROOT
 from tests.rooms import drive
 
@@ -22,41 +24,18 @@ def block(word):
     return next(b for b in re.findall(r"```python\n(.*?)```", README, re.S) if word in b)
 
 
-def write_bag(path, log):
-    """A ROS 1 bag of the log's scans, by the bag library alone."""
-    from rosbags.rosbag1 import Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS1_NOETIC)
-    types, lidar = store.types, log.laser
-    with Writer(path) as writer:
-        scans = writer.add_connection("/scan", "sensor_msgs/msg/LaserScan", typestore=store)
-        for t, ranges in zip(log.t + 1.0, log.ranges, strict=True):
-            stamp = types["builtin_interfaces/msg/Time"](int(t), round(t % 1 * 1e9))
-            header = types["std_msgs/msg/Header"](0, stamp, "laser")
-            message = types["sensor_msgs/msg/LaserScan"](
-                header,
-                lidar.angle_min,
-                lidar.angle_min + lidar.angle_increment * (lidar.n_beams - 1),
-                lidar.angle_increment,
-                0.0,
-                0.05,
-                lidar.range_min,
-                lidar.range_max,
-                ranges,
-                np.zeros(0, np.float32),
-            )
-            raw = store.serialize_ros1(message, message.__msgtype__)
-            writer.write(scans, round(t * 1e9), raw)
-
-
 def test_from_a_bag_to_a_map_in_ten_lines(tmp_path, monkeypatch):
     code = block("slams.load")
     assert len([line for line in code.splitlines() if line.strip()]) <= 10
-    write_bag(tmp_path / "drive.bag", drive(n=20))
+    log = drive(n=20)
+    fan = (log.laser.angle_min, log.laser.angle_increment)
+    scans = zip(log.t + 1.0, log.ranges, strict=True)
+    bags.write(
+        tmp_path, "bag", lambda make: [("/scan", t, make.scan(t, r, angles=fan)) for t, r in scans]
+    )
     monkeypatch.chdir(tmp_path)
     exec(code, scope := {})
-    assert math.hypot(*np.subtract(scope["pose"], drive(n=20).truth.values[-1])[:2]) < 0.01
+    assert math.hypot(*np.subtract(scope["pose"], log.truth.values[-1])[:2]) < 0.01
     assert (tmp_path / "map.pgm").stat().st_size > 1000
     assert (tmp_path / "map.yaml").exists()
 
@@ -166,12 +145,15 @@ def test_the_node_of_the_readme_publishes_the_correction_and_the_map(ros):
     assert set(node.published[0].data) <= set(range(-1, 101))
 
 
-def test_the_example_algorithm_keeps_the_contract(tmp_path, monkeypatch):
-    text = README
-    code = next(b for b in re.findall(r"```python\n(.*?)```", text, re.S) if "class Icp" in b)
+def test_the_example_algorithm_works_and_keeps_the_contract(tmp_path, monkeypatch):
+    code = block("class Icp")
+    assert len([line for line in code.splitlines() if line.strip()]) <= 30
     (tmp_path / "mine.py").write_text(code)
     monkeypatch.syspath_prepend(tmp_path)
     entry = find("mine:Icp")
     sys.modules.pop("mine", None)
-    assert isinstance(entry, Entry)
+    log, slam = drive(n=60), entry.cls(entry.params())
+    done = replay(slam, log)
+    assert metrics.relative_errors(done.poses, log.truth_at(done.t), 1)[0].mean() < 0.02
+    assert (slam.map().p == 1.0).any()
     assert [check.broken(entry, clause) for clause in check.CHECKS] == [None] * len(check.CHECKS)

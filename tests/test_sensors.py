@@ -4,9 +4,8 @@ import pytest
 
 from bench.sim.sensors import SENSORS
 from slams.params import LASERS
-from slams.registry import BASELINES, BUILT_IN, find
-
-ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
+from slams.registry import find
+from tests.rooms import ALGORITHMS
 
 
 def test_the_lasers_are_those_of_the_simulator():

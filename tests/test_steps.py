@@ -4,20 +4,10 @@ import numpy as np
 import pytest
 
 from slams.frontend.estimator import BEGIN_BEAMS
-from slams.registry import find
 from slams.types import Pose2, Scan
-from tests.rooms import LIDAR, calls, laser, scan_at, still
+from tests.rooms import LIDAR, calls, laser, scan_at, settled, still
 
 pytestmark = pytest.mark.parametrize("name", ["hector", "tsd", "crsm"])
-
-
-def settled(name, n):
-    """The default after `n` scans of a robot that stands still."""
-    entry = find(name)
-    slam = entry.cls(entry.params().replace(max_cells=1 << 18))
-    for k in range(n):
-        slam.update(still(k))
-    return slam
 
 
 @pytest.mark.parametrize(("time_increment", "times"), [(0.0, 1), (0.08 / 181, 2)])

@@ -7,13 +7,13 @@ import pytest
 
 from crsm import match_kernels
 from crsm.map_kernels import Update, blacken
-from crsm.match_kernels import Expected, climb, fitness, score
+from crsm.match_kernels import Expected, climb, fitness, score, stepped
 from crsm.matcher import FINEST, FIRST, LONGEST, MEMORY, ROUGH, Matcher
 from slams.frontend.motion_filter import Prediction
 from slams.jit import njit
 from slams.scan.end_points import gap
 from slams.types import IDENTITY, Pose2
-from tests.crsm.room import Parameters, drive, noisy_view, run, scans_of
+from tests.crsm.room import Parameters, mapped, noisy_view
 from tests.crsm.test_map import blank, darkness_at, wall
 from tests.rooms import calls
 
@@ -31,16 +31,15 @@ def score_at(grid, ends, prior, pose):
     return score(grid, ends, prior, pose)
 
 
+@njit(inner=True)
+def turned(pose, step, x, y):
+    return stepped(pose, 2, step, x, y)
+
+
 def one_wall():
     grid, ends = blank(), wall(0.0, 1.0)
     blacken(grid, ends, len(ends), IDENTITY, 1, tuple(Update(0.3, 100.0, 0.035)))
     return grid
-
-
-def mapped(poses=10, **changes):
-    """CRSM with a map of the room, and a scan of it from the start."""
-    slam, _ = run(scans_of(drive(poses)), **changes)
-    return slam, noisy_view(9)
 
 
 def expecting(pose, deviation):
@@ -68,8 +67,15 @@ def test_score_charges_for_leaving_the_prediction():
     assert score_at(grid, ends, prior, pose) == pytest.approx(expected)
 
 
+def test_a_turn_is_about_the_middle_of_the_rays():
+    before, middle = Pose2(0.3, -0.2, 0.5), np.array([[1.5, 0.8]])
+    after = Pose2(*turned(tuple(before), 0.2, 1.5, 0.8))
+    assert after.theta == pytest.approx(0.7)
+    assert after.transform(middle) == pytest.approx(before.transform(middle))
+
+
 def test_climb_ends_where_no_finest_step_gains():
-    slam, view = mapped()
+    slam, view = mapped(), noisy_view(9)
     levels, fine = tuple(map(tuple, slam._map.levels)), slam._map.levels[0]
     start = (0.04, -0.03, 0.03)
     (x, y, theta), fit, top = climb(levels, view.ends, tuple(LOOSE), start, 0.032, FINEST)
@@ -88,7 +94,7 @@ def test_climb_ends_where_no_finest_step_gains():
 
 
 def test_climb_is_exact_to_millimeters():
-    slam, _ = mapped(refine=False)
+    slam = mapped(refine=False)
     levels, off = tuple(map(tuple, slam._map.levels)), []
     for seed in range(6):
         ends = noisy_view(20 + seed).ends
@@ -99,7 +105,7 @@ def test_climb_is_exact_to_millimeters():
 
 
 def test_long_steps_are_made_on_the_coarse_grid():
-    slam, view = mapped()
+    slam, view = mapped(), noisy_view(9)
     levels = tuple(map(tuple, slam._map.levels))
     at = [
         climb(levels, view.ends, tuple(LOOSE), (0.25, -0.2, 0.25), step, FINEST)[1]
@@ -110,7 +116,7 @@ def test_long_steps_are_made_on_the_coarse_grid():
 
 
 def test_restarts_find_what_one_climb_does_not():
-    slam, view = mapped()
+    slam, view = mapped(), noisy_view(9)
     matcher = Matcher(Parameters(), slam._map)
     alone = matcher.climb(view, OFF, expecting(OFF, 0.3))
     assert matcher.restarts == 0  # nothing is usual yet
@@ -124,7 +130,7 @@ def test_restarts_find_what_one_climb_does_not():
 
 
 def test_a_start_that_is_not_the_prediction_is_climbed_from_with_long_steps_alone(monkeypatch):
-    slam, view = mapped()
+    slam, view = mapped(), noisy_view(9)
     matcher = Matcher(Parameters(), slam._map)
     matcher.usual = 2.0  # nothing is enough
     made = calls(monkeypatch, match_kernels, "climb")
@@ -137,7 +143,7 @@ def test_a_start_that_is_not_the_prediction_is_climbed_from_with_long_steps_alon
 
 
 def test_a_prior_counts_by_the_noise_over_the_width_of_a_wall(monkeypatch):
-    slam, view = mapped()
+    slam, view = mapped(), noisy_view(9)
     made = calls(monkeypatch, match_kernels, "climb")
     for stroke in (0.5, 1.0):
         Matcher(Parameters(stroke=stroke), slam._map).climb(view, OFF, expecting(OFF, 0.3))
@@ -146,7 +152,7 @@ def test_a_prior_counts_by_the_noise_over_the_width_of_a_wall(monkeypatch):
 
 
 def test_usual_is_a_mean_over_so_many_scans():
-    slam, view = mapped()
+    slam, view = mapped(), noisy_view(9)
     matcher = Matcher(Parameters(), slam._map)
     matcher.learn(view, IDENTITY)
     fit = fitness_at(slam._map.levels[0], view.ends, (0.0, 0.0, 0.0))
@@ -154,7 +160,7 @@ def test_usual_is_a_mean_over_so_many_scans():
 
 
 def test_a_fit_to_lines_follows_a_rough_climb_and_weighs_it(monkeypatch):
-    slam, view = mapped()
+    slam, view = mapped(), noisy_view(9)
     made = calls(monkeypatch, match_kernels, "climb")
     rough = Matcher(Parameters(), slam._map).climb(view, IDENTITY, expecting(IDENTITY, 0.1))
     alone = Matcher(Parameters(refine=False), slam._map)

@@ -3,51 +3,12 @@
 import numpy as np
 import pytest
 
-from crsm.rays_kernels import critical_rays, leverage
+from crsm.rays_kernels import leverage
 from crsm.scan import LEAST_RAYS, ScanReader
-from slams.types import IDENTITY, Laser, Pose2, Scan
+from slams.types import IDENTITY, Scan
 from tests.crsm import naive
-from tests.crsm.room import LASER, Parameters, cast, noisy_view, off_the_walls, reader_of
-
-
-def corridor(n=400, ends=10):
-    """Points on two side walls, 2 m off, and in the middle of the scan some on the far end."""
-    points, normals, moments = np.zeros((3, n)), np.zeros((3, n)), np.zeros((6, n + 1))
-    points[0] = np.linspace(-2.0, 2.0, n)
-    points[1] = np.where(np.arange(n) % 2, 2.0, -2.0)
-    normals[1] = 1.0
-    middle = slice(n // 2, n // 2 + ends)
-    points[0, middle], normals[0, middle], normals[1, middle] = 3.0, -1.0, 0.0
-    moments[5, n] = n
-    return points, normals, moments
-
-
-def picked(arrays, n, count):
-    ends = np.zeros((n, 2))
-    return ends[: critical_rays(*arrays, n, IDENTITY, count, np.zeros((3, 3)), ends)]
-
-
-def test_leverages_add_up_and_a_corridor_picks_its_end():
-    points, normals, moments = corridor()
-    shares = np.zeros(400)
-    leverage(points, normals, 400, np.zeros((3, 3)), shares)
-    assert shares.sum() == pytest.approx(3.0, abs=1e-4)
-    ends = picked((points, normals, moments), 400, 40)
-    assert 30 <= len(ends) <= 41
-    assert (ends[:, 0] == 3.0).sum() >= 5  # evenly spread: 1
-
-
-def test_discontinuities_and_far_ends_are_critical():
-    points, normals, moments = corridor(ends=0)
-    points[2] = np.arange(400)
-    moments[5, :400] = np.repeat([0, 100, 300], [100, 200, 100])
-    points[:2, 200:300] *= 4.0
-    ends = picked((points, normals, moments), 400, 40)
-    numbers = [int(np.flatnonzero((end == points[:2].T).all(axis=1))[0]) for end in ends]
-    for jump in (100, 300):
-        assert {jump - 1, jump, jump + 1} & set(numbers)
-    assert sum(200 <= i < 300 for i in numbers) > 1.3 * sum(100 <= i < 200 for i in numbers)
-    assert len(picked((points, normals, moments), 30, 40)) == 30  # few: all of them
+from tests.crsm.room import LASER, Parameters, noisy_view, reader_of
+from tests.rooms import laser, scan_at
 
 
 def test_critical_rays_equal_the_naive_selection():
@@ -71,14 +32,13 @@ def test_critical_rays_equal_the_naive_selection():
 
 def test_at_most_half_of_the_points_are_rays_unless_they_are_few():
     for beams, rays in ((361, 150), (101, LEAST_RAYS), (41, 41)):
-        laser = Laser(-2.35, 4.7 / (beams - 1), beams, 0.05, 30.0)
         reader = ScanReader(Parameters(critical_rays=150))
-        reader.take(Scan(0.0, cast(IDENTITY, laser), laser), IDENTITY)
+        reader.take(scan_at(IDENTITY, laser(beams)), IDENTITY)
         assert len(reader.ends) == pytest.approx(rays, abs=0.1 * rays)
 
 
 def test_information_of_the_rays_is_that_of_their_share_of_all_points():
-    view, theta = reader_of(), 0.7
+    view, theta = reader_of(scan_at(IDENTITY, LASER)), 0.7
     c, s = np.cos(theta), np.sin(theta)
     turn = np.array([[c, -s], [s, c]])
     xy, normal = (turn @ a[:2, : view.n] for a in (view.points, view.normals))
@@ -87,38 +47,11 @@ def test_information_of_the_rays_is_that_of_their_share_of_all_points():
     assert view.information(theta) == pytest.approx(expected, rel=1e-4)
 
 
-def test_noise_is_measured_and_makes_no_lone_points():
-    for noise, low, high in ((0.0, 0.001, 0.002), (0.05, 0.035, 0.07), (0.1, 0.06, 0.14)):
-        reader, rng = ScanReader(Parameters()), np.random.default_rng(2)
-        for _ in range(3):
-            reader.take(Scan(0.0, cast(IDENTITY, noise=noise, rng=rng), LASER), IDENTITY)
-        assert low <= reader.noise <= high
-        assert (~reader.normals[:2, : reader.n].any(axis=0)).mean() < 0.2
-
-
 def test_a_single_short_beam_does_not_tear_a_wall():
-    whole, ranges = reader_of(), cast(IDENTITY).copy()
+    scan = scan_at(IDENTITY, LASER)
+    ranges = scan.ranges.copy()
     ranges[100:300:7] *= 0.5
-    reader = ScanReader(Parameters())
-    reader.take(Scan(0.0, ranges, LASER), IDENTITY)
+    whole, reader = reader_of(scan), reader_of(Scan(0.0, ranges, LASER))
     assert reader.n == whole.n - len(ranges[100:300:7])
     stretches = len(np.unique(reader.moments[5, : reader.n]))
     assert stretches <= len(np.unique(whole.moments[5, : whole.n])) + 1
-
-
-def test_skew_of_a_scan_is_taken_out():
-    mount = Pose2(0.2, -0.6, 0.5)
-    laser = Laser(-2.35, 4.7 / 90, 91, 0.05, 30.0, mount, 0.001)
-    velocity = Pose2(0.5, 0.0, 1.0)
-    ranges = [
-        cast(Pose2(*(0.001 * k * v for v in velocity)), laser)[k] for k in range(laser.n_beams)
-    ]
-    reader = ScanReader(Parameters())
-    off = []
-    for assumed in (IDENTITY, velocity):
-        reader.take(Scan(0.0, np.array(ranges), laser), assumed)
-        middle = reader.at_stamp(IDENTITY).inverse()  # as seen from the first beam's time
-        points = np.ascontiguousarray(reader.points[:2, : reader.n].T)
-        off.append(off_the_walls(middle.transform(points)).max())
-    assert off[0] > 0.05
-    assert off[1] < 0.01

@@ -6,21 +6,12 @@ import pytest
 from bench.sim.degrade import degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
-from crsm import Crsm, CrsmParams
 from slams.types import Pose2
-from tests.rooms import calls, still
-
-
-def settled(n=12, **changes):
-    """CRSM after `n` scans of a robot that stands still."""
-    slam = Crsm(CrsmParams(max_cells=1 << 18, **changes))
-    for k in range(n):
-        slam.update(still(k))
-    return slam
+from tests.rooms import calls, made, settled, still
 
 
 def test_the_climb_alone_keeps_no_lines_and_fits_nothing(monkeypatch):
-    slam = settled(refine=False)
+    slam = settled("crsm", 12, refine=False)
     assert slam._map.lines.surface.slot.max() == 0
     fitted = calls(monkeypatch, slam._map.lines, "fit")
     slam.update(still(12))
@@ -32,7 +23,7 @@ def test_a_long_corridor_moves_on_though_wheels_say_otherwise(kind):
     """A prior that weighs too much against few critical rays along the corridor held the robot."""
     name, level = kind.split("=")
     log = degrade(simulate(Setting("ring", seed=102, duration=30.0)), name, float(level), 102)
-    slam = Crsm(CrsmParams())
+    slam = made("crsm")
     scans = list(log.select(every=4))
     found = [slam.update(scan) for scan in scans]
     truth = log.truth_at(np.array([scan.t for scan in scans]))

@@ -14,11 +14,9 @@ from gmapping.render import Renderer
 from gmapping.scan import View
 from gmapping.scan_kernels import pieces
 from gmapping.surfaces import SurfaceMatcher
-from slams.registry import find
-from slams.types import IDENTITY, Laser, Pose2, Scan
-from tests.places import SHARED
+from slams.types import IDENTITY, Laser, Pose2
+from tests.rooms import made, scan_at
 
-DATA = SHARED / "data"
 LASER = Laser(-0.75 * math.pi, math.radians(0.75), 361, 0.1, 30.0)
 ROOM = np.array(  # segments x0, y0, x1, y1 [m]
     [
@@ -37,53 +35,25 @@ NOWHERE = Revisit([], Renderer(0.05, 0.25).counts)
 CLIMB = ClimbModel(0.05, 0.075, 0.05, 0.05, 5, 0.5)
 
 
-def cast(pose, laser=LASER, walls=ROOM):
-    """Exact ranges of a laser among segments."""
-    sensor = pose @ laser.mount
-    angles = laser.angles + sensor.theta
-    d = np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None]
-    a, b = walls[:, :2] - [sensor.x, sensor.y], walls[:, 2:] - walls[:, :2]
-    det = d[..., 0] * b[:, 1] - d[..., 1] * b[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        r = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / det
-        u = (a[:, 0] * d[..., 1] - a[:, 1] * d[..., 0]) / det
-    r = np.where((r > 0) & (u >= 0) & (u <= 1), r, np.inf)
-    return r.min(axis=1)
+def seen(pose, laser=LASER, walls=ROOM, **known):
+    """A scan of the room, without noise unless a generator is known."""
+    return scan_at(pose, laser, walls, **{"noise": 0.01} | known)
 
 
-def make_scan(pose, t=0.0, laser=LASER, rng=None, odometry=None, yaw=None, walls=ROOM, sd=0.01):
-    ranges = cast(pose, laser, walls)
-    if rng is not None:
-        ranges = ranges + rng.normal(0.0, sd, len(ranges))
-    ranges = ranges.astype(np.float32)
-    ranges.flags.writeable = False
-    return Scan(t, ranges, laser, odometry, yaw)
-
-
-def drive(n, laser=LASER, odometry=True, gyro=False, noise=True, drift=0.05):
+def drive(n):
     """True poses on an arc and their scans; odometry stretches every step."""
     rng = np.random.default_rng(7)
     truth, wheels = [IDENTITY], [Pose2(5.0, -3.0, 1.0)]
     for i in range(n - 1):
         step = Pose2(0.02, 0.0, 0.03 * math.cos(0.05 * i))
         truth.append(truth[-1] @ step)
-        wheels.append(wheels[-1] @ Pose2(step.x * (1 + drift), 0.0, step.theta * (1 - drift)))
-    return truth, [
-        make_scan(
-            p,
-            0.1 * i,
-            laser,
-            rng if noise else None,
-            wheels[i] if odometry else None,
-            p.theta + 2.0 if gyro else None,
-        )
-        for i, p in enumerate(truth)
-    ]
+        wheels.append(wheels[-1] @ Pose2(1.05 * step.x, 0.0, 0.95 * step.theta))
+    moves = enumerate(zip(truth, wheels, strict=True))
+    return truth, [seen(at, rng=rng, t=0.1 * i, odometry=by) for i, (at, by) in moves]
 
 
 def run(scans, preset="default", **changes):
-    entry = find(f"gmapping@{preset}")
-    slam = entry.cls(entry.params().replace(**changes))
+    slam = made(f"gmapping@{preset}", **changes)
     return slam, np.array([slam.update(scan) for scan in scans])
 
 
@@ -101,13 +71,13 @@ def pieces_of(points, normals, mount=IDENTITY, grain=0.0):
 def surface_of(pose, laser=LASER, walls=ROOM):
     """Pieces of a scan without noise, one for each beam."""
     view = View(GMappingParams(grain=0.0, max_range=laser.range_max)).take(
-        make_scan(pose, laser=laser, walls=walls), IDENTITY
+        seen(pose, laser, walls), IDENTITY
     )
     return view.pieces.copy()
 
 
 def view_of(pose, **changes):
-    return View(GMappingParams(**changes)).take(make_scan(pose), IDENTITY)
+    return View(GMappingParams(**changes)).take(seen(pose), IDENTITY)
 
 
 def mapped(surface, pose=(0.0, 0.0, 0.0), n=1):

@@ -21,7 +21,6 @@ from gmapping.end_points import EndPointMatcher
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
 from gmapping.map import TileMap
 from gmapping.match_kernels import Prior
-from gmapping.render import Renderer
 from gmapping.tile_kernels import cell_of, inside_tile, slot_of
 from slams import geometry
 from slams.types import IDENTITY, Pose2
@@ -191,16 +190,6 @@ def test_samples_tell_the_curvature_of_the_posterior():
     assert eta - best == pytest.approx(volume, abs=0.2)  # Laplace's, but for lattice and tails
 
 
-def test_samples_that_find_a_far_better_place_have_their_mean_there():
-    ends, known = surface_of(IDENTITY), 1e-6 * np.eye(3)
-    tiles, start = tiles_of(ends), np.array([[0.5, 0.0, 0.0]])
-    prior, owners = Prior(start.copy(), known[None]), np.zeros(1, np.int64)
-    value, covariance = np.full(1, -1e5), np.zeros((1, 3, 3))  # as if of a peak that is none
-    sample(tiles, owners, ends, FIELD, prior, start, covariance, value)
-    assert np.isfinite(covariance).all() and np.isfinite(start).all() and np.isfinite(value)
-    assert (np.linalg.eigvalsh(covariance[0]) > 0.0).all()
-
-
 def matcher_of_room():
     """A matcher whose one particle has the room, and what is seen of it from 0."""
     params = GMappingParams(refine=False, n_particles=1, max_tiles=5000)
@@ -231,14 +220,3 @@ def test_a_match_tells_share_and_information_without_the_prior():
     np.testing.assert_allclose(np.diag(strong.seen), np.diag(weak.seen), rtol=0.5)
     far = Pose2(0.7, 0.4, 0.3)
     assert matcher.match(view, 0, geometry.Prior(far, 1e9 * np.eye(3)), far).share < 0.5
-
-
-def test_conflicts_are_ends_where_beams_came_by_and_nothing_stands():
-    matcher, view = matcher_of_room()
-    renderer = Renderer(EDGE, 0.25)
-    for _ in range(2):
-        renderer.draw(view.ray, np.zeros(3))
-    inliers, conflicts = matcher.evaluate(view, 0, IDENTITY, renderer.counts)
-    assert inliers > 0.95 and conflicts < 0.02
-    inliers, conflicts = matcher.evaluate(view, 0, Pose2(0.7, 0.4, 0.3), renderer.counts)
-    assert inliers < 0.5 and conflicts > 0.2

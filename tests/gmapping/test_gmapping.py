@@ -1,88 +1,16 @@
-import math
+"""The particle filter of gmapping: who is reported, how far the others are, what is drawn."""
+
+import dataclasses
 
 import numpy as np
 import pytest
 
-from gmapping import GMapping, GMappingParams
 from gmapping.render_kernels import Counts, draw
-from slams.types import Laser, Pose2, Scan
+from slams.types import Pose2
 from tests.gmapping.scenes import (
-    LASER,
-    ROOM,
-    cast,
     drive,
-    make_scan,
-    position_error,
     run,
 )
-
-
-@pytest.mark.parametrize("wheels", [True, False])
-@pytest.mark.parametrize("gyro", [True, False])
-def test_every_odometry_tracks(wheels, gyro):
-    truth, scans = drive(120, gyro=True)
-    slam, poses = run(scans, n_particles=5, wheels=wheels, gyro=gyro)
-    error = position_error(poses, truth)
-    assert error.max() < 0.03 and error.mean() < 0.008
-    report = slam.report()
-    assert report["odometry"] == (119 if wheels else 0)
-
-
-def test_the_original_corrects_odometry_and_without_it_needs_one_particle():
-    truth, scans = drive(120, drift=0.1)
-    slam, poses = run(scans, "original", n_particles=8, linear_update=0.3)
-    wheels = np.array([scans[0].odometry.between(s.odometry) for s in scans])
-    assert position_error(poses, truth)[-1] < 0.6 * position_error(wheels, truth)[-1]
-    truth, scans = drive(40, odometry=False)
-    slam, poses = run(scans, "original")
-    assert slam.report()["particles"] == 1
-    assert slam.report()["inserted"] == 40
-    assert position_error(poses, truth).max() < 0.1
-
-
-def swept(at, t, laser):
-    """A scan whose beams follow one another while the base moves; at(t) is the base's pose."""
-    ranges = np.zeros(laser.n_beams, np.float32)
-    for i, angle in enumerate(laser.angles):
-        beam = Laser(angle, 0.0, 1, 0.1, 30.0)
-        ranges[i] = cast(at(t + i * laser.time_increment), beam)[0]
-    ranges.flags.writeable = False
-    return Scan(t, ranges, laser)
-
-
-def test_a_slow_sweep_is_seen_again_with_the_motion_that_was_found():
-    laser = Laser(-math.pi, math.radians(2.0), 180, 0.1, 30.0, time_increment=0.2 / 180)
-
-    def at(t):  # from rest along an arc
-        return Pose2(0.0, 0.0, 0.3 * t * t / 2) @ Pose2(0.15 * t * t, 0.0, 0.0)
-
-    times = 0.2 * np.arange(16)
-    _, poses = run([swept(at, t, laser) for t in times], n_particles=2)
-    truth = np.array([at(t) for t in times])
-    assert position_error(poses, truth).max() < 0.03
-    assert np.abs(poses[:, 2] - truth[:, 2]).max() < 0.03
-
-
-def test_a_mounted_laser_gives_the_pose_of_the_base():
-    laser = Laser(
-        LASER.angle_min, LASER.angle_increment, LASER.n_beams, 0.1, 30.0, Pose2(0.2, -0.1, 0.7)
-    )
-    truth, scans = drive(60, laser)
-    assert position_error(run(scans, n_particles=3)[1], truth).max() < 0.03
-
-
-def test_a_noisy_laser_is_not_taken_for_a_lost_robot():
-    truth, scans = drive(80, noise=False)
-    rng = np.random.default_rng(6)
-    scans = [
-        make_scan(p, s.t, LASER, rng, s.odometry, None, ROOM, 0.04)
-        for p, s in zip(truth, scans, strict=True)
-    ]
-    slam, poses = run(scans, n_particles=2)
-    assert slam._view.noise == pytest.approx(0.04, rel=0.2)
-    assert slam.quality > 0.9
-    assert slam.report()["searched"] < 8
-    assert position_error(poses, truth).max() < 0.05
 
 
 def test_the_reported_particle_stays_at_its_peak_and_the_others_are_drawn():
@@ -96,10 +24,6 @@ def test_the_reported_particle_stays_at_its_peak_and_the_others_are_drawn():
     assert 1e-4 < off.max() < 0.05 and len(np.unique(off)) == len(off)
     full = run(scans, "paper", n_particles=1)[1]
     assert not np.array_equal(full, run(scans, "paper", n_particles=1, seed=3)[1])
-
-
-def test_a_map_before_any_scan_is_empty():
-    assert np.isnan(GMapping(GMappingParams()).map().p).all()
 
 
 def test_beams_clear_what_they_cross_and_mark_their_end():
@@ -127,6 +51,12 @@ def test_a_closed_loop_moves_the_robot_and_is_no_motion():
     np.testing.assert_allclose(there, [pose.x, pose.y + 0.3, pose.theta])
     shifted, expected = (s._estimator.predict(scans[-1]).pose for s in (slam, other))
     np.testing.assert_allclose(shifted, [expected.x, expected.y + 0.3, expected.theta], atol=1e-4)
+
+
+def test_without_odometry_the_original_needs_one_particle_and_enters_every_scan():
+    scans = [dataclasses.replace(scan, odometry=None) for scan in drive(40)[1]]
+    report = run(scans, "original")[0].report()
+    assert (report["particles"], report["inserted"]) == (1, 40)
 
 
 def test_the_papers_filter_reports_the_leader_whether_or_not_it_has_closed_a_loop():

@@ -3,23 +3,20 @@ import math
 import numpy as np
 import pytest
 
-import slams
 from gmapping import GMappingParams
 from gmapping.original import Original, OriginalParams
 from gmapping.original.map import HitMap
 from gmapping.original.match_kernels import hill_climb, log_likelihood, score
 from gmapping.original.motion import Step as OriginalStep
 from gmapping.original.scan import EndPoints as OriginalPoints
-from slams.formats.trajectory import read
 from slams.geometry import travelled
-from slams.registry import find
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping import naive
 from tests.gmapping.scenes import (
     CLIMB,
     LASER,
-    make_scan,
+    seen,
 )
 
 
@@ -90,7 +87,7 @@ def test_a_robot_at_rest_gets_no_noise_from_the_original():
 
 
 def test_the_originals_beams_are_half_a_beam_off_and_not_those_of_its_picture():
-    step, scan = OriginalStep(IDENTITY, 0.0, True), make_scan(IDENTITY)
+    step, scan = OriginalStep(IDENTITY, 0.0, True), seen(IDENTITY)
     off, true = (OriginalPoints(OriginalParams(), offset)(scan, step) for offset in (-0.5, 0.0))
     turned = np.arctan2(off[:, 1], off[:, 0]) - np.arctan2(true[:, 1], true[:, 0])
     np.testing.assert_allclose(turned, -0.5 * LASER.angle_increment, atol=1e-9)
@@ -105,22 +102,10 @@ def test_the_originals_beams_are_half_a_beam_off_and_not_those_of_its_picture():
 @pytest.mark.parametrize("way", [Pose2(0.3, -0.1, 0.0), Pose2(0.0, 0.0, 0.2)])
 def test_the_originals_sweep_is_taken_out_as_the_defaults_is(seconds, way):
     laser = Laser(-2.0, 0.02, 200, 0.1, 30.0, Pose2(0.2, 0.1, 0.4), time_increment=0.001)
-    scan, params = make_scan(IDENTITY, laser=laser), OriginalParams(deskew=True)
+    scan, params = seen(IDENTITY, laser=laser), OriginalParams(deskew=True)
     found = OriginalPoints(params, 0.0)(scan, OriginalStep(way, seconds, True))
     velocity = Pose2(*(v / seconds if seconds else 0.0 for v in way))
     ours = EndPoints(GMappingParams()).take(scan, velocity)
     middle = travelled(velocity, 0.5 * laser.sweep_time)  # there ours are, the original's at first
     assert ours.n == len(found)
     np.testing.assert_allclose(middle.transform(ours.points[:2, : ours.n].T), found, atol=1e-9)
-
-
-def test_the_original_drives_as_the_program_does(shared_data):
-    """Three seeds of the program differ by up to 2 cm within these 15 s."""
-    log = slams.load(shared_data("data/robocup/robocup.npz")).select(600)
-    poses = slams.replay(find("gmapping@original").cls(OriginalParams()), log).poses
-    assert np.hypot(*poses[:, :2].T).max() > 0.5  # it has left the start
-    off = []
-    for seed in (1, 2, 3):
-        _, expected = read(shared_data(f"reference/robocup/gmapping_s{seed}.csv.gz"))
-        off.append(np.abs(poses - expected[: len(poses)]).max())
-    assert min(off) < 0.02 and max(off) < 0.03  # m, rad

@@ -28,14 +28,6 @@ def test_weights_and_n_eff_by_hand():
     np.testing.assert_allclose(normalize(np.log([1.0, 16.0]), 4.0)[0], [1 / 3, 2 / 3])
 
 
-def test_mean_offspring_is_n_times_the_weight():
-    rng = np.random.default_rng(11)
-    w, count = np.array([0.05, 0.4, 0.0, 0.22, 0.33]), np.zeros(5)
-    for _ in range(20_000):
-        count += np.bincount(systematic(w, rng.random()), minlength=5)
-    np.testing.assert_allclose(count / 20_000, 5 * w, atol=0.015)
-
-
 def test_systematic_resampling_with_a_known_draw():
     out = systematic(np.array([0.1, 0.2, 0.3, 0.4]), 0.5)
     np.testing.assert_array_equal(out, [1, 2, 3, 3])
@@ -122,14 +114,14 @@ def test_what_nobody_points_at_is_zero_and_takes_no_room_in_a_state():
     assert maps.tiles.cells[maps.touched[:, :, 1].max()].min() == 1.0
 
 
-def test_nothing_leaks_in_ten_thousand_resamplings():
+def test_nothing_leaks_in_two_thousand_resamplings():
     rng = np.random.default_rng(2)
     surface = surface_of(IDENTITY)[::40]
     tiles = mapped(surface, n=5)
     alone = tiles.used // 5
-    for i in range(10_000):
+    for i in range(2_000):
         tiles.inherit(staying(rng.integers(0, 5, 5)))
-        if i % 100 == 0:
+        if i % 20 == 0:
             poses = rng.normal(0.0, 0.01, (5, 3))
             assert insert(tiles.tiles, poses, surface, SPLAT) == 0
     references_add_up(tiles)
@@ -208,3 +200,13 @@ def test_the_spread_is_around_the_reported_particle():
     particles.poses[:] = [[1.0, 2.0, 3.1], [1.2, 1.6, -3.1]]
     off = np.array([0.2, -0.4, 2.0 * np.pi - 6.2])
     np.testing.assert_allclose(particles.spread(), 0.5 * np.outer(off, off))
+
+
+def test_every_particle_steps_in_its_own_heading_and_inherits_a_lifetime():
+    particles = Particles(2)
+    particles.poses[:] = [[1.0, 2.0, 0.5 * np.pi], [0.0, 0.0, 0.0]]
+    particles.move(np.array([0.3, 0.1, 0.2]))
+    np.testing.assert_allclose(particles.poses, [[0.9, 2.3, 0.5 * np.pi + 0.2], [0.3, 0.1, 0.2]])
+    particles.lifetime[:] = [-3.0, 0.0]
+    particles.follow(np.array([1, 1]))
+    np.testing.assert_array_equal(particles.lifetime, 0.0)

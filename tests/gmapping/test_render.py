@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gmapping.render import Ray, Renderer, walls
+from gmapping.render import Ray, Renderer
 from slams.grid_bounds import Box
 from slams.registry import find
 from slams.types import Pose2
@@ -98,13 +98,3 @@ def test_a_part_of_the_picture_is_the_same_as_in_the_whole():
     ny, nx = part.p.shape
     np.testing.assert_array_equal(part.p, whole.p[v : v + ny, u : u + nx])
     assert renderer.cut(Box(90.0, 90.0, 91.0, 91.0)) is None
-
-
-def test_walls_to_search_are_where_beams_ended():
-    renderer, ends = Renderer(EDGE, 0.25), np.array([[1.01, -0.52], [-2.22, 0.31]])
-    renderer.keep(Ray(ends, np.zeros((1, 2))), Pose2(0.0, 0.0, 0.0))
-    for found in (renderer.lookup(), walls(renderer.only([0]))):
-        u = np.floor((ends[:, 0] - found.x0) / found.resolution + 0.5).astype(int)
-        v = np.floor((ends[:, 1] - found.y0) / found.resolution + 0.5).astype(int)
-        assert (found.likelihood[v, u] > 0.0).all()
-        assert np.count_nonzero(found.likelihood) == 2

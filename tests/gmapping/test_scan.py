@@ -8,9 +8,8 @@ from gmapping.scan import SURFACE_ERROR, View
 from slams.types import IDENTITY, Pose2
 from tests.gmapping.scenes import (
     LASER,
-    cast,
-    make_scan,
     pieces_of,
+    seen,
     surface_of,
     view_of,
 )
@@ -23,10 +22,10 @@ def test_a_view_has_all_beams_of_the_scan_in_fewer_pieces(monkeypatch):
     assert len(view.pieces) < LASER.n_beams
     assert view.beams == view.pieces[:, 4].sum() == pytest.approx(LASER.n_beams, abs=6)
     np.testing.assert_allclose(np.hypot(*view.pieces[:, 2:4].T), 1.0)
-    assert view.far == pytest.approx(cast(IDENTITY).max(), abs=1e-6)
+    assert view.far == pytest.approx(seen(IDENTITY).ranges.max(), abs=1e-6)
     ends = view.ray.points
     np.testing.assert_array_equal(ends, view.pieces[:, :2].astype(np.float32))
-    view.take(make_scan(Pose2(0.5, 0.0, 0.0)), IDENTITY)
+    view.take(seen(Pose2(0.5, 0.0, 0.0)), IDENTITY)
     assert not np.array_equal(ends, view.ray.points)  # a copy, to be kept
 
 

@@ -61,25 +61,3 @@ def map_value(p, x, y):
     fx, fy = x - ix, y - iy
     rows = [(1 - fx) * p[iy + k, ix] + fx * p[iy + k, ix + 1] for k in (0, 1)]
     return (1 - fy) * rows[0] + fy * rows[1]
-
-
-def line_sums(lines_at, points, mount, pose, soft):
-    """H, b of the distances to lines; lines_at(x, y) lists (nx, ny, d, trust) of that cell."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    sensor = np.array(
-        [pose[0] + c * mount[0] - s * mount[1], pose[1] + s * mount[0] + c * mount[1]]
-    )
-    H, b = np.zeros((3, 3)), np.zeros(3)
-    for px, py in points.T:
-        q = np.array([c * px - s * py, s * px + c * py])
-        at = q + pose[:2]
-        facing = [line for line in lines_at(*at) if np.dot(line[:2], sensor) > line[2]]
-        if not facing:
-            continue
-        nx, ny, d, trust = min(facing, key=lambda line: abs(np.dot(line[:2], at) - line[2]))
-        e = nx * at[0] + ny * at[1] - d
-        J = np.array([nx, ny, ny * q[0] - nx * q[1]])
-        w = trust / (1.0 + soft * e * e)
-        H += w * np.outer(J, J)
-        b -= w * e * J
-    return H, b

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hector import Hector, HectorParams
+from hector import HectorParams, match_kernels
 from hector.map import BLUR, FINE, ROUGH, LogOddsPyramid
 from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
@@ -11,19 +11,11 @@ from slams.geometry import Prior
 from slams.refine.lines import ENOUGH
 from slams.scan.end_points import gap
 from slams.types import IDENTITY, Pose2
-from tests.rooms import still
-
-
-def settled(n=12, **changes):
-    """Hector after `n` scans of a robot that stands still."""
-    slam = Hector(HectorParams(**changes))
-    for k in range(n):
-        slam.update(still(k))
-    return slam
+from tests.rooms import settled
 
 
 def test_one_step_of_gauss_newton_is_damped_and_limited():
-    slam = settled(3)
+    slam = settled("hector", 3)
     level, points, start = slam._map.levels[0], slam._scan, Pose2(0.03, -0.02, 0.01)
     H, b = np.zeros((3, 3)), np.zeros(3)
     normal_equations(level, points.points, points.n, 1, start, H, b)
@@ -38,8 +30,8 @@ def test_one_step_of_gauss_newton_is_damped_and_limited():
     assert np.array(pose) - np.array(start) == pytest.approx(0.5 * step, rel=1e-6)
 
 
-def test_what_cells_say_is_never_surer_than_their_ridges_are_exact():
-    slam = settled(12)
+def test_what_cells_say_is_never_surer_than_their_ridges_are_exact(monkeypatch):
+    slam = settled("hector", 12)
     prior = Prior(IDENTITY, 1e4 * np.eye(3))
     points, grids = slam._scan, slam._map
     found = grids.climb(points, IDENTITY, prior)
@@ -48,10 +40,12 @@ def test_what_cells_say_is_never_surer_than_their_ridges_are_exact():
     _, _, square = gauss_newton(level, points.points, points.n, found.pose, prior, solver, H)
     assert found.seen == pytest.approx(H / max(square, BLUR), rel=0.05, abs=1.0)
     assert found.seen[0, 0] > 5.0 * H[0, 0]
+    monkeypatch.setattr(match_kernels, "climb", lambda *_: (tuple(IDENTITY), 1.0, 0.0))
+    assert grids.climb(points, IDENTITY, prior).seen == pytest.approx(grids._H / BLUR)
 
 
 def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
-    points = settled(1)._scan
+    points = settled("hector", 1)._scan
     points.far = 8.0
     for other, apart in ((Pose2(0.3, 0.4, 0.0), 0.5), (Pose2(0.0, 0.0, -0.1), 0.4)):
         assert gap(points, IDENTITY, other) == pytest.approx(apart)
@@ -82,3 +76,14 @@ def test_fewer_beams_are_climbed_with_where_there_are_many(n, refine, strides):
 
 def test_what_was_never_seen_has_no_probability():
     assert [round(float(probability(x)), 4) for x in (0.0, 1.0, -1.0)] == [0.0, 0.7311, 0.2689]
+
+
+def test_a_pyramid_that_has_grown_is_climbed_as_before():
+    slam = settled("hector", 3, max_cells=1 << 20)
+    grids, loose = slam._map, Prior(IDENTITY, 1e-3 * np.eye(3))
+    start, before = Pose2(0.1, -0.05, 0.04), [level.p.shape for level in grids.levels]
+    found = grids.climb(slam._scan, start, loose)
+    grids._cover(Pose2(0.0, -70.0, 0.0), 5.0)
+    assert all(a.p.shape > b for a, b in zip(grids.levels, before, strict=True))
+    assert grids.climb(slam._scan, start, loose).pose == pytest.approx(found.pose, abs=1e-9)
+    assert found.pose == pytest.approx(IDENTITY, abs=0.03)

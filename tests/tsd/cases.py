@@ -1,16 +1,16 @@
 """What several tests of tsd look at."""
 
 import math
+from functools import partial
 
 import numpy as np
 
 from slams.scan.scan_kernels import Limits, end_points
 from slams.types import IDENTITY, Pose2
-from tests.rooms import drive
-from tsd import Tsd, TsdParams
+from tests.rooms import drive, made
+from tsd import TsdParams
 from tsd.map import TileField
 from tsd.map_kernels import facing, read_field
-from tsd.original import Original, OriginalParams
 from tsd.scan_kernels import Beams, SurfaceRule
 from tsd.scan_kernels import hits_of as hits_of_points
 
@@ -18,12 +18,8 @@ PLANE = np.array([(-50.0, 2.0, 50.0, 2.0)])
 CORNER = np.array([(-3.0, 2.0, 3.0, 2.0), (3.0, 2.0, 3.0, -2.0), (3.0, -2.0, -3.0, -2.0)])
 
 
-def default(**changes):
-    return Tsd(TsdParams().replace(**changes))
-
-
-def original(**changes):
-    return Original(OriginalParams(map_size=9, **changes))
+default = partial(made, "tsd")
+original = partial(made, "tsd@original", map_size=9)
 
 
 def error(a, b):
@@ -65,5 +61,4 @@ def hits_of(ranges, lidar):
 
 
 RULE = SurfaceRule(0.12, 0.01, 8.0, 0.02**2, 0.2, 0.15, False)
-HALLWAY = [(-60.0, 1.0, 60.0, 1.0), (-60.0, -1.0, 60.0, -1.0)]
 PILLARS = [(-6.0, 0.7), (2.1, -1.0), (7.5, 0.7)]

@@ -218,24 +218,3 @@ def test_rays_jump_over_free_space_without_missing_anything():
             found.append((points, mask))
         assert np.array_equal(found[0][1], found[1][1])
         assert found[0][0] == pytest.approx(found[1][0], abs=1e-9)
-
-
-def near_by_hand(tsd):
-    n = len(tsd)
-    padded = np.pad(tsd, ((0, 1), (0, 1)), constant_values=np.nan)
-    below = [padded[j : j + n, i : i + n] <= 0.0 for j in (0, 1) for i in (0, 1)]
-    return np.any(below, axis=0).reshape(n // 8, 8, n // 8, 8).any(axis=(1, 3))
-
-
-def test_cells_below_zero_are_near_for_every_interpolation_that_reads_them(pushed):
-    kernel, sensor, pose, ranges, _ = pushed
-    assert np.array_equal(kernel.near, near_by_hand(kernel.tsd))
-    grid, mask = TsdGrid(0.05, 0.15, 256, True), np.ones(541, np.bool_)
-    grid.push(np.array(pose), ranges, mask, sensor)
-    side = len(grid.kernel.tsd)
-    far = np.array([6.0, 6.0, 0.0])
-    grid.push(far, np.full(541, np.inf), np.zeros(541, np.bool_), sensor)
-    grid.push(far, np.full(541, 3.0), mask, sensor)
-    assert len(grid.kernel.tsd) > side
-    below = near_by_hand(grid.kernel.tsd)
-    assert (grid.kernel.near | ~below).all()

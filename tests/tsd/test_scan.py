@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from slams.geometry import travelled
-from slams.types import IDENTITY, Pose2, Scan
+from slams.types import IDENTITY
 from tests.rooms import ROOM, box, cast, laser, scan_at
 from tests.tsd import naive as naive_tsd
 from tests.tsd.cases import RULE, default, field_of, hits_of
@@ -16,8 +15,6 @@ from tsd.map_kernels import (
     list_rows,
     place_lines,
 )
-from tsd.params import TsdParams
-from tsd.scan import SurfaceScan
 from tsd.scan_kernels import (
     find_runs,
     fit_best_line,
@@ -41,24 +38,6 @@ def test_line_fit_is_total_least_squares():
         assert abs(nx * normal[0] + ny * normal[1]) == pytest.approx(1.0, abs=1e-6)
         offsets = (points - center) @ normal
         assert variance == pytest.approx((offsets**2).sum() / 18, rel=1e-6)
-
-
-def test_hits_of_a_moving_laser_lie_on_the_walls():
-    lidar = laser(181, time_increment=0.1 / 181)
-    velocity, walls = Pose2(0.6, -0.2, 0.9), np.array(box(-3.0, -2.0, 2.0, 3.0))
-    ranges = np.empty(181, np.float32)
-    for i in range(181):
-        pose = travelled(velocity, (i - 90) * lidar.time_increment)
-        one = laser(1)
-        ranges[i] = cast(walls, pose @ Pose2(0.0, 0.0, lidar.angles[i] - one.angles[0]), one)[0]
-    scan, off = Scan(0.0, ranges, lidar), []
-    for known in (velocity, IDENTITY):
-        view = SurfaceScan(TsdParams()).take(scan, known)
-        assert view.count > 30
-        x, y = view.elements[: view.count, :2].T
-        off.append(np.min(np.abs([x + 3.0, x - 2.0, y + 2.0, y - 3.0]), axis=0).max())
-    assert off[0] < 1e-3
-    assert off[1] > 0.02
 
 
 def test_runs_equal_the_naive_twin():
@@ -120,15 +99,6 @@ def test_surface_elements_stand_for_their_beams():
     assert dense > 0.97 * count
 
 
-def test_range_noise_is_measured():
-    walls, rng = np.array(box(-3.0, -2.0, 2.5, 2.2)), np.random.default_rng(8)
-    for sigma in (0.003, 0.05):
-        slam = default()
-        for i in range(30):
-            slam.update(scan_at((0.0, 0.0, 0.0), laser(721), walls, sigma, rng, 0.1 * i))
-        assert slam._scan.noise == pytest.approx(sigma, rel=0.15)
-
-
 def test_a_hit_alone_between_far_beams_has_no_normal():
     for n_beams, alone in ((41, True), (1081, False)):
         lidar = laser(n_beams)
@@ -149,23 +119,6 @@ def test_a_hit_alone_between_far_beams_has_no_normal():
         field, rows = field_of(max_weight=100.0).kernel, np.zeros((999, 4))
         rule = PushRule(0.15, 100.0, lidar.angle_increment)
         assert not alone or list_rows(field, lines, 1, rule, rows) == 0
-
-
-def test_hits_that_nothing_is_seen_beside_are_left_out():
-    lidar, rng = laser(1081), np.random.default_rng(4)
-    corridor = np.array([(-40.0, 1.0, 40.0, 1.0), (-40.0, -1.0, 40.0, -1.0)])
-    for segments in (ROOM, corridor):  # far along a corridor hits are a meter apart
-        scan = scan_at((0.3, -0.2, 0.5), lidar, segments)
-        count = ((scan.ranges > 0.1) & (scan.ranges < 30.0)).sum()
-        assert SurfaceScan(TsdParams()).take(scan, IDENTITY).n >= count - 2
-    clean = scan_at((0.3, -0.2, 0.5), lidar)
-    struck = rng.random(1081) < 0.3
-    short = np.where(struck, rng.uniform(0.1, clean.ranges), clean.ranges).astype(np.float32)
-    view = SurfaceScan(TsdParams()).take(dataclasses.replace(clean, ranges=short), IDENTITY)
-    kept = view.points[2, : view.n].astype(int)
-    assert (np.diff(kept) > 0).all()
-    assert struck[kept].sum() < 0.3 * struck.sum()
-    assert (~struck[kept]).sum() > 0.95 * (~struck).sum()
 
 
 def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():

@@ -1,6 +1,7 @@
 """The steps of `Tsd.update`, one by one: each is taken where it is due, and only there."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,18 +10,14 @@ from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.types import IDENTITY, Pose2
 from tests.rooms import calls, laser, still
+from tests.rooms import settled as after
 from tests.tsd.cases import default
 from tsd.registration import UNSURE
 
 FAR = Pose2(1.0, 0.0, 0.0)
 
 
-def settled(n=5, **changes):
-    """tsd after `n` scans of a robot that stands still."""
-    slam = default(**changes)
-    for k in range(n):
-        slam.update(still(k))
-    return slam
+settled = partial(after, "tsd")
 
 
 @pytest.mark.parametrize(
@@ -45,7 +42,7 @@ def test_the_field_is_fitted_from_the_start_and_where_icp_went_far_from_there(
 
 @pytest.mark.parametrize("refine", [True, False])
 def test_without_refinement_the_match_is_that_of_icp(refine, monkeypatch):
-    slam = settled(refine=refine)
+    slam = settled(5, refine=refine)
     decided = calls(monkeypatch, slam._estimator, "decide")
     slam.update(still(5))
     matches = decided[0][1]
@@ -82,20 +79,20 @@ def registered(slam, shares, deviation, monkeypatch, start=None):
     ],
 )
 def test_ransac_is_tried_once_in_doubt(shares, deviation, times, best, monkeypatch):
-    slam = settled()
+    slam = settled(5)
     assert slam._registration._usual > 0.9
     assert registered(slam, shares, deviation, monkeypatch) == (times, best)
 
 
 def test_ransac_is_only_of_the_prediction(monkeypatch):
     """The estimator's own search brings other starts."""
-    slam, usual = settled(), settled()._registration._usual
+    slam, usual = settled(5), settled(5)._registration._usual
     assert registered(slam, [0.1], 1.0, monkeypatch, start=FAR) == (0, 0.1)
     assert slam._registration._usual == usual  # nor is its share what is usual
 
 
 def test_the_window_of_ransac_is_that_of_the_parameters(monkeypatch):
-    slam, rules = settled(), []
+    slam, rules = settled(5), []
     monkeypatch.setattr("tsd.registration.try_pairs", lambda *args: rules.append(args[6]))
     assert slam._registration.ransac(slam._scan, FAR) == FAR
     assert rules[0].distance == pytest.approx(0.6)
@@ -107,7 +104,7 @@ def test_the_window_of_ransac_is_that_of_the_parameters(monkeypatch):
 
 @pytest.mark.parametrize(("least", "posed"), [(0.8, True), (1.0, False)])
 def test_too_few_pairs_are_no_pose(least, posed):
-    slam = settled(min_known=least)
+    slam = settled(5, min_known=least)
     nothing = Prior(IDENTITY, np.zeros((3, 3)))
     start = Pose2(0.01, 0.0, 0.0)
     found = slam._registration.icp(slam._scan, start, nothing)
@@ -117,7 +114,7 @@ def test_too_few_pairs_are_no_pose(least, posed):
 
 
 def test_the_gate_of_a_noisy_laser_is_wider(monkeypatch):
-    slam, rules = settled(), []
+    slam, rules = settled(5), []
     monkeypatch.setattr("tsd.registration.icp", lambda *args: rules.append(args[5]) or (0, 0, 0))
     for noise in (0.01, 0.03):
         monkeypatch.setattr(type(slam._scan), "noise", noise)
@@ -137,7 +134,7 @@ def test_the_rays_of_a_model_scan_fill_the_field_of_view(fov):
 
 
 def test_things_that_moved_are_left_out_as_the_gate_closes():
-    slam = settled(refine=False)
+    slam = settled(5, refine=False)
     elements = slam._scan.elements[: slam._scan.count]
     moved = np.arange(len(elements)) % 10 == 0
     elements[moved, :2] += 0.3 * elements[moved, 2:4]  # toward the laser

@@ -16,12 +16,12 @@ from slams.localize import map_index, view_lattice
 from slams.localize.distance_map import DistanceMap
 from slams.localize.global_localizer import GlobalLocalizer
 from slams.localize.map_index import Candidate, MapIndex, Search, Work, merged
-from slams.localize.view_lattice import DIRECTIONS, Disc, ViewLattice, view_of
+from slams.localize.view_lattice import Disc, ViewLattice, view_of
 from slams.test_world import odd_scans
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 from tests.floors import ALIKE, grid_of
 from tests.places import ROOT
-from tests.rooms import ROOM, box, laser, scan_at
+from tests.rooms import ROOM, box, calls, laser, scan_at
 
 LIDAR = laser(541, range_max=30.0)
 HERE, GUESS = Pose2(1.5, -2.0, 2.0), Pose2(-2.5, 1.0, -0.5)
@@ -100,13 +100,6 @@ def test_a_robot_put_elsewhere_in_an_office_is_found_while_it_drives(x, y, wheel
     found, k, _ = run(drive, Map(office), Pose2(10.0, 6.0, -2.0), wheels=wheels)
     assert_near(found, drive[k][0])
     assert all(isinstance(value, float) for value in found)
-
-
-def test_a_mounted_laser_gives_the_pose_of_the_base(room):
-    lidar = laser(361, mount=Pose2(0.3, 0.1, 0.5))
-    drive = driving(60, Pose2(1.0, 0.5, 0.3), Pose2(0.02, 0.0, 0.03), lidar=lidar)
-    found, k, _ = run(drive, Map(room))
-    assert_near(found, drive[k][0])
 
 
 def test_a_robot_that_stands_is_found_in_a_second_scan_two_seconds_later(room):
@@ -215,50 +208,29 @@ def test_pieces_give_what_all_at_once_gives(room):
     assert np.array_equal(pieces.lattice.ranges, whole.lattice.ranges)
 
 
-class Counter:
-    """Counts what kernels are given in one scan, whatever the relocalizer says."""
+def cells_made(monkeypatch):
+    """Sizes of the maps of which a property was worked out from now on."""
+    made = []
+    for name in ("gap", "distances"):
+        prop = getattr(DistanceMap, name)
 
-    def __init__(self, monkeypatch):
-        self.counts = {"rays": 0, "comparisons": 0, "fits": 0, "cells": 0}
-        self.most = dict(self.counts)
-        view, compare, fit = view_lattice.view_around, view_lattice.compare, DistanceMap.fit
+        def counted(distances, prop=prop):
+            if prop.attrname not in distances.__dict__:
+                made.append(distances.free.size)
+            return prop.__get__(distances)
 
-        def viewed(distances, points, out, *more):
-            self.counts["rays"] += out.size
-            view(distances, points, out, *more)
-
-        def compared(views, *more):
-            self.counts["comparisons"] += len(views)
-            compare(views, *more)
-
-        def fitted(distances, points, start):
-            self.counts["fits"] += 1
-            return fit(distances, points, start)
-
-        monkeypatch.setattr(view_lattice, "view_around", viewed)
-        monkeypatch.setattr(view_lattice, "compare", compared)
-        monkeypatch.setattr(DistanceMap, "fit", fitted)
-        for name in ("gap", "distances"):
-            monkeypatch.setattr(DistanceMap, name, self._counted(getattr(DistanceMap, name)))
-
-    def _counted(self, made):
-        def count(distances):
-            if made.attrname not in distances.__dict__:
-                self.counts["cells"] += distances.free.size
-            return made.__get__(distances)
-
-        return property(count)
-
-    def scan(self):
-        self.most = {key: max(n, self.counts[key]) for key, n in self.most.items()}
-        self.counts = dict.fromkeys(self.counts, 0)
+        monkeypatch.setattr(DistanceMap, name, property(counted))
+    return made
 
 
 def test_the_work_of_a_scan_is_bounded_on_a_large_map(monkeypatch):
     rng = np.random.default_rng(1)
     pillars = [box(x, y, x + 0.3, y + 0.3) for x, y in rng.uniform(1.0, 38.0, (60, 2)).tolist()]
     hall = np.array([*box(0.0, 0.0, 39.5, 39.5), *[side for pillar in pillars for side in pillar]])
-    draw, counter = Map(grid_of(hall, inside=(0.5, 0.5))), Counter(monkeypatch)
+    draw, most = Map(grid_of(hall, inside=(0.5, 0.5))), np.zeros(4)
+    places = ((view_lattice, "view_around"), (view_lattice, "compare"), (DistanceMap, "fit"))
+    views, compared, fits = (calls(monkeypatch, *place) for place in places)
+    cells = cells_made(monkeypatch)
     assert draw.grid.p.size > 650_000
     relocalizer, pose = Relocalizer(), Pose2(20.1, 18.2, 0.5)
     found, scans = None, 0
@@ -266,17 +238,17 @@ def test_the_work_of_a_scan_is_bounded_on_a_large_map(monkeypatch):
         pose = pose @ Pose2(0.0, 0.0, 0.03)
         scan = scan_at(pose, laser(181), hall, t=0.1 * scans)
         found = relocalizer.update(scan, Pose2(19.0, 19.0, 0.0), math.inf, draw)
-        counter.scan()
+        rays = sum(out.size for _, _, out, *_ in views)
+        work = rays, sum(len(one[0]) for one in compared), len(fits), sum(cells)
+        most = np.maximum(most, work)
+        for made in (views, compared, fits, cells):
+            made.clear()
         scans += 1
     assert_near(found, pose)
     assert scans > 35
-    for key, cost in (
-        ("rays", map_index.RAY),
-        ("comparisons", map_index.COMPARISON),
-        ("fits", map_index.FIT),
-        ("cells", map_index.CELL),
-    ):
-        assert 0.5 * relocalize.WORK < cost * counter.most[key] <= relocalize.WORK, key
+    costs = (map_index.RAY, map_index.COMPARISON, map_index.FIT, map_index.CELL)
+    for name, share in zip(("rays", "comparisons", "fits", "cells"), costs * most, strict=True):
+        assert 0.5 * relocalize.WORK < share <= relocalize.WORK, name
 
 
 def test_a_fine_map_is_made_coarser_and_the_robot_found(monkeypatch):
@@ -375,17 +347,6 @@ def test_the_same_input_gives_the_same_output_also_from_a_copy(room):
     for one in copies:
         found, k, _ = run(drive[9:], Map(room), guess, relocalizer=one)
         assert found == pytest.approx(first[0]) and k + 9 == first[1]
-
-
-def test_an_index_says_when_it_is_ready_and_takes_no_more_than_it_is_given(room):
-    index = MapIndex(room, area=Disc(1.0, 0.5, 3.0))
-    assert not index.prepare(Work(10.0))
-    scans = 0
-    while not index.prepare(Work(1000.0)):
-        scans += 1
-    at = index.lattice.cells * room.resolution + np.array(room.origin)
-    assert np.hypot(*(at - [1.0, 0.5]).T).max() <= 3.0
-    assert scans > 5 and map_index.RAY * DIRECTIONS * len(index.lattice) > 5000.0
 
 
 def test_scipy_is_not_imported():

@@ -21,7 +21,7 @@ from slams.state import save
 from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
 from tests.floors import grid_of
 from tests.places import ROOT
-from tests.rooms import ROOM, box, cast, drive, laser, mirrored, scan_at, way
+from tests.rooms import ROOM, box, cast, drive, laser, mirrored, off_the_walls, scan_at, way
 
 OFFERING = [
     label
@@ -81,13 +81,6 @@ def truth(n=40):
     return np.array([START @ Pose2(*pose) for pose in way(n, 0.05)])
 
 
-def to_walls(points):
-    """From points (n, 2) to the nearest segment of the room (n,) [m]."""
-    a, e = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
-    along = np.clip(((points[:, None] - a) * e).sum(axis=2) / (e * e).sum(axis=1), 0.0, 1.0)
-    return np.linalg.norm(points[:, None] - a - along[..., None] * e, axis=2).min(axis=1)
-
-
 def test_virtual_ranges_are_those_of_the_walls(room):
     for pose in ((0.0, 0.0, 0.0), (-3.0, 3.0, 2.0), (4.5, -2.5, -1.0)):
         fan = Laser(-math.pi, 0.01, 628, 0.1, 30.0)
@@ -95,7 +88,7 @@ def test_virtual_ranges_are_those_of_the_walls(room):
         assert np.isfinite(seen).all()
         assert np.median(np.abs(seen - true)) < 0.03
         points = Pose2(*pose).transform(seen[:, None] * fan.directions)
-        assert to_walls(points).max() < 0.075  # walls lie up to half a cell beside their cells
+        assert off_the_walls(points).max() < 0.075  # walls lie up to half a cell beside their cells
         assert not seen.flags.writeable and seen.dtype == np.float32
 
 
@@ -186,10 +179,6 @@ def test_who_offers_no_hooks_is_refused():
         check_localizes(find("odometry").cls(Params()), "odometry")
 
 
-def test_hector_offers_the_hooks():
-    assert "hector" in OFFERING
-
-
 def prepared(label, room):
     entry = find(label)
     slam = entry.cls(entry.params())
@@ -218,17 +207,6 @@ def test_after_an_insertion_elsewhere_the_next_scan_goes_on_from_there(label, ro
         slam.insert_at(scans[0], origin.between(pose))
     found = origin @ slam.update(scans[1])
     assert np.hypot(*(np.array(found[:2]) - truth()[1, :2])) < 0.05
-
-
-@pytest.mark.parametrize("label", OFFERING)
-def test_an_unfrozen_map_grows_by_what_is_inserted(label, log):
-    entry = find(label)
-    slam, scan = entry.cls(entry.params()), next(iter(log))
-    slam.insert_at(scan, Pose2(30.0, -20.0, 1.0))
-    grid = slam.map()
-    x, y = grid.origin
-    ny, nx = grid.p.shape
-    assert x < 30.0 < x + nx * grid.resolution and y < -20.0 < y + ny * grid.resolution
 
 
 @pytest.fixture

@@ -22,6 +22,7 @@ from slams.registry import find, label_of
 from slams.scanlog import Track
 from slams.test_world import laser, scan_at
 from slams.types import IDENTITY, Corrected, Pose2
+from tests.rooms import ALGORITHMS
 
 
 class Drifting:
@@ -74,14 +75,19 @@ class Nowhere:
 NOWHERE = Nowhere()
 
 
+@cache
+def driven():
+    """An algorithm without matching that has driven around with loops, and its run."""
+    slam = looped(Drifting)(looped(Drifting).Params())
+    return slam, replay(slam, around())
+
+
 def ate(poses, log):
     return metrics.ate(poses, log.truth_at(log.t))
 
 
 def test_loops_correct_the_poses_and_the_map_of_any_algorithm():
-    log = around()
-    slam = looped(Drifting)(looped(Drifting).Params())
-    run = replay(slam, log)
+    log, (slam, run) = around(), driven()
     assert isinstance(slam, Corrected)
     assert slam.report()["loops"] > 5
     assert slam.report()["redrawn"] >= 1
@@ -92,9 +98,7 @@ def test_loops_correct_the_poses_and_the_map_of_any_algorithm():
 
 
 def test_every_loop_is_where_the_truth_has_it():
-    log = around()
-    slam = looped(Drifting)(looped(Drifting).Params())
-    replay(slam, log)
+    log, (slam, _) = around(), driven()
     for ends, pose in zip(slam.graph.loops.ends, slam.graph.loops.poses, strict=True):
         stamps = [slam.keyframes[k].scan.t for k in ends]
         one, other = (Pose2(*row) for row in log.truth_at(np.array(stamps)))
@@ -111,7 +115,7 @@ def test_a_drive_without_a_return_closes_nothing():
     assert slam.report()["loops"] == 0
 
 
-@pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
+@pytest.mark.parametrize("name", ALGORITHMS)
 def test_the_four_go_on_in_the_new_map(name):
     """A robot whose map is exchanged keeps its motion: the next pose is a step from the last."""
     log = around()

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from slams.geometry import Prior
+from slams.refine.line_kernels import View, evaluate, line_equations
 from slams.refine.lines import ONCE, STANDING, LineMap, Match
 from slams.refine.params import RefineParams
-from slams.refine.surface_kernels import Hits, Splat, add_to_cell, spread
+from slams.refine.surface_kernels import Hits, Splat, add_scan, add_to_cell, spread
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Pose2
 from tests.rooms import laser, scan_at
@@ -33,9 +34,6 @@ def mapped(times=3):
     for _ in range(times):
         lines.insert(points, IDENTITY)
     return lines, points
-
-
-NOTHING = Prior(IDENTITY, np.zeros((3, 3)))
 
 
 def hit(n=1.0, x=0.0, y=0.0, nx=0.0, ny=1.0):
@@ -201,3 +199,98 @@ def test_lines_are_fitted_from_the_start_and_where_a_coarse_match_ended(
     monkeypatch.setattr(lines, "fit", fit)
     tried = lines.refine(points, IDENTITY, Pose2(coarse, 0.0, 0.0), NOTHING)
     assert [one.pose.x for one in tried] == found
+
+
+def wall(x=1.0, n=20):
+    """Hits (2, n) of a wall that looks to -x, and their normals."""
+    points = np.stack([np.full(n, x), np.linspace(-0.3, 0.3, n)])
+    return points, np.stack([np.full(n, -1.0), np.zeros(n), np.zeros(n)])
+
+
+def one_wall():
+    lines = blank()
+    add_scan(lines.surface, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1, ONCE))
+    return lines.surface
+
+
+def test_a_wall_near_its_cells_border_is_not_pushed_away():
+    lines, border = blank(), 1.0 + 0.5 * CELL
+    lines.surface.seen[:] = -1.0
+    lines.surface.seen[:, 141] = 1.0  # the wall's cells; noise puts a third of the hits before them
+    hits, normals = wall(n=30)
+    hits[0] = border + np.array([-0.004, 0.004, 0.012] * 10)
+    add_scan(lines.surface, hits, normals, 30, IDENTITY, Splat(2, 0, 1e6, 1, ONCE))
+    assert -row_of(lines, 141, 120)[2] == pytest.approx(border + 0.004, abs=5e-4)
+
+
+def test_each_beam_is_an_inlier_in_conflict_or_neither():
+    surface, here = one_wall(), tuple(IDENTITY)
+    surface.seen[:, 120] = -1.0
+    for x, said in ((1.0, (1.0, 0.0)), (0.0, (0.0, 1.0)), (-1.0, (0.0, 0.0))):
+        end = np.array([[x], [0.1]])
+        found = evaluate(tuple(surface), end, 1, 1, here, here, 400.0)
+        assert found == pytest.approx(said, abs=1e-6)
+
+
+def test_a_wall_is_not_met_from_behind():
+    surface, H, b = one_wall(), np.zeros((3, 3)), np.zeros(3)
+    for sensor, met in ((0.0, True), (2.0, False)):
+        pose, ends = Pose2(sensor, 0.0, 0.0), wall()[0] - [[sensor], [0.0]]
+        seen = View(ends, np.zeros_like(ends), 20, IDENTITY)
+        total, _, near = line_equations(surface, seen, 1, pose, 400.0, H, b)
+        assert (total > 0.0) == (near > 0.0) == met
+
+
+def test_a_full_pool_refuses_more_cells_without_harm():
+    surface = one_wall()
+    surface = surface._replace(lines=surface.lines[: surface.used[0] + 2].copy())
+    before = int(surface.used[0])
+    add_scan(surface, *wall(-1.0), 20, Pose2(0.0, 0.0, math.pi), Splat(1, 0, 1e6, 2, ONCE))
+    add_scan(surface, *wall(2.0), 20, IDENTITY, Splat(1, 0, 1e6, 2, ONCE))
+    assert surface.used[0] == before + 1
+
+
+def test_a_beam_counts_half_where_the_noise_makes_that_usual():
+    lines, points = blank(), seen_at()
+    for noise, soft in ((0.02, 0.06), (0.05, 0.15), (0.001, lines.params.softness)):
+        points._noise.value = noise
+        assert lines._softness(points) == pytest.approx(soft)
+
+
+def sums_by_hand(lines, points, pose, soft):
+    """H, b of the distances to the nearer of the lines in a cell that face the laser."""
+    H, b = np.zeros((3, 3)), np.zeros(3)
+    for end in points.points[:2, : points.n].T:
+        at = pose.transform(end[None])[0]
+        cell = np.floor((at - FIRST) / CELL + 0.5).astype(int)
+        rows = row_of(lines, *cell).astype(float).reshape(2, 4)
+        rows = [row for row in rows if row[3] > 0.0 and row[:2] @ pose[:2] > row[2]]
+        if rows:
+            *n, d, trust = min(rows, key=lambda row: abs(row[:2] @ at - row[2]))
+            e, q = n @ at - d, at - pose[:2]
+            J = np.array([*n, n[1] * q[0] - n[0] * q[1]])
+            w = trust / (1.0 + soft * e * e)
+            H, b = H + w * np.outer(J, J), b - w * e * J
+    return H, b
+
+
+def test_normal_equations_are_those_of_the_distances_to_lines():
+    (lines, points), pose = mapped(), Pose2(0.03, -0.02, 0.01)
+    H, b = np.zeros((3, 3)), np.zeros(3)
+    view = View(points.points, points.normals, points.n, IDENTITY)
+    line_equations(lines.surface, view, 1, pose, 400.0, H, b)
+    expected_H, expected_b = sums_by_hand(lines, points, pose, 400.0)
+    assert pytest.approx(expected_H, rel=1e-4, abs=1e-6) == H
+    assert b == pytest.approx(expected_b, rel=1e-4, abs=1e-4)
+
+
+@pytest.mark.parametrize("motion", [Pose2(0.03, 0.0, 0.012), Pose2(-0.02, 0.015, -0.01)])
+@pytest.mark.parametrize("mount", [IDENTITY, Pose2(0.3, -0.1, 0.5)])
+def test_a_fit_recovers_a_known_motion(motion, mount):
+    lines, lidar = blank(), laser(1081, mount=mount)
+    reader, base = EndPoints(RefineParams()), Pose2(0.4, -0.3, 0.8)
+    for _ in range(3):
+        lines.insert(reader.take(scan_at(base, lidar), IDENTITY), base)
+    found = lines.fit(reader.take(scan_at(base @ motion, lidar), IDENTITY), base, NOTHING)
+    assert found.pose == pytest.approx(base @ motion, abs=1.5e-3)
+    assert found.share > 0.85 and found.square < 3e-3**2

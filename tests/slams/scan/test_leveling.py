@@ -18,16 +18,15 @@ LIDAR = Laser(-math.pi, math.radians(1.0), 360, 0.05, 30.0, Pose2(0.1, -0.05, 0.
 
 def room(attitude, lidar=LIDAR, rates=(0.0, 0.0)):
     """Ranges of a tilted laser in a square room, by the equation of each wall and of the floor."""
-    ranges = np.full(lidar.n_beams, np.inf)
-    for i, angle in enumerate(lidar.angles + lidar.mount.theta):
-        roll, pitch = np.array(attitude) + np.array(rates) * i * lidar.time_increment
-        R = Attitude(roll, pitch).rotation()
-        start = R @ (lidar.mount.x, lidar.mount.y, lidar.mount_z)
-        way = R @ (math.cos(angle), math.sin(angle), 0.0)
-        for axis, at in ((0, SIDE), (0, -SIDE), (1, SIDE), (1, -SIDE), (2, 0.0)):
-            if way[axis] != 0.0 and (at - start[axis]) / way[axis] > 0.0:
-                ranges[i] = min(ranges[i], (at - start[axis]) / way[axis])
-    return ranges.astype(np.float32)
+    angles, seconds = lidar.angles + lidar.mount.theta, lidar.time_increment
+    tilts = np.array(attitude) + np.outer(np.arange(lidar.n_beams) * seconds, rates)
+    R = np.array([Attitude(*tilt).rotation() for tilt in tilts])
+    starts = R @ (lidar.mount.x, lidar.mount.y, lidar.mount_z)
+    ways = np.einsum("nij,jn->ni", R, [np.cos(angles), np.sin(angles), 0.0 * angles])
+    axes, planes = [0, 0, 1, 1, 2], [SIDE, -SIDE, SIDE, -SIDE, 0.0]
+    with np.errstate(divide="ignore"):
+        ranges = (planes - starts[:, axes]) / ways[:, axes]
+    return np.where(ranges > 0.0, ranges, np.inf).min(axis=1).astype(np.float32)
 
 
 def scan(t, truth, said=None, lidar=LIDAR, rates=(0.0, 0.0)):

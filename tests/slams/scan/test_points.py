@@ -94,6 +94,38 @@ def test_noise_is_what_is_left_of_straight_walls():
         assert ends.noise == pytest.approx(found, rel=0.15)
 
 
+def noisy(beams, noise):
+    """End points that have seen ten scans of a noisy laser."""
+    ends, rng = EndPoints(ScanParams()), np.random.default_rng(0)
+    for k in range(10):
+        ends.take(scan_at(IDENTITY, laser(beams), noise=noise, rng=rng, t=0.1 * k), IDENTITY)
+    return ends
+
+
+def test_beams_far_apart_tell_no_noise():
+    assert noisy(31, 0.06).noise == ScanParams().range_noise
+
+
+def test_a_noisy_wall_still_has_normals():
+    ends = noisy(1081, 0.05)
+    normals = ends.normals[:2, : ends.n]
+    found = np.hypot(*normals) > 0.0
+    assert found.mean() > 0.6
+    straight = np.abs(normals[:, found]).max(axis=0)
+    assert np.median(straight) > 0.98  # the room's walls are along the axes
+
+
+def test_normals_are_those_of_a_total_least_squares_fit():
+    x = np.linspace(-0.06, 0.06, 13)
+    noise = np.random.default_rng(0).normal(0.0, 0.001, 13)
+    points, out = np.stack([x, 2.0 + 0.3 * x + noise]), np.zeros((3, 13))
+    scan_normals(points, 13, IDENTITY, 0.005, Grain(0.0, 0.05, SLACK), np.zeros((6, 14)), out)
+    half = 2 + int(0.05 / (0.005 * math.hypot(*points[:, 6]) + 1e-6))
+    _, vectors = np.linalg.eigh(np.cov(points[:, 6 - half : 7 + half]))
+    normal = vectors[:, 0] * -np.sign(vectors[:, 0] @ points[:, 6])
+    assert out[:2, 6] == pytest.approx(normal, abs=1e-6)
+
+
 def test_the_window_of_a_normal_and_what_is_one_surface_grow_with_the_noise():
     ends = EndPoints(ScanParams(normal_window=0.05))
     for noise, window, slack in ((0.005, 0.05, 0.1), (0.02, 0.12, 0.12)):
