@@ -1,7 +1,8 @@
 """Degeneracy: the direction in which a scan cannot tell where the robot is [Zhang16].
 
 Along a bare corridor the normal equations of a match claim information that only noise makes:
-normals that are tilted by their own error add a fraction of what is observed across.
+normals that are tilted by their own error add a fraction of what is observed across. So do things
+that face any way and may move: surfaces count by their length, not by the beams on them.
 
 [Zhang16] J. Zhang, M. Kaess, S. Singh: On Degeneracy of Optimization-based State Estimation
 Problems. ICRA 2016.
@@ -15,7 +16,8 @@ from typing import NamedTuple
 from slams.scan.end_points import EndPoints
 from slams.scan.scan_kernels import scatter
 
-BY_CHANCE = 1.0  # normals of a scan that face any way: a person, a corner
+BY_CHANCE = 0.05  # m of surface in a scan that faces any way: the edge of a door
+BY_CHANCE_WITH_WHEELS = 1.0  # m: two people, who walk; without wheels they may be all that is seen
 KNOWN = 0.5  # share of the end points that must have a normal, or nothing is known
 OBSERVED = 0.9  # share from which a direction counts as observed
 
@@ -34,29 +36,32 @@ class Observability(NamedTuple):
 ALL = Observability(1.0, 0.0, 1.0)
 
 
-def observability(xx: float, xy: float, yy: float, error: float) -> Observability:
-    """Eigenvalues of the scatter of so many unit normals against their noise floor [Zhang16].
+def observability(
+    xx: float, xy: float, yy: float, error: float, by_chance: float = BY_CHANCE
+) -> Observability:
+    """Eigenvalues of the scatter of unit normals against their noise floor [Zhang16].
 
-    xx, xy, yy: sums over the normals n of n n^T, in the map's frame; `error` of a normal [rad].
+    xx, xy, yy [m]: integrals over the surfaces of n n^T of their normals n; `error` of a normal
+    [rad]; `by_chance` [m] of surface that faces any way.
     """
     total = xx + yy
-    if not total > 3.0 * BY_CHANCE:
+    if not total > 3.0 * by_chance:
         return ALL
     radius, middle = math.hypot(0.5 * (xx - yy), xy), 0.5 * total
     angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
     least, greatest = middle - radius, middle + radius
-    floor = error**2 * greatest + BY_CHANCE * greatest / total
+    floor = error**2 * greatest + by_chance * greatest / total
     share = 1.0 - floor / least if least > floor else 0.0
     if share >= OBSERVED:
         return ALL
     return Observability(math.cos(angle), math.sin(angle), share)
 
 
-def of_scan(points: EndPoints, theta: float) -> Observability:
-    """That of a scan taken at the heading `theta` [rad], by which way its end points face."""
-    xx, xy, yy = scatter(points.facing, points.n)
-    if xx + yy < KNOWN * points.n:
+def of_scan(points: EndPoints, theta: float, by_chance: float = BY_CHANCE) -> Observability:
+    """That of a scan taken at the heading `theta` [rad], by which way its surfaces face."""
+    xx, xy, yy, known = scatter(points.facing, points.n)
+    if known < KNOWN * points.n:
         return ALL
-    seen = observability(xx, xy, yy, points.facing_error)
+    seen = observability(xx, xy, yy, points.facing_error, by_chance)
     c, s = math.cos(theta), math.sin(theta)
     return Observability(c * seen.x - s * seen.y, s * seen.x + c * seen.y, seen.share)

@@ -111,9 +111,9 @@ class EndPoints:
 
     @property
     def facing(self) -> Points:
-        """Which way the surface at every end point faces (2 or 3, >= n): its normal, or a chord.
+        """Which way the surface at every end point faces, and the gap there (3, >= n).
 
-        Normals where they are known already; to tell faces apart chords do as well.
+        Normals where they are known already; to tell faces apart vectors across chords do as well.
         """
         if self._known:
             return self._room
@@ -161,7 +161,7 @@ class EndPoints:
     def _size(self, n_beams: int) -> None:
         self.points = np.zeros((3, n_beams))
         self._room = np.zeros((3, n_beams))
-        self._chords = np.zeros((2, n_beams))
+        self._chords = np.zeros((3, n_beams))
         self.moments = np.zeros((6, n_beams + 1))
 
 

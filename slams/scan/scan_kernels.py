@@ -267,7 +267,8 @@ def chords(points: Points, n: int, mount: Pose2, step: float, grain: Grain, out:
     """Which way the surface at each end point faces, toward the sensor; 0, 0 where it has none.
 
     ours: across the chord of the beams that `scan_normals` fits a line to, and as long, in a fifth
-    of the time: enough to tell faces apart. points (2, >= n), out (2, >= n).
+    of the time: enough to tell faces apart. points (2, >= n), out (3, >= n): a vector of any
+    length, mean gap of the beams [m].
     """
     first, across = 0, grain.window / step
     while first < n:
@@ -282,18 +283,26 @@ def chords(points: Points, n: int, mount: Pose2, step: float, grain: Grain, out:
             nx, ny = points[1, a] - points[1, b], points[0, b] - points[0, a]
             side = 0.0 if b - a < 2 else -1.0 if nx * rx + ny * ry > 0.0 else 1.0
             out[0, i], out[1, i] = side * nx, side * ny
+            out[2, i] = math.sqrt(nx * nx + ny * ny) / max(b - a, 1)
         first = last + 1
 
 
 @njit
-def scatter(facing: Points, n: int) -> tuple[float, float, float]:
-    """Sums of n n^T over the unit vectors along facing (2, >= n), 0 where there is none. ours."""
+def scatter(facing: Points, n: int) -> tuple[float, float, float, int]:
+    """Integrals of n n^T along the surfaces of a scan [m], and how many beams have a normal.
+
+    ours: by length, not by beams: of a leg beside the laser there are as many as of a wall. facing
+    (3, >= n): vectors along the normals, 0 where there is none, and the gap to the neighbors [m].
+    """
     xx = xy = yy = 0.0
+    known = 0
     for i in range(n):
         x, y = facing[0, i], facing[1, i]
         square = x * x + y * y
         if square > 0.0:
-            xx += x * x / square
-            xy += x * y / square
-            yy += y * y / square
-    return xx, xy, yy
+            w = facing[2, i] / square
+            xx += w * x * x
+            xy += w * x * y
+            yy += w * y * y
+            known += 1
+    return xx, xy, yy, known
