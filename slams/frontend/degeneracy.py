@@ -57,11 +57,15 @@ def observability(
     return Observability(math.cos(angle), math.sin(angle), share)
 
 
-def of_scan(points: EndPoints, theta: float, by_chance: float = BY_CHANCE) -> Observability:
-    """That of a scan taken at the heading `theta` [rad], by which way its surfaces face."""
+def of_scan(points: EndPoints, theta: float, wheels: bool = False) -> Observability:
+    """That of a scan taken at the heading `theta` [rad], by which way its surfaces face.
+
+    `wheels`: whether they measured the last step.
+    """
     xx, xy, yy, known = scatter(points.facing, points.n)
     if known < KNOWN * points.n:
         return ALL
+    by_chance = BY_CHANCE_WITH_WHEELS if wheels else BY_CHANCE
     seen = observability(xx, xy, yy, points.facing_error, by_chance)
     c, s = math.cos(theta), math.sin(theta)
     return Observability(c * seen.x - s * seen.y, s * seen.x + c * seen.y, seen.share)

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from slams.frontend.correlative import Lookup, search
-from slams.frontend.degeneracy import ALL, BY_CHANCE, BY_CHANCE_WITH_WHEELS, of_scan
+from slams.frontend.degeneracy import ALL, of_scan
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
 from slams.frontend.relocalize import Relocalizer
@@ -218,8 +218,8 @@ class PoseEstimator:
         """The robot is at a match."""
         match, agreement = best.match, best.agreement
         self.match = match
-        chance = BY_CHANCE_WITH_WHEELS if self._filter.wheels else BY_CHANCE
-        seen = of_scan(points, match.pose.theta, chance) if self._p.degeneracy else ALL
+        wheels, theta = self._filter.wheels, match.pose.theta
+        seen = of_scan(points, theta, wheels) if self._p.degeneracy else ALL
         self._pose = self._filter.update(match.pose, match.seen, seen)
         share = min(1.0, self._prior.dt / MEMORY) if self._usual > 0.0 else 1.0
         if self._is_usual(best):
