@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from slams.frontend.degeneracy_kernels import scatter
 from slams.scan.end_points import EndPoints
-from slams.scan.scan_kernels import scatter
 
 BY_CHANCE = 0.05  # m of surface in a scan that faces any way: the edge of a door
 BY_CHANCE_WITH_WHEELS = 1.0  # m: two people, who walk; without wheels they may be all that is seen

@@ -285,24 +285,3 @@ def chords(points: Points, n: int, mount: Pose2, step: float, grain: Grain, out:
             out[0, i], out[1, i] = side * nx, side * ny
             out[2, i] = math.sqrt(nx * nx + ny * ny) / max(b - a, 1)
         first = last + 1
-
-
-@njit
-def scatter(facing: Points, n: int) -> tuple[float, float, float, int]:
-    """Integrals of n n^T along the surfaces of a scan [m], and how many beams have a normal.
-
-    ours: by length, not by beams: of a leg beside the laser there are as many as of a wall. facing
-    (3, >= n): vectors along the normals, 0 where there is none, and the gap to the neighbors [m].
-    """
-    xx = xy = yy = 0.0
-    known = 0
-    for i in range(n):
-        x, y = facing[0, i], facing[1, i]
-        square = x * x + y * y
-        if square > 0.0:
-            w = facing[2, i] / square
-            xx += w * x * x
-            xy += w * x * y
-            yy += w * y * y
-            known += 1
-    return xx, xy, yy, known
