@@ -107,21 +107,22 @@ def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
         at = point.cpu_ms, max(point.error_mm, LEAST_ERROR)
         axes.plot(*at, marker, color=look.color, gid=look.group)
     axes.margins(0.18)
-    _write_names(axes, points)
+    _write_names(axes, points, looks)
     best = front(points)
     costs, errors = [p.cpu_ms for p in best], [max(p.error_mm, LEAST_ERROR) for p in best]
     axes.plot(costs, errors, color="0.5", linewidth=0.8)
     axes.grid(visible=True, which="both", alpha=0.25)
 
 
-def _write_names(axes: Axes, points: Sequence[Point]) -> None:
-    """The names of the points beside them, none over another."""
+def _write_names(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
+    """The names of the points beside them, in their colors, none over another."""
     to_share = axes.transData + axes.transAxes.inverted()
     axes.autoscale_view()
     at = [to_share.transform((p.cpu_ms, max(p.error_mm, LEAST_ERROR))) for p in points]
     for point, (x, _), y in zip(points, at, spread([(x, y) for x, y in at]), strict=True):
         side, shift = ("right", -0.015) if x > RIGHT else ("left", 0.015)
         text = axes.text(x + shift, y, point.name, fontsize=8, ha=side, transform=axes.transAxes)
+        text.set_color(looks[point.name].color)
         text.set_parse_math(False)  # a name is no formula
 
 

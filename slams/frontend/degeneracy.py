@@ -17,7 +17,7 @@ from slams.frontend.degeneracy_kernels import scatter
 from slams.scan.end_points import EndPoints
 
 BY_CHANCE = 0.05  # m of surface in a scan that faces any way: the edge of a door
-BY_CHANCE_WITH_WHEELS = 1.0  # m: two people, who walk; without wheels they may be all that is seen
+BY_CHANCE_WITH_WHEELS = 0.9  # m: people, who walk; without wheels they may be all there is to see
 KNOWN = 0.5  # share of the end points that must have a normal, or nothing is known
 OBSERVED = 0.9  # share from which a direction counts as observed
 
