@@ -17,7 +17,7 @@ from slams.frontend.degeneracy_kernels import scatter
 from slams.scan.end_points import EndPoints
 
 BY_CHANCE = 0.05  # m of surface in a scan that faces any way: the edge of a door
-BY_CHANCE_WITH_WHEELS = 0.9  # m: people, who walk; without wheels they may be all there is to see
+MOVABLE = 0.9  # m: of people and things that move; where nothing else is known they may be all
 KNOWN = 0.5  # share of the end points that must have a normal, or nothing is known
 OBSERVED = 0.9  # share from which a direction counts as observed
 
@@ -57,15 +57,15 @@ def observability(
     return Observability(math.cos(angle), math.sin(angle), share)
 
 
-def of_scan(points: EndPoints, theta: float, wheels: bool = False) -> Observability:
+def of_scan(points: EndPoints, theta: float, known_otherwise: bool = False) -> Observability:
     """That of a scan taken at the heading `theta` [rad], by which way its surfaces face.
 
-    `wheels`: whether they measured the last step.
+    `known_otherwise`: wheels or a graph know the position, too: what may move counts as chance.
     """
     xx, xy, yy, known = scatter(points.facing, points.n)
     if known < KNOWN * points.n:
         return ALL
-    by_chance = BY_CHANCE_WITH_WHEELS if wheels else BY_CHANCE
+    by_chance = MOVABLE if known_otherwise else BY_CHANCE
     seen = observability(xx, xy, yy, points.facing_error, by_chance)
     c, s = math.cos(theta), math.sin(theta)
     return Observability(c * seen.x - s * seen.y, s * seen.x + c * seen.y, seen.share)
