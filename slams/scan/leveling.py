@@ -102,15 +102,18 @@ class Leveling:
         self._tilt = self._followed(last, t, attitude)
         if self._is_stuck(last, t, attitude, speed):
             return "stuck"
-        below = self._below / self._ends if self._ends >= FLOOR_ENOUGH else math.nan
         if np.abs(self._jumps).max() > MAX_STEP:
-            deeper = self._deep + self._below
-            if t < self._jumped_at + RECOVERY or not deeper < RIGHT * self._ends:
+            deeper = self._share(self._deep + self._below)
+            if t < self._jumped_at + RECOVERY or not deeper < RIGHT:
                 return "jumped"
             self._jumps[:] = 0.0
-        if below > (RIGHT if t < self._doubted_until else WRONG):
+        if self._share(self._below) > (RIGHT if t < self._doubted_until else WRONG):
             self._doubted_until = t + RECOVERY
         return "contradicted" if t < self._doubted_until else ""
+
+    def _share(self, ends: float) -> float:
+        """Of the ends lately at the floor; nan where these are too few to show anything."""
+        return ends / self._ends if self._ends >= FLOOR_ENOUGH else math.nan
 
     def _followed(self, last: Tilt | None, t: float, attitude: Attitude) -> Tilt:
         """The tilt with its rate; notes a jump."""
@@ -140,7 +143,7 @@ class Leveling:
         self._ends = keep * self._ends + ends
         self._deep = keep * self._deep + float(found[DEEP])
         self._below = keep * self._below + float(found[BELOW])
-        self._has_ramps |= self._deep > RAMPS * max(self._ends, FLOOR_ENOUGH)
+        self._has_ramps |= self._used and self._share(self._deep) > RAMPS
         if found[SWUNG] > 0.0 and self._tilt is not None:
             seconds = min(self._tilt.dt, MAX_INTERVAL)
             self._late -= seconds * float(found[LATE] / found[HITS])

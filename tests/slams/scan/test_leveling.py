@@ -43,11 +43,11 @@ def rocking(t):
     return Attitude(0.22 * math.sin(2.0 * t), 0.2 * math.sin(1.3 * t + 1.0))
 
 
-def replayed(said, seconds=20.0, truth=rocking, speed=DRIVING):
+def replayed(said, seconds=20.0, truth=rocking, speed=DRIVING, lidar=LIDAR):
     """The end points' counts after a drive with the attitudes `said` (t) and the true ones."""
     points = EndPoints(ScanParams())
     for t in np.arange(0.0, seconds, 0.1).tolist():
-        points.take(scan(t, truth(t), said(t)), speed)
+        points.take(scan(t, truth(t), said(t), lidar), speed)
     return points.counts
 
 
@@ -115,6 +115,22 @@ def test_a_wrong_attitude_is_counted_and_not_used(fault, said):
     counts = replayed(said)
     assert counts[f"attitude_{fault}"] > 100
     assert counts["leveled"] + counts[f"attitude_{fault}"] == 200
+
+
+@pytest.mark.parametrize(("seen", "jumped"), [(1, 130), (40, 100)])
+def test_after_a_jump_a_few_ends_at_the_floor_confirm_nothing(seen, jumped):
+    """A narrow fan meets the floor as it is said to be, in as many scans after the jump."""
+
+    def truth(t):
+        return Attitude(0.01 * math.sin(2.0 * t), 0.13 if 7.95 < t < 7.95 + 0.1 * seen else 0.0)
+
+    narrow = replace(LIDAR, angle_min=math.radians(-3.0), n_beams=7, mount=IDENTITY)
+    said = replayed(
+        lambda t: Attitude(truth(t).roll + 0.3 * (t > 6.95), truth(t).pitch),
+        truth=truth,
+        lidar=narrow,
+    )
+    assert said["attitude_jumped"] == jumped and said["leveled"] == 200 - jumped
 
 
 def test_a_late_attitude_is_used_and_told():
