@@ -68,7 +68,8 @@ class Measuring:
         height = base + sway(rays, attitudes)
         rays[:, 2] += np.tile(self.laser.angles, len(t)) + turn
         walls = self._met(rays, stamps)
-        floor = self.body.meet(rays, walls, slope / along, height)
+        seen = np.minimum(walls, self.laser.range_max)
+        floor = self.body.meet(rays, seen, slope / along, height)
         return ranges_of(walls, floor, along, slope, height)
 
     def _met(self, rays: Floats, stamps: Floats) -> Floats:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.sim.swing import WALLS
-from bench.sim.world_kernels import meet_floor
+from bench.sim.world_kernels import floor_heights, meet_floor
 from slams.types import Floats
 
 if TYPE_CHECKING:
@@ -27,12 +27,13 @@ class Ramps:
     def __init__(self, level: float, rng: Generator) -> None:
         self.slope = math.tan(math.radians(level)) / math.sqrt(2.0)
         self.phases = rng.uniform(0.0, 2.0, 2)
+        self._waves = np.array((self.slope, LENGTH, *self.phases))
 
     def heights(self, points: Floats) -> Floats:
-        """Of the floor (...) [m] at points (..., 2) [m]; 0 in the lowest valley."""
-        away = np.abs((points / LENGTH + self.phases) % 2.0 - 1.0)
-        heights: Floats = self.slope * LENGTH * away.sum(axis=-1)
-        return heights
+        """Of the floor (m,) [m] at points (m, 2) [m]; 0 in the lowest valley."""
+        out = np.empty(len(points))
+        floor_heights(points, self._waves, out)
+        return out
 
     def stand(self, t: Floats, poses: Floats) -> tuple[Floats, Floats]:
         """Roll and pitch (m, 2) [rad] of a body at poses (m, 3), and its base's height (m,) [m]."""
@@ -52,6 +53,7 @@ class Ramps:
 
         Along rays (m, 3) that start so high and rise so much for each meter over ground.
         """
-        far, out = np.minimum(walls, WALLS / np.maximum(np.abs(rise), 1e-9)), np.empty(len(rays))
-        meet_floor(rays, far, rise, height, np.array((self.slope, LENGTH, *self.phases)), out)
+        over = WALLS / np.maximum(np.abs(rise), 1e-9)  # there a ray is above all, or below all
+        out = np.empty(len(rays))
+        meet_floor(rays, np.minimum(walls, over), rise, height, self._waves, out)
         return out

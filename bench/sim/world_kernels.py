@@ -97,6 +97,13 @@ def floor_at(x: float, y: float, ramps: Floats) -> float:
     return height
 
 
+@njit
+def floor_heights(points: Floats, ramps: Floats, out: Floats) -> None:
+    """Heights out (m,) [m] at points (m, 2) [m], by `floor_at`."""
+    for i in range(len(points)):
+        out[i] = floor_at(points[i, 0], points[i, 1], ramps)
+
+
 @njit(inner=True)
 def clears(ray: Floats, t: float, height: float, ramps: Floats) -> bool:
     """Whether a ray (3,) is above the floor at `t` [m] over ground, `height` [m] high. ours."""

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from bench.sim.degrade import degrade
+from bench.sim.drive import Drive
+from bench.sim.measuring import Measuring
 from bench.sim.ramps import LENGTH, Ramps
+from bench.sim.sensors import find_sensor
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
 from bench.sim.swing import HEIGHT, WALLS, Swing, level_floor, ranges_of, rise, sway
+from bench.sim.world import World
 from slams.scan.end_points import EndPoints
 from slams.scan.params import ScanParams
 from slams.types import IDENTITY, Attitude, Pose2
@@ -57,7 +61,7 @@ def test_a_body_stands_on_a_ramp_as_the_ramp_slopes(heading):
     ramps = Ramps(15.0, np.random.default_rng(0))
     middle = LENGTH * (1.5 - ramps.phases)  # both waves rise there
     attitudes, base = ramps.stand(np.zeros(1), np.array([[*middle, heading]]))
-    (roll, pitch), floor = attitudes[0], ramps.heights(middle)
+    (roll, pitch), floor = attitudes[0], float(ramps.heights(middle[None])[0])
     forward, left, _ = Attitude(roll, pitch).rotation().T
     slopes = [axis[2] / math.hypot(axis[0], axis[1]) for axis in (forward, left)]
     toward = [ramps.slope * (math.cos(a) + math.sin(a)) for a in (heading, heading + math.pi / 2)]
@@ -76,6 +80,21 @@ def test_a_beam_meets_the_next_ridge_or_passes_it():
     found = ramps.meet(rays, np.full(3, 6.0), rise_by, height)
     assert found[0] == pytest.approx(0.5 * LENGTH, abs=0.01) and found[1] == math.inf
     assert found[2] == pytest.approx(0.2 / (ramps.slope + 0.1), abs=0.01)
+
+
+def test_a_beam_that_leaves_an_open_world_is_followed_as_far_as_the_laser_sees():
+    class Followed(Ramps):
+        def meet(self, rays, walls, rise, height):
+            self.walls = walls
+            return super().meet(rays, np.minimum(walls, 100.0), rise, height)
+
+    nothing = np.zeros((20, 20), bool)
+    world, sensor = World(nothing, nothing, 0.1, (-1.0, -1.0)), find_sensor("utm30lx")
+    ramps = Followed(0.0, np.random.default_rng(0))
+    still = Drive(np.array([0.0, 1.0]), np.zeros((2, 3)), np.zeros((2, 2)))
+    chance = {"ranges": np.random.default_rng(0)}
+    ranges = Measuring(Setting(), sensor, world, still, chance, ramps).scans(np.zeros(1), None)
+    assert ramps.walls.max() == sensor.range_max and np.isinf(ranges).all()
 
 
 def off_the_walls(log, world, leveled):
