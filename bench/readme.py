@@ -26,7 +26,7 @@ PUBLIC = ROOT / "bench" / "readme_public.json"
 SWEEP = ROOT / "bench" / "readme_sweep.json"
 PICTURES = ("fig_errors.png", "fig4_maps.png")
 SWEEP_PICTURE = "fig_sweep.png"
-SHOWN = ("main", "translation", "orientation", "spans", "bound", "maps", "unaided", "cost")
+SHOWN = ("main", "translation", "orientation", "spans", "maps", "unaided", "cost")
 PART = re.compile(
     r"(<!-- (table|choice|results|sweep|field|relations|public|"
     r"(?:ros-)?parameters: (\w+)) -->\n)"

@@ -49,9 +49,10 @@ def parser() -> argparse.ArgumentParser:
         description="Simulate a laser scan log with true poses, wheel odometry and gyro.",
     )
     p.add_argument("out", type=Path, metavar="OUT.npz", help="the log to write")
+    types = kinds()
     for field in dataclasses.fields(Setting):
         flag, meaning = f"--{field.name.replace('_', '-')}", field.metadata["meaning"]
-        kind = kinds()[field.name]
+        kind = types[field.name]
         if kind is bool:
             p.add_argument(flag, action="store_true", help=meaning)
             continue

@@ -64,7 +64,6 @@ def simulate(
         scans = _front_and_rear(setting, measuring, t, progress)
     else:
         scans = {"t": t, "ranges": measuring.scans(t, progress), "laser": measuring.laser}
-
     return ScanLog(
         **scans,
         odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance["odometry"])),

@@ -16,7 +16,7 @@ from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Pose2, Scan, State
 
 NOTHING = np.zeros((3, 3))
-JITTER = 0.2  # s by which stamps may err
+JITTER = 0.2  # s by which stamps may err: so long a step is taken that wheels can have driven
 
 
 class PlainEstimator:
@@ -53,6 +53,7 @@ class PlainEstimator:
         if last is not None and last.odometry and scan.odometry and self._p.wheels:
             driven = last.odometry.between(scan.odometry)
             information = self._information(driven) if self._motion_model else NOTHING
+            # a reset leaves the last step; so far a jump says little of it
             if not is_reset(driven, max(self._dt, JITTER)):
                 step = driven
                 self.counts["odometry"] += 1

@@ -82,7 +82,7 @@ def short(log: ScanLog, level: float, rng: Generator) -> ScanLog:
 @degradation("m", (0.05, 0.1, 0.2, 0.5, 1), 0, 10)
 def quantization(log: ScanLog, level: float) -> ScanLog:
     """Readings are rounded to multiples of it."""
-    return _measured(log, replace(EXACT, step=level), np.random.default_rng())
+    return _measured(log, replace(EXACT, step=level), np.random.default_rng(0))
 
 
 @degradation("1", (1,), 1, 1)
