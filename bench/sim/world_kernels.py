@@ -99,7 +99,7 @@ def floor_at(x: float, y: float, ramps: Floats) -> float:
 
 @njit
 def floor_heights(points: Floats, ramps: Floats, out: Floats) -> None:
-    """Heights out (m,) [m] at points (m, 2) [m], by `floor_at`."""
+    """ours: heights out (m,) [m] at points (m, 2) [m], by `floor_at`."""
     for i in range(len(points)):
         out[i] = floor_at(points[i, 0], points[i, 1], ramps)
 
