@@ -13,7 +13,7 @@ from gmapping.particles import Particles
 from gmapping.render import Ray, Renderer, walls
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
-from slams.frontend.correlative import Lookup, search
+from slams.frontend.correlative import Lookup, search, window_of
 from slams.frontend.degeneracy import of_scan
 from slams.grid_bounds import Box
 from slams.scan.end_points import EndPoints
@@ -75,7 +75,8 @@ class ReportedMap:
         ends, found = points.pieces[:, :2].T, []
         seen, drift = of_scan(points, pose.theta), DRIFT + self._particles.spread()
         for share in WINDOWS:
-            at = search(lookup, ends, points.far, pose, share**2 * drift, 1)[0]
+            poses, _ = search(lookup, ends, window_of(pose, share**2 * drift), alike=0.0)
+            at = Pose2(*poses[0, :3].tolist())
             x, y = at.x - pose.x, at.y - pose.y
             along = (1.0 - seen.share) * (seen.x * x + seen.y * y)
             found.append(at._replace(x=at.x - along * seen.x, y=at.y - along * seen.y))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slams import metrics
-from slams.frontend.correlative import search
+from slams.frontend.correlative import search, window_of
 from slams.grid_bounds import Box
 from slams.player import replay
 from slams.types import IDENTITY, Pose2
@@ -142,8 +142,8 @@ def test_the_map_says_what_fits_and_where_there_are_walls_to_search(label):
     assert np.mean(lookup.likelihood[iy, ix] > 0.3) > 0.98
     wrong = pose @ Pose2(0.5, -0.3, 0.1)
     ends, spread = points.points[:, : points.n], np.diag([0.04, 0.04, 0.01])
-    (found,) = search(lookup, ends, points.far, wrong, spread, 1)
-    assert found == pytest.approx(pose, abs=1.5 * lookup.resolution)
+    poses, _ = search(lookup, ends, window_of(wrong, spread))
+    assert poses[0, :3] == pytest.approx(pose, abs=1.5 * lookup.resolution)
 
 
 def is_wall(grid, x, y):

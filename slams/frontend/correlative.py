@@ -1,6 +1,6 @@
-"""Correlative matching: one window search on any map that has a likelihood of walls [Olson09].
+"""Correlative matching: a window of poses, searched coarse to fine, on any map with a likelihood.
 
-[Olson09] E. Olson: Real-Time Correlative Scan Matching. ICRA 2009.
+[Olson15] E. Olson: M3RSM: Many-to-Many Multi-Resolution Scan Matching. ICRA 2015.
 """
 
 from __future__ import annotations
@@ -11,14 +11,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.frontend.correlative_kernels import correlate
+from slams.frontend import correlative_kernels as kernels
 from slams.types import Floats, Pose2
 
-BEAMS = 120  # of a scan that are looked up
-DEVIATIONS = 3.0  # of the prior that a window covers
-WIDEST, MOST_ROTATION = 2.0, math.pi  # m, rad: half of a window at most
-COARSEST = 0.1  # rad between two rotations
-LOOKUPS = 2_000_000  # of cells in one search at most: 5 ms
+BEAMS = 60  # of a scan that are looked up
+BLOCKS = 4, 8  # cells along the edge of a coarse one, in a small and in a wide window
+WIDE = 20  # cells, half of a window that is wide
+STEP = 3.0  # cells that the farthest end is moved by from one rotation to the next
+COARSEST = 0.1  # rad between two rotations at most
+GOLDEN = 0.618034  # ratio that leads each point far from those before
+REFINED = 40  # coarse poses that are searched finely
+DEVIATIONS = 3.0  # of a prior that a window covers
+WIDEST = 2.0  # m: half of the window of a prior at most
 
 
 class Lookup(NamedTuple):
@@ -30,36 +34,86 @@ class Lookup(NamedTuple):
     resolution: float
 
 
+class Window(NamedTuple):
+    """Where a pose is searched for: its middle, half its width [m] and half its rotation [rad]."""
+
+    middle: Pose2
+    half: float
+    rotation: float
+
+
+def window_of(middle: Pose2, covariance: Floats) -> Window:
+    """Around a prior with a covariance (3, 3) [m, rad]."""
+    spread = math.sqrt(max(float(covariance[0, 0]), float(covariance[1, 1]), 0.0))
+    rotation = DEVIATIONS * math.sqrt(max(float(covariance[2, 2]), 0.0))
+    return Window(middle, min(DEVIATIONS * spread, WIDEST), rotation)
+
+
 def search(
-    lookup: Lookup, points: Floats, far: float, middle: Pose2, covariance: Floats, tries: int
-) -> list[Pose2]:
-    """The best poses of a window around `middle`, best first: one for each rotation.
+    lookup: Lookup, ends: Floats, window: Window, enough: float = 0.0, alike: float = 1.0
+) -> tuple[Floats, int]:
+    """The best poses of a window; coarse cells bound what their poses can score [Olson15].
 
     Args:
         lookup: the map.
-        points: end points (2, n) [m] in the base frame; a part of them is looked up.
-        far: distance of the farthest [m].
-        middle: middle of the window.
-        covariance: of the pose (3, 3) [m, rad], as wide as the window is.
-        tries: how many poses at most.
+        ends: end points (2 or 3, n) [m] in the base frame; a part of them is looked up.
+        window: of poses.
+        enough: score that the best must have.
+        alike: how much below the best a score still counts.
+
+    Returns:
+        poses (k, 4), the best first: x, y [m], theta [rad], and the mean likelihood at the ends,
+        too low where it was given up; how many cells were looked up.
     """
-    cell = lookup.resolution
-    spread = math.sqrt(max(float(covariance[0, 0]), float(covariance[1, 1]), 0.0))
-    half = min(DEVIATIONS * spread, WIDEST)
-    shifts = max(1, math.ceil(half / cell))
-    step = min(COARSEST, 2.0 * cell / max(far, 1.0))
-    turn = min(DEVIATIONS * math.sqrt(max(float(covariance[2, 2]), 0.0)), MOST_ROTATION)
-    rotations = max(2, math.ceil(turn / step))
-    some = np.ascontiguousarray(points[:2, :: max(1, points.shape[1] // BEAMS)])
-    lookups = (2 * shifts + 1) ** 2 * (2 * rotations + 1) * some.shape[1]
-    if lookups > LOOKUPS:  # coarser rotations first, then fewer of them
-        wider = min(lookups / LOOKUPS, COARSEST / step)
-        step, rotations = step * wider, max(2, math.ceil(rotations / wider))
-        most = LOOKUPS / ((2 * shifts + 1) ** 2 * some.shape[1])
-        rotations = max(2, min(rotations, int(0.5 * most)))
-    window = np.array((*middle, shifts, rotations, step))
-    frame = np.array((lookup.x0, lookup.y0, cell))
-    out = np.empty((2 * rotations + 1, 4))
-    correlate(lookup.likelihood, frame, some, window, out)
-    best = out[np.argsort(-out[:, 3], kind="stable")[:tries]]
-    return [Pose2(*row[:3]) for row in best.tolist()]
+    some = ends[:2, :: max(1, ends.shape[1] // BEAMS)]
+    far_apart = np.argsort(np.arange(some.shape[1]) * GOLDEN % 1.0)  # bad poses fail early
+    some = np.ascontiguousarray(some[:, far_apart])
+    far = math.sqrt(float((some * some).sum(axis=0).max(initial=1.0)))
+    part, cell = _part(lookup, window, far), lookup.resolution
+    cells = BLOCKS[window.half > WIDE * cell]
+    poses, count = _coarse_poses(part, some, window, cells, (far, enough))
+    frame = np.array(part[1:])
+    kernels.finest(part.likelihood, some, frame, cells, np.array((enough, alike)), poses)
+    tried = int((poses[:, 3] > 0.0).sum())
+    lookups = (count + tried * cells * cells) * some.shape[1]
+    return poses[np.argsort(-poses[:, 3], kind="stable")], lookups
+
+
+def _part(lookup: Lookup, window: Window, far: float) -> Lookup:
+    """The cells that ends can be in."""
+    cell, reach = lookup.resolution, far + window.half
+    x, y = (window.middle.x - lookup.x0) / cell, (window.middle.y - lookup.y0) / cell
+    margin = math.ceil(reach / cell) + 2 * max(BLOCKS)
+    i, j = max(round(x) - margin, 0), max(round(y) - margin, 0)
+    part = lookup.likelihood[j : max(round(y) + margin, 0), i : max(round(x) + margin, 0)]
+    return Lookup(part, lookup.x0 + i * cell, lookup.y0 + j * cell, cell)
+
+
+def _coarse_poses(
+    lookup: Lookup, ends: Floats, window: Window, cells: int, need: tuple[float, float]
+) -> tuple[Floats, int]:
+    """The first poses (k, 4) of the best blocks of a window, and how many blocks it has."""
+    fine, x0, y0, cell = lookup
+    (ny, nx), block, (far, enough) = fine.shape, cell * cells, need
+    coarse = np.zeros((ny // cells + 1, nx // cells + 1), np.float32)
+    kernels.pool(fine, cells, coarse)
+    shifts = 2 * math.ceil(window.half / block) + 1
+    turns = np.arange(-(cells // 4), cells // 4 + 1) / (cells // 2 + 1)
+    rotation = min(window.rotation, math.pi)
+    widest = len(turns) * min(STEP * cell / far, COARSEST)
+    rotations = 2 * max(1, math.ceil(rotation / widest)) + 1
+    step = 2.0 * rotation / (rotations - 1)
+    x, y = (v - 0.5 * (shifts - 1) * block for v in window.middle[:2])
+    first = window.middle.theta - rotation
+    bounds = np.zeros((rotations, shifts, shifts), np.float32)
+    view = np.array((x, y, first, step, block, enough))
+    corner = np.array((x0 - 0.5 * cell, y0 - 0.5 * cell))
+    kernels.bounds(coarse, ends, view, corner, bounds)
+    good = np.flatnonzero(bounds >= enough)
+    good = good[np.argsort(-bounds.flat[good], kind="stable")[:REFINED]]
+    k, j, i = np.unravel_index(good, bounds.shape)
+    thetas = (first + (k[:, None] + turns) * step).ravel()
+    xs, ys = (np.repeat(v, len(turns)) for v in (x + i * block, y + j * block))
+    bound = np.repeat(bounds.flat[good], len(turns))
+    poses = np.ascontiguousarray(np.stack([xs, ys, thetas, bound], axis=1), np.float64)
+    return poses, bounds.size

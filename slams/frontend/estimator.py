@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from slams.frontend.correlative import Lookup, search
+from slams.frontend.correlative import Lookup, search, window_of
 from slams.frontend.degeneracy import ALL, of_scan
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
@@ -23,6 +23,7 @@ from slams.scan.end_points import EndPoints
 from slams.types import Floats, OccupancyGrid, Pose2, Scan, State, wrap_angle
 
 TRIES = 6  # poses of a correlative search that are matched
+ALIKE = 0.2  # of the likelihood of the best of them, that the others may be below it
 PIECES = 50.0  # of wall in a scan whose errors are independent of each other
 ACCEPTED = 0.3  # score of a match that stands by itself
 WITHIN_GATE = 0.1, 0.2  # score of a match inside the gate: of all beams, of those known to the map
@@ -179,10 +180,10 @@ class PoseEstimator:
         """The best match from the poses that a correlative search of the prior's window finds."""
         self.counts["searched"] += 1
         prior, found = self._prior, [first.match]
-        ends = points.points[:, : points.n]
-        starts = search(grid.lookup(), ends, points.far, prior.pose, prior.covariance, TRIES)
-        for start in starts:
-            found += rematch(points, start, prior)
+        window = window_of(prior.pose, prior.covariance)
+        poses, _ = search(grid.lookup(), points.points[:, : points.n], window, alike=ALIKE)
+        for pose in poses[:TRIES, :3].tolist():
+            found += rematch(points, Pose2(*pose), prior)
         return self._best(points, found, grid)
 
     # decide

@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slams.frontend.correlative import Window
 from slams.loops.graph import LoopEdge, PoseGraph
-from slams.loops.matching import Keyframe, LocalMap, Window, observed, read
+from slams.loops.matching import Keyframe, LocalMap, observed, read
 from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
 

@@ -5,12 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from slams.frontend.correlative import Lookup, search
+from slams.frontend.correlative import Lookup, search, window_of
+from slams.frontend.correlative_kernels import pool
 from slams.frontend.degeneracy import ALL, observability
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.params import FrontendParams
 from slams.frontend.plain import estimator_for
 from slams.frontend.timing import LaserTimings, ScanTiming
+from slams.loops.matching_kernels import paint
 from slams.test_world import scan_at
 from slams.types import IDENTITY, Pose2
 
@@ -63,27 +65,45 @@ def test_a_search_finds_the_pose_that_the_wall_shows():
     true = Pose2(2.0, 2.0, 0.2)
     points = true.inverse().transform(walls).T
     lookup = Lookup(likelihood, 0.0, 0.0, 0.1)
-    start, wide = Pose2(2.5, 1.7, 0.0), np.diag((0.04, 0.04, 0.01))
-    found = search(lookup, np.ascontiguousarray(points), 4.0, start, wide, 3)
-    assert len(found) == 3
-    assert math.hypot(found[0].x - 2.0, found[0].y - 2.0) < 0.11
-    assert found[0].theta == pytest.approx(0.2, abs=0.05)
+    window = window_of(Pose2(2.5, 1.7, 0.0), np.diag((0.04, 0.04, 0.01)))
+    poses, _ = search(lookup, points, window, alike=0.2)
+    assert (np.diff(poses[:, 3]) <= 0.0).all()
+    assert math.hypot(poses[0, 0] - 2.0, poses[0, 1] - 2.0) < 0.11
+    assert poses[0, 2] == pytest.approx(0.2, abs=0.05)
+    every, _ = search(lookup, points, window, alike=1.0)
+    assert every[0] == pytest.approx(poses[0])
+    assert (every[:, 3] >= poses[:, 3]).all()  # what can't come close was given up
+    assert every[:, 3].sum() > poses[:, 3].sum() + 1.0
 
 
-def test_a_search_does_bounded_work(monkeypatch):
-    from slams.frontend import correlative
+def test_a_search_does_bounded_work():
+    lookup = Lookup(np.ones((400, 400), np.float32), 0.0, 0.0, 0.2)
+    ends = np.random.default_rng(0).uniform(10.0, 50.0, (3, 4000))
+    window = window_of(Pose2(0.0, 0.0, 0.0), np.diag((100.0, 100.0, 100.0)))
+    poses, lookups = search(lookup, ends, window)
+    assert len(poses) > 0
+    assert 0 < lookups <= 1_500_000  # 5 ms
 
-    windows = []
 
-    def _spy(likelihood, frame, points, window, out):
-        windows.append((2 * window[3] + 1) ** 2 * (2 * window[4] + 1) * points.shape[1])
-        out[:] = 0.0
+@pytest.mark.parametrize("block", [4, 8])
+def test_a_coarse_cell_bounds_all_shifts_within_it(block):
+    rng = np.random.default_rng(block)
+    fine = np.zeros((64, 80), np.float32)
+    points = rng.uniform(1.0, 5.0, (2, 200))
+    paint(points, 0.0, 0.0, 0.1, fine)
+    coarse = np.zeros((64 // block + 1, 80 // block + 1), np.float32)
+    pool(fine, block, coarse)
+    for iy in range(64 - 2 * block):
+        for ix in range(80 - 2 * block):
+            v, u = iy // block, ix // block
+            assert coarse[v, u] >= fine[iy : iy + block, ix : ix + block].max()
 
-    monkeypatch.setattr(correlative, "correlate", _spy)
-    lookup = Lookup(np.zeros((9, 9), np.float32), 0.0, 0.0, 0.2)
-    points = np.ones((3, 4000))
-    search(lookup, points, 30.0, Pose2(0.0, 0.0, 0.0), np.diag((100.0, 100.0, 100.0)), 6)
-    assert 0 < windows[0] <= 1.1 * correlative.LOOKUPS
+
+def test_a_window_far_from_all_that_is_mapped_has_no_likely_pose():
+    lookup = Lookup(np.ones((9, 9), np.float32), 0.0, 0.0, 0.2)
+    window = window_of(Pose2(500.0, -500.0, 0.0), np.eye(3))
+    poses, _ = search(lookup, np.ones((2, 50)), window)
+    assert (poses[:, 3] == 0.0).all()
 
 
 def test_keyframes_come_by_distance_rotation_and_quality():
