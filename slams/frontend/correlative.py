@@ -23,6 +23,7 @@ GOLDEN = 0.618034  # ratio that leads each point far from those before
 REFINED = 40  # coarse poses that are searched finely
 DEVIATIONS = 3.0  # of a prior that a window covers
 WIDEST = 2.0  # m: half of the window of a prior at most
+LEAST_ROTATION = 0.2  # rad: half of it at least, as a prior in doubt is no limit
 
 
 class Lookup(NamedTuple):
@@ -46,7 +47,7 @@ def window_of(middle: Pose2, covariance: Floats) -> Window:
     """Around a prior with a covariance (3, 3) [m, rad]."""
     spread = math.sqrt(max(float(covariance[0, 0]), float(covariance[1, 1]), 0.0))
     rotation = DEVIATIONS * math.sqrt(max(float(covariance[2, 2]), 0.0))
-    return Window(middle, min(DEVIATIONS * spread, WIDEST), rotation)
+    return Window(middle, min(DEVIATIONS * spread, WIDEST), max(rotation, LEAST_ROTATION))
 
 
 def search(

@@ -54,7 +54,7 @@ class FrontendParams(Params):
         True,
         "1",
         "correlative search in the prior's window where the map explains less than usual",
-        source="ours: [Olson09]",
+        source="ours: [Olson15]",
         switch=True,
     )
     relocate: bool = param(

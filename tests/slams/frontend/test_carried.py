@@ -19,7 +19,7 @@ def stamped(k, pose, wheels=None):
 @each
 def test_a_robot_that_was_carried_in_the_dark_is_found_again_if_that_is_wanted(name):
     both = made(name), made(name, relocate=False)
-    for k in range(80):
+    for k in range(110):
         scan = stamped(k, FIRST @ Pose2(0.05 * k, 0.0, 0.0) if k < 30 else THERE)
         if 30 <= k < 45:
             scan = Scan(scan.t, np.full(541, np.nan, np.float32), LIDAR)
