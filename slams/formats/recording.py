@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -66,14 +67,13 @@ class Recording:
         """
         topic = match(wanted or RESULT, self.topics.of(POSES))
         if topic and not (wanted and match(topic, self.topics.of((ODOMETRY,)))):
-            self.messages.types = {topic: POSES}
-            self.messages.collect([topic])
+            self.messages.collect({topic: POSES})
             return self._whole(self.messages.track(topic), topic)
         if wanted is None:
             return self._of_base_in_map()
         self.wanted, self.strict = wanted, True
         self.roles = self.topics.roles()._replace(imu=None, truth=topic)
-        self._collect(scans=False)
+        self._collect()
         self.base = self._base_frame()
         return self._whole(*self._truth())
 
@@ -109,38 +109,16 @@ class Recording:
 
     # messages
 
-    def _collect(self, scans: bool = True) -> None:
-        """Read what the roles ask for; the moving transforms only where they are needed.
-
-        Without the scans what matters of them and of the odometry is the frame.
-        """
-        types = (SCANS, (ODOMETRY,), (IMU,), POSES)
-        roles = zip(self.roles, types, strict=True)
-        self.messages.types = {topic: allowed for topic, allowed in roles if topic}
-        tf, topics = self._tf(), set(self.messages.types)
-        static = {name for name in tf if name.endswith("static")}
-        frames = set() if scans else topics - {self.roles.truth}
-        for topic in sorted(frames):
-            self.messages.collect_first(topic)
-        self.messages.collect(static | (topics - frames))
+    def _collect(self) -> None:
+        """Read what the roles ask for, and all transforms."""
+        roles = zip(self.roles, (SCANS, (ODOMETRY,), (IMU,), POSES), strict=True)
+        self.messages.collect(self._tf() | {topic: types for topic, types in roles if topic})
         self.laser = self.messages.frame(self.roles.scan)
-        if not self._knows_its_frames():
-            self.messages.collect(tf - static)
         if self.messages.bad:
             self.notes.append(f"{self.messages.bad} messages cannot be read and are left out")
 
-    def _tf(self) -> set[str]:
-        return {topic.name for topic in self.topics.of(TFS)}
-
-    def _knows_its_frames(self) -> bool:
-        """Whether odometry, truth and mount can do without the moving transforms."""
-        roles, options = self.roles, self.options
-        if roles.odom is None and options.odom != "none":
-            return False
-        if self.wanted not in (None, "none") and roles.truth is None:
-            return False
-        base = options.base_frame or (self.messages.frame(roles.odom) if roles.odom else "")
-        return bool(base) and self._fixed(base, self.laser) is not None
+    def _tf(self) -> dict[str, Collection[str]]:
+        return {topic.name: TFS for topic in self.topics.of(TFS)}
 
     def _sweeps(self) -> list[Sweep]:
         sweeps = self.messages.sweeps(self.roles.scan)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,41 +48,31 @@ class Row(NamedTuple):
 class Messages:
     """All that was taken from a bag: rows by topic, and the transforms.
 
-    `types` are the topics with the message types that are expected on them; `bad` counts messages
-    that cannot be read, where that is no error because one is `salvaging`.
+    `bad` counts messages that cannot be read, where that is no error because one is `salvaging`.
     """
 
     def __init__(self, path: Path, bag: Bag, salvaging: bool) -> None:
-        self.types: dict[str, Collection[str]] = {}
         self.rows: dict[str, list[Row]] = defaultdict(list)
         self.transforms = Transforms()
         self.bad = 0
         self._path, self._bag, self._salvaging = path, bag, salvaging
 
-    def collect(self, topics: Collection[str]) -> None:
-        """Take the messages of these topics, transforms among them; of paths the last one.
+    def collect(self, types: Mapping[str, Collection[str]]) -> None:
+        """Take the messages of topics, each of these types; of a path's the last one.
 
         Raises:
             DamagedError: a message cannot be read.
         """
         paths: dict[str, Record] = {}
-        for record in self._bag.records(topics):
+        for record in self._bag.records(types):
             if record.msgtype == PATH:  # each repeats the poses of those before
                 paths[record.topic] = record
-            else:
+            elif record.msgtype in types[record.topic]:
                 self._read(record)
         for record in paths.values():
             self._read(record)
 
-    def collect_first(self, topic: str) -> None:
-        """Take one message of a topic: enough to know the frame it is of.
-
-        Raises:
-            DamagedError: as `collect`.
-        """
-        any(self._read(record) for record in self._bag.records({topic}))
-
-    def _read(self, record: Record) -> bool:
+    def _read(self, record: Record) -> None:
         path, ros1 = self._path, self._bag.ros1
         if record.data.startswith(ZSTD) and not ros1:  # no message begins like this
             raise ValueError(
@@ -97,14 +87,10 @@ class Messages:
                     f"{path}: a message of {record.topic} cannot be read; --salvage leaves it out"
                 ) from error
             self.bad += 1
-            return False
-        self._take(record, message)
-        return True
-
-    def _take(self, record: Record, message: Any) -> None:
+            return
         if record.msgtype in TFS:
             self.transforms.add(message, record.topic.endswith("static"))
-        elif record.msgtype in self.types.get(record.topic, ()):
+        else:
             self.rows[record.topic] += _rows(record, message)
 
     def frame(self, topic: str) -> str:

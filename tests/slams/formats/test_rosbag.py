@@ -200,9 +200,13 @@ def moves(parent, child):
 @pytest.mark.parametrize("level", ["base_stabilized", "base_footprint"])
 def test_without_imu_roll_and_pitch_come_from_tf(level, tmp_path):
     tilts = [lambda i: (level, "base_link", (0.0, 0.0, 0.0), 0.0, 0.01 * i), moves("odom", level)]
+
+    def messages(make):
+        wheels = [("/odom", t, make.odometry(t, *pose)) for t, pose in zip(T, WAY, strict=True)]
+        return [*wheels, *tree(MOUNT, moving=tilts)(make)]
+
     for kind in ("bag", "mcap"):
-        path = bags.write(tmp_path, kind, tree(MOUNT, moving=tilts))
-        attitude = slams.load(path, odom="none").attitude
+        attitude = slams.load(bags.write(tmp_path, kind, messages)).attitude
         assert attitude.t == pytest.approx(T)
         assert attitude.values[:, 0] == pytest.approx(0.01 * np.arange(N), abs=1e-6)
         assert np.abs(attitude.values[:, 1]).max() < 1e-9

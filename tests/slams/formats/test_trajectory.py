@@ -305,23 +305,6 @@ def test_a_file_goes_before_a_topic_and_a_slash_makes_it_the_topic(bag, tmp_path
     same(read_trajectory("/map", bag, TF), T[2:-1], WAY[2:-1])
 
 
-def test_scans_are_left_unread(tmp_path, monkeypatch):
-    from slams.formats import ros_messages
-
-    path = bags.write(tmp_path, "bag", recorded)
-    whole, read = ros_messages.decoder, []
-
-    def counting(ros1):
-        return lambda data, msgtype: read.append(msgtype) or whole(ros1)(data, msgtype)
-
-    monkeypatch.setattr(ros_messages, "decoder", counting)
-    same(read_trajectory("/fused", path, SourceOptions(odom="none")))
-    assert (read.count(bags.SCAN), read.count(bags.ODOMETRY), read.count(bags.PATH)) == (1, N, 0)
-    read.clear()
-    same(read_trajectory("/path", path))
-    assert read == [bags.PATH]
-
-
 def test_a_damaged_bag_is_refused_or_salvaged(tmp_path):
     path = bags.write(tmp_path, "mcap", recorded)
     path.write_bytes(path.read_bytes()[:-60])
