@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from slams.formats.attitude import headings, roll_and_pitch
+from slams.formats.attitude import headings, roll_and_pitch, up_of
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Pose2, wrap_angle
@@ -142,7 +142,7 @@ class Transforms:
 
 def attitudes_of(rows: list[tuple[float, ...]]) -> Floats:
     """Roll and pitch (n, 2) [rad] of the samples of a transform from a level frame."""
-    return roll_and_pitch(np.array([_matrix(row)[2, :3] for row in rows]))
+    return roll_and_pitch(up_of(np.array(rows)[:, 4:]))
 
 
 def planar(matrix: Floats, what: str, notes: list[str]) -> tuple[Pose2, bool]:

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
-from slams.formats.attitude import about_vertical, attitude_of, rotated
+from slams.formats.attitude import tracks_of
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag, Topic
 from slams.formats.frames import BASES, Transforms, bare, moved, planar
 from slams.formats.options import SourceOptions
@@ -41,8 +41,7 @@ class Recording:
         t, ranges, laser = common(self._sweeps(), mount, flipped, self.notes)
         odom, odometry = self._odometry()
         truth, true_source = self._truth()
-        attitude = self._attitude()
-        rate = self._yaw_rate(attitude)
+        rate, attitude = self._inertial()
         matrix = self._fixed(self.base, self.laser)
         if attitude is not None and matrix is not None:
             laser = replace(laser, mount_z=float(matrix[2, 3]))
@@ -237,25 +236,14 @@ class Recording:
             )
         return track
 
-    def _attitude(self) -> Track | None:
-        """Roll and pitch of the base by the IMU, if its place on the base is known, else by tf."""
+    def _inertial(self) -> tuple[Track | None, Track | None]:
+        """Turn rate about the vertical, roll and pitch of the base: by the IMU, else by tf."""
         topic = self.roles.imu
-        matrix = self._fixed(self.base, self.messages.frame(topic)) if topic else None
-        if topic is not None and matrix is not None:
-            return attitude_of(*self.messages.inertial(topic), matrix[:3, :3])
-        return None if topic else self.messages.transforms.attitude(self.base)
-
-    def _yaw_rate(self, attitude: Track | None) -> Track | None:
-        """The gyro's turn rate about the vertical; without attitude the base's upright axis."""
-        topic = self.roles.imu
-        track = self.messages.track(topic) if topic else None
-        if topic is None or track is None:
-            return None
+        if topic is None:
+            return None, self.messages.transforms.attitude(self.base)
         frame = self.messages.frame(topic)
         matrix = self._fixed(self.base, frame)
         if matrix is None:
             self.notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
-            return Track(track.t, track.values[:, 2].copy())
-        if attitude is not None:
-            return about_vertical(Track(track.t, rotated(track.values, matrix[:3, :3])), attitude)
-        return Track(track.t, track.values @ matrix[2, :3])
+        turned = None if matrix is None else matrix[:3, :3]
+        return tracks_of(*self.messages.inertial(topic), turned)

@@ -110,7 +110,7 @@ class Messages:
         return _stamps(rows), [row.values for row in rows]
 
     def track(self, topic: str) -> Track | None:
-        """Poses, or turn rates about three axes, over time; what is not finite is left out."""
+        """Poses over time; what is not finite is left out."""
         rows = self.rows[topic]
         values, whole = _numbers(rows)
         return Track(_stamps(rows)[whole], values[whole]) if whole.any() else None
@@ -135,8 +135,7 @@ def _rows(record: Record, message: Any) -> list[Row]:
 
 def _numbers(rows: list[Row]) -> tuple[Floats, NDArray[np.bool_]]:
     """The values (n, 3) of rows, and which of them can be."""
-    numbers = [v.rates if isinstance(v := row.values, Inertial) else v for row in rows]
-    values: Floats = np.array(numbers, np.float64).reshape(-1, 3)
+    values: Floats = np.array([row.values for row in rows], np.float64).reshape(-1, 3)
     whole: NDArray[np.bool_] = np.all(np.abs(values) < FAR, axis=1)
     return values, whole
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import threading
 import time
 
-from slams.formats.attitude import Inertial
+from slams.formats.attitude import ImuAttitude, Inertial
 from slams.formats.bag import IMU, ODOMETRY, TF, Record
 from slams.formats.frames import planar
 from slams.formats.ros_messages import READ
 from slams.formats.ros_store import store
-from slams.live.attitude import ImuAttitude
 from slams.live.frames import Mounted, RobotFrames
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.stamps import seconds
@@ -39,7 +38,7 @@ class SensorBuffer:
         self._to_base: Pose2 | None = None  # from the frame of the odometry to the base
         self._gyro = IntegralSeries()
         self._early = list[tuple[str, Inertial]]()  # with their frames
-        self._imus: dict[str, ImuAttitude | None] = {}  # by frames; None where tf lacks one
+        self._imus: dict[str, ImuAttitude] = {}  # by frames
         self._attitude = Series(MAX_ATTITUDE_GAP)
         self._settled = False
         self._changed = threading.Condition()
@@ -154,24 +153,19 @@ class SensorBuffer:
         for frame, measured in self._early:
             if frame not in self._imus:
                 self._imus[frame] = self._imu(frame)
-            imu = self._imus[frame]
-            if imu is None:
-                self._gyro.push(measured.sent, measured.rates[2])
-                continue
-            for t, rate, roll, pitch in imu.push(measured):
+            for t, rate, roll, pitch in self._imus[frame].push(measured):
                 self._gyro.push(t, rate)
                 self._attitude.push(t, roll, pitch)
         self._early.clear()
 
-    def _imu(self, frame: str) -> ImuAttitude | None:
-        """What reads the IMU of a frame; None, noted, where tf lacks it."""
+    def _imu(self, frame: str) -> ImuAttitude:
+        """What reads the IMU of a frame; where tf lacks it, which is noted, as upright."""
         matrix = self._fixed(self.frames.base, frame)
         if matrix is None:
             self.frames.notes.append(
                 f"no transform to the gyro's frame '{frame}'; it is taken as upright"
             )
-            return None
-        return ImuAttitude(matrix[:3, :3])
+        return ImuAttitude(None if matrix is None else matrix[:3, :3])
 
     def _fixed(self, base: str | None, frame: str | None) -> Floats | None:
         """A frame in a base, 4 x 4, if both are known and fixed to each other."""
