@@ -148,8 +148,7 @@ class Node:
         """Report what goes wrong, and what is assumed of frames and laser."""
         frames, diagnostics, topics = self.buffer.frames, self._diagnostics, self._topics
         scan_times = {topic: self.scans.came_at.get(topic, self._ready_at) for topic in topics}
-        publishers = {topic: self.transport.publishers(topic) for topic in topics}
-        diagnostics.check(self.report(), scan_times, publishers)
+        diagnostics.check(self.report(), scan_times)
         sought, candidates = self.drive.counts["sought"], self.live.candidates
         if candidates and sought > MAX_UNLOCALIZED_SCANS:
             text = f"scans so far, and the place in the map is not sure ({candidates}); drive on"

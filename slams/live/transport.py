@@ -82,10 +82,6 @@ class Transport:
         found = (e for e in self._published.read(10_000) if e.topic_name.startswith("rt/"))
         return {e.topic_name.removeprefix("rt"): ros_name(e.type_name) for e in found}
 
-    def publishers(self, topic: str) -> int:
-        """How many publish a topic that is subscribed."""
-        return len(self._readers[topic][0].get_matched_publications())
-
     def close(self) -> None:
         """Leave the domain; what was advertised is gone with it."""
         self._ending.set()
