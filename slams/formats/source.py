@@ -18,8 +18,8 @@ from slams.scanlog import ScanLog, load_npz
 from slams.validation import expect
 
 FAMILY = {"npz": "an npz file", "carmen": "a CARMEN log"}
-NOT_IN = {  # options that say nothing about a kind; what is not named is a bag
-    "npz": ("scan_topic", "odom", "imu", "base_frame", "first_beam", "salvage"),
+NOT_IN = {  # options that say nothing about a kind
+    "npz": ("scan_topic", "odom", "imu", "base_frame", "salvage"),
     "carmen": ("imu", "base_frame"),
 }
 SLOW_SCAN_PERIOD, MAX_SCAN_PERIOD = 10.0, 1000.0  # [s] from scan to scan: doubtful, and never
@@ -46,9 +46,6 @@ def load(
     paths = [Path(path)] if isinstance(path, str | Path) else [Path(item) for item in path]
     expect(len(paths) > 0, "files", "no log given", "one, or the files of a split bag")
     options = replace(options or SourceOptions(), **choices)
-    first = options.first_beam
-    if first is not None and not abs(first) <= 360.0:
-        raise ValueError(f"--first-beam: got {first:g}, expected degrees from -360 to 360")
     kinds = [kind_of(path) for path in paths]
     for item, its_kind in zip(paths, kinds, strict=True):
         if its_kind == "other":
@@ -142,10 +139,9 @@ def _noted(log: ScanLog, notes: list[str]) -> ScanLog:
 
 def _left_aside(kind: str, options: SourceOptions) -> list[str]:
     """Tell of options that were given and say nothing about this kind of log."""
-    names = NOT_IN.get(kind, ("first_beam",))
-    given = [name for name in names if getattr(options, name) not in (None, False, "none")]
-    flags = ", ".join(f"--{name.replace('_', '-')}" for name in given)
-    return [f"{flags}: nothing to choose in {FAMILY.get(kind, 'a bag')}"] if given else []
+    names = [n for n in NOT_IN.get(kind, ()) if getattr(options, n) not in (None, False, "none")]
+    flags = ", ".join(f"--{name.replace('_', '-')}" for name in names)
+    return [f"{flags}: nothing to choose in {FAMILY[kind]}"] if names else []
 
 
 def _pace(log: ScanLog) -> list[str]:
