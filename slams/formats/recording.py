@@ -12,7 +12,7 @@ from slams.formats.frames import BASES, Transforms, bare, moved, planar
 from slams.formats.options import SourceOptions
 from slams.formats.packed import name_of
 from slams.formats.ros_messages import Messages
-from slams.formats.sweep import Sweep, common, usable
+from slams.formats.sweep import Fan, common, merged, usable
 from slams.formats.topics import Topics, listed, match, some
 from slams.scanlog import ScanLog, Track
 from slams.types import IDENTITY, Floats, Pose2
@@ -37,26 +37,34 @@ class Recording:
         self.roles = self.topics.roles()
         self._collect()
         self.base = self._base_frame()
-        mount, flipped = self._mount()
-        t, ranges, laser = common(self._sweeps(), mount, flipped, self.notes)
         odom, odometry = self._odometry()
         truth, true_source = self._truth()
         rate, attitude = self._inertial()
-        matrix = self._fixed(self.base, self.laser)
-        if attitude is not None and matrix is not None:
-            laser = replace(laser, mount_z=float(matrix[2, 3]))
+        fans = [self._fan(topic, attitude is not None) for topic in self.roles.scans]
+        t, ranges, laser_of = merged(fans)
         source = {
             "format": KIND[self.kind],
             "file": self.path.resolve().name,
-            "scans": self.roles.scan,
+            "scans": ", ".join(self.roles.scans),
             "odometry": odometry,
             "yaw_rate": self.roles.imu if rate else None,
             "truth": true_source,
             "base_frame": self.base,
             "laser_frame": self.laser,
         }
-        meta = {"name": name_of(self.path), "source": source}
-        return ScanLog(t, ranges, laser, odom, truth, rate, meta, tuple(self.notes), attitude)
+        return ScanLog(
+            t,
+            ranges,
+            fans[0].laser,
+            odom,
+            truth,
+            rate,
+            {"name": name_of(self.path), "source": source},
+            tuple(dict.fromkeys(self.notes)),
+            attitude,
+            tuple(fan.laser for fan in fans[1:]),
+            laser_of,
+        )
 
     def track(self, wanted: str | None) -> Track:
         """The poses on a topic, or of the log's base in a frame as tf has them; None: a result's.
@@ -110,26 +118,31 @@ class Recording:
 
     def _collect(self) -> None:
         """Read what the roles ask for, and all transforms."""
-        roles = zip(self.roles, (SCANS, (ODOMETRY,), (IMU,), POSES), strict=True)
-        self.messages.collect(self._tf() | {topic: types for topic, types in roles if topic})
-        self.laser = self.messages.frame(self.roles.scan)
+        scans, odom, imu, truth = self.roles
+        poses = {odom: (ODOMETRY,), imu: (IMU,), truth: POSES}
+        wanted: dict[str, Collection[str]] = {name: kinds for name, kinds in poses.items() if name}
+        self.messages.collect(self._tf() | wanted | dict.fromkeys(scans, SCANS))
+        self.laser = self.messages.frame(scans[0])
         if self.messages.bad:
             self.notes.append(f"{self.messages.bad} messages cannot be read and are left out")
 
     def _tf(self) -> dict[str, Collection[str]]:
         return {topic.name: TFS for topic in self.topics.of(TFS)}
 
-    def _sweeps(self) -> list[Sweep]:
-        sweeps = self.messages.sweeps(self.roles.scan)
+    def _fan(self, topic: str, tilts: bool) -> Fan:
+        """The scans of a topic; how high the laser sits matters to a robot that tilts."""
+        sweeps = self.messages.sweeps(topic)
         good = [sweep for sweep in sweeps if usable(sweep.geometry)]
         if len(good) < len(sweeps):
             left_out = len(sweeps) - len(good)
             self.notes.append(f"{left_out} scans without beams or angles are left out")
         if not good:
-            raise ValueError(f"{self.path}: no scan of {self.roles.scan} has beams")
-        if self.messages.unstamped(self.roles.scan):
+            raise ValueError(f"{self.path}: no scan of {topic} has beams")
+        if self.messages.unstamped(topic):
             self.notes.append("scans have no stamps; the times of recording stand in")
-        return good
+        mount, flipped, height = self._mount(self.messages.frame(topic))
+        fan = common(good, mount, flipped, self.notes)
+        return fan._replace(laser=replace(fan.laser, mount_z=height)) if tilts else fan
 
     # frames
 
@@ -156,17 +169,22 @@ class Recording:
             )
         return base or above[-1]
 
-    def _mount(self) -> tuple[Pose2, bool]:
-        """The laser in the base, and whether it is upside down."""
-        matrix = self._fixed(self.base, self.laser)
-        if matrix is None or self.base == self.laser:
-            self._check_laser_frame()
-            self.notes.append(
-                f"no transform from a base to the laser's frame '{self.laser}'; the laser is taken "
-                "as the base"
+    def _mount(self, laser: str) -> tuple[Pose2, bool, float]:
+        """A laser in the base, whether it is upside down, and its height."""
+        matrix = self._fixed(self.base, laser)
+        if matrix is not None and self.base != laser:
+            return *planar(matrix, "the laser", self.notes), float(matrix[2, 3])
+        if laser != self.laser:
+            raise ValueError(
+                f"{self.path}: a further laser's frame {laser} is not fixed to {self.base}; "
+                f"frames: {some(self.messages.transforms.frames) or 'none'}"
             )
-            return IDENTITY, False
-        return planar(matrix, "the laser", self.notes)
+        self._check_laser_frame()
+        self.notes.append(
+            f"no transform from a base to the laser's frame '{laser}'; the laser is taken as the "
+            "base"
+        )
+        return IDENTITY, False, 0.0
 
     def _check_laser_frame(self) -> None:
         """Refuse transforms that leave the laser out: it may hang upside down for all we know.

@@ -8,12 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from slams.formats import carmen, rosbag, trajectory
 from slams.formats.kind import BAGS, kind_of
 from slams.formats.options import SourceOptions
-from slams.params import MAX_LASERS
+from slams.formats.recording import Recording
 from slams.scanlog import ScanLog, load_npz
 from slams.validation import expect
 
@@ -86,40 +84,11 @@ def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog
 
 
 def _read(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
-    path, topics = paths[0], options.more_scan_topics
+    path = paths[0]
     if kind in BAGS:
-        return _of_lasers(paths, options) if topics else rosbag.read(paths, options)
-    expect(not topics, "--scan-topic", "several", f"one: {path} is no bag")
+        return rosbag.read(paths, options, Recording.log)
+    expect(not options.more_scan_topics, "--scan-topic", "several", f"one: {path} is no bag")
     return _read_npz(path, options) if kind == "npz" else carmen.read(path, options)
-
-
-def _of_lasers(paths: list[Path], options: SourceOptions) -> ScanLog:
-    """Scans of several topics of a bag, by stamps; everything else comes with the first."""
-    topics = (options.scan_topic, *options.more_scan_topics)
-    bare = {(topic or "").lstrip("/") for topic in topics}
-    expect(len(bare) == len(topics) <= MAX_LASERS, "--scan-topic", topics, "different topics")
-    first = rosbag.read(paths, options)
-    base = first.meta["source"]["base_frame"]
-    same = replace(options, base_frame=base, truth="none")
-    more = [replace(same, scan_topic=topic) for topic in options.more_scan_topics]
-    logs = [first, *(rosbag.read(paths, choice) for choice in more)]
-    t, numbers = np.concatenate([log.t for log in logs]), [len(log) for log in logs]
-    order = np.argsort(t, kind="stable")
-    rows = np.full((len(t), max(log.laser.n_beams for log in logs)), np.nan, np.float32)
-    for log, end in zip(logs, np.cumsum(numbers).tolist(), strict=True):
-        rows[end - len(log) : end, : log.laser.n_beams] = log.ranges
-    source = first.meta["source"] | {
-        "scans": ", ".join(log.meta["source"]["scans"] for log in logs)
-    }
-    return replace(
-        first,
-        t=t[order],
-        ranges=rows[order],
-        others=tuple(log.laser for log in logs[1:]),
-        laser_of=np.repeat(np.arange(len(logs)), numbers)[order],
-        meta=first.meta | {"source": source},
-        notes=tuple(dict.fromkeys(note for log in logs for note in log.notes)),
-    )
 
 
 def _read_npz(path: Path, options: SourceOptions) -> ScanLog:

@@ -218,7 +218,16 @@ def test_the_mount_is_a_chain_of_transforms(static, base, mount, tmp_path):
 
 
 LASERS = scans_on("/front", "/rear")
+BOTH = {"scan_topic": "/scan", "more_scan_topics": ("/rear",)}
+
+
+def unplaced(make):
+    rear = [("/rear", t, make.scan(t, ranges()[0], "rear")) for t in T]
+    return tree(MOUNT)(make) + rear
+
+
 REFUSED = [
+    (unplaced, BOTH, "a further laser's frame rear is not fixed to base_link; frames: base_link"),
     (LASERS, {}, "2 laser scan topics, --scan-topic picks one: /front (12), /rear (12)"),
     (LASERS, {"scan_topic": "/side"}, "no laser scans on /side; there are: /front (12)"),
     (drive, {"scan_topic": "/odom"}, "no laser scans on /odom; there are: /scan (12)"),
