@@ -51,19 +51,6 @@ def test_what_we_write_reads_back(write, packed, tmp_path):
     same(read_trajectory(str(path)))
 
 
-def test_tum_written_by_evo(tmp_path):
-    evo = pytest.importorskip("evo.core.trajectory")
-    file_interface = pytest.importorskip("evo.tools.file_interface")
-    half, zero = 0.5 * WAY[:, 2], np.zeros(N)
-    made = evo.PoseTrajectory3D(
-        np.column_stack([WAY[:, :2], zero]),
-        np.column_stack([np.cos(half), zero, zero, np.sin(half)]),
-        T,
-    )
-    file_interface.write_tum_trajectory_file(tmp_path / "evo.tum", made)
-    same(read_trajectory(tmp_path / "evo.tum"))
-
-
 def test_a_header_that_comes_again_between_the_rows_is_no_row(tmp_path):
     path = tmp_path / "joined.csv"
     path.write_text("t,x,y,theta\n0.0,1.0,2.0,0.5\nt,x,y,theta\n0.1,1.5,2.5,0.6\n")

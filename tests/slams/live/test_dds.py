@@ -156,7 +156,7 @@ def test_a_writer_that_leaves_is_no_message(transports):
         until(lambda sender=sender: len(got) == 1 + (sender is second))
         del outlet
         sender.close()
-        until(lambda: not receiver._readers["/tf"][0].get_matched_publications())
+        until(lambda: "/tf" not in receiver.topics())
     assert len(got) == 2
 
 
