@@ -14,7 +14,7 @@ from slams.live.frames import Mounted, RobotFrames
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.stamps import seconds
 from slams.track import MAX_ATTITUDE_GAP
-from slams.types import Attitude, Floats, Pose2
+from slams.types import IDENTITY, Attitude, Floats, Pose2
 
 MAX_EARLY_READINGS = 4000  # of the gyro, kept until the base is known: 20 s at 200 Hz
 
@@ -81,11 +81,12 @@ class SensorBuffer:
         with self._changed:
             return self.frames.mounted(laser, None)
 
-    def settle_without_tf(self, laser: str) -> None:
+    def settle_without_tf(self, laser: str) -> Mounted:
         """Take the laser as the base, and odometry as the laser's."""
         with self._changed:
             self.frames.base = laser
             self._choose(None)
+            return Mounted(laser, IDENTITY, False)
 
     def wait_for(self, t: float, until: float) -> None:
         """Let odometry and gyro catch up with a stamp, until a time of `time.monotonic` at most."""
@@ -116,11 +117,6 @@ class SensorBuffer:
     def has_odometry(self) -> bool:
         """Whether any came."""
         return self._odometry is not None and bool(self._odometry.t)
-
-    @property
-    def late(self) -> int:
-        """How many samples came after newer ones."""
-        return sum(one.late for one in (self._of_topic, self._gyro, *self.frames.moving.values()))
 
     def _moving(self, laser: str) -> str | None:
         """The frame that the odometry is of: tf's, where the laser sits on it, else the topic's."""
