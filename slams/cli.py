@@ -222,12 +222,6 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         "--base-frame", metavar="FRAME", help="tf frame of the robot, whose poses are computed"
     )
     group.add_argument(
-        "--first-beam",
-        metavar="DEG",
-        type=float,
-        help="direction of the first beam [deg], for a CARMEN log that does not contain it",
-    )
-    group.add_argument(
         "--salvage", action="store_true", help="read the undamaged part of a damaged log"
     )
 

@@ -30,7 +30,6 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("log", nargs="+", help="scan log: npz, ROS bag or CARMEN log")
     p.add_argument("--rate", type=float, default=1.0, metavar="X", help="play X times as fast")
-    p.add_argument("--loop", action="store_true", help="repeat the log until Ctrl-C")
     p.add_argument("--limit", type=cli.count, metavar="N", help="publish the first N scans only")
     p.add_argument("--no-odometry", action="store_true", help="publish no odometry and no gyro")
     p.add_argument(
@@ -39,13 +38,6 @@ def parser() -> argparse.ArgumentParser:
         default=5.0,
         metavar="S",
         help="wait at most so long for a subscriber [s] (default: %(default)g)",
-    )
-    p.add_argument(
-        "--remap",
-        metavar="FROM:=TO",
-        action="append",
-        default=[],
-        help="rename a topic, as /scan:=/front/scan; may be given again",
     )
     p.add_argument("-q", "--quiet", action="store_true", help="print no notes and no progress")
     cli.add_log_options(p)
@@ -90,35 +82,25 @@ def _log(arguments: argparse.Namespace) -> ScanLog:
 def _play(
     log: ScanLog, transport: Transport, arguments: argparse.Namespace, ending: threading.Event
 ) -> int:
-    """Publish the log, once or again and again; returns how many scans."""
+    """Publish the log; returns how many scans."""
+    from slams.live.options import topics_of
     from slams.live.robot import LINGER, Robot
 
-    names = cli.refusing(lambda: dict(_renamed(text) for text in arguments.remap))
-    robot = cli.refusing(lambda: Robot(log, transport, names))
+    robot = cli.refusing(lambda: Robot(log, transport, topics_of(arguments.remap)))
     transport.listen()
     robot.introduce()
     if not robot.await_reader(arguments.wait_for_subscriber, ending) and not arguments.quiet:
         cli.show_notes(PROGRAM, ["nobody listens to the scans yet; they are sent all the same"])
     gc.collect()
     gc.freeze()  # a search for garbage among all scans would hold them up
-    sent, start, turn = 0, time.monotonic(), 0
-    while not ending.is_set() and (turn == 0 or arguments.loop):
-        moments = cli.progress(robot.moments(turn), robot.length, "playing", arguments.quiet, "")
-        for moment in moments:
-            if ending.wait(start + moment.t / arguments.rate - time.monotonic()):
-                break
-            moment.send()
-            sent += moment.is_scan
-        turn += 1
+    sent, start = 0, time.monotonic()
+    for moment in cli.progress(robot.moments(), robot.length, "playing", arguments.quiet, ""):
+        if ending.wait(start + moment.t / arguments.rate - time.monotonic()):
+            break
+        moment.send()
+        sent += moment.is_scan
     ending.wait(LINGER)
     return sent
-
-
-def _renamed(text: str) -> tuple[str, str]:
-    old, between, new = text.partition(":=")
-    if not (between and old.startswith("/") and new.startswith("/")):
-        raise ValueError(f"--remap: got {text!r}, expected /FROM:=/TO")
-    return old, new
 
 
 if __name__ == "__main__":

@@ -11,12 +11,11 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import slams
+from slams.formats.bag import ECHOES, OLD_TF, PATH, TF
+from slams.formats.ros_maker import Maker
+from slams.types import Laser, Pose2
 
-SCAN, ECHOES = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/MultiEchoLaserScan"
-ODOMETRY, IMU = "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
-POSE, POSE_COV = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
-PATH = "nav_msgs/msg/Path"
-TF, OLD_TF, STRING = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage", "std_msgs/msg/String"
+STRING = "std_msgs/msg/String"
 KINDS = ("bag", "bag-bz2", "bag-lz4", "db3", "mcap", "folder-db3", "folder-mcap", "folder-zstd")
 
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_JAZZY)
@@ -24,7 +23,7 @@ for _name in (TF, OLD_TF):
     ROS1.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", _name))
 
 
-class Make:
+class Make(Maker):
     """Messages of one ROS generation; angles in radians, stamps in seconds."""
 
     def __init__(self, store):
@@ -33,10 +32,9 @@ class Make:
     def of(self, name, *fields):
         return self.types[name](*fields)
 
-    def header(self, t, frame):
-        time = self.of("builtin_interfaces/msg/Time", *divmod(round(t * 1e9), 10**9))
-        fields = (time, frame) if self.store is ROS2 else (0, time, frame)
-        return self.of("std_msgs/msg/Header", *fields)
+    def _header(self, stamp, frame):
+        fields = (self._time(stamp), frame)
+        return self.of("std_msgs/msg/Header", *(fields if self.store is ROS2 else (0, *fields)))
 
     def quaternion(self, yaw, roll=0.0):
         """Roll about x first, then yaw about z."""
@@ -44,72 +42,55 @@ class Make:
         cr, sr = math.cos(roll / 2), math.sin(roll / 2)
         return self.of("geometry_msgs/msg/Quaternion", cy * sr, sy * sr, sy * cr, cy * cr)
 
-    def pose(self, x, y, yaw):
-        point = self.of("geometry_msgs/msg/Point", x, y, 0.0)
-        return self.of("geometry_msgs/msg/Pose", point, self.quaternion(yaw))
-
-    def vector(self, x, y, z):
-        return self.of("geometry_msgs/msg/Vector3", x, y, z)
-
     def scan(self, t, ranges, frame="laser", angles=(-1.5, 0.1), limits=(0.1, 30.0), beam=0.0):
-        ranges = np.asarray(ranges, np.float32)
-        end = angles[0] + angles[1] * (len(ranges) - 1)
-        numbers = (angles[0], end, angles[1], beam, 0.1, *limits)
-        nothing = np.zeros(0, np.float32)
-        return self.of(SCAN, self.header(t, frame), *numbers, ranges, nothing)
+        fan = Laser(*angles, len(ranges), *limits, time_increment=beam)
+        return super().scan(ns(t), frame, fan, ranges, 0.1)
 
     def echoes(self, t, echoes, frame="laser"):
         beams = [
             self.of("sensor_msgs/msg/LaserEcho", np.array(beam, np.float32)) for beam in echoes
         ]
-        end = -1.5 + 0.1 * (len(echoes) - 1)
-        return self.of(
-            ECHOES, self.header(t, frame), -1.5, end, 0.1, 0.0, 0.1, 0.1, 30.0, beams, []
-        )
+        numbers = (-1.5, -1.5 + 0.1 * (len(echoes) - 1), 0.1, 0.0, 0.1, 0.1, 30.0)
+        return self.of(ECHOES, self._header(ns(t), frame), *numbers, beams, [])
 
     def odometry(self, t, x, y, yaw, child="base_link", frame="odom"):
-        zero = np.zeros(36)
-        pose = self.of("geometry_msgs/msg/PoseWithCovariance", self.pose(x, y, yaw), zero)
-        twist = self.of("geometry_msgs/msg/Twist", self.vector(0, 0, 0), self.vector(0, 0, 0))
-        twist = self.of("geometry_msgs/msg/TwistWithCovariance", twist, zero)
-        return self.of(ODOMETRY, self.header(t, frame), child, pose, twist)
+        return super().odometry(ns(t), Pose2(x, y, yaw), frame, child)
 
     def posed(self, t, x, y, yaw):
-        return self.of(POSE, self.header(t, "world"), self.pose(x, y, yaw))
+        return self.pose(ns(t), Pose2(x, y, yaw), "world")
 
     def path(self, t, rows):
         """The poses (t, x, y, yaw) so far."""
-        return self.of(PATH, self.header(t, "map"), [self.posed(*row) for row in rows])
+        return self.of(PATH, self._header(ns(t), "map"), [self.posed(*row) for row in rows])
 
     def posed_with_covariance(self, t, x, y, yaw):
-        pose = self.of("geometry_msgs/msg/PoseWithCovariance", self.pose(x, y, yaw), np.zeros(36))
-        return self.of(POSE_COV, self.header(t, "world"), pose)
+        return super().posed(ns(t), Pose2(x, y, yaw), np.zeros((3, 3)), "world")
 
     def imu(self, t, rates, frame="imu", given=True, roll=0.0):
-        nine = np.zeros(9)
-        rate = np.array([0.0 if given else -1.0, *[0.0] * 8])
-        w, a = self.vector(*rates), self.vector(0.0, 0.0, 9.81)
-        return self.of(
-            IMU, self.header(t, frame), self.quaternion(0.0, roll), nine, w, rate, a, nine
-        )
+        message = super().imu(ns(t), rates[2], frame)
+        message.orientation_covariance[0] = 0.0
+        message.orientation = self.quaternion(0.0, roll)
+        message.angular_velocity = self._vector(*rates)
+        message.angular_velocity_covariance[0] = 0.0 if given else -1.0
+        message.linear_acceleration.z = 9.81
+        return message
 
     def tf(self, t, *transforms, old=False):
         """Each transform: parent, child, (x, y, z), yaw, roll."""
-        items = [
-            self.of(
-                "geometry_msgs/msg/TransformStamped",
-                self.header(t, parent),
-                child,
-                self.of(
-                    "geometry_msgs/msg/Transform", self.vector(*place), self.quaternion(yaw, roll)
-                ),
-            )
-            for parent, child, place, yaw, roll in transforms
-        ]
+        edges = [(parent, child, Pose2(*xyz[:2], yaw)) for parent, child, xyz, yaw, _ in transforms]
+        items = self.transforms(ns(t), edges).transforms
+        for item, (_, _, (_, _, z), yaw, roll) in zip(items, transforms, strict=True):
+            item.transform.translation.z = z
+            item.transform.rotation = self.quaternion(yaw, roll)
         return self.of(OLD_TF if old else TF, items)
 
     def string(self, text):
         return self.of(STRING, text)
+
+
+def ns(t):
+    """A stamp [ns] of seconds."""
+    return round(1e9 * t)
 
 
 def write(folder, kind, messages, name="drive"):

@@ -1,4 +1,4 @@
-"""Attitude from an IMU: by its orientation, else by gyro and accelerometer."""
+"""Attitude and turn rate from an IMU, message by message, for logs and on a robot."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats
+from slams.validation import FAR
 
 SETTLING = 2.0  # s over which the accelerometer corrects the gyro: longer than a robot speeds up
 GRAVITY, DISTURBED = 9.81, 1.0  # m/s^2; by how much a measured one is off while a robot is shaken
-
 OVERHEAD = 1.0  # rad: by more no robot tilts, its IMU is not mounted as the transforms say
+UNDECIDED = 0.5  # s in which an orientation changes, if it is measured: there is noise in it
 
 
 class Inertial(NamedTuple):
@@ -39,23 +40,65 @@ def inertial(message: Any) -> Inertial:
     )
 
 
-def attitude_of(t: Floats, rows: list[Inertial], turned: Floats) -> Track | None:
-    """Roll and pitch of the base; `turned` (3, 3) from the IMU's axes to the base's.
+def tracks_of(
+    t: Floats, rows: list[Inertial], turned: Floats | None
+) -> tuple[Track | None, Track | None]:
+    """Turn rate (n,), roll and pitch (k, 2) of all messages, stamped t; None: nothing measured."""
+    imu = ImuAttitude(turned)
+    stamped = [row._replace(sent=stamp) for stamp, row in zip(t.tolist(), rows, strict=True)]
+    table = np.array([one for row in stamped for one in imu.push(row)]).reshape(-1, 4)
+    known = np.abs(table) < FAR  # nan is not
+    rated, tilted = table[known[:, 1]], table[known[:, 2:].all(axis=1)]
+    rate = Track(rated[:, 0].copy(), rated[:, 1].copy()) if len(rated) else None
+    tilt = Track(tilted[:, 0].copy(), tilted[:, 2:].copy()) if len(tilted) else None
+    return rate, tilt
 
-    An orientation that never changes is a placeholder. None where nothing is measured.
+
+class ImuAttitude:
+    """Attitude and turn rate of the base from its IMU: by orientation, else gyro and accelerometer.
+
+    An orientation that has not changed yet may be a placeholder: messages wait until it does, for a
+    while; from then on those after it go by gyro and accelerometer, until it changes.
+
+    Args:
+        turned: (3, 3), from the IMU's axes to the base's; None: not known, the IMU is upright.
     """
-    if not rows:
-        return None
-    orientation = np.array([row.orientation for row in rows])
-    measured = np.isfinite(orientation).any() and (orientation != orientation[0]).any()
-    up = up_of(orientation) if measured else _filtered(t, rows)
-    attitudes = roll_and_pitch(rotated(up, turned))
-    known = np.isfinite(attitudes).all(axis=1)
-    return Track(t[known], attitudes[known]) if attitudes[known].any() else None
+
+    def __init__(self, turned: Floats | None) -> None:
+        self._turned, self._gravity = turned, GravityFilter()
+        self._waiting: list[Inertial] = []
+        self._first: Inertial | None = None
+        self._oriented = False
+
+    def push(self, measured: Inertial) -> list[tuple[float, float, float, float]]:
+        """Take a message.
+
+        Gives stamp [s], turn rate about the vertical [rad/s], roll and pitch [rad], nan where
+        unknown, of the messages that wait no longer.
+        """
+        if self._turned is None:
+            return [(measured.sent, measured.rates[2], math.nan, math.nan)]
+        self._waiting.append(measured)
+        first = self._first = self._first or measured
+        if not self._oriented and math.isfinite(measured.orientation[0]):
+            self._oriented = measured.orientation != first.orientation
+            if not self._oriented and 0.0 <= measured.sent - first.sent < UNDECIDED:
+                return []
+        waiting, self._waiting = self._waiting, []
+        return [self._taken(one, self._turned) for one in waiting]
+
+    def _taken(self, measured: Inertial, turned: Floats) -> tuple[float, float, float, float]:
+        if self._oriented:
+            up = up_of(np.array([measured.orientation]))
+        else:
+            up = self._gravity.push(measured)[None]
+        roll, pitch = roll_and_pitch(rotated(up, turned))[0].tolist()
+        rates = rotated(np.array([measured.rates]), turned)[0]
+        return measured.sent, vertical_rate(rates, roll, pitch), roll, pitch
 
 
 def rotated(vectors: Floats, matrix: Floats) -> Floats:
-    """Vectors (n, 3) turned by a matrix (3, 3); each row has the same bits on its own."""
+    """Vectors (n, 3) turned by a matrix (3, 3)."""
     x, y, z = vectors.T
     return np.column_stack([row[0] * x + row[1] * y + row[2] * z for row in matrix])
 
@@ -67,22 +110,14 @@ def roll_and_pitch(up: Floats) -> Floats:
         return np.column_stack([np.arctan2(y, z), -np.arcsin(np.clip(x, -1.0, 1.0))])
 
 
-def about_vertical(rate: Track, attitude: Track) -> Track:
-    """Turn rate about the vertical (k,) of rates (k, 3) about the axes of a tilted base."""
-    return Track(rate.t, vertical_rates(rate.values, attitude.attitudes_at(rate.t)))
-
-
-def vertical_rates(rates: Floats, attitudes: Floats) -> Floats:
-    """Turn rates about the vertical (n,) of rates (n, 3) about a base's axes, by attitudes (n, 2).
+def vertical_rate(rates: Floats, roll: float, pitch: float) -> float:
+    """Turn rate about the vertical of rates (3,) about a base's axes.
 
     Without an attitude, nan, or with an impossible one, that about the upright axis.
     """
-    attitudes = np.nan_to_num(attitudes)
-    attitudes[np.abs(attitudes).max(axis=1) > OVERHEAD] = 0.0
-    roll, pitch = attitudes.T
-    _, y, z = rates.T
-    about: Floats = (np.sin(roll) * y + np.cos(roll) * z) / np.cos(pitch)
-    return about
+    if not max(abs(roll), abs(pitch)) <= OVERHEAD:
+        roll = pitch = 0.0
+    return float((math.sin(roll) * rates[1] + math.cos(roll) * rates[2]) / math.cos(pitch))
 
 
 def up_of(orientation: Floats) -> Floats:
@@ -99,25 +134,19 @@ def headings(orientation: Floats) -> Floats:
     return found
 
 
-def _filtered(t: Floats, rows: list[Inertial]) -> Floats:
-    """The vertical (n, 3) by `GravityFilter`."""
-    gravity = GravityFilter()
-    return np.array([gravity.push(stamp, row) for stamp, row in zip(t.tolist(), rows, strict=True)])
-
-
 class GravityFilter:
     """The vertical by a complementary filter [Mahony08]: gyro, held by the accelerometer."""
 
     def __init__(self) -> None:
         self._up, self._last = np.zeros(3), math.nan
 
-    def push(self, t: float, row: Inertial) -> Floats:
-        """The vertical (3,) in the IMU's axes after a message of time t [s]; nan where unknown."""
+    def push(self, row: Inertial) -> Floats:
+        """The vertical (3,) in the IMU's axes after a message; nan where unknown."""
         up, force, rates = self._up, np.array(row.acceleration), np.array(row.rates)
         size = math.sqrt(float(force @ force))
         rests = abs(size - GRAVITY) < DISTURBED
-        dt = 0.0 if math.isnan(self._last) else min(max(t - self._last, 0.0), SETTLING)
-        self._last = t
+        dt = 0.0 if math.isnan(self._last) else min(max(row.sent - self._last, 0.0), SETTLING)
+        self._last = row.sent
         if up.any() and np.isfinite(rates).all():
             up = up - np.cross(rates, up) * dt
         if rests:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from slams.formats.options import DamagedError
+from slams.formats.ros_store import store
 
 T = TypeVar("T")
 
@@ -154,9 +155,8 @@ def decoder(ros1: bool) -> Callable[[bytes, str], Any]:
     """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    if not ros1:
-        return get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
-    store = get_typestore(Stores.ROS1_NOETIC)
-    for name in TFS:
-        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
-    return store.deserialize_ros1
+    types: Any = get_typestore(Stores.ROS1_NOETIC) if ros1 else store()
+    for name in TFS if ros1 else ():
+        types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
+    decode: Callable[[bytes, str], Any] = types.deserialize_ros1 if ros1 else types.deserialize_cdr
+    return decode

@@ -33,8 +33,7 @@ LASER = re.compile(r"(FLASER|RLASER|RAWLASER\d|ROBOTLASER\d)$")
 WORD = re.compile(r"^(PARAM|SYNC|ODOM|TRUEPOS|FLASER|RLASER|(RAW|ROBOT)LASER\d)[ \t]", re.M)
 FRONT = ("ROBOTLASER1", "FLASER", "RAWLASER1")  # one laser's; the first tells most
 N_TAIL_WORDS = 3
-SICK_STEPS = {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5}  # [deg] of a SICK, where no line tells it
-RANGE_MIN, RANGE_MAX = 0.1, 81.0  # of a SICK, the same
+RANGE_MIN, RANGE_MAX = 0.1, 81.0  # of a SICK, where no line tells it
 RIGID_TOLERANCE = 2e-3  # [m, rad] that a laser on its robot seems to move by rounding
 NO_RETURN_FREQUENCY = 10  # times as frequent as any reading near it: the code for "nothing seen"
 
@@ -62,7 +61,7 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
     notes: list[str] = []
     text = text_of(path, options.salvage, notes)
     message = _chosen(path, text, options.scan_topic)
-    lines = Lines(message, options.first_beam)
+    lines = Lines(message)
     bad = _parse(path, text, lines, options.salvage)
     if bad:
         notes.append(f"{bad} lines are not whole and left out")
@@ -116,8 +115,8 @@ def _parse(path: Path, text: str, lines: Lines, salvage: bool) -> int:
 class Lines:
     """What the lines of a log say, sorted by message."""
 
-    def __init__(self, message: str, first_beam: float | None) -> None:
-        self.message, self.first_beam = message, first_beam
+    def __init__(self, message: str) -> None:
+        self.message = message
         self.params: dict[str, str] = {}
         self.odom: list[list[float]] = []
         self.truth: list[list[float]] = []
@@ -152,14 +151,13 @@ class Lines:
 
     def _old_geometry(self, n: int) -> Laser:
         """The lines do not tell the angles: the parameters do, or else 180 degrees it is."""
-        usual = SICK_STEPS.get(n, 180.0 / max(n - 1, 1))
+        usual = 180.0 / max(n - n % 2, 1)  # as a SICK's 180, 181, 360 or 361
         step = self.number("laser_front_laser_resolution", usual)
         if step * (n - 1) > 360.0:  # the parameter is of another laser
             step = usual
-        first = -90.0 if n in SICK_STEPS else -0.5 * step * (n - 1)
-        first = math.radians(first if self.first_beam is None else self.first_beam)
+        first = -90.0 if step == usual else -0.5 * step * (n - 1)
         high = self.number("robot_front_laser_max", RANGE_MAX)
-        return Laser(first, math.radians(step), n, RANGE_MIN, high)
+        return Laser(math.radians(first), math.radians(step), n, RANGE_MIN, high)
 
     def _new_laser(self, words: list[str]) -> None:
         """RAWLASERn and ROBOTLASERn; the number of words tells what stands at their end."""
@@ -175,7 +173,6 @@ class Lines:
         even = fov / (n - 1) if n > 1 else step
         if step <= 0.0 or abs(step - even) * n < 1e-3:  # six decimals are few for a step
             step = even
-        first = first if self.first_beam is None else math.radians(self.first_beam)
         return Laser(first, step, n, RANGE_MIN, high)
 
 

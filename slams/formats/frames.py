@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from slams.formats.attitude import headings, roll_and_pitch
+from slams.formats.attitude import headings, roll_and_pitch, up_of
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Pose2, wrap_angle
@@ -20,6 +20,7 @@ BASES = ("base_link", "base_footprint")  # REP 105
 MAX_TILT = math.radians(10.0)  # [rad] out of the plane that is too much
 
 Edge = tuple[str, str]  # parent, child
+Row = tuple[float, ...]  # t, x, y, z, qx, qy, qz, qw
 
 
 def bare(frame: str) -> str:
@@ -28,22 +29,25 @@ def bare(frame: str) -> str:
 
 
 class Transforms:
-    """Transforms by parent and child, each a list of (t, x, y, z, qx, qy, qz, qw)."""
+    """Transforms by parent and child, each a list of rows."""
 
     def __init__(self) -> None:
-        self.samples: dict[Edge, list[tuple[float, ...]]] = {}
+        self.samples: dict[Edge, list[Row]] = {}
         self.static: set[Edge] = set()
 
-    def add(self, message: Any, static: bool) -> None:
-        """Take the transforms of a tf message."""
+    def add(self, message: Any, static: bool) -> dict[Edge, list[Row]]:
+        """Take the transforms of a tf message; gives those that are taken."""
+        new: dict[Edge, list[Row]] = {}
         for item in message.transforms:
             edge = bare(item.header.frame_id), bare(item.child_frame_id)
             p, q = item.transform.translation, item.transform.rotation
             row = (seconds(item.header.stamp), p.x, p.y, p.z, q.x, q.y, q.z, q.w)
             if edge[0] != edge[1] and all(abs(value) < FAR for value in row[1:]):
-                self.samples.setdefault(edge, []).append(row)
-                if static:
-                    self.static.add(edge)
+                new.setdefault(edge, []).append(row)
+        for edge, rows in new.items():
+            self.samples.setdefault(edge, []).extend(rows)
+        self.static |= set(new) if static else set()
+        return new
 
     @property
     def frames(self) -> list[str]:
@@ -106,18 +110,16 @@ class Transforms:
 
         None where the two do not move against each other.
         """
-        edge = self.tilting(base)
-        if edge is None:
+        edge = self.leveled(base)
+        if edge is None or self.is_fixed(edge):
             return None
         rows = self.samples[edge]
         return Track(np.array([row[0] for row in rows]), attitudes_of(rows))
 
-    def tilting(self, base: str) -> Edge | None:
-        """The transform from a level frame right above the base, if the two move."""
+    def leveled(self, base: str) -> Edge | None:
+        """The transform from a level frame right above the base, if there is one."""
         edge = self._above(bare(base), rigid=False)
-        if edge is None or edge[0].rpartition("/")[2] not in LEVEL or self.is_fixed(edge):
-            return None
-        return edge
+        return edge if edge and edge[0].rpartition("/")[2] in LEVEL else None
 
     def _above(self, frame: str, rigid: bool) -> Edge | None:
         edges = [edge for edge in self.samples if edge[1] == frame]
@@ -140,9 +142,9 @@ class Transforms:
         return found
 
 
-def attitudes_of(rows: list[tuple[float, ...]]) -> Floats:
+def attitudes_of(rows: list[Row]) -> Floats:
     """Roll and pitch (n, 2) [rad] of the samples of a transform from a level frame."""
-    return roll_and_pitch(np.array([_matrix(row)[2, :3] for row in rows]))
+    return roll_and_pitch(up_of(np.array(rows)[:, 4:]))
 
 
 def planar(matrix: Floats, what: str, notes: list[str]) -> tuple[Pose2, bool]:
@@ -175,12 +177,12 @@ def _composed(a: Floats, b: Floats) -> Floats:
     return poses
 
 
-def _planar_track(rows: list[tuple[float, ...]]) -> Track:
+def _planar_track(rows: list[Row]) -> Track:
     table = np.array(rows, np.float64)
     return Track(table[:, 0].copy(), np.column_stack([table[:, 1:3], headings(table[:, 4:])]))
 
 
-def _matrix(row: tuple[float, ...]) -> Floats:
+def _matrix(row: Row) -> Floats:
     """4 x 4 of x, y, z and a quaternion of any length."""
     x, y, z, w = np.array(row[4:]) / (np.linalg.norm(row[4:]) or 1.0)
     pose = np.eye(4)

@@ -94,43 +94,33 @@ class Head(NamedTuple):
 
 
 def _head(path: Path) -> Head:
-    entries = _entries(path)
-    origin = entries["origin"]
-    if not (isinstance(origin, list) and len(origin) in (2, 3)):
-        raise ValueError(f"{path}: origin: got {origin}, expected [x, y, yaw]")
-    try:
-        x, y, yaw = (float(value) for value in [*origin, 0.0][:3])
-        head = Head(
-            str(entries["image"]),
-            float(entries["resolution"]),
-            (x, y),
-            bool(int(entries.get("negate", 0))),
-            float(entries.get("occupied_thresh", OCCUPIED_THRESH)),
-            float(entries.get("free_thresh", FREE_THRESH)),
-        )
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"{path}: an entry is not a number ({error})") from error
-    if not np.isfinite([head.occupied, head.free]).all():
-        raise ValueError(
-            f"{path}: got occupied_thresh {head.occupied}, free_thresh {head.free}, expected 0 to 1"
-        )
-    if yaw != 0.0 or not (head.resolution > 0.0 and np.isfinite([x, y, head.resolution]).all()):
-        raise ValueError(
-            f"{path}: got resolution {head.resolution}, origin {x}, {y}, {yaw}; expected metres "
-            "per cell and an origin that is not turned (yaw 0)"
-        )
-    return head
-
-
-def _entries(path: Path) -> dict[str, Any]:
     entries = yaml_file.parse(yaml_file.read_text(path), path)
-    known = entries if isinstance(entries, dict) else {}
+    known: dict[str, Any] = entries if isinstance(entries, dict) else {}
     missing = [key for key in ("image", "resolution", "origin") if key not in known]
     if missing:
         raise ValueError(f"{path}: no {', '.join(missing)}; expected the yaml of a map")
     if known.get("mode", "trinary") != "trinary":
         raise ValueError(f"{path}: mode: got {known['mode']}, expected trinary; save it as such")
-    return known
+    try:
+        x, y, yaw = (float(value) for value in [*known["origin"], 0.0][:3])
+        head = Head(
+            str(known["image"]),
+            float(known["resolution"]),
+            (x, y),
+            bool(int(known.get("negate", 0))),
+            float(known.get("occupied_thresh", OCCUPIED_THRESH)),
+            float(known.get("free_thresh", FREE_THRESH)),
+        )
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"{path}: an entry is not a number ({error})") from error
+    numbers = (x, y, head.resolution, head.occupied, head.free)
+    if yaw != 0.0 or not (head.resolution > 0.0 and np.isfinite(numbers).all()):
+        raise ValueError(
+            f"{path}: got origin {x:g}, {y:g}, {yaw:g}, resolution {head.resolution:g}, thresholds "
+            f"{head.occupied:g}, {head.free:g}; expected an origin that is not turned (yaw 0), "
+            "metres per cell, 0 to 1"
+        )
+    return head
 
 
 def _trinary(occupancy: Floats, occupied: float, free: float) -> Floats:

@@ -10,11 +10,10 @@ class SourceOptions:
     """What to take from a recorded file; None = decided by what is in it.
 
     `scan_topic` names the laser (a topic, or a CARMEN message such as RLASER), `more_scan_topics`
-    those of a bag's further lasers that are used with it, `odom` an odometry
-    topic or TF frame, `imu` a topic, `truth` a trajectory file, a topic or a TF frame; "none" does
-    without. `base_frame` is the TF frame that poses are of. `first_beam` [deg] is the direction of
-    the first reading where the file does not tell it. `salvage` reads what is whole in a damaged
-    file instead of refusing it.
+    those of a bag's further lasers that are used with it, `odom` an odometry topic or TF frame,
+    `imu` a topic, `truth` a trajectory file, a topic or a TF frame; "none" does without.
+    `base_frame` is the TF frame that poses are of. `salvage` reads what is whole in a damaged file
+    instead of refusing it.
     """
 
     scan_topic: str | None = None
@@ -23,7 +22,6 @@ class SourceOptions:
     imu: str | None = None
     truth: str | None = None
     base_frame: str | None = None
-    first_beam: float | None = None
     salvage: bool = False
 
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
-from slams.formats.attitude import about_vertical, attitude_of, rotated
+from slams.formats.attitude import tracks_of
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag, Topic
 from slams.formats.frames import BASES, Transforms, bare, moved, planar
 from slams.formats.options import SourceOptions
 from slams.formats.packed import name_of
 from slams.formats.ros_messages import Messages
-from slams.formats.sweep import Sweep, common, usable
+from slams.formats.sweep import Fan, common, merged, usable
 from slams.formats.topics import Topics, listed, match, some
 from slams.scanlog import ScanLog, Track
 from slams.types import IDENTITY, Floats, Pose2
@@ -36,27 +37,34 @@ class Recording:
         self.roles = self.topics.roles()
         self._collect()
         self.base = self._base_frame()
-        mount, flipped = self._mount()
-        t, ranges, laser = common(self._sweeps(), mount, flipped, self.notes)
         odom, odometry = self._odometry()
         truth, true_source = self._truth()
-        attitude = self._attitude()
-        rate = self._yaw_rate(attitude)
-        matrix = self._fixed(self.base, self.laser)
-        if attitude is not None and matrix is not None:
-            laser = replace(laser, mount_z=float(matrix[2, 3]))
+        rate, attitude = self._inertial()
+        fans = [self._fan(topic, attitude is not None) for topic in self.roles.scans]
+        t, ranges, laser_of = merged(fans)
         source = {
             "format": KIND[self.kind],
             "file": self.path.resolve().name,
-            "scans": self.roles.scan,
+            "scans": ", ".join(self.roles.scans),
             "odometry": odometry,
             "yaw_rate": self.roles.imu if rate else None,
             "truth": true_source,
             "base_frame": self.base,
             "laser_frame": self.laser,
         }
-        meta = {"name": name_of(self.path), "source": source}
-        return ScanLog(t, ranges, laser, odom, truth, rate, meta, tuple(self.notes), attitude)
+        return ScanLog(
+            t,
+            ranges,
+            fans[0].laser,
+            odom,
+            truth,
+            rate,
+            {"name": name_of(self.path), "source": source},
+            tuple(dict.fromkeys(self.notes)),
+            attitude,
+            tuple(fan.laser for fan in fans[1:]),
+            laser_of,
+        )
 
     def track(self, wanted: str | None) -> Track:
         """The poses on a topic, or of the log's base in a frame as tf has them; None: a result's.
@@ -66,14 +74,13 @@ class Recording:
         """
         topic = match(wanted or RESULT, self.topics.of(POSES))
         if topic and not (wanted and match(topic, self.topics.of((ODOMETRY,)))):
-            self.messages.types = {topic: POSES}
-            self.messages.collect([topic])
+            self.messages.collect({topic: POSES})
             return self._whole(self.messages.track(topic), topic)
         if wanted is None:
             return self._of_base_in_map()
         self.wanted, self.strict = wanted, True
         self.roles = self.topics.roles()._replace(imu=None, truth=topic)
-        self._collect(scans=False)
+        self._collect()
         self.base = self._base_frame()
         return self._whole(*self._truth())
 
@@ -109,50 +116,33 @@ class Recording:
 
     # messages
 
-    def _collect(self, scans: bool = True) -> None:
-        """Read what the roles ask for; the moving transforms only where they are needed.
-
-        Without the scans what matters of them and of the odometry is the frame.
-        """
-        types = (SCANS, (ODOMETRY,), (IMU,), POSES)
-        roles = zip(self.roles, types, strict=True)
-        self.messages.types = {topic: allowed for topic, allowed in roles if topic}
-        tf, topics = self._tf(), set(self.messages.types)
-        static = {name for name in tf if name.endswith("static")}
-        frames = set() if scans else topics - {self.roles.truth}
-        for topic in sorted(frames):
-            self.messages.collect_first(topic)
-        self.messages.collect(static | (topics - frames))
-        self.laser = self.messages.frame(self.roles.scan)
-        if not self._knows_its_frames():
-            self.messages.collect(tf - static)
+    def _collect(self) -> None:
+        """Read what the roles ask for, and all transforms."""
+        scans, odom, imu, truth = self.roles
+        poses = {odom: (ODOMETRY,), imu: (IMU,), truth: POSES}
+        wanted: dict[str, Collection[str]] = {name: kinds for name, kinds in poses.items() if name}
+        self.messages.collect(self._tf() | wanted | dict.fromkeys(scans, SCANS))
+        self.laser = self.messages.frame(scans[0])
         if self.messages.bad:
             self.notes.append(f"{self.messages.bad} messages cannot be read and are left out")
 
-    def _tf(self) -> set[str]:
-        return {topic.name for topic in self.topics.of(TFS)}
+    def _tf(self) -> dict[str, Collection[str]]:
+        return {topic.name: TFS for topic in self.topics.of(TFS)}
 
-    def _knows_its_frames(self) -> bool:
-        """Whether odometry, truth and mount can do without the moving transforms."""
-        roles, options = self.roles, self.options
-        if roles.odom is None and options.odom != "none":
-            return False
-        if self.wanted not in (None, "none") and roles.truth is None:
-            return False
-        base = options.base_frame or (self.messages.frame(roles.odom) if roles.odom else "")
-        return bool(base) and self._fixed(base, self.laser) is not None
-
-    def _sweeps(self) -> list[Sweep]:
-        sweeps = self.messages.sweeps(self.roles.scan)
+    def _fan(self, topic: str, tilts: bool) -> Fan:
+        """The scans of a topic; how high the laser sits matters to a robot that tilts."""
+        sweeps = self.messages.sweeps(topic)
         good = [sweep for sweep in sweeps if usable(sweep.geometry)]
         if len(good) < len(sweeps):
             left_out = len(sweeps) - len(good)
             self.notes.append(f"{left_out} scans without beams or angles are left out")
         if not good:
-            raise ValueError(f"{self.path}: no scan of {self.roles.scan} has beams")
-        if self.messages.unstamped(self.roles.scan):
+            raise ValueError(f"{self.path}: no scan of {topic} has beams")
+        if self.messages.unstamped(topic):
             self.notes.append("scans have no stamps; the times of recording stand in")
-        return good
+        mount, flipped, height = self._mount(self.messages.frame(topic))
+        fan = common(good, mount, flipped, self.notes)
+        return fan._replace(laser=replace(fan.laser, mount_z=height)) if tilts else fan
 
     # frames
 
@@ -179,17 +169,22 @@ class Recording:
             )
         return base or above[-1]
 
-    def _mount(self) -> tuple[Pose2, bool]:
-        """The laser in the base, and whether it is upside down."""
-        matrix = self._fixed(self.base, self.laser)
-        if matrix is None or self.base == self.laser:
-            self._check_laser_frame()
-            self.notes.append(
-                f"no transform from a base to the laser's frame '{self.laser}'; the laser is taken "
-                "as the base"
+    def _mount(self, laser: str) -> tuple[Pose2, bool, float]:
+        """A laser in the base, whether it is upside down, and its height."""
+        matrix = self._fixed(self.base, laser)
+        if matrix is not None and self.base != laser:
+            return *planar(matrix, "the laser", self.notes), float(matrix[2, 3])
+        if laser != self.laser:
+            raise ValueError(
+                f"{self.path}: a further laser's frame {laser} is not fixed to {self.base}; "
+                f"frames: {some(self.messages.transforms.frames) or 'none'}"
             )
-            return IDENTITY, False
-        return planar(matrix, "the laser", self.notes)
+        self._check_laser_frame()
+        self.notes.append(
+            f"no transform from a base to the laser's frame '{laser}'; the laser is taken as the "
+            "base"
+        )
+        return IDENTITY, False, 0.0
 
     def _check_laser_frame(self) -> None:
         """Refuse transforms that leave the laser out: it may hang upside down for all we know.
@@ -259,25 +254,14 @@ class Recording:
             )
         return track
 
-    def _attitude(self) -> Track | None:
-        """Roll and pitch of the base by the IMU, if its place on the base is known, else by tf."""
+    def _inertial(self) -> tuple[Track | None, Track | None]:
+        """Turn rate about the vertical, roll and pitch of the base: by the IMU, else by tf."""
         topic = self.roles.imu
-        matrix = self._fixed(self.base, self.messages.frame(topic)) if topic else None
-        if topic is not None and matrix is not None:
-            return attitude_of(*self.messages.inertial(topic), matrix[:3, :3])
-        return None if topic else self.messages.transforms.attitude(self.base)
-
-    def _yaw_rate(self, attitude: Track | None) -> Track | None:
-        """The gyro's turn rate about the vertical; without attitude the base's upright axis."""
-        topic = self.roles.imu
-        track = self.messages.track(topic) if topic else None
-        if topic is None or track is None:
-            return None
+        if topic is None:
+            return None, self.messages.transforms.attitude(self.base)
         frame = self.messages.frame(topic)
         matrix = self._fixed(self.base, frame)
         if matrix is None:
             self.notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
-            return Track(track.t, track.values[:, 2].copy())
-        if attitude is not None:
-            return about_vertical(Track(track.t, rotated(track.values, matrix[:3, :3])), attitude)
-        return Track(track.t, track.values @ matrix[2, :3])
+        turned = None if matrix is None else matrix[:3, :3]
+        return tracks_of(*self.messages.inertial(topic), turned)

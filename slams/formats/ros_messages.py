@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,41 +48,31 @@ class Row(NamedTuple):
 class Messages:
     """All that was taken from a bag: rows by topic, and the transforms.
 
-    `types` are the topics with the message types that are expected on them; `bad` counts messages
-    that cannot be read, where that is no error because one is `salvaging`.
+    `bad` counts messages that cannot be read, where that is no error because one is `salvaging`.
     """
 
     def __init__(self, path: Path, bag: Bag, salvaging: bool) -> None:
-        self.types: dict[str, Collection[str]] = {}
         self.rows: dict[str, list[Row]] = defaultdict(list)
         self.transforms = Transforms()
         self.bad = 0
         self._path, self._bag, self._salvaging = path, bag, salvaging
 
-    def collect(self, topics: Collection[str]) -> None:
-        """Take the messages of these topics, transforms among them; of paths the last one.
+    def collect(self, types: Mapping[str, Collection[str]]) -> None:
+        """Take the messages of topics, each of these types; of a path's the last one.
 
         Raises:
             DamagedError: a message cannot be read.
         """
         paths: dict[str, Record] = {}
-        for record in self._bag.records(topics):
+        for record in self._bag.records(types):
             if record.msgtype == PATH:  # each repeats the poses of those before
                 paths[record.topic] = record
-            else:
+            elif record.msgtype in types[record.topic]:
                 self._read(record)
         for record in paths.values():
             self._read(record)
 
-    def collect_first(self, topic: str) -> None:
-        """Take one message of a topic: enough to know the frame it is of.
-
-        Raises:
-            DamagedError: as `collect`.
-        """
-        any(self._read(record) for record in self._bag.records({topic}))
-
-    def _read(self, record: Record) -> bool:
+    def _read(self, record: Record) -> None:
         path, ros1 = self._path, self._bag.ros1
         if record.data.startswith(ZSTD) and not ros1:  # no message begins like this
             raise ValueError(
@@ -97,14 +87,10 @@ class Messages:
                     f"{path}: a message of {record.topic} cannot be read; --salvage leaves it out"
                 ) from error
             self.bad += 1
-            return False
-        self._take(record, message)
-        return True
-
-    def _take(self, record: Record, message: Any) -> None:
+            return
         if record.msgtype in TFS:
             self.transforms.add(message, record.topic.endswith("static"))
-        elif record.msgtype in self.types.get(record.topic, ()):
+        else:
             self.rows[record.topic] += _rows(record, message)
 
     def frame(self, topic: str) -> str:
@@ -124,7 +110,7 @@ class Messages:
         return _stamps(rows), [row.values for row in rows]
 
     def track(self, topic: str) -> Track | None:
-        """Poses, or turn rates about three axes, over time; what is not finite is left out."""
+        """Poses over time; what is not finite is left out."""
         rows = self.rows[topic]
         values, whole = _numbers(rows)
         return Track(_stamps(rows)[whole], values[whole]) if whole.any() else None
@@ -149,8 +135,7 @@ def _rows(record: Record, message: Any) -> list[Row]:
 
 def _numbers(rows: list[Row]) -> tuple[Floats, NDArray[np.bool_]]:
     """The values (n, 3) of rows, and which of them can be."""
-    numbers = [v.rates if isinstance(v := row.values, Inertial) else v for row in rows]
-    values: Floats = np.array(numbers, np.float64).reshape(-1, 3)
+    values: Floats = np.array([row.values for row in rows], np.float64).reshape(-1, 3)
     whole: NDArray[np.bool_] = np.all(np.abs(values) < FAR, axis=1)
     return values, whole
 

@@ -1,4 +1,4 @@
-"""ROS bags: a ScanLog or one track from a whole bag, or from what is whole in a damaged one."""
+"""ROS bags: read by the library, or what is whole in a damaged one."""
 
 from __future__ import annotations
 
@@ -7,54 +7,23 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TypeVar
 
-from slams.formats.bag import Topic, joined, open_bag
-from slams.formats.frames import Transforms
+from slams.formats.bag import joined, open_bag
 from slams.formats.kind import kind_of
 from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.recording import Recording
-from slams.scanlog import ScanLog, Track
 
 T = TypeVar("T")
 
 FOREIGN = ("ros1msg", "protobuf", "jsonschema", "flatbuffer")  # how mcap files call them
 
 
-def read(paths: Sequence[Path], options: SourceOptions) -> ScanLog:
-    """The scans of one laser with odometry, yaw rate and truth; several files are one recording.
+def read(paths: Sequence[Path], options: SourceOptions, work: Callable[[Recording], T]) -> T:
+    """What `work` makes of a recording, several files being one; or of what is whole in it.
 
     Raises:
         OSError: a bag cannot be opened.
-        ValueError: it is damaged, has no scans, or leaves a choice open; the sentence says what
-            to do.
+        ValueError: it is damaged, or lacks what is sought; the sentence says what to do.
     """
-    return _of_bags(paths, options, Recording.log)
-
-
-def read_track(path: Path, wanted: str | None, options: SourceOptions) -> Track:
-    """Poses in a bag, without reading its scans.
-
-    `wanted` is a topic, or a tf frame in which the base of the log moves; None takes those of a
-    bag that is itself a result.
-
-    Raises:
-        OSError: the bag cannot be opened.
-        ValueError: as `read`; there is no such topic or frame, or it has no poses.
-    """
-    return _of_bags([path], options, lambda recording: recording.track(wanted))
-
-
-def contents(paths: Sequence[Path], options: SourceOptions) -> tuple[list[Topic], Transforms]:
-    """The topics and transforms of a recording, whatever is in it.
-
-    Raises:
-        OSError: a bag cannot be opened.
-        ValueError: it is damaged.
-    """
-    return _of_bags(paths, options, Recording.contents)
-
-
-def _of_bags(paths: Sequence[Path], options: SourceOptions, work: Callable[[Recording], T]) -> T:
-    """Read a recording by the library, or what is whole where the library cannot."""
     path, files = paths[0], [(path, kind_of(path)) for path in paths]
     try:
         with ExitStack() as opened:

@@ -8,18 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from slams.formats import carmen, rosbag, trajectory
 from slams.formats.kind import BAGS, kind_of
 from slams.formats.options import SourceOptions
-from slams.params import MAX_LASERS
+from slams.formats.recording import Recording
 from slams.scanlog import ScanLog, load_npz
 from slams.validation import expect
 
 FAMILY = {"npz": "an npz file", "carmen": "a CARMEN log"}
-NOT_IN = {  # options that say nothing about a kind; what is not named is a bag
-    "npz": ("scan_topic", "odom", "imu", "base_frame", "first_beam", "salvage"),
+NOT_IN = {  # options that say nothing about a kind
+    "npz": ("scan_topic", "odom", "imu", "base_frame", "salvage"),
     "carmen": ("imu", "base_frame"),
 }
 SLOW_SCAN_PERIOD, MAX_SCAN_PERIOD = 10.0, 1000.0  # [s] from scan to scan: doubtful, and never
@@ -46,9 +44,6 @@ def load(
     paths = [Path(path)] if isinstance(path, str | Path) else [Path(item) for item in path]
     expect(len(paths) > 0, "files", "no log given", "one, or the files of a split bag")
     options = replace(options or SourceOptions(), **choices)
-    first = options.first_beam
-    if first is not None and not abs(first) <= 360.0:
-        raise ValueError(f"--first-beam: got {first:g}, expected degrees from -360 to 360")
     kinds = [kind_of(path) for path in paths]
     for item, its_kind in zip(paths, kinds, strict=True):
         if its_kind == "other":
@@ -89,40 +84,11 @@ def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog
 
 
 def _read(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
-    path, topics = paths[0], options.more_scan_topics
+    path = paths[0]
     if kind in BAGS:
-        return _of_lasers(paths, options) if topics else rosbag.read(paths, options)
-    expect(not topics, "--scan-topic", "several", f"one: {path} is no bag")
+        return rosbag.read(paths, options, Recording.log)
+    expect(not options.more_scan_topics, "--scan-topic", "several", f"one: {path} is no bag")
     return _read_npz(path, options) if kind == "npz" else carmen.read(path, options)
-
-
-def _of_lasers(paths: list[Path], options: SourceOptions) -> ScanLog:
-    """Scans of several topics of a bag, by stamps; everything else comes with the first."""
-    topics = (options.scan_topic, *options.more_scan_topics)
-    bare = {(topic or "").lstrip("/") for topic in topics}
-    expect(len(bare) == len(topics) <= MAX_LASERS, "--scan-topic", topics, "different topics")
-    first = rosbag.read(paths, options)
-    base = first.meta["source"]["base_frame"]
-    same = replace(options, base_frame=base, truth="none")
-    more = [replace(same, scan_topic=topic) for topic in options.more_scan_topics]
-    logs = [first, *(rosbag.read(paths, choice) for choice in more)]
-    t, numbers = np.concatenate([log.t for log in logs]), [len(log) for log in logs]
-    order = np.argsort(t, kind="stable")
-    rows = np.full((len(t), max(log.laser.n_beams for log in logs)), np.nan, np.float32)
-    for log, end in zip(logs, np.cumsum(numbers).tolist(), strict=True):
-        rows[end - len(log) : end, : log.laser.n_beams] = log.ranges
-    source = first.meta["source"] | {
-        "scans": ", ".join(log.meta["source"]["scans"] for log in logs)
-    }
-    return replace(
-        first,
-        t=t[order],
-        ranges=rows[order],
-        others=tuple(log.laser for log in logs[1:]),
-        laser_of=np.repeat(np.arange(len(logs)), numbers)[order],
-        meta=first.meta | {"source": source},
-        notes=tuple(dict.fromkeys(note for log in logs for note in log.notes)),
-    )
 
 
 def _read_npz(path: Path, options: SourceOptions) -> ScanLog:
@@ -142,10 +108,9 @@ def _noted(log: ScanLog, notes: list[str]) -> ScanLog:
 
 def _left_aside(kind: str, options: SourceOptions) -> list[str]:
     """Tell of options that were given and say nothing about this kind of log."""
-    names = NOT_IN.get(kind, ("first_beam",))
-    given = [name for name in names if getattr(options, name) not in (None, False, "none")]
-    flags = ", ".join(f"--{name.replace('_', '-')}" for name in given)
-    return [f"{flags}: nothing to choose in {FAMILY.get(kind, 'a bag')}"] if given else []
+    names = [n for n in NOT_IN.get(kind, ()) if getattr(options, n) not in (None, False, "none")]
+    flags = ", ".join(f"--{name.replace('_', '-')}" for name in names)
+    return [f"{flags}: nothing to choose in {FAMILY[kind]}"] if names else []
 
 
 def _pace(log: ScanLog) -> list[str]:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slams.types import Floats, Laser, Pose2, Ranges
 from slams.validation import LONGEST_RANGE
@@ -33,10 +34,32 @@ class Sweep(NamedTuple):
     geometry: Laser
 
 
-def common(
-    sweeps: Sequence[Sweep], mount: Pose2, flipped: bool, notes: list[str]
-) -> tuple[Floats, Ranges, Laser]:
-    """Stamps (n,), ranges (n, b) and the laser of all sweeps, in the most common geometry.
+class Fan(NamedTuple):
+    """All sweeps of one laser: stamps (n,) [s], ranges (n, b) [m], its geometry and mount."""
+
+    t: Floats
+    ranges: Ranges
+    laser: Laser
+
+
+def merged(fans: Sequence[Fan]) -> tuple[Floats, Ranges, NDArray[np.intp] | None]:
+    """Stamps (n,), ranges (n, b) and numbers of lasers (n,), in the order of stamps.
+
+    The scans of a single laser stay in the order of the file, without numbers.
+    """
+    if len(fans) == 1:
+        return fans[0].t, fans[0].ranges, None
+    t, sizes = np.concatenate([fan.t for fan in fans]), [len(fan.t) for fan in fans]
+    order, width = np.argsort(t, kind="stable"), max(fan.laser.n_beams for fan in fans)
+    wide = [
+        np.pad(fan.ranges, ((0, 0), (0, width - fan.laser.n_beams)), constant_values=np.nan)
+        for fan in fans
+    ]
+    return t[order], np.concatenate(wide)[order], np.repeat(np.arange(len(fans)), sizes)[order]
+
+
+def common(sweeps: Sequence[Sweep], mount: Pose2, flipped: bool, notes: list[str]) -> Fan:
+    """All sweeps, in the most common geometry.
 
     A sweep of another geometry gives each direction its nearest reading, at most half a step away.
     `flipped` is a laser mounted upside down: its beams turn the other way round.
@@ -66,7 +89,7 @@ def common(
         mount=mount,
         time_increment=_time_increment(geometry, t, notes),
     )
-    return t, rows, laser
+    return Fan(t, rows, laser)
 
 
 def _most_common(sweeps: Sequence[Sweep]) -> Laser:

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TRUTHS, Topic
 from slams.formats.options import SourceOptions
+from slams.params import MAX_LASERS
+from slams.validation import expect
 
 MAX_LISTED_NAMES = 12  # names that a sentence lists
 
@@ -15,7 +17,7 @@ MAX_LISTED_NAMES = 12  # names that a sentence lists
 class Roles(NamedTuple):
     """Topics by what they are taken for."""
 
-    scan: str
+    scans: tuple[str, ...]
     odom: str | None
     imu: str | None
     truth: str | None
@@ -36,24 +38,28 @@ class Topics:
         Raises:
             ValueError: there are no scans, or a choice is left open.
         """
-        scan = self._scan_topic()
+        scans = self._scan_topics()
         truth = self._truth_topic()
-        return Roles(scan, self._odom_topic(truth), self._imu_topic(), truth)
+        return Roles(scans, self._odom_topic(truth), self._imu_topic(), truth)
 
     def of(self, types: Collection[str]) -> list[Topic]:
         """Topics of these message types."""
         return [topic for topic in self.found if topic.msgtype in types]
 
-    def _scan_topic(self) -> str:
-        found, wanted = self.of(SCANS), self.options.scan_topic
-        if wanted is not None:
-            return self._named(wanted, found, "--scan-topic", "laser scans")
+    def _scan_topics(self) -> tuple[str, ...]:
+        found, options = self.of(SCANS), self.options
+        if options.scan_topic is not None:
+            wanted = (options.scan_topic, *options.more_scan_topics)
+            names = [self._named(one, found, "--scan-topic", "laser scans") for one in wanted]
+            fits = len(set(names)) == len(names) <= MAX_LASERS
+            expect(fits, "--scan-topic", names, f"up to {MAX_LASERS} different topics")
+            return tuple(names)
         if not found:
             hint = "expected sensor_msgs/LaserScan or MultiEchoLaserScan"
             raise ValueError(f"{self.path}: no laser scans; {hint}; its topics: {self._all()}")
         if len(found) > 1:
             raise self._choice("laser scan topics", "--scan-topic", found)
-        return found[0].name
+        return (found[0].name,)
 
     def _truth_topic(self) -> str | None:
         """The topic asked for, if it is one; else the only one that calls itself truth."""

@@ -72,7 +72,7 @@ def read_trajectory(
         return _in_order(name, read_track(Path(name), options.salvage))
     if log_path is None or kind_of(Path(log_path)) not in BAGS:
         raise _no_such(name, log_path)
-    track = rosbag.read_track(Path(log_path), name, options)
+    track = rosbag.read([Path(log_path)], options, lambda recording: recording.track(name))
     return _in_order(f"{log_path}: {name}", track)
 
 
@@ -88,7 +88,8 @@ def read_track(path: Path, salvage: bool = False) -> Track:
         raise ValueError(f"{path}: got an npz file, expected a trajectory: TUM, csv or a bag")
     if kind not in BAGS:
         return Track(*read(path, salvage))
-    return rosbag.read_track(path, None, SourceOptions(salvage=salvage))
+    options = SourceOptions(salvage=salvage)
+    return rosbag.read([path], options, lambda recording: recording.track(None))
 
 
 def is_file(spec: str) -> bool:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import threading
 import time
 
-from slams.formats.attitude import Inertial
+from slams.formats.attitude import ImuAttitude, Inertial
 from slams.formats.bag import IMU, ODOMETRY, TF, Record
 from slams.formats.frames import planar
 from slams.formats.ros_messages import READ
 from slams.formats.ros_store import store
-from slams.live.attitude import ImuAttitude
 from slams.live.frames import Mounted, RobotFrames
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.stamps import seconds
 from slams.track import MAX_ATTITUDE_GAP
-from slams.types import Attitude, Floats, Pose2
+from slams.types import IDENTITY, Attitude, Floats, Pose2
 
 MAX_EARLY_READINGS = 4000  # of the gyro, kept until the base is known: 20 s at 200 Hz
 
@@ -39,7 +38,7 @@ class SensorBuffer:
         self._to_base: Pose2 | None = None  # from the frame of the odometry to the base
         self._gyro = IntegralSeries()
         self._early = list[tuple[str, Inertial]]()  # with their frames
-        self._imus: dict[str, ImuAttitude | None] = {}  # by frames; None where tf lacks one
+        self._imus: dict[str, ImuAttitude] = {}  # by frames
         self._attitude = Series(MAX_ATTITUDE_GAP)
         self._settled = False
         self._changed = threading.Condition()
@@ -82,11 +81,12 @@ class SensorBuffer:
         with self._changed:
             return self.frames.mounted(laser, None)
 
-    def settle_without_tf(self, laser: str) -> None:
+    def settle_without_tf(self, laser: str) -> Mounted:
         """Take the laser as the base, and odometry as the laser's."""
         with self._changed:
             self.frames.base = laser
             self._choose(None)
+            return Mounted(laser, IDENTITY, False)
 
     def wait_for(self, t: float, until: float) -> None:
         """Let odometry and gyro catch up with a stamp, until a time of `time.monotonic` at most."""
@@ -117,11 +117,6 @@ class SensorBuffer:
     def has_odometry(self) -> bool:
         """Whether any came."""
         return self._odometry is not None and bool(self._odometry.t)
-
-    @property
-    def late(self) -> int:
-        """How many samples came after newer ones."""
-        return sum(one.late for one in (self._of_topic, self._gyro, *self.frames.moving.values()))
 
     def _moving(self, laser: str) -> str | None:
         """The frame that the odometry is of: tf's, where the laser sits on it, else the topic's."""
@@ -154,24 +149,19 @@ class SensorBuffer:
         for frame, measured in self._early:
             if frame not in self._imus:
                 self._imus[frame] = self._imu(frame)
-            imu = self._imus[frame]
-            if imu is None:
-                self._gyro.push(measured.sent, measured.rates[2])
-                continue
-            for t, rate, roll, pitch in imu.push(measured):
+            for t, rate, roll, pitch in self._imus[frame].push(measured):
                 self._gyro.push(t, rate)
                 self._attitude.push(t, roll, pitch)
         self._early.clear()
 
-    def _imu(self, frame: str) -> ImuAttitude | None:
-        """What reads the IMU of a frame; None, noted, where tf lacks it."""
+    def _imu(self, frame: str) -> ImuAttitude:
+        """What reads the IMU of a frame; where tf lacks it, which is noted, as upright."""
         matrix = self._fixed(self.frames.base, frame)
         if matrix is None:
             self.frames.notes.append(
                 f"no transform to the gyro's frame '{frame}'; it is taken as upright"
             )
-            return None
-        return ImuAttitude(matrix[:3, :3])
+        return ImuAttitude(None if matrix is None else matrix[:3, :3])
 
     def _fixed(self, base: str | None, frame: str | None) -> Floats | None:
         """A frame in a base, 4 x 4, if both are known and fixed to each other."""

@@ -40,31 +40,17 @@ class Diagnostics:
         self._say = say
         self._silent_since: dict[str, float] = {}  # by topics
         self._reported: dict[str, tuple[float, int]] = {}
-        self._publishers: dict[str, int] = {}  # as they were, by topics
         self._notes: set[str] = set()
 
-    def check(
-        self,
-        report: Mapping[str, Any],
-        last_scans: Mapping[str, float],
-        publishers: Mapping[str, int],
-    ) -> None:
+    def check(self, report: Mapping[str, Any], last_scans: Mapping[str, float]) -> None:
         """Report what has changed; to be called about once a second.
 
         Args:
             report: the node's counts.
             last_scans: when each laser's last one came [s], on this machine's clock, by topics.
-            publishers: how many each topic of scans has.
         """
         for topic, last_scan in last_scans.items():
             self._check_silence(topic, last_scan)
-        for topic, count in publishers.items():
-            if count > 1 >= self._publishers.get(topic, 1):
-                self._say(
-                    f"{count} publishers on {topic}: the map is made of both lasers' scans; "
-                    "--scan-topic takes another topic"
-                )
-        self._publishers = dict(publishers)
         for name, sentence in COUNTERS.items():
             self.count(name, report[name], sentence)
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Any, NamedTuple
 
-from slams.formats.frames import Edge, Transforms, attitudes_of, bare, planar, yaw_of
+import numpy as np
+
+from slams.formats.attitude import headings
+from slams.formats.frames import Transforms, attitudes_of, bare, planar
 from slams.formats.topics import some
 from slams.live.series import PoseSeries, Series
-from slams.ros.stamps import seconds
 from slams.track import MAX_ATTITUDE_GAP
 from slams.types import IDENTITY, Pose2
 
@@ -45,20 +46,16 @@ class RobotFrames:
 
     def take(self, message: Any, static: bool) -> None:
         """Take a tf message."""
-        self.tree.add(message, static)
-        for edge, rows in self.tree.samples.items():
-            del rows[: -1 if edge in self.tree.static else -FEW]
-        new: Counter[Edge] = Counter()
-        for item in message.transforms:
-            parent, child = bare(item.header.frame_id), bare(item.child_frame_id)
-            new[parent, child] += 1
-            if parent == self.odom:
-                t, p = seconds(item.header.stamp), item.transform.translation
+        for edge, rows in self.tree.add(message, static).items():
+            child, known = edge[1], self.tree.samples[edge]
+            del known[: -1 if edge in self.tree.static else -max(FEW, len(rows))]
+            if edge[0] == self.odom:
                 series = self.moving.setdefault(child, PoseSeries())
-                series.push(t, p.x, p.y, yaw_of(item.transform.rotation))
-        for (parent, child), n in new.items():
-            if (parent, child) == self.tree.tilting(child):
-                rows = self.tree.samples[parent, child][-n if child in self.tilting else -FEW :]
+                for row, theta in zip(rows, headings(np.array(rows)[:, 4:]).tolist(), strict=True):
+                    series.push(*row[:3], theta)
+            is_new = child not in self.tilting
+            if edge == self.tree.leveled(child) and not (is_new and self.tree.is_fixed(edge)):
+                rows = known if is_new else rows
                 tilts = self.tilting.setdefault(child, Series(MAX_ATTITUDE_GAP))
                 for row, attitude in zip(rows, attitudes_of(rows).tolist(), strict=True):
                     tilts.push(row[0], *attitude)
@@ -67,7 +64,7 @@ class RobotFrames:
         """Whether the laser is fixed to a frame, or tilts with a base above it."""
         if self.tree.fixed(frame, bare(laser)) is not None:
             return True
-        edge = self.tree.tilting(self.tree.ancestors(laser)[-1])
+        edge = self.tree.leveled(self.tree.ancestors(laser)[-1])
         return edge is not None and bare(frame) in self.tree.ancestors(edge[0])
 
     def mounted(self, laser: str, moving: str | None) -> Mounted | None:

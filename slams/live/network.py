@@ -23,6 +23,13 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="reach programs on this machine only, as ROS_LOCALHOST_ONLY=1 does",
     )
+    group.add_argument(
+        "--remap",
+        metavar="FROM:=TO",
+        action="append",
+        default=[],
+        help="rename a topic, as /scan:=/front/scan; may be given again",
+    )
 
 
 def transport_of(arguments: argparse.Namespace) -> Transport:

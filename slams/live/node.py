@@ -22,7 +22,7 @@ from slams.live.publisher import MapThread, NodePublisher
 from slams.live.recorder import Recorder
 from slams.live.scans import Arrived, Scans
 from slams.live.slam import LiveSlam
-from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
+from slams.types import OccupancyGrid, Pose2, Scan
 
 if TYPE_CHECKING:
     from slams.live.transport import Transport
@@ -136,7 +136,6 @@ class Node:
             **self.scans.counts,
             "unsent": self._publisher.unsent,
             **self.drive.counts,
-            "late_odometry": buffer.late,
             "unreadable_others": buffer.unreadable,
             "odometry": buffer.source,
             "base_frame": buffer.frames.base,
@@ -148,8 +147,7 @@ class Node:
         """Report what goes wrong, and what is assumed of frames and laser."""
         frames, diagnostics, topics = self.buffer.frames, self._diagnostics, self._topics
         scan_times = {topic: self.scans.came_at.get(topic, self._ready_at) for topic in topics}
-        publishers = {topic: self.transport.publishers(topic) for topic in topics}
-        diagnostics.check(self.report(), scan_times, publishers)
+        diagnostics.check(self.report(), scan_times)
         sought, candidates = self.drive.counts["sought"], self.live.candidates
         if candidates and sought > MAX_UNLOCALIZED_SCANS:
             text = f"scans so far, and the place in the map is not sure ({candidates}); drive on"
@@ -234,18 +232,14 @@ class Node:
             if now > since + MAX_WAIT_FOR_TF:
                 complaint = self.buffer.frames.complaint(self._frame)
                 if complaint is None:
-                    return self._mount_without_tf()
+                    self._without_tf = True
+                    self._say(f"no transform to the laser's frame {self._frame}: it is the base")
+                    return self.buffer.settle_without_tf(self._frame)
                 if now - said_at >= PERIOD:
                     said_at = now
                     self._say(f"waiting for tf: {complaint}")
             ending.wait(POLL_PERIOD)
         return None
-
-    def _mount_without_tf(self) -> Mounted:
-        self._say(f"no transform to the laser's frame {self._frame}: it is taken as the base")
-        self.buffer.settle_without_tf(self._frame)
-        self._without_tf = True
-        return Mounted(self._frame, IDENTITY, False)
 
     # scans
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
-from dataclasses import Field, dataclass, field, fields
+from collections.abc import Callable, Sequence
+from dataclasses import Field, asdict, dataclass, field, fields, replace
 from enum import Enum
 from typing import Any
 
@@ -38,24 +38,42 @@ KINDS = {  # what a node's other topics carry and how, by the names that `Topics
 TYPES = tuple(dict.fromkeys(msgtype for msgtype, _ in (SCANS, *KINDS.values())))
 
 
-def _option(flag: str, metavar: str, default: Any, text: str) -> Any:
-    """A field that the command line sets, where a flag of its own name, or another one, does."""
-    return field(default=default, metadata={"flag": flag, "metavar": metavar, "help": text})
-
-
 @dataclass(frozen=True)
 class Topics:
     """Names of the topics in and out."""
 
     scans: tuple[str, ...] = ("/scan",)  # of the lasers
     odom: str = "/odom"
-    imu: str = _option("--imu", "TOPIC", "/imu", "subscribed gyro and attitude, or none")
+    imu: str = "/imu"
     tf: str = "/tf"
     tf_static: str = "/tf_static"
-    map: str = _option("--map-topic", "TOPIC", "/map", "published map")
-    path: str = _option("--path-topic", "TOPIC", "/path", "path, published after a closed loop")
-    pose: str = _option("--pose-topic", "TOPIC", "/pose", "published pose")
-    state: str = _option("--state-topic", "TOPIC", "/slam/state", "published state")
+    map: str = "/map"
+    path: str = "/path"
+    pose: str = "/pose"
+    state: str = "/slam/state"
+
+
+def topics_of(remap: Sequence[str]) -> Topics:
+    """The usual names of topics, some replaced: remap has texts as "/scan:=/front/scan".
+
+    Raises:
+        ValueError: a text is none, or there is no such topic.
+    """
+    names = asdict(Topics())
+    usual = {"/scan": "scans"} | {name: key for key, name in names.items() if key != "scans"}
+    for text in remap:
+        old, between, new = text.partition(":=")
+        if not (between and new.startswith("/")):
+            raise ValueError(f"--remap: got {text!r}, expected /FROM:=/TO")
+        if old not in usual:
+            raise ValueError(f"--remap: {old} is no topic here; there are {', '.join(usual)}")
+        names[usual[old]] = new if old != "/scan" else (new,)
+    return Topics(**names)
+
+
+def _option(metavar: str, default: Any, text: str) -> Any:
+    """A field that an option of its name sets on the command line."""
+    return field(default=default, metadata={"metavar": metavar, "help": text})
 
 
 @dataclass(frozen=True)
@@ -65,31 +83,24 @@ class NodeOptions:
     topics: Topics = Topics()
     odometry: str = "auto"
     imu: bool = True  # whether it is subscribed
-    map_frame: str = _option("--map-frame", "FRAME", "map", "frame of map and poses")
-    odom_frame: str = _option("--odom-frame", "FRAME", "odom", "frame of the odometry")
+    map_frame: str = _option("FRAME", "map", "frame of map and poses")
+    odom_frame: str = _option("FRAME", "odom", "frame of the odometry")
     base_frame: str | None = _option(
-        "--base-frame",
         "FRAME",
         None,
         "frame of the robot, whose poses are published (default: that of the odometry, else "
         "base_link)",
     )
-    map_every: float = _option(
-        "--map-every", "S", 2.0, "time between two published maps [s], 0 for none"
-    )
-    wait: float = _option(
-        "--wait", "S", 0.4, "how long a scan waits for odometry and gyro at most [s]"
-    )
-    tf_ahead: float = _option(
-        "--tf-ahead", "S", 0.1, "how far ahead of its scan a transform is stamped [s]"
-    )
-    queue: int = _option("--queue", "N", 20, "how many scans wait at most; older ones are left out")
+    map_every: float = _option("S", 2.0, "time between two published maps [s], 0 for none")
+    wait: float = _option("S", 0.4, "how long a scan waits for odometry and gyro at most [s]")
+    tf_ahead: float = _option("S", 0.1, "how far ahead of its scan a transform is stamped [s]")
+    queue: int = _option("N", 20, "how many scans wait at most; older ones are left out")
 
     def __post_init__(self) -> None:
         for option in fields(self):
             value = getattr(self, option.name)
             if option.type == "float" and not 0.0 <= value < math.inf:
-                raise ValueError(f"{option.metadata['flag']}: got {value:g}, expected 0 s or more")
+                raise ValueError(f"{_flag(option)}: got {value:g}, expected 0 s or more")
         lasers = self.topics.scans
         if not len(set(lasers)) == len(lasers) <= MAX_LASERS:
             got = ", ".join(lasers)
@@ -115,16 +126,21 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
         default="auto",
         help="odometry: auto (tf if it has the odometry's frame, else /odom), tf, a topic or none",
     )
-    for group, kind in ((topics, Topics), (others, NodeOptions)):
-        for option in _options(kind):
-            usual, text = option.default, option.metadata["help"]
-            group.add_argument(
-                option.metadata["flag"],
-                type=str if usual is None else type(usual),
-                metavar=option.metadata["metavar"],
-                default=usual,
-                help=text if usual is None else f"{text} (default: %(default)s)",
-            )
+    topics.add_argument(
+        "--imu",
+        metavar="TOPIC",
+        default="/imu",
+        help="subscribed gyro and attitude, or none (default: %(default)s)",
+    )
+    for option in OPTIONS:
+        usual, text = option.default, option.metadata["help"]
+        others.add_argument(
+            _flag(option),
+            type=str if usual is None else type(usual),
+            metavar=option.metadata["metavar"],
+            default=usual,
+            help=text if usual is None else f"{text} (default: %(default)s)",
+        )
 
 
 def node_options(arguments: argparse.Namespace) -> NodeOptions:
@@ -135,26 +151,21 @@ def node_options(arguments: argparse.Namespace) -> NodeOptions:
     """
     if arguments.localize and arguments.map_every != NodeOptions.map_every:
         raise ValueError("--map-every: got --localize, too, whose map is published once")
-    names, values = _given(Topics, arguments), _given(NodeOptions, arguments)
-    names["scans"] = arguments.scan_topic or Topics.scans
-    values["odometry"], values["imu"] = arguments.odom, names["imu"] != "none"
+    values: dict[str, Any] = {option.name: getattr(arguments, option.name) for option in OPTIONS}
+    values["odometry"], values["imu"] = arguments.odom, arguments.imu != "none"
+    chosen: dict[str, Any] = {"imu": _absolute(arguments.imu)}
+    if arguments.scan_topic:
+        chosen["scans"] = tuple(map(_absolute, arguments.scan_topic))
     if arguments.odom not in ("auto", "tf", "none"):
-        values["odometry"], names["odom"] = "topic", arguments.odom
-    names = {
-        name: _absolute(topic) if isinstance(topic, str) else tuple(map(_absolute, topic))
-        for name, topic in names.items()
-    }
-    return NodeOptions(Topics(**names), **values)
+        values["odometry"], chosen["odom"] = "topic", _absolute(arguments.odom)
+    return NodeOptions(replace(topics_of(arguments.remap), **chosen), **values)
 
 
-def _options(kind: type) -> list[Field[Any]]:
-    return [option for option in fields(kind) if option.metadata]
+OPTIONS = [option for option in fields(NodeOptions) if option.metadata]
 
 
-def _given(kind: type, arguments: argparse.Namespace) -> dict[str, Any]:
-    """The fields that the command line has set."""
-    flags = {option.name: option.metadata["flag"] for option in _options(kind)}
-    return {name: getattr(arguments, flag[2:].replace("-", "_")) for name, flag in flags.items()}
+def _flag(option: Field[Any]) -> str:
+    return f"--{option.name.replace('_', '-')}"
 
 
 def _absolute(topic: str) -> str:

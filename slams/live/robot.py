@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -39,27 +39,20 @@ class Robot:
     Args:
         log: what is published.
         transport: the network.
-        names: other names for topics.
+        topics: their names.
     """
 
-    def __init__(self, log: ScanLog, transport: Transport, names: Mapping[str, str]) -> None:
-        self._log, self._make, self._topics = log, Maker(), Topics()
-        topics, self._period = self._topics, log.scan_period
-        self._scan = topics.scans[0]
+    def __init__(self, log: ScanLog, transport: Transport, topics: Topics) -> None:
+        self._log, self._make, self._topics = log, Maker(), topics
+        self._scan, self._period = topics.scans[0], log.scan_period
         kinds = {topics.tf_static: KINDS["tf_static"], self._scan: SCANS}
         if log.odom is not None:
             kinds |= {topics.odom: (ODOMETRY, Quality.RELIABLE), topics.tf: KINDS["tf"]}
         if log.yaw_rate is not None:
             kinds[topics.imu] = KINDS["imu"]
-        unknown = [name for name in names if name not in kinds]
-        if unknown:
-            raise ValueError(
-                f"--remap: {unknown[0]} is not published; there are {', '.join(kinds)}"
-            )
         self._base, self._laser = frames_of(log.meta)
         self._publishers: dict[str, Publisher] = {
-            topic: transport.advertise(names.get(topic, topic), *kind)
-            for topic, kind in kinds.items()
+            topic: transport.advertise(topic, *kind) for topic, kind in kinds.items()
         }
         fits = log.t.min() >= 0.0 and log.t.max() < LAST_STAMP
         self._zero = 0.0 if fits else float(log.t.min())
@@ -68,7 +61,7 @@ class Robot:
 
     def introduce(self) -> None:
         """Publish where the laser sits; it stays for who listens later."""
-        stamp = self._stamp(float(self._log.t[0]), 0.0)
+        stamp = self._stamp(float(self._log.t[0]))
         mount = [(self._base, self._laser, self._log.laser.mount)]
         self._send(self._topics.tf_static, self._make.transforms(stamp, mount))
 
@@ -83,12 +76,10 @@ class Robot:
                 break
         return False
 
-    def moments(self, turn: int = 0) -> Iterator[Moment]:
-        """All messages in the order they are due; each turn of a loop begins where one ended."""
-        later = turn * (self._due[-1][0] + self._log.scan_period)
+    def moments(self) -> Iterator[Moment]:
+        """All messages in the order they are due."""
         for due, kind, row in self._due:
-            send = partial(self._publish, kind, row, later)
-            yield Moment(due + later, send, kind == self._scan)
+            yield Moment(due, partial(self._publish, kind, row), kind == self._scan)
 
     def _all_due(self) -> list[tuple[float, str, int]]:
         """When, on which topic, which row: odometry before the scan of the same moment.
@@ -107,9 +98,9 @@ class Robot:
         due.sort(key=lambda one: one[0])
         return [(t - due[0][0], name, row) for t, name, row in due]
 
-    def _publish(self, topic: str, row: int, later: float) -> None:
+    def _publish(self, topic: str, row: int) -> None:
         track, log, make = self._tracks.get(topic), self._log, self._make
-        stamp = self._stamp(float((track or log).t[row]), later)
+        stamp = self._stamp(float((track or log).t[row]))
         if track is None:
             ranges = log.ranges[row]
             self._send(topic, make.scan(stamp, self._laser, log.laser, ranges, self._period))
@@ -120,8 +111,8 @@ class Robot:
             self._send(topic, make.odometry(stamp, pose, ODOM, self._base))
             self._send(self._topics.tf, make.transforms(stamp, [(ODOM, self._base, pose)]))
 
-    def _stamp(self, t: float, later: float) -> int:
-        return max(0, round(1e9 * (t - self._zero + later)))
+    def _stamp(self, t: float) -> int:
+        return max(0, round(1e9 * (t - self._zero)))
 
     def _send(self, topic: str, message: Any) -> None:
         data = store().serialize_cdr(message, message.__msgtype__)

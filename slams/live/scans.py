@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -22,8 +21,6 @@ from slams.scanlog import ScanLog
 from slams.types import Laser, Ranges
 
 MAX_SILENCE = 2.0  # [s] without a scan of a laser; then no other laser's scan waits for one
-EARLIEST = 0.75  # of its shortest interval: scans of a laser come by no more too early
-SLOWER = 1.1  # by how much the shortest interval follows a longer one: scans can be lost
 COUNTS = ("came", "dropped", "unreadable", "other_frame", "unplaced")
 
 
@@ -45,14 +42,14 @@ class Arrived(NamedTuple):
 class Scans:
     """Scans that wait, each topic's of one laser; given out by their stamps.
 
-    A scan waits while another laser can still send an older one, by the stamp and the interval of
-    that laser's last scans; those of a single laser never do. `counts` says what became of all.
+    A scan waits until every other laser has sent one that is as new; those of a single laser never
+    do. `counts` says what became of all.
 
     Args:
         topics: of the lasers; of scans with one stamp the first topic's goes first.
         mounted: where the laser of a frame sits; None while that is not known.
         size: how many may wait; then the oldest is dropped.
-        wait: for an older scan at most [s].
+        wait: for other lasers at most [s].
     """
 
     def __init__(
@@ -68,7 +65,6 @@ class Scans:
         self._wait = wait if len(topics) > 1 else 0.0
         self._waiting: list[Arrived] = []
         self._last: dict[str, Arrived] = {}
-        self._interval = dict.fromkeys(topics, math.inf)
         self._cleaners: dict[str, Cleaner] = {}
         self._odd: dict[str, None] = {}  # sentences
         self._changed = threading.Condition()
@@ -90,8 +86,6 @@ class Scans:
             if scan.frame != last.frame:
                 self.counts["other_frame"] += 1
                 return
-            if 0.0 < (step := scan.t - last.t) < MAX_SILENCE:
-                self._interval[scan.topic] = min(step, SLOWER * self._interval[scan.topic])
             self._last[scan.topic] = scan
             self._waiting.append(scan)
             if len(self._topics) > 1:
@@ -153,18 +147,12 @@ class Scans:
         return self._waiting.pop(0)
 
     def _has_to_wait(self, scan: Arrived, now: float) -> bool:
-        """Whether another laser can still send an older one."""
+        """Whether another laser has not come as far yet."""
         return now - scan.at < self._wait and any(
-            self._next_stamp(topic) < scan.t
+            last.t < scan.t
             for topic, last in self._last.items()
             if topic != scan.topic and now - last.at < MAX_SILENCE and self._is_placed(topic)
         )
-
-    def _next_stamp(self, topic: str) -> float:
-        """The least stamp [s] of the next scan of a laser; of its last one after a first scan."""
-        interval = self._interval[topic]
-        early = 0.0 if math.isinf(interval) else EARLIEST * interval
-        return self._last[topic].t + early
 
     def _is_placed(self, topic: str) -> bool:
         if topic not in self._cleaners:

@@ -23,8 +23,8 @@ MAX_SILENCE = 1.0  # [s] after the last sample; then no scan waits for the next
 class Series:
     """Rows of numbers by stamp, interpolated and never extrapolated.
 
-    `received` [s] is when, on this machine's clock, the last sample came; `late` how many were not
-    newer than the one before, and left out.
+    `received` [s] is when, on this machine's clock, the last sample came. A sample that is not
+    newer than the one before is left out.
 
     Args:
         max_gap: between two samples, beyond which nothing is known in between [s].
@@ -33,7 +33,7 @@ class Series:
     def __init__(self, max_gap: float = math.inf) -> None:
         self.t: list[float] = []
         self.rows: list[tuple[float, ...]] = []
-        self.received, self.late = -math.inf, 0
+        self.received = -math.inf
         self._max_gap, self._late_in_a_row = max_gap, 0
 
     def push(self, t: float, *values: float) -> None:
@@ -67,7 +67,6 @@ class Series:
         if not self.t or t > self.t[-1]:
             self._late_in_a_row = 0
             return abs(t) < LATEST
-        self.late += 1
         self._late_in_a_row += 1
         if self._late_in_a_row <= LATE_IN_A_ROW:
             return False

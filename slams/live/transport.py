@@ -79,12 +79,10 @@ class Transport:
 
     def topics(self) -> dict[str, str]:
         """Topics that have a publisher, with their message types."""
-        found = (e for e in self._published.read(10_000) if e.topic_name.startswith("rt/"))
-        return {e.topic_name.removeprefix("rt"): ros_name(e.type_name) for e in found}
-
-    def publishers(self, topic: str) -> int:
-        """How many publish a topic that is subscribed."""
-        return len(self._readers[topic][0].get_matched_publications())
+        alive, read = core.InstanceState.Alive, self._published.read(10_000)
+        found = [e for e in read if e.sample_info.instance_state == alive]
+        names = {e.topic_name: ros_name(e.type_name) for e in found}
+        return {name[2:]: kind for name, kind in names.items() if name.startswith("rt/")}
 
     def close(self) -> None:
         """Leave the domain; what was advertised is gone with it."""

@@ -1,23 +1,19 @@
 """Parameters of one ROS node, read from a launch or parameter file without ROS.
 
 Three kinds of files: ROS 1 parameter YAML (flat, or below the node's name), ROS 2 parameter YAML
-(`node: ros__parameters:`), and launch XML with `<param>`, `<rosparam>` and `<arg>`. Parameter files
-that it loads are looked for beside it. What other files and programs would have to say
-(`<include>`, `$(eval ...)`) is noted, not run.
+(`node: ros__parameters:`), and launch XML with `<param>`, `<rosparam>` and `<arg>`. What other
+files and programs would have to say (`<include>`, `$(eval ...)`) is noted, not run.
 """
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slams.formats import yaml_file
-from slams.ros.names import Leaf, by_name, leaves_of, parts
-from slams.ros.packages import beside
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -25,8 +21,10 @@ if TYPE_CHECKING:
 MAX_DEPTH = 50  # groups in each other; launch files have one or two
 MOST_FILLED = 1 << 20  # characters that substitutions put into a launch file
 LONGEST_NUMBER = 100  # characters
-SUBSTITUTION = re.compile(r"\$\((\w+)\s+([^()]*)\)")
+SUBSTITUTION = re.compile(r"\$\((?:arg|var)\s+([^()]*)\)")
 PARAMETERS = "ros__parameters"
+
+Leaf = tuple[tuple[str, ...], Any]  # a path of names, from the outside in, and a value
 
 
 @dataclass
@@ -197,37 +195,26 @@ class _Launch:
             self.notes.append(f"command {self._filled(command, args)!r} is not run")
             return []
         if file:
-            return self._loaded(element, self._filled(file, args), inside)
+            self._another(self._filled(file, args), inside)
+            return []
         if element.tag == "param" and "name" in element.attrib:
             value = self._filled(element.get("value", ""), args)
             return [(parts(self._filled(element.attrib["name"], args)), _scalar(value, self._path))]
         if element.tag != "rosparam":
             return []
         text = self._filled(element.text or "", args)
-        return self._below(element, yaml_file.parse(text, self._path), self._path)
-
-    def _below(self, element: Element, content: Any, path: Path) -> list[Leaf]:
-        """Leaves of what stands in an element, or in the file that it loads."""
+        content = yaml_file.parse(text, self._path)
         names = parts(f"{element.get('ns', '')}/{element.get('param', '')}")
         if isinstance(content, dict):
             return [((*names, *leaf), value) for leaf, value in leaves_of(content)]
         return [(names, content)] if names else []
 
-    def _loaded(self, element: Element, name: str, inside: bool) -> list[Leaf]:
-        """Leaves of a parameter file, if it is there."""
-        path = beside(self._path, name)
-        if path is None and inside:
+    def _another(self, name: str, inside: bool) -> None:
+        """Note a parameter file that is loaded."""
+        if inside:
             self.missing.append(name)
-            return []
-        if path is None:
+        else:
             self.notes.append(f"{name} is another file; give it, too, if it matters")
-            return []
-        self.notes.append(f"{name} is read from {path}")
-        content = yaml_file.parse(yaml_file.read_text(path), path)
-        leaves = self._below(element, content, path)
-        of_nodes = any(PARAMETERS in leaf for leaf, _ in leaves)  # ROS 2: by the node's name
-        own = {*self._nodes, "**"}
-        return [leaf for leaf in leaves if own & set(leaf[0])] if of_nodes and inside else leaves
 
     def _enabled(self, element: Element, args: dict[str, str]) -> bool:
         for key, wanted in (("if", True), ("unless", False)):
@@ -242,27 +229,16 @@ class _Launch:
         return True
 
     def _filled(self, text: str, args: dict[str, str]) -> str:
-        """`text` with `$(arg x)`, `$(env X)` and `$(optenv X y)` filled in where known."""
+        """`text` with `$(arg x)` and `$(var x)` filled in where known."""
 
         def _value(match: re.Match[str]) -> str:
-            value = _meaning(match, args)
+            value = args.get(match[1].strip(), match[0])
             self._filled_in += len(value)
             if self._filled_in > MOST_FILLED:
                 raise ValueError(f"{self._path}: its $(arg ...) make it longer than 1 MB")
             return value
 
         return SUBSTITUTION.sub(_value, text)
-
-
-def _meaning(match: re.Match[str], args: dict[str, str]) -> str:
-    """What a substitution stands for, itself where that is not known."""
-    kind, content = match[1], match[2].strip()
-    if kind in ("arg", "var"):
-        return args.get(content, match[0])
-    name, _, otherwise = content.partition(" ")
-    if kind == "env":
-        return os.environ.get(name, match[0])
-    return os.environ.get(name, otherwise) if kind == "optenv" else match[0]
 
 
 def _scalar(text: str, path: Path) -> Any:
@@ -274,3 +250,36 @@ def _scalar(text: str, path: Path) -> Any:
     except ValueError:
         return text
     return value if isinstance(value, int | float | bool) else text
+
+
+def leaves_of(content: dict[Any, Any]) -> Iterator[Leaf]:
+    """Every value with its path of names; "a/b" and "a.b" are paths, too."""
+    for key, value in content.items():
+        names = parts(str(key))
+        if isinstance(value, dict):
+            yield from (((*names, *below), leaf) for below, leaf in leaves_of(value))
+        elif names:
+            yield names, value
+
+
+def parts(name: str) -> tuple[str, ...]:
+    """Names from the outside in; "~x" and "~/x" are the node's own x."""
+    return tuple(part.lstrip("~") for part in re.split(r"[/.]", name) if part.strip("~"))
+
+
+def by_name(leaves: list[Leaf], path: Path) -> dict[str, Any]:
+    """The values by the last of their names; what is said of all nodes ("**") is overruled.
+
+    Raises:
+        ValueError: one name has two values.
+    """
+    values: dict[str, Any] = {}
+    came_from: dict[str, tuple[str, ...]] = {}
+    for names, value in leaves:
+        name = names[-1]
+        before = came_from.get(name, ("**",))
+        if before[0] != "**" and values[name] != value:
+            both = f"{'/'.join(before)}: {values[name]} and {'/'.join(names)}: {value}"
+            raise ValueError(f"{path}: two values of one parameter ({both}); keep one")
+        values[name], came_from[name] = value, names
+    return values

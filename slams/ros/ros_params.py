@@ -148,10 +148,7 @@ def _read(
     for path, node in zip(paths, found, strict=True):
         for missing in node.missing:
             if Path(missing).name not in given:
-                raise ValueError(
-                    f"{path}: it loads {missing}, which is not in the same package; give it, too, "
-                    "or put it beside the launch file"
-                )
+                raise ValueError(f"{path}: it loads {missing}; give that file, too")
     return found
 
 

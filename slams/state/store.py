@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from slams.formats.npz import Arrays
 from slams.registry import find, label_of
 from slams.state import archive
 from slams.state.tree import Reader, Writer
@@ -60,7 +61,7 @@ def check_target(path: str | Path, slam: Slam) -> None:
     _state_of(slam, {})
 
 
-def _state_of(slam: Slam, beside: Mapping[str, Any]) -> tuple[str, Any, archive.Arrays]:
+def _state_of(slam: Slam, beside: Mapping[str, Any]) -> tuple[str, Any, Arrays]:
     """What `save` writes: label, tree and arrays; it raises the same TypeError."""
     label, writer = label_of(type(slam)), Writer(type(slam).__module__.partition(".")[0])
     things = {"params": getattr(slam, "params", None), "slam": slam, "beside": dict(beside)}

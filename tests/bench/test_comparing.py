@@ -108,7 +108,6 @@ def test_no_stale_file_stays_beside_a_new_report(tmp_path, capsys):
     ("words", "sentence"),
     [
         (["--truth", "t.tum"], "--truth: got no log"),
-        (["--first-beam", "90"], "--first-beam: got no log"),
         (["room.npz", "--duration", "3"], "--duration: is of the simulation"),
     ],
 )

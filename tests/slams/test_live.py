@@ -79,15 +79,6 @@ def test_late_and_repeated_scans_are_left_out(log):
     assert live.map().p.shape == plain.map().p.shape
 
 
-def test_a_clock_that_was_set_back_is_followed(log):
-    live = LiveSlam("odometry")
-    for scan in log:
-        push(live, replace(scan, t=scan.t + 100.0))
-    used = [push(live, scan).used for scan in log]
-    assert used == [False] * LATE_IN_A_ROW + [True] * (len(log) - LATE_IN_A_ROW)
-    assert live.report()["clock_set_back"] == 1
-
-
 def test_single_late_scans_do_not_set_the_clock_back(log):
     live, scans = LiveSlam("odometry", warm_up=False), list(log)
     for k in range(3):

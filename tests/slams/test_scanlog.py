@@ -208,7 +208,7 @@ def test_other_files_are_refused(tmp_path):
 def test_what_cannot_be_opened_is_one_sentence(tmp_path, monkeypatch):
     with pytest.raises(IsADirectoryError) as caught:
         load_npz(tmp_path)
-    assert str(caught.value) == f"{tmp_path}: is a directory; expected a scan log npz"
+    assert str(caught.value) == f"{tmp_path}: is a directory; expected an npz file"
     path = written(tmp_path)
 
     def forbidden(*_):
@@ -217,7 +217,7 @@ def test_what_cannot_be_opened_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(type(path), "open", forbidden)
     with pytest.raises(PermissionError) as caught:
         load_npz(path)
-    assert str(caught.value) == f"{path}: permission denied; expected a scan log npz"
+    assert str(caught.value) == f"{path}: permission denied; expected an npz file"
 
 
 def test_a_scan_of_one_beam_needs_no_step():

@@ -1,16 +1,14 @@
 """Saved states: going on equals never having stopped; a bad file is refused in one sentence."""
 
-import hashlib
-import io
 import json
 import shutil
-import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from slams import run
+from slams.formats.npz import write_npz
 from slams.registry import find, label_of, names
 from slams.state import load_state, read_state, save
 from slams.state.tree import Reader, Writer
@@ -156,57 +154,42 @@ def test_what_no_state_can_hold_leaves_no_file(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def rewritten(source, target, change, sign=True):
-    """A copy of a state with its texts and entries changed, its digest right again if `sign`."""
-    with zipfile.ZipFile(source) as archive:
-        parts = {name: archive.read(name) for name in archive.namelist()}
-    head, known = json.loads(parts.pop("head.json")), json.loads(parts["tree.json"])
-    change(head, known, parts)
-    parts["tree.json"] = json.dumps(known).encode()
-    if sign:
-        digest = hashlib.sha256(b"".join(name.encode() + data for name, data in parts.items()))
-        head["sha256"] = digest.hexdigest()
-    with zipfile.ZipFile(target, "w") as archive:
-        for name, data in (parts | {"head.json": json.dumps(head)}).items():
-            archive.writestr(name, data)
+def rewritten(source, target, change):
+    """A copy of a state with its head or arrays changed."""
+    with np.load(source) as archive:
+        arrays = dict(archive)
+    head = json.loads(arrays.pop("head").tobytes())
+    change(head, arrays)
+    write_npz(target, arrays | {"head": np.frombuffer(json.dumps(head).encode(), np.uint8)})
     return target
 
 
 def set_head(key, value):
-    return lambda head, known, parts: head.update({key: value})
+    return lambda head, arrays: head.update({key: value})
 
 
-def slam_of(known):
-    return known["tree"]["slam"][2]
+def slam_of(head):
+    return head["tree"]["slam"][2]
 
 
 def set_attribute(name, value):
-    return lambda head, known, parts: slam_of(known).update({name: value})
+    return lambda head, arrays: slam_of(head).update({name: value})
 
 
 def set_class(name):
-    return lambda head, known, parts: known["tree"]["slam"].__setitem__(1, name)
+    return lambda head, arrays: head["tree"]["slam"].__setitem__(1, name)
 
 
 def set_params(name, value):
-    return lambda head, known, parts: known["tree"]["params"][2].update({name: value})
+    return lambda head, arrays: head["tree"]["params"][2].update({name: value})
 
 
 def set_large(index, value):
-    return lambda head, known, parts: next(iter(known["large"].values())).__setitem__(index, value)
-
-
-def set_array(array):
-    def change(head, known, parts):
-        name, file = next(n for n in parts if n.endswith(".ranges.npy")), io.BytesIO()
-        np.save(file, array)
-        parts[name] = file.getvalue()
-
-    return change
+    return lambda head, arrays: next(iter(head["large"].values())).__setitem__(index, value)
 
 
 CHANGES = {
-    "another format": (set_head("format", "x"), "saved with format x, expected slams-state-2"),
+    "another format": (set_head("format", "x"), "saved with format x, expected slams-state-3"),
     "another release": (set_head("slams", "9.1"), "saved with slams 9.1, expected"),
     "unknown algorithm": (set_head("algorithm", "hectr"), "unknown algorithm"),
     "somebody's module": (set_head("algorithm", "os:Path"), "say so"),
@@ -216,14 +199,13 @@ CHANGES = {
     "no such class": (set_class("hector.slam:Hectr"), "there is no class"),
     "a function": (set_class("hector.slam:estimator_for"), "there is no class"),
     "a number for a map": (set_attribute("_map", 3), "slam._map is a number, expected hector.map"),
-    "a missing attribute": (lambda h, known, p: slam_of(known).popitem(), "slam has no"),
+    "a missing attribute": (lambda head, _: slam_of(head).popitem(), "slam has no"),
     "a node of no kind": (set_attribute("frozen", ["eval", "1"]), "slam.frozen is malformed"),
     "other parameters": (set_params("seed", -3), "parameter 'seed': got -3"),
     "a giant": (set_large(1, [1 << 60, 4]), "damaged"),
     "a smaller array": (set_large(1, [4]), "could not broadcast"),
     "an array of another type": (set_large(0, "<c8"), "an array of complex64"),
-    "objects of Python": (set_array(np.array([{}])), "allow_pickle=False"),
-    "no tree": (lambda head, known, parts: known.pop("tree"), "damaged"),
+    "no tree": (lambda head, _: head.pop("tree"), "damaged"),
 }
 
 
@@ -255,23 +237,16 @@ def degraded(known, rng):
             return
 
 
-def test_whatever_stands_in_a_signed_file_is_read_or_refused_in_one_sentence(kept, tmp_path):
+def test_whatever_stands_in_a_file_is_read_or_refused_in_one_sentence(kept, tmp_path):
     rng, said = np.random.default_rng(0), []
     for _ in range(80):
-        path = rewritten(kept, tmp_path / "x", lambda head, known, parts: degraded(known, rng))
+        path = rewritten(kept, tmp_path / "x", lambda head, _: degraded(head["tree"], rng))
         try:
             load_state(path)
         except ValueError as error:
             said.append(str(error))
     assert len(said) > 60
     assert all(text.startswith(str(path)) and "\n" not in text for text in said)
-
-
-def test_an_unsigned_change_is_noticed(kept, tmp_path):
-    path = rewritten(kept, tmp_path / "x", set_attribute("frozen", True), sign=False)
-    with pytest.raises(ValueError, match="its sha256 differs"):
-        load_state(path)
-    assert load_state(rewritten(kept, path, set_attribute("frozen", True))).frozen is True
 
 
 def test_a_damaged_file_is_refused_in_one_sentence(kept, tmp_path):
@@ -359,7 +334,7 @@ def test_what_does_not_fit_a_run_is_refused(kept, tmp_path, capsys):
             ["hector", log, *resume, "--set", "resolution=0.1"],
             "saved with resolution 0.05, got 0.1",
         ),
-        (["hector", log, "--resume-state", log], "not a state: no head.json"),
+        (["hector", log, "--resume-state", log], "not a state: no head;"),
         (["hector", log, "--resume-state", tmp_path], "is a directory"),
         (["hector", log, "--save-state", tmp_path / "no" / "x"], "no such folder"),
         (["hector", log, "--save-state", tmp_path], "is a folder"),

@@ -61,10 +61,16 @@ def header(shape, descr="<f4"):
     return file.getvalue()
 
 
-@pytest.mark.parametrize("shape", [(20, 1_250_000_000), (10**12, 0), (10**30,), (-1, 5)])
-def test_an_array_that_claims_another_size_than_it_has(shape, log):
-    replace_member(log, "ranges.npy", [header(shape), bytes(4000)])
-    refused(slams.load, log)
+@pytest.mark.parametrize(
+    ("name", "shape", "descr"),
+    [("ranges", shape, "<f4") for shape in [(20, 1_250_000_000), (10**12, 0), (10**30,), (-1, 5)]]
+    + [("meta", (), "<U25000000000")],
+)
+def test_an_array_that_claims_another_size_than_it_has(name, shape, descr, log):
+    replace_member(log, f"{name}.npy", [header(shape, descr), bytes(4000)])
+    with pytest.raises(ValueError, match=r"log\.npz: ") as caught:
+        slams.load(log)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_text_that_is_nested_deep(log):
@@ -73,18 +79,9 @@ def test_a_text_that_is_nested_deep(log):
     assert "meta: got other text, expected a JSON object" in refused(slams.load, log)
 
 
-def test_a_text_that_claims_a_hundred_gigabytes(log):
-    replace_member(log, "meta.npy", [header((), "<U25000000000"), bytes(100)])
-    refused(slams.load, log)
-
-
-@pytest.mark.parametrize("name", ["ranges", "odom"])
-def test_an_array_that_unpacks_to_a_thousand_times_its_size(name, log):
-    shape = {"ranges": (16, HUGE // 64), "odom": (HUGE // 24, 3)}[name]
+def test_an_array_that_unpacks_to_a_thousand_times_its_size(log):
     zeros = [bytes(1 << 20)] * (HUGE >> 20)
-    replace_member(
-        log, f"{name}.npy", [header(shape, "<f4" if name == "ranges" else "<f8"), *zeros]
-    )
+    replace_member(log, "ranges.npy", [header((16, HUGE // 64)), *zeros])
     assert "unpacks to 0.1 GB" in refused(slams.load, log)
 
 

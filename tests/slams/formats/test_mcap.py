@@ -83,14 +83,6 @@ def test_evo_reads_the_poses(written):
     assert yaw == pytest.approx(WAY[:, 2])
 
 
-def test_the_log_reads_its_own_result(written):
-    log, path = written
-    again = slams.load(path, truth="map")
-    assert np.array_equal(again.ranges, log.ranges, equal_nan=True)
-    assert again.laser.mount == pytest.approx(log.laser.mount)
-    assert again.truth.values == pytest.approx(WAY)
-
-
 def test_equal_runs_give_equal_bytes(written):
     log, path = written
     mcap.write_mcap(path.with_name("again.mcap"), log, WAY, GRID)

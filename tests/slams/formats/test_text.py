@@ -71,8 +71,6 @@ def test_flaser_angles_and_limit(n, header, step, first, range_max, tmp_path):
     assert math.degrees(laser.angle_increment) == pytest.approx(step)
     assert math.degrees(laser.angle_min) == pytest.approx(first)
     assert laser.range_max == range_max
-    shifted = slams.load(tmp_path / "drive.log", first_beam=-89.5).laser
-    assert math.degrees(shifted.angle_min) == pytest.approx(-89.5)
 
 
 def test_remissions_that_are_not_all_there(tmp_path):
@@ -140,12 +138,6 @@ def test_options_that_say_nothing_about_a_log_are_told(tmp_path):
     log = slams.load(path, imu="/imu", base_frame="base", scan_topic="FLASER", odom="FLASER")
     assert log.notes == ("--imu, --base-frame: nothing to choose in a CARMEN log",)
     assert slams.load(path, imu="none").notes == ()
-
-
-@pytest.mark.parametrize("angle", [math.nan, math.inf, 361.0])
-def test_a_first_beam_that_is_no_direction(angle, tmp_path):
-    with pytest.raises(ValueError, match=r"--first-beam: got .*, expected degrees from -360"):
-        slams.load(written(tmp_path, FLASER.format(READINGS)), first_beam=angle)
 
 
 def test_the_reading_that_means_nothing_seen(tmp_path):

@@ -51,19 +51,6 @@ def test_what_we_write_reads_back(write, packed, tmp_path):
     same(read_trajectory(str(path)))
 
 
-def test_tum_written_by_evo(tmp_path):
-    evo = pytest.importorskip("evo.core.trajectory")
-    file_interface = pytest.importorskip("evo.tools.file_interface")
-    half, zero = 0.5 * WAY[:, 2], np.zeros(N)
-    made = evo.PoseTrajectory3D(
-        np.column_stack([WAY[:, :2], zero]),
-        np.column_stack([np.cos(half), zero, zero, np.sin(half)]),
-        T,
-    )
-    file_interface.write_tum_trajectory_file(tmp_path / "evo.tum", made)
-    same(read_trajectory(tmp_path / "evo.tum"))
-
-
 def test_a_header_that_comes_again_between_the_rows_is_no_row(tmp_path):
     path = tmp_path / "joined.csv"
     path.write_text("t,x,y,theta\n0.0,1.0,2.0,0.5\nt,x,y,theta\n0.1,1.5,2.5,0.6\n")
@@ -303,23 +290,6 @@ def test_a_file_goes_before_a_topic_and_a_slash_makes_it_the_topic(bag, tmp_path
     same(slams.load(bag, truth="map", odom="odom").truth, poses=WAY + 1.0)
     same(read_trajectory("/slam_pose", bag))
     same(read_trajectory("/map", bag, TF), T[2:-1], WAY[2:-1])
-
-
-def test_scans_are_left_unread(tmp_path, monkeypatch):
-    from slams.formats import ros_messages
-
-    path = bags.write(tmp_path, "bag", recorded)
-    whole, read = ros_messages.decoder, []
-
-    def counting(ros1):
-        return lambda data, msgtype: read.append(msgtype) or whole(ros1)(data, msgtype)
-
-    monkeypatch.setattr(ros_messages, "decoder", counting)
-    same(read_trajectory("/fused", path, SourceOptions(odom="none")))
-    assert (read.count(bags.SCAN), read.count(bags.ODOMETRY), read.count(bags.PATH)) == (1, N, 0)
-    read.clear()
-    same(read_trajectory("/path", path))
-    assert read == [bags.PATH]
 
 
 def test_a_damaged_bag_is_refused_or_salvaged(tmp_path):

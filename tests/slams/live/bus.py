@@ -27,7 +27,7 @@ class Bus:
 
 class BusTransport:
     def __init__(self, bus):
-        self.bus, self.wanted, self.several = bus, [], 1
+        self.bus, self.wanted = bus, []
         self.closed = False
 
     def subscribe(self, topic, msgtype, quality, callback):
@@ -55,9 +55,6 @@ class BusTransport:
 
     def topics(self):
         return dict(self.bus.types)
-
-    def publishers(self, topic):
-        return self.several
 
     def close(self):
         self.closed = True

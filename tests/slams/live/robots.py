@@ -11,7 +11,7 @@ from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live import node
 from slams.live.node import Node
-from slams.live.options import NodeOptions, Quality
+from slams.live.options import NodeOptions, Quality, Topics
 from slams.live.recorder import Recorder
 from slams.live.robot import Robot
 from slams.player import replay
@@ -100,8 +100,8 @@ class Stand:
     def look(self):
         self.node.check()
 
-    def play(self, log, names=None):
-        robot = Robot(log, self.bus.transport(), names or {})
+    def play(self, log):
+        robot = Robot(log, self.bus.transport(), Topics())
         robot.introduce()
         for moment in robot.moments():
             moment.send()

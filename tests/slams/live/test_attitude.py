@@ -7,6 +7,7 @@ import pytest
 
 from slams.formats.bag import IMU, TF
 from slams.formats.ros_maker import Maker
+from slams.live.frames import FEW
 from slams.live.options import Quality
 from slams.types import Attitude, Pose2
 from tests.rooms import way
@@ -81,6 +82,18 @@ def test_a_constant_orientation_is_no_attitude(monkeypatch):
     stand.start()
     assert stand.node.buffer.attitude_at(1.0) is None
     assert stand.node.buffer.yaw_at(1.0) is not None
+
+
+def test_a_robot_that_stands_still_keeps_its_attitude(monkeypatch):
+    stand = mounted(monkeypatch)
+    for t in (0.0, 0.1):
+        stand.bus.publish("/tf", TF, message := tilted(t))
+    for k in range(2 * FEW):
+        message.transforms[0].header.stamp.nanosec = 150_000_000 + 10_000_000 * k
+        stand.bus.publish("/tf", TF, message)
+    stand.scan(0.05)
+    stand.start()
+    assert stand.node.buffer.attitude_at(0.5) == pytest.approx(true(0.1))
 
 
 def test_nothing_is_known_in_a_gap(monkeypatch):

@@ -11,6 +11,7 @@ import slams
 from slams import LiveSlam, Pose2, run
 from slams.formats.occupancy import write_map
 from slams.live.node import MAX_UNLOCALIZED_SCANS
+from slams.live.options import Topics
 from slams.live.robot import Robot
 from slams.live.slam import MAX_RESUME_GAP
 from slams.scanlog import Track
@@ -60,7 +61,7 @@ def driven(stand, moments):
 def test_going_on_from_a_state_equals_never_having_stopped(algorithm, monkeypatch, tmp_path):
     def stand_of(**begin):
         bus = Bus()
-        robot = Robot(robot_log(), bus.transport(), {})
+        robot = Robot(robot_log(), bus.transport(), Topics())
         robot.introduce()
         return Stand(monkeypatch, algorithm, bus=bus, begin=begin), robot
 

@@ -72,7 +72,6 @@ def test_every_message_arrives_byte_by_byte(msgtype, transports):
     outlet = sender.advertise("/topic", msgtype, Quality.RELIABLE)
     receiver.listen()
     until(lambda: outlet.subscribers)
-    assert receiver.publishers("/topic") == 1
     outlet.publish(data)
     until(lambda: got)
     assert got[0].data[: len(data)] == data
@@ -157,7 +156,7 @@ def test_a_writer_that_leaves_is_no_message(transports):
         until(lambda sender=sender: len(got) == 1 + (sender is second))
         del outlet
         sender.close()
-        until(lambda: receiver.publishers("/tf") == 0)
+        until(lambda: "/tf" not in receiver.topics())
     assert len(got) == 2
 
 
@@ -248,7 +247,7 @@ def test_ended_before_the_first_scan(number, started, tmp_path):
             "got nan, expected 0 s or more",
         ),
         ("slams.play", ["room.npz", "--remap", "scan"], "--remap: got 'scan', expected /FROM:=/TO"),
-        ("slams.play", ["room.npz", "--remap", "/a:=/b"], "--remap: /a is not published"),
+        ("slams.play", ["room.npz", "--remap", "/a:=/b"], "--remap: /a is no topic here"),
     ],
 )
 def test_what_is_wrong_on_the_command_line_is_one_sentence(

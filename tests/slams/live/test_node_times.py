@@ -19,7 +19,7 @@ def test_tf_that_comes_late_is_waited_for_and_no_scan_is_lost(monkeypatch):
     stand.drive()
     report = stand.node.report()
     assert (report["base_frame"], report["scans"], report["dropped"]) == ("base_link", 5, 0)
-    assert not any("taken as the base" in said for said in stand.said)
+    assert not any("it is the base" in said for said in stand.said)
 
 
 def test_a_clock_that_is_set_back_is_followed_with_its_odometry(monkeypatch):
@@ -58,12 +58,10 @@ def test_a_laser_that_is_plugged_in_again_is_mapped_on(monkeypatch):
     monkeypatch.setattr(diagnostics.time, "monotonic", lambda: real() + 30.0)
     stand.look()
     assert any("is the laser unplugged?" in said for said in stand.said)
-    stand.transport.several = 2  # the driver's old publisher is still known
     stand.scan(30.0)
     stand.drive()
     stand.look()
     assert any("scans on /scan are back after about 30 s" in said for said in stand.said)
-    assert any("2 publishers on /scan" in said for said in stand.said)
     assert len(stand.node.drive.t) == 2
 
 

@@ -1,11 +1,15 @@
 """Launch and parameter files of the originals, taken over by their ROS names."""
 
+import json
 import math
 
 import pytest
 
+from slams import run
 from slams.registry import BASELINES, BUILT_IN, find
-from slams.ros import launch, ros_params
+from slams.ros import ros_params
+from slams.ros.launch import read_node
+from tests.rooms import drive
 
 ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
 
@@ -131,18 +135,13 @@ def test_the_node_is_found_in_every_kind_of_file(tmp_path, tree):
     assert (p.n_particles, p.linear_update, p.resolution) == (80, 0.5, 0.05)
 
 
-def test_substitutions(tmp_path, monkeypatch):
-    monkeypatch.setenv("N", "12")
+def test_substitutions(tmp_path):
     node = (
         '<launch><arg name="d" default="0.1"/><node pkg="gmapping" type="slam_gmapping">{}</node>'
     )
-    text = node.format(
-        '<param name="particles" value="$(env N)"/><param name="delta" value="$(arg d)"/>'
-        '<param name="linearUpdate" value="$(optenv NOT_THERE 0.7)"/>'
-    )
-    p = take("gmapping", wrote(tmp_path, text + "</launch>")).params
-    assert (p.n_particles, p.resolution, p.linear_update) == (12, 0.1, 0.7)
-    for unknown in ("$(arg n)", "$(eval 3 * 4)"):
+    text = node.format('<param name="delta" value="$(arg d)"/>')
+    assert take("gmapping", wrote(tmp_path, text + "</launch>")).params.resolution == 0.1
+    for unknown in ("$(arg n)", "$(env N)", "$(eval 3 * 4)"):
         text = node.format(f'<param name="particles" value="{unknown}"/>') + "</launch>"
         with pytest.raises(ValueError, match=r"particles = .* leaves it to roslaunch; write the"):
             take("gmapping", wrote(tmp_path, text))
@@ -246,7 +245,82 @@ def test_every_mapped_name_is_taken_by_the_original(tmp_path, name):
         assert fates(taken)[alias] == "mapped", alias
 
 
-def test_reading_is_a_library_call(tmp_path):
-    found = launch.read_node(wrote(tmp_path, HECTOR_LAUNCH), ["hector_mapping"], [])
-    assert found.values["map_size"] == 2048
-    assert found.notes == []
+# files that a launch file loads, as TurtleBot3's for gmapping does
+
+LOADING = """<launch>
+  <arg name="file" default="gmapping_params.yaml"/>
+  <rosparam file="$(find b)/costmap.yaml"/>
+  <node pkg="gmapping" type="slam_gmapping" name="turtlebot3_slam_gmapping" output="screen">
+    <param name="base_frame" value="base_footprint"/>
+    <rosparam command="delete" param="x"/>
+    <rosparam command="load" file="$(find turtlebot3_slam)/config/$(arg file)" />
+  </node>
+</launch>
+"""
+LOADED = "map_update_interval: 2.0\nmaxUrange: 3.0\nsigma: 0.1\nparticles: 12\ndelta: 0.1\n"
+
+
+def test_a_file_that_the_node_loads_is_asked_for(tmp_path):
+    launched = wrote(tmp_path, LOADING)
+    loaded = wrote(tmp_path, LOADED, "gmapping_params.yaml")
+    with pytest.raises(
+        ValueError, match=r"loads .*find turtlebot3_slam.*gmapping_params\.yaml; giv"
+    ):
+        take("gmapping", launched)
+    for paths in ((launched, loaded), (loaded, launched)):
+        taken = take("gmapping", *paths)
+        assert (taken.params.n_particles, taken.params.resolution) == (12, 0.1)
+        assert any("costmap.yaml is another file" in note for note in taken.notes)
+        assert any("command 'delete' is not run" in note for note in taken.notes)
+
+
+def test_a_file_that_changes_nothing_is_refused(tmp_path):
+    good = wrote(tmp_path, LOADED, "good.yaml")
+    frames = wrote(tmp_path, LOADING.replace("<rosparam", "<unknown"))
+    for paths in ([frames], [good, frames]):
+        with pytest.raises(ValueError, match=r"nothing in it is taken .* gmapping") as caught:
+            take("gmapping", *paths)
+        assert str(caught.value).startswith(f"{frames}: ")
+        assert "(base_frame)" in str(caught.value)
+
+
+def test_what_was_done_stands_in_the_summary(tmp_path):
+    drive(n=5).save(tmp_path / "room.npz")
+    given = wrote(tmp_path, f"{LOADED}base_frame: base\n", "p.yaml")
+    out = ["--out", str(tmp_path / "out"), "-q"]
+    arguments = ["gmapping", str(tmp_path / "room.npz"), *out]
+    assert run.main([*arguments, "--ros-params", str(given)]) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["ros_params"]["files"] == [str(given)]
+    fates = {fate["name"]: fate["fate"] for fate in summary["ros_params"]["parameters"]}
+    assert (fates["particles"], fates["base_frame"]) == ("mapped", "ignored")
+    assert run.main([*arguments, "--force"]) == 0
+    assert "ros_params" not in json.loads((tmp_path / "out" / "summary.json").read_text())
+
+
+# launch files as they are found in the wild
+
+NODES, KNOWN = ("gmapping", "slam_gmapping"), ("delta", "particles", "xmin")
+NODE = '<node pkg="gmapping" type="slam_gmapping" name="slam">{}</node>'
+
+
+def values(tmp_path, text):
+    return read_node(wrote(tmp_path, text, "file"), NODES, KNOWN).values
+
+
+@pytest.mark.parametrize("name", ["~delta", "~/delta", "delta", "/slam/delta"])
+def test_a_private_name_is_the_nodes_own(name, tmp_path):
+    inside = NODE.format(f'<param name="{name}" value="0.1"/>')
+    assert values(tmp_path, f"<launch>{inside}</launch>") == {"delta": 0.1}
+
+
+def test_a_group_is_a_namespace_of_what_is_in_it(tmp_path):
+    group = '<group ns="{}"><param name="delta" value="0.1"/></group>'
+    for name, found in (("slam", {"delta": 0.1}), ("robot/slam", {"delta": 0.1}), ("other", {})):
+        text = f"<launch>{group.format(name)}{NODE.format('')}</launch>"
+        assert values(tmp_path, text) == found
+
+
+def test_many_brackets_are_no_nesting(tmp_path):
+    lists = "".join(f"p{k}: [0, {{a: 1}}]  # [m] in [0, 1)\n" for k in range(300))
+    assert values(tmp_path, f"{lists}delta: 0.1\n")["delta"] == 0.1
