@@ -117,7 +117,7 @@ def bad_files(log_file, tmp_path, monkeypatch):
     [
         ("hector", [], "no log given"),
         ("hector", ["none.npz"], "none.npz: no such file"),
-        ("hector", ["cut.npz"], "damaged or cut short"),
+        ("hector", ["cut.npz"], "damaged, cut short"),
         ("hector", ["keys.npz"], "keys: got no ranges"),
         ("hector", ["nan.npz"], "stamps that are not finite"),
         ("hector", ["."], "is a directory"),
