@@ -190,14 +190,10 @@ def arguments_of(log, out, *more):
     return [*words, "--rate", "0", "--out", str(out), "-q", *more]
 
 
-def test_the_same_bytes_from_one_process_two_and_three_shards(log, tmp_path):
-    places = {name: tmp_path / name for name in ("one", "two", "shards")}
+def test_the_same_bytes_from_one_process_and_two(log, tmp_path):
+    places = {name: tmp_path / name for name in ("one", "two")}
     assert command.main(arguments_of(log, places["one"], "--jobs", "1")) == 0
     assert command.main(arguments_of(log, places["two"], "--jobs", "2")) == 0
-    for k in (1, 2, 3):
-        more = ("--jobs", "1", "--shard", f"{k}/3")
-        assert command.main(arguments_of(log, places["shards"], *more)) == 0
-        assert (places["shards"] / results.TRIALS).exists() == (k == 3)
     names = [results.TRIALS, "survival.csv", "table-alarms.csv"]
     for name in names:
         texts = {place: (folder / name).read_bytes() for place, folder in places.items()}
@@ -258,7 +254,7 @@ def test_a_sweep_killed_goes_on_where_it_was(log, tmp_path):
         (["--arenas", "moon"], "unknown arena 'moon'"),
         (["--algorithms", "hectar"], "did you mean 'hector'"),
         (["--seeds", "0"], "--seeds: got 0"),
-        (["--shard", "4/3"], "--shard: got '4/3', expected I/N"),
+        (["--jobs", "0"], "--jobs: got 0, expected 1 or more"),
         (["--jobs", "0"], "--jobs: got 0"),
         (["--sensor", "lds3"], "unknown sensor"),
         (["--duration", "1"], "--duration: got 1"),
