@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING
 
 from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS
 from bench.report import figures, palette, pareto, tables, text
-from bench.results import ARRAYS, FIGURES
+from bench.results import FIGURES
 from slams.formats import trajectory
 
 if TYPE_CHECKING:
     from bench.results import Comparison, LogResult, Outcome
 
-DRAWN = (
+# all that bench.compare writes; arrays.npz is of earlier versions
+FILES = (
+    FIGURES,
+    "arrays.npz",
     "report.html",
     "tables.md",
     "table-*.csv",
@@ -21,8 +24,9 @@ DRAWN = (
     "trajectory-*.tum",
     "fig*.png",
     "fig*.pdf",
+    "rescue-*.npz",
+    "result-*.mcap",
 )
-FILES = (FIGURES, ARRAYS, *DRAWN, "rescue-*.npz", "result-*.mcap")  # all that bench.compare writes
 
 
 def write(folder: Path, comparison: Comparison) -> None:

