@@ -7,10 +7,10 @@ import time
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from bench import sweep as command
-from bench.judge.answers import analysis
-from bench.report.html import sweep_page
+from bench.report import sweep_figure, sweep_outputs
 from bench.results import sweep as results
 from bench.results.sweep import Sweep
 from bench.run import plan
@@ -70,17 +70,21 @@ def sweep_of(trials, cpu=0.1, levels=None):
     return Sweep(facts, trials, costs, record)
 
 
-def test_the_page_answers_first_and_draws_curves_with_bands_and_escapes_names():
+def test_the_page_answers_first_and_draws_curves_with_bands_and_escapes_names(tmp_path):
     names = ("<i>", "b")
     trials = [trial(algorithm=name, log=f"l{k}", level=0.05) for name in names for k in range(3)]
     trials += [lost(algorithm="b", log="l0", level=0.1), trial(algorithm="<i>", level=0.1)]
     found = sweep_of(trials)
-    page = sweep_page.document(found, analysis(found))
+    weighed = sweep_outputs.write(tmp_path, found)
+    page = (tmp_path / "report.html").read_text()
     assert "<i>" not in page
-    assert page.index("3 drives cannot tell") < page.index("<svg") < page.index("levels held [%]")
-    assert page.count('<g class="run-1 mark"') == 2, "a band and a line"
-    assert page.count("fill-opacity: 0.13") == 2, "bands of both rows"
+    assert page.index("3 drives cannot tell") < page.index("<img") < page.index("levels held [%]")
+    assert (tmp_path / "fig_survival-1.png").exists()
     assert "range noise" in page and "a &lt;b&gt;" in page
+    axes, (cell,) = Figure().subplots(), weighed.cells
+    sweep_figure.survival(axes, cell, "noise")
+    assert len(axes.lines) == len(axes.collections) == 2, "a line and a band of both rows"
+    assert axes.lines[1].get_ydata().tolist() == [one.k / one.n for one in cell.curves["b"]]
 
 
 def test_a_trial_is_judged_against_the_truth():
