@@ -15,12 +15,14 @@ if TYPE_CHECKING:
 # heading of a table, what it is called in a sentence
 MEASURES = {
     "walls [x]": "wall area",
+    "revisits [mm]": "error at revisits",
     "disagreement [mm]": "agreement with the others",
     "conflict [%]": "conflict with the map",
 }
 # by their rank correlation with the truth, docs/comparison.md; two runs alone are equally far apart
-DECIDING, OF_TWO = "disagreement [mm]", "walls [x]"
+DECIDING, OF_TWO = ("disagreement [mm]",), ("walls [x]", "revisits [mm]")
 COLUMNS: Columns = {
+    "revisits [mm]": ("consistency/revisits_m", 1e3),
     "disagreement [mm]": ("disagreement_m", 1e3),
     "conflict [%]": ("conflict", 1e2),
 }
@@ -41,21 +43,21 @@ def _measures(row: Row, least: float | None) -> Line:
 
 
 def ranks(found: dict[str, Line]) -> dict[str, float]:
-    """Rank of each algorithm by the measure that decides; 1 is the best."""
+    """Mean rank of each algorithm over the measures that decide; 1 is the best."""
     from scipy.stats import rankdata
 
-    key = deciding(found)
-    if key is None:
+    used = deciding(found)
+    if not used:
         return {}
-    places = rankdata([round(line[key], 3) for line in found.values()])
-    return dict(zip(found, places.tolist(), strict=True))
+    table = np.array([[round(line[key], 3) for key in used] for line in found.values()])
+    return dict(zip(found, rankdata(table, axis=0).mean(axis=1).tolist(), strict=True))
 
 
-def deciding(found: dict[str, Line]) -> str | None:
-    """The measure that decides between these runs, which all of them have; None without any."""
-    wanted = (DECIDING, OF_TWO) if len(found) >= FEWEST else (OF_TWO,)
-    every = (k for k in wanted if found and all(one[k] is not None for one in found.values()))
-    return next(every, None)
+def deciding(found: dict[str, Line]) -> list[str]:
+    """The measures that decide between these runs, which all of them have."""
+    wanted = DECIDING if len(found) >= FEWEST else OF_TWO
+    there = [key for key in wanted if all(line[key] is not None for line in found.values())]
+    return there or [key for key in OF_TWO if all(line[key] is not None for line in found.values())]
 
 
 def mean_ranks(comparison: Comparison, names: set[str]) -> tuple[dict[str, float], list[str]]:
@@ -64,7 +66,7 @@ def mean_ranks(comparison: Comparison, names: set[str]) -> tuple[dict[str, float
     used: dict[str, None] = {}
     for log in comparison.logs:
         own = {name: line for name, line in measures(log.rows).items() if name in names}
-        used |= {key: None} if (key := deciding(own)) else {}
+        used |= dict.fromkeys(deciding(own) if own else [])
         for name, rank in ranks(own).items():
             places.setdefault(name, []).append(rank)
     return {name: float(np.mean(found)) for name, found in places.items()}, [*used]

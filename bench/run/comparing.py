@@ -73,9 +73,9 @@ def run(label: str, log: ScanLog, choice: Choice, first: int | None) -> Outcome 
 
 def with_consistency(outcome: Outcome, log: ScanLog, poses: Floats) -> Outcome:
     """The run with what its scans tell of it; poses (n, 3) at those of the log, nan for none."""
-    from bench.judge.consistency import walls
+    from bench.judge.consistency import consistency
 
-    found = {"walls_m2": walls(log, poses)}
+    found = consistency(log, poses)._asdict()
     return replace(outcome, row=outcome.row | {"consistency": found})
 
 

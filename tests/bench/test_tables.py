@@ -64,22 +64,23 @@ def test_the_one_table_has_error_loss_and_cost_in_their_units():
 
 
 def test_without_a_truth_the_one_table_has_what_stands_for_it():
-    rows = [unaided("a", 20.0, 0.03), unaided("b", 25.0, None)]
+    rows = [unaided("a", 20.0, 0.01, 0.03), unaided("b", 25.0, 0.02, None)]
     table = tables.main_table({}, rows)
     assert table.loc["b"].to_dict() | {"disagreement [mm]": 0} == {
         "walls [x]": 1.25,
+        "revisits [mm]": 20.0,
         "disagreement [mm]": 0,
         "lost": "no",
         "CPU [ms]": 1.0,
         "used": "laser",
     }
     assert tables.unaided_table({}, rows).empty
-    truth = [unaided("a", 20.0, 0.03) | {"errors": row()["errors"]}]
+    truth = [unaided("a", 20.0, 0.01, 0.03) | {"errors": row()["errors"]}]
     assert tables.unaided_table({}, truth).loc["a", "disagreement [mm]"] == 30.0
 
 
-def unaided(name, area, apart):
-    found = {"walls_m2": area}
+def unaided(name, area, revisits, apart):
+    found = {"walls_m2": area, "revisits_m": revisits, "revisits": 3}
     loss = {"lost": False, "by": "report", "report": {"scans": 0}}
     more = {"consistency": found, "disagreement_m": apart, "conflict": None}
     return row(name, errors=None, loss=loss, **more)
@@ -167,12 +168,12 @@ def test_if_all_are_lost_the_answer_says_so_and_still_names_the_best():
 
 
 def test_without_a_truth_the_answer_is_by_mean_ranks():
-    rows = [unaided("a", 20.0, 0.03), unaided("b", 21.0, 0.02)]
-    rows += [unaided("odometry", 19.0, 0.01)]
+    rows = [unaided("a", 20.0, 0.02, 0.03), unaided("b", 21.0, 0.01, 0.02)]
+    rows += [unaided("odometry", 19.0, 0.0, 0.01)]
     take, ranks = words.answer(compared(rows))
-    assert take == "Without a truth: take a, first by wall area."
-    assert ranks.startswith("Mean ranks: a (1.0) and b (2.0). ")
-    take, ranks = words.answer(compared([*rows, unaided("c", 19.0, 0.9)]))
+    assert take == "Without a truth: take a, first by wall area and error at revisits."
+    assert ranks.startswith("Mean ranks: a (1.5) and b (1.5). ")
+    take, ranks = words.answer(compared([*rows, unaided("c", 19.0, 0.0, 0.9)]))
     assert take == "Without a truth: take b, first by agreement with the others."
     assert ranks.startswith("Mean ranks: b (1.0), a (2.0) and c (3.0). ")
 
