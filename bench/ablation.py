@@ -11,7 +11,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from bench import sweep
-from bench.run import single, spread
+from bench.run import jobs, single
 from slams import cli
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
     sweep.add_drive_options(p)
     p.set_defaults(seeds=SEEDS)
     cli.add_output_options(p, "results/ablation")
-    spread.add_options(p)
+    jobs.add_option(p)
     return p
 
 
@@ -63,8 +63,6 @@ def _command(arguments: argparse.Namespace, words: list[str]) -> int:
     defaults = vars(sweep.parser().parse_args([]))  # of options that only the sweep has
     asked = defaults | vars(arguments) | {"algorithms": list(rows.values())}
     found = sweep.swept(argparse.Namespace(**asked), words, PROGRAM)
-    if found is None:
-        return 0
     made = table(found, rows)
     with files.complete_folder(arguments.out) as folder:
         made.to_csv(folder / "ablation.csv", index_label=arguments.algorithm)

@@ -101,7 +101,7 @@ def _write(folder: Path, comparison: Comparison, logs: list[ScanLog], mcap: bool
     from bench.report import outputs
     from slams.formats.mcap import write_mcap
 
-    results.save(folder, comparison)
+    results.write_figures(folder / results.FIGURES, comparison.as_dict())
     outputs.write(folder, comparison)
     for k, log in enumerate(logs if mcap else []):
         place = outputs.place_of(folder, comparison, k)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bench.run import single, spread
+from bench.run import jobs, single
 from bench.sim.setting import ARENAS
 from slams import cli
 from slams.registry import BASELINES, names
@@ -16,7 +16,6 @@ from slams.registry import BASELINES, names
 if TYPE_CHECKING:
     from bench.results.sweep import Sweep
     from bench.run.plan import Case, Plan
-    from bench.run.work import Task
 
 PROGRAM = "slams sweep"
 # what a sweep raises; bench.sim.degrade has all there are
@@ -78,7 +77,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--quick", action="store_true", help="fewer degradations, drives and rows")
     cli.add_output_options(p, "results/sweep")
-    spread.add_options(p)
+    jobs.add_option(p)
     cli.add_log_options(p)
     return p
 
@@ -150,8 +149,6 @@ def _command(arguments: argparse.Namespace, words: list[str]) -> int:
     from slams.formats import files
 
     found = swept(arguments, words)
-    if found is None:
-        return 0
     place = Path(arguments.out)
     with files.complete_folder(place) as folder:
         results.save(folder, found)
@@ -162,11 +159,8 @@ def _command(arguments: argparse.Namespace, words: list[str]) -> int:
     return cli.FAILED if all(trial["failed"] for trial in found.trials) else 0
 
 
-def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRAM) -> Sweep | None:
-    """Every trial that a command asks for, done now or kept from before.
-
-    None where this was one part of several and trials of others are missing.
-    """
+def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRAM) -> Sweep:
+    """Every trial that a command asks for, done now or kept from before."""
     from bench.run import timing
     from bench.run.store import Store
     from slams.formats.files import check_folder
@@ -176,9 +170,7 @@ def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRA
     cli.refusing(lambda: check_folder(place))
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
-    shard = cli.refusing(lambda: spread.shard_of(arguments))
-    if not _all_done(cases, store, shard, arguments, program):
-        return None
+    _do(cases, store, arguments, program)
     return plan.gathered(cases, store, timing.record(program, words))
 
 
@@ -187,6 +179,7 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     from bench.run import plan
 
     _check(arguments)
+    jobs.check(arguments.jobs)
     quick = arguments.quick
     chosen = arguments.degradations or list(QUICK if quick else DEGRADATIONS)
     seeds = arguments.seeds or (QUICK_SEEDS if quick else SEEDS)
@@ -233,33 +226,22 @@ def _check(arguments: argparse.Namespace) -> None:
             raise ValueError(f"--{name}: is of simulated drives, and {arguments.logs[0]} was given")
 
 
-def _all_done(
-    cases: list[Case], store: Any, shard: spread.Shard, arguments: argparse.Namespace, program: str
-) -> bool:
-    """Do what is to be done here; whether nothing is left for other machines."""
+def _do(cases: list[Case], store: Any, arguments: argparse.Namespace, program: str) -> None:
+    """Do what is not kept from before."""
     from bench.run import work
 
     missing = set(store.missing({case.task.key for case in cases}))
     todo = [case for case in cases if case.task.key in missing]
-    tasks: list[Task] = shard.part({case.task.key: case.task for case in todo}.values())
+    tasks = list({case.task.key: case.task for case in todo}.values())
     if not arguments.quiet:
         minutes = SHARE_OF_LEVELS * sum(case.scans for case in todo) * PER_SCAN / 60.0
         sys.stderr.write(
             f"{program}: {len(cases)} climbs, {len(cases) - len(todo)} kept from before, "
-            f"{len(tasks)} to do here; all that are missing take about {minutes:.0f} minutes of "
-            "one core\n"
+            f"{len(tasks)} to do; they take about {minutes:.0f} minutes of one core\n"
         )
     done = work.run_all(tasks, store, work.in_processes(arguments.jobs))
     for _ in cli.progress(done, len(tasks), "sweeping", arguments.quiet, unit="climb"):
         pass
-    left = len(store.missing(missing)) if arguments.shard else 0
-    if left and not arguments.quiet:
-        sys.stdout.write(
-            f"{len(tasks)} climbs of this part are done, {left} of other parts are missing in "
-            f"{arguments.out}/runs: when they are there, the same command without --shard makes "
-            "the tables\n"
-        )
-    return not left
 
 
 if __name__ == "__main__":

@@ -24,7 +24,6 @@ COMMANDS = {
     "simulate": "bench.simulate",
     "convert": "slams.convert",
     "check": "slams.check",
-    "report": "bench.report.__main__",
 }
 
 

@@ -1,7 +1,6 @@
 """Figures: histograms and maps, [Kuehn] Fig. 2 to 4; errors, errors against cost, trajectories.
 
-Each function draws on axes that it is given: `outputs` puts them into png and pdf files, `html.svg`
-into a page.
+All are png and pdf files; the pages show the png.
 """
 
 from __future__ import annotations
@@ -69,9 +68,7 @@ def histogram(
         middle = edges + (k + 0.5) * thickness + 0.1 * width
         shares = class_shares(values, width, CLASSES)
         look = looks[name]
-        bars = axes.bar(middle, shares, thickness, color=look.color, label=name)
-        for patch in bars:
-            patch.set_gid(look.group)
+        axes.bar(middle, shares, thickness, color=look.color, label=name)
     texts = [f"{1e3 * edge:.3g}" for edge in edges]
     axes.set_xticks(edges, [*texts[:-1], f"≥ {texts[-1]}"])
     axes.set(xlabel=f"error of {kind} per update [{unit}]", ylabel="relative frequency")
@@ -88,13 +85,14 @@ def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Loo
         kept = kept[_evenly(len(kept))]
         look = looks[name]
         (drawn,) = axes.plot(ordered[kept], share[kept], look.line, color=look.color, label=name)
-        drawn.set(drawstyle="steps-post", gid=look.group)
+        drawn.set_drawstyle("steps-post")
     low = min(float(np.quantile(values, SHOWN_FROM)) for values in errors.values())
     axes.set(xscale="log", xlabel=f"{what} [mm]", ylabel="share below")
     _plain_numbers(axes.xaxis)
     if np.isfinite(low):
         axes.set_xlim(left=max(0.9 * low, LEAST_ERROR))
     axes.grid(visible=True, which="both", alpha=0.25)
+    axes.legend(loc="lower right", fontsize=8)
 
 
 def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
@@ -105,7 +103,7 @@ def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
     for point in points:
         look, marker = looks[point.name], "x" if point.lost else "o"
         at = point.cpu_ms, max(point.error_mm, LEAST_ERROR)
-        axes.plot(*at, marker, color=look.color, gid=look.group)
+        axes.plot(*at, marker, color=look.color)
     axes.margins(0.18)
     _write_names(axes, points, looks)
     best = front(points)
@@ -171,14 +169,30 @@ def save_histogram(
 
 
 def save_overview(
-    errors: Mapping[str, Floats], points: Sequence[Point], looks: Looks, path: Path
+    errors: Mapping[str, Floats], what: str, points: Sequence[Point], looks: Looks, path: Path
 ) -> None:
-    """Write the shares of the poses with errors [mm] below a value, and error against cost."""
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
-    curves, costs = figure.subplots(1, 2)
-    shares_below(curves, errors, "error over 1 s", looks)
-    curves.legend(loc="lower right", fontsize=8)
-    against_cost(costs, points, looks)
+    """Write the shares of errors [mm] below a value, and error against cost, as far as known."""
+    known = bool(errors) + bool(points)
+    if not known:
+        return
+    figure = Figure(figsize=(5.5 * known, 4.2), layout="constrained")
+    panels = figure.subplots(1, known, squeeze=False)[0]
+    if errors:
+        shares_below(panels[0], errors, what, looks)
+    if points:
+        against_cost(panels[-1], points, looks)
+    _save(figure, path)
+
+
+def save_trajectories(
+    paths: Mapping[str, Floats], truth: Floats | None, looks: Looks, path: Path
+) -> None:
+    """Write all paths (n, 3) and the true one in one plan."""
+    figure = Figure(figsize=(7, 7), layout="constrained")
+    axes = figure.subplots()
+    limits = limits_of([*paths.values()] if truth is None else [truth], margin=1.0)
+    trajectories(axes, paths, truth, limits, looks)
+    axes.legend(fontsize=8)
     _save(figure, path)
 
 
@@ -193,7 +207,7 @@ def save_maps(plans: Mapping[str, Plan], truth: Floats | None, looks: Looks, pat
     ways = [plan.path for plan in plans.values() if plan.path is not None]
     limits = limits_of(ways if truth is None else [truth])
     for axes, (name, plan) in zip(panels, plans.items(), strict=False):
-        map_panel(axes, name, plan, truth, limits, looks[name])
+        map_panel(axes, name, plan, truth, limits, looks.get(name))
         axes.set_title(name, parse_math=False)
     _save(figure, path)
 
@@ -206,13 +220,13 @@ def _plain_numbers(axis: Axis) -> None:
 
 def _path(axes: Axes, path: Floats, name: str, look: Look) -> None:
     shown = path[_evenly(len(path))]
-    axes.plot(*shown[:, :2].T, color=look.color, linewidth=1.0, label=name, gid=look.group)
+    axes.plot(*shown[:, :2].T, color=look.color, linewidth=1.0, label=name)
 
 
 def _true_path(axes: Axes, truth: Floats | None) -> None:
     if truth is not None:
         shown = truth[_evenly(len(truth))]
-        axes.plot(*shown[:, :2].T, "--", color="0.5", linewidth=0.8, gid="truth")
+        axes.plot(*shown[:, :2].T, "--", color="0.5", linewidth=0.8)
 
 
 def _evenly(n: int) -> NDArray[np.int64]:
@@ -262,8 +276,8 @@ def _draw_bar(axes: Axes, limits: Limits) -> None:
     (left, right), (low, high) = limits
     length, x, y = bar_length(right - left), left + 0.04 * (right - left), low + 0.04 * (high - low)
     ends = [x, x + length], [y, y]
-    axes.plot(*ends, color="black", linewidth=3, solid_capstyle="butt", gid="scale")
-    axes.text(x, y + 0.01 * (high - low), f"{length:g} m", fontsize=9, va="bottom", gid="scale")
+    axes.plot(*ends, color="black", linewidth=3, solid_capstyle="butt")
+    axes.text(x, y + 0.01 * (high - low), f"{length:g} m", fontsize=9, va="bottom")
 
 
 def _save(figure: Figure, path: Path) -> None:

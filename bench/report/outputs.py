@@ -5,15 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS
 from bench.report import figures, palette, pareto, tables, text
-from bench.results import ARRAYS, FIGURES
+from bench.report.lines import DECIDING_SPANS
+from bench.results import FIGURES
 from slams.formats import trajectory
 
 if TYPE_CHECKING:
     from bench.results import Comparison, LogResult, Outcome
 
-DRAWN = (
+TRUE_MAP = "true map"
+# all that bench.compare writes; arrays.npz is of earlier versions
+FILES = (
+    FIGURES,
+    "arrays.npz",
     "report.html",
     "tables.md",
     "table-*.csv",
@@ -21,8 +28,9 @@ DRAWN = (
     "trajectory-*.tum",
     "fig*.png",
     "fig*.pdf",
+    "rescue-*.npz",
+    "result-*.mcap",
 )
-FILES = (FIGURES, ARRAYS, *DRAWN, "rescue-*.npz", "result-*.mcap")  # all that bench.compare writes
 
 
 def write(folder: Path, comparison: Comparison) -> None:
@@ -36,14 +44,14 @@ def write(folder: Path, comparison: Comparison) -> None:
         text.write_tables(place, log.entry, log.rows)
         for outcome in log.outcomes:
             _write_run(place, outcome)
-        _draw_errors(place, log)
-        _draw_maps(place, log)
-        html.write(place / "report.html", comparison, log)
+        _draw(place, log)
+        html.write(place, comparison, log)
     if len(comparison.logs) > 1:
         logs = tables.logs_table(comparison)
         logs.to_csv(folder / "table-logs.csv", index_label="algorithm")
         links = [place_of(folder, comparison, k).name for k in range(len(comparison.logs))]
-        html.write_joint(folder / "report.html", comparison, links)
+        _draw_joint(folder, comparison)
+        html.write_joint(folder, comparison, links)
 
 
 def place_of(folder: Path, comparison: Comparison, k: int) -> Path:
@@ -54,7 +62,7 @@ def place_of(folder: Path, comparison: Comparison, k: int) -> Path:
 
 def file_name(label: str) -> str:
     """A label as part of a file's name."""
-    return label.replace(":", ".").replace("@", "-")
+    return label.replace(":", ".").replace("@", "-").replace("/", "-")
 
 
 def _write_run(folder: Path, outcome: Outcome) -> None:
@@ -66,25 +74,36 @@ def _write_run(folder: Path, outcome: Outcome) -> None:
         trajectory.write_tum(folder / f"trajectory-{name}.tum", outcome.t, outcome.poses)
 
 
-def _draw_errors(folder: Path, log: LogResult) -> None:
-    """[Kuehn] Fig. 2 and 3, and the errors over 1 s, where the log has a truth."""
-    errors = {o.row["algorithm"]: o.errors["update"] for o in log.outcomes if "update" in o.errors}
-    if not errors:
-        return
-    for number, kind, most in (
-        (2, "translation", TRANSLATION_CLASS),
-        (3, "orientation", ORIENTATION_CLASS),
-    ):
-        values = {name: getattr(found, kind) for name, found in errors.items()}
-        figures.save_histogram(values, kind, most, _looks(log), folder / f"fig{number}_{kind}")
-    second = {o.row["algorithm"]: o.errors["1 s"] for o in log.outcomes if "1 s" in o.errors}
-    if second:
-        small = {name: 1e3 * found.se2_translation for name, found in second.items()}
-        figures.save_overview(small, pareto.drawn_of(log), _looks(log), folder / "fig_errors")
+def _draw(folder: Path, log: LogResult) -> None:
+    """[Kuehn] Fig. 2 to 4, errors and costs, paths, as far as the log and its runs have them."""
+    looks = palette.looks([row["algorithm"] for row in log.rows])
+    errors = {o.row["algorithm"]: o.errors for o in log.outcomes if o.errors}
+    if errors:
+        for number, kind, most in (
+            (2, "translation", TRANSLATION_CLASS),
+            (3, "orientation", ORIENTATION_CLASS),
+        ):
+            values = {name: getattr(found["update"], kind) for name, found in errors.items()}
+            figures.save_histogram(values, kind, most, looks, folder / f"fig{number}_{kind}")
+    span = next((s for s in DECIDING_SPANS if all(s in found for found in errors.values())), "")
+    small = {name: 1e3 * found[span].se2_translation for name, found in errors.items()}
+    what = "error per update" if span == "update" else f"error over {span}"
+    figures.save_overview(small, what, pareto.drawn_of(log), looks, folder / "fig_errors")
+    _draw_paths(folder, log, looks)
+    _draw_maps(folder, log, looks)
 
 
-def _draw_maps(folder: Path, log: LogResult) -> None:
-    """[Kuehn] Fig. 4, of the runs that have a map."""
+def _draw_paths(folder: Path, log: LogResult, looks: figures.Looks) -> None:
+    """The paths in the frame of the truth, where there is one."""
+    runs = [outcome for outcome in log.outcomes if len(outcome.t)]
+    paths = {o.row["algorithm"]: o.common.estimate if o.common else o.poses for o in runs}
+    truth = next((o.common.truth for o in runs if o.common), None)
+    if paths:
+        figures.save_trajectories(paths, truth, looks, folder / "fig_trajectories")
+
+
+def _draw_maps(folder: Path, log: LogResult, looks: figures.Looks) -> None:
+    """[Kuehn] Fig. 4, of the runs that have a map, the true one first."""
     plans = {
         o.row["algorithm"]: figures.Plan(o.grid, o.frame, o.poses)
         for o in log.outcomes
@@ -92,10 +111,20 @@ def _draw_maps(folder: Path, log: LogResult) -> None:
     }
     if not plans:
         return
+    start, known = log.reference.start, log.reference.grid
+    if start is not None and known is not None:
+        plans = {TRUE_MAP: figures.Plan(known, start, None)} | plans
     # a truth that begins late is seen from another pose than the maps are
-    truth = None if log.reference.start is None else log.reference.path
-    figures.save_maps(plans, truth, _looks(log), folder / "fig4_maps")
+    truth = None if start is None else log.reference.path
+    figures.save_maps(plans, truth, looks, folder / "fig4_maps")
 
 
-def _looks(log: LogResult) -> dict[str, palette.Look]:
-    return palette.looks([row["algorithm"] for row in log.rows])
+def _draw_joint(folder: Path, comparison: Comparison) -> None:
+    """Absolute errors of all runs, inf where one failed, and the costs over all logs."""
+    errors = {
+        name: np.array([1e3 * e["ate_m"] if (e := row.get("errors")) else np.inf for row in rows])
+        for name, rows in comparison.by_algorithm().items()
+    }
+    found = {name: values for name, values in errors.items() if np.isfinite(values).any()}
+    looks, place = palette.looks([*errors]), folder / "fig_errors"
+    figures.save_overview(found, "absolute error", pareto.drawn(comparison), looks, place)

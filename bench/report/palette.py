@@ -35,11 +35,10 @@ BAR_SHARE = 0.25  # of a map's width that its scale bar takes at most
 
 
 class Look(NamedTuple):
-    """How a run is drawn: color, line style, and in an svg the id of its group."""
+    """How a run is drawn: color and line style."""
 
     color: str
     line: str
-    group: str | None = None
 
 
 def looks(names: list[str]) -> dict[str, Look]:

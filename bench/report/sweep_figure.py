@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from bench.judge.answers import Analysis, Cell, questions
 from bench.judge.survival import errors
-from bench.report.palette import Look, looks
+from bench.report.palette import looks
 from bench.report.pareto import Point, front
 from bench.report.sweep_tables import MODES
 from bench.results.sweep import Sweep
@@ -49,19 +49,44 @@ def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
     FigureCanvasAgg(figure).print_figure(path, dpi=110, metadata={"Software": None})
 
 
-def survival(axes: Axes, cell: Cell, label: str, looks: Mapping[str, Look]) -> None:
+def draw_survival(found: Analysis, units: Mapping[str, str], folder: Path) -> None:
+    """Curves by degradation, laser alone beside with odometry; a png for each question."""
+    for k, question in enumerate(dict.fromkeys(cell.question for cell in found.cells)):
+        own = [cell for cell in found.cells if cell.question == question]
+        shown = [cell for cell in own if not cell.equal and len(cell.levels) > 1]
+        if not shown:
+            continue
+        titles = list(dict.fromkeys(cell.title for cell in shown))
+        modes = sorted({cell.odometry for cell in shown})
+        size = PANEL[0] * len(modes), 0.8 * PANEL[1] * len(titles)
+        figure = Figure(figsize=size, layout="constrained")
+        figure.suptitle(question, fontsize=10)
+        panels = figure.subplots(len(titles), len(modes), squeeze=False)
+        for axes in panels.ravel():
+            axes.set_visible(False)
+        for cell in shown:
+            axes = panels[titles.index(cell.title), modes.index(cell.odometry)]
+            axes.set_visible(True)
+            label = f"{cell.title} [{units.get(cell.title, '')}], {MODES[cell.odometry]}"
+            survival(axes, cell, label)
+        FigureCanvasAgg(figure).print_figure(
+            folder / f"fig_survival-{k + 1}.png", dpi=110, metadata={"Software": None}
+        )
+
+
+def survival(axes: Axes, cell: Cell, label: str) -> None:
     """Share of the runs of each row that hold each level, with its 95 % band."""
-    for k, (name, look) in enumerate(looks.items()):
+    for k, (name, look) in enumerate(looks([*cell.curves]).items()):
         shares = cell.curves[name]
-        x = np.arange(len(shares)) + SPREAD * (k / max(len(looks) - 1, 1) - 0.5)
+        x = np.arange(len(shares)) + SPREAD * (k / max(len(cell.curves) - 1, 1) - 0.5)
         low, high = [one.low for one in shares], [one.high for one in shares]
-        band = axes.fill_between(x, low, high, color=look.color, alpha=0.13, linewidth=0.0)
-        band.set_gid(look.group)
+        axes.fill_between(x, low, high, color=look.color, alpha=0.13, linewidth=0.0)
         held = [one.k / one.n for one in shares]
-        axes.plot(x, held, look.line, color=look.color, gid=look.group)
+        axes.plot(x, held, look.line, color=look.color, label=name)
     axes.set_xticks(range(len(cell.levels)), [f"{level:g}" for level in cell.levels])
     axes.set(xlabel=label, ylabel="share of runs held", ylim=(-0.03, 1.03))
     axes.grid(visible=True, alpha=0.25)
+    axes.legend(loc="lower left", fontsize=7)
 
 
 def below(sweep: Sweep, name: str, odometry: bool) -> tuple[Floats, Floats]:

@@ -24,8 +24,10 @@ def write(folder: Path, sweep: Sweep) -> Analysis:
     sweep_tables.curve_table(found).to_csv(folder / "survival.csv", index=False)
     sweep_tables.trial_table(sweep).to_csv(folder / "trials.csv", index=False)
     (folder / "tables.md").write_text(as_markdown(found, sweep.facts), encoding="utf-8")
-    (folder / "report.html").write_text(sweep_page.document(sweep, found), encoding="utf-8")
     sweep_figure.draw(sweep, found, folder / "fig_sweep.png")
+    sweep_figure.draw_survival(found, sweep.facts["units"], folder)
+    page = sweep_page.document(folder, sweep, found)
+    (folder / "report.html").write_text(page, encoding="utf-8")
     return found
 
 

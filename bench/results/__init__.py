@@ -4,20 +4,16 @@ Everything the benchmark shows is drawn from these.
 """
 
 from bench.results.comparison import (
-    ARRAYS,
     FIGURES,
     FORMAT,
     Comparison,
     LogResult,
-    read,
     read_figures,
-    save,
     write_figures,
 )
 from bench.results.runs import Errors, Line, Outcome, Reference, Row, Rows
 
 __all__ = [
-    "ARRAYS",
     "FIGURES",
     "FORMAT",
     "Comparison",
@@ -28,8 +24,6 @@ __all__ = [
     "Reference",
     "Row",
     "Rows",
-    "read",
     "read_figures",
-    "save",
     "write_figures",
 ]

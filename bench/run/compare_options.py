@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from bench.run import single, spread
+from bench.run import jobs, single
 from slams import cli
 from slams.params import LASERS
 from slams.registry import names
@@ -101,13 +101,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--duration", type=float, metavar="S", help="length of the simulated log [s]")
     p.add_argument("--mcap", action="store_true", help="also write result-NAME.mcap of every run")
-    p.add_argument(
-        "--jobs",
-        type=int,
-        default=spread.JOBS,
-        metavar="N",
-        help="number of processes (default: %(default)s)",
-    )
+    jobs.add_option(p)
     p.add_argument("-q", "--quiet", action="store_true", help="print no progress and no tables")
     cli.add_log_options(p)
     return p
@@ -144,10 +138,9 @@ def checked(arguments: argparse.Namespace, labels: list[str]) -> tuple[Choice, l
 def _check_options(arguments: argparse.Namespace) -> None:
     if arguments.starts > 1 and arguments.relations is None:
         raise ValueError("--starts: expected --relations FILE as well, errors are of those")
-    for name in ("jobs", "starts"):
-        value = getattr(arguments, name)
-        if value < 1:
-            raise ValueError(f"--{name}: got {value}, expected 1 or more")
+    jobs.check(arguments.jobs)
+    if arguments.starts < 1:
+        raise ValueError(f"--starts: got {arguments.starts}, expected 1 or more")
     if arguments.logs and arguments.duration is not None:
         raise ValueError("--duration: is of the simulation; got a log as well")
     check_log_options(arguments.logs, cli.log_options(arguments))

@@ -52,7 +52,7 @@ def test_the_overview_names_every_point(drawn):
     names = ["a", "b"]
     errors = {name: np.linspace(0.1, 2.0, 9) for name in names}
     points = [Point("a", 0.1, 1.0, False), Point("b", 0.2, 0.5, True)]
-    figures.save_overview(errors, points, palette.looks(names), "nowhere")
+    figures.save_overview(errors, "error over 1 s", points, palette.looks(names), "nowhere")
     curves, costs = drawn[0].axes
     assert [text.get_text() for text in costs.texts] == names
     assert curves.lines[0].get_ydata()[-1] == 1.0

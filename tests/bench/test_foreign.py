@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from bench import compare, results
+from bench import compare
 from bench.judge.comparison import weighed
 from bench.report import figures
 from bench.results import LogResult, Outcome, Reference
@@ -17,6 +17,7 @@ from slams.formats.trajectory import write_tum
 from slams.metrics import between
 from slams.scanlog import Track
 from tests import bags
+from tests.bench.compared import compared
 from tests.rooms import drive
 
 OTHER = Pose2(3.0, -2.0, 0.7)  # where the map frame of another program lies
@@ -58,8 +59,7 @@ def test_errors_of_a_tum_file_are_those_of_evo(log, estimate, tmp_path):
     log.save(tmp_path / "room.npz")
     words = [str(tmp_path / "room.npz"), "--algorithms", "odometry", "--jobs", "1", "-q"]
     words += ["--trajectory", f"toolbox={tmp_path / 'other.tum'}", "--out", str(tmp_path / "out")]
-    assert compare.main(words) == 0
-    found = results.read(tmp_path / "out").logs[0].outcomes[1]
+    found = compared(words).logs[0].outcomes[1]
 
     truth = files.read_tum_trajectory_file(tmp_path / "truth.tum")
     other = files.read_tum_trajectory_file(tmp_path / "other.tum")
@@ -77,8 +77,7 @@ def test_errors_of_a_tum_file_are_those_of_evo(log, estimate, tmp_path):
     assert found.row["errors"]["ate_m"] == pytest.approx(rmse, abs=1e-9)
     tables = (tmp_path / "out" / "tables.md").read_text()
     assert tables.count("| toolbox |") >= 4
-    row = results.read(tmp_path / "out").logs[0].outcomes[1].row
-    assert row["consistency"]["walls_m2"] > 0.0
+    assert found.row["consistency"]["walls_m2"] > 0.0
     assert "toolbox" in (tmp_path / "out" / "report.html").read_text()
     for figure in ("fig2_translation.png", "fig3_orientation.png"):
         assert (tmp_path / "out" / figure).stat().st_size > 1000
@@ -136,8 +135,7 @@ def test_its_map_is_laid_on_the_truth_as_the_others_are(log, tmp_path, monkeypat
     write_tum(tmp_path / "x.tum", hector.t, moved(shift, hector.poses))
     words = [str(tmp_path / "room.npz"), "--algorithms", "hector", "--jobs", "1", "-q"]
     words += ["--trajectory", f"x={tmp_path / 'x.tum'}", "--map", f"x={tmp_path / 'map.yaml'}"]
-    assert compare.main([*words, "--out", str(tmp_path / "out")]) == 0
-    theirs = results.read(tmp_path / "out").logs[0].outcomes[1]
+    theirs = compared([*words, "--out", str(tmp_path / "out")]).logs[0].outcomes[1]
     assert theirs.frame == pytest.approx(shift, abs=1e-6)
     assert theirs.grid.origin == pytest.approx(elsewhere.origin)
     assert frames["x"] == theirs.frame and frames["hector"] == Pose2(0.0, 0.0, 0.0)
@@ -219,10 +217,8 @@ def test_a_bag_recorded_beside_another_slam_gives_the_whole_table(log, tmp_path,
     words = [str(path), "--truth", str(tmp_path / "truth.tum"), "--jobs", "1"]
     words += ["--trajectory", "slam_toolbox=map", "--map", f"slam_toolbox={tmp_path / 'map.yaml'}"]
     words += ["--algorithms", "hector", "--out", str(tmp_path / "out")]
-    assert compare.main(words) == 0
-    said = capsys.readouterr().out
-    assert said.count("slam_toolbox") >= 2
-    ours, theirs = results.read(tmp_path / "out").logs[0].outcomes
+    ours, theirs = compared(words).logs[0].outcomes
+    assert capsys.readouterr().out.count("slam_toolbox") >= 2
     assert ours.row["used"] == ["laser", "wheels"]
     assert theirs.row["errors"]["dropped"] <= 1
     assert 0.001 < theirs.row["errors"]["ate_m"] < 0.01

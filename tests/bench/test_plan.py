@@ -71,7 +71,7 @@ def test_parameters_are_those_for_the_sensor_unless_it_is_the_usual_one():
 
 
 def test_a_sweep_of_which_nothing_came_fails(tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep, "_all_done", lambda *_: True)  # and yet nothing is in the store
+    monkeypatch.setattr(sweep, "_do", lambda *_: None)  # and yet nothing is in the store
     words = [
         "--arenas",
         "rescue",

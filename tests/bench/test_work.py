@@ -1,6 +1,5 @@
 """Where runs are done: the same bytes from everywhere, whatever dies on the way."""
 
-import argparse
 import contextlib
 import os
 import signal
@@ -12,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.run import pool, spread
-from bench.run.spread import Shard
+from bench.run import pool
 from bench.run.store import Store
 from bench.run.work import Task, in_processes, perform, run_all
 from tests.bench.toy_runs import Here
@@ -126,18 +124,15 @@ def test_a_full_disk_ends_the_work_and_what_is_done_stays(tmp_path, monkeypatch)
 # processes
 
 
-def test_one_process_two_processes_and_shards_leave_the_same_bytes(tmp_path, undisturbed):
+def test_one_process_two_processes_and_merged_stores_leave_the_same_bytes(tmp_path, undisturbed):
     for jobs in (1, 2):
         list(run_all(toys(30), Store(tmp_path / f"{jobs}"), in_processes(jobs)))
         assert results(tmp_path / f"{jobs}") == undisturbed(30)
-    merged, done = Store(tmp_path / "merged"), 0
-    for index in (1, 2, 3):
-        part, here = Store(tmp_path / f"part {index}"), Here()
-        list(run_all(Shard(index, 3).part(toys(30)), part, here))
-        assert 0 < len(here.done) < 30
-        done += len(here.done)
+    merged = Store(tmp_path / "merged")
+    for first in range(3):
+        part = Store(tmp_path / f"part {first}")
+        list(run_all(toys(30)[first::3], part, Here()))
         subprocess.run(["cp", "-r", f"{part.folder}/.", f"{merged.folder}"], check=True)
-    assert done == 30
     assert results(merged.folder) == undisturbed(30)
     assert merged.cost(toys(1)[0].key) == {"pid": os.getpid()}
 
@@ -305,42 +300,3 @@ def test_an_exception_nobody_catches_does_not_wait_for_the_others(tmp_path):
     assert said.rstrip().endswith("ValueError: mine")
     assert ends(processes_of(process.pid))
     assert len(results(tmp_path / "store")) == 1
-
-
-# options
-
-
-def asked(*words):
-    parser = argparse.ArgumentParser()
-    spread.add_options(parser)
-    return spread.shard_of(parser.parse_args(words))
-
-
-def test_the_options_say_which_part():
-    tasks = toys(9)
-    assert asked().part(tasks) == tasks
-    assert asked("--jobs", "3", "--shard", "2/4") == Shard(2, 4)
-
-
-def test_every_task_is_in_one_shard_whatever_else_is_in_the_list():
-    tasks = toys(40)
-    parts = [{t.key for t in Shard(k, 7).part(tasks)} for k in range(1, 8)]
-    assert sum(map(len, parts)) == len(set().union(*parts)) == 40
-    for k, part in enumerate(parts, 1):
-        assert {t.key for t in Shard(k, 7).part(tasks[::-3])} <= part
-
-
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (["--jobs", "0"], "--jobs: got 0, expected 1 or more"),
-        (["--shard", "3/2"], "--shard: got '3/2', expected I/N from 1/N to N/N"),
-        (["--shard", "0/3"], "got '0/3'"),
-        (["--shard", "-1/3"], "got '-1/3'"),
-        (["--shard", "1/2/3"], "got '1/2/3'"),
-        (["--shard", "auto"], "got 'auto'"),
-    ],
-)
-def test_options_that_cannot_be_are_refused_in_one_sentence(words, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        asked(f"{words[0]}={words[1]}")

@@ -6,77 +6,70 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.judge import loss, metrics
-from bench.report import pareto, tables, words
+from bench.report import tables, words
 from bench.report import text as report
-from bench.report.html import charts, page
+from bench.report.html import page
 from bench.report.html.cells import table
-from bench.report.html.legend import runs
-from bench.report.html.markup import Markup, beside, bullets, element, together
+from bench.report.html.markup import Markup, bullets, element, together
 from bench.report.html.record import facts, parameters
-from bench.report.lines import DECIDING_SPANS, Table, label
+from bench.report.lines import Table
 
 if TYPE_CHECKING:
-    from bench.report.html.legend import Run
-    from bench.results import Comparison, Line, LogResult, Rows
+    from bench.results import Comparison, Line, LogResult
 
 # tables that stand in sections of their own; the others are under "All tables"
 MAIN, PAPER = ("main",), ("translation", "orientation", "published")
+MAPS = (
+    "Fig. 4 of the paper: white is free, black occupied, gray never observed. Each map with its "
+    "path; dashed: the true one, where it is known."
+)
+SHARES = "Share of the poses with errors below a value: further left is better."
+PATHS = "Paths seen from the first pose; dashed: the true one, where it is known."
 
 
-def write(path: Path, comparison: Comparison, done: LogResult) -> None:
-    """Write the report of one log of a comparison; same results, same bytes."""
-    path.write_text(document(comparison, done), encoding="utf-8", errors="replace")
+def write(folder: Path, comparison: Comparison, done: LogResult) -> None:
+    """Write report.html of one log of a comparison beside its figures; same results, same bytes."""
+    text = document(folder, comparison, done)
+    (folder / "report.html").write_text(text, encoding="utf-8", errors="replace")
 
 
-def document(comparison: Comparison, done: LogResult) -> str:
-    """The report's text."""
-    results, entry, rows = comparison.as_dict(), done.entry, done.rows
-    shown = runs(done)
+def document(folder: Path, comparison: Comparison, done: LogResult) -> str:
+    """The report's text; its figures lie in `folder`."""
+    entry, rows = done.entry, done.rows
     made = tables.tables(entry, rows)
     alone = comparison._replace(logs=[done], over_logs=[])
-    before = {
-        "Which one": together(bullets(words.answer(alone)), _tables(made, rows, MAIN)),
+    shown = {
+        "Which one": together(bullets(words.answer(alone)), _tables(made, MAIN)),
+        "Maps": page.picture(folder / "fig4_maps.png", MAPS),
+        "Errors": page.picture(folder / "fig_errors.png", f"{SHARES} {page.COSTS}"),
     }
-    drawn = _figures(shown, done)
-    paper = together(_tables(made, rows, PAPER), charts.histograms(shown))
+    paper = [
+        page.picture(
+            folder / f"fig{number}_{kind}.png",
+            f"Fig. {number} of the paper: error of {kind} per update, share of the updates.",
+        )
+        for number, kind in ((2, "translation"), (3, "orientation"))
+    ]
     others = tuple(key for key in made if key not in (*MAIN, *PAPER))
     broken = words.failures(rows)
     failed = together(element("h3", "Failed"), bullets(broken)) if broken else None
     folded = {
-        "Tables and histograms of the paper": paper or None,
-        "Trajectories": charts.trajectories(shown, done),
-    }
-    behind = {
-        "All tables": together(_tables(made, rows, others), failed) or None,
+        "Tables and histograms of the paper": together(_tables(made, PAPER), *paper) or None,
+        "Trajectories": page.picture(folder / "fig_trajectories.png", PATHS),
+        "All tables": together(_tables(made, others), failed) or None,
         "How sure": _verdicts(entry),
-        "How it was run": together(facts(results, entry), parameters(rows)),
+        "How it was run": together(facts(comparison.as_dict(), entry), parameters(rows)),
         "Definitions": _definitions(),
     }
-    parts = (before, drawn | folded, behind)
     title, heading = f"{entry['name']}: SLAM comparison", report.head(entry)
-    return page.page(title, heading, parts, shown, {*folded, *behind})
+    return page.page(title, heading, shown | folded, folded)
 
 
-def _figures(shown: list[Run], done: LogResult) -> dict[str, Markup | None]:
-    kinds = {run.outcome.row["algorithm"]: run.kind for run in shown}
-    errors = charts.errors(shown, _span(shown))
-    costs = charts.against_cost(pareto.drawn_of(done), kinds)
-    return {"Maps": charts.maps(shown, done), "Errors": beside(errors, costs)}
-
-
-def _span(shown: list[Run]) -> str:
-    """The span that all runs with errors have."""
-    judged = [run.outcome.errors for run in shown if run.outcome.errors]
-    shared = (name for name in DECIDING_SPANS if all(name in found for found in judged))
-    return next(shared, "update")
-
-
-def _tables(made: dict[str, Table], rows: Rows, keys: tuple[str, ...]) -> Markup:
-    kinds = {label(row): f"run-{k}" for k, row in enumerate(rows)}
+def _tables(made: dict[str, Table], keys: tuple[str, ...]) -> Markup:
     drawn = []
     for key in keys:
         if key in made:
-            drawn.append(table(made[key], kinds))
+            drawn.append(table(made[key]))
             drawn += [element("p", tables.DIFFERS)] if key == "published" else []
     return together(*drawn)
 

@@ -7,56 +7,41 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from bench.report import pareto, tables, words
+from bench.report import tables, words
 from bench.report import text as report
-from bench.report.html import charts, page
+from bench.report.html import page
 from bench.report.html.cells import table
-from bench.report.html.legend import Curve
-from bench.report.html.markup import Markup, beside, bullets, element, together
+from bench.report.html.markup import Markup, bullets, element, together
 from bench.report.html.record import facts
 from bench.report.lines import Table
 
 if TYPE_CHECKING:
     from bench.results import Comparison
 
+SHARES = (
+    "Share of the runs with absolute errors below a value: further left and higher is better; a "
+    "run that failed never comes."
+)
 
-def write_joint(path: Path, comparison: Comparison, folders: Sequence[str]) -> None:
-    """Write the page; `folders` beside it hold the logs' own."""
-    path.write_text(joint(comparison, folders), encoding="utf-8", errors="replace")
 
-
-def joint(comparison: Comparison, folders: Sequence[str]) -> str:
-    """The page's text."""
+def write_joint(folder: Path, comparison: Comparison, folders: Sequence[str]) -> None:
+    """Write report.html beside its figure; `folders` in it hold the logs' own."""
     over = [verdict["sentence"] for verdict in comparison.over_logs]
-    shown = [Curve(f"run-{k}", name) for k, name in enumerate(comparison.by_algorithm())]
-    kinds = {curve.name: curve.kind for curve in shown}
-    before = {
+    shown = {
         "Which one": together(
             bullets(words.answer(comparison)),
-            table(Table(tables.OVER_LOGS, tables.logs_table(comparison)), kinds),
+            table(Table(tables.OVER_LOGS, tables.logs_table(comparison))),
         ),
         "Each log": _links(comparison, folders),
+        "Errors": page.picture(folder / "fig_errors.png", f"{SHARES} {page.COSTS}"),
     }
-    errors = charts.over_runs(_errors(comparison), shown)
-    costs = charts.against_cost(pareto.drawn(comparison), kinds)
-    behind = {
+    folded = {
         "How sure": bullets(over) if over else None,
         "How it was run": facts(comparison.as_dict(), {}),
     }
     title = f"SLAM comparison over {len(comparison.logs)} logs"
-    drawn = {"Errors": beside(errors, costs)}
-    return page.page(title, title, (before, drawn, behind), shown, set(behind))
-
-
-def _errors(comparison: Comparison) -> dict[str, list[float]]:
-    """Absolute errors [mm] of each algorithm's runs; inf where one failed or has none."""
-    return {
-        name: [
-            float("inf") if row["failed"] or not row["errors"] else 1e3 * row["errors"]["ate_m"]
-            for row in rows
-        ]
-        for name, rows in comparison.by_algorithm().items()
-    }
+    text = page.page(title, title, shown | folded, folded)
+    (folder / "report.html").write_text(text, encoding="utf-8", errors="replace")
 
 
 def _links(comparison: Comparison, folders: Sequence[str]) -> Markup:

@@ -40,12 +40,6 @@ def bullets(lines: Iterable[str]) -> Markup:
     return element("ul", *(element("li", line) for line in lines))
 
 
-def beside(*drawn: Markup | None) -> Markup | None:
-    """Figures side by side, those that there are."""
-    found = [one for one in drawn if one]
-    return element("div", *found, class_="pair") if found else None
-
-
 def _attributes(values: dict[str, object]) -> list[str]:
     words = []
     for key, value in values.items():

@@ -1,67 +1,56 @@
-"""A page: findings in words and tables, figures under one legend, how it was made."""
+"""A page: sections of words, tables and pictures, all in one file."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from base64 import b64encode
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from string import Template
 
-from bench.report.html.legend import Curve, legend, rules
 from bench.report.html.markup import Markup, element, together
 
 HERE = Path(__file__).parent
-
-Sections = Mapping[str, Markup | None]
+COSTS = (
+    "Mean error against CPU time per scan, both logarithmic: lower left is better. The line joins "
+    "those that no other beats in both; crosses were lost."
+)
 
 
 def page(
-    title: str,
-    heading: str,
-    parts: tuple[Sections, Sections, Sections],
-    shown: Sequence[Curve],
-    folded: Collection[str] = (),
+    title: str, heading: str, sections: Mapping[str, Markup | None], folded: Collection[str] = ()
 ) -> str:
     """The text of a page.
 
     Args:
         title: of the window.
         heading: the first line.
-        parts: sections before the figures, the figures, and those behind; empty ones are left out.
-        shown: what the legend shows and hides, each with its color.
+        sections: by name; empty ones are left out.
         folded: sections of which only the name is seen at first.
     """
-    before, drawn, behind = parts
-    main = together(
-        _sections(before, folded), _under_legend(drawn, shown, folded), _sections(behind, folded)
-    )
-    named = [name for name, body in {**before, **drawn, **behind}.items() if body]
-    links = [element("a", name, href=f"#{_anchor(name)}") for name in named]
+    known = {name: body for name, body in sections.items() if body}
+    links = [element("a", name, href=f"#{_anchor(name)}") for name in known]
     return template("report.template.html").substitute(
         title=element("title", title),
-        style=(HERE / "report.css").read_text(encoding="utf-8") + rules(shown),
+        style=(HERE / "report.css").read_text(encoding="utf-8"),
         script=(HERE / "report.js").read_text(encoding="utf-8"),
         heading=element("h1", heading),
         contents=together(*links),
-        main=main,
+        main=together(*(_section(name, body, name in folded) for name, body in known.items())),
     )
+
+
+def picture(path: Path, words: str) -> Markup | None:
+    """A png file and in words below what it shows; None where there is none."""
+    if not path.exists():
+        return None
+    data = b64encode(path.read_bytes()).decode("ascii")
+    drawn = element("img", src=f"data:image/png;base64,{data}", alt=words)
+    return element("figure", drawn, element("figcaption", words))
 
 
 def template(name: str) -> Template:
     """A file of this folder with places to fill."""
     return Template((HERE / name).read_text(encoding="utf-8"))
-
-
-def _under_legend(
-    drawn: Sections, shown: Sequence[Curve], folded: Collection[str]
-) -> Markup | None:
-    if not any(drawn.values()):
-        return None
-    return element("div", legend(shown), _sections(drawn, folded), class_="figures")
-
-
-def _sections(bodies: Sections, folded: Collection[str]) -> Markup:
-    made = (_section(name, body, name in folded) for name, body in bodies.items() if body)
-    return together(*made)
 
 
 def _section(name: str, body: Markup, folded: bool) -> Markup:

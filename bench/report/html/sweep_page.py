@@ -2,59 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
+from pathlib import Path
 
-from bench.judge.answers import Analysis, Cell
-from bench.report import sweep_figure, sweep_tables
+from bench.judge.answers import Analysis
+from bench.report import sweep_tables
 from bench.report.html import page
 from bench.report.html.cells import table
-from bench.report.html.legend import Curve
-from bench.report.html.markup import Markup, beside, element, together
-from bench.report.html.svg import drawing, figure, look
+from bench.report.html.markup import Markup, bullets, element, together
 from bench.results.sweep import Sweep
 
-ANSWERS, TABLES, RECORD = "Which one to take", "Tables", "How it was run"
-FOLDED = (RECORD,)
+RECORD = "How it was run"
+HELD = "Share of the runs that hold the level, with its 95 % band."
 
 
-def document(sweep: Sweep, found: Analysis) -> str:
-    """The page's text; same results, same bytes."""
-    labels = dict.fromkeys(name for name, *_ in found.rows)
-    shown = [Curve(f"run-{k}", label) for k, label in enumerate(labels)]
+def document(folder: Path, sweep: Sweep, found: Analysis) -> str:
+    """The page's text, its figures lie in `folder`; same results, same bytes."""
+    facts = sweep.facts
     answers = (table(one) for one in sweep_tables.choices(found))
-    before = {ANSWERS: together(element("p", sweep_tables.TAKE), *answers)}
-    made = sweep_tables.tables(found, sweep.facts).values()
-    behind = {
-        TABLES: together(*(table(one) for one in made)),
+    meanings = [f"{name} [{facts['units'][name]}]: {of}" for name, of in facts["meanings"].items()]
+    curves = [page.picture(path, HELD) for path in sorted(folder.glob("fig_survival-*.png"))]
+    sections = {
+        "Which one to take": together(element("p", sweep_tables.TAKE), *answers),
+        "Runs that hold a level": together(bullets(meanings), *curves) if curves else None,
+        "Tables": together(*(table(one) for one in sweep_tables.tables(found, facts).values())),
         RECORD: _record(sweep),
     }
-    drawn = {"Runs that hold a level": _figures(found, sweep, shown)}
-    heading = f"{sweep_tables.head(found, sweep.facts)}."
-    parts = before, drawn, behind
-    return page.page("SLAM in the field: what breaks it", heading, parts, shown, FOLDED)
-
-
-def _figures(found: Analysis, sweep: Sweep, shown: Sequence[Curve]) -> Markup | None:
-    """A figure per question and degradation, laser alone beside with odometry."""
-    groups: dict[tuple[str, str], list[Cell]] = {}
-    for cell in found.cells:
-        if not cell.equal and len(cell.levels) > 1:
-            groups.setdefault((cell.question, cell.title), []).append(cell)
-    made = []
-    for (question, name), cells in groups.items():
-        meaning, unit = (sweep.facts[key].get(name, "") for key in ("meanings", "units"))
-        drawn = beside(*(_plot(cell, unit, shown) for cell in cells))
-        words = "share of the runs that hold the level, with its 95 % band"
-        made.append(figure(f"{question}. {name} [{unit}]: {meaning}; {words}.", drawn))
-    return together(*made) if made else None
-
-
-def _plot(cell: Cell, unit: str, shown: Sequence[Curve]) -> Markup:
-    label = f"{cell.title} [{unit}], {sweep_tables.MODES[cell.odometry]}"
-    looks = {curve.name: look(curve.kind) for curve in shown if curve.name in cell.curves}
-    draw = partial(sweep_figure.survival, cell=cell, label=label, looks=looks)
-    return drawing(f"share of runs held, {label}", draw)
+    heading = f"{sweep_tables.head(found, facts)}."
+    return page.page("SLAM in the field: what breaks it", heading, sections, (RECORD,))
 
 
 def _record(sweep: Sweep) -> Markup:
