@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from bench.judge.metrics import class_shares
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 CLASSES = 8
 FEW = 6  # maps that stand three in a row; more stand four in a row
 SHOWN_FROM = 0.02  # of its values: where the axis of the errors begins
+SHORT = 200.0  # ratio of the ends of a logarithmic axis that has room for 2 and 5
 LEAST_ERROR = 1e-3  # mm; smaller errors are drawn as this
 NICE = (1.0, 2.0, 2.5, 5.0, 10.0)  # widths of a class, times a power of ten
 MOST_CELLS = 1000  # of a map's longer side; more are put together, walls survive
@@ -88,9 +89,9 @@ def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Loo
         drawn.set_drawstyle("steps-post")
     low = min(float(np.quantile(values, SHOWN_FROM)) for values in errors.values())
     axes.set(xscale="log", xlabel=f"{what} [mm]", ylabel="share below")
-    _plain_numbers(axes.xaxis)
     if np.isfinite(low):
         axes.set_xlim(left=max(0.9 * low, LEAST_ERROR))
+    plain_numbers(axes.xaxis)
     axes.grid(visible=True, which="both", alpha=0.25)
     axes.legend(loc="lower right", fontsize=8)
 
@@ -98,8 +99,6 @@ def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Loo
 def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
     """Mean error against CPU per scan; a line along those that none beats in both."""
     axes.set(xscale="log", yscale="log", xlabel="CPU per scan [ms]", ylabel="mean error [mm]")
-    _plain_numbers(axes.xaxis)
-    _plain_numbers(axes.yaxis)
     for point in points:
         look, marker = looks[point.name], "x" if point.lost else "o"
         at = point.cpu_ms, max(point.error_mm, LEAST_ERROR)
@@ -109,6 +108,8 @@ def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
     best = front(points)
     costs, errors = [p.cpu_ms for p in best], [max(p.error_mm, LEAST_ERROR) for p in best]
     axes.plot(costs, errors, color="0.5", linewidth=0.8)
+    plain_numbers(axes.xaxis)
+    plain_numbers(axes.yaxis)
     axes.grid(visible=True, which="both", alpha=0.25)
 
 
@@ -128,9 +129,9 @@ def trajectories(
     axes: Axes, paths: Mapping[str, Floats], truth: Floats | None, limits: Limits, looks: Looks
 ) -> None:
     """All paths (n, 3) and the true one in one plan, seen from the first pose."""
-    _true_path(axes, truth)
     for name, path in paths.items():
         _path(axes, path, name, looks[name])
+    _true_path(axes, truth)
     axes.set(xlim=limits[0], ylim=limits[1], xlabel="x [m]", ylabel="y [m]")
     axes.set_aspect("equal")
 
@@ -212,10 +213,12 @@ def save_maps(plans: Mapping[str, Plan], truth: Floats | None, looks: Looks, pat
     _save(figure, path)
 
 
-def _plain_numbers(axis: Axis) -> None:
-    """Ticks of a logarithmic axis as 0.1, 1, 10; those between only on a short axis."""
+def plain_numbers(axis: Axis) -> None:
+    """Ticks of a logarithmic axis, drawn before, as 0.5, 1, 2; of a long one as 0.1, 1, 10."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < SHORT * low else (1.0,)))
     axis.set_major_formatter("{x:g}")
-    axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.0, 0.4)))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _path(axes: Axes, path: Floats, name: str, look: Look) -> None:
@@ -226,7 +229,7 @@ def _path(axes: Axes, path: Floats, name: str, look: Look) -> None:
 def _true_path(axes: Axes, truth: Floats | None) -> None:
     if truth is not None:
         shown = truth[_evenly(len(truth))]
-        axes.plot(*shown[:, :2].T, "--", color="0.5", linewidth=0.8)
+        axes.plot(*shown[:, :2].T, "--", color="0.5", linewidth=0.8, label="truth")
 
 
 def _evenly(n: int) -> NDArray[np.int64]:

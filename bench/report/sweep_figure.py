@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from bench.judge.answers import Analysis, Cell, questions
 from bench.judge.survival import errors
+from bench.report.figures import plain_numbers
 from bench.report.palette import looks
 from bench.report.pareto import Point, front
 from bench.report.sweep_tables import MODES
@@ -119,4 +120,6 @@ def _draw_costs(axes: Axes, found: Analysis, color_of: dict[str, str]) -> None:
         x, y = [p.cpu_ms for p in best], [p.error_mm for p in best]
         axes.plot(x, y, LINES[mode], color="0.5", linewidth=0.8, label=label)
     axes.set(xlabel="CPU per scan [ms]", ylabel="error over 1 s [mm]")
+    plain_numbers(axes.xaxis)
+    plain_numbers(axes.yaxis)
     axes.legend(fontsize=7)

@@ -116,9 +116,8 @@ def _head(path: Path) -> Head:
     numbers = (x, y, head.resolution, head.occupied, head.free)
     if yaw != 0.0 or not (head.resolution > 0.0 and np.isfinite(numbers).all()):
         raise ValueError(
-            f"{path}: got origin {x:g}, {y:g}, {yaw:g}, resolution {head.resolution:g}, thresholds "
-            f"{head.occupied:g}, {head.free:g}; expected an origin that is not turned (yaw 0), "
-            "metres per cell, 0 to 1"
+            f"{path}: got resolution {head.resolution:g}, origin {x:g}, {y:g}, {yaw:g}, thresholds "
+            f"{head.occupied:g}, {head.free:g}; expected meters per cell, yaw 0, 0 to 1"
         )
     return head
 
