@@ -117,7 +117,8 @@ def _head(path: Path) -> Head:
     if yaw != 0.0 or not (head.resolution > 0.0 and np.isfinite(numbers).all()):
         raise ValueError(
             f"{path}: got resolution {head.resolution:g}, origin {x:g}, {y:g}, {yaw:g}, thresholds "
-            f"{head.occupied:g}, {head.free:g}; expected meters per cell, yaw 0, 0 to 1"
+            f"{head.occupied:g}, {head.free:g}; expected a resolution above 0, yaw 0, "
+            "thresholds of 0 to 1"
         )
     return head
 

@@ -104,7 +104,7 @@ class PoseEstimator:
         self._prior = self._filter.prediction()
         self._usual = 0.0  # agreement of the matches so far
         self._unmatched = 0.0  # s since the last match
-        self._by_wheels = True  # all that time, and the map does not refute it
+        self._by_wheels = True  # all that time
         self._new_ground = 0.0  # s, all that time: share of beams in new ground less in conflict
         self._unconfirmed = 0.0  # s that matches still have to stand
         self._lost = False
@@ -225,7 +225,7 @@ class PoseEstimator:
         share = min(1.0, self._prior.dt / MEMORY) if self._usual > 0.0 else 1.0
         if self._is_usual(best):
             self._unconfirmed = 0.0
-        elif self._lost:
+        elif self._lost or self._refuted:
             self._unconfirmed = CONFIRMED
         else:
             self._unconfirmed -= self._prior.dt * agreement / self._usual
@@ -249,18 +249,20 @@ class PoseEstimator:
         self._by_wheels &= self._filter.wheels
         new = self._share_of_new_ground(points, grid)
         self._new_ground += self._prior.dt * new
-        if self._unmatched > DEAD_RECKONING and self._new_ground < 0.0:
-            self._by_wheels, self._lost = False, True  # a robot that was lifted
+        self._lost |= (self._refuted and not self._by_wheels) or not self._is_sure()
         if self._unconfirmed > 0.0:
             self._unconfirmed, self._lost = CONFIRMED, True
-        sure = self._is_sure()
-        self._lost |= not sure
         self.quality = max(best.agreement, 0.0) if best else 0.0
         self.maps = new > 0.0 and self._maps_unmatched()
-        self._call("lost" if self._lost or not sure else "predicted")
-        if self._lost:
+        self._call("lost" if self._lost else "predicted")
+        if self._lost or self._refuted:
             self._relocalize(grid)
         return self.pose
+
+    @property
+    def _refuted(self) -> bool:
+        """Whether the map contradicts the prediction for long: a crowd, or it was lifted."""
+        return self._unmatched > DEAD_RECKONING and self._new_ground < 0.0
 
     def _share_of_new_ground(self, points: EndPoints, grid: MatchedMap) -> float:
         """Share of beams that end in new ground, less `AGAINST` times those in conflict."""
@@ -279,9 +281,10 @@ class PoseEstimator:
         if self._unmatched < LOST_AFTER:
             return
         variance = max(self._filter.covariance.diagonal()[:2].tolist())
-        reach = math.sqrt(GATE * variance) if self._by_wheels else math.inf
+        held = self._by_wheels and not self._refuted
+        reach = math.sqrt(GATE * variance) if held else math.inf
         found = self._relocalizer.update(self._scan, self.pose, reach, grid.cut)
-        if found is None or (self._by_wheels and self._prior.distance(found) > GATE):
+        if found is None or (held and self._prior.distance(found) > GATE):
             return
         self._filter.place(found, RELOCALIZED)
         self._pose = found

@@ -172,7 +172,7 @@ def test_picture(tmp_path):
         ("resolution: 0.1\n", "no origin"),
         ("resolution: x\norigin: [0, 0, 0]\n", "not a number"),
         ("resolution: 0.1\norigin: [0, 0, 1.5]\n", "yaw 0"),
-        ("resolution: -1\norigin: [0, 0, 0]\n", "expected meters per cell"),
+        ("resolution: -1\norigin: [0, 0, 0]\n", "expected a resolution above 0"),
         ("resolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: low\n", "not a number"),
         ("origin: [0, 0\n", "not a YAML file"),
     ],

@@ -83,7 +83,7 @@ def test_the_trap_of_the_old_threshold_is_told_and_avoided(negate, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"origin": [0.0, 0.0, 0.5]}, "not turned"),
+        ({"origin": [0.0, 0.0, 0.5]}, "origin 0, 0, 0.5, .* expected .* yaw 0"),
         ({"origin": 3}, "not a number"),
         ({"origin": [0.0]}, "not a number"),
         ({"origin": ["a", 0.0]}, "not a number"),
@@ -91,7 +91,7 @@ def test_the_trap_of_the_old_threshold_is_told_and_avoided(negate, tmp_path):
         ({"resolution": 10**400}, "not a number"),
         ({"free_thresh": math.nan}, "thresholds 0.65, nan; expected"),
         ({"mode": "scale"}, "mode: got scale, expected trinary; save it"),
-        ({"resolution": 0.0}, "resolution 0, .* metres per cell"),
+        ({"resolution": 0.0}, "resolution 0, .* expected a resolution above 0"),
         ({"resolution": "fine"}, "not a number"),
         ({"image": "none.png"}, "no such picture"),
         ({"image": "m.yaml"}, "not a picture"),
