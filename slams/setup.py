@@ -95,10 +95,7 @@ def _folder(label: str, arguments: argparse.Namespace) -> Path:
     name = f"{name_of(Path(arguments.log[0]))}-{label.replace(':', '.')}"
     folder = Path(arguments.out or f"results/{name}")
     check_folder(folder)
-    view = None if arguments.view == "live" else arguments.view
-    for target in (folder, view):
-        if target:
-            check_new(target, arguments.force)
+    check_new(folder, arguments.force)
     save = arguments.save_state
     if save and save != arguments.resume_state and Path(save).is_file():
         check_new(save, arguments.force)
