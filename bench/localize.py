@@ -185,7 +185,7 @@ def _figures(ready: Prepared, log: ScanLog, frame: Pose2) -> dict[str, float]:
     from slams.player import replay
 
     start = find_start(ready.map_index, log)
-    rest = log.from_scan(start.scan)
+    rest = log.rows(slice(start.scan, None))
     run, truth = replay(ready.at(start.pose), rest), rest.truth_at(rest.t)
     assert truth is not None
     errors = np.hypot(*(frame.transform(run.poses[:, :2]) - truth[:, :2]).T)

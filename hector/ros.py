@@ -15,7 +15,7 @@ ORIGINAL = RosNames(
         "laser_z_min_value": "a log is planar",
         "laser_z_max_value": "a log is planar",
         "output_timing": "the summary has the times",
-        "pub_drawings": "--view draws",
+        "pub_drawings": "--mcap has what to draw",
     },
     refused={
         "map_with_known_poses": ("false", "there is no mapping without matching"),

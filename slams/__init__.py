@@ -14,15 +14,23 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from slams.formats.source import load
-    from slams.live.estimate import Estimate
-    from slams.live.slam import LiveSlam
-    from slams.params import Params, param
-    from slams.player import Run, replay
-    from slams.registry import create, find, names
-    from slams.scanlog import ScanLog
-    from slams.state import load_state
-    from slams.types import Laser, OccupancyGrid, Pose2, Scan, Slam
+    from slams.formats.source import load as load
+    from slams.live.estimate import Estimate as Estimate
+    from slams.live.slam import LiveSlam as LiveSlam
+    from slams.params import Params as Params
+    from slams.params import param as param
+    from slams.player import Run as Run
+    from slams.player import replay as replay
+    from slams.registry import create as create
+    from slams.registry import find as find
+    from slams.registry import names as names
+    from slams.scanlog import ScanLog as ScanLog
+    from slams.state import load_state as load_state
+    from slams.types import Laser as Laser
+    from slams.types import OccupancyGrid as OccupancyGrid
+    from slams.types import Pose2 as Pose2
+    from slams.types import Scan as Scan
+    from slams.types import Slam as Slam
 
 __version__ = "0.1.0"
 
@@ -46,25 +54,7 @@ _HOME = {
     "Slam": "types",
 }
 
-__all__ = [
-    "Estimate",
-    "Laser",
-    "LiveSlam",
-    "OccupancyGrid",
-    "Params",
-    "Pose2",
-    "Run",
-    "Scan",
-    "ScanLog",
-    "Slam",
-    "create",
-    "find",
-    "load",
-    "load_state",
-    "names",
-    "param",
-    "replay",
-]
+__all__ = [*_HOME]
 
 
 def __getattr__(name: str) -> Any:

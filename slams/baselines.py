@@ -112,16 +112,6 @@ class KissParams(BaselineParams):
         source="ours: fine ones lose sparse scans, coarse ones accuracy",
         low=0.0,
     )
-    points_per_voxel: int = param(
-        5, "1", "points kept in a voxel", source="ours: planar", low=1, high=1_000
-    )
-    initial_threshold: float = param(
-        0.3, "m", "first correspondence threshold", source="ours: 2.0 is for cars", low=0.01
-    )
-    min_motion: float = param(
-        0.02, "m", "motion that adapts the threshold", source="ours: 0.1 is for cars", low=0.0
-    )
-    max_range: float = param(30.0, "m", "points beyond are not used", source="UTM-30LX", low=0.1)
 
 
 class Kiss:
@@ -149,7 +139,7 @@ class Kiss:
             self._empty += 1
             return self._pose
         if self._icp is None:
-            self._icp = self._new(_kiss_config(self.params, _voxel(self.params, scan.laser)))
+            self._icp = self._new(_kiss_config(_voxel(self.params, scan.laser)))
         frame = np.concatenate([points, np.zeros((len(points), 1))], axis=1)
         self._icp.register_frame(frame, np.zeros(len(points)))
         T = self._icp.last_pose
@@ -173,22 +163,21 @@ def _voxel(params: KissParams, laser: Laser) -> float:
     return params.voxel or (COARSE_VOXEL if sparse else FINE_VOXEL)
 
 
-def _kiss_config(params: KissParams, voxel: float) -> Any:
-    """The whole configuration by hand: `KISSConfig()` would read environment variables."""
+def _kiss_config(voxel: float) -> Any:
+    """The whole configuration by hand: `KISSConfig()` would read environment variables.
+
+    Five points in a voxel are enough in a plane; the thresholds of kiss-icp are for cars.
+    """
     from kiss_icp.config import parser
 
     return parser.KISSConfig.model_construct(
         out_dir="",
-        data=parser.DataConfig(max_range=params.max_range, min_range=0.0, deskew=False),
+        data=parser.DataConfig(max_range=30.0, min_range=0.0, deskew=False),
         registration=parser.RegistrationConfig(
             max_num_iterations=500, convergence_criterion=1e-4, max_num_threads=1
         ),
-        mapping=parser.MappingConfig(
-            voxel_size=voxel, max_points_per_voxel=params.points_per_voxel
-        ),
+        mapping=parser.MappingConfig(voxel_size=voxel, max_points_per_voxel=5),
         adaptive_threshold=parser.AdaptiveThresholdConfig(
-            fixed_threshold=None,
-            initial_threshold=params.initial_threshold,
-            min_motion_th=params.min_motion,
+            fixed_threshold=None, initial_threshold=0.3, min_motion_th=0.02
         ),
     )

@@ -29,12 +29,6 @@ def from_first(poses: Floats) -> Floats:
     return between(np.repeat(poses[:1], len(poses), axis=0), poses)
 
 
-def relative_errors(estimate: Floats, truth: Floats, lag: int) -> tuple[Floats, Floats]:
-    """`pair_errors` of the motions over `lag` updates each, (n - lag,) [m] and [rad]."""
-    n = len(truth)
-    return pair_errors(estimate, truth, np.arange(n - lag), np.arange(lag, n))
-
-
 def pair_errors(
     estimate: Floats, truth: Floats, first: Indices, second: Indices
 ) -> tuple[Floats, Floats]:
@@ -89,16 +83,10 @@ def align(estimate: Floats, truth: Floats) -> Pose2:
     return Pose2(float(mean_q[0] - turned[0]), float(mean_q[1] - turned[1]), theta)
 
 
-def absolute_errors(estimate: Floats, truth: Floats) -> Floats:
-    """Distances (n,) [m] of the positions after `align`."""
-    moved = align(estimate, truth).transform(estimate[:, :2])
-    distances: Floats = np.hypot(*(moved - truth[:, :2]).T)
-    return distances
-
-
 def ate(estimate: Floats, truth: Floats) -> float:
-    """Absolute trajectory error: root mean square of `absolute_errors` [m]."""
-    return float(np.sqrt(np.mean(absolute_errors(estimate, truth) ** 2)))
+    """Absolute trajectory error: root mean square of the distances after `align` [m]."""
+    moved = align(estimate, truth).transform(estimate[:, :2])
+    return float(np.sqrt(np.mean(np.hypot(*(moved - truth[:, :2]).T) ** 2)))
 
 
 def driven(poses: Floats) -> Floats:

@@ -6,7 +6,6 @@ import argparse
 import json
 import sys
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
     from slams.types import Floats, OccupancyGrid, Slam
-    from slams.view import View
 
 PROGRAM = "slams run"
 SUMMARY = "summary.json"
@@ -46,14 +44,7 @@ def parser() -> argparse.ArgumentParser:
     cli.add_force_option(p)
     cli.add_selection_options(p)
     p.add_argument(
-        "--mcap", action="store_true", help="also write result.mcap for Foxglove, RViz, evo"
-    )
-    p.add_argument(
-        "--view",
-        metavar="FILE.rrd",
-        nargs="?",
-        const="live",
-        help="show the run in the viewer rerun, or save it to a file (needs the extra viz)",
+        "--mcap", action="store_true", help="also write result.mcap for Foxglove, rerun, RViz, evo"
     )
     p.add_argument("-q", "--quiet", action="store_true", help="print no progress and no summary")
     add_state_options(p)
@@ -227,21 +218,8 @@ def _replayed(
 ) -> tuple[Run, float]:
     from slams.player import WARM_UP_SCANS, replay, warm_up
 
-    with cli.refusing(lambda: _view(slam, entry.label, log, arguments)) as view:
-        start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
-        scans = cli.progress(log, len(log), entry.label, arguments.quiet)
-        return replay(slam, scans, view.watch if view else None), start_up_s
-
-
-def _view(
-    slam: Slam, label: str, log: ScanLog, arguments: argparse.Namespace
-) -> AbstractContextManager[View | None]:
-    """The viewer if it was asked for; what it lacks is said before the run starts."""
-    if not arguments.view:
-        return nullcontext()
-    from slams.view import View
-
-    return View(arguments.view, slam, f"{label} on {log.name}")
+    start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
+    return replay(slam, cli.progress(log, len(log), entry.label, arguments.quiet)), start_up_s
 
 
 if __name__ == "__main__":

@@ -155,16 +155,6 @@ class ScanLog:
         some = self.rows(slice(None, None if limit is None else limit * every, every))
         return some if odometry else replace(some, odom=None, yaw_rate=None)
 
-    def from_scan(self, first: int) -> ScanLog:
-        """The log from scan number `first` on, as if the recording had begun there.
-
-        Raises:
-            ValueError: it has no such scan.
-        """
-        if not 0 <= first < len(self):
-            raise ValueError(f"first: got scan {first}, expected 0 to {len(self) - 1}")
-        return self.rows(slice(first, None))
-
     def rows(self, part: slice | NDArray[Any]) -> ScanLog:
         """The scans that a slice, a mask or indices pick; tracks noted row by row come along."""
         odom, attitude = self._track_rows(self.odom, part), self._track_rows(self.attitude, part)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from slams import cli
 
@@ -14,15 +14,6 @@ if TYPE_CHECKING:
     from slams.registry import Entry
     from slams.scanlog import ScanLog
     from slams.types import Pose2, Slam
-
-
-class Setup(NamedTuple):
-    """The algorithm before its first scan, its scans, the folder of results, notes for the user."""
-
-    slam: Slam
-    log: ScanLog
-    folder: Path
-    notes: list[str]
 
 
 def add_state_options(parser: argparse.ArgumentParser) -> None:
@@ -62,8 +53,12 @@ def given_start(arguments: argparse.Namespace) -> Pose2 | None:
     return None if arguments.start is None else pose_of(arguments.start)
 
 
-def prepare(entry: Entry, params: Params, arguments: argparse.Namespace, program: str) -> Setup:
-    """All that a run needs; what cannot be read or written is refused before it.
+def prepare(
+    entry: Entry, params: Params, arguments: argparse.Namespace, program: str
+) -> tuple[Slam, ScanLog, Path, list[str]]:
+    """The algorithm before its first scan, its scans, the folder of results, notes for the user.
+
+    What cannot be read or written is refused before the run.
 
     Raises:
         LookupError, OSError, TypeError, ValueError: one sentence about what the user gave.
@@ -81,7 +76,7 @@ def prepare(entry: Entry, params: Params, arguments: argparse.Namespace, program
 
         store.check_target(arguments.save_state, slam)
     log = log.select(arguments.limit, arguments.every, not arguments.no_odometry)
-    return Setup(slam, log, folder, notes)
+    return slam, log, folder, notes
 
 
 def _folder(label: str, arguments: argparse.Namespace) -> Path:
@@ -95,10 +90,7 @@ def _folder(label: str, arguments: argparse.Namespace) -> Path:
     name = f"{name_of(Path(arguments.log[0]))}-{label.replace(':', '.')}"
     folder = Path(arguments.out or f"results/{name}")
     check_folder(folder)
-    view = None if arguments.view == "live" else arguments.view
-    for target in (folder, view):
-        if target:
-            check_new(target, arguments.force)
+    check_new(folder, arguments.force)
     save = arguments.save_state
     if save and save != arguments.resume_state and Path(save).is_file():
         check_new(save, arguments.force)
@@ -134,4 +126,4 @@ def _localizing(
         found = source.start_at(ready.map_index, seen, start)
     else:
         found = source.find_start(ready.map_index, seen)
-    return ready.at(found.pose), log.from_scan(found.scan), [*notes, found.note]
+    return ready.at(found.pose), log.rows(slice(found.scan, None)), [*notes, found.note]

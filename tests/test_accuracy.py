@@ -2,14 +2,13 @@
 
 from functools import cache
 
-import numpy as np
 import pytest
 
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
-from slams import metrics
 from slams.player import replay
 from slams.registry import create, find
+from slams.summary import truth_errors
 from tests.rooms import ALGORITHMS
 
 # case: setting, odometry shown, bound of the absolute error [m], of the error over 1 s [m]
@@ -37,10 +36,10 @@ def test_default_is_accurate(name, case):
     _, odometry, bound, bound_1_s = CASES[case]
     log = log_of(case).select(odometry=odometry)
     run = replay(create(name), log)
-    truth = log.truth_at(run.t)
-    assert not np.isnan(truth).any()
-    assert metrics.ate(run.poses, truth) < bound
-    assert metrics.relative_errors(run.poses, truth, 40)[0].mean() < bound_1_s
+    errors = truth_errors(run, log)
+    assert errors["not_covered"] == 0
+    assert errors["ate_m"] < bound
+    assert errors["per_1_s"]["translation_m"]["mean"] < bound_1_s
 
 
 # ATE, error over 1 s [m]; measured: 2.2 and 2.6 mm, 0.7 and 0.8, 2.3 and 2.5, 3.1 and 3.6
@@ -57,9 +56,9 @@ def test_the_papers_idea_alone_is_accurate(name):
     bound, bound_1_s = PAPERS[name]
     log = log_of("utm30lx with odometry")
     run = replay(create(f"{name}@paper"), log)
-    truth = log.truth_at(run.t)
-    assert metrics.ate(run.poses, truth) < bound
-    assert metrics.relative_errors(run.poses, truth, 40)[0].mean() < bound_1_s
+    errors = truth_errors(run, log)
+    assert errors["ate_m"] < bound
+    assert errors["per_1_s"]["translation_m"]["mean"] < bound_1_s
 
 
 # error over 1 s [m]; measured: 2.1 to 2.2 mm and 3.4 to 3.5 mm, of scans taken at once 1 and 3.2
@@ -70,8 +69,7 @@ def test_a_laser_that_turns_slowly_costs_little(name, sensor, bound):
     log = slow_log_of(sensor)
     found = find(name)
     run = replay(found.cls(found.params().for_sensor(sensor)), log)
-    second = round(1.0 / np.median(np.diff(run.t)))
-    assert metrics.relative_errors(run.poses, log.truth_at(run.t), second)[0].mean() < bound
+    assert truth_errors(run, log)["per_1_s"]["translation_m"]["mean"] < bound
 
 
 @cache

@@ -15,7 +15,7 @@ from slams.registry import IDEAS, names
 from tests.places import ROOT
 
 OF_THE_HOUSE = {"bench.readme"}  # makes the pages of this project: nobody else's command
-HEAVY = ("numpy", "numba", "pandas", "matplotlib", "cv2", "scipy", "rosbags", "rerun", "PIL")
+HEAVY = ("numpy", "numba", "pandas", "matplotlib", "cv2", "scipy", "rosbags", "PIL")
 
 
 def programs():

@@ -33,7 +33,7 @@ CODE_FILES = [
 ]
 SOURCES = "\n".join(path.read_text(encoding="utf-8") for path in CODE_FILES)
 FILE = re.compile(r"[\w.*/-]*\w\.(py|md|json|png|pgm|toml|yaml|cff|slurm|html|npz|mcap|tum|typed)")
-SUFFIXES = r"\.(bag|npz|dat|gz|py|relations|launch|yaml|tum|rrd|mp4)"
+SUFFIXES = r"\.(bag|npz|dat|gz|py|relations|launch|yaml|tum)"
 ids = pytest.mark.parametrize("path", DOCS, ids=lambda path: path.name)
 
 

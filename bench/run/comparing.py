@@ -66,7 +66,7 @@ def compared(
 def run(label: str, log: ScanLog, choice: Choice, first: int | None) -> Outcome | float | None:
     """One run in this process; with `first`, only its error of the relations from that scan on."""
     if first is not None:
-        return relation_error(replayed(label, log.from_scan(first), choice))
+        return relation_error(replayed(label, log.rows(slice(first, None)), choice))
     outcome = replayed(label, log, choice)
     return with_consistency(outcome, log, outcome.poses)
 

@@ -142,7 +142,7 @@ def rest_of(log: ScanLog, beside: dict[str, Any], every: int = 1) -> tuple[ScanL
     first = known[-1] + every
     if first >= len(log):
         raise ValueError(f"{log.name}: all its {len(log)} scans are in the state already")
-    return log.from_scan(first), first
+    return log.rows(slice(first, None)), first
 
 
 def _digest(ranges: Ranges) -> str:

@@ -134,26 +134,20 @@ def test_select(tmp_path):
 
 def test_a_log_may_begin_late(tmp_path):
     log = load(written(tmp_path, t=np.array([0.0, 0.2, 0.2]), truth=np.eye(3)))
-    late = log.from_scan(1)
+    late = log.rows(slice(1, None))
     assert [s.t for s in late] == [0.2, 0.2]
     assert np.array_equal(late.ranges, log.ranges[1:], equal_nan=True)
     assert [s.odometry.x for s in late] == [1.0, 2.0], "row by row, though the stamps are equal"
     assert np.array_equal(late.truth_at(log.t), log.truth_at(log.t)), "the truth stays whole"
-    assert len(log.from_scan(0)) == 3 and late.laser is log.laser
+    assert late.laser is log.laser
 
 
 def test_a_log_that_begins_late_keeps_tracks_of_other_rates(tmp_path):
     stamps = {"odom_t": np.array([0.0, 0.15, 0.2]), "yaw_rate_t": np.array([0.0, 0.2])}
-    late = load(written(tmp_path, yaw_rate=np.array([1.0, 1.0]), **stamps)).from_scan(1)
-    scans = list(late)
+    log = load(written(tmp_path, yaw_rate=np.array([1.0, 1.0]), **stamps))
+    scans = list(log.rows(slice(1, None)))
     assert scans[0].odometry.x == pytest.approx(2.0 / 3.0)
     assert scans[1].yaw - scans[0].yaw == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize("first", [-1, 3])
-def test_a_log_cannot_begin_where_it_has_no_scan(tmp_path, first):
-    with pytest.raises(ValueError, match=f"first: got scan {first}, expected 0 to 2"):
-        load(written(tmp_path)).from_scan(first)
 
 
 @pytest.mark.parametrize(
