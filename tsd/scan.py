@@ -9,7 +9,7 @@ from slams.scan.end_points import EndPoints
 from slams.types import Floats, Laser, Pose2, Scan
 from tsd.map_kernels import place_lines
 from tsd.params import TsdParams
-from tsd.scan_kernels import Beams, SurfaceRule, fit_surfaces, read_scan
+from tsd.scan_kernels import Beams, SurfaceRule, find_runs, fit_surfaces
 
 SPARSE = 10.0  # cells between beams, beyond which a hit alone is no surface
 LINES = 0.5  # cells from line to line of a push: each row of cells takes one of them
@@ -37,18 +37,17 @@ class SurfaceScan(EndPoints):
         """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
         super().take(scan, velocity)
         self.beams = Beams(self.mount.x, self.mount.y, scan.laser.angle_increment)
-        p, noise = self._p, self.noise
+        p = self._p
         rule = self._rule = SurfaceRule(
             self.grain.window,
-            noise,
+            self.noise,
             p.max_slope,
-            (p.roughness * noise) ** 2,
+            (p.roughness * self.noise) ** 2,
             p.beam_width,
             SPARSE * p.cell,
             False,
         )
-        room = self._hits, self._runs, self._sums
-        read_scan(self.points, self.n, self.beams, rule, *room)
+        find_runs(self.points, self.n, self.beams, rule, self._firsts)
         self.count = self._fit(rule, p.spacing, self.elements)
         return self
 
@@ -57,7 +56,7 @@ class SurfaceScan(EndPoints):
         rule = self._rule._replace(keeps_alone=True)
         count = self._fit(rule, LINES * self._p.cell, self._dense)
         lines = self._lines[:count]
-        box = place_lines(self._dense, count, self._runs, self.beams, np.array(pose), lines)
+        box = place_lines(self._dense, count, self._firsts, self.beams, np.array(pose), lines)
         return lines, Box(*box)
 
     @property
@@ -75,11 +74,9 @@ class SurfaceScan(EndPoints):
     def _adopt(self, laser: Laser, n_beams: int) -> None:
         super()._adopt(laser, n_beams)
         n = n_beams
-        self._hits, self._runs = np.zeros((n, 4)), np.zeros((n, 2))
-        self._sums, self._lines = np.zeros((n + 1, 5)), np.zeros((n, 7))
+        self._firsts, self._lines = np.zeros(n + 1), np.zeros((n, 7))
         self.elements, self._dense = np.zeros((n, 8)), np.zeros((n, 8))
 
     def _fit(self, rule: SurfaceRule, spacing: float, out: Floats) -> int:
-        return int(
-            fit_surfaces(self._hits, self.n, self._runs, self._sums, self.beams, rule, spacing, out)
-        )
+        room = self.moments, self._firsts
+        return int(fit_surfaces(self.points, self.n, *room, self.beams, rule, spacing, out))

@@ -32,8 +32,8 @@ class EndPoints:
     There a velocity that is not quite right does least harm: what it bends before the middle, it
     bends the other way behind it. `at_stamp` goes back to the scan's stamp, that of its first beam.
 
-    `points` (3, >= n): x, y [m], number of the beam; `far` [m] the farthest from the base;
-    `moments` (6, n + 1) of `scan_moments`, with the normals. The buffers serve every scan.
+    `points` (3, >= n): x, y [m], number of the beam; `far` [m] the farthest from the base. The
+    buffers serve every scan.
     """
 
     facing_error = 0.14  # rad, deviation of `facing`: of a chord of a few beams
@@ -45,7 +45,7 @@ class EndPoints:
         self._noise = MovingAverage(MEMORY, params.range_noise)
         self._noises: dict[Pose2, MovingAverage] = {}  # by mounts: of each laser
         self._apart, self._t = MovingAverage(LONG), math.inf
-        self._known = self._chorded = False  # whether the normals are, and chords
+        self._summed = self._known = self._chorded = False  # moments, normals, chords
         self.mount = IDENTITY
         self.step = 0.0
         self.sweeps = False
@@ -59,7 +59,7 @@ class EndPoints:
         laser = scan.laser
         if laser is not self._laser:
             self._adopt(laser, len(scan.ranges))
-        self._known = self._chorded = False
+        self._summed = self._known = self._chorded = False
         self.n, self.far = kernels.end_points(
             scan.ranges, self._directions, laser.mount, self._limits, self.points
         )
@@ -98,6 +98,16 @@ class EndPoints:
     def apart(self) -> float:
         """How far scans are apart [s], one second at most; 0 until there were two."""
         return self._apart.value
+
+    @property
+    def moments(self) -> Points:
+        """Running sums along the scan, and where its surfaces begin (6, n + 1): `scan_moments`."""
+        if not self._summed:
+            kernels.scan_moments(
+                self.points, self.n, self.mount, self.step, self.grain.slack, self._moments
+            )
+            self._summed = True
+        return self._moments
 
     @property
     def normals(self) -> Points:
@@ -162,7 +172,7 @@ class EndPoints:
         self.points = np.zeros((3, n_beams))
         self._room = np.zeros((3, n_beams))
         self._chords = np.zeros((3, n_beams))
-        self.moments = np.zeros((6, n_beams + 1))
+        self._moments = np.zeros((6, n_beams + 1))
 
 
 def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:

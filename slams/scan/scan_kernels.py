@@ -177,7 +177,7 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
     return kept
 
 
-@njit(inner=True, borrows=True)
+@njit
 def scan_moments(
     points: Points, n: int, mount: Pose2, step: float, slack: float, out: Floats
 ) -> None:
@@ -240,9 +240,8 @@ def scan_normals(
     ours: total least squares over the beams within about `grain.window`, two at least, up to the
     next jump; places bent by more than the noise (a corner in the window) get no normal. Beams
     within a `DENSE`-th of half a window that is whole have the normal of one of them. points
-    (2, >= n), out (3, >= n): normal (0, 0 where none), mean gap [m].
+    (2, >= n), moments of `scan_moments`, out (3, >= n): normal (0, 0 where none), mean gap [m].
     """
-    scan_moments(points, n, mount, step, grain.slack, moments)
     window, blur = grain.window, grain.noise * grain.noise
     last, shares = n - 1, 0
     for i in range(n - 1, -1, -1):

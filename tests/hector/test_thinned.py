@@ -75,6 +75,7 @@ def test_a_normal_is_shared_within_a_part_of_its_window():
     points, n = np.stack([np.full(400, 1.0), np.linspace(-0.5, 0.5, 400)]), 400
     points[0] += np.random.default_rng(0).normal(0.0, 0.002, n)
     out, moments, step = np.zeros((3, n)), np.zeros((6, n + 1)), 0.0025
+    scan_kernels.scan_moments(points, n, IDENTITY, step, 0.1, moments)
     scan_kernels.scan_normals(points, n, IDENTITY, step, Grain(0.002, 0.05, 0.1), moments, out)
     half = 2 + int(0.05 / (step * math.hypot(0.5, 1.0)))
     ends, middle = out[0, n - half :], out[0, 200 : 200 + half]

@@ -5,14 +5,14 @@ from functools import partial
 
 import numpy as np
 
-from slams.scan.scan_kernels import Limits, end_points
+from slams.scan.end_points import SLACK
+from slams.scan.scan_kernels import Limits, end_points, scan_moments
 from slams.types import IDENTITY, Pose2
 from tests.rooms import drive, made
 from tsd import TsdParams
 from tsd.map import TileField
 from tsd.map_kernels import facing, read_field
 from tsd.scan_kernels import Beams, SurfaceRule
-from tsd.scan_kernels import hits_of as hits_of_points
 
 PLANE = np.array([(-50.0, 2.0, 50.0, 2.0)])
 CORNER = np.array([(-3.0, 2.0, 3.0, 2.0), (3.0, 2.0, 3.0, -2.0), (3.0, -2.0, -3.0, -2.0)])
@@ -51,13 +51,21 @@ def scanned(n=10, **changes):
     return slam, view.elements[: view.count].copy()
 
 
-def hits_of(ranges, lidar):
-    """Hits (n, 4) of a standing laser."""
-    beams = Beams(0.0, 0.0, lidar.angle_increment)
-    points, hits = np.zeros((3, lidar.n_beams)), np.zeros((lidar.n_beams, 4))
+def read(ranges, lidar):
+    """End points (3, n) and moments (6, n + 1) of a standing laser."""
+    points, moments = np.zeros((3, lidar.n_beams)), np.zeros((6, lidar.n_beams + 1))
     count, _ = end_points(ranges, lidar.directions, IDENTITY, Limits(0.1, 30.0), points)
-    hits_of_points(points, count, beams, hits)
-    return beams, hits, count
+    scan_moments(points, count, IDENTITY, lidar.angle_increment, SLACK, moments)
+    return Beams(0.0, 0.0, lidar.angle_increment), points, count, moments
+
+
+def sums_of(points):
+    """Moments (6, n + 1) of points (n, 2)."""
+    moments = np.zeros((6, len(points) + 1))
+    scan_moments(
+        np.ascontiguousarray(np.transpose(points)), len(points), IDENTITY, 0.01, 9.0, moments
+    )
+    return moments
 
 
 RULE = SurfaceRule(0.12, 0.01, 8.0, 0.02**2, 0.2, 0.15, False)

@@ -101,29 +101,12 @@ def pair_pose(line, element):
     return Pose2(line[0] - turned[0], line[1] - turned[1], theta)
 
 
-def in_line(points, ranges, beams, step, noise):
-    """Whether the middle one of three points lies on the chord of the others, up to noise."""
-    chord = (points[2] - points[0]) / np.linalg.norm(points[2] - points[0])
-    normal = np.array([-chord[1], chord[0]])
-    cosine = abs(normal @ points[1]) / ranges[1]
-    off = abs(normal @ (points[1] - points[0]))
-    near = off < 4.0 * noise * max(cosine, 0.05) and off < 0.2 * ranges[1] * step
-    return beams[2] - beams[0] <= 4 and near
-
-
-def runs_of(points, ranges, beams, step, max_slope, noise):
-    """For every hit the first and one past the last hit of its unbroken surface."""
-    cuts = [0]
-    for k in range(1, len(ranges)):
-        gap = beams[k] - beams[k - 1]
-        limit = max_slope * min(ranges[k], ranges[k - 1]) * step * gap + 4.0 * noise
-        if gap <= 3 and abs(ranges[k] - ranges[k - 1]) <= limit:
-            continue
-        triples = [slice(a, a + 3) for a in (k - 2, k - 1) if a >= 0 and a + 3 <= len(ranges)]
-        if not any(in_line(points[t], ranges[t], beams[t], step, noise) for t in triples):
-            cuts.append(k)
-    cuts.append(len(ranges))
-    return [(a, b) for a, b in zip(cuts, cuts[1:], strict=False) for _ in range(a, b)]
+def in_line(points, beams, noise):
+    """Whether the beam of the middle one of three points ends on the chord of the others."""
+    first, middle, last = points
+    chord = last - first
+    along = np.linalg.solve(np.stack([middle, -chord], axis=1), first)[0]  # where they cross
+    return beams[2] - beams[0] <= 4 and abs(along - 1.0) * np.linalg.norm(middle) < 4.0 * noise
 
 
 def passed(laser, ends, corner, cell, shape):
@@ -158,3 +141,18 @@ def matched_pairs(model, scene, gate):
         if d[m] <= gate and d[m] < best[m]:
             partner[m], best[m] = k, d[m]
     return partner
+
+
+def runs_of(points, ranges, beams, step, max_slope, noise):
+    """For every hit the first and one past the last hit of its unbroken surface."""
+    cuts = [0]
+    for k in range(1, len(ranges)):
+        gap = beams[k] - beams[k - 1]
+        limit = max_slope * min(ranges[k], ranges[k - 1]) * step * gap + 4.0 * noise
+        if gap <= 3 and abs(ranges[k] - ranges[k - 1]) <= limit:
+            continue
+        triples = [slice(a, a + 3) for a in (k - 2, k - 1) if a >= 0 and a + 3 <= len(ranges)]
+        if not any(in_line(points[t], beams[t], noise) for t in triples):
+            cuts.append(k)
+    cuts.append(len(ranges))
+    return [(a, b) for a, b in zip(cuts, cuts[1:], strict=False) for _ in range(a, b)]

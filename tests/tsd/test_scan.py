@@ -9,19 +9,13 @@ import pytest
 from slams.types import IDENTITY
 from tests.rooms import ROOM, box, cast, laser, scan_at
 from tests.tsd import naive as naive_tsd
-from tests.tsd.cases import RULE, default, field_of, hits_of
+from tests.tsd.cases import RULE, default, field_of, read, sums_of
 from tsd.map_kernels import (
     PushRule,
     list_rows,
     place_lines,
 )
-from tsd.scan_kernels import (
-    find_runs,
-    fit_best_line,
-    fit_line,
-    fit_surfaces,
-    sum_moments,
-)
+from tsd.scan_kernels import find_runs, fit_best_line, fit_line, fit_surfaces
 
 
 def test_line_fit_is_total_least_squares():
@@ -30,9 +24,7 @@ def test_line_fit_is_total_least_squares():
         t = np.linspace(-0.2, 0.3, 20)
         points = np.stack([t * math.cos(turn) + 2.0, t * math.sin(turn) - 1.0], axis=1)
         points += rng.normal(0.0, 0.005, points.shape)
-        sums = np.zeros((21, 5))
-        sum_moments(np.column_stack([points, np.zeros((20, 2))]), 20, sums)
-        x, y, nx, ny, variance = fit_line(sums, 0, 20)
+        x, y, nx, ny, variance = fit_line(sums_of(points), 0, 20)
         center, normal = naive_tsd.line_of(points)
         assert (x, y) == pytest.approx(tuple(center))
         assert abs(nx * normal[0] + ny * normal[1]) == pytest.approx(1.0, abs=1e-6)
@@ -40,41 +32,43 @@ def test_line_fit_is_total_least_squares():
         assert variance == pytest.approx((offsets**2).sum() / 18, rel=1e-6)
 
 
-def test_runs_equal_the_naive_twin():
-    lidar = laser(361)
-    ranges = cast(ROOM, (0.3, -0.2, 0.5), lidar).copy()
-    ranges[100:106] = np.inf
-    ranges[200] = np.inf
-    beams, hits, count = hits_of(ranges, lidar)
-    runs = np.zeros((361, 2))
-    find_runs(hits, count, beams, RULE, runs)
-    x_y, r, i = hits[:count, :2], hits[:count, 2], hits[:count, 3]
-    twin = naive_tsd.runs_of(x_y, r, i, lidar.angle_increment, 8.0, 0.01)
-    assert runs[:count].tolist() == [list(map(float, run)) for run in twin]
-    assert len({tuple(run) for run in twin}) > 3
-
-
 def test_the_best_of_three_windows_lies_on_one_wall_only():
     t = np.arange(20) * 0.02
     points = np.concatenate(
         [np.stack([t - 0.4, 0.0 * t], axis=1), np.stack([0.0 * t, -t - 0.02], axis=1)]
     )
-    sums = np.zeros((41, 5))
-    sum_moments(np.column_stack([points, np.zeros((40, 2))]), 40, sums)
+    sums = sums_of(points)
     for k, normal in ((17, (0.0, 1.0)), (18, (0.0, 1.0)), (21, (1.0, 0.0)), (22, (1.0, 0.0))):
         *_, nx, ny, variance = fit_best_line(sums, k, 4, 0, 40, 0.0)
         assert abs(nx * normal[0] + ny * normal[1]) == pytest.approx(1.0, abs=1e-6)
         assert variance < 1e-10
 
 
+def test_a_window_beside_is_taken_only_if_it_is_twice_as_smooth():
+    rng, reach, k, beside = np.random.default_rng(0), 4, 10, []
+    for _ in range(200):
+        points = np.stack([0.05 * np.arange(21), rng.normal(0.0, 0.01, 21)], axis=1)
+        sums = sums_of(points)
+        around = fit_line(sums, k - reach, k + reach + 1)
+        before, after = fit_line(sums, k - 2 * reach, k + 1), fit_line(sums, k, k + 2 * reach + 1)
+        best, limit = around, 0.5 * around[4]
+        for side in (before, after):
+            if side[4] < limit:
+                best, limit = side, side[4]
+        found = fit_best_line(sums, k, reach, 0, 21, 0.0)
+        assert found == best
+        assert fit_best_line(sums, k, reach, 0, 21, 1.001 * around[4]) == around
+        beside.append(best is not around)
+    assert 5 < sum(beside) < 100
+
+
 def test_surface_elements_stand_for_their_beams():
     lidar = laser(1081)
     room = np.array(box(-2.0, -3.0, 4.0, 2.5))
-    beams, hits, count = hits_of(cast(room, (0.0, 0.0, 0.0), lidar), lidar)
-    runs, sums, out = np.zeros((1081, 2)), np.zeros((1082, 5)), np.zeros((1081, 8))
-    find_runs(hits, count, beams, RULE, runs)
-    sum_moments(hits, count, sums)
-    n = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.05, out)
+    beams, points, count, sums = read(cast(room, (0.0, 0.0, 0.0), lidar), lidar)
+    firsts, out = np.zeros(1082), np.zeros((1081, 8))
+    find_runs(points, count, beams, RULE, firsts)
+    n = fit_surfaces(points, count, sums, firsts, beams, RULE, 0.05, out)
     x, y, nx, ny, information, index, beams_each, known = out[:n].T
     off = np.min(np.abs([x + 2.0, x - 4.0, y + 3.0, y - 2.5]), axis=0)
     assert off.max() < 0.01 and np.mean(off < 1e-3) > 0.95  # corners: within the noise
@@ -92,10 +86,10 @@ def test_surface_elements_stand_for_their_beams():
     assert known.all()
     for steps, known in ((1.5, False), (2.5, True)):  # of the beams at 4.4 m
         rule = RULE._replace(window=steps * 4.4 * lidar.angle_increment)
-        n = fit_surfaces(hits, count, runs, sums, beams, rule, 0.05, out)
-        near = np.abs(hits[out[:n, 5].astype(int), 2] - 4.4) < 0.05
+        n = fit_surfaces(points, count, sums, firsts, beams, rule, 0.05, out)
+        near = np.abs(np.hypot(*points[:2, out[:n, 5].astype(int)]) - 4.4) < 0.05
         assert near.any() and (out[:n, 7][near] == known).all()
-    dense = fit_surfaces(hits, count, runs, sums, beams, RULE, 0.0, out)
+    dense = fit_surfaces(points, count, sums, firsts, beams, RULE, 0.0, out)
     assert dense > 0.97 * count
 
 
@@ -104,18 +98,16 @@ def test_a_hit_alone_between_far_beams_has_no_normal():
         lidar = laser(n_beams)
         ranges = np.full(n_beams, np.inf, np.float32)
         ranges[n_beams // 2] = 6.0
-        beams, hits, count = hits_of(ranges, lidar)
-        runs, sums, out = np.zeros((count, 2)), np.zeros((count + 1, 5)), np.zeros((count, 8))
-        rule = RULE._replace(widest=0.5)
-        find_runs(hits, count, beams, rule, runs)
-        sum_moments(hits, count, sums)
-        assert fit_surfaces(hits, count, runs, sums, beams, rule, 0.05, out) == (not alone)
+        beams, points, count, sums = read(ranges, lidar)
+        rule, out, firsts = RULE._replace(widest=0.5), np.zeros((count, 8)), np.zeros(count + 1)
+        find_runs(points, count, beams, rule, firsts)
+        assert fit_surfaces(points, count, sums, firsts, beams, rule, 0.05, out) == (not alone)
         rule = rule._replace(keeps_alone=True)
-        assert fit_surfaces(hits, count, runs, sums, beams, rule, 0.0, out) == 1
+        assert fit_surfaces(points, count, sums, firsts, beams, rule, 0.0, out) == 1
         assert np.hypot(*out[0, 2:4]) == pytest.approx(0.0 if alone else 1.0)
         line = out.copy()
         lines = np.zeros((1, 7))
-        place_lines(line, 1, runs, beams, np.zeros(3), lines)
+        place_lines(line, 1, firsts, beams, np.zeros(3), lines)
         field, rows = field_of(max_weight=100.0).kernel, np.zeros((999, 4))
         rule = PushRule(0.15, 100.0, lidar.angle_increment)
         assert not alone or list_rows(field, lines, 1, rule, rows) == 0

@@ -16,6 +16,7 @@ from slams.scan.scan_kernels import (
     deskew,
     drop_lone,
     end_points,
+    scan_moments,
     scan_normals,
 )
 from slams.types import IDENTITY, Laser, Pose2, Scan
@@ -118,8 +119,8 @@ def test_a_noisy_wall_still_has_normals():
 def test_normals_are_those_of_a_total_least_squares_fit():
     x = np.linspace(-0.06, 0.06, 13)
     noise = np.random.default_rng(0).normal(0.0, 0.001, 13)
-    points, out = np.stack([x, 2.0 + 0.3 * x + noise]), np.zeros((3, 13))
-    scan_normals(points, 13, IDENTITY, 0.005, Grain(0.0, 0.05, SLACK), np.zeros((6, 14)), out)
+    points = np.stack([x, 2.0 + 0.3 * x + noise])
+    out = normals_of(points, step=0.005)
     half = 2 + int(0.05 / (0.005 * math.hypot(*points[:, 6]) + 1e-6))
     _, vectors = np.linalg.eigh(np.cov(points[:, 6 - half : 7 + half]))
     normal = vectors[:, 0] * -np.sign(vectors[:, 0] @ points[:, 6])
@@ -133,11 +134,28 @@ def test_the_window_of_a_normal_and_what_is_one_surface_grow_with_the_noise():
         assert ends.grain == pytest.approx((noise, window, slack))
 
 
-def normals_of(points, noise=0.0):
+def moments_of(points, step=0.02):
     n = points.shape[1]
-    out, moments = np.zeros((3, n)), np.zeros((6, n + 1))
-    scan_normals(points, n, IDENTITY, 0.02, Grain(noise, 0.05, SLACK), moments, out)
+    moments = np.zeros((6, n + 1))
+    scan_moments(points, n, IDENTITY, step, SLACK, moments)
+    return moments
+
+
+def normals_of(points, noise=0.0, step=0.02):
+    n = points.shape[1]
+    out, moments = np.zeros((3, n)), moments_of(points, step)
+    scan_normals(points, n, IDENTITY, step, Grain(noise, 0.05, SLACK), moments, out)
     return out
+
+
+def test_moments_are_running_sums_and_a_surface_ends_at_a_jump():
+    # beams 2 cm apart at 1 m: up to 0.1 m and four times that is one surface
+    points = points_of((1.0, 0.0), (1.0, 0.17), (1.0, 0.36), (1.0, 0.38), (3.0, 0.6))
+    moments = moments_of(points)
+    assert moments[5, :5].tolist() == [0.0, 0.0, 2.0, 2.0, 4.0]
+    x, y = points[:2]
+    for row, values in enumerate((x, y, x * x, x * y, y * y)):
+        assert moments[row] == pytest.approx([0.0, *np.cumsum(values)])
 
 
 def test_normals_face_the_laser_and_the_gap_is_that_between_two_beams():
