@@ -225,7 +225,7 @@ class PoseEstimator:
         share = min(1.0, self._prior.dt / MEMORY) if self._usual > 0.0 else 1.0
         if self._is_usual(best):
             self._unconfirmed = 0.0
-        elif self._lost or self._refuted:
+        elif self._unconfirmed <= 0.0 and (self._lost or self._refuted):
             self._unconfirmed = CONFIRMED
         else:
             self._unconfirmed -= self._prior.dt * agreement / self._usual

@@ -8,13 +8,19 @@ import pytest
 from slams.frontend.correlative import Lookup, search, window_of
 from slams.frontend.correlative_kernels import pool
 from slams.frontend.degeneracy import ALL, observability
+from slams.frontend.estimator import PoseEstimator
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.params import FrontendParams
 from slams.frontend.plain import estimator_for
 from slams.frontend.timing import LaserTimings, ScanTiming
 from slams.loops.matching_kernels import paint
+from slams.refine.lines import Match
+from slams.scan.end_points import EndPoints
+from slams.scan.params import ScanParams
 from slams.test_world import scan_at
 from slams.types import IDENTITY, Pose2
+from tests.rooms import LIDAR
+from tests.rooms import scan_at as room_at
 
 
 def intervals(stamps, **how):
@@ -142,30 +148,58 @@ def test_a_gap_among_stamps_that_jitter_is_believed(seed):
     assert intervals(stamps)[149] == pytest.approx(stamps[150] - stamps[149])
 
 
+class Standing:
+    """A robot that stands, and a map that says how much of its scans it explains."""
+
+    empty = False
+
+    def __init__(self, wheels=True):
+        self._wheels, self._k = IDENTITY if wheels else None, 0
+        self._reader = EndPoints(ScanParams())
+        self.estimator = PoseEstimator(FrontendParams(search=False, relocate=False))
+
+    def evaluate(self, points, pose):
+        return self.shares
+
+    def cut(self, box):
+        return None
+
+    def take(self, count, inliers, conflicts, pose=IDENTITY):
+        """So many scans, each with a match at `pose`."""
+        self.shares = inliers, conflicts
+        for _ in range(count):
+            scan = room_at(IDENTITY, LIDAR, t=0.1 * self._k, odometry=self._wheels)
+            points = self._reader.take(scan, self.estimator.predict(scan).twist)
+            match = Match(pose, seen=np.diag((1e5, 1e5, 1e6)))
+            self.estimator.decide(points, [match], self, lambda *_: [])
+            self._k += 1
+        return self.estimator
+
+
 def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
-    from slams.frontend.estimator import PoseEstimator
-    from slams.frontend.params import FrontendParams
-    from slams.refine.lines import Match
-    from slams.scan.end_points import EndPoints
-    from slams.scan.params import ScanParams
-    from tests.rooms import LIDAR, scan_at
+    robot = Standing()
+    robot.take(19, 1.0, 0.0)
+    found = robot.take(1, 1.0, 0.0, Pose2(1.0, 0.0, 1.5))
+    assert found.state == "predicted"
+    assert math.hypot(found.pose.x, found.pose.y) < 0.01
 
-    class Grid:
-        empty = False
 
-        def evaluate(self, points, pose):
-            return 1.0, 0.0
+@pytest.mark.parametrize(("wheels", "state"), [(True, "predicted"), (False, "lost")])
+def test_wheels_keep_a_robot_in_a_crowd_from_being_lost(wheels, state):
+    robot = Standing(wheels)
+    robot.take(10, 1.0, 0.0)
+    assert robot.take(20, 0.0, 1.0).state == state
 
-    estimator, reader = PoseEstimator(FrontendParams(search=False)), EndPoints(ScanParams())
-    here, information = Pose2(0.0, 0.0, 0.0), np.diag((1e5, 1e5, 1e6))
-    for k in range(20):
-        scan = scan_at(here, LIDAR, t=0.1 * k, odometry=here)
-        prior = estimator.predict(scan)
-        points = reader.take(scan, prior.twist)
-        match = Match(here if k < 19 else Pose2(1.0, 0.0, 1.5), seen=information)
-        estimator.decide(points, [match], Grid(), lambda *_: [])
-    assert estimator.state == "predicted"
-    assert math.hypot(estimator.pose.x, estimator.pose.y) < 0.01
+
+@pytest.mark.parametrize("wheels", [True, False])
+def test_after_a_contradiction_what_explains_half_has_to_stand_for_seconds(wheels):
+    robot = Standing(wheels)
+    robot.take(10, 1.0, 0.0)
+    robot.take(20, 0.0, 1.0)
+    found = robot.take(50, 0.5, 0.0)  # CONFIRMED of full agreement: 6 s
+    assert found.state == "lost" and not found.maps
+    found = robot.take(20, 0.5, 0.0)
+    assert found.state == "matched" and found.maps
 
 
 @pytest.mark.parametrize(("motion_model", "informed"), [(False, False), (True, True)])
