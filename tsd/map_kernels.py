@@ -111,11 +111,11 @@ def read_field(field: Field, layer: int, x: float, y: float) -> tuple[float, flo
 
 @njit
 def place_lines(
-    surfaces: Floats, count: int, runs: Floats, beams: Beams, pose: Floats, out_lines: Floats
+    surfaces: Floats, count: int, firsts: Floats, beams: Beams, pose: Floats, out_lines: Floats
 ) -> tuple[float, float, float, float]:
     """Surface elements in the map. ours: what is pushed are lines, not the ends of beams.
 
-    surfaces (n, 8) as made by `fit_surfaces`; runs (n + 1,) the first hit of each one's surface;
+    surfaces (n, 8) as made by `fit_surfaces`; firsts (n + 1,) the first hit of each one's surface;
     pose (3,) of the base. out_lines (n, 7): x, y [m], normal x, y, cosine of incidence, distance
     [m] times the beams that it stands for, 1 where the surface goes on to the next element. Returns
     their bounding box x, y, x, y [m].
@@ -133,7 +133,7 @@ def place_lines(
         out_lines[k, 4] = max((rx * nx + ry * ny) / r, 0.1)
         out_lines[k, 5] = r * surfaces[k, 6]
         out_lines[k, 6] = 0.0
-        if k > 0 and runs[int(surfaces[k, 5])] == runs[int(surfaces[k - 1, 5])]:
+        if k > 0 and firsts[int(surfaces[k, 5])] == firsts[int(surfaces[k - 1, 5])]:
             out_lines[k - 1, 6] = 1.0
         x0, x1 = min(x0, out_lines[k, 0]), max(x1, out_lines[k, 0])
         y0, y1 = min(y0, out_lines[k, 1]), max(y1, out_lines[k, 1])

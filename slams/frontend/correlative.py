@@ -55,6 +55,8 @@ def search(
 ) -> tuple[Floats, int]:
     """The best poses of a window; coarse cells bound what their poses can score [Olson15].
 
+    They bound it for one rotation in several: the others beside it may score a little more.
+
     Args:
         lookup: the map.
         ends: end points (2 or 3, n) [m] in the base frame; a part of them is looked up.
@@ -73,7 +75,7 @@ def search(
     part, cell = _part(lookup, window, far), lookup.resolution
     cells = BLOCKS[window.half > WIDE * cell]
     poses, count = _coarse_poses(part, some, window, cells, (far, enough))
-    frame = np.array(part[1:])
+    frame = np.array((part.x0 - 0.5 * cell, part.y0 - 0.5 * cell, cell))
     kernels.finest(part.likelihood, some, frame, cells, np.array((enough, alike)), poses)
     tried = int((poses[:, 3] > 0.0).sum())
     lookups = (count + tried * cells * cells) * some.shape[1]

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.jit import njit
-from slams.types import Floats
+from slams.types import Floats, Pose2
 
 Grid = NDArray[np.float32]
+Cells = NDArray[np.int64]
 
 
 @njit
@@ -35,6 +36,36 @@ def pool(fine: Grid, block: int, out: Grid) -> None:
                             out[jy, jx] = value
 
 
+@njit(inner=True, borrows=True)
+def cells_of(points: Floats, pose: Pose2, corner: Floats, cell: float, out: Cells) -> None:
+    """Cells (2, n) of points (2, n) [m] at a pose; corner (2,) [m] of cell [0, 0]. ours."""
+    c, s = math.cos(pose.theta), math.sin(pose.theta)
+    for i in range(points.shape[1]):
+        x = pose.x + c * points[0, i] - s * points[1, i]
+        y = pose.y + s * points[0, i] + c * points[1, i]
+        out[0, i], out[1, i] = (
+            math.floor((x - corner[0]) / cell),
+            math.floor((y - corner[1]) / cell),
+        )
+
+
+@njit(inner=True, borrows=True)
+def sum_at(grid: Grid, cells: Cells, jx: int, jy: int, missing: float) -> float:
+    """Sum of the likelihood at cells (2, n) shifted by jx, jy; given up when `missing` is missed.
+
+    [Olson15]
+    """
+    height, width = np.uint64(grid.shape[0]), np.uint64(grid.shape[1])
+    total = 0.0
+    for i in range(cells.shape[1]):
+        u, v = np.uint64(cells[0, i] + jx), np.uint64(cells[1, i] + jy)  # below 0: huge
+        if u < width and v < height:
+            total += grid[v, u]
+        if i - total > missing:
+            break
+    return total
+
+
 @njit
 def bounds(coarse: Grid, points: Floats, window: Floats, frame: Floats, out: Grid) -> None:
     """Bound of the mean likelihood for every rotation and coarse shift of a window [Olson15].
@@ -43,26 +74,15 @@ def bounds(coarse: Grid, points: Floats, window: Floats, frame: Floats, out: Gri
     [rad], block [m], and the score below which a pose is given up; frame (2,): corner of the coarse
     cell [0, 0] [m]. out (rotations, ny, nx).
     """
-    height, width = np.uint64(coarse.shape[0]), np.uint64(coarse.shape[1])
     n, block = points.shape[1], window[4]
     missing = (1.0 - window[5]) * n
-    ix, iy = np.empty(n, np.int64), np.empty(n, np.int64)
+    cells = np.empty((2, n), np.int64)
     for k in range(out.shape[0]):
-        theta = window[2] + k * window[3]
-        c, s = math.cos(theta), math.sin(theta)
-        for i in range(n):
-            ix[i] = math.floor((window[0] + c * points[0, i] - s * points[1, i] - frame[0]) / block)
-            iy[i] = math.floor((window[1] + s * points[0, i] + c * points[1, i] - frame[1]) / block)
+        pose = Pose2(window[0], window[1], window[2] + k * window[3])
+        cells_of(points, pose, frame, block, cells)
         for jy in range(out.shape[1]):
             for jx in range(out.shape[2]):
-                total = 0.0
-                for i in range(n):
-                    u, v = np.uint64(ix[i] + jx), np.uint64(iy[i] + jy)  # below 0: huge
-                    if u < width and v < height:
-                        total += coarse[v, u]
-                    if i - total > missing:
-                        break
-                out[k, jy, jx] = total / n
+                out[k, jy, jx] = sum_at(coarse, cells, jx, jy, missing) / n
 
 
 @njit
@@ -72,35 +92,26 @@ def finest(
     """Best shift within a block for each of several poses, by the mean likelihood [Olson15].
 
     What can't come close to the best score so far is given up. fine (ny, nx); points (2, n) [m];
-    frame (3,): center of cell [0, 0], cell [m]; enough (2,): a score that the best must have, and
+    frame (3,): corner of cell [0, 0], cell [m]; enough (2,): a score that the best must have, and
     how much below the best a score still counts; poses (k, 4): x, y, theta of the least shift and
     the bound, the greatest first; the best shift and its score, too low where it was given up, are
     written there.
     """
-    height, width = np.uint64(fine.shape[0]), np.uint64(fine.shape[1])
     n, cell = points.shape[1], frame[2]
-    ix, iy = np.empty(n, np.int64), np.empty(n, np.int64)
+    cells = np.empty((2, n), np.int64)
     top, alike = enough[0], enough[1]
     for k in range(poses.shape[0]):
         if poses[k, 3] < top - alike:
             poses[k, 3] = 0.0
             continue
-        x, y, c, s = poses[k, 0], poses[k, 1], math.cos(poses[k, 2]), math.sin(poses[k, 2])
-        for i in range(n):
-            ix[i] = math.floor((x + c * points[0, i] - s * points[1, i] - frame[0]) / cell + 0.5)
-            iy[i] = math.floor((y + s * points[0, i] + c * points[1, i] - frame[1]) / cell + 0.5)
+        pose = Pose2(poses[k, 0], poses[k, 1], poses[k, 2])
+        cells_of(points, pose, frame, cell, cells)
         best, missing = 0.0, (1.0 - top + alike) * n
         for jy in range(block):
             for jx in range(block):
-                total = 0.0
-                for i in range(n):
-                    u, v = np.uint64(ix[i] + jx), np.uint64(iy[i] + jy)  # below 0: huge
-                    if u < width and v < height:
-                        total += fine[v, u]
-                    if i - total > missing:
-                        break
+                total = sum_at(fine, cells, jx, jy, missing)
                 if total > best:
                     best = total
-                    poses[k, 0], poses[k, 1] = x + jx * cell, y + jy * cell
+                    poses[k, 0], poses[k, 1] = pose.x + jx * cell, pose.y + jy * cell
         poses[k, 3] = best / n
         top = max(top, poses[k, 3])
