@@ -16,8 +16,9 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from bench.judge.metrics import class_shares
-from bench.report.palette import RIGHT, UNKNOWN, Look, bar_length, shade
-from bench.report.pareto import Point, front, spread
+from bench.report.labels import write_names
+from bench.report.palette import UNKNOWN, Look, bar_length, shade
+from bench.report.pareto import Point, front
 from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
@@ -99,30 +100,17 @@ def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Loo
 def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
     """Mean error against CPU per scan; a line along those that none beats in both."""
     axes.set(xscale="log", yscale="log", xlabel="CPU per scan [ms]", ylabel="mean error [mm]")
+    places = {point.name: (point.cpu_ms, max(point.error_mm, LEAST_ERROR)) for point in points}
     for point in points:
-        look, marker = looks[point.name], "x" if point.lost else "o"
-        at = point.cpu_ms, max(point.error_mm, LEAST_ERROR)
-        axes.plot(*at, marker, color=look.color)
+        marker = "x" if point.lost else "o"
+        axes.plot(*places[point.name], marker, color=looks[point.name].color)
+    best = np.array([places[point.name] for point in front(points)]).reshape(-1, 2)
+    axes.plot(*best.T, color="0.5", linewidth=0.8)
     axes.margins(0.18)
-    _write_names(axes, points, looks)
-    best = front(points)
-    costs, errors = [p.cpu_ms for p in best], [max(p.error_mm, LEAST_ERROR) for p in best]
-    axes.plot(costs, errors, color="0.5", linewidth=0.8)
     plain_numbers(axes.xaxis)
     plain_numbers(axes.yaxis)
     axes.grid(visible=True, which="both", alpha=0.25)
-
-
-def _write_names(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
-    """The names of the points beside them, in their colors, none over another."""
-    to_share = axes.transData + axes.transAxes.inverted()
-    axes.autoscale_view()
-    at = [to_share.transform((p.cpu_ms, max(p.error_mm, LEAST_ERROR))) for p in points]
-    for point, (x, _), y in zip(points, at, spread([(x, y) for x, y in at]), strict=True):
-        side, shift = ("right", -0.015) if x > RIGHT else ("left", 0.015)
-        text = axes.text(x + shift, y, point.name, fontsize=8, ha=side, transform=axes.transAxes)
-        text.set_color(looks[point.name].color)
-        text.set_parse_math(False)  # a name is no formula
+    write_names(axes, places, looks)
 
 
 def trajectories(

@@ -14,7 +14,7 @@ from bench.judge import loss, metrics, verdicts
 from bench.report import figures, html, outputs, tables
 from bench.report.html.markup import Markup, element, together
 from bench.report.palette import COLORS, UNKNOWN, bar_length, shade
-from bench.report.pareto import Point, front, spread
+from bench.report.pareto import Point, front
 from bench.results import Comparison, LogResult, Outcome, Reference
 from bench.run.cases import Choice, facts, failed, replayed
 from slams import OccupancyGrid, Params, Pose2
@@ -362,13 +362,6 @@ def test_unknown_is_darker_than_free_and_lighter_than_occupied_however_unsure():
 @pytest.mark.parametrize(("width", "length"), [(10.0, 2.0), (21.0, 5.0), (0.5, 0.1), (400, 100)])
 def test_a_scale_bar_is_round_and_at_most_a_quarter(width, length):
     assert bar_length(width) == pytest.approx(length)
-
-
-def test_no_name_of_a_point_covers_another():
-    at = [(0.5, 0.5), (0.52, 0.51), (0.55, 0.5), (0.1, 0.5)]
-    heights = spread(at)
-    assert (heights[0], heights[3]) == (0.5, 0.5)
-    assert np.diff(np.sort(heights[:3])).min() >= 0.05
 
 
 def test_the_front_has_those_that_none_beats_in_both():
