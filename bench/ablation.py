@@ -11,7 +11,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from bench import sweep
-from bench.run import jobs, single
+from bench.run import options, single
 from slams import cli
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
     sweep.add_drive_options(p)
     p.set_defaults(seeds=SEEDS)
     cli.add_output_options(p, "results/ablation")
-    jobs.add_option(p)
+    options.add_jobs(p)
     return p
 
 
@@ -82,7 +82,7 @@ def rows_of(label: str) -> dict[str, str]:
     """
     from slams.params import worded
 
-    params = single.params_of(label, None, {})
+    params = single.params_of(label)
     others = {name: worded(not getattr(params, name)) for name in params.switches()}
     if not others:
         raise LookupError(

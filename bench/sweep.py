@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bench.run import jobs, single
+from bench.run import options, single
+from bench.run.options import within
 from bench.sim.setting import ARENAS
 from slams import cli
 from slams.registry import BASELINES, names
@@ -77,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--quick", action="store_true", help="fewer degradations, drives and rows")
     cli.add_output_options(p, "results/sweep")
-    jobs.add_option(p)
+    options.add_jobs(p)
     cli.add_log_options(p)
     return p
 
@@ -94,23 +95,25 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--arenas", metavar="NAME", nargs="+", help=f"arenas, of {', '.join(ARENAS)}"
     )
-    parser.add_argument("--seeds", type=int, metavar="N", help="number of drives in each arena")
+    parser.add_argument(
+        "--seeds", type=within(int, 1, 1000), metavar="N", help="number of drives in each arena"
+    )
     parser.add_argument(
         "--seed",
-        type=int,
+        type=within(int, 0, 10**9),
         metavar="N",
         default=0,
         help="seed of the first drive; the others count up from it (default: %(default)s)",
     )
     parser.add_argument(
         "--duration",
-        type=float,
+        type=within(float, 2.0, 14400.0),
         metavar="S",
         help=f"length of each simulated drive [s] (default: {DURATION:g})",
     )
     parser.add_argument(
         "--rate",
-        type=float,
+        type=within(float, 0.0, 1000.0),
         metavar="HZ",
         default=RATE,
         help="scans per second at most, 0 for all (default: %(default)g)",
@@ -178,8 +181,9 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     """Everything that was asked for, read and checked before the work starts."""
     from bench.run import plan
 
-    _check(arguments)
-    jobs.check(arguments.jobs)
+    for name in ("arenas", "duration"):
+        if arguments.logs and getattr(arguments, name) is not None:
+            raise ValueError(f"--{name}: is of simulated drives, and {arguments.logs[0]} was given")
     quick = arguments.quick
     chosen = arguments.degradations or list(QUICK if quick else DEGRADATIONS)
     seeds = arguments.seeds or (QUICK_SEEDS if quick else SEEDS)
@@ -208,22 +212,6 @@ def rows(presets: Sequence[str]) -> list[str]:
         for name in known
         if not preset or preset[1:] in find(name).cls.Params.PRESETS
     ]
-
-
-def _check(arguments: argparse.Namespace) -> None:
-    limits = {
-        "seeds": (1, 1000),
-        "seed": (0, 10**9),
-        "duration": (2.0, 14400.0),
-        "rate": (0.0, 1000.0),
-    }
-    for name, (low, high) in limits.items():
-        value = getattr(arguments, name)
-        if value is not None and not low <= value <= high:
-            raise ValueError(f"--{name}: got {value:g}, expected {low:g} to {high:g}")
-    for name in ("arenas", "duration"):
-        if arguments.logs and getattr(arguments, name) is not None:
-            raise ValueError(f"--{name}: is of simulated drives, and {arguments.logs[0]} was given")
 
 
 def _do(cases: list[Case], store: Any, arguments: argparse.Namespace, program: str) -> None:

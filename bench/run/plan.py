@@ -105,7 +105,7 @@ class Plan:
         """
         found: dict[str, dict[str, Any]] = {}
         for algorithm in self.single:
-            preset = params_of(algorithm, self.sensor, {}).as_dict()
+            preset = params_of(algorithm, self.sensor).as_dict()
             now = self.parameters(algorithm)
             found[algorithm] = {key: value for key, value in now.items() if value != preset[key]}
         return {algorithm: changes for algorithm, changes in found.items() if changes}

@@ -4,8 +4,7 @@ import pytest
 
 from bench import compare
 from bench.run import compare_options, folder
-from bench.run.single import common_seed
-from slams.registry import find
+from bench.run.single import seeds
 from tests.rooms import drive
 
 # options of single algorithms
@@ -15,7 +14,7 @@ def choice_of(*words):
     arguments = compare_options.parser().parse_args(words)
     labels = compare_options.labels_of(arguments)
     choice, _ = compare_options.checked(arguments, labels)
-    return {label: choice.params(find(label)) for label in labels}
+    return choice.params
 
 
 def test_parameters_of_one_algorithm_leave_the_others_alone(tmp_path):
@@ -44,7 +43,7 @@ def test_parameters_of_one_algorithm_leave_the_others_alone(tmp_path):
         (["--params", "tsd:"], "got 'tsd:', expected ALGORITHM:FILE"),
         (["--params", "tsd:none.yaml"], "none.yaml"),
         (["--seed", "tsd:x"], "parameter 'seed'"),
-        (["--seed", "x"], "--seed: got 'x', expected a number, or ALGORITHM:N"),
+        (["--seed", "x"], "parameter 'seed': got 'x', expected int"),
         (["--seed", "hector:1"], "of one that is compared: tsd"),
     ],
 )
@@ -54,8 +53,8 @@ def test_what_is_of_no_algorithm_is_refused_in_one_sentence(words, sentence):
 
 
 def test_the_last_seed_for_all_counts():
-    assert common_seed(["1", "tsd:2", "3"]) == (3, ["tsd:seed=2"])
-    assert common_seed([]) == (None, [])
+    assert seeds(["1", "tsd:2", "3"]) == ({"seed": "3"}, ["tsd:seed=2"])
+    assert seeds([]) == ({}, [])
 
 
 # where the results go
