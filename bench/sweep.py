@@ -17,6 +17,7 @@ from slams.registry import BASELINES, names
 if TYPE_CHECKING:
     from bench.results.sweep import Sweep
     from bench.run.plan import Case, Plan
+    from bench.run.store import Store
 
 PROGRAM = "slams sweep"
 # what a sweep raises; bench.sim.degrade has all there are
@@ -173,8 +174,8 @@ def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRA
     cli.refusing(lambda: check_folder(place))
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
-    _do(cases, store, arguments, program)
-    return plan.gathered(cases, store, timing.record(program, words))
+    done = _do(cases, store, arguments, program)
+    return plan.gathered(cases, done, store, timing.record(program, words))
 
 
 def _plan(arguments: argparse.Namespace) -> Plan:
@@ -214,22 +215,22 @@ def rows(presets: Sequence[str]) -> list[str]:
     ]
 
 
-def _do(cases: list[Case], store: Any, arguments: argparse.Namespace, program: str) -> None:
-    """Do what is not kept from before."""
+def _do(
+    cases: list[Case], store: Store, arguments: argparse.Namespace, program: str
+) -> dict[str, Any]:
+    """Do what is not kept from before; the results by their keys."""
     from bench.run import work
 
-    missing = set(store.missing({case.task.key for case in cases}))
-    todo = [case for case in cases if case.task.key in missing]
-    tasks = list({case.task.key: case.task for case in todo}.values())
+    todo = [case for case in cases if store.read(case.task.key) is None]
+    tasks = {case.task.key: case.task for case in todo}
     if not arguments.quiet:
         minutes = SHARE_OF_LEVELS * sum(case.scans for case in todo) * PER_SCAN / 60.0
         sys.stderr.write(
             f"{program}: {len(cases)} climbs, {len(cases) - len(todo)} kept from before, "
             f"{len(tasks)} to do; they take about {minutes:.0f} minutes of one core\n"
         )
-    done = work.run_all(tasks, store, work.in_processes(arguments.jobs))
-    for _ in cli.progress(done, len(tasks), "sweeping", arguments.quiet, unit="climb"):
-        pass
+    done = work.run_all(tasks, store, arguments.jobs)
+    return dict(cli.progress(done, len(tasks), "sweeping", arguments.quiet, unit="climb"))
 
 
 if __name__ == "__main__":

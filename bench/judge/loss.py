@@ -91,15 +91,7 @@ def alarms(says_lost: Flags, t: Floats, off: Flags, patience: float = PATIENCE) 
         t: their stamps (n,) [s]; where they jump back the clock is taken to stand still.
         off: where the pose was of no use (n,), as by `beyond`.
         patience: in which a loss has to be said [s], and which an episode's end has to hold.
-
-    Raises:
-        ValueError: there is no scan, or not as many of each.
     """
-    if not len(t) or not len(says_lost) == len(t) == len(off):
-        raise ValueError(
-            f"alarms: got {len(says_lost)} flags, {len(t)} stamps and {len(off)} errors, expected "
-            "as many of each, one at least"
-        )
     clock = np.maximum.accumulate(t)
     found = _episodes(clock, off, patience)
     right = _right(clock, found, patience)

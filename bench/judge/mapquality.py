@@ -39,6 +39,8 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     scan, at most `most`), exact ranges up to the laser's limit. Occupied are the walls' cells that
     share an edge with one of these. All else is unknown: rooms never looked into, insides of walls.
     """
+    from scipy.ndimage import binary_dilation
+
     from bench.sim.rays import true_poses
     from bench.sim.simulation import world_of
 
@@ -48,7 +50,7 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     poses = true_poses(log, log.t[:: max(1, math.ceil(len(log) / most))])
     poses = poses[np.isfinite(poses).all(axis=tuple(range(1, poses.ndim)))]
     free = _looked_at(world, log.laser, poses) & world.free
-    walls = world.occupied & _beside(free)
+    walls = world.occupied & binary_dilation(free)  # over the edges of cells
     p = np.full(free.shape, np.nan, np.float32)
     p[free], p[walls] = 0.0, 1.0
     return OccupancyGrid(p, world.resolution, world.origin)
@@ -224,13 +226,6 @@ def _looked_at(world: World, laser: Laser, poses: Floats) -> Mask:
         outline = (corners - np.array(world.origin)) / world.resolution - 0.5
         cv2.fillPoly(seen, [np.round(FINE * outline).astype(np.int32)], 1, 8, FINE.bit_length() - 1)
     return seen.astype(bool)
-
-
-def _beside(mask: Mask) -> Mask:
-    """Cells that share an edge with one of the mask."""
-    padded = np.pad(mask, 1)
-    beside: Mask = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
-    return beside
 
 
 def _are_comparable(walls: Mask, known: Mask, there: Cells) -> bool:

@@ -10,8 +10,7 @@ import pandas as pd
 
 from bench.judge.metrics import SpanErrors
 from bench.report import tables, words
-from bench.report.lines import Table
-from bench.report.numbers import cell
+from bench.report.lines import Table, cell
 from bench.results import Line, Rows
 
 if TYPE_CHECKING:

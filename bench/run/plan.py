@@ -14,7 +14,7 @@ from bench.run.single import Single, algorithm_of, params_of
 from bench.run.store import package_of, sources_with
 from bench.run.trial import FUNCTION, content_of
 from bench.run.work import Task
-from bench.sim.degrade import CATALOG, find_degradation, parse
+from bench.sim.degrade import CATALOG, find_degradation
 from bench.sim.sensors import find_sensor
 from bench.sim.setting import ARENAS, Setting
 from slams import load
@@ -124,12 +124,14 @@ class Plan:
                         ]
         return found
 
-    def gathered(self, cases: list[Case], store: Store, record: dict[str, Any]) -> Sweep:
-        """All trials with their figures; a climb without a result is one that failed."""
+    def gathered(
+        self, cases: list[Case], done: Mapping[str, Any], store: Store, record: dict[str, Any]
+    ) -> Sweep:
+        """All trials with their figures, of the climbs that are done now and of those kept."""
         trials: list[Trial] = []
         costs: list[Cost | None] = []
         for case in cases:
-            value = store.read(case.task.key) or {"failed": "its process died"}
+            value: Any = done.get(case.task.key) or store.read(case.task.key)
             spent = (store.cost(case.task.key) or {"costs": []})["costs"]
             levels = case.task.what["condition"]["levels"]
             tried = value.get("trials", [value])  # what failed before the first level: one trial
@@ -198,12 +200,12 @@ def conditions_of(chosen: list[str]) -> Conditions:
     """
     found: dict[str, list[float]] = {}
     for text in list(CATALOG) if chosen == ["all"] else chosen:
-        if "=" in text:
-            entry, level = parse(text)
-            found.setdefault(entry.name, []).append(level)
+        name, equals, level = map(str.strip, text.partition("="))
+        entry = find_degradation(name)
+        if equals:
+            found.setdefault(name, []).append(entry.checked(level))
         else:
-            entry = find_degradation(text)
-            found[entry.name] = [float(level) for level in entry.levels]
+            found[name] = [float(level) for level in entry.levels]
     return {name: tuple(dict.fromkeys(found[name])) for name in CATALOG if name in found}
 
 

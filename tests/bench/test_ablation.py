@@ -11,12 +11,12 @@ from bench.judge.answers import analysis
 from bench.judge.statistics import mcnemar
 from bench.report import sweep_tables
 from bench.results import sweep as results
-from bench.run import single, work
-from bench.run.work import perform
+from bench.run import pool, single
 from slams import Pose2
 from slams.baselines import BaselineParams, Odometry
 from slams.params import param
 from slams.registry import find
+from tests.bench import toy_runs
 from tests.rooms import drive
 
 TOY = "tests.bench.test_ablation:Toy"
@@ -44,15 +44,10 @@ class Toy(Odometry):
         return pose if self.params.steady else Pose2(pose.x + 1e3 * self.scans, pose.y, pose.theta)
 
 
-def in_this_process(tasks):
-    for key, task in tasks.items():
-        yield key, perform(task, key)
-
-
 @pytest.fixture
 def here(monkeypatch):
     """Runs are done in this process: starting another takes longer."""
-    monkeypatch.setattr(work, "in_processes", lambda _: in_this_process)
+    monkeypatch.setattr(pool, "finished", toy_runs.here)
 
 
 def planned(*words):
@@ -114,7 +109,7 @@ def test_the_drives_count_from_the_first_seed(tmp_path):
         assert [given.seed for given in made.logs] == seeds
         assert [given.name for given in made.logs] == [f"ring-utm30lx-{k}" for k in seeds]
         assert [given.identity["setting"]["seed"] for given in made.logs] == seeds
-        assert "settings" not in made.gathered([], None, {}).facts
+        assert "settings" not in made.gathered([], {}, None, {}).facts
     drive(n=20).save(tmp_path / "room.npz")
     given = planned(str(tmp_path / "room.npz"), "--algorithms", "odometry", "--seed", "7").logs
     assert [one.seed for one in given] == [7, 8]
@@ -194,11 +189,7 @@ def test_every_switch_gets_a_row_beside_the_whole(tmp_path, capsys, here):
         assert survived == [kept, "0 of 4", kept]
     errors = [line["1 s, with odometry [mm]"] for line in lines.values()]
     assert errors[0] == errors[2] != errors[1] == ""
-    assert [line["p"] for line in lines.values()] == [
-        "",
-        "0.5",
-        "1",
-    ]  # two drives: 2 / 2^2
+    assert [line["p"] for line in lines.values()] == ["", "0.5", "1"]  # two drives: 2 / 2^2
     assert all(float(line["CPU a scan [ms]"]) > 0.0 for line in lines.values())
     page = (out / "ablation.md").read_text()
     assert f"slams ablation {TOY}" in page and "| steady=false | 0 of 4 |" in page

@@ -157,12 +157,6 @@ def test_range_errors_have_the_size_asked_for():
     np.testing.assert_allclose(measured[:, 0] * 1000, np.round(measured[:, 0] * 1000), atol=1e-6)
 
 
-def test_dropouts_are_nan_and_inf():
-    measured = Errors(0.0, dropout=0.1).apply(np.full((200, 500), 2.0), np.random.default_rng(0))
-    assert np.isnan(measured).mean() == pytest.approx(0.05, abs=0.005)
-    assert np.isinf(measured).mean() == pytest.approx(0.05, abs=0.005)
-
-
 def test_mixed_pixels_lie_between_near_and_far():
     edge = np.tile(np.array([1.0, 1.05, 3.0, np.inf, 3.0]), (5000, 1))
     measured = Errors(0.0, step=0.0, mixed=0.3).apply(edge, np.random.default_rng(0))
@@ -302,17 +296,6 @@ def test_command_writes_the_same_bytes_twice(tmp_path):
     assert digests[0] == digests[1]
 
 
-def test_help_imports_nothing_slow():
-    code = (
-        "import sys, bench.simulate as s\n"
-        "try: s.main(['--help'])\n"
-        "except SystemExit: pass\n"
-        "print([m for m in ('numba', 'pandas', 'matplotlib', 'cv2', 'scipy') if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
 def test_picture_is_drawn_and_quiet_is_quiet(tmp_path, capsys):
     line = ["--duration", "1", "--size", "8", "--picture", str(tmp_path / "arena.png"), "-q"]
     assert command.main([str(tmp_path / "scans.npz"), *line]) == 0
@@ -342,11 +325,3 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(tmp_path, monkeypatch, cap
     said = capsys.readouterr()
     assert said.out == "" and said.err.count("\n") == 1 and message in said.err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_interrupt_is_130(tmp_path, monkeypatch):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("bench.sim.simulation.simulate", interrupted)
-    assert command.main([str(tmp_path / "scans.npz")]) == 130

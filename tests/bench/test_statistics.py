@@ -166,8 +166,6 @@ def test_pairs_that_are_equal_constant_or_few():
     assert math.isnan(few.p_value) and few.n == 4
     holes = np.where(values < 5.0, np.nan, values)
     assert paired(holes, values).n == 45
-    with pytest.raises(ValueError, match="as many of each"):
-        paired(values, values[1:])
 
 
 def test_runs_against_scipy():
@@ -204,8 +202,6 @@ def test_shares_by_hand_and_at_the_ends():
     narrow, wide = wilson(6, n, 0.8), wilson(6, n, 0.99)
     assert wide.low < narrow.low < 0.3 < narrow.high < wide.high
     assert wilson(0, 0)[2:] == (0.0, 1.0)
-    with pytest.raises(ValueError, match="got 3 of 2"):
-        wilson(3, 2)
 
 
 def test_shares_cover_the_true_one():

@@ -10,8 +10,8 @@ from urllib.parse import quote
 from bench.report import tables, words
 from bench.report import text as report
 from bench.report.html import page
-from bench.report.html.cells import table
 from bench.report.html.markup import Markup, bullets, element, together
+from bench.report.html.page import table
 from bench.report.html.record import facts
 from bench.report.lines import Table
 

@@ -7,7 +7,9 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from string import Template
 
+from bench.report import text as report
 from bench.report.html.markup import Markup, element, together
+from bench.report.lines import Table
 
 HERE = Path(__file__).parent
 COSTS = (
@@ -46,6 +48,27 @@ def picture(path: Path, words: str) -> Markup | None:
     data = b64encode(path.read_bytes()).decode("ascii")
     drawn = element("img", src=f"data:image/png;base64,{data}", alt=words)
     return element("figure", drawn, element("figcaption", words))
+
+
+def table(one: Table) -> Markup:
+    """A table with its title that scrolls in its own box; cells as in every other format."""
+    head, *body = report.cells(one.frame, one.corner)
+    drawn = element(
+        "table",
+        element("caption", element("span", one.title)),
+        element("thead", element("tr", *(element("th", text, scope="col") for text in head))),
+        element("tbody", *(_line(head, line) for line in body)),
+    )
+    return element("div", drawn, class_="scroll", tabindex=0, role="region", aria_label=one.title)
+
+
+def _line(head: list[str], line: list[str]) -> Markup:
+    """A line; on a narrow screen the label of a value stands with it."""
+    name, *values = line
+    header = element("th", element("span", name), scope="row")
+    cells = zip(head[1:], values, strict=True)
+    drawn = (element("td", value, data_label=column) for column, value in cells)
+    return element("tr", header, *drawn)
 
 
 def template(name: str) -> Template:

@@ -7,8 +7,8 @@ from typing import Any
 
 import pandas as pd
 
-from bench.report.html.cells import table
 from bench.report.html.markup import Markup, element, together
+from bench.report.html.page import table
 from bench.report.lines import Table, label
 from bench.results import Line, Row, Rows
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from bench.judge.answers import Analysis
 from bench.report import sweep_tables
 from bench.report.html import page
-from bench.report.html.cells import table
 from bench.report.html.markup import Markup, bullets, element, together
+from bench.report.html.page import table
 from bench.results.sweep import Sweep
 
 RECORD = "How it was run"

@@ -35,20 +35,6 @@ def find_degradation(name: str) -> Degradation:
     raise LookupError(f"unknown degradation {name!r}{hint} (known: {', '.join(CATALOG)})")
 
 
-def parse(text: str) -> tuple[Degradation, float]:
-    """The degradation and the level of "noise=0.05"; "clean" and "poor_lidar" need no level.
-
-    Raises:
-        LookupError: no such degradation.
-        ValueError: no such level.
-    """
-    name, given, level = text.partition("=")
-    found = find_degradation(name.strip())
-    if not given and len(found.levels) == 1:
-        return found, float(found.levels[0])
-    return found, found.checked(level.strip() if given else "no level")
-
-
 def degrade(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
     """A log as it would be under a degradation; the one given stays as it is.
 
