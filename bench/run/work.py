@@ -12,15 +12,14 @@ from __future__ import annotations
 
 import importlib
 import platform
-import re
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from bench.run import pool
+from bench.run.pool import sentence
 from bench.run.store import Store, canonical, code_version, digest, plain
 
 # these tell of the machine, not of the algorithm: said, but not kept as its result
@@ -77,15 +76,15 @@ def run_all(
     a sentence; that of a process that died is not kept.
 
     Raises:
-        RuntimeError: a result cannot be written; those before it are kept.
+        RuntimeError: a result cannot be written, or the code is another than that of the names;
+            results before it are kept.
     """
     calls = {key: (perform, (task, key)) for key, task in tasks.items()}
     with closing(pool.finished(calls, jobs, fresh=False)) as ended:
-        for key, future in ended:
-            try:
-                result: Result = future.result()
-            except BrokenProcessPool as error:
-                result = Result({"failed": f"its process died ({error})"}, kept=False)
+        for key, found in ended:
+            if found.failure and not found.died:
+                raise RuntimeError(found.failure.removeprefix("RuntimeError: "))
+            result = found.value or Result({"failed": found.failure}, kept=False)
             if result.kept:
                 store.write(key, result.value, result.measured)
             yield key, result.value
@@ -127,9 +126,3 @@ def _check_code(task: Task, key: str) -> None:
         f"({', '.join(task.packages)}, numpy, numba ...): install the same versions everywhere, "
         "change nothing meanwhile, and start again"
     )
-
-
-def sentence(error: BaseException) -> str:
-    """The exception in one line, the same in every process: without addresses in memory."""
-    text = " ".join(f"{type(error).__name__}: {error}".split())
-    return re.sub(r"0x[0-9a-f]+", "0x..", text)

@@ -82,9 +82,6 @@ class Setting:
     dropout: float = _option(
         0.0, "share of beams that are lost, half as nan, half as inf", 0.0, 1.0
     )
-    mixed: float = _option(
-        0.0, "share of the beams at an edge that end between its near and far side", 0.0, 1.0
-    )
     people: int = _option(0, "number of people who walk through the arena", 0, 50)
     lasers: int = _option(
         1,
@@ -109,9 +106,6 @@ class Setting:
         " ridge; laser and attitude as with a tilt",
         0.0,
         40.0,
-    )
-    truth_rate: float | None = _option(
-        None, "rate of the logged truth [Hz], rounded up to a multiple of the scans'", 1, FINE
     )
 
     def __post_init__(self) -> None:

@@ -16,7 +16,7 @@ from bench.sim.measuring import Measuring
 from bench.sim.ramps import Ramps
 from bench.sim.routes import Progress
 from bench.sim.sensors import Sensor, find_sensor
-from bench.sim.setting import ARENAS, CELL, FINE, Setting
+from bench.sim.setting import ARENAS, CELL, FINE, Setting, kinds
 from bench.sim.swing import Swing, measured
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
@@ -67,7 +67,7 @@ def simulate(
     return ScanLog(
         **scans,
         odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance["odometry"])),
-        truth=_track(true, _truth_rate(setting, sensor), lambda stamps: _truth(true, stamps)),
+        truth=_track(true, _truth_rate(sensor), lambda stamps: _truth(true, stamps)),
         yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance["gyro"])),
         meta=_meta(setting, world),
         attitude=None if body is None else _attitudes(true, body, chance["tilt"]),
@@ -130,8 +130,7 @@ def setting_of(log: ScanLog) -> Setting | None:
     """What a log was simulated from; None when it was not."""
     try:
         known = dict(log.meta["simulated"])
-        known.pop("world")
-        return Setting(**known)
+        return Setting(**{name: known[name] for name in kinds() if name in known})
     except (KeyError, TypeError, ValueError):
         return None
 
@@ -185,10 +184,9 @@ def _drive(
     return drive(world, robot, rng, seconds, rate, planning)
 
 
-def _truth_rate(setting: Setting, sensor: Sensor) -> float:
+def _truth_rate(sensor: Sensor) -> float:
     """A whole multiple of the scan rate, so that every scan has a truth of its own."""
-    wanted = setting.truth_rate or max(5.0 * sensor.rate, TRUTH)
-    return sensor.rate * math.ceil(wanted / sensor.rate - 1e-9)
+    return sensor.rate * math.ceil(max(5.0, TRUTH / sensor.rate) - 1e-9)
 
 
 def _track(true: Drive, rate: float, values: Callable[[Floats], Floats]) -> Track:

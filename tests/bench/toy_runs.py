@@ -2,9 +2,9 @@
 
 import os
 import time
-from concurrent.futures import Future
 from pathlib import Path
 
+from bench.run.pool import Ended
 from bench.run.work import Result
 
 
@@ -39,6 +39,4 @@ def exits(n, log=os.devnull):
 def here(calls, workers, fresh=True):
     """What the pool does, in this process."""
     for key, (function, arguments) in calls.items():
-        future = Future()
-        future.set_result(function(*arguments))
-        yield key, future
+        yield key, Ended(function(*arguments))
