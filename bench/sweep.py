@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +37,7 @@ DEGRADATIONS = (
     "poor_lidar",
 )
 QUICK = ("clean", "beams", "people")
-PRESETS = ("", "@paper", "@original")  # rows of each algorithm: to use, the idea, as published
+PRESETS = ("", "paper", "original")  # rows of each algorithm: to use, the idea, as published
 SEEDS, QUICK_SEEDS = 10, 5  # drives in each arena
 DURATION, RATE = 20.0, 10.0  # s of each simulated drive, Hz
 PER_SCAN = 1.5e-3  # s CPU of one scan, about: says how long a sweep will take
@@ -190,7 +189,8 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     seeds = arguments.seeds or (QUICK_SEEDS if quick else SEEDS)
     arenas, duration = arguments.arenas or list(ARENAS), arguments.duration or DURATION
     simulated = plan.Drives(arenas, seeds, duration, arguments.sensor, arguments.seed)
-    algorithms = arguments.algorithms or rows(("",) if quick else PRESETS)
+    known = [name for name in names() if name not in BASELINES]
+    algorithms = arguments.algorithms or single.with_presets(known, PRESETS[: 1 if quick else 3])
     return plan.Plan(
         algorithms=algorithms,
         conditions=plan.conditions_of(chosen),
@@ -200,19 +200,6 @@ def _plan(arguments: argparse.Namespace) -> Plan:
         sensor=None if arguments.sensor == "utm30lx" else arguments.sensor,
         single=single.singles(algorithms, arguments.params, arguments.changes),
     )
-
-
-def rows(presets: Sequence[str]) -> list[str]:
-    """All algorithms but baselines with those of the presets that they have."""
-    from slams.registry import find
-
-    known = [name for name in names() if name not in BASELINES]
-    return [
-        f"{name}{preset}"
-        for preset in presets
-        for name in known
-        if not preset or preset[1:] in find(name).cls.Params.PRESETS
-    ]
 
 
 def _do(

@@ -34,15 +34,9 @@ def cells(frame: pd.DataFrame, corner: str, bold: str = "") -> list[list[str]]:
 
 def text_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
     """A frame in aligned columns."""
-    lines = cells(frame, corner)
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    return "\n".join(
-        "  ".join(
-            c.ljust(w) if k == 0 else c.rjust(w)
-            for k, (c, w) in enumerate(zip(line, widths, strict=True))
-        )
-        for line in lines
-    )
+    (_, *head), *body = cells(frame, corner)
+    names, values = [line[0] for line in body], [line[1:] for line in body]
+    return pd.DataFrame(values, names, pd.Index(head, name=corner)).to_string()
 
 
 def markdown_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:

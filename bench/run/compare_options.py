@@ -109,14 +109,10 @@ def parser() -> argparse.ArgumentParser:
 
 def labels_of(arguments: argparse.Namespace) -> list[str]:
     """The algorithms asked for; else all, their ideas alone, and with --full the originals."""
-    from slams.registry import find
-
     if arguments.algorithms:
         return list(arguments.algorithms)
-    presets = [ORIGINAL, IDEA] if arguments.full else [IDEA]
-    known = {name: find(name).cls.Params.PRESETS for name in names()}
-    others = [f"{name}@{preset}" for preset in presets for name in known if preset in known[name]]
-    return others + list(known)
+    presets = (ORIGINAL, IDEA, "") if arguments.full else (IDEA, "")
+    return single.with_presets(names(), presets)
 
 
 def checked(arguments: argparse.Namespace, labels: list[str]) -> tuple[Choice, list[ScanLog]]:

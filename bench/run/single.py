@@ -7,7 +7,7 @@ the last colon, as in no module:Class. Light: help reads it.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -66,6 +66,15 @@ def add_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
         help="set one parameter of one algorithm (tsd:cell=0.05); without the name, of all that "
         f"have it; {again}",
     )
+
+
+def with_presets(names: Iterable[str], presets: Iterable[str]) -> list[str]:
+    """The labels of algorithms with each of the presets that they have; "" is none."""
+    from slams.registry import find
+
+    known = {name: find(name).cls.Params.PRESETS for name in names}
+    labels = [(name, preset) for preset in presets for name in known]
+    return [f"{n}@{p}" if p else n for n, p in labels if not p or p in known[n]]
 
 
 def algorithm_of(label: str) -> str:
