@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from bench.report.lines import deciding_error, is_lost
 
 if TYPE_CHECKING:
-    from bench.results import Comparison, LogResult, Rows
+    from bench.results import Comparison, Rows
 
 
 class Point(NamedTuple):
@@ -43,13 +43,6 @@ def _mean(values: list[float]) -> float:
 def drawn(comparison: Comparison) -> list[Point]:
     """The points that have an error and a cost."""
     return [one for one in points(comparison) if not math.isnan(one.cpu_ms + one.error_mm)]
-
-
-def drawn_of(log: LogResult) -> list[Point]:
-    """The same of one log."""
-    from bench.results import Comparison
-
-    return drawn(Comparison({}, [log], []))
 
 
 def front(of: Sequence[Point]) -> list[Point]:

@@ -87,12 +87,6 @@ def as_markdown(log: Line, rows: Rows) -> str:
     return "\n\n".join([*parts, *words.failures(rows)]) + "\n"
 
 
-def write_tables(folder: Path, log: Line, rows: Rows) -> None:
-    """tables.md, and every table as csv with all digits."""
-    (folder / "tables.md").write_text(as_markdown(log, rows), encoding="utf-8")
-    write_csv(folder, tables.tables(log, rows))
-
-
 def write_csv(folder: Path, made: Mapping[str, Table]) -> None:
     """Every table as csv with all digits."""
     for key, one in made.items():

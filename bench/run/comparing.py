@@ -49,8 +49,9 @@ def compared(
     # the last first: the baselines are slow, and a long case must not begin at the end
     for k, log in reversed(list(enumerate(logs))):
         calls[Job(None, k)] = (reference, (log,))
+        later = [] if choice.relations is None else start_scans(len(log), choice.starts)[1:]
         for label in reversed(labels):
-            for first in (None, *_later_starts(log, choice)):
+            for first in (None, *later):
                 calls[Job(label, k, first)] = (run, (label, log, choice, first))
     ended = pool.finished(calls, jobs)
     shown = cli.progress(ended, len(calls), "comparing", quiet, unit="run")
@@ -103,11 +104,6 @@ def spread_over_starts(errors: Sequence[float | None], limit: float) -> dict[str
         "above": int((values > limit).sum()),
         "limit_m": limit,
     }
-
-
-def _later_starts(log: ScanLog, choice: Choice) -> list[int]:
-    """The scans to begin at besides the first."""
-    return [] if choice.relations is None else start_scans(len(log), choice.starts)[1:]
 
 
 def _outcome(found: dict[Job, Any], job: Job) -> Outcome:

@@ -14,9 +14,9 @@ from bench.run.single import Single, algorithm_of, params_of
 from bench.run.store import package_of, sources_with
 from bench.run.trial import FUNCTION, content_of
 from bench.run.work import Task
-from bench.sim.degrade import CATALOG, find_degradation
-from bench.sim.sensors import find_sensor
-from bench.sim.setting import ARENAS, Setting
+from bench.sim.degrade import CATALOG
+from bench.sim.sensors import SENSORS
+from bench.sim.setting import ARENAS, Setting, look_up
 from slams import load
 from slams.registry import find
 
@@ -201,7 +201,7 @@ def conditions_of(chosen: list[str]) -> Conditions:
     found: dict[str, list[float]] = {}
     for text in list(CATALOG) if chosen == ["all"] else chosen:
         name, equals, level = map(str.strip, text.partition("="))
-        entry = find_degradation(name)
+        entry = look_up("degradation", name, CATALOG)
         if equals:
             found.setdefault(name, []).append(entry.checked(level))
         else:
@@ -230,9 +230,8 @@ def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Gi
 
 
 def _simulated(arena: str, seed: int, drives: Drives) -> Given:
-    if arena not in ARENAS:
-        raise LookupError(f"unknown arena {arena!r}; expected one of {', '.join(ARENAS)}")
-    sensor = find_sensor(drives.sensor)
+    look_up("arena", arena, ARENAS)
+    sensor = look_up("sensor", drives.sensor, SENSORS)
     setting = Setting(arena=arena, seed=seed, duration=drives.duration, sensor=drives.sensor)
     scans, identity = max(1, round(drives.duration * sensor.rate)), {"setting": asdict(setting)}
     name = f"{arena}-{drives.sensor}-{seed}"

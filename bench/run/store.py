@@ -126,8 +126,10 @@ def code_version(packages: tuple[str, ...]) -> str:
     Raises:
         LookupError: no such package, or none that has source text.
     """
+    python = ".".join(platform.python_version_tuple()[:2])
+    libraries = versions(LIBRARIES) | {"python": python}
     sources = {name: _text_hash(name) for name in packages}
-    return digest(canonical({"sources": sources, "libraries": versions(LIBRARIES)}))
+    return digest(canonical({"sources": sources, "libraries": libraries}))
 
 
 def package_of(cls: type) -> str:

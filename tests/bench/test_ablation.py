@@ -130,35 +130,6 @@ def test_the_file_and_the_heading_say_what_was_set(tmp_path, here):
     assert head.endswith(f"; {TOY} with loud=true; {rows[1]} with loud=true")
 
 
-@pytest.mark.parametrize(
-    ("command", "words", "sentence"),
-    [
-        (sweep, ["--set", "hector:refin=false"], "did you mean 'refine'"),
-        (sweep, ["--set", "hector:refine=maybe"], "'refine': got 'maybe', expected bool"),
-        (sweep, ["--set", "hector:refine"], "--set: got 'refine', expected KEY=VALUE"),
-        (sweep, ["--set", "tsd:refine=no"], "expected ALGORITHM:KEY=VALUE of one that is compared"),
-        (sweep, ["--set", "cell=1"], "got 'cell=1', expected a parameter of hector"),
-        (sweep, ["--params", "hector:none.yaml"], "none.yaml"),
-        (sweep, ["--algorithms", "hector:refin=no"], "did you mean 'refine'"),
-        (sweep, ["--algorithms", "hector:refine=no,"], "expected NAME:KEY=VALUE[,KEY=VALUE]"),
-        (sweep, ["--algorithms", "hector:refine=1,refine=0"], "each KEY once"),
-        (sweep, ["--algorithms", "hectar:refine=1"], "did you mean 'hector'"),
-        (sweep, ["--seed", "-1"], "--seed: got -1, expected 0"),
-        (ablation, ["hectar"], "did you mean 'hector'"),
-        (ablation, ["odometry"], "odometry: has no switch"),
-        (ablation, ["hector", "--arenas", "moon"], "unknown arena 'moon'"),
-        (ablation, ["hector", "--duration", "1"], "--duration: got 1"),
-        (ablation, [], "required: ALGORITHM"),
-    ],
-)
-def test_bad_input_is_one_sentence(command, words, sentence, tmp_path, capsys):
-    first = ["--algorithms", "hector"] if command is sweep and "--algorithms" not in words else []
-    assert command.main([*first, *words, "--out", str(tmp_path / "out"), "-q"]) == 2
-    said = capsys.readouterr().err
-    assert sentence in said
-    assert said.count("\n") == 1
-
-
 def test_the_switches_of_the_house_are_mechanisms_that_are_on():
     for name in ("hector", "tsd", "crsm", "gmapping"):
         params = find(name).params()

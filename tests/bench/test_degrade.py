@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench.run.plan import conditions_of
-from bench.sim.degrade import CATALOG, degrade, find_degradation
+from bench.sim.degrade import CATALOG, degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
 from slams.scanlog import ScanLog, Track
@@ -91,7 +91,7 @@ def test_a_degraded_log_keeps_its_world():
 
 def test_names_and_levels_that_do_not_exist():
     with pytest.raises(LookupError, match=r"unknown degradation 'nois'; did you mean 'noise'\?"):
-        find_degradation("nois")
+        degrade(plain(3), "nois", 1, 0)
     with pytest.raises(LookupError, match=r"'qqq' \(known: clean, rate, "):
         degrade(plain(3), "qqq", 1, 0)
 

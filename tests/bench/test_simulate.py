@@ -16,7 +16,7 @@ from bench import simulate as command
 from bench.sim.drive import Drive, Robot, drive
 from bench.sim.people import legs
 from bench.sim.range_errors import Errors
-from bench.sim.sensors import SENSORS, find_sensor
+from bench.sim.sensors import SENSORS
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
 from bench.sim.wheels import gyro, odometry
@@ -139,7 +139,7 @@ def test_gyro_bias_drifts():
     ],
 )
 def test_sensor_presets(name, beams, fan, rate, limits):
-    sensor = find_sensor(name)
+    sensor = SENSORS[name]
     laser = sensor.laser(moving=True)
     assert laser.n_beams == beams and sensor.rate == rate and sensor.source
     assert (laser.range_min, laser.range_max) == limits

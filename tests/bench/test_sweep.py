@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from bench import ablation
 from bench import sweep as command
 from bench.report import sweep_figure, sweep_outputs
 from bench.results import sweep as results
@@ -229,32 +230,54 @@ def test_what_is_done_is_not_done_again_and_not_counted_as_work(log, tmp_path, c
     assert "15 climbs, 13 kept from before, 2 to do;" in capsys.readouterr().err
 
 
+HECTOR = ["--algorithms", "hector"]
+
+
 @pytest.mark.parametrize(
-    ("more", "sentence"),
+    ("words", "sentence"),
     [
         (["--degradations", "nois=0.05"], "did you mean 'noise'"),
         (["--degradations", "noise=-1"], "noise"),
         (["--degradations", "beams=2.5"], "beams"),
         (["--arenas", "moon"], "unknown arena 'moon'"),
         (["--algorithms", "hectar"], "did you mean 'hector'"),
-        (["--seeds", "0"], "--seeds: got 0"),
+        (["--algorithms", "hectar:refine=1"], "did you mean 'hector'"),
+        (["--algorithms", "hector:refin=no"], "did you mean 'refine'"),
+        (["--algorithms", "hector:refine=no,"], "expected NAME:KEY=VALUE[,KEY=VALUE]"),
+        (["--algorithms", "hector:refine=1,refine=0"], "each KEY once"),
+        ([*HECTOR, "--set", "hector:refin=false"], "did you mean 'refine'"),
+        ([*HECTOR, "--set", "hector:refine=maybe"], "'refine': got 'maybe', expected bool"),
+        ([*HECTOR, "--set", "hector:refine"], "--set: got 'refine', expected KEY=VALUE"),
+        ([*HECTOR, "--set", "tsd:refine=no"], "expected ALGORITHM:KEY=VALUE of one that is"),
+        ([*HECTOR, "--set", "cell=1"], "got 'cell=1', expected a parameter of hector"),
+        ([*HECTOR, "--params", "hector:none.yaml"], "none.yaml"),
+        (["--seeds", "0"], "--seeds: got 0, expected 1 to 1000"),
+        (["--seed", "-1"], "--seed: got -1, expected 0"),
         (["--jobs", "0"], "--jobs: got 0, expected 1 or more"),
         (["--sensor", "lds3"], "unknown sensor"),
         (["--duration", "1"], "--duration: got 1"),
+        (["--duration", "long"], "--duration: invalid float value: 'long'"),
         (["none.npz"], "none.npz"),
         (["--scan-topic", "/scan"], "--scan-topic: got no log"),
         (["none.npz", "--arenas", "ring"], "--arenas: is of simulated drives, and none.npz was"),
         (["none.npz", "--duration", "9"], "--duration: is of simulated drives"),
+        (["ablation", "hectar"], "did you mean 'hector'"),
+        (["ablation", "odometry"], "odometry: has no switch"),
+        (["ablation", "hector", "--arenas", "moon"], "unknown arena 'moon'"),
+        (["ablation", "hector", "--duration", "1"], "--duration: got 1"),
+        (["ablation"], "required: ALGORITHM"),
     ],
 )
-def test_bad_input_gets_one_sentence_and_nothing_is_written(tmp_path, capsys, more, sentence):
-    folder = tmp_path / "out"
-    assert command.main(["--out", str(folder), "-q", *more]) == 2
+def test_bad_input_gets_one_sentence_and_nothing_is_written(tmp_path, capsys, words, sentence):
+    folder, own = tmp_path / "out", ["--out", str(tmp_path / "out"), "-q"]
+    if words[0] == "ablation":
+        assert ablation.main([*words[1:], *own]) == 2
+    else:
+        assert command.main([*own, *words]) == 2
     said = capsys.readouterr().err
     assert sentence in said
     assert said.count("\n") == 1
-    written = [p for p in folder.rglob("*") if p.is_file()] if folder.exists() else []
-    assert written == []
+    assert [p for p in folder.rglob("*") if p.is_file()] == []
 
 
 def test_a_log_without_truth_is_refused(tmp_path, capsys):
