@@ -32,11 +32,12 @@ FIVE = ("mean", "deviation", "min", "max")
 
 
 class Table(NamedTuple):
-    """A table with its title and what stands over the names of its lines."""
+    """A table with its title, what stands over the names of its lines, and what to know of it."""
 
     title: str
     frame: pd.DataFrame
     corner: str = "algorithm"
+    note: str = ""
 
 
 def value(row: Row | Line, way: str) -> Any:

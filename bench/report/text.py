@@ -47,8 +47,9 @@ def markdown_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
 
 
 def titled(one: Table) -> str:
-    """A markdown table below its title."""
-    return f"**{one.title}**\n\n{markdown_table(one.frame, one.corner)}"
+    """A markdown table below its title, its note below it."""
+    parts = [f"**{one.title}**", markdown_table(one.frame, one.corner), one.note]
+    return "\n\n".join(part for part in parts if part)
 
 
 def head(log: Line) -> str:
@@ -78,10 +79,7 @@ def as_text(log: Line, rows: Rows) -> str:
 def as_markdown(log: Line, rows: Rows) -> str:
     """The whole comparison on one log, for a README."""
     parts = [head(log), *(f"Note: {note}." for note in log.get("notes", []))]
-    for key, one in tables.tables(log, rows).items():
-        parts.append(titled(one))
-        if key == "published":
-            parts.append(tables.DIFFERS)
+    parts += map(titled, tables.tables(log, rows).values())
     if log.get("verdicts"):
         parts.append("\n".join(f"- {verdict['sentence']}" for verdict in log["verdicts"]))
     return "\n\n".join([*parts, *words.failures(rows)]) + "\n"

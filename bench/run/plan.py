@@ -11,7 +11,7 @@ from bench.judge import loss
 from bench.results.sweep import Cost, Sweep, Trial
 from bench.run.compare_options import check_log_options
 from bench.run.single import Single, algorithm_of, params_of
-from bench.run.store import package_of, sources_with
+from bench.run.store import sources_of
 from bench.run.trial import FUNCTION, content_of
 from bench.run.work import Task
 from bench.sim.degrade import CATALOG
@@ -182,7 +182,7 @@ class Plan:
             "parameters": self.parameters(algorithm),
             "odometry": odometry,
         }
-        sources = sources_with(package_of(find(name).cls))
+        sources = sources_of(find(name).cls)
         left = 1.0 if self.rate is None else min(1.0, self.rate * given.period)  # share of scans
         task = Task(FUNCTION, what, sources, {"recorded": recorded})
         return Case(known, task, given.scans * left * len(levels))

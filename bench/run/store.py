@@ -132,14 +132,10 @@ def code_version(packages: tuple[str, ...]) -> str:
     return digest(canonical({"sources": sources, "libraries": libraries}))
 
 
-def package_of(cls: type) -> str:
-    """The package, or the module that stands alone, that a class comes from."""
-    return cls.__module__.partition(".")[0]
-
-
-def sources_with(package: str | None = None) -> tuple[str, ...]:
-    """The packages that a run of an algorithm of `package` follows from."""
-    return PACKAGES if package is None or package in PACKAGES else (*PACKAGES, package)
+def sources_of(cls: type) -> tuple[str, ...]:
+    """The packages that a run of an algorithm follows from, its own or its module among them."""
+    package = cls.__module__.partition(".")[0]
+    return PACKAGES if package in PACKAGES else (*PACKAGES, package)
 
 
 def _text_hash(name: str) -> str:

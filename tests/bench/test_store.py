@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.run.store import Store, canonical, code_version, digest, package_of, plain
+from bench.run.store import PACKAGES, Store, canonical, code_version, digest, plain, sources_of
 from bench.run.work import Task
 from slams import summary
 
@@ -117,7 +117,7 @@ def test_a_package_without_source_text_is_refused(package, name):
 
 
 def test_the_package_of_a_class_is_the_one_it_is_imported_from():
-    assert package_of(Store) == "bench"
+    assert sources_of(Store) == (*PACKAGES, "bench")
 
 
 # bytes

@@ -66,12 +66,7 @@ def document(folder: Path, comparison: Comparison, done: LogResult) -> str:
 
 
 def _tables(made: dict[str, Table], keys: tuple[str, ...]) -> Markup:
-    drawn = []
-    for key in keys:
-        if key in made:
-            drawn.append(table(made[key]))
-            drawn += [element("p", tables.DIFFERS)] if key == "published" else []
-    return together(*drawn)
+    return together(*(table(made[key]) for key in keys if key in made))
 
 
 def _verdicts(entry: Line) -> Markup | None:

@@ -59,7 +59,8 @@ def table(one: Table) -> Markup:
         element("thead", element("tr", *(element("th", text, scope="col") for text in head))),
         element("tbody", *(_line(head, line) for line in body)),
     )
-    return element("div", drawn, class_="scroll", tabindex=0, role="region", aria_label=one.title)
+    known = {"class_": "scroll", "tabindex": 0, "role": "region", "aria_label": one.title}
+    return together(element("div", drawn, **known), element("p", one.note) if one.note else None)
 
 
 def _line(head: list[str], line: list[str]) -> Markup:
