@@ -28,13 +28,7 @@ PATHS = "Paths seen from the first pose; dashed: the true one, where it is known
 
 
 def write(folder: Path, comparison: Comparison, done: LogResult) -> None:
-    """Write report.html of one log of a comparison beside its figures; same results, same bytes."""
-    text = document(folder, comparison, done)
-    (folder / "report.html").write_text(text, encoding="utf-8", errors="replace")
-
-
-def document(folder: Path, comparison: Comparison, done: LogResult) -> str:
-    """The report's text; its figures lie in `folder`."""
+    """Write report.html of one log of a comparison beside its figures in `folder`."""
     entry, rows = done.entry, done.rows
     made = tables.tables(entry, rows)
     alone = comparison._replace(logs=[done], over_logs=[])
@@ -62,7 +56,7 @@ def document(folder: Path, comparison: Comparison, done: LogResult) -> str:
         "Definitions": _definitions(),
     }
     title, heading = f"{entry['name']}: SLAM comparison", report.head(entry)
-    return page.page(title, heading, shown | folded, folded)
+    page.write(folder, title, heading, shown, folded)
 
 
 def _tables(made: dict[str, Table], keys: tuple[str, ...]) -> Markup:

@@ -37,11 +37,10 @@ def write_joint(folder: Path, comparison: Comparison, folders: Sequence[str]) ->
     }
     folded = {
         "How sure": bullets(over) if over else None,
-        "How it was run": facts(comparison.as_dict(), {}),
+        "How it was run": facts(comparison.facts),
     }
     title = f"SLAM comparison over {len(comparison.logs)} logs"
-    text = page.page(title, title, shown | folded, folded)
-    (folder / "report.html").write_text(text, encoding="utf-8", errors="replace")
+    page.write(folder, title, title, shown, folded)
 
 
 def _links(comparison: Comparison, folders: Sequence[str]) -> Markup:

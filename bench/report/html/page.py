@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from string import Template
 
@@ -18,20 +18,25 @@ COSTS = (
 )
 
 
-def page(
-    title: str, heading: str, sections: Mapping[str, Markup | None], folded: Collection[str] = ()
-) -> str:
-    """The text of a page.
+def write(
+    folder: Path,
+    title: str,
+    heading: str,
+    shown: Mapping[str, Markup | None],
+    folded: Mapping[str, Markup | None],
+) -> None:
+    """Write report.html; same sections, same bytes.
 
     Args:
+        folder: where it goes.
         title: of the window.
         heading: the first line.
-        sections: by name; empty ones are left out.
-        folded: sections of which only the name is seen at first.
+        shown: sections by name; empty ones are left out.
+        folded: those behind them, of which only the name is seen at first.
     """
-    known = {name: body for name, body in sections.items() if body}
+    known = {name: body for name, body in {**shown, **folded}.items() if body}
     links = [element("a", name, href=f"#{_anchor(name)}") for name in known]
-    return template("report.template.html").substitute(
+    text = template("report.template.html").substitute(
         title=element("title", title),
         style=(HERE / "report.css").read_text(encoding="utf-8"),
         script=(HERE / "report.js").read_text(encoding="utf-8"),
@@ -39,6 +44,7 @@ def page(
         contents=together(*links),
         main=together(*(_section(name, body, name in folded) for name, body in known.items())),
     )
+    (folder / "report.html").write_text(text, encoding="utf-8", errors="replace")
 
 
 def picture(path: Path, words: str) -> Markup | None:
