@@ -11,7 +11,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from bench import sweep
-from bench.run import jobs, single
+from bench.run import options, single
 from slams import cli
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
     sweep.add_drive_options(p)
     p.set_defaults(seeds=SEEDS)
     cli.add_output_options(p, "results/ablation")
-    jobs.add_option(p)
+    options.add_jobs(p)
     return p
 
 
@@ -54,6 +54,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(arguments: argparse.Namespace, words: list[str]) -> int:
+    from bench.report.text import markdown_table, text_table
     from slams.formats import files
 
     if arguments.degradations == ["list"]:
@@ -63,14 +64,15 @@ def _command(arguments: argparse.Namespace, words: list[str]) -> int:
     defaults = vars(sweep.parser().parse_args([]))  # of options that only the sweep has
     asked = defaults | vars(arguments) | {"algorithms": list(rows.values())}
     found = sweep.swept(argparse.Namespace(**asked), words, PROGRAM)
-    made = table(found, rows)
+    made, lost = table(found, rows), f"lost = {found.facts['lost']}"
     with files.complete_folder(arguments.out) as folder:
         made.to_csv(folder / "ablation.csv", index_label=arguments.algorithm)
-        text = as_markdown(found, made, arguments.algorithm)
-        (folder / "ablation.md").write_text(text, encoding="utf-8")
+        command = f"`{found.record['command']}`, on {found.record['machine']['cpu']}"
+        body = markdown_table(made, arguments.algorithm)
+        (folder / "ablation.md").write_text(f"{command}: {lost}.\n\n{body}\n", encoding="utf-8")
     if not arguments.quiet:
-        sys.stdout.write(as_text(found, made, arguments.algorithm))
-        sys.stdout.write(f"\n{arguments.out}/: ablation.md, ablation.csv\n")
+        files_made = f"{arguments.out}/: ablation.md, ablation.csv"
+        sys.stdout.write(f"{lost}\n\n{text_table(made, arguments.algorithm)}\n\n{files_made}\n")
     return cli.FAILED if all(trial["failed"] for trial in found.trials) else 0
 
 
@@ -82,7 +84,7 @@ def rows_of(label: str) -> dict[str, str]:
     """
     from slams.params import worded
 
-    params = single.params_of(label, None, {})
+    params = single.params_of(label)
     others = {name: worded(not getattr(params, name)) for name in params.switches()}
     if not others:
         raise LookupError(
@@ -121,21 +123,6 @@ def table(found: Sweep, rows: dict[str, str]) -> pd.DataFrame:
             "p": None if name == ALL else f"{mcnemar(*survival.votes(before, now)):.2g}",
         }
     return pd.DataFrame.from_dict(lines, orient="index")
-
-
-def as_markdown(found: Sweep, made: pd.DataFrame, algorithm: str) -> str:
-    """The table with how it was made."""
-    from bench.report.text import markdown_table
-
-    command = f"`{found.record['command']}`, on {found.record['machine']['cpu']}"
-    return f"{command}: lost = {found.facts['lost']}.\n\n{markdown_table(made, algorithm)}\n"
-
-
-def as_text(found: Sweep, made: pd.DataFrame, algorithm: str) -> str:
-    """The table for a terminal."""
-    from bench.report.text import text_table
-
-    return f"lost = {found.facts['lost']}\n\n{text_table(made, algorithm)}\n"
 
 
 if __name__ == "__main__":

@@ -119,7 +119,7 @@ def simulated(folder: Path, choice: Choice, arguments: argparse.Namespace) -> Sc
     duration = arguments.duration
     if duration is None:
         duration = QUICK_DURATION if arguments.quick else DURATION
-    log = simulate(Setting(seed=choice.seed or 0, duration=duration))
+    log = simulate(Setting(seed=choice.seed, duration=duration))
     log.save(folder / f"{log.name}.npz")
     return log.select(choice.limit, choice.every, choice.odometry)
 

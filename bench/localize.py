@@ -49,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
     )
     usual = ["hector", "tsd"]
     p.add_argument("--algorithms", metavar="NAME", nargs="*", default=usual, help="hector tsd")
-    p.add_argument("--arenas", type=int, default=10, metavar="N", help="%(default)s")
+    p.add_argument("--arenas", type=cli.count, default=10, metavar="N", help="%(default)s")
     p.add_argument("--duration", type=float, default=30.0, metavar="S", help="of a drive (30)")
     p.add_argument("--size", type=float, metavar="M", help="of an arena, as slams simulate")
     return p
@@ -81,8 +81,6 @@ def _check(arguments: argparse.Namespace) -> None:
     from slams.localize.hooks import check_localizes
     from slams.registry import find
 
-    if arguments.arenas < 1:
-        raise ValueError(f"--arenas: got {arguments.arenas}, expected 1 or more")
     for label in arguments.algorithms:
         entry = find(label)
         check_localizes(entry.cls(entry.params()), label)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bench.run.options import within
 from bench.run.single import params_of
 from slams import cli
 
@@ -44,10 +45,10 @@ def parser() -> argparse.ArgumentParser:
         default=list(ROWS),
         help=f"name, variant NAME:KEY=VALUE,... or module:Class (default: {' '.join(ROWS)})",
     )
-    numbers = {"buildings": (10, "number of buildings"), "seed": (0, "seed of the first building")}
-    for name, (number, text) in numbers.items():
-        shown = f"{text} (default: %(default)s)"
-        p.add_argument(f"--{name}", type=int, default=number, metavar="N", help=shown)
+    words = "number of buildings (default: %(default)s)"
+    p.add_argument("--buildings", type=cli.count, default=10, metavar="N", help=words)
+    words = "seed of the first building (default: %(default)s)"
+    p.add_argument("--seed", type=within(int, 0, 10**9), default=0, metavar="N", help=words)
     cli.add_output_options(p, "results/loops")
     return p
 
@@ -78,16 +79,12 @@ def _command(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    """Raises what `params_of` does, and ValueError for numbers out of range."""
+    """Raises what `params_of` does."""
     from slams.formats.files import check_folder
 
-    for name, least in (("buildings", 1), ("seed", 0)):
-        value = getattr(arguments, name)
-        if value < least:
-            raise ValueError(f"--{name}: got {value}, expected {least} or more")
     check_folder(arguments.out)
     for label in arguments.algorithms:
-        params_of(label, None, {})
+        params_of(label)
 
 
 def building(seed: int) -> ScanLog:
@@ -139,7 +136,7 @@ def revisit_error(log: ScanLog, label: str) -> float:
     from slams.player import replay
     from slams.registry import find
 
-    run = replay(find(algorithm_of(label)).cls(params_of(label, None, {})), log)
+    run = replay(find(algorithm_of(label)).cls(params_of(label)), log)
     true = _true(log)
     apart = np.hypot(*(true[:, None, :2] - true[None, :, :2]).transpose(2, 0, 1))
     later, sooner = np.nonzero((apart < NEAR) & (np.subtract.outer(log.t, log.t) > AGAIN))

@@ -157,23 +157,17 @@ def table() -> str:
 
 def results() -> str:
     """The paper's tables and the others of the committed results, and the verdicts."""
-    from bench.report.words import neighbors
-
-    log = read_figures(RESULTS)["logs"][0]
-    words = (f"- {verdict['sentence']}" for verdict in neighbors(log["verdicts"]))
-    return "\n\n".join([_tables(SHOWN), "\n".join(words)]) + "\n"
-
-
-def _tables(keys: tuple[str, ...]) -> str:
     from bench.report import tables
     from bench.report import text as report
+    from bench.report.words import neighbors
 
     found = read_figures(RESULTS)
     log = found["logs"][0]
     made = tables.tables(log, found["rows"])
     parts = [f"`{found['command']}`: {report.head(log)}, on {found['machine']['cpu']}."]
-    parts += [report.titled(made[key]) for key in keys if key in made]
-    return "\n\n".join(parts) + "\n"
+    parts += [report.titled(made[key]) for key in SHOWN if key in made]
+    words = [f"- {verdict['sentence']}" for verdict in neighbors(log["verdicts"])]
+    return "\n\n".join(parts) + "\n\n\n" + "\n".join(words) + "\n"
 
 
 def parameters(name: str) -> str:

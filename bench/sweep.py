@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bench.run import jobs, single
+from bench.run import options, single
+from bench.run.options import within
 from bench.sim.setting import ARENAS
 from slams import cli
 from slams.registry import BASELINES, names
@@ -16,6 +16,7 @@ from slams.registry import BASELINES, names
 if TYPE_CHECKING:
     from bench.results.sweep import Sweep
     from bench.run.plan import Case, Plan
+    from bench.run.store import Store
 
 PROGRAM = "slams sweep"
 # what a sweep raises; bench.sim.degrade has all there are
@@ -36,7 +37,7 @@ DEGRADATIONS = (
     "poor_lidar",
 )
 QUICK = ("clean", "beams", "people")
-PRESETS = ("", "@paper", "@original")  # rows of each algorithm: to use, the idea, as published
+PRESETS = ("", "paper", "original")  # rows of each algorithm: to use, the idea, as published
 SEEDS, QUICK_SEEDS = 10, 5  # drives in each arena
 DURATION, RATE = 20.0, 10.0  # s of each simulated drive, Hz
 PER_SCAN = 1.5e-3  # s CPU of one scan, about: says how long a sweep will take
@@ -77,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--quick", action="store_true", help="fewer degradations, drives and rows")
     cli.add_output_options(p, "results/sweep")
-    jobs.add_option(p)
+    options.add_jobs(p)
     cli.add_log_options(p)
     return p
 
@@ -94,23 +95,25 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--arenas", metavar="NAME", nargs="+", help=f"arenas, of {', '.join(ARENAS)}"
     )
-    parser.add_argument("--seeds", type=int, metavar="N", help="number of drives in each arena")
+    parser.add_argument(
+        "--seeds", type=within(int, 1, 1000), metavar="N", help="number of drives in each arena"
+    )
     parser.add_argument(
         "--seed",
-        type=int,
+        type=within(int, 0, 10**9),
         metavar="N",
         default=0,
         help="seed of the first drive; the others count up from it (default: %(default)s)",
     )
     parser.add_argument(
         "--duration",
-        type=float,
+        type=within(float, 2.0, 14400.0),
         metavar="S",
         help=f"length of each simulated drive [s] (default: {DURATION:g})",
     )
     parser.add_argument(
         "--rate",
-        type=float,
+        type=within(float, 0.0, 1000.0),
         metavar="HZ",
         default=RATE,
         help="scans per second at most, 0 for all (default: %(default)g)",
@@ -170,22 +173,24 @@ def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRA
     cli.refusing(lambda: check_folder(place))
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
-    _do(cases, store, arguments, program)
-    return plan.gathered(cases, store, timing.record(program, words))
+    done = _do(cases, store, arguments, program)
+    return plan.gathered(cases, done, store, timing.record(program, words))
 
 
 def _plan(arguments: argparse.Namespace) -> Plan:
     """Everything that was asked for, read and checked before the work starts."""
     from bench.run import plan
 
-    _check(arguments)
-    jobs.check(arguments.jobs)
+    for name in ("arenas", "duration"):
+        if arguments.logs and getattr(arguments, name) is not None:
+            raise ValueError(f"--{name}: is of simulated drives, and {arguments.logs[0]} was given")
     quick = arguments.quick
     chosen = arguments.degradations or list(QUICK if quick else DEGRADATIONS)
     seeds = arguments.seeds or (QUICK_SEEDS if quick else SEEDS)
     arenas, duration = arguments.arenas or list(ARENAS), arguments.duration or DURATION
     simulated = plan.Drives(arenas, seeds, duration, arguments.sensor, arguments.seed)
-    algorithms = arguments.algorithms or rows(("",) if quick else PRESETS)
+    known = [name for name in names() if name not in BASELINES]
+    algorithms = arguments.algorithms or single.with_presets(known, PRESETS[: 1 if quick else 3])
     return plan.Plan(
         algorithms=algorithms,
         conditions=plan.conditions_of(chosen),
@@ -197,51 +202,22 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     )
 
 
-def rows(presets: Sequence[str]) -> list[str]:
-    """All algorithms but baselines with those of the presets that they have."""
-    from slams.registry import find
-
-    known = [name for name in names() if name not in BASELINES]
-    return [
-        f"{name}{preset}"
-        for preset in presets
-        for name in known
-        if not preset or preset[1:] in find(name).cls.Params.PRESETS
-    ]
-
-
-def _check(arguments: argparse.Namespace) -> None:
-    limits = {
-        "seeds": (1, 1000),
-        "seed": (0, 10**9),
-        "duration": (2.0, 14400.0),
-        "rate": (0.0, 1000.0),
-    }
-    for name, (low, high) in limits.items():
-        value = getattr(arguments, name)
-        if value is not None and not low <= value <= high:
-            raise ValueError(f"--{name}: got {value:g}, expected {low:g} to {high:g}")
-    for name in ("arenas", "duration"):
-        if arguments.logs and getattr(arguments, name) is not None:
-            raise ValueError(f"--{name}: is of simulated drives, and {arguments.logs[0]} was given")
-
-
-def _do(cases: list[Case], store: Any, arguments: argparse.Namespace, program: str) -> None:
-    """Do what is not kept from before."""
+def _do(
+    cases: list[Case], store: Store, arguments: argparse.Namespace, program: str
+) -> dict[str, Any]:
+    """Do what is not kept from before; the results by their keys."""
     from bench.run import work
 
-    missing = set(store.missing({case.task.key for case in cases}))
-    todo = [case for case in cases if case.task.key in missing]
-    tasks = list({case.task.key: case.task for case in todo}.values())
+    todo = [case for case in cases if store.read(case.task.key) is None]
+    tasks = {case.task.key: case.task for case in todo}
     if not arguments.quiet:
         minutes = SHARE_OF_LEVELS * sum(case.scans for case in todo) * PER_SCAN / 60.0
         sys.stderr.write(
             f"{program}: {len(cases)} climbs, {len(cases) - len(todo)} kept from before, "
             f"{len(tasks)} to do; they take about {minutes:.0f} minutes of one core\n"
         )
-    done = work.run_all(tasks, store, work.in_processes(arguments.jobs))
-    for _ in cli.progress(done, len(tasks), "sweeping", arguments.quiet, unit="climb"):
-        pass
+    done = work.run_all(tasks, store, arguments.jobs)
+    return dict(cli.progress(done, len(tasks), "sweeping", arguments.quiet, unit="climb"))
 
 
 if __name__ == "__main__":

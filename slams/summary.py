@@ -156,10 +156,10 @@ def truth_errors(run: Run, log: ScanLog, spans: Sequence[Span] = SPANS) -> dict[
     return errors
 
 
-def versions() -> dict[str, str]:
-    """Versions of Python, of this package and of the libraries that results can depend on."""
+def versions(libraries: Sequence[str] = LIBRARIES) -> dict[str, str]:
+    """Versions of Python, of this package and of libraries; all that results can depend on."""
     found = {"python": platform.python_version(), "slams": __version__}
-    for name in LIBRARIES:
+    for name in libraries:
         try:
             found[name] = version(name)
         except PackageNotFoundError:

@@ -1,6 +1,7 @@
 """What all algorithms do alike in a small room: known steps, noise, sweeps, jumps, maps."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -15,6 +16,9 @@ from tests.rooms import ALGORITHMS, CORRIDOR, ROOM, box, drive, laser, made, mir
 PAPERS = [f"{name}@paper" for name in ALGORITHMS]
 ORIGINALS = [f"{name}@original" for name in ALGORITHMS]
 MOUNT = Pose2(0.2, -0.1, 0.7)
+# turned, so that walls cross their cells at all places
+CORNERS = Pose2(0.0, 0.0, 0.1).transform(np.array([s[:2] for s in box(-2.5, -2.0, 3.0, 2.5)]))
+WALLS = np.array([(*a, *b) for a, b in zip(CORNERS, np.roll(CORNERS, -1, axis=0), strict=True)])
 each = pytest.mark.parametrize("name", ALGORITHMS)
 
 
@@ -201,3 +205,32 @@ def test_an_original_is_coarser_and_follows_too(label):
     more = {"hold": 5, "iterations": 8000} if label.startswith("crsm") else {}
     run = replay(made(label, **more), log)
     assert 0.001 < metrics.ate(run.poses, log.truth_at(run.t)) < 0.1
+
+
+def offsets(points):
+    """How far [m] points are from the walls that face along x, and along y, on average."""
+    found = ([], [])
+    for x0, y0, x1, y1 in WALLS:
+        length = math.hypot(x1 - x0, y1 - y0)
+        along = np.array([x1 - x0, y1 - y0]) / length
+        normal = np.array([-along[1], along[0]])
+        axis = int(abs(normal[1]) > abs(normal[0]))
+        normal *= np.sign(normal[axis])
+        way, off = (points - (x0, y0)) @ along, (points - (x0, y0)) @ normal
+        near = (way > 0.3) & (way < length - 0.3) & (np.abs(off) < 0.1)
+        assert near.sum() > 20
+        found[axis].append(off[near].mean())
+    return [float(np.mean(each)) for each in found]
+
+
+@each
+def test_walls_stand_where_they_are_and_not_half_a_cell_beside(name):
+    slam, rng = made(name), np.random.default_rng(0)
+    for k in range(12):
+        pose = Pose2(0.04 * k, 0.02 * k, 0.05 * k)
+        scan = scan_at(pose, laser(721, fov=2.0 * math.pi * 720 / 721), WALLS, 0.005, rng, 0.1 * k)
+        slam.update(scan)
+    grid = slam.map()
+    iy, ix = np.nonzero(grid.p > 0.5)
+    centers = np.stack([ix + 0.5, iy + 0.5], axis=1) * grid.resolution + np.array(grid.origin)
+    assert np.abs(offsets(centers)).max() < 0.2 * grid.resolution

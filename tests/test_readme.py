@@ -7,10 +7,12 @@ import shlex
 import pytest
 
 from bench import compare, readme
+from bench.report import pages
 from bench.results import FORMAT
 from bench.results import sweep as results
-from tests.bench.test_answers import climbs
+from tests.bench.test_answers import climb, climbs
 from tests.bench.test_sweep import sweep_of
+from tests.bench.test_tables import row, strayed
 from tests.places import ROOT
 
 FRONT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -129,3 +131,24 @@ def test_names_of_code_in_a_package_readme_exist(package):
     text = readme.PART.sub("", (package / "README.md").read_text(encoding="utf-8"))
     for name in re.findall(r"`([A-Za-z_][\w./]*)(?:\(\))?(?:=\S*)?`", text):
         assert set(re.findall(r"\w+", name)) <= known, name
+
+
+def test_the_front_table_joins_errors_and_levels_by_the_name(tmp_path):
+    found = {
+        "logs": [{"name": "n", "scans": 5, "beams": 3, "duration_s": 9.0}],
+        "rows": [row("hector", 0.003, ms=0.25), strayed("tsd", error=0.9)],
+        "command": "the command",
+        "machine": {"cpu": "a core"},
+    }
+    trials = [*climb(2, algorithm="hector"), *climb(3, algorithm="hector", odometry=True)]
+    trials += [*climb(1, algorithm="mine:Slam"), *climb(0, algorithm="tsd")]
+    trials += climb(0, algorithm="tsd@paper")
+    pages.adopt(tmp_path / "swept.json", sweep_of(trials))
+    kept = readme.read_figures(tmp_path / "swept.json")
+    lines = pages.front_table(found, kept).splitlines()
+    idea = "gradient matching on grid pyramids"
+    assert lines[0].count("|") == 7, "at most six columns"
+    assert lines[2] == f"| [hector](hector/README.md) | {idea} | 3.00 | 66.7 | 100.0 | 0.250 |"
+    assert lines[3] == "| mine:Slam | - | - | 33.3 | - | - |"
+    assert lines[4].endswith(" | - | 0.0 | - | - |"), "a lost run has no error to show"
+    assert "`the command`, n: 5 scans of 3 beams, 9 s, on a core. Levels held: `c`" in lines[6]

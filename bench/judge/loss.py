@@ -20,11 +20,11 @@ REPORTED_SHARE = 0.05  # of the scans that the algorithm itself may report as lo
 Flags = NDArray[np.bool_]
 
 
-def beyond(common: Common, limit_m: float = LIMIT_M, limit_rad: float = LIMIT_RAD) -> Flags:
+def beyond(common: Common) -> Flags:
     """Where (n,) the pose is further off than the limits, in the frame of the first."""
     off = np.hypot(*(common.estimate - common.truth)[:, :2].T)
     turned = np.abs(wrap_angle(common.estimate[:, 2] - common.truth[:, 2]))
-    return np.asarray((off > limit_m) | (turned > limit_rad))
+    return np.asarray((off > LIMIT_M) | (turned > LIMIT_RAD))
 
 
 def by_truth(common: Common) -> dict[str, Any]:
@@ -83,57 +83,36 @@ class Alarms(NamedTuple):
     right_again: bool | None
 
 
-def alarms(says_lost: Flags, t: Floats, off: Flags, patience: float = PATIENCE) -> Alarms:
+def alarms(says_lost: Flags, t: Floats, off: Flags) -> Alarms:
     """Judge what a run said of itself.
 
     Args:
         says_lost: the scans (n,) that the algorithm reported lost.
         t: their stamps (n,) [s]; where they jump back the clock is taken to stand still.
         off: where the pose was of no use (n,), as by `beyond`.
-        patience: in which a loss has to be said [s], and which an episode's end has to hold.
-
-    Raises:
-        ValueError: there is no scan, or not as many of each.
     """
-    if not len(t) or not len(says_lost) == len(t) == len(off):
-        raise ValueError(
-            f"alarms: got {len(says_lost)} flags, {len(t)} stamps and {len(off)} errors, expected "
-            "as many of each, one at least"
-        )
     clock = np.maximum.accumulate(t)
-    found = _episodes(clock, off, patience)
-    right = _right(clock, found, patience)
+    found, in_time, right = _episodes(clock, off), 0, np.ones(len(clock), bool)
+    for first, after in found:
+        near = np.abs(clock[:after] - clock[first]) <= PATIENCE
+        in_time += int(says_lost[:after][near].any())
+        right[first:after] = False
+        right[:first] &= clock[:first] < clock[first] - PATIENCE  # right before it is a warning
     return Alarms(
         episodes=len(found),
-        in_time=sum(_in_time(clock, says_lost, *episode, patience) for episode in found),
+        in_time=in_time,
         right=int(right.sum()),
         false=int((right & says_lost).sum()),
-        right_again=not off[clock >= clock[-1] - patience].any() if found else None,
+        right_again=not off[clock >= clock[-1] - PATIENCE].any() if found else None,
     )
 
 
-def _episodes(clock: Floats, off: Flags, patience: float) -> list[tuple[int, int]]:
+def _episodes(clock: Floats, off: Flags) -> list[tuple[int, int]]:
     """First scan of each episode and the one behind its last that was off."""
     edges = np.flatnonzero(np.diff(off, prepend=False, append=False))
     found: list[tuple[int, int]] = []
     for first, after in edges.reshape(-1, 2).tolist():
-        if found and clock[first] - clock[found[-1][1]] < patience:
+        if found and clock[first] - clock[found[-1][1]] < PATIENCE:
             first = found.pop()[0]
         found.append((first, after))
     return found
-
-
-def _in_time(clock: Floats, says_lost: Flags, first: int, after: int, patience: float) -> bool:
-    """Whether an episode was said at most `patience` [s] after its beginning, or before."""
-    near = np.abs(clock - clock[first]) <= patience
-    near[after:] = False
-    return bool(says_lost[near].any())
-
-
-def _right(clock: Floats, episodes: list[tuple[int, int]], patience: float) -> Flags:
-    """Scans in no episode, and not so shortly before one that an alarm would be a warning."""
-    right = np.ones(len(clock), bool)
-    for first, after in episodes:
-        right[first:after] = False
-        right[:first] &= clock[:first] < clock[first] - patience
-    return right

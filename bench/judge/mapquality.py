@@ -39,6 +39,8 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     scan, at most `most`), exact ranges up to the laser's limit. Occupied are the walls' cells that
     share an edge with one of these. All else is unknown: rooms never looked into, insides of walls.
     """
+    from scipy.ndimage import binary_dilation
+
     from bench.sim.rays import true_poses
     from bench.sim.simulation import world_of
 
@@ -48,7 +50,7 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     poses = true_poses(log, log.t[:: max(1, math.ceil(len(log) / most))])
     poses = poses[np.isfinite(poses).all(axis=tuple(range(1, poses.ndim)))]
     free = _looked_at(world, log.laser, poses) & world.free
-    walls = world.occupied & _beside(free)
+    walls = world.occupied & binary_dilation(free)  # over the edges of cells
     p = np.full(free.shape, np.nan, np.float32)
     p[free], p[walls] = 0.0, 1.0
     return OccupancyGrid(p, world.resolution, world.origin)
@@ -76,9 +78,13 @@ def compare(
     here, there = cut(grid, window), resampled(truth, grid, T_world_map, window)
     known = here.known & there.known
     walls = cells_of(grid.p).occupied
+    cells, true_cells = int(known.sum()), int(there.known.sum())
     iou, to_truth, from_truth = None, None, None
-    if _are_comparable(walls, known, there):
-        iou = overlap(here.occupied & known, there.occupied & known)
+    enough_walls = min(walls.sum(), there.occupied.sum()) >= FEWEST_WALLS
+    if enough_walls and cells >= LEAST_SHARE * true_cells:
+        both = int((here.occupied & there.occupied).sum())
+        either = int(((here.occupied | there.occupied) & known).sum())
+        iou = both / either if either else None
         to_truth, from_truth = distances(grid, truth, T_world_map)
     return {
         "iou": iou,
@@ -86,7 +92,7 @@ def compare(
         "adnn_from_truth": from_truth,
         "wall_thickness": thickness(walls, grid.resolution),
         "true_wall_thickness": thickness(there.occupied, grid.resolution),
-        "coverage": coverage(known, there.known),
+        "coverage": cells / true_cells if true_cells >= FEWEST_CELLS else None,
     }
 
 
@@ -171,12 +177,6 @@ def resampled(
     return Cells(occupied, free & ~occupied)
 
 
-def overlap(here: Mask, there: Mask) -> float | None:
-    """Cells in both masks (ny, nx) over those in either."""
-    either = int((here | there).sum())
-    return int((here & there).sum()) / either if either else None
-
-
 def distances(grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2) -> tuple[float, float]:
     """Mean from each occupied cell to the nearest true one, and back [m]; both maps have walls."""
     from scipy.spatial import KDTree
@@ -204,12 +204,6 @@ def thickness(occupied: Mask, resolution: float) -> float | None:
     return resolution * cells / float(half_outline)
 
 
-def coverage(known: Mask, true: Mask) -> float | None:
-    """Share of the cells that could be seen (ny, nx) that are known."""
-    cells = int(true.sum())
-    return int(known.sum()) / cells if cells >= FEWEST_CELLS else None
-
-
 def _looked_at(world: World, laser: Laser, poses: Floats) -> Mask:
     """Cells inside the outline of an exact scan from one of the poses (n, 3) or (n, b, 3)."""
     import cv2
@@ -224,16 +218,3 @@ def _looked_at(world: World, laser: Laser, poses: Floats) -> Mask:
         outline = (corners - np.array(world.origin)) / world.resolution - 0.5
         cv2.fillPoly(seen, [np.round(FINE * outline).astype(np.int32)], 1, 8, FINE.bit_length() - 1)
     return seen.astype(bool)
-
-
-def _beside(mask: Mask) -> Mask:
-    """Cells that share an edge with one of the mask."""
-    padded = np.pad(mask, 1)
-    beside: Mask = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
-    return beside
-
-
-def _are_comparable(walls: Mask, known: Mask, there: Cells) -> bool:
-    """Whether both maps have walls enough, and the run's knows some of what could be seen."""
-    enough = min(walls.sum(), there.occupied.sum()) >= FEWEST_WALLS
-    return bool(enough and known.sum() >= LEAST_SHARE * there.known.sum())

@@ -16,8 +16,9 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from bench.judge.metrics import class_shares
-from bench.report.palette import RIGHT, UNKNOWN, Look, bar_length, shade
-from bench.report.pareto import Point, front, spread
+from bench.report.labels import write_names
+from bench.report.palette import UNKNOWN, Look, bar_length, shade
+from bench.report.pareto import Point, front
 from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
@@ -58,23 +59,6 @@ def class_width(errors: Sequence[Floats], most: float) -> float:
     return min(most, float(next(f * power for f in NICE if f * power >= reach * (1 - 1e-9))))
 
 
-def histogram(
-    axes: Axes, errors: Mapping[str, Floats], kind: str, most: float, looks: Looks
-) -> None:
-    """[Kuehn] Fig. 2 (kind "translation", [m]) or 3 ("orientation", [rad]): shares per class."""
-    unit = "mm" if kind == "translation" else "mrad"
-    width = class_width(list(errors.values()), most)
-    edges, thickness = width * np.arange(CLASSES), 0.8 * width / len(errors)
-    for k, (name, values) in enumerate(errors.items()):
-        middle = edges + (k + 0.5) * thickness + 0.1 * width
-        shares = class_shares(values, width, CLASSES)
-        look = looks[name]
-        axes.bar(middle, shares, thickness, color=look.color, label=name)
-    texts = [f"{1e3 * edge:.3g}" for edge in edges]
-    axes.set_xticks(edges, [*texts[:-1], f"≥ {texts[-1]}"])
-    axes.set(xlabel=f"error of {kind} per update [{unit}]", ylabel="relative frequency")
-
-
 def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Looks) -> None:
     """Share of the errors [mm] below a value, a curve for each run; one of inf is never below."""
     for name, values in errors.items():
@@ -99,41 +83,17 @@ def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Loo
 def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
     """Mean error against CPU per scan; a line along those that none beats in both."""
     axes.set(xscale="log", yscale="log", xlabel="CPU per scan [ms]", ylabel="mean error [mm]")
+    places = {point.name: (point.cpu_ms, max(point.error_mm, LEAST_ERROR)) for point in points}
     for point in points:
-        look, marker = looks[point.name], "x" if point.lost else "o"
-        at = point.cpu_ms, max(point.error_mm, LEAST_ERROR)
-        axes.plot(*at, marker, color=look.color)
+        marker = "x" if point.lost else "o"
+        axes.plot(*places[point.name], marker, color=looks[point.name].color)
+    best = np.array([places[point.name] for point in front(points)]).reshape(-1, 2)
+    axes.plot(*best.T, color="0.5", linewidth=0.8)
     axes.margins(0.18)
-    _write_names(axes, points, looks)
-    best = front(points)
-    costs, errors = [p.cpu_ms for p in best], [max(p.error_mm, LEAST_ERROR) for p in best]
-    axes.plot(costs, errors, color="0.5", linewidth=0.8)
     plain_numbers(axes.xaxis)
     plain_numbers(axes.yaxis)
     axes.grid(visible=True, which="both", alpha=0.25)
-
-
-def _write_names(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
-    """The names of the points beside them, in their colors, none over another."""
-    to_share = axes.transData + axes.transAxes.inverted()
-    axes.autoscale_view()
-    at = [to_share.transform((p.cpu_ms, max(p.error_mm, LEAST_ERROR))) for p in points]
-    for point, (x, _), y in zip(points, at, spread([(x, y) for x, y in at]), strict=True):
-        side, shift = ("right", -0.015) if x > RIGHT else ("left", 0.015)
-        text = axes.text(x + shift, y, point.name, fontsize=8, ha=side, transform=axes.transAxes)
-        text.set_color(looks[point.name].color)
-        text.set_parse_math(False)  # a name is no formula
-
-
-def trajectories(
-    axes: Axes, paths: Mapping[str, Floats], truth: Floats | None, limits: Limits, looks: Looks
-) -> None:
-    """All paths (n, 3) and the true one in one plan, seen from the first pose."""
-    for name, path in paths.items():
-        _path(axes, path, name, looks[name])
-    _true_path(axes, truth)
-    axes.set(xlim=limits[0], ylim=limits[1], xlabel="x [m]", ylabel="y [m]")
-    axes.set_aspect("equal")
+    write_names(axes, places, looks)
 
 
 def map_panel(
@@ -161,10 +121,23 @@ def limits_of(paths: Sequence[Floats], margin: float = AROUND_PATH) -> Limits:
 def save_histogram(
     errors: Mapping[str, Floats], kind: str, most: float, looks: Looks, path: Path
 ) -> None:
-    """Write [Kuehn] Fig. 2 or 3 as `path` with the endings png and pdf."""
+    """Write [Kuehn] Fig. 2 (kind "translation", [m]) or 3 ("orientation", [rad]): shares by class.
+
+    As `path` with the endings png and pdf.
+    """
     figure = Figure(figsize=(9, 4), layout="constrained")
     axes = figure.subplots()
-    histogram(axes, errors, kind, most, looks)
+    unit = "mm" if kind == "translation" else "mrad"
+    width = class_width(list(errors.values()), most)
+    edges, thickness = width * np.arange(CLASSES), 0.8 * width / len(errors)
+    for k, (name, values) in enumerate(errors.items()):
+        middle = edges + (k + 0.5) * thickness + 0.1 * width
+        shares = class_shares(values, width, CLASSES)
+        look = looks[name]
+        axes.bar(middle, shares, thickness, color=look.color, label=name)
+    texts = [f"{1e3 * edge:.3g}" for edge in edges]
+    axes.set_xticks(edges, [*texts[:-1], f"≥ {texts[-1]}"])
+    axes.set(xlabel=f"error of {kind} per update [{unit}]", ylabel="relative frequency")
     axes.legend(fontsize=8)
     _save(figure, path)
 
@@ -188,11 +161,15 @@ def save_overview(
 def save_trajectories(
     paths: Mapping[str, Floats], truth: Floats | None, looks: Looks, path: Path
 ) -> None:
-    """Write all paths (n, 3) and the true one in one plan."""
+    """Write all paths (n, 3) and the true one in one plan, seen from the first pose."""
     figure = Figure(figsize=(7, 7), layout="constrained")
     axes = figure.subplots()
-    limits = limits_of([*paths.values()] if truth is None else [truth], margin=1.0)
-    trajectories(axes, paths, truth, limits, looks)
+    for name, way in paths.items():
+        _path(axes, way, name, looks[name])
+    _true_path(axes, truth)
+    x, y = limits_of([*paths.values()] if truth is None else [truth], margin=1.0)
+    axes.set(xlim=x, ylim=y, xlabel="x [m]", ylabel="y [m]")
+    axes.set_aspect("equal")
     axes.legend(fontsize=8)
     _save(figure, path)
 

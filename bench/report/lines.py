@@ -1,4 +1,4 @@
-"""What all tables have in common: values of rows by their place, a line per run, nothing empty."""
+"""What all tables have in common: values of rows by their place and as text, nothing empty."""
 
 from __future__ import annotations
 
@@ -12,13 +12,32 @@ DECIDING_SPANS = ("1 s", "10 s", "update")  # the first that a log has tells run
 # a table's columns: header, the way to its value in a row, a factor to the unit of the header
 Columns = dict[str, tuple[str, float]]
 
+# digits that a column shows behind the point, by its unit
+DECIMALS = {
+    "after [m]": 1,
+    "[m]": 4,
+    "[rad]": 4,
+    "walls [mm]": 0,
+    "[mm]": 2,
+    "[mrad]": 3,
+    "[ms]": 3,
+    "[MB]": 0,
+    "[s]": 1,
+    "[%]": 2,
+    "real time": 0,
+    "walls [x]": 3,
+}
+MAP_SHARES = ("IoU",)
+FIVE = ("mean", "deviation", "min", "max")
+
 
 class Table(NamedTuple):
-    """A table with its title and what stands over the names of its lines."""
+    """A table with its title, what stands over the names of its lines, and what to know of it."""
 
     title: str
     frame: pd.DataFrame
     corner: str = "algorithm"
+    note: str = ""
 
 
 def value(row: Row | Line, way: str) -> Any:
@@ -79,3 +98,19 @@ def deciding_error(row: Row) -> float | None:
     way = f"errors/spans/{span}/se2_translation_m" if span else "relations/all/translation_m"
     found = value(row, f"{way}/mean")
     return None if found is None else float(found)
+
+
+def cell(column: str, value: Any) -> str:
+    """A value as its column shows it; nothing as a dash."""
+    if value is None or value != value:
+        return "-"
+    if isinstance(value, str):
+        return value
+    if column in FIVE:
+        return f"{value:.5f}"
+    if column in MAP_SHARES:
+        return f"{value:.3f}"
+    if float(value).is_integer() and "[" not in column:
+        return f"{value:.0f}"
+    places = next((d for unit, d in DECIMALS.items() if unit in column), 2)
+    return f"{value:.{places}f}"

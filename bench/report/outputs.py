@@ -10,11 +10,11 @@ import numpy as np
 from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS
 from bench.report import figures, palette, pareto, tables, text
 from bench.report.lines import DECIDING_SPANS
-from bench.results import FIGURES
+from bench.results import FIGURES, Comparison
 from slams.formats import trajectory
 
 if TYPE_CHECKING:
-    from bench.results import Comparison, LogResult, Outcome
+    from bench.results import LogResult, Outcome
 
 TRUE_MAP = "true map"
 # all that bench.compare writes; arrays.npz is of earlier versions
@@ -41,7 +41,9 @@ def write(folder: Path, comparison: Comparison) -> None:
         place = place_of(folder, comparison, k)
         place.mkdir(exist_ok=True)
         log = comparison.logs[k]
-        text.write_tables(place, log.entry, log.rows)
+        words = text.as_markdown(log.entry, log.rows)
+        (place / "tables.md").write_text(words, encoding="utf-8")
+        text.write_csv(place, tables.tables(log.entry, log.rows))
         for outcome in log.outcomes:
             _write_run(place, outcome)
         _draw(place, log)
@@ -88,7 +90,9 @@ def _draw(folder: Path, log: LogResult) -> None:
     span = next((s for s in DECIDING_SPANS if all(s in found for found in errors.values())), "")
     small = {name: 1e3 * found[span].se2_translation for name, found in errors.items()}
     what = "error per update" if span == "update" else f"error over {span}"
-    figures.save_overview(small, what, pareto.drawn_of(log), looks, folder / "fig_errors")
+    figures.save_overview(
+        small, what, pareto.drawn(Comparison({}, [log], [])), looks, folder / "fig_errors"
+    )
     _draw_paths(folder, log, looks)
     _draw_maps(folder, log, looks)
 

@@ -30,7 +30,6 @@ LINES = ("-", "--", ":", "-.")  # of the runs where the colors come again
 UNKNOWN = 0.7  # shade of cells never observed
 LEAST_FREE = 0.85  # shade of a cell that is just free: lighter than unknown
 MOST_OCCUPIED = 0.5  # shade of a cell that is just occupied: darker than unknown
-RIGHT = 0.85  # of a plot, from where on the name of a point stands left of it
 BAR_SHARE = 0.25  # of a map's width that its scale bar takes at most
 
 

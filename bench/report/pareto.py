@@ -9,10 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from bench.report.lines import deciding_error, is_lost
 
 if TYPE_CHECKING:
-    from bench.results import Comparison, LogResult, Rows
-
-NAME_WIDTH, STEP = 0.15, 0.055  # of the figure, that a name takes
-LOWEST, HIGHEST = 0.01, 0.94  # of the figure, where a name is written
+    from bench.results import Comparison, Rows
 
 
 class Point(NamedTuple):
@@ -48,13 +45,6 @@ def drawn(comparison: Comparison) -> list[Point]:
     return [one for one in points(comparison) if not math.isnan(one.cpu_ms + one.error_mm)]
 
 
-def drawn_of(log: LogResult) -> list[Point]:
-    """The same of one log."""
-    from bench.results import Comparison
-
-    return drawn(Comparison({}, [log], []))
-
-
 def front(of: Sequence[Point]) -> list[Point]:
     """Of the points that were not lost, those with none both cheaper and more accurate."""
     found: list[Point] = []
@@ -63,20 +53,3 @@ def front(of: Sequence[Point]) -> list[Point]:
         if not found or point.error_mm < found[-1].error_mm:
             found.append(point)
     return found
-
-
-def spread(at: Sequence[tuple[float, float]]) -> list[float]:
-    """Heights at which the names of points are written so that none covers another.
-
-    Places and heights are shares of the figure; a name stands right of its point, or, at the right
-    edge, left of it.
-    """
-    heights: dict[int, float] = {}
-    for k in sorted(range(len(at)), key=lambda k: at[k]):
-        x, y = at[k]
-        taken = [heights[j] for j in heights if abs(at[j][0] - x) < NAME_WIDTH]
-        steps = (STEP * sign * n for n in range(len(at) + 1) for sign in (1.0, -1.0))
-        places = (y + step for step in steps if LOWEST <= y + step <= HIGHEST)
-        free = (up for up in places if all(abs(up - other) >= STEP for other in taken))
-        heights[k] = next(free, y)
-    return [heights[k] for k in range(len(at))]

@@ -26,8 +26,7 @@ def write(folder: Path, sweep: Sweep) -> Analysis:
     (folder / "tables.md").write_text(as_markdown(found, sweep.facts), encoding="utf-8")
     sweep_figure.draw(sweep, found, folder / "fig_sweep.png")
     sweep_figure.draw_survival(found, sweep.facts["units"], folder)
-    page = sweep_page.document(folder, sweep, found)
-    (folder / "report.html").write_text(page, encoding="utf-8")
+    sweep_page.write(folder, sweep, found)
     return found
 
 

@@ -11,7 +11,7 @@ from bench.judge.statistics import Share
 from bench.judge.survival import Critical
 from bench.report.lines import Table, listed, scaled
 from bench.report.text import text_table
-from bench.results.runs import Line
+from bench.results import Line
 from bench.results.sweep import Sweep
 from slams.params import worded
 

@@ -257,4 +257,5 @@ def tables(log: Line, rows: Rows) -> dict[str, Table]:
     """All tables of one log that have anything to say, by their names."""
     done = [row for row in rows if not row["failed"]]
     made = {key: Table(title, maker(log, done)) for key, (title, maker) in TABLES.items()}
+    made["published"] = made["published"]._replace(note=DIFFERS)
     return {key: one for key, one in made.items() if one.frame.size}

@@ -10,8 +10,7 @@ import pandas as pd
 
 from bench.judge.metrics import SpanErrors
 from bench.report import tables, words
-from bench.report.lines import Table
-from bench.report.numbers import cell
+from bench.report.lines import Table, cell
 from bench.results import Line, Rows
 
 if TYPE_CHECKING:
@@ -35,15 +34,9 @@ def cells(frame: pd.DataFrame, corner: str, bold: str = "") -> list[list[str]]:
 
 def text_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
     """A frame in aligned columns."""
-    lines = cells(frame, corner)
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    return "\n".join(
-        "  ".join(
-            c.ljust(w) if k == 0 else c.rjust(w)
-            for k, (c, w) in enumerate(zip(line, widths, strict=True))
-        )
-        for line in lines
-    )
+    (_, *head), *body = cells(frame, corner)
+    names, values = [line[0] for line in body], [line[1:] for line in body]
+    return pd.DataFrame(values, names, pd.Index(head, name=corner)).to_string()
 
 
 def markdown_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
@@ -54,8 +47,9 @@ def markdown_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
 
 
 def titled(one: Table) -> str:
-    """A markdown table below its title."""
-    return f"**{one.title}**\n\n{markdown_table(one.frame, one.corner)}"
+    """A markdown table below its title, its note below it."""
+    parts = [f"**{one.title}**", markdown_table(one.frame, one.corner), one.note]
+    return "\n\n".join(part for part in parts if part)
 
 
 def head(log: Line) -> str:
@@ -85,19 +79,10 @@ def as_text(log: Line, rows: Rows) -> str:
 def as_markdown(log: Line, rows: Rows) -> str:
     """The whole comparison on one log, for a README."""
     parts = [head(log), *(f"Note: {note}." for note in log.get("notes", []))]
-    for key, one in tables.tables(log, rows).items():
-        parts.append(titled(one))
-        if key == "published":
-            parts.append(tables.DIFFERS)
+    parts += map(titled, tables.tables(log, rows).values())
     if log.get("verdicts"):
         parts.append("\n".join(f"- {verdict['sentence']}" for verdict in log["verdicts"]))
     return "\n\n".join([*parts, *words.failures(rows)]) + "\n"
-
-
-def write_tables(folder: Path, log: Line, rows: Rows) -> None:
-    """tables.md, and every table as csv with all digits."""
-    (folder / "tables.md").write_text(as_markdown(log, rows), encoding="utf-8")
-    write_csv(folder, tables.tables(log, rows))
 
 
 def write_csv(folder: Path, made: Mapping[str, Table]) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.report.lines import Columns, line, listed, value
-from bench.results import Line, Row, Rows
+from bench.results import Line, Rows
 
 if TYPE_CHECKING:
     from bench.results import Comparison
@@ -34,12 +34,12 @@ def measures(rows: Rows) -> dict[str, Line]:
     whole = [row for row in rows if not row["failed"]]
     areas = [found["walls_m2"] for row in whole if (found := row.get("consistency"))]
     least = min((area for area in areas if area > 0.0), default=None)
-    return {row["algorithm"]: _measures(row, least) for row in whole}
-
-
-def _measures(row: Row, least: float | None) -> Line:
-    area = value(row, "consistency/walls_m2")
-    return {"walls [x]": area / least if area and least else None} | line(row, COLUMNS)
+    every: dict[str, Line] = {}
+    for row in whole:
+        area = value(row, "consistency/walls_m2")
+        walls = area / least if area and least else None
+        every[row["algorithm"]] = {"walls [x]": walls} | line(row, COLUMNS)
+    return every
 
 
 def ranks(found: dict[str, Line]) -> dict[str, float]:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench.judge.verdicts import SIGNIFICANT
 from bench.report import unaided
-from bench.report.lines import is_lost, listed, value
-from bench.report.numbers import cell
+from bench.report.lines import cell, is_lost, listed, value
 from bench.report.pareto import Point, points
 from bench.results import Line, Row, Rows
 from slams.registry import BASELINES

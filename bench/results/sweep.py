@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
 
-from bench.results.comparison import read_figures, write_figures
-from bench.results.runs import Line
+from bench.results import Line, read_figures, write_figures
 
 FORMAT = "sweep-2"
 CLEAN = "clean"  # the degradation that is none

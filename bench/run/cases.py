@@ -13,14 +13,13 @@ import numpy as np
 import slams.jit  # noqa: F401 so that numba is loaded before the memory is measured
 from bench.judge import loss, mapquality, metrics
 from bench.results import Errors, Outcome, Reference, Row
-from bench.run.single import Single
 from bench.run.timing import PeakMemory
 from slams import load
 from slams.formats.options import SourceOptions
 from slams.metrics import ate, path_length
 from slams.params import Params
 from slams.player import WARM_UP_SCANS, replay, warm_up
-from slams.registry import Entry, find
+from slams.registry import find
 from slams.ros.ros_params import Taken
 from slams.scanlog import ScanLog
 from slams.summary import cost, moments, summarize
@@ -29,37 +28,26 @@ from slams.types import Confident, Floats, Pose2, Scan, Slam
 
 @dataclass(frozen=True)
 class Choice:
-    """Which part of a log is used and how; the seed of every algorithm.
+    """Which part of a log is used and how; the seed of a simulated one.
 
-    `options` say how a recorded log is read; `sensor` names the laser that the parameters are for;
-    `ros` has what ROS files say and `single` what is given for one algorithm alone, by label.
-    Runs are judged by `relations`, too, each algorithm begun at so many scans.
+    `options` say how a recorded log is read. By label: `params` of the algorithms that do not have
+    the usual ones, and of these what came from `ros` files. Runs are judged by `relations`, too,
+    each algorithm begun at so many scans.
     """
 
     limit: int | None = None
     every: int = 1
     odometry: bool = True
-    seed: int | None = None
+    seed: int = 0
     options: SourceOptions | None = None
-    sensor: str | None = None
+    params: Mapping[str, Params] = field(default_factory=dict)
     ros: Mapping[str, Taken] = field(default_factory=dict)
-    single: Mapping[str, Single] = field(default_factory=dict)
     relations: Floats | None = None
     starts: int = 1
 
     def log(self, path: str | Path) -> ScanLog:
         """The chosen part of the log at `path`."""
         return load(path, self.options).of_one_laser().select(self.limit, self.every, self.odometry)
-
-    def params(self, entry: Entry) -> Params:
-        """The parameters of an algorithm: preset < sensor < ROS files < seed < its own."""
-        params = entry.params()
-        if self.sensor is not None:
-            params = params.for_sensor(self.sensor)
-        if entry.label in self.ros:
-            params = self.ros[entry.label].params
-        params = params if self.seed is None else params.replace(seed=self.seed)
-        return self.single.get(entry.label, Single()).applied(params)
 
 
 def reference(log: ScanLog) -> Reference:
@@ -106,7 +94,7 @@ def facts(log: ScanLog) -> dict[str, Any]:
 def replayed(label: str, log: ScanLog, choice: Choice) -> Outcome:
     """Replay a log through the algorithm `label`; raises whatever that raises."""
     entry = find(label)
-    params = choice.params(entry)
+    params = choice.params.get(label) or entry.params()
     with PeakMemory() as memory:
         start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
         slam: Slam = entry.cls(params)

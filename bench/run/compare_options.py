@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from bench.run import jobs, single
+from bench.run import options, single
 from slams import cli
 from slams.params import LASERS
 from slams.registry import names
@@ -60,7 +60,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument(
         "--starts",
-        type=int,
+        type=cli.count,
         default=1,
         metavar="N",
         help="with --relations: run from N start scans, as one start can be luck",
@@ -101,7 +101,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--duration", type=float, metavar="S", help="length of the simulated log [s]")
     p.add_argument("--mcap", action="store_true", help="also write result-NAME.mcap of every run")
-    jobs.add_option(p)
+    options.add_jobs(p)
     p.add_argument("-q", "--quiet", action="store_true", help="print no progress and no tables")
     cli.add_log_options(p)
     return p
@@ -109,14 +109,10 @@ def parser() -> argparse.ArgumentParser:
 
 def labels_of(arguments: argparse.Namespace) -> list[str]:
     """The algorithms asked for; else all, their ideas alone, and with --full the originals."""
-    from slams.registry import find
-
     if arguments.algorithms:
         return list(arguments.algorithms)
-    presets = [ORIGINAL, IDEA] if arguments.full else [IDEA]
-    known = {name: find(name).cls.Params.PRESETS for name in names()}
-    others = [f"{name}@{preset}" for preset in presets for name in known if preset in known[name]]
-    return others + list(known)
+    presets = (ORIGINAL, IDEA, "") if arguments.full else (IDEA, "")
+    return single.with_presets(names(), presets)
 
 
 def checked(arguments: argparse.Namespace, labels: list[str]) -> tuple[Choice, list[ScanLog]]:
@@ -138,9 +134,6 @@ def checked(arguments: argparse.Namespace, labels: list[str]) -> tuple[Choice, l
 def _check_options(arguments: argparse.Namespace) -> None:
     if arguments.starts > 1 and arguments.relations is None:
         raise ValueError("--starts: expected --relations FILE as well, errors are of those")
-    jobs.check(arguments.jobs)
-    if arguments.starts < 1:
-        raise ValueError(f"--starts: got {arguments.starts}, expected 1 or more")
     if arguments.logs and arguments.duration is not None:
         raise ValueError("--duration: is of the simulation; got a log as well")
     check_log_options(arguments.logs, cli.log_options(arguments))
@@ -161,45 +154,39 @@ def check_log_options(logs: Sequence[str], options: SourceOptions) -> None:
 def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
     """What the options say of logs and parameters; every algorithm can be run with it."""
     from bench.run.cases import Choice
-    from slams.registry import find
 
-    common, named = single.common_seed(arguments.seed)
-    choice = Choice(
+    common, named = single.seeds(arguments.seed)
+    given = single.singles(labels, arguments.params, [*arguments.changes, *named], common)
+    ros = _ros(arguments.ros_params, labels, arguments.sensor)
+    for label, taken in ros.items():
+        given[label].base = taken.params
+    params = {label: single.params_of(label, arguments.sensor, given) for label in labels}
+    return Choice(
         arguments.limit or (QUICK_SCANS if arguments.quick else None),
         arguments.every,
         not arguments.no_odometry,
-        common,
-        options=cli.log_options(arguments),
-        sensor=arguments.sensor,
+        int(common.get("seed", 0)),
+        cli.log_options(arguments),
+        params,
+        ros,
         starts=arguments.starts,
     )
-    choice = replace(
-        choice,
-        ros=_ros(arguments.ros_params, labels, choice),
-        single=single.singles(labels, arguments.params, [*arguments.changes, *named]),
-    )
-    for label in labels:
-        choice.params(find(label))
-    return choice
 
 
-def _ros(given: list[str], labels: list[str], choice: Choice) -> dict[str, Taken]:
+def _ros(given: list[str], labels: list[str], sensor: str | None) -> dict[str, Taken]:
     """What the files of ROS nodes say for each algorithm that has some."""
     from slams.registry import find
     from slams.ros import ros_params
 
     files: dict[str, list[str]] = {}
     for text in given:
-        label, _, path = text.partition("=")
-        if not path:
-            raise ValueError(f"--ros-params: got {text!r}, expected ALGORITHM=FILE")
+        label, path = single.named("--ros-params", text, "ALGORITHM=FILE")
         if label not in labels:
             raise ValueError(
                 f"--ros-params: got {label!r}, expected one that is compared: {', '.join(labels)}"
             )
         files.setdefault(label, []).append(path)
-    entries = {label: find(label) for label in files}
     return {
-        label: ros_params.take(choice.params(entry), files[label], entry.preset)
-        for label, entry in entries.items()
+        label: ros_params.take(single.params_of(label, sensor), paths, find(label).preset)
+        for label, paths in files.items()
     }

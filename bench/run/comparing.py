@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +12,7 @@ import numpy as np
 from bench.results import LogResult, Outcome
 from bench.run import pool
 from bench.run.cases import failed, reference, relation_error, replayed
-from bench.run.work import sentence
+from bench.run.pool import Ended
 from slams import cli
 from slams.types import Floats
 
@@ -51,12 +49,13 @@ def compared(
     # the last first: the baselines are slow, and a long case must not begin at the end
     for k, log in reversed(list(enumerate(logs))):
         calls[Job(None, k)] = (reference, (log,))
+        later = [] if choice.relations is None else start_scans(len(log), choice.starts)[1:]
         for label in reversed(labels):
-            for first in (None, *_later_starts(log, choice)):
+            for first in (None, *later):
                 calls[Job(label, k, first)] = (run, (label, log, choice, first))
     ended = pool.finished(calls, jobs)
     shown = cli.progress(ended, len(calls), "comparing", quiet, unit="run")
-    found = {job: _result(job, logs[job.k], future) for job, future in shown}
+    found = {job: _result(job, logs[job.k], one) for job, one in shown}
     return [
         LogResult(found[Job(None, k)], [_outcome(found, Job(label, k)) for label in labels])
         for k in range(len(logs))
@@ -107,11 +106,6 @@ def spread_over_starts(errors: Sequence[float | None], limit: float) -> dict[str
     }
 
 
-def _later_starts(log: ScanLog, choice: Choice) -> list[int]:
-    """The scans to begin at besides the first."""
-    return [] if choice.relations is None else start_scans(len(log), choice.starts)[1:]
-
-
 def _outcome(found: dict[Job, Any], job: Job) -> Outcome:
     """The run from the first scan, with the spread over all starts where there are several."""
     outcome: Outcome = found[job]
@@ -123,13 +117,10 @@ def _outcome(found: dict[Job, Any], job: Job) -> Outcome:
     return replace(outcome, row=outcome.row | {"starts": starts})
 
 
-def _result(job: Job, log: ScanLog, future: Future[Any]) -> Any:
+def _result(job: Job, log: ScanLog, ended: Ended) -> Any:
     """What came of a job: a run that raised, or whose process died, has failed."""
-    error = future.exception()
-    if error is None:
-        return future.result()
-    died = isinstance(error, BrokenProcessPool)
-    reason = f"its process died ({error})" if died else sentence(error)
+    if ended.failure is None:
+        return ended.value
     if job.label is None:
-        raise RuntimeError(f"{log.name}: its truth cannot be prepared: {reason}") from error
-    return None if job.first is not None else failed(job.label, log, reason)
+        raise RuntimeError(f"{log.name}: its truth cannot be prepared: {ended.failure}")
+    return None if job.first is not None else failed(job.label, log, ended.failure)

@@ -11,6 +11,7 @@ import numpy as np
 from bench.judge import metrics
 from bench.results import Outcome, Row
 from bench.run.cases import judged
+from bench.run.single import named
 from slams.formats.occupancy import read_map
 from slams.formats.trajectory import read_trajectory
 from slams.metrics import between
@@ -102,9 +103,7 @@ def foreign_case(foreign: Foreign, log: ScanLog, relations: Floats | None = None
 def _named(option: str, texts: Sequence[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     for text in texts:
-        name, _, what = text.partition("=")
-        if not name or not what:
-            raise ValueError(f"{option}: got {text!r}, expected NAME=FILE")
+        name, what = named(option, text, "NAME=FILE")
         if name in found:
             raise ValueError(f"{option}: got the name {name!r} twice, expected different ones")
         found[name] = what

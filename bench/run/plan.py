@@ -11,12 +11,12 @@ from bench.judge import loss
 from bench.results.sweep import Cost, Sweep, Trial
 from bench.run.compare_options import check_log_options
 from bench.run.single import Single, algorithm_of, params_of
-from bench.run.store import package_of, sources_with
+from bench.run.store import sources_of
 from bench.run.trial import FUNCTION, content_of
 from bench.run.work import Task
-from bench.sim.degrade import CATALOG, find_degradation, parse
-from bench.sim.sensors import find_sensor
-from bench.sim.setting import ARENAS, Setting
+from bench.sim.degrade import CATALOG
+from bench.sim.sensors import SENSORS
+from bench.sim.setting import ARENAS, Setting, look_up
 from slams import load
 from slams.registry import find
 
@@ -105,7 +105,7 @@ class Plan:
         """
         found: dict[str, dict[str, Any]] = {}
         for algorithm in self.single:
-            preset = params_of(algorithm, self.sensor, {}).as_dict()
+            preset = params_of(algorithm, self.sensor).as_dict()
             now = self.parameters(algorithm)
             found[algorithm] = {key: value for key, value in now.items() if value != preset[key]}
         return {algorithm: changes for algorithm, changes in found.items() if changes}
@@ -124,12 +124,14 @@ class Plan:
                         ]
         return found
 
-    def gathered(self, cases: list[Case], store: Store, record: dict[str, Any]) -> Sweep:
-        """All trials with their figures; a climb without a result is one that failed."""
+    def gathered(
+        self, cases: list[Case], done: Mapping[str, Any], store: Store, record: dict[str, Any]
+    ) -> Sweep:
+        """All trials with their figures, of the climbs that are done now and of those kept."""
         trials: list[Trial] = []
         costs: list[Cost | None] = []
         for case in cases:
-            value = store.read(case.task.key) or {"failed": "its process died"}
+            value: Any = done.get(case.task.key) or store.read(case.task.key)
             spent = (store.cost(case.task.key) or {"costs": []})["costs"]
             levels = case.task.what["condition"]["levels"]
             tried = value.get("trials", [value])  # what failed before the first level: one trial
@@ -180,7 +182,7 @@ class Plan:
             "parameters": self.parameters(algorithm),
             "odometry": odometry,
         }
-        sources = sources_with(package_of(find(name).cls))
+        sources = sources_of(find(name).cls)
         left = 1.0 if self.rate is None else min(1.0, self.rate * given.period)  # share of scans
         task = Task(FUNCTION, what, sources, {"recorded": recorded})
         return Case(known, task, given.scans * left * len(levels))
@@ -198,12 +200,12 @@ def conditions_of(chosen: list[str]) -> Conditions:
     """
     found: dict[str, list[float]] = {}
     for text in list(CATALOG) if chosen == ["all"] else chosen:
-        if "=" in text:
-            entry, level = parse(text)
-            found.setdefault(entry.name, []).append(level)
+        name, equals, level = map(str.strip, text.partition("="))
+        entry = look_up("degradation", name, CATALOG)
+        if equals:
+            found.setdefault(name, []).append(entry.checked(level))
         else:
-            entry = find_degradation(text)
-            found[entry.name] = [float(level) for level in entry.levels]
+            found[name] = [float(level) for level in entry.levels]
     return {name: tuple(dict.fromkeys(found[name])) for name in CATALOG if name in found}
 
 
@@ -228,9 +230,8 @@ def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Gi
 
 
 def _simulated(arena: str, seed: int, drives: Drives) -> Given:
-    if arena not in ARENAS:
-        raise LookupError(f"unknown arena {arena!r}; expected one of {', '.join(ARENAS)}")
-    sensor = find_sensor(drives.sensor)
+    look_up("arena", arena, ARENAS)
+    sensor = look_up("sensor", drives.sensor, SENSORS)
     setting = Setting(arena=arena, seed=seed, duration=drives.duration, sensor=drives.sensor)
     scans, identity = max(1, round(drives.duration * sensor.rate)), {"setting": asdict(setting)}
     name = f"{arena}-{drives.sensor}-{seed}"

@@ -10,17 +10,15 @@ import atexit
 import multiprocessing
 import os
 import pickle
+import re
 import signal
 import threading
-import traceback
 import weakref
 from collections.abc import Callable, Generator, Hashable, Iterable
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import parent_process
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 K = TypeVar("K", bound=Hashable)
 
@@ -28,19 +26,26 @@ SPAWN = multiprocessing.get_context("spawn")  # threads of libraries do not surv
 PATIENCE = 2.0  # s for an idle process to end by itself before it is killed
 
 
+class Ended(NamedTuple):
+    """What came of a task: its value, or why there is none; whether its process died."""
+
+    value: Any
+    failure: str | None = None
+    died: bool = False
+
+
 def finished(
     tasks: dict[K, tuple[Callable[..., Any], tuple[Any, ...]]], workers: int, fresh: bool = True
-) -> Generator[tuple[K, Future[Any]], None, None]:
+) -> Generator[tuple[K, Ended], None, None]:
     """Tasks, each a function of a module and its arguments, as they end.
 
     `fresh` gives each task a process of its own: its memory and its compiler are its own. Else a
-    process stays for many tasks. A future raises what the task raised, or `BrokenProcessPool` if
-    its process died.
+    process stays for many tasks.
     """
     todo = list(reversed(tasks.items()))
     idle: list[_Worker] = []
     busy: dict[_Worker, K] = {}
-    ended: list[tuple[K, Future[Any]]] = []
+    ended: list[tuple[K, Ended]] = []
     try:
         while todo or busy:
             while todo and len(busy) < max(1, workers):
@@ -51,8 +56,8 @@ def finished(
             yield from ended  # the caller looks at these while the others work
             ended = []
             for worker in _answering(busy):
-                ended.append((busy.pop(worker), worker.answer()))
-                if fresh or worker.died:
+                ended.append((busy.pop(worker), answer := worker.answer()))
+                if fresh or answer.died:
                     worker.end(PATIENCE)
                 else:
                     idle.append(worker)
@@ -78,8 +83,6 @@ def _end_all(busy: Iterable[_Worker], idle: Iterable[_Worker]) -> None:
 class _Worker:
     """A process that does one call after the other; it ends with this one, however that ends."""
 
-    died = False
-
     def __init__(self) -> None:
         self.connection, theirs = SPAWN.Pipe()
         self.process = SPAWN.Process(target=_serve, args=(theirs,))
@@ -93,20 +96,13 @@ class _Worker:
         with suppress(OSError):
             self.connection.send_bytes(data)
 
-    def answer(self) -> Future[Any]:
+    def answer(self) -> Ended:
         """What the call returned or raised."""
-        future: Future[Any] = Future()
         try:
-            value, error = pickle.loads(self.connection.recv_bytes())
+            return Ended(*pickle.loads(self.connection.recv_bytes()))
         except (EOFError, OSError):
-            self.died = True
             self.process.join()
-            value, error = None, BrokenProcessPool(_last_word(self.process.exitcode))
-        if error is None:
-            future.set_result(value)
-        else:
-            future.set_exception(error)
-        return future
+            return Ended(None, _last_word(self.process.exitcode), died=True)
 
     def end(self, patience: float) -> None:
         """End the process; kill it if it takes longer than `patience` [s]."""
@@ -128,8 +124,8 @@ def _end_what_is_left() -> None:
 
 def _last_word(code: int | None) -> str:
     if code is not None and code < 0:
-        return f"killed by {signal.Signals(-code).name}"
-    return f"exit code {code}"
+        return f"its process died (killed by {signal.Signals(-code).name})"
+    return f"its process died (exit code {code})"
 
 
 def _serve(connection: Connection) -> None:
@@ -150,21 +146,15 @@ def _end_with_parent() -> None:
 
 
 def _reply(data: bytes) -> bytes:
-    """A call, done: what it returned or raised, in a form that surely arrives."""
+    """A call, done: what it returned, and else what it raised, as text."""
     try:
         function, arguments = pickle.loads(data)
         return pickle.dumps((function(*arguments), None))
     except BaseException as error:
-        error.add_note(f"in the process of the task:\n{traceback.format_exc()}")
-        return _raised(error)
+        return pickle.dumps((None, sentence(error)))
 
 
-def _raised(error: BaseException) -> bytes:
-    """An exception for elsewhere; as text if it cannot travel, or would end its process."""
-    with suppress(Exception):
-        reply = pickle.dumps((None, error))
-        if isinstance(error, Exception) and pickle.loads(reply):
-            return reply
-    instead = RuntimeError(f"{type(error).__name__}: {error}")
-    instead.__notes__ = error.__notes__
-    return pickle.dumps((None, instead))
+def sentence(error: BaseException) -> str:
+    """The exception in one line, the same in every process: without addresses in memory."""
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return re.sub(r"0x[0-9a-f]+", "0x..", text)

@@ -7,9 +7,9 @@ the last colon, as in no module:Class. Light: help reads it.
 from __future__ import annotations
 
 import argparse
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from slams import cli
@@ -20,19 +20,25 @@ if TYPE_CHECKING:
 
 @dataclass
 class Single:
-    """What one algorithm alone is given: YAML files, values by name."""
+    """What one algorithm is given: values that all have, YAML files, values of its own.
 
+    `base` is what ROS files made of preset and sensor.
+    """
+
+    common: Mapping[str, str] = field(default_factory=dict)
+    base: Params | None = None
     files: list[str] = field(default_factory=list)
     values: dict[str, str] = field(default_factory=dict)
 
     def applied(self, params: Params) -> Params:
-        """The parameters with them: files < values.
+        """The parameters with them: base < common < files < values.
 
         Raises:
             LookupError: no such parameter.
             ValueError: a value of the wrong type or out of bounds, a file that is no YAML.
             OSError: a file cannot be read.
         """
+        params = (self.base or params).replace(**self.common)
         for path in self.files:
             params = params.with_yaml(path)
         return params.replace(**self.values)
@@ -60,6 +66,15 @@ def add_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
         help="set one parameter of one algorithm (tsd:cell=0.05); without the name, of all that "
         f"have it; {again}",
     )
+
+
+def with_presets(names: Iterable[str], presets: Iterable[str]) -> list[str]:
+    """The labels of algorithms with each of the presets that they have; "" is none."""
+    from slams.registry import find
+
+    known = {name: find(name).cls.Params.PRESETS for name in names}
+    labels = [(name, preset) for preset in presets for name in known]
+    return [f"{n}@{p}" if p else n for n, p in labels if not p or p in known[n]]
 
 
 def algorithm_of(label: str) -> str:
@@ -91,7 +106,11 @@ def variant(label: str, /, **settings: str) -> str:
     return f"{algorithm_of(label)}:{','.join(f'{key}={value}' for key, value in known.items())}"
 
 
-def params_of(label: str, sensor: str | None, given: Mapping[str, Single]) -> Params:
+def params_of(
+    label: str,
+    sensor: str | None = None,
+    given: Mapping[str, Single] = MappingProxyType({}),
+) -> Params:
     """The parameters of a label: preset < sensor < what is given for it < the variant's own.
 
     Raises:
@@ -106,9 +125,12 @@ def params_of(label: str, sensor: str | None, given: Mapping[str, Single]) -> Pa
 
 
 def singles(
-    labels: Sequence[str], files: Sequence[str], values: Sequence[str]
+    labels: Sequence[str],
+    files: Sequence[str],
+    values: Sequence[str],
+    common: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Single]:
-    """What ALGORITHM:FILE and [ALGORITHM:]KEY=VALUE say, by label.
+    """What ALGORITHM:FILE and [ALGORITHM:]KEY=VALUE say, by label, beside what is common to all.
 
     What is of an algorithm is of its variants, too. A value with a name wins over one without.
 
@@ -119,7 +141,7 @@ def singles(
     rows: dict[str, list[str]] = {}
     for label in labels:
         rows.setdefault(algorithm_of(label), []).append(label)
-    found: defaultdict[str, Single] = defaultdict(Single)
+    found = {label: Single(common) for label in labels}
     for text in files:
         name, path = _parted("--params", text, "FILE", rows)
         for label in rows[name]:
@@ -129,23 +151,26 @@ def singles(
         key, value = cli.assignment(assignment)
         for label in (label for name in names for label in rows[name]):
             found[label].values[key] = value
-    return dict(found)
+    return found
 
 
-def common_seed(seeds: Sequence[str]) -> tuple[int | None, list[str]]:
-    """The last seed that is for all (None without), and ALGORITHM:N of the others as settings.
+def seeds(texts: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+    """What `--seed N` sets for all, the last one; ALGORITHM:N of the others as settings."""
+    common = [text for text in texts if ":" not in text]
+    parted = (text.rpartition(":") for text in texts if ":" in text)
+    return {"seed": common[-1]} if common else {}, [f"{n}:seed={seed}" for n, _, seed in parted]
+
+
+def named(option: str, text: str, form: str) -> tuple[str, str]:
+    """Name and file of an option of that form, NAME=FILE.
 
     Raises:
-        ValueError: neither a number nor of the form ALGORITHM:N.
+        ValueError: one of them is missing.
     """
-    common = None
-    for text in (text for text in seeds if ":" not in text):
-        try:
-            common = int(text)
-        except ValueError:
-            raise ValueError(f"--seed: got {text!r}, expected a number, or ALGORITHM:N") from None
-    named = [text.rpartition(":") for text in seeds if ":" in text]
-    return common, [f"{name}:seed={seed}" for name, _, seed in named]
+    name, _, path = text.partition("=")
+    if not name or not path:
+        raise ValueError(f"{option}: got {text!r}, expected {form}")
+    return name, path
 
 
 def _split(label: str) -> tuple[str, str]:
@@ -168,7 +193,7 @@ def _assigned(text: str, algorithms: Mapping[str, object]) -> tuple[list[str], s
     key, _ = cli.assignment(text)
     from slams.params import nearest
 
-    known = {name: params_of(name, None, {}).specs() for name in algorithms}
+    known = {name: params_of(name).specs() for name in algorithms}
     having = [name for name, specs in known.items() if key in specs]
     if not having:
         every = {parameter for specs in known.values() for parameter in specs}

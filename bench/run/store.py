@@ -6,12 +6,12 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Iterable
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+
+from slams.summary import versions
 
 # numbers come from these; others only read and draw
 LIBRARIES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless", "kiss-icp")
@@ -93,10 +93,6 @@ class Store:
                 "make room and start again"
             ) from error
 
-    def missing(self, keys: Iterable[str]) -> list[str]:
-        """Those of the names that have no result yet."""
-        return [key for key in keys if self.read(key) is None]
-
     def _put(self, path: Path, key: str, value: Any) -> None:
         """Write beside and rename: what a killed process leaves half-written is no result."""
         partial = path.with_name(f"{path.name}.{platform.node()}.{os.getpid()}.part")
@@ -130,18 +126,16 @@ def code_version(packages: tuple[str, ...]) -> str:
     Raises:
         LookupError: no such package, or none that has source text.
     """
+    python = ".".join(platform.python_version_tuple()[:2])
+    libraries = versions(LIBRARIES) | {"python": python}
     sources = {name: _text_hash(name) for name in packages}
-    return digest(canonical({"sources": sources, "libraries": _libraries()}))
+    return digest(canonical({"sources": sources, "libraries": libraries}))
 
 
-def package_of(cls: type) -> str:
-    """The package, or the module that stands alone, that a class comes from."""
-    return cls.__module__.partition(".")[0]
-
-
-def sources_with(package: str | None = None) -> tuple[str, ...]:
-    """The packages that a run of an algorithm of `package` follows from."""
-    return PACKAGES if package is None or package in PACKAGES else (*PACKAGES, package)
+def sources_of(cls: type) -> tuple[str, ...]:
+    """The packages that a run of an algorithm follows from, its own or its module among them."""
+    package = cls.__module__.partition(".")[0]
+    return PACKAGES if package in PACKAGES else (*PACKAGES, package)
 
 
 def _text_hash(name: str) -> str:
@@ -167,13 +161,3 @@ def _files(name: str) -> dict[str, Path]:
     if not all(file.is_file() for file in files.values()) or not files:
         raise LookupError(f"{name}: expected a package or module with source text to tell versions")
     return files
-
-
-def _libraries() -> dict[str, str]:
-    found = {"python": ".".join(platform.python_version_tuple()[:2])}
-    for name in LIBRARIES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "none"
-    return found

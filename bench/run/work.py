@@ -1,26 +1,25 @@
 """Runs as pure functions: a task has a name that follows from all its result depends on.
 
-    tasks = [Task("bench.run.some:run", {"log": sha256, "algorithm": "tsd", "seed": 3}, ("slams",))]
-    for task, value in run_all(tasks, Store("results/sweep"), in_processes(2)):
+    task = Task("bench.run.some:run", {"log": sha256, "algorithm": "tsd", "seed": 3}, ("slams",))
+    for key, value in run_all({task.key: task}, Store("results/sweep"), jobs=2):
         ...
 
-What has a result in the store is not run again, so that a sweep that was killed goes on where it
-was, and a machine that did a part has done it for all.
+What has a result in the store need not be run again, so that a sweep that was killed goes on where
+it was, and a machine that did a part has done it for all.
 """
 
 from __future__ import annotations
 
 import importlib
 import platform
-import re
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from bench.run import pool
+from bench.run.pool import sentence
 from bench.run.store import Store, canonical, code_version, digest, plain
 
 # these tell of the machine, not of the algorithm: said, but not kept as its result
@@ -68,54 +67,27 @@ class Task:
         return digest(canonical(known))
 
 
-Executor = Callable[[Mapping[str, Task]], Generator[tuple[str, Result], None, None]]
-
-
-def in_processes(jobs: int) -> Executor:
-    """What runs tasks in `jobs` processes, each for many tasks: kernels are loaded once.
-
-    It gives each task's name and result, as they end; that of a process that died is not kept.
-    """
-
-    def _finished(tasks: Mapping[str, Task]) -> Generator[tuple[str, Result], None, None]:
-        calls = {key: (perform, (task, key)) for key, task in tasks.items()}
-        with closing(pool.finished(calls, jobs, fresh=False)) as ended:
-            for key, future in ended:
-                try:
-                    yield key, future.result()
-                except BrokenProcessPool as error:
-                    yield key, Result({"failed": f"its process died ({error})"}, kept=False)
-
-    return _finished
-
-
 def run_all(
-    tasks: Iterable[Task], store: Store, executor: Executor
-) -> Iterator[tuple[Task, dict[str, Any]]]:
-    """Every task with its value, first those the store has, then the others as they end.
+    tasks: Mapping[str, Task], store: Store, jobs: int
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Do tasks, by their keys, in `jobs` processes; each value as it ends, kept in the store.
 
-    A task that stands in the list twice is run once. A run that failed has a value with "failed",
-    a sentence.
+    A process does many tasks: kernels are loaded once. A run that failed has a value with "failed",
+    a sentence; that of a process that died is not kept.
 
     Raises:
-        RuntimeError: a result cannot be written; those before it are kept.
+        RuntimeError: a result cannot be written, or the code is another than that of the names;
+            results before it are kept.
     """
-    todo: dict[str, list[Task]] = {}
-    for task in tasks:
-        value = None if task.key in todo else store.read(task.key)
-        if value is None:
-            todo.setdefault(task.key, []).append(task)
-        else:
-            yield task, value
-    if not todo:
-        return
-    first = {key: same[0] for key, same in todo.items()}
-    with closing(executor(first)) as results:
-        for key, result in results:
+    calls = {key: (perform, (task, key)) for key, task in tasks.items()}
+    with closing(pool.finished(calls, jobs, fresh=False)) as ended:
+        for key, found in ended:
+            if found.failure and not found.died:
+                raise RuntimeError(found.failure.removeprefix("RuntimeError: "))
+            result = found.value or Result({"failed": found.failure}, kept=False)
             if result.kept:
                 store.write(key, result.value, result.measured)
-            for task in todo[key]:
-                yield task, result.value
+            yield key, result.value
 
 
 def perform(task: Task, key: str) -> Result:
@@ -154,9 +126,3 @@ def _check_code(task: Task, key: str) -> None:
         f"({', '.join(task.packages)}, numpy, numba ...): install the same versions everywhere, "
         "change nothing meanwhile, and start again"
     )
-
-
-def sentence(error: BaseException) -> str:
-    """The exception in one line, the same in every process: without addresses in memory."""
-    text = " ".join(f"{type(error).__name__}: {error}".split())
-    return re.sub(r"0x[0-9a-f]+", "0x..", text)

@@ -32,8 +32,15 @@ class Piece:
     outlines: Sequence[Outline]
     free: bool = False  # stands free, not with its back to a wall
 
-    def at(self, corner: tuple[float, float], quarters: int) -> list[Outline]:
-        """Outlines with the footprint's back corner at `corner`, turned by quarters of a turn."""
+    def sides(self, quarters: int) -> tuple[float, float]:
+        """Extent of the footprint in x and y [m], turned by quarters of a turn."""
+        return (self.depth, self.length) if quarters % 2 else (self.length, self.depth)
+
+    def at(self, left: float, bottom: float, quarters: int) -> list[Outline]:
+        """Outlines with the turned footprint's lower left corner there."""
+        dx, dy = self.sides(quarters)
+        right, top = left + dx, bottom + dy
+        corner = ((left, bottom), (right, bottom), (right, top), (left, top))[quarters % 4]
         c, s = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters % 4]
         turn = np.array([[c, s], [-s, c]], np.float64)
         return [outline @ turn + np.array(corner) for outline in self.outlines]

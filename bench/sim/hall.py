@@ -46,8 +46,7 @@ class Hall:
 
     def stand(self, piece: Piece, left: float, bottom: float, quarters: int, room: float) -> bool:
         """Put a piece down with `room` [m] to all but the walls; was there room?"""
-        upright = quarters % 2 == 1
-        dx, dy = (piece.depth, piece.length) if upright else (piece.length, piece.depth)
+        dx, dy = piece.sides(quarters)
         right, top = left + dx, bottom + dy
         wall = self.inner
         around = (
@@ -58,7 +57,7 @@ class Hall:
         )
         if right > wall[2] or top > wall[3] or not self.canvas.is_free(*around):
             return False
-        for outline in piece.at((right if upright else left, bottom), quarters):
+        for outline in piece.at(left, bottom, quarters):
             self.canvas.fill(outline)
         return True
 
@@ -108,7 +107,7 @@ def _clutter(hall: Hall, rng: Generator) -> None:
     for _ in range(int(hall.width * hall.depth / CLUTTER)):
         piece = CLUTTERING[int(rng.integers(len(CLUTTERING)))](rng)
         quarters = int(rng.integers(2))
-        dx, dy = (piece.length, piece.depth)[:: 1 - 2 * quarters]
+        dx, dy = piece.sides(quarters)
         left = _to_wall(float(rng.uniform(0.0, hall.width - dx)), hall.width - dx)
         bottom = _to_wall(float(rng.uniform(0.0, hall.depth - dy)), hall.depth - dy)
         if bottom + dy + WALL < hall.aisle - 0.5 * MAIN or bottom + WALL > hall.aisle + 0.5 * MAIN:

@@ -91,4 +91,4 @@ def errors_of(setting: Setting, sensor: Sensor, world: World) -> Errors:
         noise, share, step = 0.0, 0.0, world.resolution
     if setting.noise is not None:
         noise, share = setting.noise, 0.0
-    return Errors(noise, share, step, setting.dropout, setting.mixed)
+    return Errors(noise, share, step, setting.dropout)

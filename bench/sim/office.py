@@ -196,17 +196,17 @@ def _furnish(canvas: Canvas, room: Room, rng: Generator) -> None:
             placed = _place(room, piece, rng)
             if placed is None:
                 continue
-            corner, quarters, footprint = placed
-            if canvas.is_free(*footprint) and canvas.put(piece.at(corner, quarters), WAY, area):
+            left, bottom, quarters = placed
+            dx, dy = piece.sides(quarters)
+            free = canvas.is_free(left, bottom, left + dx, bottom + dy)
+            if free and canvas.put(piece.at(left, bottom, quarters), WAY, area):
                 break
 
 
-def _place(
-    room: Room, piece: Piece, rng: Generator
-) -> tuple[tuple[float, float], int, tuple[float, float, float, float]] | None:
-    """Corner, quarter turns and footprint of a piece with its back to a wall, a table anywhere."""
+def _place(room: Room, piece: Piece, rng: Generator) -> tuple[float, float, int] | None:
+    """Lower left corner and quarter turns of a piece with its back to a wall, a table anywhere."""
     quarters = int(rng.integers(4))
-    dx, dy = (piece.length, piece.depth) if quarters % 2 == 0 else (piece.depth, piece.length)
+    dx, dy = piece.sides(quarters)
     free_x, free_y = room.width - dx - 0.04, room.depth - dy - 0.04
     if min(free_x, free_y) < 0.0:
         return None
@@ -214,6 +214,4 @@ def _place(
     if not piece.free:  # back to the wall
         x = (x, free_x, x, 0.0)[quarters]
         y = (0.0, y, free_y, y)[quarters]
-    left, bottom = room.left + 0.02 + x, room.bottom + 0.02 + y
-    corners = (left, bottom), (left + dx, bottom), (left + dx, bottom + dy), (left, bottom + dy)
-    return corners[quarters], quarters, (left, bottom, left + dx, bottom + dy)
+    return room.left + 0.02 + x, room.bottom + 0.02 + y, quarters

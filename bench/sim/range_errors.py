@@ -19,19 +19,17 @@ class Errors:
 
     `noise` [m] + `noise_share` * range is the standard deviation; `step` [m] the rounding, 0 for
     none. `dropout` is the share of beams lost, every other of them reported as "nothing there"
-    (inf), the rest as invalid (nan). `mixed` is the share of beams beside an edge that fall
-    between the near and the far surface.
+    (inf), the rest as invalid (nan).
     """
 
     noise: float
     noise_share: float = 0.0
     step: float = 0.001
     dropout: float = 0.0
-    mixed: float = 0.0
 
     def apply(self, distances: Floats, rng: Generator) -> Floats:
         """Ranges (n, b) as measured, from true distances (n, b) [m], inf = nothing."""
-        ranges = _mix(distances, self.mixed, rng) if self.mixed else distances.copy()
+        ranges = distances.copy()
         if self.noise or self.noise_share:
             deviation = self.noise + self.noise_share * np.where(np.isinf(ranges), 0.0, ranges)
             ranges += deviation * rng.standard_normal(ranges.shape)
@@ -42,13 +40,3 @@ class Errors:
             ranges[chance < self.dropout] = np.nan
             ranges[chance < 0.5 * self.dropout] = np.inf
         return ranges
-
-
-def _mix(distances: Floats, share: float, rng: Generator) -> Floats:
-    """Beams at an edge of more than 0.1 m, by chance, somewhere between the two surfaces."""
-    near, far = distances[:, :-1], distances[:, 1:]
-    chance, place = rng.random(near.shape), rng.random(near.shape)
-    edge = np.isfinite(near) & np.isfinite(far) & (np.abs(far - near) > 0.1) & (chance < share)
-    mixed = distances.copy()
-    mixed[:, :-1][edge] += (place * (far - near))[edge]
-    return mixed

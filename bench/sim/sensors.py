@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from slams.params import nearest
-
 if TYPE_CHECKING:
     from slams.types import Laser
 
@@ -103,17 +101,3 @@ SENSORS = {
         ),
     )
 }
-
-
-def find_sensor(name: str) -> Sensor:
-    """The scanner of that name.
-
-    Raises:
-        LookupError: there is none.
-    """
-    if name in SENSORS:
-        return SENSORS[name]
-    known = ", ".join(SENSORS)
-    raise LookupError(
-        f"unknown sensor {name!r}; expected one of {known}{nearest(name.lower(), SENSORS)}"
-    )

@@ -5,10 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 import typing
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from bench.sim.sensors import SENSORS
+from slams.params import nearest
+
+T = TypeVar("T")
 
 FINE = 400.0  # Hz, least rate of the true motion that all else is taken from
 CELL = 0.02  # m, of the arenas made from a seed
@@ -36,6 +40,18 @@ ARENAS = {
 }
 KINDS = ", ".join(f"{name} ({known.meaning})" for name, known in ARENAS.items())
 SIZES = ", ".join(f"{name} {known.size:g}" for name, known in ARENAS.items())
+
+
+def look_up(kind: str, name: str, known: Mapping[str, T]) -> T:
+    """What has a name among the known ones of its kind.
+
+    Raises:
+        LookupError: there is none; the nearest name is given.
+    """
+    if name in known:
+        return known[name]
+    hint = nearest(name.lower(), known)
+    raise LookupError(f"unknown {kind} {name!r}{hint} (known: {', '.join(known)})")
 
 
 def _option(default: Any, meaning: str, low: float = -math.inf, high: float = math.inf) -> Any:
@@ -82,9 +98,6 @@ class Setting:
     dropout: float = _option(
         0.0, "share of beams that are lost, half as nan, half as inf", 0.0, 1.0
     )
-    mixed: float = _option(
-        0.0, "share of the beams at an edge that end between its near and far side", 0.0, 1.0
-    )
     people: int = _option(0, "number of people who walk through the arena", 0, 50)
     lasers: int = _option(
         1,
@@ -109,9 +122,6 @@ class Setting:
         " ridge; laser and attitude as with a tilt",
         0.0,
         40.0,
-    )
-    truth_rate: float | None = _option(
-        None, "rate of the logged truth [Hz], rounded up to a multiple of the scans'", 1, FINE
     )
 
     def __post_init__(self) -> None:

@@ -15,8 +15,8 @@ from bench.sim.drive import Drive, Robot, drive, drive_far
 from bench.sim.measuring import Measuring
 from bench.sim.ramps import Ramps
 from bench.sim.routes import Progress
-from bench.sim.sensors import Sensor, find_sensor
-from bench.sim.setting import ARENAS, CELL, FINE, Setting
+from bench.sim.sensors import SENSORS, Sensor
+from bench.sim.setting import ARENAS, CELL, FINE, Setting, kinds, look_up
 from bench.sim.swing import Swing, measured
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
@@ -54,11 +54,13 @@ def simulate(
         ValueError: the map is none, or has no room to drive.
     """
     setting = setting or Setting()
-    sensor, chance = find_sensor(setting.sensor), _chances(setting.seed)
+    sensor, chance = look_up("sensor", setting.sensor, SENSORS), _chances(setting.seed)
     world = _world(setting, chance["arena"])
     body = _body(setting, chance["tilt"])
     true = _drive(setting, sensor, world, chance["drive"], planning)
     t = np.arange(max(1, math.floor(true.t[-1] * sensor.rate + 1e-6))) / sensor.rate
+    # a multiple of the scans', so that each has a truth of its own
+    truth_rate = sensor.rate * math.ceil(max(5.0, TRUTH / sensor.rate) - 1e-9)
     measuring = Measuring(setting, sensor, world, true, chance, body)
     if setting.lasers > 1:
         scans = _front_and_rear(setting, measuring, t, progress)
@@ -67,7 +69,7 @@ def simulate(
     return ScanLog(
         **scans,
         odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance["odometry"])),
-        truth=_track(true, _truth_rate(setting, sensor), lambda stamps: _truth(true, stamps)),
+        truth=_track(true, truth_rate, lambda stamps: _truth(true, stamps)),
         yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance["gyro"])),
         meta=_meta(setting, world),
         attitude=None if body is None else _attitudes(true, body, chance["tilt"]),
@@ -130,8 +132,7 @@ def setting_of(log: ScanLog) -> Setting | None:
     """What a log was simulated from; None when it was not."""
     try:
         known = dict(log.meta["simulated"])
-        known.pop("world")
-        return Setting(**known)
+        return Setting(**{name: known[name] for name in kinds() if name in known})
     except (KeyError, TypeError, ValueError):
         return None
 
@@ -183,12 +184,6 @@ def _drive(
         return drive_far(world, robot, rng, setting.length, rate, planning)
     seconds = max(setting.duration, 1.0 / sensor.rate)
     return drive(world, robot, rng, seconds, rate, planning)
-
-
-def _truth_rate(setting: Setting, sensor: Sensor) -> float:
-    """A whole multiple of the scan rate, so that every scan has a truth of its own."""
-    wanted = setting.truth_rate or max(5.0 * sensor.rate, TRUTH)
-    return sensor.rate * math.ceil(wanted / sensor.rate - 1e-9)
 
 
 def _track(true: Drive, rate: float, values: Callable[[Floats], Floats]) -> Track:

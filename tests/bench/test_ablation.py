@@ -11,12 +11,12 @@ from bench.judge.answers import analysis
 from bench.judge.statistics import mcnemar
 from bench.report import sweep_tables
 from bench.results import sweep as results
-from bench.run import single, work
-from bench.run.work import perform
+from bench.run import pool, single
 from slams import Pose2
 from slams.baselines import BaselineParams, Odometry
 from slams.params import param
 from slams.registry import find
+from tests.bench import toy_runs
 from tests.rooms import drive
 
 TOY = "tests.bench.test_ablation:Toy"
@@ -44,15 +44,10 @@ class Toy(Odometry):
         return pose if self.params.steady else Pose2(pose.x + 1e3 * self.scans, pose.y, pose.theta)
 
 
-def in_this_process(tasks):
-    for key, task in tasks.items():
-        yield key, perform(task, key)
-
-
 @pytest.fixture
 def here(monkeypatch):
     """Runs are done in this process: starting another takes longer."""
-    monkeypatch.setattr(work, "in_processes", lambda _: in_this_process)
+    monkeypatch.setattr(pool, "finished", toy_runs.here)
 
 
 def planned(*words):
@@ -114,7 +109,7 @@ def test_the_drives_count_from_the_first_seed(tmp_path):
         assert [given.seed for given in made.logs] == seeds
         assert [given.name for given in made.logs] == [f"ring-utm30lx-{k}" for k in seeds]
         assert [given.identity["setting"]["seed"] for given in made.logs] == seeds
-        assert "settings" not in made.gathered([], None, {}).facts
+        assert "settings" not in made.gathered([], {}, None, {}).facts
     drive(n=20).save(tmp_path / "room.npz")
     given = planned(str(tmp_path / "room.npz"), "--algorithms", "odometry", "--seed", "7").logs
     assert [one.seed for one in given] == [7, 8]
@@ -133,35 +128,6 @@ def test_the_file_and_the_heading_say_what_was_set(tmp_path, here):
     assert not any(t["failed"] for t in found.trials)
     head = sweep_tables.head(analysis(found), found.facts)
     assert head.endswith(f"; {TOY} with loud=true; {rows[1]} with loud=true")
-
-
-@pytest.mark.parametrize(
-    ("command", "words", "sentence"),
-    [
-        (sweep, ["--set", "hector:refin=false"], "did you mean 'refine'"),
-        (sweep, ["--set", "hector:refine=maybe"], "'refine': got 'maybe', expected bool"),
-        (sweep, ["--set", "hector:refine"], "--set: got 'refine', expected KEY=VALUE"),
-        (sweep, ["--set", "tsd:refine=no"], "expected ALGORITHM:KEY=VALUE of one that is compared"),
-        (sweep, ["--set", "cell=1"], "got 'cell=1', expected a parameter of hector"),
-        (sweep, ["--params", "hector:none.yaml"], "none.yaml"),
-        (sweep, ["--algorithms", "hector:refin=no"], "did you mean 'refine'"),
-        (sweep, ["--algorithms", "hector:refine=no,"], "expected NAME:KEY=VALUE[,KEY=VALUE]"),
-        (sweep, ["--algorithms", "hector:refine=1,refine=0"], "each KEY once"),
-        (sweep, ["--algorithms", "hectar:refine=1"], "did you mean 'hector'"),
-        (sweep, ["--seed", "-1"], "--seed: got -1, expected 0"),
-        (ablation, ["hectar"], "did you mean 'hector'"),
-        (ablation, ["odometry"], "odometry: has no switch"),
-        (ablation, ["hector", "--arenas", "moon"], "unknown arena 'moon'"),
-        (ablation, ["hector", "--duration", "1"], "--duration: got 1"),
-        (ablation, [], "required: ALGORITHM"),
-    ],
-)
-def test_bad_input_is_one_sentence(command, words, sentence, tmp_path, capsys):
-    first = ["--algorithms", "hector"] if command is sweep and "--algorithms" not in words else []
-    assert command.main([*first, *words, "--out", str(tmp_path / "out"), "-q"]) == 2
-    said = capsys.readouterr().err
-    assert sentence in said
-    assert said.count("\n") == 1
 
 
 def test_the_switches_of_the_house_are_mechanisms_that_are_on():
@@ -194,11 +160,7 @@ def test_every_switch_gets_a_row_beside_the_whole(tmp_path, capsys, here):
         assert survived == [kept, "0 of 4", kept]
     errors = [line["1 s, with odometry [mm]"] for line in lines.values()]
     assert errors[0] == errors[2] != errors[1] == ""
-    assert [line["p"] for line in lines.values()] == [
-        "",
-        "0.5",
-        "1",
-    ]  # two drives: 2 / 2^2
+    assert [line["p"] for line in lines.values()] == ["", "0.5", "1"]  # two drives: 2 / 2^2
     assert all(float(line["CPU a scan [ms]"]) > 0.0 for line in lines.values())
     page = (out / "ablation.md").read_text()
     assert f"slams ablation {TOY}" in page and "| steady=false | 0 of 4 |" in page

@@ -1,13 +1,11 @@
-"""Failure, cost, tables, verdicts and ranking: what the benchmark says of a run."""
-
-from typing import NamedTuple
+"""Failure, cost and tables: what the benchmark says of a run."""
 
 import numpy as np
 import pytest
 
-from bench.judge import loss, verdicts
+from bench.judge import loss
 from bench.judge.loss import LIMIT_M, LIMIT_RAD
-from bench.judge.metrics import Common, RelationErrors, SpanErrors
+from bench.judge.metrics import Common, RelationErrors
 from bench.report import tables
 from bench.report import text as report
 from bench.run import timing
@@ -42,21 +40,25 @@ def test_a_run_that_leaves_the_limits_is_lost_and_may_come_back():
     assert loss.by_truth(Common(np.arange(100.0), estimate, truth, 0))["at_s"] == 70.0
 
 
-def test_some_broken_relations_are_no_lost_run():
+def test_the_words_name_the_limits(monkeypatch):
+    monkeypatch.setattr(loss, "LIMIT_M", 7.25)
+    assert loss.words().startswith("off by more than 7.25 m or 0")
+
+
+def test_some_broken_relations_are_no_lost_run_and_the_first_is_that_of_the_least_stamp():
     def errors(broken):
         translation = np.where(np.arange(100) < broken, 2.0, 0.01)
-        return RelationErrors(
-            np.arange(100.0), translation, np.zeros(100), np.zeros(100, bool), 100
-        )
+        t = np.arange(100.0)[::-1].copy()
+        return RelationErrors(t, translation, np.zeros(100), np.zeros(100, bool), 100)
 
-    assert loss.by_relations(errors(5), 0.0) | {"at_s": 0} == {
+    assert loss.by_relations(errors(5), 10.0) == {
         "lost": False,
-        "at_s": 0,
+        "at_s": 85.0,
         "after_m": None,
         "completed": 0.95,
         "broken": 5,
     }
-    assert loss.by_relations(errors(6), 0.0)["lost"]
+    assert loss.by_relations(errors(6), 10.0)["lost"]
 
 
 def test_an_algorithm_may_call_itself_lost():
@@ -104,88 +106,6 @@ def test_peak_memory_counts_what_is_allocated_inside_and_nothing_before():
     if memory.mb is None:
         pytest.skip("this system does not tell a process' peak memory")
     assert 70.0 < memory.mb < 110.0
-
-
-class Judged(NamedTuple):
-    """An outcome as far as verdicts look at it."""
-
-    row: dict
-    errors: dict
-
-
-def outcome(name, errors, log="a", **row):
-    found = SpanErrors(np.arange(float(len(errors))), errors, 0.1 * errors, errors)
-    return Judged({"algorithm": name, "log": log, "failed": None} | row, {"1 s": found})
-
-
-def over_logs(count, names=("good", "bad"), **rows):
-    """Each algorithm 1 mm worse than the one before, on every log."""
-    rng = np.random.default_rng(1)
-    outcomes = []
-    for k in range(count):
-        for more, name in enumerate(names):
-            errors = 1e-3 * (1.0 + k + more) + 1e-4 * rng.random(50)
-            outcomes.append(outcome(name, errors, f"log {k}", **rows.get(name, {})))
-    found = verdicts.over_logs(outcomes)
-    return [v for v in found if v["measure"] == "translation"]
-
-
-def test_verdicts_name_the_better_one_and_keep_quiet_about_noise():
-    rng = np.random.default_rng(0)
-    good, other = (1e-3 * np.abs(rng.normal(1.0, 0.3, 2000)) for _ in range(2))
-    found = verdicts.on_one_log(
-        [outcome("bad", good + 2e-3), outcome("good", good), outcome("other", other)]
-    )
-    words = {(v["a"], v["b"]): v for v in found if v["measure"] == "translation"}
-    assert len(found) == 6
-    pair = next(v for names, v in words.items() if set(names) == {"good", "bad"})
-    assert "good is better than bad on this log by 2" in pair["sentence"]
-    assert "mm per second" in pair["sentence"]
-    assert pair["p_value"] >= pair["p_alone"]
-    noise = next(v for names, v in words.items() if set(names) == {"good", "other"})
-    assert "can't be distinguished on this log: " in noise["sentence"]
-    assert [v["next"] for v in words.values()].count(True) == 2
-
-
-def test_the_same_trajectory_is_not_better_by_rounding():
-    errors = 1e-3 * np.abs(np.random.default_rng(0).normal(1.0, 0.3, 2000))
-    found = verdicts.on_one_log([outcome("a", errors), outcome("b", errors + 5e-10)])
-    assert all("can't be distinguished" in pair["sentence"] for pair in found)
-
-
-def test_verdicts_over_logs_pair_the_means_of_each_log():
-    (pair,) = over_logs(8)
-    assert pair["n"] == 8
-    assert pair["sentence"].startswith("translation: good is better than bad over 8 logs by 1.0")
-    assert "cannot show" not in pair["sentence"]
-
-
-def test_too_few_logs_cannot_show_anything():
-    (pair,) = over_logs(5)
-    assert "good and bad can't be distinguished over 5 logs: " in pair["sentence"]
-    words = "; 5 logs cannot show it: the least p among 2 comparisons is 0.12"
-    assert pair["sentence"].endswith(words)
-    assert pair["p_value"] == 2 * 2 / 2**5
-    assert all("better" in pair["sentence"] for pair in over_logs(7)), "2 * 2 / 2^7 = 0.03"
-    several = over_logs(8, ("one", "two", "three", "four"))
-    assert len(several) == 6
-    for pair in several:
-        assert "8 logs cannot show it: the least p among 12 comparisons" in pair["sentence"]
-
-
-def test_a_pair_on_fewer_logs_is_judged_by_its_own():
-    """Many comparisons on 13 logs come first; that one on 7 can still be shown."""
-    rng = np.random.default_rng(2)
-    outcomes = [
-        outcome(name, 1e-3 * (1.0 + more) + 1e-4 * rng.random(50), f"log {k}")
-        for k in range(13)
-        for more, name in enumerate(("one", "two", "three"))
-        if name != "three" or k < 7
-    ]
-    found = [v for v in verdicts.over_logs(outcomes) if v["measure"] == "translation"]
-    words = {v["n"]: v["sentence"] for v in found}
-    assert "cannot show" not in words[13]
-    assert "7 logs cannot show it: the least p among 4 comparisons is 0.062" in words[7]
 
 
 def test_published_figures_are_read_with_their_columns():

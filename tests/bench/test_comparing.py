@@ -1,11 +1,15 @@
 """Options of single algorithms, and the folders that results go to."""
 
+import math
+
 import pytest
 
 from bench import compare
 from bench.run import compare_options, folder
-from bench.run.single import common_seed
-from slams.registry import find
+from bench.run.comparing import spread_over_starts, start_scans
+from bench.run.single import seeds
+from hector.params import HectorParams
+from slams.registry import names
 from tests.rooms import drive
 
 # options of single algorithms
@@ -15,7 +19,7 @@ def choice_of(*words):
     arguments = compare_options.parser().parse_args(words)
     labels = compare_options.labels_of(arguments)
     choice, _ = compare_options.checked(arguments, labels)
-    return {label: choice.params(find(label)) for label in labels}
+    return choice.params
 
 
 def test_parameters_of_one_algorithm_leave_the_others_alone(tmp_path):
@@ -44,7 +48,7 @@ def test_parameters_of_one_algorithm_leave_the_others_alone(tmp_path):
         (["--params", "tsd:"], "got 'tsd:', expected ALGORITHM:FILE"),
         (["--params", "tsd:none.yaml"], "none.yaml"),
         (["--seed", "tsd:x"], "parameter 'seed'"),
-        (["--seed", "x"], "--seed: got 'x', expected a number, or ALGORITHM:N"),
+        (["--seed", "x"], "parameter 'seed': got 'x', expected int"),
         (["--seed", "hector:1"], "of one that is compared: tsd"),
     ],
 )
@@ -54,8 +58,8 @@ def test_what_is_of_no_algorithm_is_refused_in_one_sentence(words, sentence):
 
 
 def test_the_last_seed_for_all_counts():
-    assert common_seed(["1", "tsd:2", "3"]) == (3, ["tsd:seed=2"])
-    assert common_seed([]) == (None, [])
+    assert seeds(["1", "tsd:2", "3"]) == ({"seed": "3"}, ["tsd:seed=2"])
+    assert seeds([]) == ({}, [])
 
 
 # where the results go
@@ -114,3 +118,49 @@ def test_no_stale_file_stays_beside_a_new_report(tmp_path, capsys):
 def test_no_option_is_ignored(words, sentence):
     with pytest.raises(ValueError, match=sentence):
         choice_of(*words)
+
+
+# which algorithms
+
+
+def asked(*words):
+    return compare_options.labels_of(compare_options.parser().parse_args(words))
+
+
+def test_the_ideas_are_compared_where_there_are_any(monkeypatch):
+    known = asked()
+    assert known[-len(names()) :] == names()
+    assert "hector@paper" in known
+    full = asked("--full")
+    assert full[0] == "hector@original"
+    assert full[4:] == known
+    assert asked("--full", "--algorithms", "kiss") == asked("--algorithms", "kiss") == ["kiss"]
+    monkeypatch.setattr(HectorParams, "PRESETS", {})
+    assert "hector@paper" not in asked()
+
+
+# start scans
+
+
+def test_starts_are_even_over_a_tenth_of_the_log():
+    assert start_scans(5505, 19)[:2] == [0, 28] and start_scans(5505, 19)[-1] == 500
+    assert start_scans(1000, 5) == [0, 25, 50, 75, 100]
+    assert start_scans(1000, 1) == [0]
+    assert start_scans(25, 10) == [0, 1, 2], "a short log has no more"
+    assert start_scans(1, 3) == [0]
+
+
+def test_starts_by_hand():
+    found = spread_over_starts([0.02, 0.05, 0.01, 0.04], 0.03)
+    assert (found["n"], found["above"]) == (4, 2)
+    assert (found["mean"], found["median"], found["worst"]) == pytest.approx((0.03, 0.03, 0.05))
+
+
+def test_a_lost_run_is_as_bad_as_can_be():
+    found = spread_over_starts([0.02, None, 0.04], 0.1)
+    assert (found["above"], found["worst"]) == (1, math.inf)
+    assert (found["mean"], found["median"]) == pytest.approx((0.03, 0.04))
+    half = spread_over_starts([0.02, None], 0.1)
+    assert half["median"] == math.inf
+    none = spread_over_starts([None, None], 0.1)
+    assert math.isnan(none["mean"]) and none["median"] == math.inf

@@ -276,10 +276,3 @@ def test_gyro_bias():
     log = plain()
     biased = degrade(log, "gyro_bias", 2, 0)
     np.testing.assert_allclose(biased.yaw_rate.values - log.yaw_rate.values, math.radians(2.0))
-
-
-def test_the_hall_is_where_the_helpers_see_it():
-    log = hall_log([(-3.0, 1.0, 0.4)])
-    walls = ends(log, log.ranges)[0]
-    off = np.minimum(np.abs(np.abs(walls[:, 0]) - 8.0), np.abs(np.abs(walls[:, 1]) - 6.0))
-    assert off.max() < 1e-5

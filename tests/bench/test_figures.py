@@ -58,6 +58,23 @@ def test_the_overview_names_every_point(drawn):
     assert curves.lines[0].get_ydata()[-1] == 1.0
 
 
+@pytest.mark.parametrize("step", [0.02, 0.1, 0.4])
+def test_a_name_covers_no_point_and_no_other_name(drawn, step):
+    """A cloud, a row and a column of points of the ten names of the default comparison."""
+    names = [f"gmapping@paper {k}" for k in range(10)]
+    way = np.random.default_rng(0).uniform(0.0, 1.0, (10, 2))
+    for at in (way, way * (1.0, 0.0), way * (0.0, 1.0)):
+        points = [Point(n, *10.0 ** (step * 10 * a), False) for n, a in zip(names, at, strict=True)]
+        figures.save_overview({}, "", points, palette.looks(names), "nowhere")
+        (axes,) = drawn[-1].axes
+        drawn[-1].draw_without_rendering()
+        places = axes.transData.transform([(p.cpu_ms, p.error_mm) for p in points])
+        boxes = [text.get_window_extent() for text in axes.texts]
+        for box in boxes:
+            assert not any(box.contains(*place) for place in places)
+            assert box.count_overlaps(boxes) == 1, "itself"
+
+
 def axes():
     from matplotlib.figure import Figure
 

@@ -4,7 +4,6 @@ import pytest
 
 from bench import sweep
 from bench.run import plan
-from bench.run.store import Store
 from bench.sim.degrade import CATALOG
 from slams import cli
 from slams.formats.options import SourceOptions
@@ -41,13 +40,6 @@ def test_a_name_alone_is_all_its_levels_and_levels_by_hand_are_one_climb():
     assert len(plan.conditions_of(["all"])) == len(CATALOG)
 
 
-def test_a_trial_that_nobody_could_do_says_so(tmp_path):
-    made = planned(["clean"])
-    cases = made.cases(tmp_path)
-    found = made.gathered(cases, Store(tmp_path / "runs"), {})
-    assert [trial["failed"] for trial in found.trials] == 2 * ["its process died"]
-
-
 @pytest.mark.parametrize(
     ("words", "rate", "drives"),
     [
@@ -71,17 +63,9 @@ def test_parameters_are_those_for_the_sensor_unless_it_is_the_usual_one():
 
 
 def test_a_sweep_of_which_nothing_came_fails(tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep, "_do", lambda *_: None)  # and yet nothing is in the store
-    words = [
-        "--arenas",
-        "rescue",
-        "--algorithms",
-        "hector",
-        "--degradations",
-        "clean",
-        "--seeds",
-        "1",
-        "-q",
-        "--out",
-    ]
-    assert sweep.main([*words, str(tmp_path / "out")]) == cli.FAILED
+    failed = {"failed": "MemoryError"}
+    monkeypatch.setattr(sweep, "_do", lambda cases, *_: {c.task.key: failed for c in cases})
+    words = ["--arenas", "rescue", "--algorithms", "hector", "--degradations", "clean"]
+    words += ["--seeds", "1", "-q", "--out", str(tmp_path / "out")]
+    assert sweep.main(words) == cli.FAILED
+    assert "MemoryError" in (tmp_path / "out" / "sweep.json").read_text()

@@ -16,7 +16,7 @@ from bench import simulate as command
 from bench.sim.drive import Drive, Robot, drive
 from bench.sim.people import legs
 from bench.sim.range_errors import Errors
-from bench.sim.sensors import SENSORS, find_sensor
+from bench.sim.sensors import SENSORS
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
 from bench.sim.wheels import gyro, odometry
@@ -139,7 +139,7 @@ def test_gyro_bias_drifts():
     ],
 )
 def test_sensor_presets(name, beams, fan, rate, limits):
-    sensor = find_sensor(name)
+    sensor = SENSORS[name]
     laser = sensor.laser(moving=True)
     assert laser.n_beams == beams and sensor.rate == rate and sensor.source
     assert (laser.range_min, laser.range_max) == limits
@@ -155,21 +155,6 @@ def test_range_errors_have_the_size_asked_for():
     np.testing.assert_allclose(measured[:, :2].mean(axis=0), [1.0, 4.0], atol=0.003)
     assert np.isinf(measured[:, 2]).all()
     np.testing.assert_allclose(measured[:, 0] * 1000, np.round(measured[:, 0] * 1000), atol=1e-6)
-
-
-def test_dropouts_are_nan_and_inf():
-    measured = Errors(0.0, dropout=0.1).apply(np.full((200, 500), 2.0), np.random.default_rng(0))
-    assert np.isnan(measured).mean() == pytest.approx(0.05, abs=0.005)
-    assert np.isinf(measured).mean() == pytest.approx(0.05, abs=0.005)
-
-
-def test_mixed_pixels_lie_between_near_and_far():
-    edge = np.tile(np.array([1.0, 1.05, 3.0, np.inf, 3.0]), (5000, 1))
-    measured = Errors(0.0, step=0.0, mixed=0.3).apply(edge, np.random.default_rng(0))
-    changed = measured != edge
-    np.testing.assert_allclose(changed.mean(axis=0), [0, 0.3, 0, 0, 0], atol=0.03)
-    between = measured[:, 1][changed[:, 1]]
-    assert between.min() >= 1.05 and between.max() <= 3.0 and between.std() > 0.3
 
 
 def test_log_has_all_of_it():
@@ -247,16 +232,10 @@ def test_length_ends_the_drive():
     assert log.t[-1] <= log.truth.t[-1]
 
 
-def test_truth_rate_is_a_multiple_of_the_scans():
-    log = log_of(truth_rate=50.0)
-    assert np.median(np.diff(log.truth.t)) == pytest.approx(1.0 / 80.0)
-    assert log_of(truth_rate=40.0).truth_at(log.t) is not None
-    np.testing.assert_allclose(log.truth_at(log.t), log_of().truth_at(log.t), atol=1e-9)
-
-
 def test_world_comes_back_from_a_saved_log(tmp_path):
     log_of().save(tmp_path / "scans.npz")
     saved = load(tmp_path / "scans.npz")
+    saved.meta["simulated"]["gone"] = 0.5  # an option that there was once
     assert world_of(saved).fingerprint == saved.meta["simulated"]["world"]
     assert world_of(dataclasses.replace(saved, meta={"name": "other"})) is None
 
@@ -302,17 +281,6 @@ def test_command_writes_the_same_bytes_twice(tmp_path):
     assert digests[0] == digests[1]
 
 
-def test_help_imports_nothing_slow():
-    code = (
-        "import sys, bench.simulate as s\n"
-        "try: s.main(['--help'])\n"
-        "except SystemExit: pass\n"
-        "print([m for m in ('numba', 'pandas', 'matplotlib', 'cv2', 'scipy') if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
 def test_picture_is_drawn_and_quiet_is_quiet(tmp_path, capsys):
     line = ["--duration", "1", "--size", "8", "--picture", str(tmp_path / "arena.png"), "-q"]
     assert command.main([str(tmp_path / "scans.npz"), *line]) == 0
@@ -342,11 +310,3 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(tmp_path, monkeypatch, cap
     said = capsys.readouterr()
     assert said.out == "" and said.err.count("\n") == 1 and message in said.err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_interrupt_is_130(tmp_path, monkeypatch):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("bench.sim.simulation.simulate", interrupted)
-    assert command.main([str(tmp_path / "scans.npz")]) == 130

@@ -1,14 +1,12 @@
 """The sweep: climbs, and that they are the same wherever they are done; its page and files."""
 
 import json
-import signal
-import sys
-import time
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from bench import ablation
 from bench import sweep as command
 from bench.report import sweep_figure, sweep_outputs
 from bench.results import sweep as results
@@ -18,7 +16,6 @@ from bench.run import trial as trial_module
 from bench.run.trial import judged
 from slams import Params, Pose2
 from slams.player import Run, replay
-from tests.processes import ends, in_session, processes_of, signal_one
 from tests.rooms import drive
 
 
@@ -209,68 +206,78 @@ def test_the_same_bytes_from_one_process_and_two(log, tmp_path):
     assert "jump" in (places["one"] / "report.html").read_text()
 
 
-def test_what_is_done_is_not_done_again(log, tmp_path, monkeypatch):
-    assert command.main(arguments_of(log, tmp_path / "out", "--jobs", "1")) == 0
+def test_what_is_done_is_not_done_again_and_not_counted_as_work(log, tmp_path, capsys, monkeypatch):
+    words = [word for word in arguments_of(log, tmp_path / "out", "--jobs", "1") if word != "-q"]
+    counted = []
+
+    def progress(items, total, *_, **__):
+        counted.append(total)
+        return items
+
+    monkeypatch.setattr(command.cli, "progress", progress)
+    assert command.main(words) == 0
     before = (tmp_path / "out" / results.TRIALS).read_bytes()
     stored = {p: p.stat().st_mtime_ns for p in (tmp_path / "out" / "runs").rglob("*.json")}
     gone = sorted(p for p in stored if not p.name.endswith(".cost.json"))[:2]
     for path in gone:
         path.unlink()
-    assert command.main(arguments_of(log, tmp_path / "out", "--jobs", "1")) == 0
+    assert command.main(words) == 0
     assert (tmp_path / "out" / results.TRIALS).read_bytes() == before
-    kept = {p for p in stored if p.stat().st_mtime_ns == stored[p]}
-    done_again = {p.name for p in set(stored) - kept}
+    done_again = {p.name for p in stored if p.stat().st_mtime_ns != stored[p]}
     assert {p.name for p in gone} <= done_again
     assert len(done_again) <= 4  # and what they cost
+    assert counted == [15, 2]
+    assert "15 climbs, 13 kept from before, 2 to do;" in capsys.readouterr().err
 
 
-def test_a_sweep_killed_goes_on_where_it_was(log, tmp_path):
-    words = arguments_of(log, tmp_path / "out", "--jobs", "1")
-    process = in_session([sys.executable, "-m", "bench.sweep", *words])
-    runs = tmp_path / "out" / "runs"
-    try:
-        while process.poll() is None and len(list(runs.rglob("*.cost.json"))) < 3:
-            pass
-    finally:
-        process.kill()
-        process.wait()
-    stored = {p.name: p.read_bytes() for p in runs.rglob("*.json")}
-    assert stored
-    assert command.main(words) == 0
-    for path in runs.rglob("*.json"):
-        if path.name in stored and not path.name.endswith(".cost.json"):
-            assert path.read_bytes() == stored[path.name]
-    assert command.main(arguments_of(log, tmp_path / "other", "--jobs", "1")) == 0
-    trials = [(tmp_path / name / results.TRIALS).read_bytes() for name in ("out", "other")]
-    assert trials[0] == trials[1]
+HECTOR = ["--algorithms", "hector"]
 
 
 @pytest.mark.parametrize(
-    ("more", "sentence"),
+    ("words", "sentence"),
     [
         (["--degradations", "nois=0.05"], "did you mean 'noise'"),
         (["--degradations", "noise=-1"], "noise"),
         (["--degradations", "beams=2.5"], "beams"),
         (["--arenas", "moon"], "unknown arena 'moon'"),
         (["--algorithms", "hectar"], "did you mean 'hector'"),
-        (["--seeds", "0"], "--seeds: got 0"),
+        (["--algorithms", "hectar:refine=1"], "did you mean 'hector'"),
+        (["--algorithms", "hector:refin=no"], "did you mean 'refine'"),
+        (["--algorithms", "hector:refine=no,"], "expected NAME:KEY=VALUE[,KEY=VALUE]"),
+        (["--algorithms", "hector:refine=1,refine=0"], "each KEY once"),
+        ([*HECTOR, "--set", "hector:refin=false"], "did you mean 'refine'"),
+        ([*HECTOR, "--set", "hector:refine=maybe"], "'refine': got 'maybe', expected bool"),
+        ([*HECTOR, "--set", "hector:refine"], "--set: got 'refine', expected KEY=VALUE"),
+        ([*HECTOR, "--set", "tsd:refine=no"], "expected ALGORITHM:KEY=VALUE of one that is"),
+        ([*HECTOR, "--set", "cell=1"], "got 'cell=1', expected a parameter of hector"),
+        ([*HECTOR, "--params", "hector:none.yaml"], "none.yaml"),
+        (["--seeds", "0"], "--seeds: got 0, expected 1 to 1000"),
+        (["--seed", "-1"], "--seed: got -1, expected 0"),
         (["--jobs", "0"], "--jobs: got 0, expected 1 or more"),
         (["--sensor", "lds3"], "unknown sensor"),
         (["--duration", "1"], "--duration: got 1"),
+        (["--duration", "long"], "--duration: invalid float value: 'long'"),
         (["none.npz"], "none.npz"),
         (["--scan-topic", "/scan"], "--scan-topic: got no log"),
         (["none.npz", "--arenas", "ring"], "--arenas: is of simulated drives, and none.npz was"),
         (["none.npz", "--duration", "9"], "--duration: is of simulated drives"),
+        (["ablation", "hectar"], "did you mean 'hector'"),
+        (["ablation", "odometry"], "odometry: has no switch"),
+        (["ablation", "hector", "--arenas", "moon"], "unknown arena 'moon'"),
+        (["ablation", "hector", "--duration", "1"], "--duration: got 1"),
+        (["ablation"], "required: ALGORITHM"),
     ],
 )
-def test_bad_input_gets_one_sentence_and_nothing_is_written(tmp_path, capsys, more, sentence):
-    folder = tmp_path / "out"
-    assert command.main(["--out", str(folder), "-q", *more]) == 2
+def test_bad_input_gets_one_sentence_and_nothing_is_written(tmp_path, capsys, words, sentence):
+    folder, own = tmp_path / "out", ["--out", str(tmp_path / "out"), "-q"]
+    if words[0] == "ablation":
+        assert ablation.main([*words[1:], *own]) == 2
+    else:
+        assert command.main([*own, *words]) == 2
     said = capsys.readouterr().err
     assert sentence in said
     assert said.count("\n") == 1
-    written = [p for p in folder.rglob("*") if p.is_file()] if folder.exists() else []
-    assert written == []
+    assert [p for p in folder.rglob("*") if p.is_file()] == []
 
 
 def test_a_log_without_truth_is_refused(tmp_path, capsys):
@@ -300,20 +307,6 @@ def test_the_default_sweep_has_ten_drives_an_arena_and_all_three_kinds_of_rows()
     assert len(quick.logs) == 20
 
 
-def test_what_is_kept_from_before_is_not_counted_as_work(log, tmp_path, capsys, monkeypatch):
-    words = [word for word in arguments_of(log, tmp_path / "out", "--jobs", "1") if word != "-q"]
-    counted = []
-
-    def progress(items, total, *_, **__):
-        counted.append(total)
-        return items
-
-    monkeypatch.setattr(command.cli, "progress", progress)
-    assert command.main(words) == command.main(words) == 0
-    assert counted == [15, 0]
-    assert "15 climbs, 15 kept from before, 0 to do;" in capsys.readouterr().err
-
-
 def test_damaged_sweeps_are_refused(tmp_path):
     results.save(tmp_path, sweep_of([trial()]))
     found = json.loads((tmp_path / results.TRIALS).read_text())
@@ -321,14 +314,3 @@ def test_damaged_sweeps_are_refused(tmp_path):
     (tmp_path / results.TRIALS).write_text(json.dumps(found | {"format": "sweep-0"}))
     with pytest.raises(ValueError, match="sweep-2"):
         results.read(tmp_path)
-
-
-def test_no_worker_survives_an_interrupt(log, tmp_path):
-    words = arguments_of(log, tmp_path / "out", "--jobs", "2")
-    process = in_session([sys.executable, "-m", "bench.sweep", *words])
-    runs = tmp_path / "out" / "runs"
-    while process.poll() is None and not list(runs.rglob("*.cost.json")):
-        time.sleep(0.02)
-    signal_one(process, signal.SIGTERM)
-    process.communicate(timeout=20.0)
-    assert ends(processes_of(process.pid)), "a worker is left"

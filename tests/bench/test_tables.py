@@ -3,7 +3,7 @@
 import pytest
 
 from bench.report import tables, words
-from bench.report.numbers import cell
+from bench.report.lines import cell
 from bench.results import Comparison, LogResult, Outcome, Reference
 
 

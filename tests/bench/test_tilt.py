@@ -9,7 +9,7 @@ from bench.sim.degrade import degrade
 from bench.sim.drive import Drive
 from bench.sim.measuring import Measuring
 from bench.sim.ramps import LENGTH, Ramps
-from bench.sim.sensors import find_sensor
+from bench.sim.sensors import SENSORS
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
 from bench.sim.swing import HEIGHT, WALLS, Swing, level_floor, ranges_of, rise, sway
@@ -89,7 +89,7 @@ def test_a_beam_that_leaves_an_open_world_is_followed_as_far_as_the_laser_sees()
             return super().meet(rays, np.minimum(walls, 100.0), rise, height)
 
     nothing = np.zeros((20, 20), bool)
-    world, sensor = World(nothing, nothing, 0.1, (-1.0, -1.0)), find_sensor("utm30lx")
+    world, sensor = World(nothing, nothing, 0.1, (-1.0, -1.0)), SENSORS["utm30lx"]
     ramps = Followed(0.0, np.random.default_rng(0))
     still = Drive(np.array([0.0, 1.0]), np.zeros((2, 3)), np.zeros((2, 2)))
     chance = {"ranges": np.random.default_rng(0)}

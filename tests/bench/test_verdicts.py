@@ -72,11 +72,35 @@ def test_over_logs_only_those_that_both_ran_are_paired():
     assert translation({"a": {"l0": 0.1}, "b": {"l0": 0.2, "l1": 0.3}}) == []
 
 
+def rising(names, logs):
+    """Each algorithm a millimeter worse than the one before, on every log."""
+    return {
+        name: {f"l{k}": 1e-3 * (1 + more) * (1.0 + 0.01 * k) for k in range(logs)}
+        for more, name in enumerate(names)
+    }
+
+
 def test_too_few_logs_say_that_they_cannot_show_it():
-    few = {name: {f"l{k}": m + 1e-4 * k for k in range(5)} for name, m in (("a", 0.1), ("b", 0.2))}
-    (line,) = translation(few)
-    assert line["sentence"].endswith(
-        "5 logs cannot show it: the least p among 2 comparisons is 0.12"
-    )
-    many = {name: {f"l{k}": m + 1e-4 * k for k in range(8)} for name, m in (("a", 0.1), ("b", 0.2))}
-    assert "cannot show" not in translation(many)[0]["sentence"]
+    (line,) = translation(rising("ab", 5))
+    assert "a and b can't be distinguished over 5 logs: " in line["sentence"]
+    words = "; 5 logs cannot show it: the least p among 2 comparisons is 0.12"
+    assert line["sentence"].endswith(words) and line["p_value"] == 2 * 2 / 2**5
+    (line,) = translation(rising("ab", 8))
+    assert line["sentence"].startswith("translation: a is better than b over 8 logs by 1.0")
+    assert "cannot show" not in line["sentence"]
+    for line in translation(rising("abcd", 8)):
+        assert "8 logs cannot show it: the least p among 12 comparisons" in line["sentence"]
+
+
+def test_a_pair_on_fewer_logs_is_judged_by_its_own():
+    """Many comparisons on 13 logs come first; that one on 7 can still be shown."""
+    means = rising("abc", 13)
+    means["c"] = {log: means["c"][log] for log in list(means["c"])[:7]}
+    words = {line["n"]: line["sentence"] for line in translation(means)}
+    assert "cannot show" not in words[13]
+    assert "7 logs cannot show it: the least p among 4 comparisons is 0.062" in words[7]
+
+
+def test_noise_and_rounding_prove_nothing():
+    found = verdicts.on_one_log([outcome("a"), outcome("b", seed=1), outcome("c", 0.001 + 5e-10)])
+    assert all("can't be distinguished on this log: " in line["sentence"] for line in found)

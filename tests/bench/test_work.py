@@ -13,8 +13,8 @@ import pytest
 
 from bench.run import pool
 from bench.run.store import Store
-from bench.run.work import Task, in_processes, perform, run_all
-from tests.bench.toy_runs import Here
+from bench.run.work import Task, perform, run_all
+from tests.bench import toy_runs
 from tests.places import ROOT
 from tests.processes import ends, in_session, processes_of, signal_group, signal_one
 
@@ -38,14 +38,27 @@ def results(folder):
     }
 
 
+def do(tasks, store, jobs=1):
+    """Do what the store has not; the values by the tasks' names."""
+    todo = {task.key: task for task in tasks if store.read(task.key) is None}
+    return dict(run_all(todo, store, jobs))
+
+
+@pytest.fixture
+def here(monkeypatch):
+    monkeypatch.setattr(pool, "finished", toy_runs.here)
+
+
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
     """What the toys come to in one process."""
 
     def of(count):
-        folder = tmp_path_factory.mktemp("undisturbed")
-        assert len(list(run_all(toys(count), Store(folder), Here()))) == count
-        return results(folder)
+        store = Store(tmp_path_factory.mktemp("undisturbed"))
+        for task in toys(count):
+            result = perform(task, task.key)
+            store.write(task.key, result.value, result.measured)
+        return results(store.folder)
 
     return of
 
@@ -53,44 +66,29 @@ def undisturbed(tmp_path_factory):
 # run_all
 
 
-def test_what_is_there_is_reused_and_comes_first(tmp_path):
-    store, first, second = Store(tmp_path), Here(), Here()
-    fresh = [v for _, v in run_all(toys(3), store, first)]
-    found = [(t.what["n"], v) for t, v in run_all(toys(5)[::-1], store, second)]
-    assert first.done == [0, 1, 2]
-    assert second.done == [4, 3]
-    assert [n for n, _ in found] == [2, 1, 0, 4, 3]
-    assert [v for _, v in found[:3]] == fresh[::-1]
-    assert all(v == {"n": n, "square": n * n, "third": n / 3.0} for n, v in found)
+def test_a_value_is_the_same_fresh_and_stored_to_the_order_of_its_keys(tmp_path, here):
+    store, (task,) = Store(tmp_path), toys(1)
+    values = [*do([task], store).values(), store.read(task.key)]
+    assert [list(value.items()) for value in values] == [
+        [("n", 0), ("square", 0), ("third", 0.0)]
+    ] * 2
+    assert do([task], store) == {}
 
 
-def test_a_task_that_stands_in_the_list_twice_is_run_once_and_told_twice(tmp_path):
-    here = Here()
-    assert len(list(run_all([*toys(2), *toys(3)], Store(tmp_path), here))) == 5
-    assert here.done == [0, 1, 2]
-
-
-def test_the_order_of_a_value_is_the_same_fresh_and_stored(tmp_path):
-    order = [
-        list(value) for _ in range(2) for _, value in run_all(toys(1), Store(tmp_path), Here())
-    ]
-    assert order == [["n", "square", "third"]] * 2
-
-
-def test_what_an_algorithm_raises_is_its_result_without_addresses(tmp_path):
+def test_what_an_algorithm_raises_is_its_result_without_addresses(tmp_path, here):
     store = Store(tmp_path)
     for task, sentence in (
         (toy("raises", n=1), "ZeroDivisionError: at 1, by <object object at 0x..>"),
         (toy("leaves", n=1), "SystemExit: enough of 1"),
     ):
-        assert [v for _, v in run_all([task], store, Here())] == [{"failed": sentence}]
+        assert do([task], store) == {task.key: {"failed": sentence}}
         assert store.read(task.key) == {"failed": sentence}
 
 
-def test_what_tells_of_the_machine_is_said_and_not_kept(tmp_path):
+def test_what_tells_of_the_machine_is_said_and_not_kept(tmp_path, here):
     store, task = Store(tmp_path), toy("lacks_memory", n=1)
-    assert [v for _, v in run_all([task], store, Here())] == [{"failed": "MemoryError: for 1"}]
-    assert store.missing([task.key]) == [task.key]
+    assert do([task], store) == {task.key: {"failed": "MemoryError: for 1"}}
+    assert store.read(task.key) is None
 
 
 def test_other_code_than_the_sweep_was_started_with_is_no_result():
@@ -115,9 +113,9 @@ def test_a_full_disk_ends_the_work_and_what_is_done_stays(tmp_path, monkeypatch)
 
     monkeypatch.setattr(Path, "write_text", full)
     with pytest.raises(RuntimeError, match="No space left on device"):
-        list(run_all(toys(6), store, in_processes(1)))
+        do(toys(6), store)
     monkeypatch.undo()
-    assert len(store.missing([t.key for t in toys(6)])) == 4
+    assert [store.read(task.key) is None for task in toys(6)].count(True) == 4
     assert list(tmp_path.rglob("*.part")) == []
 
 
@@ -126,20 +124,20 @@ def test_a_full_disk_ends_the_work_and_what_is_done_stays(tmp_path, monkeypatch)
 
 def test_one_process_two_processes_and_merged_stores_leave_the_same_bytes(tmp_path, undisturbed):
     for jobs in (1, 2):
-        list(run_all(toys(30), Store(tmp_path / f"{jobs}"), in_processes(jobs)))
+        do(toys(30), Store(tmp_path / f"{jobs}"), jobs)
         assert results(tmp_path / f"{jobs}") == undisturbed(30)
     merged = Store(tmp_path / "merged")
     for first in range(3):
         part = Store(tmp_path / f"part {first}")
-        list(run_all(toys(30)[first::3], part, Here()))
+        do(toys(30)[first::3], part)
         subprocess.run(["cp", "-r", f"{part.folder}/.", f"{merged.folder}"], check=True)
     assert results(merged.folder) == undisturbed(30)
-    assert merged.cost(toys(1)[0].key) == {"pid": os.getpid()}
+    assert merged.cost(toys(1)[0].key).keys() == {"pid"}
 
 
 def test_processes_stay_for_many_tasks(tmp_path):
     log = tmp_path / "log"
-    list(run_all(toys(12, log=str(log)), Store(tmp_path / "store"), in_processes(2)))
+    do(toys(12, log=str(log)), Store(tmp_path / "store"), 2)
     pids = {line.split()[1] for line in log.read_text().splitlines()}
     assert len(pids) <= 2
     assert str(os.getpid()) not in pids
@@ -147,24 +145,25 @@ def test_processes_stay_for_many_tasks(tmp_path):
 
 def test_a_task_that_ends_its_process_is_not_kept_and_the_others_do_not_notice(tmp_path):
     store, deadly = Store(tmp_path / "store"), toy("exits", n=-1)
-    tasks = [deadly, *toys(4)]
-    found = {t.key: v for t, v in run_all(tasks, store, in_processes(1))}
+    found = do([deadly, *toys(4)], store)
     assert found[deadly.key] == {"failed": "its process died (exit code 3)"}
-    assert len(found) == 5 and store.missing(found) == [deadly.key]
+    assert [key for key in found if store.read(key) is None] == [deadly.key]
+    assert len(found) == 5
 
 
-def test_the_pool_gives_each_task_a_process_of_its_own_and_tells_who_died():
+def raise_odd():
+    raise type("OddError", (Exception,), {})("cannot be pickled", object())
+
+
+def test_the_pool_gives_each_task_a_process_of_its_own_and_says_why_one_failed():
     calls = {"a": (os.getpid, ()), "b": (os.getpid, ()), "c": (os._exit, (3,)), "d": (os.kill, ())}
-    calls["e"] = os.kill, (2**22 + 1, 0)
+    calls |= {"odd": (raise_odd, ()), "exit": (sys.exit, ("enough",))}
     found = dict(pool.finished(calls, 1))
-    assert found["a"].result() != found["b"].result()
-    with pytest.raises(pool.BrokenProcessPool, match="exit code 3"):
-        found["c"].result()
-    with pytest.raises(TypeError, match="exactly 2 arguments") as raised:
-        found["d"].result()
-    assert "in the process of the task" in raised.value.__notes__[0]
-    with pytest.raises(ProcessLookupError):
-        found["e"].result()
+    assert found["a"].value != found["b"].value
+    assert found["c"] == (None, "its process died (exit code 3)", True)
+    assert found["d"].failure.startswith("TypeError: ") and not found["d"].died
+    assert found["odd"].failure == "OddError: ('cannot be pickled', <object object at 0x..>)"
+    assert found["exit"] == (None, "SystemExit: enough", False)
 
 
 def interrupted():
@@ -174,37 +173,18 @@ def interrupted():
 
 def test_ctrl_c_is_for_the_parent_to_decide():
     """A terminal sends it to all; a task that ended with it would pass for one that failed."""
-    ((_, future),) = pool.finished({"a": (interrupted, ())}, 1)
-    assert future.result() == "went on"
-
-
-class StaysError(Exception):
-    """Cannot be made again from its text alone."""
-
-    def __init__(self, one, two):
-        super().__init__(f"{one} {two}")
-
-
-def raise_odd():
-    raise StaysError("not", "portable")
-
-
-def test_exceptions_that_cannot_travel_or_would_end_us_come_as_text():
-    calls = {"odd": (raise_odd, ()), "exit": (sys.exit, ("enough",))}
-    found = dict(pool.finished(calls, 1, fresh=False))
-    with pytest.raises(RuntimeError, match="StaysError: not portable"):
-        found["odd"].result()
-    with pytest.raises(RuntimeError, match="SystemExit: enough"):
-        found["exit"].result()
+    ((_, ended),) = pool.finished({"a": (interrupted, ())}, 1)
+    assert ended.value == "went on"
 
 
 # killed, interrupted, ended
 
 DRIVER = """
 import sys
+from bench.run import pool
 from bench.run.store import Store
-from bench.run.work import Task, in_processes, run_all
-from tests.bench.toy_runs import Here
+from bench.run.work import Task, run_all
+from tests.bench import toy_runs
 
 folder, count, seconds, log, who, jobs = sys.argv[1:]
 where = {"seconds": float(seconds), "log": log, "who": who}
@@ -214,8 +194,10 @@ tasks = [
 ]
 store = Store(folder)
 print("ready", flush=True)
-executor = in_processes(int(jobs)) if int(jobs) else Here()
-work = run_all(tasks, store, executor)  # with a name: lives as long as the interpreter
+if not int(jobs):
+    pool.finished = toy_runs.here
+todo = {task.key: task for task in tasks if store.read(task.key) is None}
+work = run_all(todo, store, int(jobs))  # with a name: lives as long as the interpreter
 for _ in work:
     """
 

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from bench.sim.maze import _blocks, rescue_arena
-from bench.sim.places import nodes_of
-from bench.sim.routes import Routes
 from bench.sim.world import World, read_world
 from tests.bench import naive_world
 
@@ -193,21 +191,6 @@ def arena(seed, **options):
     return rescue_arena(np.random.default_rng(seed), **options)
 
 
-def test_same_seed_same_arena_and_another_seed_another():
-    assert arena(1, size=10.0).fingerprint == arena(1, size=10.0).fingerprint
-    assert arena(1, size=10.0).fingerprint != arena(2, size=10.0).fingerprint
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_no_ray_leaves_the_arena(seed):
-    world = arena(seed, size=12.0)
-    rng = np.random.default_rng(seed)
-    iy, ix = rng.choice(np.argwhere(world.free), 3000).T
-    middle = (np.column_stack([ix, iy]) + 0.5) * world.resolution + np.array(world.origin)
-    rays = np.column_stack([middle, rng.uniform(-math.pi, math.pi, len(middle))])
-    assert np.isfinite(world.cast(rays)).all()
-
-
 @pytest.mark.parametrize(("seed", "resolution"), [(0, 0.02), (1, 0.025), (2, 0.03), (3, 0.04)])
 def test_arena_has_no_seams(seed, resolution):
     """No gap between walls is one or two cells wide, every wall is at least two cells thick."""
@@ -220,12 +203,6 @@ def test_arena_has_no_seams(seed, resolution):
     assert sum(int((one & 1).sum()) for one in thin) < 0.002 * walls.sum()  # tips of slants
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_robot_reaches_nearly_every_open_place(seed):
-    world = arena(seed, size=12.0)
-    assert Routes(world, 0.4).part.sum() > 0.99 * nodes_of(world, 0.4).open.sum()
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_blocks_never_part_the_lanes(seed):
     lane = np.ones((1, 60), bool)
@@ -234,15 +211,7 @@ def test_blocks_never_part_the_lanes(seed):
 
 
 def test_arena_looks_like_one():
-    """About the asked size; mostly lanes, a tenth or so of walls and elements."""
+    """Mostly lanes, a tenth or so of walls and elements."""
     world = arena(0)
-    left, right, bottom, top = world.extent
-    assert 17.0 < right - left < 21.0 and 17.0 < top - bottom < 21.0
     share = world.occupied.sum() / (world.occupied | world.free).sum()
     assert 0.08 < share < 0.3
-
-
-@pytest.mark.parametrize("bad", [{"resolution": 0.5}, {"size": 2.0}])
-def test_arena_refuses_what_it_cannot_build(bad):
-    with pytest.raises(ValueError, match="expected"):
-        arena(0, **bad)

@@ -4,7 +4,8 @@ import os
 import time
 from pathlib import Path
 
-from bench.run.work import Result, perform
+from bench.run.pool import Ended
+from bench.run.work import Result
 
 
 def _begin(n, log, who):
@@ -35,13 +36,7 @@ def exits(n, log=os.devnull):
     os._exit(3)
 
 
-class Here:
-    """Tasks in this process; counts them."""
-
-    def __init__(self):
-        self.done = []
-
-    def __call__(self, tasks):
-        for key, task in tasks.items():
-            self.done.append(task.what["n"])
-            yield key, perform(task, key)
+def here(calls, workers, fresh=True):
+    """What the pool does, in this process."""
+    for key, (function, arguments) in calls.items():
+        yield key, Ended(function(*arguments))

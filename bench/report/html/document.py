@@ -9,8 +9,8 @@ from bench.judge import loss, metrics
 from bench.report import tables, words
 from bench.report import text as report
 from bench.report.html import page
-from bench.report.html.cells import table
 from bench.report.html.markup import Markup, bullets, element, together
+from bench.report.html.page import table
 from bench.report.html.record import facts, parameters
 from bench.report.lines import Table
 
@@ -28,13 +28,7 @@ PATHS = "Paths seen from the first pose; dashed: the true one, where it is known
 
 
 def write(folder: Path, comparison: Comparison, done: LogResult) -> None:
-    """Write report.html of one log of a comparison beside its figures; same results, same bytes."""
-    text = document(folder, comparison, done)
-    (folder / "report.html").write_text(text, encoding="utf-8", errors="replace")
-
-
-def document(folder: Path, comparison: Comparison, done: LogResult) -> str:
-    """The report's text; its figures lie in `folder`."""
+    """Write report.html of one log of a comparison beside its figures in `folder`."""
     entry, rows = done.entry, done.rows
     made = tables.tables(entry, rows)
     alone = comparison._replace(logs=[done], over_logs=[])
@@ -62,16 +56,11 @@ def document(folder: Path, comparison: Comparison, done: LogResult) -> str:
         "Definitions": _definitions(),
     }
     title, heading = f"{entry['name']}: SLAM comparison", report.head(entry)
-    return page.page(title, heading, shown | folded, folded)
+    page.write(folder, title, heading, shown, folded)
 
 
 def _tables(made: dict[str, Table], keys: tuple[str, ...]) -> Markup:
-    drawn = []
-    for key in keys:
-        if key in made:
-            drawn.append(table(made[key]))
-            drawn += [element("p", tables.DIFFERS)] if key == "published" else []
-    return together(*drawn)
+    return together(*(table(made[key]) for key in keys if key in made))
 
 
 def _verdicts(entry: Line) -> Markup | None:

@@ -10,8 +10,8 @@ from urllib.parse import quote
 from bench.report import tables, words
 from bench.report import text as report
 from bench.report.html import page
-from bench.report.html.cells import table
 from bench.report.html.markup import Markup, bullets, element, together
+from bench.report.html.page import table
 from bench.report.html.record import facts
 from bench.report.lines import Table
 
@@ -37,11 +37,10 @@ def write_joint(folder: Path, comparison: Comparison, folders: Sequence[str]) ->
     }
     folded = {
         "How sure": bullets(over) if over else None,
-        "How it was run": facts(comparison.as_dict(), {}),
+        "How it was run": facts(comparison.facts),
     }
     title = f"SLAM comparison over {len(comparison.logs)} logs"
-    text = page.page(title, title, shown | folded, folded)
-    (folder / "report.html").write_text(text, encoding="utf-8", errors="replace")
+    page.write(folder, title, title, shown, folded)
 
 
 def _links(comparison: Comparison, folders: Sequence[str]) -> Markup:

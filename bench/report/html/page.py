@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from string import Template
 
+from bench.report import text as report
 from bench.report.html.markup import Markup, element, together
+from bench.report.lines import Table
 
 HERE = Path(__file__).parent
 COSTS = (
@@ -16,20 +18,25 @@ COSTS = (
 )
 
 
-def page(
-    title: str, heading: str, sections: Mapping[str, Markup | None], folded: Collection[str] = ()
-) -> str:
-    """The text of a page.
+def write(
+    folder: Path,
+    title: str,
+    heading: str,
+    shown: Mapping[str, Markup | None],
+    folded: Mapping[str, Markup | None],
+) -> None:
+    """Write report.html; same sections, same bytes.
 
     Args:
+        folder: where it goes.
         title: of the window.
         heading: the first line.
-        sections: by name; empty ones are left out.
-        folded: sections of which only the name is seen at first.
+        shown: sections by name; empty ones are left out.
+        folded: those behind them, of which only the name is seen at first.
     """
-    known = {name: body for name, body in sections.items() if body}
+    known = {name: body for name, body in {**shown, **folded}.items() if body}
     links = [element("a", name, href=f"#{_anchor(name)}") for name in known]
-    return template("report.template.html").substitute(
+    text = template("report.template.html").substitute(
         title=element("title", title),
         style=(HERE / "report.css").read_text(encoding="utf-8"),
         script=(HERE / "report.js").read_text(encoding="utf-8"),
@@ -37,6 +44,7 @@ def page(
         contents=together(*links),
         main=together(*(_section(name, body, name in folded) for name, body in known.items())),
     )
+    (folder / "report.html").write_text(text, encoding="utf-8", errors="replace")
 
 
 def picture(path: Path, words: str) -> Markup | None:
@@ -46,6 +54,28 @@ def picture(path: Path, words: str) -> Markup | None:
     data = b64encode(path.read_bytes()).decode("ascii")
     drawn = element("img", src=f"data:image/png;base64,{data}", alt=words)
     return element("figure", drawn, element("figcaption", words))
+
+
+def table(one: Table) -> Markup:
+    """A table with its title that scrolls in its own box; cells as in every other format."""
+    head, *body = report.cells(one.frame, one.corner)
+    drawn = element(
+        "table",
+        element("caption", element("span", one.title)),
+        element("thead", element("tr", *(element("th", text, scope="col") for text in head))),
+        element("tbody", *(_line(head, line) for line in body)),
+    )
+    known = {"class_": "scroll", "tabindex": 0, "role": "region", "aria_label": one.title}
+    return together(element("div", drawn, **known), element("p", one.note) if one.note else None)
+
+
+def _line(head: list[str], line: list[str]) -> Markup:
+    """A line; on a narrow screen the label of a value stands with it."""
+    name, *values = line
+    header = element("th", element("span", name), scope="row")
+    cells = zip(head[1:], values, strict=True)
+    drawn = (element("td", value, data_label=column) for column, value in cells)
+    return element("tr", header, *drawn)
 
 
 def template(name: str) -> Template:

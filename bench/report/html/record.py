@@ -1,4 +1,4 @@
-"""How a comparison was made: command, machine, versions, the log and every parameter."""
+"""How results were made: command, machine, versions, the log and every parameter."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from typing import Any
 
 import pandas as pd
 
-from bench.report.html.cells import table
 from bench.report.html.markup import Markup, element, together
+from bench.report.html.page import table
 from bench.report.lines import Table, label
 from bench.results import Line, Row, Rows
 
 
-def facts(results: Line, entry: Line) -> Markup:
-    """What can be said in a word or two each, and the notes on the log."""
+def facts(results: Line, entry: Line | None = None) -> Markup:
+    """What can be said in a word or two each; of one log its entry and the notes on it, too."""
+    entry = entry or {}
     notes = [element("li", note) for note in entry.get("notes") or []]
     return together(
         element("p", element("code", results["command"])),
@@ -30,7 +31,7 @@ def parameters(rows: Rows) -> Markup:
 
 
 def _choices(results: Line, entry: Line) -> dict[str, Any]:
-    odometry = "given" if results["odometry"] else "hidden"
+    odometry = "given" if results.get("odometry") else "hidden"
     known = {
         "odometry": odometry if entry.get("odometry") else "none in the log",
         "gyro": "yes" if entry.get("gyro") else "no",

@@ -1,6 +1,6 @@
 """What breaks an algorithm in the field: pure functions of a log, a level and a seed."""
 
-from bench.sim.degrade.catalog import CATALOG, degrade, find_degradation, parse
+from bench.sim.degrade.catalog import CATALOG, degrade
 from bench.sim.degrade.degradation import Degradation
 
-__all__ = ["CATALOG", "Degradation", "degrade", "find_degradation", "parse"]
+__all__ = ["CATALOG", "Degradation", "degrade"]

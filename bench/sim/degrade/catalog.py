@@ -8,7 +8,7 @@ import numpy as np
 
 from bench.sim.degrade import fan, glass, people, readings, stamps, tilt, wheels
 from bench.sim.degrade.degradation import Degradation, degradation
-from slams.params import nearest
+from bench.sim.setting import look_up
 from slams.scanlog import ScanLog
 
 
@@ -23,32 +23,6 @@ EVERY = [clean, *(one for kind in KINDS for one in vars(kind).values())]
 CATALOG = {one.name: one for one in EVERY if isinstance(one, Degradation)}
 
 
-def find_degradation(name: str) -> Degradation:
-    """The degradation of that name.
-
-    Raises:
-        LookupError: there is none; the nearest name is given.
-    """
-    if name in CATALOG:
-        return CATALOG[name]
-    hint = nearest(name.lower(), CATALOG)
-    raise LookupError(f"unknown degradation {name!r}{hint} (known: {', '.join(CATALOG)})")
-
-
-def parse(text: str) -> tuple[Degradation, float]:
-    """The degradation and the level of "noise=0.05"; "clean" and "poor_lidar" need no level.
-
-    Raises:
-        LookupError: no such degradation.
-        ValueError: no such level.
-    """
-    name, given, level = text.partition("=")
-    found = find_degradation(name.strip())
-    if not given and len(found.levels) == 1:
-        return found, float(found.levels[0])
-    return found, found.checked(level.strip() if given else "no level")
-
-
 def degrade(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
     """A log as it would be under a degradation; the one given stays as it is.
 
@@ -61,7 +35,7 @@ def degrade(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
         LookupError: no such degradation.
         ValueError: no such level or seed, or the log has nothing that this could degrade.
     """
-    found = find_degradation(name)
+    found = look_up("degradation", name, CATALOG)
     level = found.checked(level)
     if seed < 0:
         raise ValueError(f"seed: got {seed}, expected 0 or more")

@@ -32,7 +32,7 @@ def glass(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     A place is glass from wherever it is seen. A beam that meets it sees nothing (inf: what lies
     behind is not in the log), unless it meets it within 8 deg of the perpendicular.
     """
-    places = _Places.draw(rng)
+    places = _Places(rng)
     ranges = np.array(log.ranges)
     for start in range(0, len(log), BLOCK):
         block = slice(start, start + BLOCK)
@@ -48,14 +48,10 @@ def glass(log: ScanLog, level: float, rng: Generator) -> ScanLog:
 class _Places:
     """A grid of squares, askew to the walls so that none lies along a border, each with a draw."""
 
-    def __init__(self, tilt: float, draws: Floats) -> None:
+    def __init__(self, rng: Generator) -> None:
+        tilt = float(rng.uniform(*TILT))
         self.axes = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
-        self.draws = draws
-
-    @classmethod
-    def draw(cls, rng: Generator) -> _Places:
-        """Tilt and draws by chance."""
-        return cls(float(rng.uniform(*TILT)), rng.random((PERIOD, PERIOD)))
+        self.draws = rng.random((PERIOD, PERIOD))
 
     def chance(self, points: Floats) -> Floats:
         """The draw (...) in [0, 1) of the place of each point (..., 2) [m]; 1 where not finite."""

@@ -1,0 +1,30 @@
+"""Options that several commands of the benchmark have. Light: help reads it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable
+
+from slams import cli
+
+JOBS = min(2, os.cpu_count() or 1)
+
+
+def add_jobs(parser: argparse.ArgumentParser) -> None:
+    """Give a command --jobs; the results do not depend on it."""
+    words = "number of processes (default: %(default)s)"
+    parser.add_argument("--jobs", type=cli.count, metavar="N", default=JOBS, help=words)
+
+
+def within(kind: type, low: float, high: float) -> Callable[[str], float]:
+    """What reads an option that is a number from `low` to `high`."""
+
+    def _read(text: str) -> float:
+        value: float = kind(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"got {value:g}, expected {low:g} to {high:g}")
+        return value
+
+    _read.__name__ = kind.__name__  # argparse names it where the text is no number
+    return _read
