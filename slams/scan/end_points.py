@@ -19,6 +19,7 @@ NEAR = 0.1  # m, between two beams with a straight wall between them
 SLACK = 0.1  # m, between neighbors of one surface
 STRAY = 6.0  # deviations of the noise that two neighbors of one surface may differ by
 SMOOTH = 6.0  # deviations of the noise in half a window, for a normal good to a tenth
+OUTLIER = 4.0  # deviations of the noise from which a beam is not on its neighbors' wall
 SAMPLES = 10  # triples of beams, fewer tell nothing of the noise
 NORMAL_MEDIAN = 0.6745  # of the absolute value of a normal deviate
 TRIPLE = math.sqrt(1.5)  # deviation of a beam less the mean of two others, of one beam's
@@ -143,7 +144,8 @@ class EndPoints:
         if self._noise.is_fresh(t):
             return
         room = self._room[0]
-        count = kernels.beyond_chords(self.points, self.n, self.mount, NEAR, room)
+        most = OUTLIER * self.noise
+        count = kernels.beyond_chords(self.points, self.n, self.mount, NEAR, most, room)
         if count >= SAMPLES:
             half = count // 2
             found = float(np.partition(room[:count], half)[half]) / (NORMAL_MEDIAN * TRIPLE)

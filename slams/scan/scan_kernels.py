@@ -127,17 +127,21 @@ def jumps(points: Points, i: int, mount: Pose2, step: float, slack: float) -> bo
 
 
 @njit
-def beyond_chords(points: Points, n: int, mount: Pose2, near: float, out: Floats) -> int:
+def beyond_chords(
+    points: Points, n: int, mount: Pose2, near: float, most: float, out: Floats
+) -> int:
     """How far beams lie off the line through both neighbors [m], out (>= n,); returns how many.
 
     ours: what is left of a wall there is noise. Of every third beam whose neighbors are within
-    `near` [m] of each other.
+    `near` [m] of each other, if it is within `most` [m]: farther off is another thing, or smoke.
     """
     count = 0
     for i in range(1, n - 1, 3):
         if square_gap(points, i - 1, i + 1) < near * near:
-            out[count] = abs(beyond_chord(points, i - 1, i, i + 1, mount))
-            count += 1
+            off = abs(beyond_chord(points, i - 1, i, i + 1, mount))
+            if off < most:
+                out[count] = off
+                count += 1
     return count
 
 

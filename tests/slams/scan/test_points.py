@@ -82,10 +82,10 @@ def test_a_point_is_brought_along_the_arc_to_the_middle_of_the_sweep():
 def test_noise_is_what_is_left_of_straight_walls():
     rng, wall = np.random.default_rng(0), np.linspace(-1.0, 1.0, 301)
     points = np.stack([np.full(301, 2.0), wall, np.arange(301.0)])
-    assert beyond_chords(points.copy(), 301, IDENTITY, 0.1, np.zeros(301)) == 100
-    assert beyond_chords(points.copy(), 301, IDENTITY, 0.01, np.zeros(301)) == 0
+    assert beyond_chords(points.copy(), 301, IDENTITY, 0.1, 0.1, np.zeros(301)) == 100
+    assert beyond_chords(points.copy(), 301, IDENTITY, 0.01, 0.1, np.zeros(301)) == 0
     out = np.zeros(301)
-    beyond_chords(points, 301, Pose2(0.5, 0.3, 0.0), 0.1, out)
+    beyond_chords(points, 301, Pose2(0.5, 0.3, 0.0), 0.1, 0.1, out)
     assert np.abs(out).max() < 1e-12
     lidar = laser(1441)
     for noise, found in ((0.02, 0.02), (0.3, 0.15), (0.0, 0.001)):
@@ -93,6 +93,17 @@ def test_noise_is_what_is_left_of_straight_walls():
         for k in range(30):
             ends.take(scan_at((0.0, 0.0, 0.0), lidar, noise=noise, rng=rng, t=0.1 * k), IDENTITY)
         assert ends.noise == pytest.approx(found, rel=0.15)
+
+
+def test_what_is_no_wall_is_no_noise():
+    """Smoke: half of the beams end somewhere before the wall."""
+    rng, lidar, ends = np.random.default_rng(0), laser(1441), EndPoints(ScanParams())
+    for k in range(30):
+        scan = scan_at(IDENTITY, lidar, noise=0.01, rng=rng, t=0.1 * k)
+        struck = rng.random(lidar.n_beams) < 0.5
+        short = np.where(struck, scan.ranges * rng.random(lidar.n_beams), scan.ranges)
+        ends.take(Scan(scan.t, short.astype(np.float32), lidar), IDENTITY)
+    assert ends.noise < 0.02
 
 
 def noisy(beams, noise):
