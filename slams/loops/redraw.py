@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from slams.localize.hooks import Localizes
-from slams.loops.graph import PoseGraph
+from slams.loops.graph import LEVER, PoseGraph
 from slams.loops.matching import Keyframe
 from slams.types import Pose2, wrap_angle
 
@@ -13,9 +13,9 @@ MOVED = 0.05  # m, and as many times 0.1 rad, that a keyframe has to move, or th
 
 
 def gap(one: Pose2, other: Pose2) -> float:
-    """Distance of two poses [m], as walls 10 m away show it."""
+    """Distance of two poses [m], as walls `LEVER` away show it."""
     turn = abs(wrap_angle(one.theta - other.theta))
-    return math.hypot(one.x - other.x, one.y - other.y) + 10.0 * turn
+    return math.hypot(one.x - other.x, one.y - other.y) + LEVER * turn
 
 
 class Redraw:

@@ -99,10 +99,10 @@ def test_loops_correct_the_poses_and_the_map_of_any_algorithm():
 
 def test_every_loop_is_where_the_truth_has_it():
     log, (slam, _) = around(), driven()
-    for ends, pose in zip(slam.graph.loops.ends, slam.graph.loops.poses, strict=True):
-        stamps = [slam.keyframes[k].scan.t for k in ends]
+    for edge in slam.graph.loops:
+        stamps = [slam.keyframes[k].scan.t for k in (edge.earlier, edge.later)]
         one, other = (Pose2(*row) for row in log.truth_at(np.array(stamps)))
-        off = one.between(other).between(Pose2(*pose))
+        off = one.between(other).between(edge.pose)
         assert math.hypot(off.x, off.y) < 0.15
         assert abs(off.theta) < 0.03
 
