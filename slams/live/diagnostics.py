@@ -115,7 +115,7 @@ class Terminal:
         where = f"x {x:.2f} y {y:.2f} m, {math.degrees(theta):.0f} deg"
         explained = "" if math.isnan(estimate.explained) else f", map {estimate.explained:.0%}"
         if not estimate.found:
-            return f"{node.drive.counts['sought']} scans, sought in the map; {where}?{explained}"
+            return f"{node.drive.sought} scans, sought in the map; {where}?{explained}"
         return (
             f"{scans} scans, {rate:.1f}/s, {dropped} left out, {len(node.scans)} wait; "
             f"{where}; {estimate.state} {estimate.quality:.2f}{explained}; "

@@ -326,16 +326,6 @@ def test_odd_messages_are_left_out_and_said_once(monkeypatch):
     assert any("two lasers on one topic" in said for said in stand.said)
 
 
-def test_the_first_scan_does_not_wait_where_tf_tells_all(monkeypatch):
-    stand = Stand(monkeypatch)
-    monkeypatch.setattr(node, "SETTLING_TIME", 60.0)
-    stand.tf(("base_link", "laser", MOUNT))
-    stand.moved(0.0, (0.0, 0.0, 0.0))
-    stand.scan(0.0)
-    stand.start()  # nor is it held up by what only a topic would tell
-    assert stand.node.buffer.source == "tf"
-
-
 def test_a_laser_that_begins_with_empty_scans_is_waited_for(monkeypatch):
     stand = mounted(monkeypatch)
     empty = stand.make.scan(0, "", LASER, np.zeros(0, np.float32), 0.1)
