@@ -17,20 +17,55 @@ import numpy as np
 
 from slams.localize.hooks import Localizes
 from slams.loops.detector import LoopDetector
-from slams.loops.graph import PoseGraph
+from slams.loops.graph import LEVER, PoseGraph
 from slams.loops.matching import Keyframe, keyframe
 from slams.loops.params import LoopParams
-from slams.loops.redraw import MOVED, Redraw, gap
 from slams.params import Params
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, wrap_angle
 
 STEP_NOISE = 0.01, 0.01, 0.002  # m, m, rad: of every step between keyframes
+MOVED = 0.05  # m, and as many times 0.1 rad, that a keyframe has to move, or the map stays
 MIN_ENDS = 20  # end points of a keyframe
 JUMP = 0.2  # m that the algorithm may be off its own last step or the wheels': it closed a loop
 REDRAWN = 4  # keyframes that enter the new map beside one scan
 PAUSE = 5  # scans to each keyframe of a map that was drawn anew, until the next
 SETTLED = 1e-4  # m, rad: the last iteration moves no pose by more
 PASSED = "state", "quality", "covariance", "pictures", "snapshot"
+
+
+def gap(one: Pose2, other: Pose2) -> float:
+    """Distance of two poses [m], as walls `LEVER` away show it."""
+    turn = abs(wrap_angle(one.theta - other.theta))
+    return math.hypot(one.x - other.x, one.y - other.y) + LEVER * turn
+
+
+class Redraw:
+    """A new instance of an algorithm into which keyframes enter, a few for each scan.
+
+    `done` once it has all that the graph has.
+    """
+
+    def __init__(self, slam: Localizes, keyframes: list[Keyframe]) -> None:
+        self.slam = slam
+        self._keyframes = keyframes
+        self._poses: list[Pose2] = []  # at which keyframes are in the map
+
+    @property
+    def done(self) -> bool:
+        """Whether every keyframe is in the map."""
+        return len(self._poses) == len(self._keyframes)
+
+    def is_outdated(self, graph: PoseGraph) -> bool:
+        """Whether keyframes that are in the map have moved."""
+        last = len(self._poses) - 1
+        return last >= 0 and gap(self._poses[last], graph.pose(last)) > MOVED
+
+    def insert(self, count: int, graph: PoseGraph) -> None:
+        """Let the next `count` keyframes enter."""
+        first = len(self._poses)
+        for k in range(first, min(first + count, len(self._keyframes))):
+            self._poses.append(graph.pose(k))
+            self.slam.insert_at(self._keyframes[k].scan, self._poses[k])
 
 
 class Looped:

@@ -15,8 +15,7 @@ from slams.check import CHECKS, broken
 from slams.loops import LoopEdge, PoseGraph
 from slams.loops.detector import REFUTED, LoopDetector, Verified
 from slams.loops.matching import Found, keyframe
-from slams.loops.redraw import Redraw
-from slams.loops.slam import MOVED, looped
+from slams.loops.slam import MOVED, Redraw, looped
 from slams.player import replay
 from slams.registry import find, label_of
 from slams.scanlog import Track
