@@ -271,7 +271,7 @@ def test_the_old_state_stays_whole_when_saving_fails(kept, tmp_path, monkeypatch
     path = tmp_path / "x.state"
     shutil.copy(kept, path)
     with monkeypatch.context() as patch:
-        patch.setattr("slams.state.archive.json.dumps", lambda *a, **k: 1 / 0)
+        patch.setattr("slams.state.store.json.dumps", lambda *a, **k: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             save(new("hector"), path)
     assert path.read_bytes() == kept.read_bytes()
