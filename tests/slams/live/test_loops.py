@@ -10,7 +10,7 @@ from slams.types import Pose2
 from tests.slams.live.robots import Stand, close
 from tests.slams.loops.test_looped import around
 
-DRIFTING = "tests.slams.loops.test_looped:Drifting+loops"
+DRIFTING = "tests.wheels:Drifting+loops"
 
 
 def planar(where, rotation):

@@ -22,32 +22,7 @@ from slams.scanlog import Track
 from slams.test_world import laser, scan_at
 from slams.types import IDENTITY, Corrected, Pose2
 from tests.rooms import ALGORITHMS
-
-
-class Drifting:
-    """A `Localizes` without matching: its poses are the wheels', its map is the last keyframe."""
-
-    Params = slams.Params
-
-    def __init__(self, params):
-        self.params, self.frozen = params, False
-        self._first = self._origin = None
-        self.inserted = []
-
-    def update(self, scan):
-        if self._first is None:
-            self._first, self._origin = scan.odometry, IDENTITY
-        return self._origin @ self._first.between(scan.odometry)
-
-    def insert_at(self, scan, pose):
-        self._first, self._origin = scan.odometry, pose
-        self.inserted.append(pose)
-
-    def map(self):
-        return slams.OccupancyGrid(np.full((1, 1), np.nan, np.float32), 0.05, (0.0, 0.0))
-
-    def report(self):
-        return {}
+from tests.wheels import Drifting
 
 
 @cache
@@ -74,10 +49,15 @@ class Nowhere:
 NOWHERE = Nowhere()
 
 
+def new():
+    cls = looped(Drifting)
+    return cls(cls.Params())
+
+
 @cache
 def driven():
     """An algorithm without matching that has driven around with loops, and its run."""
-    slam = looped(Drifting)(looped(Drifting).Params())
+    slam = new()
     return slam, replay(slam, around())
 
 
@@ -91,8 +71,8 @@ def test_loops_correct_the_poses_and_the_map_of_any_algorithm():
     assert slam.report()["loops"] > 5
     assert slam.report()["redrawn"] >= 1
     assert ate(run.corrected, log) < 0.3 * ate(run.poses, log)
-    ends = [slam.graph.pose(k) for k in range(len(slam.slam.inserted))]
-    off = [math.hypot(a.x - b.x, a.y - b.y) for a, b in zip(ends, slam.slam.inserted, strict=True)]
+    drawn = np.array([pose for _, pose in slam.slam.inserted])
+    off = np.hypot(*(slam.graph.poses[: len(drawn)] - drawn)[:, :2].T)
     assert np.median(off) < 4.0 * MOVED  # the map is that of the poses, but for later loops
 
 
@@ -109,7 +89,7 @@ def test_every_loop_is_where_the_truth_has_it():
 def test_a_drive_without_a_return_closes_nothing():
     log = around()
     log = log.rows(np.arange(0, len(log.t) // 6))
-    slam = looped(Drifting)(looped(Drifting).Params())
+    slam = new()
     replay(slam, log)
     assert slam.report()["loops"] == 0
 
@@ -170,7 +150,7 @@ def still(t, odometry):
 
 def test_a_jump_of_the_algorithm_makes_its_step_uncertain():
     """The pose jumps by a meter where the wheels count a decimeter: a loop closed by itself."""
-    slam = looped(Drifting)(looped(Drifting).Params())
+    slam = new()
     places = [Pose2(0.1 * k, 0.0, 0.0) for k in range(12)]
     for k, place in enumerate(places):
         if k == 8:
@@ -183,7 +163,7 @@ def test_a_jump_of_the_algorithm_makes_its_step_uncertain():
 
 def test_after_an_exchange_keyframes_follow_in_the_new_map():
     log = around()
-    slam = looped(Drifting)(looped(Drifting).Params())
+    slam = new()
     redrawn, loops = 0, -1
     for scan in log:
         pose, report = slam.update(scan), slam.report()
