@@ -62,19 +62,14 @@ class SensorBuffer:
                 self._integrate()
             self._changed.notify_all()
 
-    def settle(self, laser: str) -> Mounted | None:
-        """Where the laser sits, or None while that is open; the odometry is chosen with it."""
+    def mounted(self, laser: str) -> Mounted | None:
+        """Where a laser sits, or None while that is open; with the first one odometry is chosen."""
         with self._changed:
-            moving = self._moving(laser)
+            moving = None if self._settled else self._moving(laser)
             mounted = self.frames.mounted(laser, moving)
-            if mounted is not None:
+            if mounted is not None and not self._settled:
                 self._choose(moving)
             return mounted
-
-    def mounted(self, laser: str) -> Mounted | None:
-        """Where a further laser sits on the base that is settled; None while tf leaves it open."""
-        with self._changed:
-            return self.frames.mounted(laser, None)
 
     def wait_for(self, t: float, until: float) -> None:
         """Let odometry and gyro catch up with a stamp, until a time of `time.monotonic` at most."""

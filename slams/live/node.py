@@ -224,13 +224,12 @@ class Node:
         Odometry and tf have some time to begin.
         """
         waited, frames = time.monotonic() - first.at, self.buffer.frames
-        mounted = self.buffer.settle(first.frame) if waited >= SETTLING_TIME else None
-        if mounted is not None:
-            self.scans.place(first.topic, mounted)
-        elif waited > MAX_WAIT_FOR_TF and frames.complaint(first.frame) is None:
+        if waited >= SETTLING_TIME and self.scans.is_placed(first.topic):
+            return True
+        if waited > MAX_WAIT_FOR_TF and frames.complaint(first.frame) is None:
             self._assumed_base = frames.base = first.frame
             self._say(f"no transform to the laser's frame {first.frame}: it is the base")
-        return mounted is not None
+        return False
 
     def _why_no_mount(self, first: Arrived) -> str:
         complaint = self.buffer.frames.complaint(first.frame)

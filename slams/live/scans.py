@@ -98,9 +98,13 @@ class Scans:
         with self._changed:
             return next(iter(self._changed.wait_for(lambda: self._waiting, timeout)), None)
 
-    def place(self, topic: str, mounted: Mounted) -> None:
-        """Tell where the laser of a topic sits."""
-        self._lasers[topic] = MountedLaser(mounted)
+    def is_placed(self, topic: str) -> bool:
+        """Whether it is known where the laser of a topic sits that has sent a scan."""
+        if topic not in self._lasers:
+            mounted = self._mounted(self._last[topic].frame)
+            if mounted is not None:
+                self._lasers[topic] = MountedLaser(mounted)
+        return topic in self._lasers
 
     def take(self, timeout: float) -> Arrived | None:
         """The next scan of a laser whose place is known; None if no scan's turn comes in time."""
@@ -137,7 +141,7 @@ class Scans:
         return over > 0 and now - self._waiting[over - 1].at >= self._wait
 
     def _next(self) -> Arrived | None:
-        while self._waiting and not self._is_placed(self._waiting[0].topic):
+        while self._waiting and not self.is_placed(self._waiting[0].topic):
             del self._waiting[0]
             self.counts["unplaced"] += 1
         if not self._waiting or self._has_to_wait(self._waiting[0], time.monotonic()):
@@ -149,15 +153,8 @@ class Scans:
         return now - scan.at < self._wait and any(
             last.t < scan.t
             for topic, last in self._last.items()
-            if topic != scan.topic and now - last.at < MAX_SILENCE and self._is_placed(topic)
+            if topic != scan.topic and now - last.at < MAX_SILENCE and self.is_placed(topic)
         )
-
-    def _is_placed(self, topic: str) -> bool:
-        if topic not in self._lasers:
-            mounted = self._mounted(self._last[topic].frame)
-            if mounted is not None:
-                self.place(topic, mounted)
-        return topic in self._lasers
 
 
 def _arrived(record: Record) -> Arrived:

@@ -121,8 +121,9 @@ def test_topics_on_the_command_line():
         parser().parse_args(["hector", "--scan-topic", "front", "--scan-topic", "/rear"])
     )
     assert options.topics.scans == ("/front", "/rear")
-    renamed = node_options(parser().parse_args(["hector", "--remap", "/map:=/m", "--imu", "gyro"]))
-    assert renamed.topics == Topics(map="/m", imu="/gyro")
+    for imu in (["--imu", "gyro"], ["--remap", "/imu:=/gyro"]):
+        renamed = node_options(parser().parse_args(["hector", "--remap", "/map:=/m", *imu]))
+        assert renamed.topics == Topics(map="/m", imu="/gyro")
     with pytest.raises(
         ValueError, match="--scan-topic: got /a, /a, expected up to 8 different topics"
     ):
