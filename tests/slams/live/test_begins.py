@@ -245,13 +245,10 @@ def test_a_node_refuses_as_a_run_does(arguments, sentence, folder, monkeypatch, 
 
     monkeypatch.chdir(folder)
     monkeypatch.setattr(command, "transport_of", lambda *_: Bus().transport())
-    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
     for main, log in ((command.main, []), (run.main, ["placed.npz"])):
         assert main(["hector", *log, *arguments]) == 2
         error = capsys.readouterr().err
         assert sentence in error and error.count("\n") == 1
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
 
 
 # the commands, over the network

@@ -12,6 +12,7 @@ from slams.formats.ros_maker import UNKNOWN, percent
 from slams.live import node
 from slams.live.options import Quality, Topics
 from slams.live.recorder import Recorder
+from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Pose2
 from tests.rooms import drive, laser, way
@@ -76,8 +77,7 @@ def test_the_transform_joins_map_and_odometry_and_the_pose_is_the_algorithms(mon
     for tf, t, pose, said in zip(moved, drive.t[1:], drive.poses[1:], posed[1:], strict=True):
         edge = tf.transforms[0]
         assert (edge.header.frame_id, edge.child_frame_id) == ("map", "odom")
-        stamp = edge.header.stamp.sec + 1e-9 * edge.header.stamp.nanosec
-        assert stamp == pytest.approx(t + 0.1, abs=1e-6)
+        assert seconds(edge.header.stamp) == pytest.approx(t + 0.1, abs=1e-6)
         assert close(pose_of(tf) @ stand.node.buffer.odometry_at(t), pose)
         at = said.pose.pose
         assert close((at.position.x, at.position.y, yaw_of(at.orientation)), pose)
