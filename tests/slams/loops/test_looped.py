@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -37,16 +38,6 @@ def around():
         pose = pose @ Pose2(1.01 * step.x, step.y, 1.01 * step.theta + 0.002 * abs(step.x))
         bent.append(pose)
     return replace(log, odom=Track(log.t, np.array(bent)), yaw_rate=None)
-
-
-class Nowhere:
-    """A local map in which nothing is found."""
-
-    def search(self, ends, window, enough):
-        return Found(window.middle, 0.0, np.zeros((2, 2)), 1000)
-
-
-NOWHERE = Nowhere()
 
 
 def new():
@@ -196,7 +187,8 @@ def test_a_hypothesis_that_nothing_confirms_is_dropped():
     detector = LoopDetector(graph, keys, loop_path=10.0)
     edge = LoopEdge(0, 40, Pose2(0.0, 0.0, 0.0), np.diag((1e3, 1e3, 1e4)))
     detector._hypothesis, detector._checked = [Verified(edge, 0.8, True)], [40]
-    detector._local_map = lambda middle: NOWHERE
+    missed = Found(IDENTITY, 0.0, np.zeros((2, 2)), 1000)
+    detector._local_map = lambda middle: SimpleNamespace(search=lambda *_: missed)
     for _ in range(2 * REFUTED):
         assert detector.work() == []
     assert not detector._hypothesis
