@@ -12,7 +12,8 @@ import time
 from typing import TYPE_CHECKING
 
 from slams import cli
-from slams.live.options import add_network_options, topics_of, transport_of
+from slams.live.network import add_network_options, transport_of
+from slams.live.options import topics_of
 
 if TYPE_CHECKING:
     from slams.live.transport import Transport

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
-from slams.live.options import add_network_options, add_node_options, node_options, transport_of
+from slams.live.network import add_network_options, transport_of
+from slams.live.options import add_node_options, node_options
 from slams.run import chosen, files_of_run, parameter_table, write_drive
 from slams.setup import add_state_options, given_start
 
