@@ -28,6 +28,7 @@ LOOKUPS = 4_000_000  # of cells for one scan: 10 ms
 MIN_SCORE = 0.6  # likelihood of a match that is verified
 MIN_AGREEMENT = 0.3  # inliers less conflicts, in each direction
 ALONE = 0.7  # the mean of both, of a match that nothing predicted, and of a hypothesis
+MIN_LEAD = 0.1  # of inliers less conflicts, of the best match before the best elsewhere
 AGREE, AGREE_ROTATION = 0.1, 0.02  # m, rad between the matches in both directions
 EDGE = 0.01, 0.01, 0.003  # m, m, rad: deviations of a loop that is observed well
 CORRELATED = 9.0  # times the variance of a fit whose beams err independently
@@ -211,7 +212,7 @@ class LoopDetector:
 
     def _conclude(self, query: Query) -> list[LoopEdge]:
         """The loops that are believed after all candidates of a keyframe were tried."""
-        best = max(query.found, key=lambda found: found.agreement, default=None)
+        best = self._best(query)
         if best is not None and not self._hypothesis:
             if best.is_predicted:
                 return self._believe([best.edge])
@@ -230,6 +231,21 @@ class LoopDetector:
         self._hypothesis, self._checked = [], []
         self.counts["loops"] += len(loops)
         return loops
+
+    def _best(self, query: Query) -> Verified | None:
+        """The best match, if none elsewhere is nearly as good."""
+        if not query.found:
+            return None
+        best = max(query.found, key=lambda found: found.agreement)
+        for found in query.found:
+            off = self._implied(best.edge).between(self._implied(found.edge))
+            elsewhere = math.hypot(off.x, off.y) > VIEW
+            if elsewhere and best.agreement - found.agreement < MIN_LEAD:
+                return None
+        return best
+
+    def _implied(self, edge: LoopEdge) -> Pose2:
+        return self._graph.pose(edge.earlier) @ edge.pose
 
 
 def _information(match: Match, seen: Floats) -> Floats:
