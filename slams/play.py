@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from slams import cli
 from slams.live.network import add_network_options, transport_of
+from slams.live.options import topics_of
 
 if TYPE_CHECKING:
     from slams.live.transport import Transport
@@ -83,7 +84,6 @@ def _play(
     log: ScanLog, transport: Transport, arguments: argparse.Namespace, ending: threading.Event
 ) -> int:
     """Publish the log; returns how many scans."""
-    from slams.live.options import topics_of
     from slams.live.robot import LINGER, Robot
 
     robot = cli.refusing(lambda: Robot(log, transport, topics_of(arguments.remap)))

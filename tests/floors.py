@@ -3,10 +3,11 @@
 import cv2
 import numpy as np
 
-from slams.types import OccupancyGrid
-from tests.rooms import ROOM, box
+from slams.types import OccupancyGrid, Pose2
+from tests.rooms import ROOM, box, scan_at, way
 
 CELL, MARGIN = 0.05, 0.5
+START = Pose2(0.3, -0.2, 0.4)  # of a way in the map of the room
 
 
 def grid_of(segments=ROOM, inside=(0.0, 0.0), cell=CELL):
@@ -23,6 +24,18 @@ def grid_of(segments=ROOM, inside=(0.0, 0.0), cell=CELL):
     iy, ix = int((inside[1] - low[1]) / cell), int((inside[0] - low[0]) / cell)
     p = np.where(walls > 0, 1.0, np.where(part == part[iy, ix], 0.0, np.nan))
     return OccupancyGrid(p.astype(np.float32), cell, (float(low[0]), float(low[1])))
+
+
+def truth(n=40):
+    """The poses (n, 3) of a way that begins at START."""
+    return np.array([START @ Pose2(*pose) for pose in way(n, 0.05)])
+
+
+def seen(n, lidar):
+    """What a laser sees on this way: ranges (n, b)."""
+    rng = np.random.default_rng(0)
+    poses = map(Pose2._make, truth(n).tolist())
+    return np.array([scan_at(pose, lidar, noise=0.01, rng=rng).ranges for pose in poses])
 
 
 # a corridor between two rooms that are alike but for what is outside of their doors

@@ -124,7 +124,7 @@ def write_results(folder: Path, label: str, node: Node) -> None:
 
 def _why_nothing(node: Node) -> str:
     """Why there is no pose."""
-    sought = node.drive.counts["sought"]
+    sought = node.drive.sought
     if not sought:
         return "ended before the first scan; nothing is written"
     return (

@@ -14,7 +14,7 @@ from slams.live.frames import Mounted, RobotFrames
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.stamps import seconds
 from slams.track import MAX_ATTITUDE_GAP
-from slams.types import IDENTITY, Attitude, Floats, Pose2
+from slams.types import Attitude, Floats, Pose2
 
 MAX_EARLY_READINGS = 4000  # of the gyro, kept until the base is known: 20 s at 200 Hz
 
@@ -62,31 +62,14 @@ class SensorBuffer:
                 self._integrate()
             self._changed.notify_all()
 
-    def has_tf_odometry(self, laser: str) -> bool:
-        """Whether tf gives the odometry of the laser's base: no better source will come."""
+    def mounted(self, laser: str) -> Mounted | None:
+        """Where a laser sits, or None while that is open; with the first one odometry is chosen."""
         with self._changed:
-            return self._wanted != "topic" and self._moving(laser) in self.frames.moving
-
-    def settle(self, laser: str) -> Mounted | None:
-        """Where the laser sits, or None while that is open; the odometry is chosen with it."""
-        with self._changed:
-            moving = self._moving(laser)
+            moving = None if self._settled else self._moving(laser)
             mounted = self.frames.mounted(laser, moving)
-            if mounted is not None:
+            if mounted is not None and not self._settled:
                 self._choose(moving)
             return mounted
-
-    def mounted(self, laser: str) -> Mounted | None:
-        """Where a further laser sits on the base that is settled; None while tf leaves it open."""
-        with self._changed:
-            return self.frames.mounted(laser, None)
-
-    def settle_without_tf(self, laser: str) -> Mounted:
-        """Take the laser as the base, and odometry as the laser's."""
-        with self._changed:
-            self.frames.base = laser
-            self._choose(None)
-            return Mounted(laser, IDENTITY, False)
 
     def wait_for(self, t: float, until: float) -> None:
         """Let odometry and gyro catch up with a stamp, until a time of `time.monotonic` at most."""

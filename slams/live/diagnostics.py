@@ -50,7 +50,13 @@ class Diagnostics:
             last_scans: when each laser's last one came [s], on this machine's clock, by topics.
         """
         for topic, last_scan in last_scans.items():
-            self._check_silence(topic, last_scan)
+            silent = time.monotonic() - last_scan > MAX_SILENCE
+            if silent and topic not in self._silent_since:
+                self._silent_since[topic] = last_scan
+                self._say(f"no scan on {topic} for {MAX_SILENCE:g} s: is the laser unplugged?")
+            elif not silent and topic in self._silent_since:
+                away = last_scan - self._silent_since.pop(topic)
+                self._say(f"scans on {topic} are back after about {away:.0f} s")
         for name, sentence in COUNTERS.items():
             self.count(name, report[name], sentence)
 
@@ -66,15 +72,6 @@ class Diagnostics:
         if sentence not in self._notes:
             self._notes.add(sentence)
             self._say(sentence)
-
-    def _check_silence(self, topic: str, last_scan: float) -> None:
-        silent = time.monotonic() - last_scan > MAX_SILENCE
-        if silent and topic not in self._silent_since:
-            self._silent_since[topic] = last_scan
-            self._say(f"no scan on {topic} for {MAX_SILENCE:g} s: is the laser unplugged?")
-        elif not silent and topic in self._silent_since:
-            away = last_scan - self._silent_since.pop(topic)
-            self._say(f"scans on {topic} are back after about {away:.0f} s")
 
 
 class Terminal:
@@ -115,7 +112,7 @@ class Terminal:
         where = f"x {x:.2f} y {y:.2f} m, {math.degrees(theta):.0f} deg"
         explained = "" if math.isnan(estimate.explained) else f", map {estimate.explained:.0%}"
         if not estimate.found:
-            return f"{node.drive.counts['sought']} scans, sought in the map; {where}?{explained}"
+            return f"{node.drive.sought} scans, sought in the map; {where}?{explained}"
         return (
             f"{scans} scans, {rate:.1f}/s, {dropped} left out, {len(node.scans)} wait; "
             f"{where}; {estimate.state} {estimate.quality:.2f}{explained}; "

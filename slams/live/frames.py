@@ -26,7 +26,7 @@ class Mounted(NamedTuple):
 
 
 class RobotFrames:
-    """The transform tree of a robot.
+    """The transform tree of a robot; frames that it is asked for are named without a slash.
 
     Of its past only the poses in the odometry's frame (`moving`) are kept, and the attitudes of
     frames that tilt against a level one right above (`tilting`), by the frames' names.
@@ -62,10 +62,10 @@ class RobotFrames:
 
     def carries(self, frame: str, laser: str) -> bool:
         """Whether the laser is fixed to a frame, or tilts with a base above it."""
-        if self.tree.fixed(frame, bare(laser)) is not None:
+        if self.tree.fixed(frame, laser) is not None:
             return True
         edge = self.tree.leveled(self.tree.ancestors(laser)[-1])
-        return edge is not None and bare(frame) in self.tree.ancestors(edge[0])
+        return edge is not None and frame in self.tree.ancestors(edge[0])
 
     def mounted(self, laser: str, moving: str | None) -> Mounted | None:
         """Where the laser sits, or None while tf leaves that open.
@@ -74,7 +74,6 @@ class RobotFrames:
             laser: the frame of the scans.
             moving: the frame that the odometry is of; it is the base where none was asked for.
         """
-        laser = bare(laser)
         base = self.base or self.tree.base_of(laser, moving)
         if base is None:
             return None
@@ -89,7 +88,7 @@ class RobotFrames:
 
     def complaint(self, laser: str) -> str | None:
         """Why there is no way from the base to the laser; None where tf says nothing at all."""
-        frames, laser = self.tree.frames, bare(laser)
+        frames = self.tree.frames
         if self.base is not None and self.base not in (*frames, laser):
             there = some(frames) or "none"
             return f"--base-frame: {self.base} is not in tf; frames: {there}"

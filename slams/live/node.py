@@ -16,7 +16,7 @@ from slams.formats.ros_store import prepare
 from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
 from slams.live.estimate import Estimate
-from slams.live.frames import Mounted, RobotFrames
+from slams.live.frames import RobotFrames
 from slams.live.options import KINDS, SCANS, TYPES, Callback, NodeOptions, Quality
 from slams.live.publisher import MapThread, NodePublisher
 from slams.live.recorder import Recorder
@@ -34,7 +34,6 @@ END_PERIOD = 0.1  # [s] between looks at whether to end
 CHECK_PERIOD = 1.0  # [s] between diagnostics
 MAX_UNLOCALIZED_SCANS = 20  # in a given map, until that is reported
 MAX_EARLY_SCANS = 1000  # that wait until the frames are known
-COUNTS = ("no_odometry", "sought")  # of scans
 
 
 @dataclass
@@ -42,13 +41,15 @@ class Drive:
     """What was driven: stamps [s], poses, and time from a scan's coming to its pose [s].
 
     The delays are of scans that came since the frames were known; others waited for those.
+    `no_odometry` and `sought` count scans: without odometry in time, before the place was known.
     """
 
     t: list[float] = field(default_factory=list)
     poses: list[Pose2] = field(default_factory=list)
     delays: list[float] = field(default_factory=list)
     estimate: Estimate | None = None
-    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTS, 0))
+    no_odometry: int = 0
+    sought: int = 0
 
     def delay_ms(self) -> dict[str, float]:
         """The delays' median, 99 % and longest [ms]."""
@@ -87,8 +88,8 @@ class Node:
         self._redrawn = 0
         self._topics = options.topics.scans
         self.scans = Scans(self._topics, self.buffer.mounted, MAX_EARLY_SCANS, options.wait)
-        self._topic, self._frame, self._without_tf = "", "", False  # of the first scan
-        self._checked_at, self._ready_at = -math.inf, math.inf
+        self._assumed_base = ""  # the laser's frame, where tf had none
+        self._ready_at = math.inf
         self._subscribe()
 
     def start(self, ending: threading.Event) -> None:
@@ -97,25 +98,32 @@ class Node:
         if self.live.given is not None:
             self._publisher.publish_map(0, self.live.given)  # of no time: it stays
         self._say(f"ready for scans on {', '.join(self._topics)}")
-        since = self._wait_for_scan(ending)
-        mounted = None if since is None else self._wait_for_mount(since, ending)
-        if mounted is not None:
-            self.scans.place(self._topic, mounted)
-            self._ready_at = time.monotonic()
+        said_at = time.monotonic()
+        while not ending.is_set():
+            first = self.scans.first(END_PERIOD)
+            if first is not None and self._is_placed(first):
+                self._ready_at = time.monotonic()
+                return
+            if time.monotonic() - said_at >= PERIOD:
+                said_at = time.monotonic()
+                self._say(self._why_no_scan() if first is None else self._why_no_mount(first))
+            ending.wait(POLL_PERIOD)
 
     def run(self, ending: threading.Event, show_status: Callable[[], None]) -> None:
         """Take scans until the end; `show_status` is called about once a second."""
+        checked_at = -math.inf
         while not ending.is_set():
             scan = self.scans.take(POLL_PERIOD)
             if scan is not None:
                 self._push(scan)
             if len(self.scans) <= self.options.queue:  # what came before `start` ended is done
                 self.scans.size = self.options.queue
-            if time.monotonic() - self._checked_at >= CHECK_PERIOD:
-                self._checked_at = time.monotonic()
+            if time.monotonic() - checked_at >= CHECK_PERIOD:
+                checked_at = time.monotonic()
                 self.check()
                 show_status()
-        for scan in self.scans.rest():
+        self.scans.close()
+        while (scan := self.scans.take(0.0)) is not None:
             self._push(scan)
 
     def close(self) -> None:
@@ -135,7 +143,8 @@ class Node:
         return self.live.report() | {
             **self.scans.counts,
             "unsent": self._publisher.unsent,
-            **self.drive.counts,
+            "no_odometry": self.drive.no_odometry,
+            "sought": self.drive.sought,
             "unreadable_others": buffer.unreadable,
             "odometry": buffer.source,
             "base_frame": buffer.frames.base,
@@ -148,7 +157,7 @@ class Node:
         frames, diagnostics, topics = self.buffer.frames, self._diagnostics, self._topics
         scan_times = {topic: self.scans.came_at.get(topic, self._ready_at) for topic in topics}
         diagnostics.check(self.report(), scan_times)
-        sought, candidates = self.drive.counts["sought"], self.live.candidates
+        sought, candidates = self.drive.sought, self.live.candidates
         if candidates and sought > MAX_UNLOCALIZED_SCANS:
             text = f"scans so far, and the place in the map is not sure ({candidates}); drive on"
             diagnostics.count("sought", sought, text)
@@ -157,8 +166,9 @@ class Node:
             self._maps.failed = None
         for note in (*self.live.notes, *frames.notes, *self.scans.notes):
             diagnostics.note(note)
-        if self._without_tf and self._frame in frames.tree.frames:
-            diagnostics.note(f"tf has {self._frame} now, too late: start again to have it used")
+        if self._assumed_base in frames.tree.frames:
+            note = f"tf has {self._assumed_base} now, too late: start again to have it used"
+            diagnostics.note(note)
 
     # network
 
@@ -194,19 +204,6 @@ class Node:
 
     # start
 
-    def _wait_for_scan(self, ending: threading.Event) -> float | None:
-        """When the first scan came; it stays in the queue. None if ended before."""
-        said_at = time.monotonic()
-        while not ending.is_set():
-            first = self.scans.first(END_PERIOD)
-            if first is not None:
-                self._topic, self._frame = first.topic, first.frame
-                return first.at
-            if time.monotonic() - said_at >= PERIOD:
-                said_at = time.monotonic()
-                self._say("; ".join([self._why_no_scan(), *self.scans.notes]))
-        return None
-
     def _why_no_scan(self) -> str:
         """Why there is no scan, as far as the network knows."""
         topic, there = self._topics[0], self.transport.topics()
@@ -218,42 +215,39 @@ class Node:
         else:
             what = f"{topic} has no publisher"
         some = ", ".join(others) or "none"
-        return f"waiting for scans: {what}; topics with scans: {some} (--scan-topic takes another)"
+        text = f"waiting for scans: {what}; topics with scans: {some} (--scan-topic takes another)"
+        return "; ".join([text, *self.scans.notes])
 
-    def _wait_for_mount(self, since: float, ending: threading.Event) -> Mounted | None:
-        """Where the laser sits: as tf says, or at the base where there is no tf; None if ended."""
-        said_at = -math.inf
-        while not ending.is_set():
-            now = time.monotonic()
-            if now >= since + SETTLING_TIME or self.buffer.has_tf_odometry(self._frame):
-                mounted = self.buffer.settle(self._frame)
-                if mounted is not None:
-                    return mounted
-            if now > since + MAX_WAIT_FOR_TF:
-                complaint = self.buffer.frames.complaint(self._frame)
-                if complaint is None:
-                    self._without_tf = True
-                    self._say(f"no transform to the laser's frame {self._frame}: it is the base")
-                    return self.buffer.settle_without_tf(self._frame)
-                if now - said_at >= PERIOD:
-                    said_at = now
-                    self._say(f"waiting for tf: {complaint}")
-            ending.wait(POLL_PERIOD)
-        return None
+    def _is_placed(self, first: Arrived) -> bool:
+        """Whether it is known where the laser sits: as tf says, or at the base where there is none.
+
+        Odometry and tf have some time to begin.
+        """
+        waited, frames = time.monotonic() - first.at, self.buffer.frames
+        if waited >= SETTLING_TIME and self.scans.is_placed(first.topic):
+            return True
+        if waited > MAX_WAIT_FOR_TF and frames.complaint(first.frame) is None:
+            self._assumed_base = frames.base = first.frame
+            self._say(f"no transform to the laser's frame {first.frame}: it is the base")
+        return False
+
+    def _why_no_mount(self, first: Arrived) -> str:
+        complaint = self.buffer.frames.complaint(first.frame)
+        return f"waiting for tf: {complaint or 'it has not begun'}"
 
     # scans
 
     def _push(self, scan: Arrived) -> None:
         """From a scan to its pose, out on the network."""
-        cleaned, t = self.scans.clean(scan), scan.t
-        if cleaned is None:
+        laser, t = self.scans.laser(scan), scan.t
+        if laser is None:
             return
         self.buffer.wait_for(t, scan.at + self.options.wait)
         odometry = self.buffer.odometry_at(t)
-        self.drive.counts["no_odometry"] += odometry is None and self.buffer.has_odometry
+        self.drive.no_odometry += odometry is None and self.buffer.has_odometry
         used = None if self.options.odometry == "none" else odometry
         yaw, attitude = self.buffer.yaw_at(t), self.buffer.attitude_at(t)
-        estimate = self.live.push_scan(Scan(t, *cleaned, used, yaw, attitude))
+        estimate = self.live.push_scan(Scan(t, scan.sweep.ranges, laser, used, yaw, attitude))
         if not estimate.used:
             return
         self.drive.estimate = estimate
@@ -266,7 +260,7 @@ class Node:
             self.drive.poses.append(estimate.pose)
             self._maps.add(scan.stamp)
         else:
-            self.drive.counts["sought"] += 1
+            self.drive.sought += 1
         counts = {"scans": len(self.drive.t), "dropped": self.scans.counts["dropped"]}
         self._publisher.publish_state(scan.stamp, estimate, counts)
 

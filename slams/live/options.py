@@ -153,7 +153,9 @@ def node_options(arguments: argparse.Namespace) -> NodeOptions:
         raise ValueError("--map-every: got --localize, too, whose map is published once")
     values: dict[str, Any] = {option.name: getattr(arguments, option.name) for option in OPTIONS}
     values["odometry"], values["imu"] = arguments.odom, arguments.imu != "none"
-    chosen: dict[str, Any] = {"imu": _absolute(arguments.imu)}
+    chosen: dict[str, Any] = {}
+    if arguments.imu != Topics.imu:
+        chosen["imu"] = _absolute(arguments.imu)
     if arguments.scan_topic:
         chosen["scans"] = tuple(map(_absolute, arguments.scan_topic))
     if arguments.odom not in ("auto", "tf", "none"):

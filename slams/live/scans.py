@@ -8,8 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from slams.formats.bag import SCAN, Record
 from slams.formats.frames import bare
 from slams.formats.ros_messages import READ
@@ -17,8 +15,8 @@ from slams.formats.ros_store import store
 from slams.formats.sweep import Sweep, common, same_directions, usable
 from slams.live.frames import Mounted
 from slams.ros.stamps import seconds
-from slams.scanlog import ScanLog
-from slams.types import Laser, Ranges
+from slams.types import Laser
+from slams.validation import check_laser
 
 MAX_SILENCE = 2.0  # [s] without a scan of a laser; then no other laser's scan waits for one
 COUNTS = ("came", "dropped", "unreadable", "other_frame", "unplaced")
@@ -65,7 +63,7 @@ class Scans:
         self._wait = wait if len(topics) > 1 else 0.0
         self._waiting: list[Arrived] = []
         self._last: dict[str, Arrived] = {}
-        self._cleaners: dict[str, Cleaner] = {}
+        self._lasers: dict[str, MountedLaser] = {}
         self._odd: dict[str, None] = {}  # sentences
         self._changed = threading.Condition()
 
@@ -100,25 +98,29 @@ class Scans:
         with self._changed:
             return next(iter(self._changed.wait_for(lambda: self._waiting, timeout)), None)
 
-    def place(self, topic: str, mounted: Mounted) -> None:
-        """Tell where the laser of a topic sits."""
-        self._cleaners[topic] = Cleaner(mounted)
+    def is_placed(self, topic: str) -> bool:
+        """Whether it is known where the laser of a topic sits that has sent a scan."""
+        if topic not in self._lasers:
+            mounted = self._mounted(self._last[topic].frame)
+            if mounted is not None:
+                self._lasers[topic] = MountedLaser(mounted)
+        return topic in self._lasers
 
     def take(self, timeout: float) -> Arrived | None:
         """The next scan of a laser whose place is known; None if no scan's turn comes in time."""
         with self._changed:
             return self._changed.wait_for(self._next, timeout)
 
-    def rest(self) -> list[Arrived]:
-        """The scans that still wait, in order."""
-        with self._changed:
-            left, self._waiting = self._waiting, []
-        return [scan for scan in left if scan.topic in self._cleaners]
+    def close(self) -> None:
+        """Let no scan wait for another laser any more."""
+        self._wait = 0.0
 
-    def clean(self, scan: Arrived) -> tuple[Ranges, Laser] | None:
-        """Ranges and laser of a scan; None, noted, where no laser has such a geometry."""
+    def laser(self, scan: Arrived) -> Laser | None:
+        """The laser of a scan; None, noted, where no laser has such a geometry."""
         try:
-            return self._cleaners[scan.topic].clean(scan.sweep)
+            laser = self._lasers[scan.topic].of(scan.sweep)
+            check_laser(laser)
+            return laser
         except ValueError as error:
             self._leave_out(error)
             return None
@@ -126,7 +128,7 @@ class Scans:
     @property
     def notes(self) -> list[str]:
         """What is assumed of the lasers, and which scans are left out."""
-        assumed = [note for cleaner in self._cleaners.values() for note in cleaner.notes]
+        assumed = [note for laser in self._lasers.values() for note in laser.notes]
         return assumed + list(self._odd)
 
     def _leave_out(self, error: ValueError) -> None:
@@ -139,7 +141,7 @@ class Scans:
         return over > 0 and now - self._waiting[over - 1].at >= self._wait
 
     def _next(self) -> Arrived | None:
-        while self._waiting and not self._is_placed(self._waiting[0].topic):
+        while self._waiting and not self.is_placed(self._waiting[0].topic):
             del self._waiting[0]
             self.counts["unplaced"] += 1
         if not self._waiting or self._has_to_wait(self._waiting[0], time.monotonic()):
@@ -151,15 +153,8 @@ class Scans:
         return now - scan.at < self._wait and any(
             last.t < scan.t
             for topic, last in self._last.items()
-            if topic != scan.topic and now - last.at < MAX_SILENCE and self._is_placed(topic)
+            if topic != scan.topic and now - last.at < MAX_SILENCE and self.is_placed(topic)
         )
-
-    def _is_placed(self, topic: str) -> bool:
-        if topic not in self._cleaners:
-            mounted = self._mounted(self._last[topic].frame)
-            if mounted is not None:
-                self.place(topic, mounted)
-        return topic in self._cleaners
 
 
 def _arrived(record: Record) -> Arrived:
@@ -181,8 +176,8 @@ def _arrived(record: Record) -> Arrived:
     return Arrived(record.topic, bare(frame), ns, sweep, time.monotonic())
 
 
-class Cleaner:
-    """Gives every scan its laser, the same object as long as the beams stay where they are."""
+class MountedLaser:
+    """Gives every sweep its laser, the same object as long as the beams stay where they are."""
 
     def __init__(self, mounted: Mounted) -> None:
         self.notes: list[str] = []
@@ -190,23 +185,15 @@ class Cleaner:
         self._laser: Laser | None = None
         self._sweeps: list[Sweep] = []  # of one geometry: the first one, and the second
 
-    def clean(self, sweep: Sweep) -> tuple[Ranges, Laser]:
-        """Ranges (n,) [m], infinite and invalid as REP 117 has them, and the laser.
-
-        Raises:
-            ValueError: no laser has such a geometry.
-        """
+    def of(self, sweep: Sweep) -> Laser:
+        """The laser of a sweep."""
         if not self._sweeps or not same_directions(sweep.geometry, self._sweeps[0].geometry):
             self._sweeps = []
         if len(self._sweeps) < 2:  # with a second scan the time between two is known
             self._sweeps.append(sweep)
-            self._laser = self._fan()
+            _, mount, flipped, z = self._mounted
+            laser = replace(common(self._sweeps, mount, flipped, self.notes)[2], mount_z=z)
+            if laser != self._laser:
+                self._laser = laser
         assert self._laser is not None
-        one = ScanLog(np.array([sweep.t]), sweep.ranges[None], self._laser)
-        return one.ranges[0], one.laser
-
-    def _fan(self) -> Laser:
-        """The laser of the sweeps; an equal one stays the object it is."""
-        _, mount, flipped, z = self._mounted
-        laser = replace(common(self._sweeps, mount, flipped, self.notes)[2], mount_z=z)
-        return self._laser if laser == self._laser and self._laser is not None else laser
+        return self._laser

@@ -24,7 +24,7 @@ class Series:
     """Rows of numbers by stamp, interpolated and never extrapolated.
 
     `received` [s] is when, on this machine's clock, the last sample came. A sample that is not
-    newer than the one before is left out.
+    newer than the one before is left out; after many of them the series begins anew.
 
     Args:
         max_gap: between two samples, beyond which nothing is known in between [s].
@@ -38,8 +38,15 @@ class Series:
 
     def push(self, t: float, *values: float) -> None:
         """Take a sample; one that no robot can have is left out."""
-        if not can_be(*values) or not self._accepts(t):
+        if not can_be(*values):
             return
+        self.received = time.monotonic()
+        self._late_in_a_row = self._late_in_a_row + 1 if self.t and t <= self.t[-1] else 0
+        if 0 < self._late_in_a_row <= LATE_IN_A_ROW or abs(t) >= LATEST:
+            return
+        if self._late_in_a_row:  # the clock was set back
+            self.t.clear()
+            self.rows.clear()
         self.rows.append(self._row(t, *values))
         self.t.append(t)
         if len(self.t) > 2 * MAX_SAMPLES:
@@ -60,19 +67,6 @@ class Series:
         if stamps[-1] - stamps[0] > self._max_gap:
             return None
         return [float(np.interp(t, stamps, column)) for column in columns]
-
-    def _accepts(self, t: float) -> bool:
-        """Whether a stamp is newer than all; after a clock was set back the series begins anew."""
-        self.received = time.monotonic()
-        if not self.t or t > self.t[-1]:
-            self._late_in_a_row = 0
-            return abs(t) < LATEST
-        self._late_in_a_row += 1
-        if self._late_in_a_row <= LATE_IN_A_ROW:
-            return False
-        self.t.clear()
-        self.rows.clear()
-        return True
 
     def _row(self, t: float, *values: float) -> tuple[float, ...]:
         """What is kept of a sample."""

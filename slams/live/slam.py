@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slams.heading import Heading
+from slams.laser_table import rep117
 from slams.live.estimate import Estimate, Estimates
 from slams.live.given_map import in_given_map
 from slams.live.warm_up import warm_up as warm_up_kernels
 from slams.registry import find
 from slams.ros.stamps import seconds
-from slams.scanlog import ScanLog, single
 from slams.state.store import check_target, resume, save_after
 from slams.types import (
     IDENTITY,
@@ -152,32 +152,28 @@ class LiveSlam:
         Raises:
             ValueError: the fields are not those of a scan.
         """
-        values, stamp = single(ranges), float(stamp)
-        shape = values.shape
-        expect(len(shape) == 1 and shape[0] > 0, "ranges", f"shape {shape}", "(n,) with n >= 1")
-        check_stamps("stamp", np.array([stamp]))
         if odometry is not None:
             expect(len(odometry) == 3, "odometry", f"{len(odometry)} numbers", "x, y, theta")
+        values, stamp = np.asarray(ranges), float(stamp)
         fan = (angle_min, angle_increment, range_min, range_max, time_increment)
         start, step, low, high, between = map(float, fan)
-        between = between if 0.0 < between * len(values) <= LONGEST_SWEEP else 0.0
-        laser = Laser(start, step, len(values), low, high, self._mount, between)
-        log = ScanLog(np.array([stamp]), values[None], laser)  # checks both
+        between = between if 0.0 < between * values.size <= LONGEST_SWEEP else 0.0
+        laser = Laser(start, step, values.size, low, high, self._mount, between)
         with self._lock:
-            if laser != self._laser:
-                self._counts["lasers"] += 1
-                self._laser = laser
             if yaw_rate is not None:
                 self._heading.push(stamp, yaw_rate)
             scan = Scan(
                 stamp,
-                log.ranges[0],
-                self._laser,
+                values,
+                self._laser if laser == self._laser else laser,
                 None if odometry is None else self._possible(Pose2(*map(float, odometry))),
                 self._heading.at(stamp),
                 None if attitude is None else Attitude(*map(float, attitude)),
             )
-            return self.push_scan(scan)
+            estimate = self.push_scan(scan)
+            self._counts["lasers"] += scan.laser is not self._laser
+            self._laser = scan.laser
+        return estimate
 
     def push_message(self, message: Any, **measured: Any) -> Estimate:
         """Take one sensor_msgs/LaserScan of ROS 1 or ROS 2, or anything with its fields.
@@ -196,15 +192,16 @@ class LiveSlam:
         )
 
     def push_scan(self, scan: Scan) -> Estimate:
-        """Take one `Scan`, its ranges cleaned as a `ScanLog` does it.
+        """Take one `Scan`; its ranges are cleaned as those of a log.
 
         Raises:
             ValueError: stamp, ranges or laser are not those of a scan.
         """
         check_stamps("stamp", np.array([scan.t]))
+        shape, n = np.shape(scan.ranges), scan.laser.n_beams
+        expect(shape == (n,) and n > 0, "ranges", f"shape {shape}", f"({n or 'n'},)")
         check_laser(scan.laser)
-        shape, expected = np.shape(scan.ranges), (scan.laser.n_beams,)
-        expect(shape == expected, "ranges", f"shape {shape}", f"{expected}")
+        scan = replace(scan, ranges=rep117(scan.ranges, scan.laser))
         with self._lock:
             scan = self._checked(scan)
             again = self._estimates.again(scan.t)

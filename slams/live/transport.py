@@ -105,15 +105,12 @@ class Transport:
             mask = core.ViewState.Any | core.InstanceState.Any | new
             waiting.attach(core.ReadCondition(reader, mask))
         while not self._ending.is_set():
-            if waiting.wait(duration(seconds=END_PERIOD)):
-                self._take_all()
-
-    def _take_all(self) -> None:
-        received = time.time_ns()
-        for topic, (reader, msgtype, callback) in self._readers.items():
-            for one in reader.take(MAX_UNREAD):
-                if hasattr(one, "cdr"):  # others say that a writer has left
-                    callback(Record(topic, msgtype, received, one.cdr))
+            waiting.wait(duration(seconds=END_PERIOD))
+            received = time.time_ns()
+            for topic, (reader, msgtype, callback) in self._readers.items():
+                for one in reader.take(MAX_UNREAD):
+                    if hasattr(one, "cdr"):  # others say that a writer has left
+                        callback(Record(topic, msgtype, received, one.cdr))
 
 
 class Publisher:
@@ -129,7 +126,7 @@ class Publisher:
             OSError: DDS does not take it.
         """
         try:
-            self._writer.write(sample(self._msgtype, data))
+            self._writer.write(_of_bytes(packed(self._msgtype), data))
         except core.DDSException as error:
             raise OSError(f"DDS does not take a {self._msgtype}: {error}") from error
 
@@ -192,11 +189,6 @@ def packed(msgtype: str) -> Any:
     kind.deserialize = classmethod(lambda cls, data, **_: _of_bytes(cls, data))
     kind.deserialize_key = classmethod(lambda *_, **__: None)  # of samples that are no messages
     return kind
-
-
-def sample(msgtype: str, data: bytes) -> Any:
-    """A message's bytes as a sample of its type."""
-    return _of_bytes(packed(msgtype), data)
 
 
 def _of_bytes(kind: Any, data: bytes) -> Any:

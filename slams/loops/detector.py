@@ -20,8 +20,8 @@ from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
 
 SPACING = 1.0  # m between two keyframes that are searched for
-LOCAL_PATH, LOCAL_SPACING = 4.0, 0.9  # m of path to each side that a local map is drawn of
-VIEW = 4.0  # m between two poses that see the same walls
+VIEW = 4.0  # m between two poses that see the same walls: a local map is drawn of those
+LOCAL_SPACING = 0.9  # m of path between two of them
 GATE = 30.0  # squared Mahalanobis distance of a loop from the graph, at most; drift has blunders
 DEVIATIONS = 3.0  # of the graph's covariance that are searched
 LOOKUPS = 4_000_000  # of cells for one scan: 10 ms
@@ -30,12 +30,12 @@ MIN_AGREEMENT = 0.3  # inliers less conflicts, in each direction
 ALONE = 0.7  # the mean of both, of a match that nothing predicted, and of a hypothesis
 MIN_LEAD = 0.1  # of inliers less conflicts, of the best match before the best elsewhere
 AGREE, AGREE_ROTATION = 0.1, 0.02  # m, rad between the matches in both directions
-EDGE, EDGE_ROTATION = 0.01, 0.003  # m, rad: deviations of a loop that the scan observes well
+EDGE = 0.01, 0.01, 0.003  # m, m, rad: deviations of a loop that is observed well
 CORRELATED = 9.0  # times the variance of a fit whose beams err independently
 BLIND = 1e-4  # 1/m^2: information along a direction that was not observed
 AMBIGUITY = 1.0  # m, half of a window at least: shows whether a corridor is matched
 CERTAIN = 0.3  # m: a deviation that leaves no other place
-CONFIRMED, CONFIRMED_PATH = 3, 3.0  # loops, over m of path, that make a hypothesis true
+CONFIRMED = 3  # loops, over as many spacings of path, that make a hypothesis true
 REFUTED = 4  # keyframes without a match where the hypothesis predicts one
 
 
@@ -101,7 +101,7 @@ class LoopDetector:
         graph = self._graph
         if self._hypothesis:
             return self._predicted()
-        path = float(graph.path[-1]) - LOCAL_PATH  # the local map has both sides
+        path = float(graph.path[-1]) - VIEW  # the local map has both sides
         if path - self._searched < SPACING:
             return None
         self._searched = path
@@ -116,24 +116,21 @@ class LoopDetector:
         free = away < VIEW + DEVIATIONS * deviation
         certain = False
         for k in np.argsort(away, kind="stable").tolist():
-            if free[k]:
-                free &= np.abs(graph.path[old] - graph.path[old[k]]) > LOCAL_PATH
-                expected = graph.step(int(old[k]), later)
-                candidates.append((int(old[k]), expected, covariances[k]))
-                certain = len(candidates) == 1 and deviation[k] < CERTAIN
-                if certain:
-                    break
+            if free[k] and not certain:
+                free &= np.abs(graph.path[old] - graph.path[old[k]]) > VIEW
+                certain = not candidates and deviation[k] < CERTAIN
+                candidates.append((int(old[k]), graph.step(int(old[k]), later), covariances[k]))
         return Query(later, self._local_map(later), candidates, [], certain) if candidates else None
 
     def _predicted(self) -> Query | None:
         """Search for a neighbor of the hypothesis where it predicts it, if one is due."""
         graph, path = self._graph, self._graph.path
         ahead = np.flatnonzero(path >= path[max(self._checked)] + SPACING)
-        ahead = ahead[path[ahead] <= path[-1] - LOCAL_PATH]
+        ahead = ahead[path[ahead] <= path[-1] - VIEW]
         behind = np.flatnonzero(path <= path[min(self._checked)] - SPACING)
         if ahead.size:
             later = int(ahead[0])
-        elif behind.size and path[self._checked[0]] - path[behind[-1]] < LOCAL_PATH:
+        elif behind.size and path[self._checked[0]] - path[behind[-1]] < VIEW:
             later = int(behind[-1])
         else:
             return None
@@ -159,9 +156,8 @@ class LoopDetector:
             edge = LoopEdge(earlier, query.later, found.pose)
             verified = self._verified(edge, there, query.here, found.spread)
             if verified is not None:
-                predicted = query.is_predicted
-                if predicted:
-                    predicted = self._is_expected(verified.edge, expected, covariance)
+                fits = self._is_expected(verified.edge, expected, covariance)
+                predicted = query.is_predicted and fits
                 if predicted or (verified.is_observed and verified.agreement >= ALONE):
                     self.counts["loops_verified"] += 1
                     query.found.append(verified._replace(is_predicted=predicted))
@@ -172,7 +168,7 @@ class LoopDetector:
         there = self._graph.pose(edge.earlier)
         off = np.array(there @ edge.pose) - np.array(there @ expected)
         off[2] = wrap_angle(float(off[2]))
-        noise = covariance + np.diag((EDGE**2, EDGE**2, EDGE_ROTATION**2))
+        noise = covariance + np.diag(np.square(EDGE))
         return float(off @ np.linalg.solve(noise, off)) < GATE
 
     def _verified(
@@ -203,11 +199,10 @@ class LoopDetector:
     def _local_map(self, middle: int) -> LocalMap:
         """Of the keyframes around one, in its frame."""
         path, chosen = self._graph.path, [middle]
-        for direction in (-1, 1):
-            k = last = middle
-            while 0 <= k + direction < self._graph.n:
-                k += direction
-                if abs(path[k] - path[middle]) > LOCAL_PATH:
+        for side in (range(middle - 1, -1, -1), range(middle + 1, len(path))):
+            last = middle
+            for k in side:
+                if abs(path[k] - path[middle]) > VIEW:
                     break
                 if abs(path[k] - path[last]) >= LOCAL_SPACING:
                     chosen.append(k)
@@ -225,7 +220,7 @@ class LoopDetector:
         if best is not None and best.is_observed and (best.is_predicted or not self._hypothesis):
             self._hypothesis.append(best)
         path = self._graph.path[[found.edge.later for found in self._hypothesis]]
-        enough = len(path) >= CONFIRMED and np.ptp(path) >= CONFIRMED_PATH
+        enough = len(path) >= CONFIRMED and np.ptp(path) >= CONFIRMED * SPACING
         if enough and np.mean([found.agreement for found in self._hypothesis]) >= ALONE:
             return self._believe([found.edge for found in self._hypothesis])
         if len(self._checked) - len(path) >= REFUTED:
@@ -242,9 +237,8 @@ class LoopDetector:
         if not query.found:
             return None
         best = max(query.found, key=lambda found: found.agreement)
-        pose = self._implied(best.edge)
         for found in query.found:
-            off = pose.between(self._implied(found.edge))
+            off = self._implied(best.edge).between(self._implied(found.edge))
             elsewhere = math.hypot(off.x, off.y) > VIEW
             if elsewhere and best.agreement - found.agreement < MIN_LEAD:
                 return None
@@ -256,7 +250,7 @@ class LoopDetector:
 
 def _information(match: Match, seen: Floats) -> Floats:
     """Of a loop (3, 3): what the fit says of it, as far as the position is `seen` (2, 2)."""
-    noise = np.diag((EDGE**2, EDGE**2, EDGE_ROTATION**2))
+    noise = np.diag(np.square(EDGE))
     scan = match.seen + np.diag((BLIND, BLIND, BLIND))
     projection = np.eye(3)
     projection[:2, :2] = seen
@@ -266,8 +260,8 @@ def _information(match: Match, seen: Floats) -> Floats:
 
 def _window(expected: Pose2, covariance: Floats) -> Window:
     """Around the expected pose, as far as the covariance and the local map reach."""
-    half = DEVIATIONS * math.sqrt(max(covariance[0, 0], covariance[1, 1])) + 2.0 * EDGE
-    rotation = DEVIATIONS * math.sqrt(covariance[2, 2]) + 2.0 * EDGE_ROTATION
+    half = DEVIATIONS * math.sqrt(max(covariance[0, 0], covariance[1, 1])) + 2.0 * EDGE[0]
+    rotation = DEVIATIONS * math.sqrt(covariance[2, 2]) + 2.0 * EDGE[2]
     low = [max(v - half, -VIEW) for v in expected[:2]]
     high = [min(v + half, VIEW) for v in expected[:2]]
     x, y = (0.5 * (a + b) for a, b in zip(low, high, strict=True))

@@ -8,7 +8,6 @@ Grisetti, R. Kuemmerle, C. Stachniss, W. Burgard: A Tutorial on Graph-Based SLAM
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,10 +19,8 @@ from scipy.sparse.linalg import splu
 from slams.loops.graph_kernels import propagate
 from slams.types import Floats, Pose2, wrap_angle
 
-LEVER = 10.0  # m a radian counts for, where the surest path is looked for
-WEIGHTS = np.array((1.0, 1.0, LEVER**2))
+LEVER = 10.0  # m a radian counts for
 ROOT_INFORMATION = 1e12  # holds the first keyframe where it is
-Indices = NDArray[np.int64]
 
 
 class LoopEdge(NamedTuple):
@@ -35,79 +32,53 @@ class LoopEdge(NamedTuple):
     information: Floats = np.zeros((3, 3))
 
 
-class Loops(NamedTuple):
-    """Keyframes (m, 2) of loops, their poses (m, 3), information and covariances (m, 3, 3)."""
-
-    ends: Indices
-    poses: Floats
-    information: Floats
-    noise: Floats
-
-
 class PoseGraph:
     """Keyframes in a chain of steps, and loops between them.
 
-    `poses` (n, 3) x, y [m], theta [rad] in the map; `path` (n,) [m] driven so far; `loops` closed.
+    `poses` (n, 3) x, y [m], theta [rad] in the map; `path` (n,) [m] driven so far; `loops` closed:
+    what is added to them moves the poses by `iterate`.
     """
 
     def __init__(self) -> None:
-        self.n = 0
-        empty = np.zeros((0, 3, 3))
-        self.loops = Loops(np.zeros((0, 2), np.int64), np.zeros((0, 3)), empty, empty)
-        self._poses, self._path = np.zeros((64, 3)), np.zeros(64)
-        self._steps, self._variances = np.zeros((64, 3)), np.ones((64, 3))
+        self.poses, self.path = np.zeros((0, 3)), np.zeros(0)
+        self.loops: list[LoopEdge] = []
+        self._steps, self._variances = np.zeros((0, 3)), np.zeros((0, 3))
 
     @property
-    def poses(self) -> Floats:
-        """Of all keyframes (n, 3), to be read only."""
-        return self._poses[: self.n]
-
-    @property
-    def path(self) -> Floats:
-        """Path driven up to each keyframe (n,) [m]."""
-        return self._path[: self.n]
+    def n(self) -> int:
+        """How many keyframes there are."""
+        return len(self.poses)
 
     def pose(self, k: int) -> Pose2:
         """Of one keyframe."""
-        return Pose2(*self._poses[k].tolist())
+        return Pose2(*self.poses[k].tolist())
 
     def append(self, step: Pose2, variances: Floats) -> None:
         """A keyframe one step behind the last, in whose frame the variances (3,) are.
 
         The first keyframe is at `step`.
         """
-        k = self.n
-        if k == len(self._poses):
-            for name in ("_poses", "_path", "_steps", "_variances"):
-                old = getattr(self, name)
-                setattr(self, name, np.concatenate([old, np.ones_like(old)]))
-        self._poses[k] = self.pose(k - 1) @ step if k else step
-        self._path[k] = self._path[k - 1] + math.hypot(step.x, step.y) if k else 0.0
-        self._steps[k], self._variances[k] = step, variances
-        self.n = k + 1
+        pose, path = step, 0.0
+        if self.n:
+            pose, path = self.pose(-1) @ step, self.path[-1] + math.hypot(step.x, step.y)
+        self.poses, self.path = np.vstack([self.poses, pose]), np.append(self.path, path)
+        self._steps = np.vstack([self._steps, step])
+        self._variances = np.vstack([self._variances, variances])
 
     def step(self, earlier: int, later: int) -> Pose2:
         """The pose of one keyframe in the frame of another."""
         return self.pose(earlier).between(self.pose(later))
-
-    def close(self, loops: Sequence[LoopEdge]) -> None:
-        """Add loops; poses move by `iterate`."""
-        old, noise = self.loops, np.linalg.inv([edge.information for edge in loops])
-        self.loops = Loops(
-            np.concatenate([old.ends, [(edge.earlier, edge.later) for edge in loops]]),
-            np.concatenate([old.poses, [edge.pose for edge in loops]]),
-            np.concatenate([old.information, [edge.information for edge in loops]]),
-            np.concatenate([old.noise, noise]),
-        )
 
     def uncertainty(self, root: int) -> Floats:
         """Covariance (n, 3, 3) of all poses relative to that of `root`.
 
         In the map's axes, along the surest path through steps and loops [Olson08].
         """
-        n, (loops, _, _, noise) = self.n, self.loops
-        k, variances = np.arange(n - 1), self._variances[1:n]
-        costs = variances @ WEIGHTS, np.diagonal(noise, axis1=1, axis2=2) @ WEIGHTS
+        n, (loops, _, information) = self.n, self._stacked_loops()
+        k, variances = np.arange(n - 1), self._variances[1:]
+        noise = np.asarray(np.linalg.inv(information), np.float64)
+        weights = np.array((1.0, 1.0, LEVER**2))
+        costs = variances @ weights, np.diagonal(noise, axis1=1, axis2=2) @ weights
         rows, columns = np.append(k, loops[:, 0]), np.append(k + 1, loops[:, 1])
         links = csr_array((np.concatenate(costs), (rows, columns)), shape=(n, n))
         distance, parents = dijkstra(
@@ -130,13 +101,13 @@ class PoseGraph:
         [Grisetti10] sec. III with residuals in the frame of the earlier keyframe: the difference of
         positions, and of headings.
         """
-        n, poses, loops = self.n, self.poses, self.loops
+        n, poses, (loops, of_loops, information) = self.n, self.poses, self._stacked_loops()
         k = np.arange(n - 1)
-        i, j = np.append(k, loops.ends[:, 0]), np.append(k + 1, loops.ends[:, 1])
-        measured = np.concatenate([self._steps[1:n], loops.poses])
+        i, j = np.append(k, loops[:, 0]), np.append(k + 1, loops[:, 1])
+        measured = np.concatenate([self._steps[1:], of_loops])
         W = np.zeros((len(i), 3, 3))
-        W[: n - 1, range(3), range(3)] = 1.0 / self._variances[1:n]
-        W[n - 1 :] = loops.information
+        W[: n - 1, range(3), range(3)] = 1.0 / self._variances[1:]
+        W[n - 1 :] = information
         r, A, B = _linearized(poses[i], poses[j], measured)
         m = len(i)
         parts = np.stack([i, j], axis=1).ravel(), np.arange(0, 2 * m + 1, 2)
@@ -159,6 +130,14 @@ class PoseGraph:
         poses += move
         poses[:, 2] = wrap_angle(poses[:, 2])
         return float(np.abs(move).max())
+
+    def _stacked_loops(self) -> tuple[NDArray[np.int64], Floats, Floats]:
+        """Of all loops the keyframes (m, 2), poses (m, 3) and information (m, 3, 3)."""
+        ends = [(edge.earlier, edge.later) for edge in self.loops]
+        poses = np.array([edge.pose for edge in self.loops], np.float64)
+        information = np.array([edge.information for edge in self.loops], np.float64)
+        rows = np.array(ends, np.int64).reshape(-1, 2)
+        return rows, poses.reshape(-1, 3), information.reshape(-1, 3, 3)
 
 
 def _linearized(a: Floats, b: Floats, measured: Floats) -> tuple[Floats, Floats, Floats]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -80,7 +81,6 @@ class LocalMap:
         x0, y0 = low.tolist()
         self._lookup = Lookup(np.zeros((ny, nx), np.float32), x0, y0, CELL)
         kernels.paint(every, x0, y0, CELL, self._lookup.likelihood)
-        self._lines: LineMap | None = None
 
     def search(self, ends: Floats, window: Window, enough: float) -> Found:
         """The best pose of a window for end points (2, n) [m]; `enough`: a score it must have."""
@@ -93,8 +93,6 @@ class LocalMap:
 
     def fit(self, points: EndPoints, start: Pose2) -> Match:
         """Gauss-Newton on the lines of the local map, from a pose good to a cell."""
-        if self._lines is None:
-            self._lines = self._drawn()
         return self._lines.fit(points, start, Prior(start, STARTED))
 
     def agreement(self, ends: Floats, pose: Pose2) -> float:
@@ -108,7 +106,8 @@ class LocalMap:
             kernels.visible(ends, np.array(seen_from), ranges, view, TOLERANCE, found)
         return float(found.mean()) if found.size else 0.0
 
-    def _drawn(self) -> LineMap:
+    @cached_property
+    def _lines(self) -> LineMap:
         likelihood, x0, y0, _ = self._lookup
         seen = np.zeros_like(likelihood)  # nothing is known to be free
         lines = LineMap(SCANS, seen, (x0, y0), CELL)

@@ -17,21 +17,55 @@ import numpy as np
 
 from slams.localize.hooks import Localizes
 from slams.loops.detector import LoopDetector
-from slams.loops.graph import LoopEdge, PoseGraph
+from slams.loops.graph import LEVER, PoseGraph
 from slams.loops.matching import Keyframe, keyframe
 from slams.loops.params import LoopParams
-from slams.loops.redraw import MOVED, Redraw, gap
 from slams.params import Params
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, wrap_angle
 
-STEP_NOISE = 0.01, 0.002  # m, rad: of every step between keyframes
+STEP_NOISE = 0.01, 0.01, 0.002  # m, m, rad: of every step between keyframes
+MOVED = 0.05  # m, and as many times 0.1 rad, that a keyframe has to move, or the map stays
 MIN_ENDS = 20  # end points of a keyframe
 JUMP = 0.2  # m that the algorithm may be off its own last step or the wheels': it closed a loop
 REDRAWN = 4  # keyframes that enter the new map beside one scan
 PAUSE = 5  # scans to each keyframe of a map that was drawn anew, until the next
 SETTLED = 1e-4  # m, rad: the last iteration moves no pose by more
-UNKNOWN = np.zeros((3, 3))
 PASSED = "state", "quality", "covariance", "pictures", "snapshot"
+
+
+def gap(one: Pose2, other: Pose2) -> float:
+    """Distance of two poses [m], as walls `LEVER` away show it."""
+    turn = abs(wrap_angle(one.theta - other.theta))
+    return math.hypot(one.x - other.x, one.y - other.y) + LEVER * turn
+
+
+class Redraw:
+    """A new instance of an algorithm into which keyframes enter, a few for each scan.
+
+    `done` once it has all that the graph has.
+    """
+
+    def __init__(self, slam: Localizes, keyframes: list[Keyframe]) -> None:
+        self.slam = slam
+        self._keyframes = keyframes
+        self._poses: list[Pose2] = []  # at which keyframes are in the map
+
+    @property
+    def done(self) -> bool:
+        """Whether every keyframe is in the map."""
+        return len(self._poses) == len(self._keyframes)
+
+    def is_outdated(self, graph: PoseGraph) -> bool:
+        """Whether keyframes that are in the map have moved."""
+        last = len(self._poses) - 1
+        return last >= 0 and gap(self._poses[last], graph.pose(last)) > MOVED
+
+    def insert(self, count: int, graph: PoseGraph) -> None:
+        """Let the next `count` keyframes enter."""
+        first = len(self._poses)
+        for k in range(first, min(first + count, len(self._keyframes))):
+            self._poses.append(graph.pose(k))
+            self.slam.insert_at(self._keyframes[k].scan, self._poses[k])
 
 
 class Looped:
@@ -139,9 +173,9 @@ class Looped:
 
     def _variances(self, theta: float) -> Floats:
         """Variances (3,) of the algorithm's pose along a heading, across it, and of its own."""
-        covariance = getattr(self.slam, "covariance", UNKNOWN)
-        if not np.isfinite(covariance).all():
-            covariance = UNKNOWN
+        covariance = getattr(self.slam, "covariance", None)
+        if covariance is None or not np.isfinite(covariance).all():
+            return np.zeros(3)
         c, s = math.cos(theta), math.sin(theta)
         xx, xy, yy, turn = covariance[0, 0], covariance[0, 1], covariance[1, 1], covariance[2, 2]
         along = c * c * xx + 2.0 * c * s * xy + s * s * yy
@@ -162,7 +196,7 @@ class Looped:
             return
         step, p = self._at.between(pose), self.params
         distance = math.hypot(step.x, step.y)
-        noise = np.array((STEP_NOISE[0], STEP_NOISE[0], STEP_NOISE[1])) ** 2
+        noise = np.array(STEP_NOISE) ** 2
         noise[:2] += p.drift**2 * distance + self._jumps
         noise[2] += p.heading_drift**2 * (distance + abs(step.theta))
         now = self._variances(pose.theta)
@@ -187,44 +221,32 @@ class Looped:
             return pose
         loops = self._detector.work()
         if loops:
-            self._close(loops)
+            self.graph.loops += loops
+            self._moving = any(
+                gap(self.graph.step(edge.earlier, edge.later), edge.pose) > MOVED for edge in loops
+            )
             return pose
         self._pause -= 1
-        redraw = self._redraw
-        due = (
-            self._pause < 0 and self._is_moved()
-            if redraw is None
-            else redraw.is_outdated(self.graph)
-        )
-        if due:
+        if self._redraw is None:
+            is_due = self._pause < 0 and gap(self.graph.pose(-1), self._at) > MOVED
+        else:
+            is_due = self._redraw.is_outdated(self.graph)
+        if is_due:
             self._redraw = Redraw(self._make(), self.keyframes)
-        if self._redraw is not None:
-            self._redraw.insert(REDRAWN, self.graph)
-            if self._redraw.done:
-                return self._change_maps(scan, pose)
-        return pose
+        if self._redraw is None:
+            return pose
+        self._redraw.insert(REDRAWN, self.graph)
+        return self._in_new_map(self._redraw.slam, scan, pose) if self._redraw.done else pose
 
-    def _close(self, loops: list[LoopEdge]) -> None:
-        graph = self.graph
-        graph.close(loops)
-        self._moving = any(gap(graph.step(e.earlier, e.later), e.pose) > MOVED for e in loops)
-
-    def _is_moved(self) -> bool:
-        """Whether the robot is elsewhere in the graph than in the algorithm's map."""
-        return gap(self.graph.pose(self.graph.n - 1), self._at) > MOVED
-
-    def _change_maps(self, scan: Scan, pose: Pose2) -> Pose2:
+    def _in_new_map(self, new: Localizes, scan: Scan, pose: Pose2) -> Pose2:
         """Go on in the new map, from the corrected pose."""
-        assert self._redraw is not None
-        n = self.graph.n - 1
-        corrected = self.graph.pose(n) @ self._at.between(pose)
-        new, self._redraw = self._redraw.slam, None
+        corrected = self.graph.pose(-1) @ self._at.between(pose)
         if hasattr(self.slam, "adopt"):
             self.slam.adopt(new, corrected)
         else:
             new.insert_at(scan, corrected)
             self.slam = new
-        self._at = self.graph.pose(n)
+        self._at, self._redraw = self.graph.pose(-1), None
         self._pause = PAUSE * self.graph.n
         self._redrawn += 1
         return corrected

@@ -1,8 +1,16 @@
-"""Save an algorithm, read it again, and go on with it in another run."""
+"""Save an algorithm, read it again, and go on with it in another run.
+
+The file is an npz of the arrays and, as JSON, what they belong to; the zip has a checksum of each.
+
+- `head`: the format, the release that wrote it, the algorithm, the tree of `slams.state.tree`;
+  type, shape and filled bytes of each large array.
+- `<attribute>`: an array; of a large one only its filled bytes.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -10,9 +18,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from slams.formats.npz import Arrays
+from slams import __version__
+from slams.cells import SMALL, filled, zeros
+from slams.formats.npz import Arrays, read_npz, write_npz
 from slams.registry import find, label_of
-from slams.state import archive
 from slams.state.tree import Reader, Writer
 
 if TYPE_CHECKING:
@@ -20,6 +29,11 @@ if TYPE_CHECKING:
     from slams.registry import Entry
     from slams.scanlog import ScanLog
     from slams.types import Ranges, Slam
+
+RELEASE = {"format": "slams-state-3", "slams": __version__}
+HEAD = "head"
+COMPRESSION_LEVEL = 4  # level 1 makes constant arrays three times as large, 9 takes long
+MAX_SIZE = 1 << 33  # bytes of all arrays unpacked: more than any map that fits in memory
 
 
 class State(NamedTuple):
@@ -43,7 +57,16 @@ def save(slam: Slam, path: str | Path, beside: Mapping[str, Any] | None = None) 
         OSError: the file cannot be written.
         TypeError: the algorithm keeps something that a state cannot hold (kiss: a foreign library).
     """
-    archive.write(Path(path), *_state_of(slam, beside or {}))
+    label, tree, arrays = _state_of(slam, beside or {})
+    kept, large = dict(arrays), {}
+    for name, array in arrays.items():
+        if array.nbytes >= SMALL and array.flags.c_contiguous:
+            spans, data = filled(array), array.reshape(-1).view(np.uint8)
+            large[name] = [array.dtype.str, array.shape, spans]
+            kept[name] = np.concatenate([data[:0], *(data[a:b] for a, b in spans)])
+    head = RELEASE | {"algorithm": label, "tree": tree, "large": large}
+    text = json.dumps(head, separators=(",", ":")).encode()
+    write_npz(Path(path), kept | {HEAD: np.frombuffer(text, np.uint8)}, COMPRESSION_LEVEL)
 
 
 def save_after(slam: Slam, path: str | Path, t: float, ranges: Ranges, **beside: Any) -> None:
@@ -90,7 +113,7 @@ def load_state(path: str | Path, algorithm: str | None = None) -> Slam:
 def read_state(path: str | Path, algorithm: str | None = None) -> State:
     """As `load_state`, with the label and what was kept beside the algorithm."""
     path = Path(path)
-    label, tree, arrays = archive.read(path)
+    label, tree, arrays = _read(path)
     if algorithm is None and (not isinstance(label, str) or ":" in label):  # somebody's module
         raise ValueError(f"{path}: the state of {label!r}; say so (algorithm=...) to load its code")
     cls = find(algorithm or label).cls
@@ -103,8 +126,51 @@ def read_state(path: str | Path, algorithm: str | None = None) -> State:
         slam = reader.thing(tree["slam"], "slam", new)
         return State(slam, label, reader.thing(tree["beside"], "beside", {}))
     except Exception as error:  # a malformed tree raises what it does
-        text = f"{path}: not a state of {label}: {archive.sentence(error)}"
-        raise ValueError(text) from error
+        raise ValueError(f"{path}: not a state of {label}: {_sentence(error)}") from error
+
+
+def _read(path: Path) -> tuple[str, Any, Arrays]:
+    """What a file holds: the algorithm's label, the tree and its arrays.
+
+    Raises:
+        OSError: the file cannot be opened.
+        ValueError: it is no state, damaged, or of another release; one sentence.
+    """
+    with path.open("rb") as file:
+        if file.read(2) != b"PK":
+            raise ValueError(f"{path}: not a state; expected a file of --save-state")
+    arrays = read_npz(path, most=MAX_SIZE)
+    if HEAD not in arrays:
+        raise ValueError(f"{path}: not a state: no {HEAD}; expected a file of --save-state")
+    try:
+        head = json.loads(arrays.pop(HEAD).tobytes())
+        for key, expected in RELEASE.items():
+            if head.get(key) != expected:
+                raise ValueError(
+                    f"saved with {key} {head.get(key)}, expected {expected}: a state goes on with "
+                    "the release that saved it; use that one, or map the log again"
+                )
+        for name, (dtype, shape, spans) in head["large"].items():
+            arrays[name] = _whole(arrays[name], np.dtype(dtype), tuple(shape), spans)
+        return head["algorithm"], head["tree"], arrays
+    except Exception as error:  # a malformed head raises what it does
+        raise ValueError(f"{path}: {_sentence(error)}") from error
+
+
+def _whole(data: Any, dtype: Any, shape: tuple[int, ...], spans: list[Any]) -> Any:
+    """A large array of its filled bytes."""
+    whole, at = zeros(shape, dtype), 0
+    target = whole.reshape(-1).view(np.uint8)
+    for a, b in spans:
+        target[a:b] = data[at : at + b - a]
+        at += b - a
+    return whole
+
+
+def _sentence(error: Exception) -> str:
+    """The start of an error's text, on one line."""
+    text = str(error) if isinstance(error, ValueError) else f"damaged ({error!r})"
+    return " ".join(text.split())[:200]
 
 
 def resume(path: str | Path, entry: Entry, params: Params) -> State:

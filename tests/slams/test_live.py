@@ -203,25 +203,6 @@ def test_messages_of_ros_1_and_2():
     assert estimate.t == pytest.approx(2.1)
 
 
-def test_threads_take_turns(log):
-    live = LiveSlam("hector", warm_up=False)
-    maps, errors = [], []
-
-    def _draw():
-        try:
-            maps.extend(live.map().p.shape for _ in range(20))
-        except Exception as error:
-            errors.append(error)
-
-    thread = threading.Thread(target=_draw)
-    thread.start()
-    poses = [push(live, scan).pose for scan in log]
-    thread.join()
-    alone = LiveSlam("hector", warm_up=False)
-    assert poses == [push(alone, scan).pose for scan in log]
-    assert (len(maps), errors) == (20, [])
-
-
 def test_mount_sensor_and_parameters_reach_the_algorithm():
     live = LiveSlam("hector", sensor="lds01", mount=Pose2(0.1, 0.0, 0.2), warm_up=False, levels=2)
     assert live.params == find("hector").params().for_sensor("lds01").replace(levels=2)

@@ -155,57 +155,56 @@ def test_what_no_state_can_hold_leaves_no_file(tmp_path):
 
 
 def rewritten(source, target, change):
-    """A copy of a state with its head or arrays changed."""
+    """A copy of a state with its head changed."""
     with np.load(source) as archive:
         arrays = dict(archive)
     head = json.loads(arrays.pop("head").tobytes())
-    change(head, arrays)
+    change(head)
     write_npz(target, arrays | {"head": np.frombuffer(json.dumps(head).encode(), np.uint8)})
     return target
 
 
-def set_head(key, value):
-    return lambda head, arrays: head.update({key: value})
+def put(value, *path):
+    """Sets what stands at a path in the head of a file."""
+
+    def change(head):
+        for key in path[:-1]:
+            head = head[key]
+        head[path[-1]] = value
+
+    return change
 
 
-def slam_of(head):
-    return head["tree"]["slam"][2]
-
-
-def set_attribute(name, value):
-    return lambda head, arrays: slam_of(head).update({name: value})
-
-
-def set_class(name):
-    return lambda head, arrays: head["tree"]["slam"].__setitem__(1, name)
-
-
-def set_params(name, value):
-    return lambda head, arrays: head["tree"]["params"][2].update({name: value})
+def put_class(name):
+    return put(name, "tree", "slam", 1)
 
 
 def set_large(index, value):
-    return lambda head, arrays: next(iter(head["large"].values())).__setitem__(index, value)
+    return lambda head: next(iter(head["large"].values())).__setitem__(index, value)
 
 
+SLAM = "tree", "slam", 2
 CHANGES = {
-    "another format": (set_head("format", "x"), "saved with format x, expected slams-state-3"),
-    "another release": (set_head("slams", "9.1"), "saved with slams 9.1, expected"),
-    "unknown algorithm": (set_head("algorithm", "hectr"), "unknown algorithm"),
-    "somebody's module": (set_head("algorithm", "os:Path"), "say so"),
-    "another algorithm": (set_head("algorithm", "tsd"), "there is no class 'hector"),
-    "a foreign class": (set_class("subprocess:Popen"), "there is no class"),
-    "a module of ours": (set_class("slams.cli:Parser"), "there is no class"),
-    "no such class": (set_class("hector.slam:Hectr"), "there is no class"),
-    "a function": (set_class("hector.slam:estimator_for"), "there is no class"),
-    "a number for a map": (set_attribute("_map", 3), "slam._map is a number, expected hector.map"),
-    "a missing attribute": (lambda head, _: slam_of(head).popitem(), "slam has no"),
-    "a node of no kind": (set_attribute("frozen", ["eval", "1"]), "slam.frozen is malformed"),
-    "other parameters": (set_params("seed", -3), "parameter 'seed': got -3"),
+    "another format": (put("x", "format"), "saved with format x, expected slams-state-3"),
+    "another release": (put("9.1", "slams"), "saved with slams 9.1, expected"),
+    "unknown algorithm": (put("hectr", "algorithm"), "unknown algorithm"),
+    "somebody's module": (put("os:Path", "algorithm"), "say so"),
+    "another algorithm": (put("tsd", "algorithm"), "there is no class 'hector"),
+    "a foreign class": (put_class("subprocess:Popen"), "there is no class"),
+    "a module of ours": (put_class("slams.cli:Parser"), "there is no class"),
+    "no such class": (put_class("hector.slam:Hectr"), "there is no class"),
+    "a function": (put_class("hector.slam:estimator_for"), "there is no class"),
+    "a number for a map": (
+        put(3, *SLAM, "_map"),
+        "slam._map is a number, expected hector.map",
+    ),
+    "a missing attribute": (lambda head: head["tree"]["slam"][2].popitem(), "slam has no"),
+    "a node of no kind": (put(["eval", "1"], *SLAM, "frozen"), "slam.frozen is malformed"),
+    "other parameters": (put(-3, "tree", "params", 2, "seed"), "parameter 'seed': got -3"),
     "a giant": (set_large(1, [1 << 60, 4]), "damaged"),
     "a smaller array": (set_large(1, [4]), "could not broadcast"),
     "an array of another type": (set_large(0, "<c8"), "an array of complex64"),
-    "no tree": (lambda head, _: head.pop("tree"), "damaged"),
+    "no tree": (lambda head: head.pop("tree"), "damaged"),
 }
 
 
@@ -240,7 +239,7 @@ def degraded(known, rng):
 def test_whatever_stands_in_a_file_is_read_or_refused_in_one_sentence(kept, tmp_path):
     rng, said = np.random.default_rng(0), []
     for _ in range(80):
-        path = rewritten(kept, tmp_path / "x", lambda head, _: degraded(head["tree"], rng))
+        path = rewritten(kept, tmp_path / "x", lambda head: degraded(head["tree"], rng))
         try:
             load_state(path)
         except ValueError as error:
@@ -271,7 +270,7 @@ def test_the_old_state_stays_whole_when_saving_fails(kept, tmp_path, monkeypatch
     path = tmp_path / "x.state"
     shutil.copy(kept, path)
     with monkeypatch.context() as patch:
-        patch.setattr("slams.state.archive.json.dumps", lambda *a, **k: 1 / 0)
+        patch.setattr("slams.state.store.json.dumps", lambda *a, **k: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             save(new("hector"), path)
     assert path.read_bytes() == kept.read_bytes()

@@ -56,10 +56,8 @@ class Stand:
     def __init__(
         self, monkeypatch, algorithm="odometry", file=None, bus=None, begin=None, **options
     ):
-        monkeypatch.setattr(node, "SETTLING_TIME", 0.0)
-        monkeypatch.setattr(node, "MAX_WAIT_FOR_TF", 0.0)
-        monkeypatch.setattr(node, "END_PERIOD", 0.0)
-        monkeypatch.setattr(node, "POLL_PERIOD", 0.0)
+        for time in ("SETTLING_TIME", "MAX_WAIT_FOR_TF", "END_PERIOD", "POLL_PERIOD"):
+            monkeypatch.setattr(node, time, 0.0)
         self.bus, self.said, self.make = bus or Bus(), [], Maker()
         usual = {"map_every": 0.0, "wait": 0.0}
         self.algorithm, self.file = algorithm, file

@@ -16,13 +16,11 @@ from slams.live.robot import Robot
 from slams.live.slam import MAX_RESUME_GAP
 from slams.scanlog import Track
 from slams.types import IDENTITY
-from tests.floors import grid_of
+from tests.floors import START, grid_of, seen, truth
 from tests.rooms import ROOM, box, cast, drive, laser, scan_at, way
 from tests.slams.live.bus import Bus
 from tests.slams.live.commands import PATIENCE
 from tests.slams.live.robots import Stand
-
-START = Pose2(0.3, -0.2, 0.4)  # of the drives below, in the map
 
 
 def robot_log(n=30):
@@ -37,10 +35,7 @@ def robot_log(n=30):
 def placed_log(n=24, rate=4.0):
     """A drive that begins at START in the room; a message holds all its numbers exactly."""
     lidar = messaged(laser(361))
-    poses = [START @ Pose2(*pose) for pose in way(n, 0.05)]
-    rng = np.random.default_rng(0)
-    ranges = np.array([scan_at(pose, lidar, noise=0.01, rng=rng).ranges for pose in poses])
-    return slams.ScanLog(np.arange(n) / rate, ranges, lidar, meta={"name": "placed"})
+    return slams.ScanLog(np.arange(n) / rate, seen(n, lidar), lidar, meta={"name": "placed"})
 
 
 def messaged(lidar):
@@ -168,15 +163,11 @@ def test_a_map_that_stays_is_shown_at_once_and_the_place_found(folder, monkeypat
     assert float({pair.key: pair.value for pair in states[-1].values}["explained"]) > 0.9
     assert len(stand.bus.sent("/pose")) == 21
     assert stand.node.drive.t == log.t[3:].tolist()
-    off = np.array(stand.node.drive.poses)[:, :2] - truth()[3:, :2]
+    off = np.array(stand.node.drive.poses)[:, :2] - truth(24)[3:, :2]
     assert np.hypot(*off.T).max() < 0.05
     report = stand.node.report()
     assert report["sought"] == 3 and report["algorithm"]["explained"] > 0.9
     assert any(said.startswith("found at 0.3") and "after 3 scans" in said for said in stand.said)
-
-
-def truth(n=24):
-    return np.array([START @ Pose2(*pose) for pose in way(n, 0.05)])
 
 
 def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path):
@@ -254,13 +245,10 @@ def test_a_node_refuses_as_a_run_does(arguments, sentence, folder, monkeypatch, 
 
     monkeypatch.chdir(folder)
     monkeypatch.setattr(command, "transport_of", lambda *_: Bus().transport())
-    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
     for main, log in ((command.main, []), (run.main, ["placed.npz"])):
         assert main(["hector", *log, *arguments]) == 2
         error = capsys.readouterr().err
         assert sentence in error and error.count("\n") == 1
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
 
 
 # the commands, over the network

@@ -57,6 +57,10 @@ def examples():
     }
 
 
+def packed(msgtype):
+    return bytes(store().serialize_cdr(examples()[msgtype], msgtype))
+
+
 def test_names_are_ros_2s():
     assert transport.topic_name("/scan") == transport.topic_name("scan") == "rt/scan"
     assert transport.type_name(SCAN) == "sensor_msgs::msg::dds_::LaserScan_"
@@ -66,7 +70,7 @@ def test_names_are_ros_2s():
 
 @pytest.mark.parametrize("msgtype", TYPES)
 def test_every_message_arrives_byte_by_byte(msgtype, transports):
-    data = bytes(store().serialize_cdr(examples()[msgtype], msgtype))
+    data = packed(msgtype)
     sender, receiver, got = transports(), transports(), []
     receiver.subscribe("/topic", msgtype, Quality.RELIABLE, got.append)
     outlet = sender.advertise("/topic", msgtype, Quality.RELIABLE)
@@ -81,8 +85,7 @@ def test_every_message_arrives_byte_by_byte(msgtype, transports):
 
 def test_the_types_are_laid_out_as_the_library_writes_them():
     """DDS knows the fields, too: a peer that unpacks them by its own rules gets the same."""
-    message = examples()[SCAN]
-    data = bytes(store().serialize_cdr(message, SCAN))
+    message, data = examples()[SCAN], packed(SCAN)
     scan = transport.packed(SCAN).__idl__
     names = [name for name, _ in store().fielddefs[SCAN][1]]
     assert list(scan.datatype.__annotations__) == names
@@ -114,11 +117,10 @@ def unpacked(msgtype, data):
 
 def test_a_map_stays_for_who_comes_later_and_a_scan_does_not(transports):
     sender, latched, passed = transports(), [], []
-    data = {kind: bytes(store().serialize_cdr(m, kind)) for kind, m in examples().items()}
     maps = sender.advertise("/map", MAP, Quality.LATCHED)
-    maps.publish(data[MAP])
+    maps.publish(packed(MAP))
     scans = sender.advertise("/scan", SCAN, Quality.SENSOR)
-    scans.publish(data[SCAN])
+    scans.publish(packed(SCAN))
     late = transports()
     late.subscribe("/map", MAP, Quality.LATCHED, latched.append)
     late.subscribe("/scan", SCAN, Quality.SENSOR, passed.append)
@@ -132,7 +134,7 @@ def test_a_map_stays_for_who_comes_later_and_a_scan_does_not(transports):
 
 def test_messages_of_ones_own_do_not_come_back(transports):
     first, other, mine, its = transports(), transports(), [], []
-    data = bytes(store().serialize_cdr(examples()[TF], TF))
+    data = packed(TF)
     first.subscribe("/tf", TF, Quality.RELIABLE, mine.append)
     other.subscribe("/tf", TF, Quality.RELIABLE, its.append)
     outlet = first.advertise("/tf", TF, Quality.RELIABLE)
@@ -146,7 +148,7 @@ def test_messages_of_ones_own_do_not_come_back(transports):
 
 def test_a_writer_that_leaves_is_no_message(transports):
     first, second, receiver, got = transports(), transports(), transports(), []
-    data = bytes(store().serialize_cdr(examples()[TF], TF))
+    data = packed(TF)
     receiver.subscribe("/tf", TF, Quality.RELIABLE, got.append)
     receiver.listen()
     for sender in (first, second):
@@ -226,32 +228,24 @@ def test_ended_before_the_first_scan(number, started, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("module", "arguments", "sentence"),
+    ("line", "sentence"),
     [
-        ("slams.live", ["hectro"], "did you mean 'hector'"),
-        ("slams.live", ["odometry", "--domain-id", "300"], "domain: got 300, expected 0 to 232"),
-        ("slams.live", ["odometry", "--queue", "0"], "--queue: got 0, expected 1 scan or more"),
-        ("slams.live", ["odometry", "--map-every", "-1"], "--map-every: got -1, expected 0 s or"),
-        ("slams.live", ["odometry", "--record", "a.bag"], "expected a name that ends in .mcap"),
-        ("slams.live", ["hector", "--map", "m", "--map-every", "9"], "--map-every: got --localize"),
-        ("slams.play", ["nothing.npz"], "nothing.npz: no such file"),
-        (
-            "slams.play",
-            ["room.npz", "--no-odometry", "--odom", "none"],
-            "--no-odometry: got --odom",
-        ),
-        ("slams.play", ["room.npz", "--rate", "0"], "--rate: got 0"),
-        (
-            "slams.play",
-            ["room.npz", "--wait-for-subscriber", "nan"],
-            "got nan, expected 0 s or more",
-        ),
-        ("slams.play", ["room.npz", "--remap", "scan"], "--remap: got 'scan', expected /FROM:=/TO"),
-        ("slams.play", ["room.npz", "--remap", "/a:=/b"], "--remap: /a is no topic here"),
+        ("live hectro", "did you mean 'hector'"),
+        ("live odometry --domain-id 300", "domain: got 300, expected 0 to 232"),
+        ("live odometry --queue 0", "--queue: got 0, expected 1 scan or more"),
+        ("live odometry --map-every -1", "--map-every: got -1, expected 0 s or"),
+        ("live odometry --record a.bag", "expected a name that ends in .mcap"),
+        ("live hector --map m --map-every 9", "--map-every: got --localize"),
+        ("play nothing.npz", "nothing.npz: no such file"),
+        ("play room.npz --no-odometry --odom none", "--no-odometry: got --odom"),
+        ("play room.npz --rate 0", "--rate: got 0"),
+        ("play room.npz --wait-for-subscriber nan", "got nan, expected 0 s or more"),
+        ("play room.npz --remap scan", "--remap: got 'scan', expected /FROM:=/TO"),
+        ("play room.npz --remap /a:=/b", "--remap: /a is no topic here"),
     ],
 )
 def test_what_is_wrong_on_the_command_line_is_one_sentence(
-    module, arguments, sentence, tmp_path, monkeypatch, capsys
+    line, sentence, tmp_path, monkeypatch, capsys
 ):
     from slams import play
     from slams.live import __main__ as live
@@ -260,11 +254,8 @@ def test_what_is_wrong_on_the_command_line_is_one_sentence(
     monkeypatch.chdir(tmp_path)
     for name, value in environment().items():
         monkeypatch.setenv(name, value)
-    handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
-    main = live.main if module == "slams.live" else play.main
-    assert main(arguments) == 2
-    signal.signal(signal.SIGINT, handlers[0])
-    signal.signal(signal.SIGTERM, handlers[1])
+    command, *arguments = line.split()
+    assert {"live": live.main, "play": play.main}[command](arguments) == 2
     error = capsys.readouterr().err
     assert sentence in error
     assert error.count("\n") == 1

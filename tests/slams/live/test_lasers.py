@@ -45,6 +45,7 @@ def test_poses_are_those_of_a_run_of_the_recording_in_the_order_of_stamps(monkey
 
 def test_a_laser_that_tf_does_not_place_is_left_out_until_it_does(monkeypatch):
     stand = mounted(monkeypatch, topics=TWO)
+    stand.moved(0.0, (0.0, 0.0, 0.0))
     stand.scan(0.0, topic="/front")
     stand.scan(0.1, "rear", topic="/rear")
     stand.start_and_drive()
@@ -55,6 +56,7 @@ def test_a_laser_that_tf_does_not_place_is_left_out_until_it_does(monkeypatch):
     stand.scan(0.2, "rear", topic="/rear")
     stand.drive()
     assert stand.node.drive.t == [0.0, 0.2]
+    assert stand.node.report()["odometry"] == "tf"  # chosen once, with the first laser
 
 
 class Clock:
@@ -121,8 +123,9 @@ def test_topics_on_the_command_line():
         parser().parse_args(["hector", "--scan-topic", "front", "--scan-topic", "/rear"])
     )
     assert options.topics.scans == ("/front", "/rear")
-    renamed = node_options(parser().parse_args(["hector", "--remap", "/map:=/m", "--imu", "gyro"]))
-    assert renamed.topics == Topics(map="/m", imu="/gyro")
+    for imu in (["--imu", "gyro"], ["--remap", "/imu:=/gyro"]):
+        renamed = node_options(parser().parse_args(["hector", "--remap", "/map:=/m", *imu]))
+        assert renamed.topics == Topics(map="/m", imu="/gyro")
     with pytest.raises(
         ValueError, match="--scan-topic: got /a, /a, expected up to 8 different topics"
     ):

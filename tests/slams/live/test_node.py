@@ -12,6 +12,7 @@ from slams.formats.ros_maker import UNKNOWN, percent
 from slams.live import node
 from slams.live.options import Quality, Topics
 from slams.live.recorder import Recorder
+from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Pose2
 from tests.rooms import drive, laser, way
@@ -76,8 +77,7 @@ def test_the_transform_joins_map_and_odometry_and_the_pose_is_the_algorithms(mon
     for tf, t, pose, said in zip(moved, drive.t[1:], drive.poses[1:], posed[1:], strict=True):
         edge = tf.transforms[0]
         assert (edge.header.frame_id, edge.child_frame_id) == ("map", "odom")
-        stamp = edge.header.stamp.sec + 1e-9 * edge.header.stamp.nanosec
-        assert stamp == pytest.approx(t + 0.1, abs=1e-6)
+        assert seconds(edge.header.stamp) == pytest.approx(t + 0.1, abs=1e-6)
         assert close(pose_of(tf) @ stand.node.buffer.odometry_at(t), pose)
         at = said.pose.pose
         assert close((at.position.x, at.position.y, yaw_of(at.orientation)), pose)
@@ -324,16 +324,6 @@ def test_odd_messages_are_left_out_and_said_once(monkeypatch):
         "a message of /scan is no sensor_msgs/msg/LaserScan; such scans are left out"
     ]
     assert any("two lasers on one topic" in said for said in stand.said)
-
-
-def test_the_first_scan_does_not_wait_where_tf_tells_all(monkeypatch):
-    stand = Stand(monkeypatch)
-    monkeypatch.setattr(node, "SETTLING_TIME", 60.0)
-    stand.tf(("base_link", "laser", MOUNT))
-    stand.moved(0.0, (0.0, 0.0, 0.0))
-    stand.scan(0.0)
-    stand.start()  # nor is it held up by what only a topic would tell
-    assert stand.node.buffer.source == "tf"
 
 
 def test_a_laser_that_begins_with_empty_scans_is_waited_for(monkeypatch):

@@ -22,6 +22,16 @@ def test_tf_that_comes_late_is_waited_for_and_no_scan_is_lost(monkeypatch):
     assert not any("it is the base" in said for said in stand.said)
 
 
+@pytest.mark.parametrize(("settling", "source"), [(60.0, None), (0.0, "tf")])
+def test_odometry_and_tf_have_some_time_to_begin(settling, source, monkeypatch):
+    stand = mounted(monkeypatch)
+    monkeypatch.setattr(node, "SETTLING_TIME", settling)
+    stand.moved(0.0, (0.0, 0.0, 0.0))
+    stand.scan(0.0)
+    stand.start(Ending(5))
+    assert stand.node.buffer.source == source
+
+
 def test_a_clock_that_is_set_back_is_followed_with_its_odometry(monkeypatch):
     stand = mounted(monkeypatch)
     stamps = [100.0 + 0.1 * k for k in range(5)] + [3.0 + 0.1 * k for k in range(20)]

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,9 +20,10 @@ from slams.params import Params
 from slams.registry import find, names
 from slams.state import save
 from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
-from tests.floors import grid_of
+from tests.floors import START, grid_of, seen, truth
 from tests.places import ROOT
 from tests.rooms import ROOM, box, cast, drive, laser, mirrored, off_the_walls, scan_at, way
+from tests.wheels import Drifting
 
 OFFERING = [
     label
@@ -29,36 +31,6 @@ OFFERING = [
     for label in (name, *(f"{name}@{p}" for p in find(name).cls.Params.presets()[1:]))
     if isinstance(find(label).cls(find(label).params()), Localizes)
 ]
-START = Pose2(0.3, -0.2, 0.4)  # of the drives below, in the map
-
-
-class Fake:
-    """Follows the wheels, notes what is asked of it."""
-
-    Params = Params
-
-    def __init__(self, params):
-        self.params = params
-        self.frozen = False
-        self.inserted = []
-        self.places = []
-        self._pose, self._odometry = IDENTITY, None
-
-    def insert_at(self, scan, pose):
-        (self.places if self.frozen else self.inserted).append((scan, pose))
-        self._pose, self._odometry = pose, scan.odometry
-
-    def update(self, scan):
-        if self._odometry is not None and scan.odometry is not None:
-            self._pose = self._pose @ self._odometry.between(scan.odometry)
-        self._odometry = scan.odometry
-        return self._pose
-
-    def map(self):
-        return OccupancyGrid(np.zeros((1, 1), np.float32), 1.0, (0.0, 0.0))
-
-    def report(self):
-        return {"odometry": 1}
 
 
 @pytest.fixture(scope="module")
@@ -71,14 +43,7 @@ def log():
     """A drive of `way`, its truth in the map's frame, that begins at START."""
     lidar = laser(361)
     whole = drive(n=40, lidar=lidar)
-    poses = [START @ Pose2(*pose) for pose in way(40, 0.05)]
-    rng = np.random.default_rng(0)
-    ranges = np.array([scan_at(pose, lidar, noise=0.01, rng=rng).ranges for pose in poses])
-    return type(whole)(whole.t, ranges, lidar, whole.odom, None, whole.yaw_rate, {"name": "room"})
-
-
-def truth(n=40):
-    return np.array([START @ Pose2(*pose) for pose in way(n, 0.05)])
+    return replace(whole, ranges=seen(40, lidar), truth=None, meta={"name": "room"})
 
 
 def test_virtual_ranges_are_those_of_the_walls(room):
@@ -120,7 +85,8 @@ def test_out_of_reach_or_unknown_is_no_range():
 def test_the_places_of_a_virtual_drive_see_every_wall(room):
     distances, seen = room.distances, np.zeros(room.distances.occupied.shape, bool)
     places = stations(distances)
-    assert 40 < len(places) < 90  # one for each square meter
+    assert 40 < len(places) < 90  # one for each square meter, in the middle of a cell
+    assert (places - distances.origin) / distances.resolution % 1.0 == pytest.approx(0.5, abs=1e-6)
     steps = np.hypot(*np.diff(places, axis=0).T)
     assert np.median(steps) < 1.5
     for scan, pose in scans_of(distances):
@@ -133,7 +99,7 @@ def test_the_places_of_a_virtual_drive_see_every_wall(room):
 
 
 def test_a_virtual_drive_gives_an_algorithm_the_map_and_freezes_it(room):
-    fake = Fake(Params())
+    fake = Drifting(Params())
     origin = build(fake, room.distances)
     assert fake.frozen and not fake.places
     scans, poses = zip(*fake.inserted, strict=True)
@@ -146,7 +112,7 @@ def test_a_virtual_drive_gives_an_algorithm_the_map_and_freezes_it(room):
 
 
 def test_poses_come_in_the_frame_of_the_map(room, log):
-    fake, origin = Fake(Params()), Pose2(-2.0, 1.0, 0.7)
+    fake, origin = Drifting(Params()), Pose2(-2.0, 1.0, 0.7)
     localizer = Localizer(fake, room, START, origin)
     poses = [localizer.update(scan) for scan in log]
     ((scan, place),) = fake.places
@@ -161,14 +127,14 @@ def test_poses_come_in_the_frame_of_the_map(room, log):
 
 
 def test_a_changed_world_is_told(room, log):
-    localizer = Localizer(Fake(Params()), room, START)
+    localizer = Localizer(Drifting(Params()), room, START)
     for scan in log:
         localizer.update(scan_at(START, log.laser, mirrored(ROOM), t=scan.t))
     assert localizer.report()["explained"] < 0.5 and localizer.report()["unlike"] == 40
 
 
 def test_covariances_turn_with_the_frame(room):
-    fake = Fake(Params())
+    fake = Drifting(Params())
     fake.covariance = np.diag([4.0, 1.0, 0.5])
     turned = Localizer(fake, room, START, Pose2(3.0, 1.0, math.pi / 2)).covariance
     assert turned == pytest.approx(np.diag([1.0, 4.0, 0.5]), abs=1e-12)
@@ -289,11 +255,6 @@ def test_what_does_not_fit_is_refused_in_one_sentence(files, capsys):
     log, there = files / "room.npz", ["--localize", files / "map.yaml"]
     (files / "bad.yaml").write_text("image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
     for arguments, sentence in (
-        (["hector", log, "--start=1,2,3"], "expected --localize MAP, too"),
-        (["hector", log, *there, "--start=1,2"], "got '1,2', expected x,y,theta in m and rad"),
-        (["hector", log, *there, "--save-state", "x"], "got --save-state, too"),
-        (["hector", log, *there, "--resume-state", "x"], "got --resume-state, too"),
-        (["hector", log, "--localize", files / "none.yaml"], "no such file"),
         (["hector", log, "--localize", files / "bad.yaml"], "no such picture as none.pgm"),
         (["hector", log, "--localize", log], "not a state"),
         (["odometry", log, *there], "odometry cannot localize in a map that is given"),

@@ -27,14 +27,8 @@ def ring(seed, n=40, loops=6):
         later = int(earlier) + n // 2
         noise = Pose2(*(rng.normal(size=3) * (0.03, 0.03, 0.01)))
         pose = true[earlier].between(true[later]) @ noise
-        graph.close([LoopEdge(int(earlier), later, pose, INFORMATION)])
-    return graph, true
-
-
-def optimize(graph):
-    for _ in range(20):
-        if graph.iterate() < 1e-9:
-            break
+        graph.loops.append(LoopEdge(int(earlier), later, pose, INFORMATION))
+    return graph
 
 
 def residuals(flat, steps, loops):
@@ -42,8 +36,7 @@ def residuals(flat, steps, loops):
     poses = [IDENTITY, *(Pose2(*row) for row in flat.reshape(-1, 3))]
     out = []
     for i, j, pose, root in [(k, k + 1, s, 1.0 / np.sqrt(VARIANCES)) for k, s in steps] + [
-        (i, j, Pose2(*pose), np.sqrt(np.diag(W)))
-        for (i, j), pose, W in zip(loops.ends, loops.poses, loops.information, strict=True)
+        (i, j, pose, np.sqrt(np.diag(information))) for i, j, pose, information in loops
     ]:
         found = poses[i].between(poses[j])
         off = np.array(found) - np.array(pose)
@@ -54,24 +47,19 @@ def residuals(flat, steps, loops):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_optimum_is_that_of_another_solver(seed):
-    graph, _ = ring(seed)
+    graph = ring(seed)
     steps = [(k, graph.step(k, k + 1)) for k in range(graph.n - 1)]
     start = graph.poses[1:].copy().ravel()
-    optimize(graph)
+    for _ in range(20):
+        if graph.iterate() < 1e-9:
+            break
     other = least_squares(
         residuals, start, args=(steps, graph.loops), method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
     )
+    assert graph.pose(0) == pytest.approx(IDENTITY, abs=1e-9)
     found, expected = graph.poses[1:], other.x.reshape(-1, 3)
     assert np.abs(found[:, :2] - expected[:, :2]).max() < 1e-6
     assert np.abs(wrap_angle(found[:, 2] - expected[:, 2])).max() < 1e-6
-
-
-def test_loops_make_the_poses_better_and_the_first_stays():
-    graph, true = ring(4, n=80, loops=10)
-    before = np.abs(graph.poses[:, :2] - np.array(true)[:, :2]).mean()
-    optimize(graph)
-    assert graph.pose(0) == pytest.approx(IDENTITY, abs=1e-9)
-    assert np.abs(graph.poses[:, :2] - np.array(true)[:, :2]).mean() < 0.5 * before
 
 
 def test_the_covariance_along_a_chain_is_that_of_drawn_chains():
@@ -91,9 +79,9 @@ def test_the_covariance_along_a_chain_is_that_of_drawn_chains():
 
 
 def test_a_loop_makes_what_lies_behind_it_certain():
-    graph, _ = ring(6, loops=1)
-    earlier, later = graph.loops.ends[0]
+    graph = ring(6, loops=1)
+    earlier, later = graph.loops[0][:2]
     with_loop = np.trace(graph.uncertainty(later)[earlier][:2, :2])
-    alone = np.trace(ring(6, loops=0)[0].uncertainty(later)[earlier][:2, :2])
+    alone = np.trace(ring(6, loops=0).uncertainty(later)[earlier][:2, :2])
     assert with_loop == pytest.approx(2e-3, rel=1e-6)
     assert alone > 5.0 * with_loop

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,40 +16,14 @@ from slams.check import CHECKS, broken
 from slams.loops import LoopEdge, PoseGraph
 from slams.loops.detector import REFUTED, LoopDetector, Verified
 from slams.loops.matching import Found, keyframe
-from slams.loops.redraw import Redraw
-from slams.loops.slam import MOVED, looped
+from slams.loops.slam import MOVED, Redraw, looped
 from slams.player import replay
 from slams.registry import find, label_of
 from slams.scanlog import Track
 from slams.test_world import laser, scan_at
 from slams.types import IDENTITY, Corrected, Pose2
 from tests.rooms import ALGORITHMS
-
-
-class Drifting:
-    """A `Localizes` without matching: its poses are the wheels', its map is the last keyframe."""
-
-    Params = slams.Params
-
-    def __init__(self, params):
-        self.params, self.frozen = params, False
-        self._first = self._origin = None
-        self.inserted = []
-
-    def update(self, scan):
-        if self._first is None:
-            self._first, self._origin = scan.odometry, IDENTITY
-        return self._origin @ self._first.between(scan.odometry)
-
-    def insert_at(self, scan, pose):
-        self._first, self._origin = scan.odometry, pose
-        self.inserted.append(pose)
-
-    def map(self):
-        return slams.OccupancyGrid(np.full((1, 1), np.nan, np.float32), 0.05, (0.0, 0.0))
-
-    def report(self):
-        return {}
+from tests.wheels import Drifting
 
 
 @cache
@@ -65,20 +40,15 @@ def around():
     return replace(log, odom=Track(log.t, np.array(bent)), yaw_rate=None)
 
 
-class Nowhere:
-    """A local map in which nothing is found."""
-
-    def search(self, ends, window, enough):
-        return Found(window.middle, 0.0, np.zeros((2, 2)), 1000)
-
-
-NOWHERE = Nowhere()
+def new():
+    cls = looped(Drifting)
+    return cls(cls.Params())
 
 
 @cache
 def driven():
     """An algorithm without matching that has driven around with loops, and its run."""
-    slam = looped(Drifting)(looped(Drifting).Params())
+    slam = new()
     return slam, replay(slam, around())
 
 
@@ -92,17 +62,17 @@ def test_loops_correct_the_poses_and_the_map_of_any_algorithm():
     assert slam.report()["loops"] > 5
     assert slam.report()["redrawn"] >= 1
     assert ate(run.corrected, log) < 0.3 * ate(run.poses, log)
-    ends = [slam.graph.pose(k) for k in range(len(slam.slam.inserted))]
-    off = [math.hypot(a.x - b.x, a.y - b.y) for a, b in zip(ends, slam.slam.inserted, strict=True)]
+    drawn = np.array([pose for _, pose in slam.slam.inserted])
+    off = np.hypot(*(slam.graph.poses[: len(drawn)] - drawn)[:, :2].T)
     assert np.median(off) < 4.0 * MOVED  # the map is that of the poses, but for later loops
 
 
 def test_every_loop_is_where_the_truth_has_it():
     log, (slam, _) = around(), driven()
-    for ends, pose in zip(slam.graph.loops.ends, slam.graph.loops.poses, strict=True):
-        stamps = [slam.keyframes[k].scan.t for k in ends]
+    for edge in slam.graph.loops:
+        stamps = [slam.keyframes[k].scan.t for k in (edge.earlier, edge.later)]
         one, other = (Pose2(*row) for row in log.truth_at(np.array(stamps)))
-        off = one.between(other).between(Pose2(*pose))
+        off = one.between(other).between(edge.pose)
         assert math.hypot(off.x, off.y) < 0.15
         assert abs(off.theta) < 0.03
 
@@ -110,7 +80,7 @@ def test_every_loop_is_where_the_truth_has_it():
 def test_a_drive_without_a_return_closes_nothing():
     log = around()
     log = log.rows(np.arange(0, len(log.t) // 6))
-    slam = looped(Drifting)(looped(Drifting).Params())
+    slam = new()
     replay(slam, log)
     assert slam.report()["loops"] == 0
 
@@ -171,7 +141,7 @@ def still(t, odometry):
 
 def test_a_jump_of_the_algorithm_makes_its_step_uncertain():
     """The pose jumps by a meter where the wheels count a decimeter: a loop closed by itself."""
-    slam = looped(Drifting)(looped(Drifting).Params())
+    slam = new()
     places = [Pose2(0.1 * k, 0.0, 0.0) for k in range(12)]
     for k, place in enumerate(places):
         if k == 8:
@@ -184,7 +154,7 @@ def test_a_jump_of_the_algorithm_makes_its_step_uncertain():
 
 def test_after_an_exchange_keyframes_follow_in_the_new_map():
     log = around()
-    slam = looped(Drifting)(looped(Drifting).Params())
+    slam = new()
     redrawn, loops = 0, -1
     for scan in log:
         pose, report = slam.update(scan), slam.report()
@@ -217,7 +187,8 @@ def test_a_hypothesis_that_nothing_confirms_is_dropped():
     detector = LoopDetector(graph, keys, loop_path=10.0)
     edge = LoopEdge(0, 40, Pose2(0.0, 0.0, 0.0), np.diag((1e3, 1e3, 1e4)))
     detector._hypothesis, detector._checked = [Verified(edge, 0.8, True)], [40]
-    detector._local_map = lambda middle: NOWHERE
+    missed = Found(IDENTITY, 0.0, np.zeros((2, 2)), 1000)
+    detector._local_map = lambda middle: SimpleNamespace(search=lambda *_: missed)
     for _ in range(2 * REFUTED):
         assert detector.work() == []
     assert not detector._hypothesis
