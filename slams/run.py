@@ -68,7 +68,10 @@ def _command(arguments: argparse.Namespace) -> int:
     params = getattr(slam, "params", params)
     run, start_up_s = _replayed(slam, entry, params, log, arguments)
     if arguments.save_state:
-        cli.refusing(lambda: _save_state(slam, arguments.save_state, log))
+        from slams.state.store import save_after
+
+        state, last = arguments.save_state, float(log.t[-1])
+        cli.refusing(lambda: save_after(slam, state, last, log.ranges[-1]))
     text = cli.refusing(
         lambda: write_results(
             folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap, ros=ros
@@ -205,12 +208,6 @@ def files_of_run(folder: Path) -> list[str]:
     except (OSError, ValueError, LookupError, TypeError):
         return []
     return [name for name in names if isinstance(name, str) and Path(name).name == name]
-
-
-def _save_state(slam: Slam, path: str, log: ScanLog) -> None:
-    from slams.state import store
-
-    store.save_after(slam, path, float(log.t[-1]), log.ranges[-1])
 
 
 def _replayed(
