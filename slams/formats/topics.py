@@ -57,8 +57,7 @@ class Topics:
         if not found:
             hint = "expected sensor_msgs/LaserScan or MultiEchoLaserScan"
             raise ValueError(f"{self.path}: no laser scans; {hint}; its topics: {self._all()}")
-        if len(found) > 1:
-            raise self._choice("laser scan topics", "--scan-topic", found)
+        self._expect_one("laser scan topics", "--scan-topic picks one", found)
         return (found[0].name,)
 
     def _truth_topic(self) -> str | None:
@@ -78,8 +77,7 @@ class Topics:
         if wanted is not None:
             return match(wanted, found)
         found = [topic for topic in found if topic.name != truth]
-        if len(found) > 1:
-            raise self._choice("odometry topics", "--odom", found, " (or none)")
+        self._expect_one("odometry topics", "--odom picks one (or none)", found)
         return found[0].name if found else None
 
     def _imu_topic(self) -> str | None:
@@ -103,10 +101,9 @@ class Topics:
             )
         return name
 
-    def _choice(self, what: str, flag: str, found: Sequence[Topic], more: str = "") -> ValueError:
-        return ValueError(
-            f"{self.path}: {len(found)} {what}, {flag} picks one{more}: {listed(found)}"
-        )
+    def _expect_one(self, what: str, way_out: str, found: Sequence[Topic]) -> None:
+        if len(found) > 1:
+            raise ValueError(f"{self.path}: {len(found)} {what}, {way_out}: {listed(found)}")
 
     def _all(self) -> str:
         names = [f"{topic.name} ({topic.msgtype}, {topic.messages})" for topic in self.found]
