@@ -132,11 +132,6 @@ def add_algorithm_options(parser: argparse.ArgumentParser) -> None:
     known = f"one of {', '.join(names())}; name@preset; or module:Class"
     parser.add_argument("algorithm", help=known)
     parser.add_argument(
-        "--preset",
-        metavar="NAME",
-        help="preset of the algorithm, as original; the same as name@preset",
-    )
-    parser.add_argument(
         "--sensor", metavar="NAME", help=f"parameters for this laser: {', '.join(LASERS)}"
     )
     parser.add_argument(

@@ -89,32 +89,23 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
     """
     from slams.registry import find
 
-    label = arguments.algorithm
-    if arguments.preset:
-        if label.partition("@")[2] not in ("", arguments.preset):
-            raise ValueError(f"--preset: got {arguments.preset} and {label}; expected one preset")
-        label = f"{label.partition('@')[0]}@{arguments.preset}"
-    entry = find(label)
+    entry, ros = find(arguments.algorithm), None
     params = entry.params()
     if arguments.sensor:
         params = params.for_sensor(arguments.sensor)
-    ros = _of_ros_files(params, entry, arguments) if arguments.ros_params else None
-    params = ros.params if ros else params
+    if arguments.ros_params:
+        from slams.ros import ros_params
+
+        ros = ros_params.take(params, arguments.ros_params, entry.preset)
+        params = ros.params
+        if not arguments.quiet:
+            sys.stderr.write(ros_params.report(ros, entry.label))
     if arguments.params:
         params = params.with_yaml(arguments.params)
     params = params.replace(**dict(cli.assignment(text) for text in arguments.changes))
     if arguments.seed is not None:
         params = params.replace(seed=arguments.seed)
     return entry, params, ros
-
-
-def _of_ros_files(params: Params, entry: Entry, arguments: argparse.Namespace) -> Taken:
-    from slams.ros import ros_params
-
-    taken = ros_params.take(params, arguments.ros_params, entry.preset)
-    if not arguments.quiet:
-        sys.stderr.write(ros_params.report(taken, entry.label))
-    return taken
 
 
 def parameter_table(params: Params) -> str:

@@ -84,8 +84,8 @@ def test_options_change_the_run(log_file, tmp_path, capsys):
     out = tmp_path / "o"
     (tmp_path / "p.yaml").write_text("resolution: 0.1\nlevels: 2\n")
     options = ["--params", str(tmp_path / "p.yaml"), "--set", "levels=1", "--seed", "7"]
-    options += ["--limit", "10", "--every", "2", "--no-odometry", "--preset", "original"]
-    assert slams_run.main(["hector", str(log_file), "--out", str(out), *options]) == 0
+    options += ["--limit", "10", "--every", "2", "--no-odometry"]
+    assert slams_run.main(["hector@original", str(log_file), "--out", str(out), *options]) == 0
     summary = json.loads((out / "summary.json").read_text())
     p = summary["parameters"]
     assert (p["resolution"], p["levels"], p["seed"], p["start"]) == (0.1, 1, 7, "last")
@@ -123,7 +123,6 @@ def bad_files(log_file, tmp_path, monkeypatch):
         ("hector", ["."], "is a directory"),
         ("hectr", ["LOG"], "did you mean 'hector'"),
         ("hector@old", ["LOG"], "no preset 'old'"),
-        ("hector@original", ["LOG", "--preset", "default"], "got default and hector@original"),
         ("hector", ["LOG", "--set", "level=2"], "did you mean 'levels'"),
         ("hector", ["LOG", "--set", "levels"], "expected KEY=VALUE"),
         ("hector", ["LOG", "--set", "levels=0"], "expected 1 to 6"),
