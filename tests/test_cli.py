@@ -13,8 +13,9 @@ import yaml
 
 from slams import run as slams_run
 from slams.formats import trajectory
+from slams.scanlog import load_npz
 from tests.places import ROOT
-from tests.rooms import drive
+from tests.rooms import drive, rewritten
 
 
 @pytest.fixture(scope="module")
@@ -104,8 +105,7 @@ def test_quiet_says_nothing(log_file, tmp_path, capsys):
 def bad_files(log_file, tmp_path, monkeypatch):
     """A folder with files that something is wrong with."""
     monkeypatch.chdir(tmp_path)
-    with np.load(log_file) as archive:
-        np.savez("nan.npz", **(dict(archive) | {"t": np.full(60, np.nan)}))
+    rewritten(log_file, "nan.npz", t=np.full(60, np.nan))
     np.savez("keys.npz", t=np.zeros(3))
     Path("cut.npz").write_bytes(log_file.read_bytes()[:5000])
     Path("text.yaml").write_text("nothing: 1\n")
@@ -165,12 +165,10 @@ def test_an_output_that_is_a_file_is_refused_before_the_run(
 
 
 def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):
-    with np.load(log_file) as archive:
-        data = dict(archive)
-    data["ranges"][[5, 6]] = np.nan
-    data["ranges"][7] = np.inf
-    data["t"][20] = 0.0
-    np.savez(tmp_path / "odd.npz", **data)
+    log = load_npz(log_file)
+    t, ranges = log.t.copy(), log.ranges.copy()
+    t[20], ranges[[5, 6]], ranges[7] = 0.0, np.nan, np.inf
+    rewritten(log_file, tmp_path / "odd.npz", t=t, ranges=ranges)
     out = tmp_path / "out"
     assert slams_run.main(["hector", str(tmp_path / "odd.npz"), "--out", str(out)]) == 0
     text = capsys.readouterr().out
@@ -256,10 +254,8 @@ def test_compare_goes_on_when_an_algorithm_raises_or_dies(log_file, tmp_path, mo
 def test_compare_with_relations_and_without_truth(log_file, tmp_path, capsys):
     from bench import compare
 
-    with np.load(log_file) as archive:
-        data = {key: value for key, value in archive.items() if not key.startswith("truth")}
-    np.savez(tmp_path / "l.npz", **data)
-    t = data["t"]
+    rewritten(log_file, tmp_path / "l.npz", truth=None, truth_t=None)
+    t = load_npz(log_file).t
     lines = [f"{t[k]:.6f} {t[k + 20]:.6f} 0 0 0 0 0 0" for k in range(10)]
     (tmp_path / "l.relations").write_text("\n".join(lines) + "\n1e9 2e9 0 0 0 0 0 0\n")
     arguments = [str(tmp_path / "l.npz"), "--algorithms", "odometry", "--jobs", "1"]
@@ -355,10 +351,7 @@ def test_compare_on_two_logs(log_file, tmp_path):
 def test_compare_survives_a_log_of_one_scan_and_a_truth_beside_it(log_file, tmp_path, capsys):
     from bench import compare
 
-    with np.load(log_file) as archive:
-        data = dict(archive)
-    data["truth_t"] = data.get("truth_t", data["t"]) + 1e6
-    np.savez(tmp_path / "beside.npz", **data)
+    rewritten(log_file, tmp_path / "beside.npz", truth_t=load_npz(log_file).t + 1e6)
     for log, sentence in (
         (tmp_path / "beside.npz", "note: the truth covers 0 of 60 scans"),
         (log_file, "note: one scan only"),
