@@ -2,8 +2,6 @@
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -15,6 +13,7 @@ from slams import run as slams_run
 from slams.formats import trajectory
 from slams.scanlog import load_npz
 from tests.places import ROOT
+from tests.processes import python
 from tests.rooms import drive, rewritten
 
 
@@ -26,13 +25,7 @@ def log_file(tmp_path_factory):
 
 
 def command(*arguments, cwd, module="slams.run"):
-    return subprocess.run(
-        [sys.executable, "-m", module, *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return python("-m", module, *arguments, cwd=cwd)
 
 
 def test_run_writes_everything_and_says_so(log_file, tmp_path):

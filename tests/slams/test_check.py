@@ -1,7 +1,6 @@
 """The checks of the contract fail where it is broken, and say so in one sentence."""
 
 import ctypes
-import subprocess
 import sys
 from dataclasses import dataclass
 
@@ -12,6 +11,7 @@ from slams import contract
 from slams.params import Params, param
 from slams.registry import Entry
 from slams.types import OccupancyGrid, Pose2
+from tests.processes import python
 
 
 class Good:
@@ -207,16 +207,10 @@ def test_what_one_writes_to_a_scan_is_not_what_the_next_gets():
 
 def test_the_command(tmp_path):
     (tmp_path / "mine.py").write_text("from tests.slams.test_check import *\n")
-    path = {"PYTHONPATH": f"{tmp_path}:{':'.join(p for p in sys.path if p)}"}
+    path = f"{tmp_path}:{':'.join(p for p in sys.path if p)}"
 
     def run(*labels):
-        return subprocess.run(
-            [sys.executable, "-m", "slams.check", *labels],
-            env=path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        return python("-m", "slams.check", *labels, PYTHONPATH=path)
 
     good = run("mine:Good", "odometry")
     assert good.returncode == 0, good.stderr

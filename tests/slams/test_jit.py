@@ -1,9 +1,6 @@
 """Where compiled kernels are kept: numba unpickles what lies there, so it must be one's own."""
 
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +10,7 @@ import pytest
 from slams import jit
 from slams.types import Floats
 from tests.places import ROOT
+from tests.processes import python
 
 KERNEL = """
 from slams.jit import njit
@@ -44,14 +42,13 @@ def read_only(tmp_path):
     ],
 )
 def test_a_read_only_install_keeps_its_kernels_in_the_cache_of_the_user(
-    variables, folder, read_only, tmp_path
+    variables, folder, read_only, tmp_path, monkeypatch
 ):
     """As others can write to the temp directory, and numba unpickles what it finds."""
+    for name in ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"):
+        monkeypatch.delenv(name, raising=False)
     given = {name: str(tmp_path / value) for name, value in variables.items()}
-    names = ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR")
-    env = {k: v for k, v in os.environ.items() if k not in names} | given
-    words = [sys.executable, "-B", "-c", ASK]
-    done = subprocess.run(words, cwd=read_only, env=env, capture_output=True, text=True)
+    done = python("-B", "-c", ASK, cwd=read_only, PYTHONPATH="", **given)
     assert done.returncode == 0, done.stderr
     found = Path(done.stdout.strip())
     assert str(found).startswith(folder if folder == "none" else str(tmp_path / folder))
@@ -69,13 +66,7 @@ print(np.array([slam.update(scan) for scan in drive(n=40, rate=10.0)]).tobytes()
 
 
 def test_kernels_just_compiled_give_the_bits_of_kernels_that_were_kept(tmp_path):
-    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    runs = [
-        subprocess.run(
-            [sys.executable, "-c", POSES], cwd=ROOT, env=env, capture_output=True, text=True
-        )
-        for _ in range(2)
-    ]
+    runs = [python("-c", POSES, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2)]
     assert runs[0].stdout, runs[0].stderr
     assert runs[0].stdout == runs[1].stdout
 
