@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import os
+import stat
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, overload
@@ -21,6 +21,7 @@ from slams.registry import BUILT_IN
 # fastmath without the nan and inf flags: scans are full of both
 FAST = frozenset({"contract", "reassoc", "nsz", "arcp", "afn"})
 ROOT = Path(__file__).resolve().parent.parent
+PRIVATE = 0o700
 
 
 def kernel_files(root: Path = ROOT) -> list[Path]:
@@ -43,20 +44,33 @@ def fingerprint(root: Path = ROOT) -> str:
 
 
 def _cache_folder() -> Path | None:
-    """A writable folder named after the kernels' sources; None: no cache.
+    """A writable folder named after the kernels' sources, never the home folder; None: no cache."""
+    name = f"kernels-{fingerprint()}"
+    beside = Path(__file__).resolve().parent / "__pycache__" / name
+    try:
+        beside.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=beside):
+            return beside
+    except OSError:
+        return _own_in_temp(name)
 
-    Beside the package, or, where that is read-only, in the cache of the user: numba unpickles what
-    is there, so nobody else may write to it.
+
+def _own_in_temp(name: str) -> Path | None:
+    """A folder in the temp directory that only this user can write; numba unpickles what is there.
+
+    None where somebody else made one of that name, or where none can be made.
     """
-    beside = Path(__file__).resolve().parent / "__pycache__"
-    of_user = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache", "slams")
-    for parent in (beside, of_user):
-        with suppress(OSError, RuntimeError):  # RuntimeError: the user has no home
-            folder = parent.expanduser() / f"kernels-{fingerprint()}"
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                return folder
-    return None
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    try:
+        folder = Path(tempfile.gettempdir()) / f"slams-{user}-{name}"
+        folder.mkdir(mode=PRIVATE, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return None
+    private = stat.S_IMODE(found.st_mode) == PRIVATE and found.st_uid == user
+    # where there are no such modes, the temp directory itself is the user's
+    own = stat.S_ISDIR(found.st_mode) and (private or not hasattr(os, "getuid"))
+    return folder if own else None
 
 
 if "NUMBA_CACHE_DIR" not in os.environ and (folder := _cache_folder()) is not None:

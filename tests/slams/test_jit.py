@@ -1,6 +1,10 @@
 """Where compiled kernels are kept: numba unpickles what lies there, so it must be one's own."""
 
+import os
 import shutil
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,7 +14,6 @@ import pytest
 from slams import jit
 from slams.types import Floats
 from tests.places import ROOT
-from tests.processes import python
 
 KERNEL = """
 from slams.jit import njit
@@ -32,27 +35,66 @@ def read_only(tmp_path):
     return package.parent
 
 
-@pytest.mark.parametrize(
-    ("variables", "folder"),
-    [
-        ({"XDG_CACHE_HOME": "mine"}, "mine/slams"),
-        ({"HOME": "home"}, "home/.cache/slams"),
-        ({"HOME": "site/kernel.py"}, "none"),  # no folder
-        ({"HOME": "home", "NUMBA_CACHE_DIR": "asked"}, "asked"),
-    ],
-)
-def test_a_read_only_install_keeps_its_kernels_in_the_cache_of_the_user(
-    variables, folder, read_only, tmp_path, monkeypatch
-):
-    """As others can write to the temp directory, and numba unpickles what it finds."""
-    for name in ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"):
-        monkeypatch.delenv(name, raising=False)
-    given = {name: str(tmp_path / value) for name, value in variables.items()}
-    done = python("-B", "-c", ASK, cwd=read_only, PYTHONPATH="", **given)
+def cache_of(install, temp):
+    """The folder that a process of this install keeps its kernels in."""
+    temp.mkdir(exist_ok=True)
+    env = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | {"TMPDIR": str(temp)}
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", ASK], cwd=install, env=env, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
-    found = Path(done.stdout.strip())
-    assert str(found).startswith(folder if folder == "none" else str(tmp_path / folder))
-    assert folder == "none" or list(found.rglob("*.nbi"))
+    return done.stdout.strip()
+
+
+def test_a_read_only_install_keeps_its_kernels_where_nobody_else_can_write(read_only, tmp_path):
+    folder = Path(cache_of(read_only, tmp_path / "mine"))
+    assert folder.parent == tmp_path / "mine"
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert list(folder.rglob("*.nbi"))
+
+    planted = tmp_path / "theirs" / folder.name
+    planted.mkdir(parents=True)
+    planted.chmod(0o777)  # its maker can still write into it
+    assert cache_of(read_only, planted.parent) == "none"
+    assert list(planted.iterdir()) == []
+
+
+@pytest.fixture
+def name_in_temp(tmp_path, monkeypatch):
+    """The folder that would be taken in the temp directory, not made yet."""
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(jit, "__file__", str(tmp_path / "file" / "slams" / "jit.py"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folder = jit._cache_folder()
+    assert folder.parent == tmp_path
+    shutil.rmtree(folder, ignore_errors=True)
+    return folder
+
+
+def test_a_folder_of_somebody_else_is_not_used(name_in_temp, monkeypatch):
+    name_in_temp.mkdir(mode=0o700)
+    assert jit._cache_folder() == name_in_temp  # of an earlier process of ours
+    stat = Path.lstat
+
+    def of_another(path, **_):
+        fields = list(stat(path))
+        fields[4] += path == name_in_temp  # st_uid
+        return os.stat_result(fields)
+
+    monkeypatch.setattr(Path, "lstat", of_another)
+    assert jit._cache_folder() is None
+
+
+@pytest.mark.parametrize("what", ["link", "file", "nowhere"])
+def test_what_is_no_folder_of_ours_is_not_used(what, name_in_temp, tmp_path, monkeypatch):
+    if what == "link":
+        (tmp_path / "elsewhere").mkdir(mode=0o700)
+        name_in_temp.symlink_to(tmp_path / "elsewhere")
+    elif what == "file":
+        name_in_temp.touch()
+    else:
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "file"))
+    assert jit._cache_folder() is None
 
 
 POSES = """
@@ -66,7 +108,13 @@ print(np.array([slam.update(scan) for scan in drive(n=40, rate=10.0)]).tobytes()
 
 
 def test_kernels_just_compiled_give_the_bits_of_kernels_that_were_kept(tmp_path):
-    runs = [python("-c", POSES, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2)]
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", POSES], cwd=ROOT, env=env, capture_output=True, text=True
+        )
+        for _ in range(2)
+    ]
     assert runs[0].stdout, runs[0].stderr
     assert runs[0].stdout == runs[1].stdout
 
