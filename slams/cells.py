@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import math
 import mmap
+import os
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib.array_utils import byte_bounds
 from numpy.typing import DTypeLike, NDArray
 
 from slams.grid_bounds import Box
@@ -20,6 +23,8 @@ from slams.grid_bounds import Box
 Array = NDArray[Any]
 
 PAGE = mmap.PAGESIZE
+PAGEMAP = Path("/proc/self/pagemap")  # a word for every page of the address space
+GIVEN = np.uint64(3 << 62)  # of such a word: in memory, swapped
 SMALL = 1 << 16  # bytes that may lie anywhere
 NORESERVE = 0x4000  # Linux: no promise of memory; Python has a name for it from 3.13 on
 EVEN = 1 << 10  # cells: of four bytes a page, and as many as the sets of a cache share
@@ -46,16 +51,39 @@ def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(a), int(b - a)) for a, b in edges.reshape(-1, 2)]
 
 
-def filled(array: Array) -> list[tuple[int, int]]:
-    """Spans of a contiguous array's bytes, first and end, outside of which all are zero.
+def given_pages(low: int, high: int) -> NDArray[np.bool_]:
+    """Which pages from that of address `low` to that of `high` - 1 have ever been looked at.
 
-    In blocks of a page. To read what was never written to is quick, and takes no memory.
+    The others are zeros, and take no memory. All of them where the system does not tell.
     """
-    data = array.reshape(-1).view(np.uint8)
-    n = len(data) // PAGE
-    blocks = data[: n * PAGE].view(np.uint64).reshape(n, PAGE // 8).any(axis=1)
-    some = np.append(blocks, data[n * PAGE :].any())
+    first, n = low // PAGE, (high - 1) // PAGE + 1 - low // PAGE
+    try:
+        with PAGEMAP.open("rb", buffering=0) as file:
+            words = np.frombuffer(os.pread(file.fileno(), 8 * n, 8 * first), np.uint64)
+    except OSError:
+        return np.ones(n, np.bool_)
+    return (words & GIVEN) != 0 if len(words) == n else np.ones(n, np.bool_)
+
+
+def filled(array: Array) -> list[tuple[int, int]]:
+    """Spans of a contiguous array's bytes, first and end, outside of which all are zero."""
+    low, high = byte_bounds(array)
+    data, n = array.reshape(-1).view(np.uint8), -(-array.nbytes // PAGE)
+    some = np.zeros(n, np.bool_)  # blocks as large as pages, but from the array's first byte on
+    for page, count in runs(given_pages(low, high)):
+        first = (low // PAGE + page) * PAGE - low
+        for block, more in _blocks_with(data, max(first // PAGE, 0), -(-first // PAGE) + count):
+            some[block : block + more] = True
     return [(a * PAGE, min((a + m) * PAGE, array.nbytes)) for a, m in runs(some)]
+
+
+def _blocks_with(data: NDArray[np.uint8], first: int, end: int) -> list[tuple[int, int]]:
+    """Runs of blocks of bytes with something else than zeros in them, from one to another."""
+    part = data[first * PAGE : end * PAGE]
+    whole = len(part) // PAGE
+    some = part[: whole * PAGE].reshape(whole, PAGE).any(axis=1)
+    rest = part[whole * PAGE :].any(keepdims=True)
+    return [(first + a, n) for a, n in runs(np.concatenate([some, rest]))]
 
 
 class Room:

@@ -1,22 +1,31 @@
 """Room for maps that grow: memory only where something was written, and moves of what grows."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from numpy.lib.array_utils import byte_bounds
 
-from slams.cells import PAGE, Room, filled, move, runs, zeros
+from slams.cells import (
+    PAGE,
+    PAGEMAP,
+    Room,
+    filled,
+    given_pages,
+    move,
+    runs,
+    zeros,
+)
 from slams.grid_bounds import Box
 from slams.registry import find
 from tests.rooms import drive
 
-STATM = Path("/proc/self/statm")
-only_linux = pytest.mark.skipif(not STATM.exists(), reason="only Linux gives memory page by page")
+needs_pagemap = pytest.mark.skipif(
+    not PAGEMAP.exists(), reason="only Linux tells which pages it gave"
+)
 
 
-def taken():
-    """Bytes of memory that this process has."""
-    return int(STATM.read_text().split()[1]) * PAGE
+def taken(array):
+    """Bytes of memory that an array takes at most."""
+    return int(given_pages(*byte_bounds(array)).sum()) * PAGE
 
 
 def test_runs_have_their_firsts_and_lengths():
@@ -24,16 +33,21 @@ def test_runs_have_their_firsts_and_lengths():
     assert runs(np.zeros(0, np.bool_)) == []
 
 
-@only_linux
+@needs_pagemap
 def test_memory_is_taken_where_it_is_written_to():
-    before = taken()
-    array = zeros((1 << 13, 1 << 14), np.float32)  # 512 MB
-    array[::32, 5] = 1.0  # in each of the large pages that numpy asks for
-    array[1, :9] = 0.0  # written to, and zero
-    assert filled(array) == [(at, at + PAGE) for at in range(0, array.nbytes, 2 << 20)]
-    move(array, larger := zeros((1 << 13, 3 << 13), np.float32), 0, 10)
-    assert larger[32, 15] == 1.0
-    assert taken() - before < 32 << 20
+    array = zeros((4096, 4096), np.float32)
+    assert taken(array) == 0
+    array[1000, 7] = array[3000, 4095] = 1.0
+    assert taken(array) == 2 * PAGE
+
+
+def test_without_the_system_telling_all_pages_count(monkeypatch, tmp_path):
+    monkeypatch.setattr("slams.cells.PAGEMAP", tmp_path / "none")
+    array = zeros((64, 4096), np.float32)
+    array[3, 3000] = 1.0
+    assert given_pages(0, 10 * PAGE).all()
+    block = (3 * 4 * 4096 + 4 * 3000) // PAGE * PAGE
+    assert filled(array) == [(block, block + PAGE)]
 
 
 def test_a_room_is_a_square_around_the_origin():
@@ -78,6 +92,23 @@ def test_what_grows_keeps_its_cells(rest):
     move(small, large, 50, 60)
     np.testing.assert_array_equal(large[50:250, 60:360], small)
     assert np.count_nonzero(large) == np.count_nonzero(small)
+
+
+@needs_pagemap
+def test_what_grows_stays_untouched_where_it_was():
+    small, large = zeros((512, 4096), np.float32), zeros((1024, 8192), np.float32)
+    small[300, 2000] = 1.0
+    move(small, large, 100, 1000)
+    assert taken(large) == PAGE
+
+
+@needs_pagemap
+def test_of_a_large_room_the_written_blocks_are_known():
+    array = zeros((1 << 15, 1 << 14), np.float32)  # 2 GB
+    array[20_000, 5] = array[-1, -9] = 1.0
+    array[0, :9] = 0.0  # written to, and zero
+    block = 20_000 * (4 << 14)
+    assert filled(array) == [(block, block + PAGE), (array.nbytes - PAGE, array.nbytes)]
 
 
 @pytest.mark.parametrize("offset", [0, 1, PAGE - 3, PAGE])
