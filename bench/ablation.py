@@ -48,7 +48,6 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    cli.one_thread()
     words = sys.argv[1:] if argv is None else argv
     return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(words), words))
 

@@ -26,7 +26,6 @@ DURATION, QUICK_DURATION = 300.0, 60.0  # s of the simulated log
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    cli.one_thread()
     words = sys.argv[1:] if argv is None else argv
 
     def _work() -> int:

@@ -55,7 +55,6 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    cli.one_thread()
     return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
 
 

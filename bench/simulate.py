@@ -21,7 +21,6 @@ PROGRAM = "slams simulate"
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    cli.one_thread()
     return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
 
 

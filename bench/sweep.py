@@ -122,7 +122,6 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    cli.one_thread()
     words = sys.argv[1:] if argv is None else argv
 
     def _work() -> int:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from slams.params import Params, param
-from slams.types import IDENTITY, Floats, Laser, OccupancyGrid, Pose2, Scan
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
 KEY_STEP = 0.2  # m, rad: way or turn between two scans drawn into the map
 
@@ -72,7 +72,7 @@ class Odometry:
 
     def update(self, scan: Scan) -> Pose2:
         """Compose the pose at the first odometry with the way since."""
-        if scan.odometry is not None and math.isfinite(sum(scan.odometry)):
+        if scan.odometry is not None:
             if self._start is None:
                 self._start = scan.odometry @ self._pose.inverse()
             self._pose = self._start.between(scan.odometry)
@@ -139,7 +139,9 @@ class Kiss:
             self._empty += 1
             return self._pose
         if self._icp is None:
-            self._icp = self._new(_kiss_config(_voxel(self.params, scan.laser)))
+            sparse = abs(scan.laser.angle_increment) > MAX_FINE_INCREMENT
+            voxel = self.params.voxel or (COARSE_VOXEL if sparse else FINE_VOXEL)
+            self._icp = self._new(_kiss_config(voxel))
         frame = np.concatenate([points, np.zeros((len(points), 1))], axis=1)
         self._icp.register_frame(frame, np.zeros(len(points)))
         T = self._icp.last_pose
@@ -155,12 +157,6 @@ class Kiss:
     def report(self) -> dict[str, Any]:
         """How many scans had no return at all."""
         return {"empty": self._empty, "odometry": 0}
-
-
-def _voxel(params: KissParams, laser: Laser) -> float:
-    """The voxel that the parameters tell, or the laser [m]."""
-    sparse = abs(laser.angle_increment) > MAX_FINE_INCREMENT
-    return params.voxel or (COARSE_VOXEL if sparse else FINE_VOXEL)
 
 
 def _kiss_config(voxel: float) -> Any:

@@ -23,12 +23,6 @@ USAGE, FAILED, INTERRUPTED, TERMINATED = 2, 1, 130, 143
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-def one_thread() -> None:
-    """Make every library use one thread; before numpy is imported, CPU times mean little else."""
-    for name in THREADS:
-        os.environ[name] = "1"
-
-
 class RefusedError(Exception):
     """Bad input, said in one sentence; ends a command with exit code 2."""
 
@@ -68,8 +62,10 @@ def sentence(error: BaseException) -> str:
 def run_command(program: str, command: Callable[[], int]) -> int:
     """Exit code of a command: errors the user can act on become one line on stderr.
 
-    SIGTERM ends it as Ctrl-C does: its processes are ended, what is half-written is removed.
+    Every library uses one thread: CPU times mean little else. SIGTERM ends the command as Ctrl-C
+    does: its processes are ended, what is half-written is removed.
     """
+    os.environ.update(dict.fromkeys(THREADS, "1"))
     _settle_output()
     _reach_own_modules()
     try:
@@ -131,11 +127,6 @@ def add_algorithm_options(parser: argparse.ArgumentParser) -> None:
 
     known = f"one of {', '.join(names())}; name@preset; or module:Class"
     parser.add_argument("algorithm", help=known)
-    parser.add_argument(
-        "--preset",
-        metavar="NAME",
-        help="preset of the algorithm, as original; the same as name@preset",
-    )
     parser.add_argument(
         "--sensor", metavar="NAME", help=f"parameters for this laser: {', '.join(LASERS)}"
     )

@@ -50,19 +50,11 @@ def from_table(table: Floats) -> tuple[Laser, ...]:
 
 
 def _laser(row: dict[str, float]) -> Laser:
-    n, height = row["n_beams"], row["height"]
+    n, height = row.pop("n_beams"), row.pop("height")
     expect(n == n // 1 and 1 <= n <= MOST_BEAMS, "lasers", f"{n} beams", "a number of beams")
-    return Laser(
-        row["angle_min"],
-        row["angle_increment"],
-        int(n),
-        row["range_min"],
-        row["range_max"],
-        Pose2(row["x"], row["y"], row["yaw"]),
-        row["time_increment"],
-        row["mount_z"],
-        None if height != height else height,
-    )
+    mount = Pose2(row.pop("x"), row.pop("y"), row.pop("yaw"))
+    known = None if height != height else height
+    return Laser(n_beams=int(n), mount=mount, height=known, **row)
 
 
 def silent_lasers(t: Floats, laser_of: NDArray[np.int64], count: int) -> list[dict[str, float]]:

@@ -95,16 +95,11 @@ def label_of(cls: type[Any]) -> str:
     package = cls.__module__.partition(".")[0]
     for name in names():
         if _target(name).partition(".")[0] == package:
-            for label in (name, *(f"{name}@{preset}" for preset in _classes_of(name))):
+            presets = find(name).cls.Params.presets()
+            for label in (name, *(f"{name}@{preset}" for preset in presets)):
                 if find(label).cls is cls:
                     return label
     return f"{cls.__module__}:{cls.__qualname__}"
-
-
-def _classes_of(name: str) -> list[str]:
-    """The presets of an algorithm that are classes of their own."""
-    presets = find(name).cls.Params.PRESETS
-    return [preset for preset, own in presets.items() if isinstance(own, str)]
 
 
 def _target(name: str) -> str:
@@ -138,17 +133,9 @@ def _slam_class(name: str, target: str) -> type[Slam]:
             f"{target} is not a SLAM algorithm: expected a class with {', '.join(needed)}"
             + (f"; {', '.join(missing)} missing" if missing else "")
         )
-    params: object = getattr(found, "Params", None)
+    params = getattr(found, "Params", None)
     if not (isinstance(params, type) and issubclass(params, Params)):
         raise TypeError(
-            f"{target}: its Params is {_described(params)}, expected slams.Params or a class "
-            "derived from it"
+            f"{target}: its Params is {params!r}, expected slams.Params or a class derived from it"
         )
     return found
-
-
-def _described(found: object) -> str:
-    """What something is: a class by its full name, anything else by its kind."""
-    if isinstance(found, type):
-        return f"the class {found.__module__}.{found.__qualname__}"
-    return f"of type {type(found).__name__}"

@@ -54,7 +54,6 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    cli.one_thread()
     return cli.run_command(PROGRAM, lambda: _command(parser().parse_intermixed_args(argv)))
 
 
@@ -68,7 +67,10 @@ def _command(arguments: argparse.Namespace) -> int:
     params = getattr(slam, "params", params)
     run, start_up_s = _replayed(slam, entry, params, log, arguments)
     if arguments.save_state:
-        cli.refusing(lambda: _save_state(slam, arguments.save_state, log))
+        from slams.state.store import save_after
+
+        state, last = arguments.save_state, float(log.t[-1])
+        cli.refusing(lambda: save_after(slam, state, last, log.ranges[-1]))
     text = cli.refusing(
         lambda: write_results(
             folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap, ros=ros
@@ -86,32 +88,23 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
     """
     from slams.registry import find
 
-    label = arguments.algorithm
-    if arguments.preset:
-        if label.partition("@")[2] not in ("", arguments.preset):
-            raise ValueError(f"--preset: got {arguments.preset} and {label}; expected one preset")
-        label = f"{label.partition('@')[0]}@{arguments.preset}"
-    entry = find(label)
+    entry, ros = find(arguments.algorithm), None
     params = entry.params()
     if arguments.sensor:
         params = params.for_sensor(arguments.sensor)
-    ros = _of_ros_files(params, entry, arguments) if arguments.ros_params else None
-    params = ros.params if ros else params
+    if arguments.ros_params:
+        from slams.ros import ros_params
+
+        ros = ros_params.take(params, arguments.ros_params, entry.preset)
+        params = ros.params
+        if not arguments.quiet:
+            sys.stderr.write(ros_params.report(ros, entry.label))
     if arguments.params:
         params = params.with_yaml(arguments.params)
     params = params.replace(**dict(cli.assignment(text) for text in arguments.changes))
     if arguments.seed is not None:
         params = params.replace(seed=arguments.seed)
     return entry, params, ros
-
-
-def _of_ros_files(params: Params, entry: Entry, arguments: argparse.Namespace) -> Taken:
-    from slams.ros import ros_params
-
-    taken = ros_params.take(params, arguments.ros_params, entry.preset)
-    if not arguments.quiet:
-        sys.stderr.write(ros_params.report(taken, entry.label))
-    return taken
 
 
 def parameter_table(params: Params) -> str:
@@ -205,12 +198,6 @@ def files_of_run(folder: Path) -> list[str]:
     except (OSError, ValueError, LookupError, TypeError):
         return []
     return [name for name in names if isinstance(name, str) and Path(name).name == name]
-
-
-def _save_state(slam: Slam, path: str, log: ScanLog) -> None:
-    from slams.state import store
-
-    store.save_after(slam, path, float(log.t[-1]), log.ranges[-1])
 
 
 def _replayed(

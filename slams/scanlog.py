@@ -97,14 +97,12 @@ class ScanLog:
         each, rows = self.lasers, self.numbers.tolist()
         for i, (t, ranges) in enumerate(zip(self.t.tolist(), self.ranges, strict=True)):
             laser = each[rows[i]]
-            pose = None if odometry is None else Pose2(*odometry[i].tolist())
-            heading = None if yaw is None else float(yaw[i])
             yield Scan(
                 t,
-                ranges if len(ranges) == laser.n_beams else ranges[: laser.n_beams],
+                ranges[: laser.n_beams],
                 laser,
-                None if pose is None or pose.x != pose.x else pose,
-                None if heading is None or heading != heading else heading,
+                None if odometry is None else Pose2(*odometry[i].tolist()),
+                None if yaw is None else float(yaw[i]),
                 None if attitudes is None else Attitude(*attitudes[i].tolist()),
             )
 
@@ -236,7 +234,6 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
     t = numbers(data, "t", 1)
     ranges = single(checked(data, "ranges", 2))
     _check_scans(t, ranges, ranges.shape[1])
-    meta = _meta(data)
     return ScanLog(
         t=t,
         ranges=ranges,
@@ -245,7 +242,7 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
         truth=_track(data, "truth", t, (3,)),
         yaw_rate=_track(data, "yaw_rate", t, ()),
         attitude=_track(data, "attitude", t, (2,)),
-        meta={"name": stem} | meta,
+        meta={"name": stem} | _meta(data),
     )
 
 

@@ -2,6 +2,7 @@
 
 import math
 import sqlite3
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from slams.formats.bag import ECHOES, OLD_TF, PATH, TF
 from slams.formats.ros_maker import Maker
 from slams.types import Laser, Pose2
 
+MUCH = 32 << 20  # bytes that a refusal may take
 STRING = "std_msgs/msg/String"
 KINDS = ("bag", "bag-bz2", "bag-lz4", "db3", "mcap", "folder-db3", "folder-mcap", "folder-zstd")
 
@@ -110,6 +112,20 @@ def refused(path, **choices):
     with pytest.raises(ValueError, match="^" + str(path)) as caught:
         slams.load(path, **choices)
     assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def cheaply_refused(work, path):
+    """The one sentence, not a long one, of a refusal that takes little memory."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=path.name) as caught:
+            work()
+        assert tracemalloc.get_traced_memory()[1] < MUCH
+    finally:
+        tracemalloc.stop()
+    assert len(str(caught.value).splitlines()) == 1
+    assert len(str(caught.value)) < 1000
     return str(caught.value)
 
 

@@ -4,10 +4,19 @@ import contextlib
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
+from tests.places import ROOT
+
 OPEN = []  # commands in sessions of their own that no test has seen the end of
+
+
+def python(*words, cwd=ROOT, **variables):
+    """A process of Python that has ended; `variables` of its environment besides ours."""
+    line, env = [sys.executable, *map(str, words)], os.environ | variables
+    return subprocess.run(line, cwd=cwd, env=env, capture_output=True, text=True)
 
 
 def in_session(words, **more):

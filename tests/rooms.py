@@ -14,10 +14,12 @@ __all__ = [
     "calls",
     "cast",
     "drive",
+    "fields_of",
     "laser",
     "made",
     "mirrored",
     "off_the_walls",
+    "rewritten",
     "scan_at",
     "settled",
     "still",
@@ -50,6 +52,21 @@ def made(label, **changes):
 def still(k, **more):
     """The k-th scan of a robot that stands at the origin."""
     return scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, **more)
+
+
+def fields_of(scan):
+    """What `LiveSlam.push` takes of a scan."""
+    names = ("angle_min", "angle_increment", "range_min", "range_max")
+    fan = {name: getattr(scan.laser, name) for name in names}
+    return fan | {"stamp": scan.t, "ranges": scan.ranges, "odometry": scan.odometry}
+
+
+def rewritten(source, target, **changes):
+    """A copy of an npz with other arrays; None takes one away."""
+    with np.load(source) as archive:
+        arrays = dict(archive) | changes
+    np.savez(target, **{key: value for key, value in arrays.items() if value is not None})
+    return target
 
 
 def calls(monkeypatch, owner, name):

@@ -1,7 +1,6 @@
 """`slams` without a command lists them, with one it is the command."""
 
 import ast
-import subprocess
 import sys
 import tomllib
 from importlib import import_module
@@ -13,6 +12,7 @@ import pytest
 from slams import __main__ as slams
 from slams.registry import IDEAS, names
 from tests.places import ROOT
+from tests.processes import python
 
 OF_THE_HOUSE = {"bench.readme"}  # makes the pages of this project: nobody else's command
 HEAVY = ("numpy", "numba", "pandas", "matplotlib", "cv2", "scipy", "rosbags", "PIL")
@@ -59,8 +59,7 @@ def test_no_help_loads_anything_heavy(words):
         f"try:\n    main({words})\nexcept SystemExit:\n    pass\n"
         f"print('loaded', [m for m in {HEAVY} if m in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.endswith("loaded []\n")
+    assert python("-c", code).stdout.endswith("loaded []\n")
 
 
 def test_a_command_gets_its_words_and_gives_its_exit_code(capsys):

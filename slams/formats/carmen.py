@@ -18,7 +18,6 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -36,14 +35,6 @@ N_TAIL_WORDS = 3
 RANGE_MIN, RANGE_MAX = 0.1, 81.0  # of a SICK, where no line tells it
 RIGID_TOLERANCE = 2e-3  # [m, rad] that a laser on its robot seems to move by rounding
 NO_RETURN_FREQUENCY = 10  # times as frequent as any reading near it: the code for "nothing seen"
-
-
-class Reading(NamedTuple):
-    """One laser line; the poses of laser and robot are None where it has none."""
-
-    sweep: Sweep
-    laser: Pose2 | None
-    robot: Pose2 | None
 
 
 def is_carmen(text: str) -> bool:
@@ -65,7 +56,7 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
     bad = _parse(path, text, lines, options.salvage)
     if bad:
         notes.append(f"{bad} lines are not whole and left out")
-    if not lines.readings:
+    if not lines.sweeps:
         raise ValueError(f"{path}: no {message} line is whole")
     if "\nNEFF " in text:
         notes.append("NEFF lines: the poses of this log are the result of another SLAM")
@@ -113,14 +104,15 @@ def _parse(path: Path, text: str, lines: Lines, salvage: bool) -> int:
 
 
 class Lines:
-    """What the lines of a log say, sorted by message."""
+    """What the lines of a log say, by message; `poses` are those of laser and robot, or empty."""
 
     def __init__(self, message: str) -> None:
         self.message = message
         self.params: dict[str, str] = {}
         self.odom: list[list[float]] = []
         self.truth: list[list[float]] = []
-        self.readings: list[Reading] = []
+        self.sweeps: list[Sweep] = []
+        self.poses: list[tuple[Pose2, Pose2]] = []
         laser = self._old_laser if message in ("FLASER", "RLASER") else self._new_laser
         self.parsers: dict[str, Callable[[list[str]], None]] = {
             "PARAM": self._param,
@@ -146,8 +138,7 @@ class Lines:
         n = int(words[1])
         _expect(n >= 1 and len(words) == 2 + n + 6 + N_TAIL_WORDS)
         poses = _numbers(words[2 + n : 8 + n])
-        sweep = _sweep(words, words[2 : 2 + n], self._old_geometry(n))
-        self.readings.append(Reading(sweep, Pose2(*poses[:3]), Pose2(*poses[3:])))
+        self._take(words, words[2 : 2 + n], self._old_geometry(n), poses)
 
     def _old_geometry(self, n: int) -> Laser:
         """The lines do not tell the angles: the parameters do, or else 180 degrees it is."""
@@ -164,9 +155,7 @@ class Lines:
         n = int(words[8])
         _expect(n >= 1 and len(words) >= 9 + n + N_TAIL_WORDS)
         poses = _end_poses(words[9 + n : -N_TAIL_WORDS], 11 if words[0].startswith("ROBOT") else 0)
-        geometry = self._new_geometry(n, _numbers(words[2:6]))
-        sweep = _sweep(words, words[9 : 9 + n], geometry)
-        self.readings.append(Reading(sweep, *(poses or (None, None))))
+        self._take(words, words[9 : 9 + n], self._new_geometry(n, _numbers(words[2:6])), poses)
 
     def _new_geometry(self, n: int, numbers: list[float]) -> Laser:
         first, fov, step, high = numbers
@@ -175,22 +164,23 @@ class Lines:
             step = even
         return Laser(first, step, n, RANGE_MIN, high)
 
+    def _take(
+        self, words: list[str], readings: list[str], geometry: Laser, poses: list[float]
+    ) -> None:
+        _expect(usable(geometry))
+        with np.errstate(over="ignore"):  # beyond float32 is nothing seen
+            ranges = np.array(readings, np.float64).astype(np.float32)
+        self.sweeps.append(Sweep(_stamp(words), ranges, geometry))
+        if poses:
+            self.poses.append((Pose2(*poses[:3]), Pose2(*poses[3:])))
 
-def _end_poses(rest: list[str], numbers: int) -> list[Pose2]:
+
+def _end_poses(rest: list[str], numbers: int) -> list[float]:
     """Laser and robot pose behind the readings, where remissions may stand before them."""
     if len(rest) != numbers:
         remissions = int(rest[0])
         _expect(remissions >= 0 and len(rest) == 1 + remissions + numbers)
-    if not numbers:
-        return []
-    values = _numbers(rest[-numbers:][:6])
-    return [Pose2(*values[:3]), Pose2(*values[3:])]
-
-
-def _sweep(words: list[str], readings: list[str], geometry: Laser) -> Sweep:
-    _expect(usable(geometry))
-    with np.errstate(over="ignore"):  # beyond float32 is nothing seen
-        return Sweep(_stamp(words), np.array(readings, np.float64).astype(np.float32), geometry)
+    return _numbers(rest[len(rest) - numbers :][:6])
 
 
 def _pose_row(words: list[str]) -> list[float]:
@@ -217,9 +207,8 @@ def _expect(whole: bool) -> None:
 
 
 def _log(path: Path, lines: Lines, options: SourceOptions, notes: list[str]) -> ScanLog:
-    readings = lines.readings
     mount = _mount(lines, notes)
-    t, ranges, laser = common([reading.sweep for reading in readings], mount, False, notes)
+    t, ranges, laser = common(lines.sweeps, mount, False, notes)
     odom, odometry = _odometry(path, t, lines, options.odom)
     source = {"format": "CARMEN", "file": path.name, "scans": lines.message, "odometry": odometry}
     return ScanLog(
@@ -235,7 +224,7 @@ def _log(path: Path, lines: Lines, options: SourceOptions, notes: list[str]) -> 
 
 def _mount(lines: Lines, notes: list[str]) -> Pose2:
     """The laser on the robot: its pose seen from the robot's, where that stays the same."""
-    seen = [r.robot.between(r.laser) for r in lines.readings if r.robot and r.laser]
+    seen = [robot.between(laser) for laser, robot in lines.poses]
     offset = Pose2(lines.number("robot_frontlaser_offset", 0.0), 0.0, 0.0)
     if not seen:
         return offset
@@ -251,10 +240,9 @@ def _odometry(
     path: Path, t: Floats, lines: Lines, wanted: str | None
 ) -> tuple[Track | None, str | None]:
     """The robot's poses in the laser lines, else the ODOM lines; and where they are from."""
-    robot = [r.robot for r in lines.readings if r.robot is not None]
     found: dict[str, Track | None] = {}
-    if len(robot) == len(t):
-        found[lines.message] = Track(t, np.array(robot, np.float64))
+    if lines.poses:
+        found[lines.message] = Track(t, np.array(lines.poses)[:, 1])
     if lines.odom:
         found["ODOM"] = _track(lines.odom)
     if wanted not in (None, "none", *found):

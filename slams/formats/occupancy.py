@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -175,23 +176,16 @@ def write_image(path: Path, pixels: Pixels) -> None:
 
 def _read_image(path: Path) -> Floats:
     """Pixels (h, w) from 0 to 255, colors averaged as map_server does."""
-    pixels = _decoded(np.frombuffer(path.read_bytes(), np.uint8))
+    import cv2
+
+    data, pixels = np.frombuffer(path.read_bytes(), np.uint8), None
+    logging = cv2.utils.logging
+    before = logging.setLogLevel(logging.LOG_LEVEL_SILENT)  # for its own messages
+    with suppress(cv2.error):  # no bytes, or larger than any picture
+        pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    logging.setLogLevel(before)
     if pixels is None:
         raise ValueError(f"{path}: not a picture; expected pgm, png or another image file")
     full = 257.0 if pixels.dtype == np.uint16 else 1.0
     image = pixels.astype(np.float64) / full
     return image[:, :, :3].mean(axis=2) if image.ndim == 3 else image
-
-
-def _decoded(data: Pixels) -> NDArray[Any] | None:
-    """The picture in the bytes of a file, if it is one; OpenCV's own messages are held back."""
-    import cv2
-
-    logging = cv2.utils.logging
-    before = logging.setLogLevel(logging.LOG_LEVEL_SILENT)
-    try:
-        return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    except cv2.error:  # larger than any picture
-        return None
-    finally:
-        logging.setLogLevel(before)

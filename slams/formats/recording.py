@@ -15,7 +15,7 @@ from slams.formats.ros_messages import Messages
 from slams.formats.sweep import Fan, common, merged, usable
 from slams.formats.topics import Topics, listed, match, some
 from slams.scanlog import ScanLog, Track
-from slams.types import IDENTITY, Floats, Pose2
+from slams.types import IDENTITY, Pose2
 
 KIND = {"bag": "ROS 1 bag", "mcap": "ROS 2 mcap", "db3": "ROS 2 db3", "folder": "ROS 2 bag"}
 RESULT, MAP = "/pose", "map"  # where the poses of a result stand
@@ -29,6 +29,7 @@ class Recording:
         self.notes: list[str] = []
         self.topics = Topics(path, bag.topics, options, self.notes)
         self.messages = Messages(path, bag, options.salvage)
+        self.tree = self.messages.transforms
         self.wanted: str | None = options.truth
         self.strict = False  # transforms as tf has them
 
@@ -87,13 +88,13 @@ class Recording:
     def contents(self) -> tuple[list[Topic], Transforms]:
         """The topics that have messages, and all transforms."""
         self.messages.collect(self._tf())
-        return self.topics.found, self.messages.transforms
+        return self.topics.found, self.tree
 
     def _of_base_in_map(self) -> Track:
         """The base in the map, by transforms alone."""
         self.messages.collect(self._tf())
         for base in BASES:
-            track = self.messages.transforms.moving(MAP, base, strict=True)
+            track = self.tree.moving(MAP, base, strict=True)
             if track is not None:
                 return track
         raise ValueError(
@@ -111,8 +112,8 @@ class Recording:
 
     def _there_is(self) -> str:
         """What could be a trajectory."""
-        topics, frames = self.topics.of(POSES), self.messages.transforms.frames
-        return f"topics: {listed(topics) or 'none'}; frames: {some(frames) or 'none'}"
+        topics, frames = self.topics.of(POSES), self.tree.frames
+        return f"topics: {listed(topics)}; frames: {some(frames)}"
 
     # messages
 
@@ -146,22 +147,19 @@ class Recording:
 
     # frames
 
-    def _fixed(self, base: str, frame: str) -> Floats | None:
-        return self.messages.transforms.fixed(base, frame)
-
     def _base_frame(self) -> str:
         """The frame that poses are of: asked for, else the odometry's, else base_link or so."""
         laser, wanted = self.laser, self.options.base_frame
         if wanted is not None:
-            if self._fixed(wanted, laser) is None:
+            if self.tree.fixed(wanted, laser) is None:
                 raise ValueError(
                     f"{self.path}: --base-frame: {wanted} is not fixed to the laser's frame "
-                    f"{laser}; frames: {some(self.messages.transforms.frames) or 'none'}"
+                    f"{laser}; frames: {some(self.tree.frames)}"
                 )
             return bare(wanted)
-        above = self.messages.transforms.ancestors(laser)
+        above = self.tree.ancestors(laser)
         odom = self.messages.frame(self.roles.odom) if self.roles.odom else None
-        base = self.messages.transforms.base_of(laser, odom)
+        base = self.tree.base_of(laser, odom)
         if base is None and len(above) > 2:
             raise ValueError(
                 f"{self.path}: the laser's frame {laser} hangs on {len(above) - 1} frames, "
@@ -171,13 +169,13 @@ class Recording:
 
     def _mount(self, laser: str) -> tuple[Pose2, bool, float]:
         """A laser in the base, whether it is upside down, and its height."""
-        matrix = self._fixed(self.base, laser)
+        matrix = self.tree.fixed(self.base, laser)
         if matrix is not None and self.base != laser:
             return *planar(matrix, "the laser", self.notes), float(matrix[2, 3])
         if laser != self.laser:
             raise ValueError(
                 f"{self.path}: a further laser's frame {laser} is not fixed to {self.base}; "
-                f"frames: {some(self.messages.transforms.frames) or 'none'}"
+                f"frames: {some(self.tree.frames)}"
             )
         self._check_laser_frame()
         self.notes.append(
@@ -191,7 +189,7 @@ class Recording:
 
         So it is with the second file of a split ROS 1 bag; static transforms are in the first.
         """
-        frames, laser = self.messages.transforms.frames, self.laser
+        frames, laser = self.tree.frames, self.laser
         if frames and laser not in frames and self.options.base_frame is None:
             raise ValueError(
                 f"{self.path}: no way from the frames of its transforms ({some(frames)}) to the "
@@ -217,7 +215,7 @@ class Recording:
         """From a topic or a frame, in this order; files are read elsewhere."""
         wanted, topic = self.wanted, self.roles.truth
         flag = "--trajectory" if self.strict else "--truth"
-        known = [None, *self.messages.transforms.frames, *([] if self.strict else ["none"])]
+        known = [None, *self.tree.frames, *([] if self.strict else ["none"])]
         if topic is None and (wanted and bare(wanted)) not in known:
             raise ValueError(
                 f"{self.path}: {flag}: {wanted} is no topic, frame or file; {self._there_is()}"
@@ -237,20 +235,20 @@ class Recording:
     def _at_base(self, topic: str) -> Track | None:
         """A topic's poses, carried from the frame they are of to the base."""
         track = self.messages.track(topic)
-        matrix = self._fixed(self.messages.frame(topic), self.base)
+        matrix = self.tree.fixed(self.messages.frame(topic), self.base)
         if track is None or matrix is None or self.messages.frame(topic) == self.base:
             return track
         return moved(track, planar(matrix, "the base", self.notes)[0])
 
     def _above(self) -> list[str]:
-        return self.messages.transforms.ancestors(self.base, rigid=False)[1:]
+        return self.tree.ancestors(self.base, rigid=False)[1:]
 
     def _moving(self, frame: str, flag: str) -> Track:
-        track = self.messages.transforms.moving(frame, self.base, self.strict)
+        track = self.tree.moving(frame, self.base, self.strict)
         if track is None:
             raise ValueError(
                 f"{self.path}: {flag}: {frame} is no topic and no frame above {self.base}; "
-                f"such frames: {some(self._above()) or 'none'}"
+                f"such frames: {some(self._above())}"
             )
         return track
 
@@ -258,9 +256,9 @@ class Recording:
         """Turn rate about the vertical, roll and pitch of the base: by the IMU, else by tf."""
         topic = self.roles.imu
         if topic is None:
-            return None, self.messages.transforms.attitude(self.base)
+            return None, self.tree.attitude(self.base)
         frame = self.messages.frame(topic)
-        matrix = self._fixed(self.base, frame)
+        matrix = self.tree.fixed(self.base, frame)
         if matrix is None:
             self.notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
         turned = None if matrix is None else matrix[:3, :3]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -52,21 +51,14 @@ def load(
         if len(paths) > 1 and its_kind not in BAGS:
             raise ValueError(f"{item}: is no bag; of several files only bags make one log")
     kind = kinds[0]
-    with _named(paths[0]):
+    try:
         log = _with_truth(paths, kind, options)
         pace = _pace(log)
-    return _noted(log, [*log.notes, *_left_aside(kind, options), *_uncovered(log), *pace])
-
-
-@contextmanager
-def _named(path: Path) -> Iterator[None]:
-    """What is wrong with a log's numbers is said with its name."""
-    try:
-        yield
-    except ValueError as error:
-        if type(error) is not ValueError or str(path) in str(error):
+    except ValueError as error:  # of a log's numbers: without its name
+        if type(error) is not ValueError or str(paths[0]) in str(error):
             raise
-        raise ValueError(f"{path}: {error}") from error
+        raise ValueError(f"{paths[0]}: {error}") from error
+    return _noted(log, [*log.notes, *_left_aside(kind, options), *_uncovered(log), *pace])
 
 
 def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:

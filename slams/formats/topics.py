@@ -55,10 +55,12 @@ class Topics:
             expect(fits, "--scan-topic", names, f"up to {MAX_LASERS} different topics")
             return tuple(names)
         if not found:
-            hint = "expected sensor_msgs/LaserScan or MultiEchoLaserScan"
-            raise ValueError(f"{self.path}: no laser scans; {hint}; its topics: {self._all()}")
-        if len(found) > 1:
-            raise self._choice("laser scan topics", "--scan-topic", found)
+            names = [f"{topic.name} ({topic.msgtype}, {topic.messages})" for topic in self.found]
+            raise ValueError(
+                f"{self.path}: no laser scans; expected sensor_msgs/LaserScan or "
+                f"MultiEchoLaserScan; its topics: {some(names)}"
+            )
+        self._expect_one("laser scan topics", "--scan-topic picks one", found)
         return (found[0].name,)
 
     def _truth_topic(self) -> str | None:
@@ -78,8 +80,7 @@ class Topics:
         if wanted is not None:
             return match(wanted, found)
         found = [topic for topic in found if topic.name != truth]
-        if len(found) > 1:
-            raise self._choice("odometry topics", "--odom", found, " (or none)")
+        self._expect_one("odometry topics", "--odom picks one (or none)", found)
         return found[0].name if found else None
 
     def _imu_topic(self) -> str | None:
@@ -99,18 +100,13 @@ class Topics:
         name = match(wanted, found)
         if name is None:
             raise ValueError(
-                f"{self.path}: {flag}: no {what} on {wanted}; there are: {listed(found) or 'none'}"
+                f"{self.path}: {flag}: no {what} on {wanted}; there are: {listed(found)}"
             )
         return name
 
-    def _choice(self, what: str, flag: str, found: Sequence[Topic], more: str = "") -> ValueError:
-        return ValueError(
-            f"{self.path}: {len(found)} {what}, {flag} picks one{more}: {listed(found)}"
-        )
-
-    def _all(self) -> str:
-        names = [f"{topic.name} ({topic.msgtype}, {topic.messages})" for topic in self.found]
-        return some(names) or "none"
+    def _expect_one(self, what: str, way_out: str, found: Sequence[Topic]) -> None:
+        if len(found) > 1:
+            raise ValueError(f"{self.path}: {len(found)} {what}, {way_out}: {listed(found)}")
 
 
 def match(wanted: str, found: Sequence[Topic]) -> str | None:
@@ -125,6 +121,6 @@ def listed(found: Sequence[Topic]) -> str:
 
 
 def some(names: Sequence[str]) -> str:
-    """The first names of a list, and how many more there are."""
+    """The first names of a list, and how many more there are; or none."""
     more = f" and {len(names) - MAX_LISTED_NAMES} more" if len(names) > MAX_LISTED_NAMES else ""
-    return ", ".join(names[:MAX_LISTED_NAMES]) + more
+    return (", ".join(names[:MAX_LISTED_NAMES]) or "none") + more

@@ -90,8 +90,7 @@ class RobotFrames:
         """Why there is no way from the base to the laser; None where tf says nothing at all."""
         frames = self.tree.frames
         if self.base is not None and self.base not in (*frames, laser):
-            there = some(frames) or "none"
-            return f"--base-frame: {self.base} is not in tf; frames: {there}"
+            return f"--base-frame: {self.base} is not in tf; frames: {some(frames)}"
         if frames and laser not in frames:
             return (
                 f"the laser's frame {laser} is not in tf ({some(frames)}): where it is mounted "

@@ -1,1 +1,1 @@
-"""Logs, pushes and bags whose numbers are wrong in every way; see `python -m tests.fuzz --help`."""
+"""Logs, pushes and bags whose numbers are wrong in every way, for `tests/test_fuzz.py`."""

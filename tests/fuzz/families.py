@@ -9,11 +9,12 @@ import math
 import numpy as np
 
 import slams
-from slams import LiveSlam, convert
+from slams import LiveSlam, Pose2, convert
 from slams.registry import create
 from slams.test_world import drive, laser, scan_at, way
 from tests import bags
 from tests.fuzz.numbers import SAME_SHAPE, mutated, number
+from tests.rooms import fields_of
 
 SCANS = 6
 LOG = drive(n=SCANS, rate=10.0, lidar=laser(n_beams=41))
@@ -49,34 +50,18 @@ def nothing_but(folder, names):
         raise BrokenError(f"left behind: {sorted(left)}")
 
 
-def arrays():
-    path_free = {
-        "format": "scanlog-1",
-        "t": LOG.t,
-        "ranges": LOG.ranges,
-        "mount": np.array(LOG.laser.mount),
-        "time_increment": LOG.laser.time_increment,
-        "odom": LOG.odom.values,
-        "odom_t": LOG.odom.t,
-        "truth": LOG.truth.values,
-        "yaw_rate": LOG.yaw_rate.values,
-        "meta": '{"name": "room"}',
-    }
-    keys = ("angle_min", "angle_increment", "range_min", "range_max")
-    return {k: np.asarray(v) for k, v in path_free.items()} | {
-        key: np.asarray(getattr(LOG.laser, key)) for key in keys
-    }
-
-
 def npz(rng, folder, algorithm):
     """An npz whose arrays have gone wrong."""
-    data = arrays()
+    path = folder / "log.npz"
+    LOG.save(path)
+    with np.load(path) as archive:
+        data = dict(archive)
+    del data["truth_t"], data["yaw_rate_t"]  # then those of the scans
     for key in rng.choice(sorted(data), int(rng.integers(1, 4)), replace=False):
         if rng.random() < 0.1:
             del data[key]
         elif data[key].dtype.kind in "fiu":
             data[key] = mutated(data[key], rng)
-    path = folder / "log.npz"
     np.savez(path, **data)
     log = sentence(lambda: slams.load(path))
     if log is not None:
@@ -112,19 +97,8 @@ def live(rng, folder, algorithm):
 
 
 def _fields(t, pose):
-    scan = scan_at(pose, LOG.laser, t=t)
-    lidar = scan.laser
-    return {
-        "stamp": t,
-        "ranges": scan.ranges,
-        "angle_min": lidar.angle_min,
-        "angle_increment": lidar.angle_increment,
-        "range_min": lidar.range_min,
-        "range_max": lidar.range_max,
-        "time_increment": 0.0,
-        "odometry": tuple(pose.tolist()),
-        "yaw_rate": 0.0,
-    }
+    scan = scan_at(pose, LOG.laser, t=t, odometry=Pose2(*pose.tolist()))
+    return fields_of(scan) | {"time_increment": 0.0, "yaw_rate": 0.0}
 
 
 def _damage(fields, rng):

@@ -1,17 +1,17 @@
 """The checks of the contract fail where it is broken, and say so in one sentence."""
 
 import ctypes
-import subprocess
 import sys
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from slams import check
+from slams import contract
 from slams.params import Params, param
 from slams.registry import Entry
 from slams.types import OccupancyGrid, Pose2
+from tests.processes import python
 
 
 class Good:
@@ -160,7 +160,7 @@ class Preset(Good):
 
 def failures(cls):
     entry = Entry("it", cls, "default")
-    found = {clause.name[0]: check.broken(entry, clause) for clause in check.CHECKS}
+    found = {name[0]: contract.broken(entry, run) for name, run in contract.CLAUSES.items()}
     return {number: sentence for number, sentence in found.items() if sentence}
 
 
@@ -200,27 +200,21 @@ def test_each_clause_finds_what_breaks_it(cls, number, sentence):
 
 
 def test_what_one_writes_to_a_scan_is_not_what_the_next_gets():
-    before = np.array(check._log().ranges)
+    before = np.array(contract._log().ranges)
     failures(Writes)
-    np.testing.assert_array_equal(check._log().ranges, before)
+    np.testing.assert_array_equal(contract._log().ranges, before)
 
 
 def test_the_command(tmp_path):
     (tmp_path / "mine.py").write_text("from tests.slams.test_check import *\n")
-    path = {"PYTHONPATH": f"{tmp_path}:{':'.join(p for p in sys.path if p)}"}
+    path = f"{tmp_path}:{':'.join(p for p in sys.path if p)}"
 
     def run(*labels):
-        return subprocess.run(
-            [sys.executable, "-m", "slams.check", *labels],
-            env=path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        return python("-m", "slams.check", *labels, PYTHONPATH=path)
 
     good = run("mine:Good", "odometry")
     assert good.returncode == 0, good.stderr
-    assert good.stdout.count("  ok      ") == 2 * len(check.CHECKS)
+    assert good.stdout.count("  ok      ") == 2 * len(contract.CLAUSES)
     bad = run("mine:Preset")
     assert bad.returncode == 1
     assert "mine:Preset@bad\n" in bad.stdout

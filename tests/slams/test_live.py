@@ -1,9 +1,6 @@
 """LiveSlam: what a robot's scans do that a log's do not."""
 
 import math
-import os
-import subprocess
-import sys
 import threading
 from dataclasses import replace
 from types import SimpleNamespace
@@ -16,6 +13,7 @@ from slams.live.estimate import LATE_IN_A_ROW
 from slams.registry import BUILT_IN, find
 from slams.ros.stamps import seconds
 from slams.types import Attitude
+from tests.processes import python
 from tests.rooms import ROOM, drive, laser, scan_at
 
 
@@ -233,12 +231,6 @@ print(clock.seconds)
 
 
 def test_nothing_is_compiled_after_the_constructor(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", COLD],
-        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = python("-W", "ignore", "-c", COLD, NUMBA_CACHE_DIR=str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert float(done.stdout) == 0.0

@@ -89,12 +89,12 @@ def test_a_class_by_module_and_name(outsider):
         ("outsider:None_", LookupError, "there is no 'None_' in 'outsider'"),
         ("no_such_module:X", LookupError, "there is no module 'no_such_module'"),
         ("outsider:other", TypeError, "outsider:other is not a SLAM algorithm"),
-        ("outsider:Foreign", TypeError, "Foreign: its Params is the class outsider.Settings, expe"),
         (
-            "outsider:Filled",
+            "outsider:Foreign",
             TypeError,
-            "Filled: its Params is of type BaselineParams, expected",
+            "Foreign: its Params is <class 'outsider.Settings'>, exp",
         ),
+        ("outsider:Filled", TypeError, r"Filled: its Params is BaselineParams\(seed=0, .*, expec"),
     ],
 )
 def test_what_is_not_an_algorithm_is_refused(outsider, name, error, sentence):

@@ -1,7 +1,5 @@
 import hashlib
 import pickle
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -9,6 +7,7 @@ import pytest
 from slams import load
 from slams.scanlog import ScanLog, Track, load_npz
 from slams.types import Laser, Pose2
+from tests.processes import python
 
 
 def arrays(**changes):
@@ -226,5 +225,4 @@ def test_importing_slams_leaves_heavy_libraries_alone():
         "heavy = ('numba', 'pandas', 'matplotlib', 'cv2', 'scipy', 'rosbags');"
         "print([m for m in heavy if m in sys.modules])"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
+    assert python("-c", code).stdout.strip() == "[]"

@@ -10,7 +10,7 @@ from slams import LiveSlam, Pose2
 from slams.scanlog import ScanLog, Track
 from slams.test_world import scan_at
 from tests import bags
-from tests.rooms import drive
+from tests.rooms import drive, fields_of, rewritten
 
 LIVE = "hector"
 
@@ -18,10 +18,7 @@ LIVE = "hector"
 def changed(path, **arrays):
     """The same npz with other arrays."""
     drive(n=12, rate=40.0).save(path)
-    with np.load(path) as archive:
-        data = dict(archive)
-    np.savez_compressed(path, **(data | arrays))
-    return path
+    return rewritten(path, path, **arrays)
 
 
 T = np.arange(12) / 40.0
@@ -123,17 +120,8 @@ def live():
 
 
 def push(live, t, x=0.0, **changes):
-    scan = scan_at((x, 0.0, 0.0))
-    laser = scan.laser
-    fields = {
-        "ranges": scan.ranges,
-        "angle_min": laser.angle_min,
-        "angle_increment": laser.angle_increment,
-        "range_min": laser.range_min,
-        "range_max": laser.range_max,
-        "odometry": (x, 0.0, 0.0),
-    }
-    return live.push(t, **(fields | changes))
+    scan = scan_at((x, 0.0, 0.0), t=t, odometry=Pose2(x, 0.0, 0.0))
+    return live.push(**(fields_of(scan) | changes))
 
 
 @pytest.mark.parametrize(
