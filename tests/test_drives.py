@@ -101,14 +101,12 @@ def test_a_sweep_that_is_freed_of_its_motion_gives_better_poses(label):
 
 @pytest.mark.parametrize("start", [(0.0, 0.0, 0.0), (1.2, -0.8, 2.0)])
 @each
-def test_a_robot_that_is_carried_within_its_view_is_found_and_not_at_once(name, start):
+def test_a_robot_that_is_carried_within_its_view_is_found(name, start):
     slam, lidar, jump = made(name), laser(361), Pose2(0.4, -0.3, 0.4)
     for k in range(12):
         slam.update(scan_at(start, lidar, t=0.025 * k))
     for k in range(24):
         found = slam.update(scan_at(Pose2(*start) @ jump, lidar, t=0.3 + 0.025 * k))
-        if k < 3:  # no robot is there so soon
-            assert slam.state == "predicted" and found == pytest.approx(IDENTITY, abs=0.02)
     assert slam.state == "matched" and found == pytest.approx(jump, abs=0.02)
     assert slam.report()["searched"] >= 1
 

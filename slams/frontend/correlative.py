@@ -15,8 +15,8 @@ from slams.frontend import correlative_kernels as kernels
 from slams.types import Floats, Pose2
 
 BEAMS = 60  # of a scan that are looked up
-BLOCKS = 4, 8  # cells along the edge of a coarse one, in a small and in a wide window
-WIDE = 20  # cells, half of a window that is wide
+LARGEST = 8  # cells along the edge of a coarse one at most
+ACROSS = 2.5  # coarse cells, at least, from the middle of a window to its edge
 STEP = 3.0  # cells that the farthest end is moved by from one rotation to the next
 COARSEST = 0.1  # rad between two rotations at most
 GOLDEN = 0.618034  # ratio that leads each point far from those before
@@ -73,7 +73,7 @@ def search(
     some = np.ascontiguousarray(some[:, far_apart])
     far = math.sqrt(float((some * some).sum(axis=0).max(initial=1.0)))
     part, cell = _part(lookup, window, far), lookup.resolution
-    cells = BLOCKS[window.half > WIDE * cell]
+    cells = _block(window.half / cell)
     poses, count = _coarse_poses(part, some, window, cells, (far, enough))
     frame = np.array((part.x0 - 0.5 * cell, part.y0 - 0.5 * cell, cell))
     kernels.finest(part.likelihood, some, frame, cells, np.array((enough, alike)), poses)
@@ -82,11 +82,16 @@ def search(
     return poses[np.argsort(-poses[:, 3], kind="stable")], lookups
 
 
+def _block(half: float) -> int:
+    """Cells along the edge of a coarse one, a power of two, by half of the window in cells."""
+    return 1 << int(math.log2(min(max(half / ACROSS, 1.0), LARGEST)))
+
+
 def _part(lookup: Lookup, window: Window, far: float) -> Lookup:
     """The cells that ends can be in."""
     cell, reach = lookup.resolution, far + window.half
     x, y = (window.middle.x - lookup.x0) / cell, (window.middle.y - lookup.y0) / cell
-    margin = math.ceil(reach / cell) + 2 * max(BLOCKS)
+    margin = math.ceil(reach / cell) + 2 * LARGEST
     i, j = max(round(x) - margin, 0), max(round(y) - margin, 0)
     part = lookup.likelihood[j : max(round(y) + margin, 0), i : max(round(x) + margin, 0)]
     return Lookup(part, lookup.x0 + i * cell, lookup.y0 + j * cell, cell)

@@ -1,37 +1,28 @@
-"""PoseEstimator: predicts the pose, decides which match is taken, and says how sure it is.
-
-One number ranks every match of a scan: score = (inliers - conflicts) / n - prior cost / pieces.
-"""
+"""PoseEstimator: predicts the pose, decides which match is taken, and says how sure it is."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Sequence
 
 import numpy as np
 
-from slams.frontend.correlative import Lookup, search, window_of
-from slams.frontend.degeneracy import ALL, of_scan
+from slams.frontend.degeneracy import ALL, Observability, of_scan
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
+from slams.frontend.ranking import Candidate, MatchedMap, Rematch, best_around, best_of
 from slams.frontend.relocalize import Relocalizer
-from slams.geometry import unlikely
-from slams.grid_bounds import Box
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
-from slams.types import Floats, OccupancyGrid, Pose2, Scan, State, wrap_angle
+from slams.types import Floats, Pose2, Scan, State
 
-TRIES = 6  # poses of a correlative search that are matched
-ALIKE = 0.2  # of the likelihood of the best of them, that the others may be below it
-PIECES = 50.0  # of wall in a scan whose errors are independent of each other
 ACCEPTED = 0.3  # score of a match that stands by itself
 WITHIN_GATE = 0.1, 0.2  # score of a match inside the gate: of all beams, of those known to the map
 USUAL = 0.85  # of the usual score; less is doubtful
 MEMORY = 0.5  # s over which a score is usual
 GATE = 49.0  # squared Mahalanobis distance from the prior that one scan cannot prove
 REFUSED = 1.5  # times the variances after a good match beyond the gate: it may be a blunder of ours
-LATENCY, SPEED, TURN_RATE = 0.5, 2.0, 2.0  # s, m/s, rad/s: of a scan, while a robot moves so fast
+LATENCY = 0.5  # s that a recorder keeps a scan back
 LOST_XY, LOST_HEADING = 0.5, 0.3  # m, rad: deviation of a pose that holds no map together
 CONFIRMED = 3.0  # s after the robot was lost, times agreement over the usual: a match has to stand
 LOST_AFTER = 1.0  # s without a match, after which the whole map is searched
@@ -40,48 +31,6 @@ BEGIN_BEAMS = 10  # end points that a map begins with
 DEAD_RECKONING, FRAGMENT = 1.0, 3.0  # s without a match: scans are mapped by wheels; without
 AGAINST = 2.0  # beams in new ground that one in conflict outweighs
 CONFIRMING = 2.0  # times as long while a place that was found by relocalization is confirmed
-
-Rematch = Callable[[EndPoints, Pose2, Prediction], list[Match]]
-
-
-class MatchedMap(Protocol):
-    """What the estimator asks of an algorithm's map."""
-
-    @property
-    def empty(self) -> bool:
-        """Whether no scan has entered the map."""
-        ...
-
-    def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
-        """Shares of the beams that are inliers at a pose, and that are in conflict with the map."""
-        ...
-
-    def lookup(self) -> Lookup:
-        """A coarse likelihood of walls, for correlative search."""
-        ...
-
-    def cut(self, box: Box) -> OccupancyGrid | None:
-        """The part of the map in a box, None if nothing was observed there."""
-        ...
-
-
-class Candidate(NamedTuple):
-    """A match, its squared distance from the prior, and shares of beams for and against it."""
-
-    match: Match
-    distance: float
-    inliers: float
-    conflicts: float
-
-    @property
-    def agreement(self) -> float:
-        """What the scan says."""
-        return self.inliers - self.conflicts
-
-    @property
-    def score(self) -> float:
-        """What scan and prior say."""
-        return self.agreement - unlikely(self.distance) / PIECES
 
 
 class PoseEstimator:
@@ -153,45 +102,22 @@ class PoseEstimator:
         if points.n == 0:
             self.counts["empty"] += 1
             return self._miss(None, points, grid)
-        best = self._best(points, matches, grid)
+        best = best_of(matches, points, grid, self._prior)
         if self._p.search and (best.distance > GATE or not self._is_usual(best)):
-            best = self._searched(points, best, grid, rematch)
-        settle = self._take if self._accepts(best) else self._miss
+            self.counts["searched"] += 1
+            best = best_around(best.match, points, grid, self._prior, rematch)
+        settle = self._take if self._accepts(best, points) else self._miss
         return settle(best, points, grid)
 
-    # rank
-
-    def _rank(self, points: EndPoints, match: Match, grid: MatchedMap) -> Candidate:
-        inliers, conflicts = grid.evaluate(points, match.pose)
-        return Candidate(match, self._prior.distance(match.pose), inliers, conflicts)
-
-    def _best(self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap) -> Candidate:
-        """The match with the highest score, if it leads the first by a piece of wall at least."""
-        ranked = [self._rank(points, match, grid) for match in matches]
-        best = max(ranked, key=lambda candidate: candidate.score)
-        return best if best.score - ranked[0].score >= 1.0 / PIECES else ranked[0]
+    # decide
 
     def _is_usual(self, candidate: Candidate) -> bool:
         return candidate.agreement >= USUAL * self._usual
 
-    def _searched(
-        self, points: EndPoints, first: Candidate, grid: MatchedMap, rematch: Rematch
-    ) -> Candidate:
-        """The best match from the poses that a correlative search of the prior's window finds."""
-        self.counts["searched"] += 1
-        prior, found = self._prior, [first.match]
-        window = window_of(prior.pose, prior.covariance)
-        poses, _ = search(grid.lookup(), points.points[:, : points.n], window, alike=ALIKE)
-        for pose in poses[:TRIES, :3].tolist():
-            found += rematch(points, Pose2(*pose), prior)
-        return self._best(points, found, grid)
-
-    # decide
-
-    def _accepts(self, best: Candidate) -> bool:
+    def _accepts(self, best: Candidate, points: EndPoints) -> bool:
         if self._unconfirmed > 0.0 and self._is_usual(best):
             return True
-        if best.distance > GATE and not self._is_within_latency(best.match.pose):
+        if best.distance > GATE and not self._is_near(best, points):
             if best.score >= ACCEPTED:
                 self._filter.widen(REFUSED)
             return False
@@ -201,13 +127,19 @@ class PoseEstimator:
         known = best.inliers + best.conflicts
         return best.agreement >= max(everywhere, where_known * known)
 
-    def _is_within_latency(self, pose: Pose2) -> bool:
-        """Whether a scan that came an interval late, or was stamped so, can be at a pose."""
-        prior = self._prior
-        late = prior.dt if prior.dt < LATENCY else 0.0
-        off = math.hypot(pose.x - prior.pose.x, pose.y - prior.pose.y)
-        turn = abs(wrap_angle(pose.theta - prior.pose.theta))
-        return off <= SPEED * late and turn <= TURN_RATE * late
+    def _is_near(self, best: Candidate, points: EndPoints) -> bool:
+        """Whether a match beyond the gate is as good as usual, and as near as a late scan may be.
+
+        Along what is not observed every place is as good.
+        """
+        if best.seconds > LATENCY or not self._is_usual(best):
+            return False
+        return best.seconds <= self._prior.dt or self._observed(points, best.match).share > 0.0
+
+    def _observed(self, points: EndPoints, match: Match) -> Observability:
+        if not self._p.degeneracy:
+            return ALL
+        return of_scan(points, match.pose.theta, self._filter.wheels)
 
     def _begin(self, points: EndPoints) -> Pose2:
         """The first scan with enough to see begins the map."""
@@ -219,9 +151,12 @@ class PoseEstimator:
         """The robot is at a match."""
         match, agreement = best.match, best.agreement
         self.match = match
-        wheels, theta = self._filter.wheels, match.pose.theta
-        seen = of_scan(points, theta, wheels) if self._p.degeneracy else ALL
-        self._pose = self._filter.update(match.pose, match.seen, seen)
+        if best.distance > GATE and best.seconds > self._prior.dt:  # a scan that was kept back
+            self._filter.shift(match.pose)
+            self._pose = match.pose
+        else:
+            seen = self._observed(points, match)
+            self._pose = self._filter.update(match.pose, match.seen, seen)
         share = min(1.0, self._prior.dt / MEMORY) if self._usual > 0.0 else 1.0
         if self._is_usual(best):
             self._unconfirmed = 0.0

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slams.frontend.estimator import MatchedMap, PoseEstimator, Rematch
+from slams.frontend.estimator import PoseEstimator
 from slams.frontend.motion_filter import TICK, Prediction
 from slams.frontend.params import FrontendParams
+from slams.frontend.ranking import MatchedMap, Rematch
 from slams.frontend.wheels import is_reset
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints

@@ -5,13 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from slams.frontend.correlative import Lookup, search, window_of
+from slams.frontend.correlative import Lookup, Window, search, window_of
 from slams.frontend.correlative_kernels import pool
 from slams.frontend.degeneracy import ALL, observability
 from slams.frontend.estimator import PoseEstimator
 from slams.frontend.keyframes import Keyframes
+from slams.frontend.motion_filter import Prediction
 from slams.frontend.params import FrontendParams
 from slams.frontend.plain import estimator_for
+from slams.frontend.ranking import best_around
 from slams.frontend.timing import LaserTimings, ScanTiming
 from slams.loops.matching_kernels import paint
 from slams.refine.lines import Match
@@ -105,6 +107,37 @@ def test_a_coarse_cell_bounds_all_shifts_within_it(block):
             assert coarse[v, u] >= fine[iy : iy + block, ix : ix + block].max()
 
 
+@pytest.mark.parametrize("half", [0.05, 0.4, 1.0, 2.0, 4.0])
+def test_a_search_stays_in_its_window(half):
+    """But for one coarse cell of it: walls beside it are not to crowd out what is inside."""
+    lookup = Lookup(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2)
+    poses, _ = search(lookup, np.ones((2, 60)), Window(IDENTITY, half, 0.1), alike=1.0)
+    found = np.abs(poses[:, :2]).max()
+    assert 0.9 * half - 0.2 < found < half + max(0.2, 0.8 * half)
+
+
+def test_where_all_is_alike_a_search_looks_near_the_prior():
+    class Uniform:
+        def lookup(self):
+            return Lookup(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2)
+
+        def evaluate(self, points, pose):
+            return 0.5, 0.0
+
+    def rematch(points, start, prior):
+        starts.append(start)
+        return [Match(start)]
+
+    starts, points = [], EndPoints(ScanParams())
+    points.take(room_at(IDENTITY, LIDAR), IDENTITY)
+    prior = Prediction(IDENTITY, 400.0 * np.eye(3), np.eye(3) / 400.0, IDENTITY, 0.1)
+    first = Match(Pose2(0.3, 0.0, 0.0))
+    best = best_around(first, points, Uniform(), prior, rematch)
+    distances = [prior.distance(start) for start in starts]
+    assert distances == sorted(distances) and distances[0] < 20.0
+    assert best.match.pose == starts[0]
+
+
 def test_a_window_far_from_all_that_is_mapped_has_no_likely_pose():
     lookup = Lookup(np.ones((9, 9), np.float32), 0.0, 0.0, 0.2)
     window = window_of(Pose2(500.0, -500.0, 0.0), np.eye(3))
@@ -182,6 +215,8 @@ def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
     found = robot.take(1, 1.0, 0.0, Pose2(1.0, 0.0, 1.5))
     assert found.state == "predicted"
     assert math.hypot(found.pose.x, found.pose.y) < 0.01
+    found = robot.take(50, 1.0, 0.0, Pose2(1.0, 0.0, 1.5))  # but by many
+    assert found.pose.x == pytest.approx(1.0, abs=0.02)
 
 
 @pytest.mark.parametrize(("wheels", "state"), [(True, "predicted"), (False, "lost")])

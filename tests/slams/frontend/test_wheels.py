@@ -6,10 +6,11 @@ import pytest
 from hector import Hector, HectorParams
 from slams.frontend import update_kernels
 from slams.frontend.degeneracy import ALL
-from slams.frontend.estimator import DEAD_RECKONING, Candidate
+from slams.frontend.estimator import DEAD_RECKONING
 from slams.frontend.filter_kernels import DRIFT, N
 from slams.frontend.motion_filter import MotionFilter
 from slams.frontend.params import FrontendParams
+from slams.frontend.ranking import Candidate
 from slams.frontend.wheels import WheelSteps
 from slams.refine.lines import Match
 from slams.types import IDENTITY, Pose2
@@ -86,21 +87,32 @@ def test_late_stamps_widen_the_prior_by_the_way_that_is_driven_meanwhile():
     assert wide[1][1] == pytest.approx(wide[0][1], rel=0.3)
 
 
-def test_a_good_match_beyond_the_gate_is_refused_until_the_prior_has_widened():
+def test_against_wheels_a_good_match_is_taken_only_where_a_robot_gets_in_half_a_second():
+    for turn, state in ((0.35, "matched"), (1.3, "predicted")):
+        slam = Hector(HectorParams())
+        for k in range(30):
+            slam.update(scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, odometry=IDENTITY))
+        turned = Pose2(0.0, 0.0, turn)  # wheels that slipped, once
+        for k in range(30, 35):
+            pose = slam.update(scan_at(turned, LIDAR, t=0.1 * k, odometry=IDENTITY))
+            assert slam.state == state
+        assert pose == pytest.approx(turned if state == "matched" else IDENTITY, abs=0.02)
+
+
+@pytest.mark.parametrize("wheels", [True, False])
+def test_a_scan_that_was_kept_back_shows_where_the_robot_was(wheels):
+    """And the next one where it is; its velocity is none of a robot that jumped."""
     slam = Hector(HectorParams())
-    for k in range(30):
-        slam.update(scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, odometry=IDENTITY))
-    turned = Pose2(0.0, 0.0, 0.35)  # wheels that slipped, once
-    states = []
-    for k in range(30, 60):
-        pose = slam.update(scan_at(turned, LIDAR, t=0.1 * k, odometry=IDENTITY))
-        states.append(slam.state)
-    assert states[0] == "predicted" and states[-1] == "matched"
-    assert pose == pytest.approx(turned, abs=0.02)
+    way = [Pose2(0.05 * k, 0.0, 0.01 * k) for k in range(60)]
+    for k in range(60):
+        taken = way[k - 16 if k == 50 else k]
+        pose = slam.update(scan_at(taken, LIDAR, t=0.1 * k, odometry=taken if wheels else None))
+        if k >= 50:
+            assert pose == pytest.approx(taken, abs=0.03) and slam.state == "matched"
 
 
 def test_a_score_is_what_scan_and_prior_say():
-    near, far = (Candidate(Match(IDENTITY), square, 0.8, 0.1) for square in (0.0, 400.0))
+    near, far = (Candidate(Match(IDENTITY), square, 0.0, 0.8, 0.1) for square in (0.0, 400.0))
     assert near.score == near.agreement == pytest.approx(0.7)
     assert far.agreement == near.agreement and far.score < near.score - 0.1
 
