@@ -255,7 +255,7 @@ def _information(match: Match, seen: Floats) -> Floats:
     projection = np.eye(3)
     projection[:2, :2] = seen
     information = np.linalg.inv(CORRELATED * np.linalg.inv(scan) + noise)
-    return projection @ information @ projection + np.diag((BLIND, BLIND, 0.0))
+    return projection.T @ information @ projection + np.diag((BLIND, BLIND, 0.0))
 
 
 def _window(expected: Pose2, covariance: Floats) -> Window:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from slams.frontend.correlative import Window
+from slams.loops.detector import _information
 from slams.loops.matching import LocalMap, keyframe, observed, read
+from slams.refine.lines import Match
 from slams.test_world import drive, laser, scan_at
 from slams.types import IDENTITY, Pose2
 
@@ -47,3 +49,11 @@ def test_a_corridor_is_observed_across_only():
     across = observed(points, 0.0, spread)
     assert across @ np.array((1.0, 0.0)) == pytest.approx([0.0, 0.0], abs=1e-9)
     assert across @ np.array((0.0, 1.0)) == pytest.approx([0.0, 1.0], abs=0.02)
+
+
+def test_what_is_blind_along_two_directions_that_are_not_square_still_informs():
+    """A corridor aslant to the direction in which poses match as well: no less than nothing."""
+    axes = [np.array((math.cos(a), math.sin(a))) for a in (0.0, 0.6)]
+    across, beside = (np.eye(2) - np.outer(axis, axis) for axis in axes)
+    match = Match(IDENTITY, seen=np.diag((1e6, 1e4, 1e7)))
+    assert np.linalg.eigvalsh(_information(match, across @ beside))[0] > 0.0
