@@ -151,8 +151,8 @@ class PoseEstimator:
         """The robot is at a match."""
         match, agreement = best.match, best.agreement
         self.match = match
-        if best.distance > GATE and best.seconds > self._prior.dt:  # a scan that was kept back
-            self._filter.shift(match.pose)
+        if best.distance > GATE and best.seconds > self._prior.dt:
+            self._filter.shift(match.pose)  # not driven there: a scan that was kept back
             self._pose = match.pose
         else:
             seen = self._observed(points, match)

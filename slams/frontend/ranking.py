@@ -20,8 +20,8 @@ from slams.types import OccupancyGrid, Pose2, wrap_angle
 PIECES = 50.0  # of wall in a scan whose errors are independent of each other
 TRIES = 6  # poses of a correlative search that are matched
 ALIKE = 0.2  # of the likelihood of the best of them, that the others may be below it
-DRIFT = 1.0  # m: half of a window at least, as priors are of the map drawn last
-SPEED, TURN_RATE = 2.0, 2.0  # m/s, rad/s: of a robot
+DRIFT = 1.0  # m: half of a window at least; a robot that comes back has drifted by as much
+SPEED, TURN_RATE = 2.0, 2.0  # m/s, rad/s: how fast a robot drives and turns
 
 Rematch = Callable[[EndPoints, Pose2, Prediction], list[Match]]
 

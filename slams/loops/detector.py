@@ -116,10 +116,12 @@ class LoopDetector:
         free = away < VIEW + DEVIATIONS * deviation
         certain = False
         for k in np.argsort(away, kind="stable").tolist():
-            if free[k] and not certain:
+            if free[k]:
                 free &= np.abs(graph.path[old] - graph.path[old[k]]) > VIEW
                 certain = not candidates and deviation[k] < CERTAIN
                 candidates.append((int(old[k]), graph.step(int(old[k]), later), covariances[k]))
+            if certain:
+                break
         return Query(later, self._local_map(later), candidates, [], certain) if candidates else None
 
     def _predicted(self) -> Query | None:

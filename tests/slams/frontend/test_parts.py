@@ -21,7 +21,7 @@ from slams.scan.end_points import EndPoints
 from slams.scan.params import ScanParams
 from slams.test_world import scan_at
 from slams.types import IDENTITY, Pose2
-from tests.rooms import LIDAR
+from tests.rooms import CORRIDOR, LIDAR, ROOM
 from tests.rooms import scan_at as room_at
 
 
@@ -186,8 +186,8 @@ class Standing:
 
     empty = False
 
-    def __init__(self, wheels=True):
-        self._wheels, self._k = IDENTITY if wheels else None, 0
+    def __init__(self, wheels=True, walls=ROOM):
+        self._wheels, self._k, self._walls = IDENTITY if wheels else None, 0, walls
         self._reader = EndPoints(ScanParams())
         self.estimator = PoseEstimator(FrontendParams(search=False, relocate=False))
 
@@ -201,12 +201,22 @@ class Standing:
         """So many scans, each with a match at `pose`."""
         self.shares = inliers, conflicts
         for _ in range(count):
-            scan = room_at(IDENTITY, LIDAR, t=0.1 * self._k, odometry=self._wheels)
+            scan = room_at(IDENTITY, LIDAR, self._walls, t=0.1 * self._k, odometry=self._wheels)
             points = self._reader.take(scan, self.estimator.predict(scan).twist)
             match = Match(pose, seen=np.diag((1e5, 1e5, 1e6)))
             self.estimator.decide(points, [match], self, lambda *_: [])
             self._k += 1
         return self.estimator
+
+
+@pytest.mark.parametrize(("off", "state"), [(0.15, "matched"), (0.4, "predicted")])
+def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, state):
+    """A tenth of a second, as fast as robots drive; elsewhere half a second."""
+    for walls in (CORRIDOR, ROOM):
+        robot = Standing(walls=walls)
+        robot.take(19, 1.0, 0.0)
+        found = robot.take(1, 1.0, 0.0, Pose2(off, 0.0, 0.0))
+        assert found.state == (state if walls is CORRIDOR else "matched")
 
 
 def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
