@@ -11,6 +11,7 @@ MEMORY = 30.0  # intervals over which the statistics of the stamps are a mean
 SHORTEST = 0.5  # of the usual interval: no interval is shorter, stamps may repeat or go back
 LONGEST = 10.0  # s; after a longer interval nothing more is unknown
 SHORTEST_STEP = 1e-3  # s: two lasers may scan at the same moment
+BY_CHANCE = 1.5  # deviations of the correlation of intervals that have nothing in common
 GAP = 5.0  # deviations of the intervals beyond which scans are missing
 
 
@@ -44,7 +45,10 @@ class ScanTiming:
 
     @property
     def _jitter(self) -> float:
-        return min(max(-self._covariance, 0.0), 0.5 * self._variance)
+        """Variance of the stamps [s^2]; what intervals compensate each other by chance is none."""
+        if -self._covariance <= BY_CHANCE * self._variance / math.sqrt(MEMORY):
+            return 0.0
+        return min(-self._covariance, 0.5 * self._variance)
 
     def elapsed(self, t: float) -> float:
         """Seconds since the scan before, for a scan stamped `t`; 0 for the first."""

@@ -43,6 +43,16 @@ def test_stamps_that_jitter_are_filtered(seed):
     assert np.mean(filtered[100:]) == pytest.approx(0.2, rel=0.1)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_keyframes_come_when_the_robot_has_driven_on_and_do_not_jitter(seed):
+    timing, t, jitter = ScanTiming(), 0.0, []
+    for wait in np.random.default_rng(seed).lognormal(0.7, 0.6, 300):
+        t += wait
+        timing.elapsed(t)
+        jitter.append(timing.jitter)
+    assert np.mean(np.array(jitter) > 0.0) < 0.1
+
+
 def test_scans_that_are_missing_leave_their_time():
     whole = np.random.default_rng(0).choice((1, 2, 3), 300)
     found = intervals(0.08 * np.cumsum(whole))
