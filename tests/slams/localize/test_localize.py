@@ -212,7 +212,8 @@ def test_the_likelihood_of_a_wall_falls_off_around_it(cell):
     x = x0 + edge * np.arange(grid.shape[1])
     expected = np.maximum(1.0 - np.abs(x - 4.0 - 0.5 * cell) / 0.3, 0.0)
     assert grid[20] == pytest.approx(expected, abs=1e-5)
-    for j, i in ((20, 20), (0, 30), (10, len(x) - 2)):
+    wall = int(np.argmax(grid[20]))
+    for j, i in ((20, wall - 5), (20, wall - 1), (0, wall + 2), (10, len(x) - 2)):
         assert pooled[j, i] == grid[j : j + block, i : i + block].max()
 
 
@@ -227,7 +228,16 @@ def test_beams_through_walls_are_taken_off_the_likelihood(room):
         through.append(room.distances.evaluate(ends, Pose2(*pose))[1])
         off.append(score + through[-1] - grid[j[inside], i[inside]].sum() / len(ends))
     assert len(through) > 10 and max(through) > 0.2
+    assert room.has_room(search._likely).all()
     assert max(off) < 0.05 and np.median(off) == pytest.approx(0.0, abs=0.01)  # some are given up
+
+
+def test_likely_poses_outside_of_free_space_are_left_out(room, monkeypatch):
+    poses = np.array([(50.0, 50.0, 0.0, 0.9), (1.0, 0.5, 0.0, 0.8)])
+    monkeypatch.setattr(map_index, "search", lambda *_: (poses.copy(), 100))
+    search = Search(room, noisy(POSES[0]))
+    search._look(room.tiles[0])
+    assert search._likely[:, :2].tolist() == [[1.0, 0.5]]
 
 
 def test_a_map_without_walls_is_refused():
