@@ -21,18 +21,24 @@ STEP = 3.0  # cells that the farthest end is moved by from one rotation to the n
 COARSEST = 0.1  # rad between two rotations at most
 GOLDEN = 0.618034  # ratio that leads each point far from those before
 REFINED = 40  # coarse poses that are searched finely
+ALIKE = 0.2  # of the likelihood of the best pose, that others worth a match may be below it
 DEVIATIONS = 3.0  # of a prior that a window covers
 WIDEST = 2.0  # m: half of the window of a prior at most
 LEAST_ROTATION = 0.2  # rad: half of it at least, as a prior in doubt is no limit
 
 
 class Lookup(NamedTuple):
-    """Likelihood of walls 0..1 (ny, nx), the center of cell [0, 0] (x, y) [m], the cell [m]."""
+    """Likelihood of walls 0..1 (ny, nx), the center of cell [0, 0] (x, y) [m], the cell [m].
+
+    `pooled` (ny, nx), `block`: see `made_ready`; without, coarse cells are made in every search.
+    """
 
     likelihood: NDArray[np.float32]
     x0: float
     y0: float
     resolution: float
+    pooled: NDArray[np.float32] | None = None
+    block: int = 0
 
 
 class Window(NamedTuple):
@@ -48,6 +54,20 @@ def window_of(middle: Pose2, covariance: Floats) -> Window:
     spread = math.sqrt(max(float(covariance[0, 0]), float(covariance[1, 1]), 0.0))
     rotation = DEVIATIONS * math.sqrt(max(float(covariance[2, 2]), 0.0))
     return Window(middle, min(DEVIATIONS * spread, WIDEST), max(rotation, LEAST_ROTATION))
+
+
+def made_ready(lookup: Lookup, block: int) -> Lookup:
+    """A map for many searches: with the largest likelihood in a block of cells from each cell on.
+
+    A point may lie anywhere in a coarse cell, so that bounds the shifts of two blocks; this bounds
+    those of one [Olson15].
+    """
+    import cv2
+
+    likelihood = np.pad(lookup.likelihood, ((block, 0), (block, 0)))  # blocks that end in the map
+    pooled = cv2.dilate(likelihood, np.ones((block, block), np.uint8), anchor=(0, 0))
+    x0, y0 = (v - block * lookup.resolution for v in (lookup.x0, lookup.y0))
+    return Lookup(likelihood, x0, y0, lookup.resolution, np.asarray(pooled, np.float32), block)
 
 
 def search(
@@ -73,7 +93,7 @@ def search(
     some = np.ascontiguousarray(some[:, far_apart])
     far = math.sqrt(float((some * some).sum(axis=0).max(initial=1.0)))
     part, cell = _part(lookup, window, far), lookup.resolution
-    cells = _block(window.half / cell)
+    cells = lookup.block or _block(window.half / cell)
     poses, count = _coarse_poses(part, some, window, cells, (far, enough))
     frame = np.array((part.x0 - 0.5 * cell, part.y0 - 0.5 * cell, cell))
     kernels.finest(part.likelihood, some, frame, cells, np.array((enough, alike)), poses)
@@ -93,18 +113,23 @@ def _part(lookup: Lookup, window: Window, far: float) -> Lookup:
     x, y = (window.middle.x - lookup.x0) / cell, (window.middle.y - lookup.y0) / cell
     margin = math.ceil(reach / cell) + 2 * LARGEST
     i, j = max(round(x) - margin, 0), max(round(y) - margin, 0)
-    part = lookup.likelihood[j : max(round(y) + margin, 0), i : max(round(x) + margin, 0)]
-    return Lookup(part, lookup.x0 + i * cell, lookup.y0 + j * cell, cell)
+    part = np.s_[j : max(round(y) + margin, 0), i : max(round(x) + margin, 0)]
+    likelihood = np.ascontiguousarray(lookup.likelihood[part])  # so the kernels compile once
+    pooled = None if lookup.pooled is None else np.ascontiguousarray(lookup.pooled[part])
+    corner = lookup.x0 + i * cell, lookup.y0 + j * cell
+    return Lookup(likelihood, *corner, cell, pooled, lookup.block)
 
 
 def _coarse_poses(
     lookup: Lookup, ends: Floats, window: Window, cells: int, need: tuple[float, float]
 ) -> tuple[Floats, int]:
     """The first poses (k, 4) of the best blocks of a window, and how many blocks it has."""
-    fine, x0, y0, cell = lookup
+    fine, x0, y0, cell, coarse, stride = lookup
     (ny, nx), block, (far, enough) = fine.shape, cell * cells, need
-    coarse = np.zeros((ny // cells + 1, nx // cells + 1), np.float32)
-    kernels.pool(fine, cells, coarse)
+    edge = cell
+    if coarse is None:
+        coarse, edge, stride = np.zeros((ny // cells + 1, nx // cells + 1), np.float32), block, 1
+        kernels.pool(fine, cells, coarse)
     shifts = 2 * math.ceil(window.half / block) + 1
     turns = np.arange(-(cells // 4), cells // 4 + 1) / (cells // 2 + 1)
     rotation = min(window.rotation, math.pi)
@@ -114,14 +139,21 @@ def _coarse_poses(
     x, y = (v - 0.5 * (shifts - 1) * block for v in window.middle[:2])
     first = window.middle.theta - rotation
     bounds = np.zeros((rotations, shifts, shifts), np.float32)
-    view = np.array((x, y, first, step, block, enough))
-    corner = np.array((x0 - 0.5 * cell, y0 - 0.5 * cell))
-    kernels.bounds(coarse, ends, view, corner, bounds)
-    good = np.flatnonzero(bounds >= enough)
-    good = good[np.argsort(-bounds.flat[good], kind="stable")[:REFINED]]
+    view = np.array((x, y, first, step, enough))
+    frame = np.array((x0 - 0.5 * cell, y0 - 0.5 * cell, edge))
+    kernels.bounds(coarse, ends, view, frame, stride, bounds)
+    good = _greatest(bounds.ravel(), enough)
     k, j, i = np.unravel_index(good, bounds.shape)
     thetas = (first + (k[:, None] + turns) * step).ravel()
     xs, ys = (np.repeat(v, len(turns)) for v in (x + i * block, y + j * block))
     bound = np.repeat(bounds.flat[good], len(turns))
     poses = np.ascontiguousarray(np.stack([xs, ys, thetas, bound], axis=1), np.float64)
     return poses, bounds.size
+
+
+def _greatest(bounds: NDArray[np.float32], enough: float) -> NDArray[np.intp]:
+    """Where the `REFINED` greatest of bounds (n,) are, of those that are enough."""
+    good = np.flatnonzero(bounds >= enough)
+    if len(good) > REFINED:  # a sort of all takes as long as their sums
+        good = good[bounds[good] >= np.partition(bounds[good], -REFINED)[-REFINED]]
+    return good[np.argsort(-bounds[good], kind="stable")[:REFINED]]

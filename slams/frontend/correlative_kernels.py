@@ -67,22 +67,24 @@ def sum_at(grid: Grid, cells: Cells, jx: int, jy: int, missing: float) -> float:
 
 
 @njit
-def bounds(coarse: Grid, points: Floats, window: Floats, frame: Floats, out: Grid) -> None:
+def bounds(
+    coarse: Grid, points: Floats, window: Floats, frame: Floats, stride: int, out: Grid
+) -> None:
     """Bound of the mean likelihood for every rotation and coarse shift of a window [Olson15].
 
-    points (2, n) [m]; window (6,): x, y [m], theta [rad] of its first pose, step of rotations
-    [rad], block [m], and the score below which a pose is given up; frame (2,): corner of the coarse
-    cell [0, 0] [m]. out (rotations, ny, nx).
+    points (2, n) [m]; window (5,): x, y [m], theta [rad] of its first pose, step of rotations
+    [rad], and the score below which a pose is given up; frame (3,): corner of cell [0, 0], cell
+    [m]; stride: cells of a coarse shift. out (rotations, ny, nx).
     """
-    n, block = points.shape[1], window[4]
-    missing = (1.0 - window[5]) * n
+    n = points.shape[1]
+    missing = (1.0 - window[4]) * n
     cells = np.empty((2, n), np.int64)
     for k in range(out.shape[0]):
         pose = Pose2(window[0], window[1], window[2] + k * window[3])
-        cells_of(points, pose, frame, block, cells)
+        cells_of(points, pose, frame, frame[2], cells)
         for jy in range(out.shape[1]):
             for jx in range(out.shape[2]):
-                out[k, jy, jx] = sum_at(coarse, cells, jx, jy, missing) / n
+                out[k, jy, jx] = sum_at(coarse, cells, jx * stride, jy * stride, missing) / n
 
 
 @njit

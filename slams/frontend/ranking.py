@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-from slams.frontend.correlative import Lookup, search, window_of
+from slams.frontend.correlative import ALIKE, Lookup, search, window_of
 from slams.frontend.motion_filter import Prediction
 from slams.geometry import unlikely
 from slams.grid_bounds import Box
@@ -19,7 +19,6 @@ from slams.types import OccupancyGrid, Pose2, wrap_angle
 
 PIECES = 50.0  # of wall in a scan whose errors are independent of each other
 TRIES = 6  # poses of a correlative search that are matched
-ALIKE = 0.2  # of the likelihood of the best of them, that the others may be below it
 DRIFT = 1.0  # m: half of a window at least; a robot that comes back has drifted by as much
 SPEED, TURN_RATE = 2.0, 2.0  # m/s, rad/s: how fast a robot drives and turns
 

@@ -1,9 +1,9 @@
 """Relocalizer: global localization in an algorithm's own map, with bounded work for each scan.
 
 A lost robot is searched for in the part of the map around its predicted pose. The part is drawn in
-one scan; distance maps, view lattice and search are made in the next ones, as `GlobalLocalizer`
-has it. A pose is returned when it explains two scans, some distance or time apart, better than any
-other. When none explains a scan, a new search begins after a pause.
+one scan; distance maps and search are made in the next ones, as `GlobalLocalizer` has it. A pose is
+returned when it explains two scans, some distance or time apart, better than any other. When none
+explains a scan, a new search begins after a pause.
 """
 
 from __future__ import annotations
@@ -15,15 +15,13 @@ import numpy as np
 
 from slams.grid_bounds import Box
 from slams.localize.global_localizer import GlobalLocalizer
-from slams.localize.map_index import CELL, MapIndex
-from slams.localize.view_lattice import Disc, view_of
+from slams.localize.map_index import CELL, MapIndex, has_enough
 from slams.types import OccupancyGrid, Pose2, Scan
 
 WORK = 9_000.0  # us for each scan
 MAX_CELLS = int(WORK / CELL)  # of a distance transform; finer maps are coarsened
 MAX_HALF_WIDTH = 20.0  # m, of the part of the map that is searched: 800^2 cells of 0.05 m
-MARGIN = 4.0  # m around `reach`: driven while the map is made ready; as much again for its walls
-MAX_POINTS = 8_000  # of the view lattice: 0.25 m apart in up to 500 m^2 of free space, else wider
+MARGIN = 8.0  # m around `reach`: half driven while the map is searched, half for its walls
 SEARCHES = 2  # that have to agree: one scan may look like another place
 MIN_SCORE = 0.6  # the own map is newer than a given one: more of a scan has to agree
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 8.0  # s after searches in vain: exponential backoff
@@ -53,7 +51,7 @@ class Relocalizer:
         """Take a scan of a lost robot; the base's pose at this scan, once it is certain, else None.
 
         Args:
-            scan: ignored if less than 20 directions are valid.
+            scan: ignored if less than 20 beams are valid.
             predicted: dead-reckoned pose of the base in the map; motion is taken from its steps.
             reach: how far from it the base can be [m]; may be inf.
             draw: part of the map as a grid, without scans inserted while lost; None if none.
@@ -62,7 +60,7 @@ class Relocalizer:
             return None
         self._rest -= max(scan.t - self._time, 0.0)
         self._time = scan.t
-        if self._rest > 0.0 or not reach >= 0.0 or not view_of(scan).enough:
+        if self._rest > 0.0 or not reach >= 0.0 or not has_enough(scan):
             return None
         if self._localizer is None:
             self._begin(predicted, reach, draw)
@@ -76,11 +74,11 @@ class Relocalizer:
 
     def _begin(self, predicted: Pose2, reach: float, draw: Draw) -> None:
         x, y, _ = predicted
-        grid = draw(Box.around(x, y, min(reach + 2.0 * MARGIN, MAX_HALF_WIDTH)))
+        grid = draw(Box.around(x, y, min(reach + MARGIN, MAX_HALF_WIDTH)))
         try:
             if grid is None or grid.p.size == 0:
                 raise ValueError("nothing is mapped here")
-            index = MapIndex(coarsened(grid), MAX_POINTS, Disc(x, y, reach + MARGIN))
+            index = MapIndex(coarsened(grid))
         except ValueError:  # or it has no walls
             self._give_up()
         else:

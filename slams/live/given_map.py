@@ -12,6 +12,7 @@ import numpy as np
 from slams.live.estimate import LOST
 from slams.localize.global_localizer import GlobalLocalizer
 from slams.localize.localizer import Localizer
+from slams.localize.map_index import Work
 from slams.localize.source import Given, Prepared, open_map, prepare
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
@@ -110,5 +111,5 @@ def in_given_map(
     ready = prepare(entry, params, whole)
     place = None if start is None else Pose2(*map(float, start))
     if place is None:
-        _ = ready.map_index.lattice  # a second per 1000 m^2, before the scans come
+        ready.map_index.prepare(Work())  # before the scans come
     return lambda: InGivenMap(ready, place, notes)

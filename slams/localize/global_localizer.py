@@ -6,11 +6,11 @@
     ...     if found:
     ...         break
 
-A scan is compared with all points of the view lattice, and the best poses are fitted to the walls.
-The likely ones are candidates: they are tracked from scan to scan, and whenever the robot has moved
-on the map is searched again and their probabilities are multiplied by what the scan says. Alike
-rooms stay candidates until the robot has left them. With bounded `work` a search is spread over
-scans; those that come meanwhile wait, and the candidates are tracked through them afterwards.
+A scan is searched for in all of the map, and the best poses are fitted to the walls. The likely
+ones are candidates: they are tracked from scan to scan, and whenever the robot has moved on the map
+is searched again and their probabilities are multiplied by what the scan says. Alike rooms stay
+candidates until the robot has left them. With bounded `work` a search is spread over scans; those
+that come meanwhile wait, and the candidates are tracked through them afterwards.
 """
 
 from __future__ import annotations
@@ -18,8 +18,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from slams.localize.map_index import FIT, POSES, Candidate, MapIndex, Search, Work, merged
-from slams.localize.view_lattice import view_of
+from slams.localize.map_index import (
+    FIT,
+    POSES,
+    Candidate,
+    MapIndex,
+    Search,
+    Work,
+    has_enough,
+    merged,
+)
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 CERTAIN = 0.95  # probability from which the pose is known
@@ -81,13 +89,13 @@ class GlobalLocalizer:
         """Take the next scan; the base's pose at it, once that is certain, else None.
 
         Args:
-            scan: ignored if less than 20 directions are valid.
+            scan: ignored if less than 20 beams are valid.
             predicted: dead-reckoned pose of the base; without `reach` only its steps count. None:
                 the scan's odometry; without that, each candidate's last step is made once more.
             reach: how far from it the base can be [m].
         """
         work = Work(self._work)
-        if not view_of(scan).enough or not self.index.prepare(work):
+        if not has_enough(scan) or not self.index.prepare(work):
             return None
         self._queue.append(Observation(scan, predicted or scan.odometry, reach))
         while self._queue and self._advance(self._queue[0], work):
@@ -128,7 +136,7 @@ class GlobalLocalizer:
 
     def _track(self, at: Observation, work: Work) -> bool:
         """Move the candidates by the predicted step, then to where the scan fits."""
-        if self.candidates and not work.take(1, len(self.candidates) * FIT):
+        if self.candidates and not work.take(len(self.candidates) * FIT):
             return False
         before, self._last = self._last, at.predicted
         step = before.between(at.predicted) if before and at.predicted else None

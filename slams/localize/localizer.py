@@ -8,8 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from slams.localize.hooks import Localizes
-from slams.localize.map_index import MapIndex
-from slams.localize.view_lattice import end_points
+from slams.localize.map_index import MapIndex, end_points
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 

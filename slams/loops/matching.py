@@ -108,7 +108,7 @@ class LocalMap:
 
     @cached_property
     def _lines(self) -> LineMap:
-        likelihood, x0, y0, _ = self._lookup
+        likelihood, x0, y0, *_ = self._lookup
         seen = np.zeros_like(likelihood)  # nothing is known to be free
         lines = LineMap(SCANS, seen, (x0, y0), CELL)
         for key, pose in zip(self.keyframes, self.poses, strict=True):

@@ -5,11 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from slams.localize import GlobalLocalizer
+from slams.localize import GlobalLocalizer, map_index
 from slams.localize.distance_map import DistanceMap
-from slams.localize.lattice_kernels import compare
-from slams.localize.map_index import Candidate, MapIndex, merged
-from slams.localize.view_lattice import SPACING, ViewLattice, end_points, view_of
+from slams.localize.map_index import (
+    TILE,
+    Candidate,
+    MapIndex,
+    Search,
+    Work,
+    end_points,
+    merged,
+    thinned,
+)
 from slams.test_world import odd_scans
 from slams.types import Laser, OccupancyGrid, Pose2
 from tests.floors import ALIKE, grid_of
@@ -32,25 +39,6 @@ def off(pose, truth):
 def noisy(pose, seed=0, lidar=LIDAR, segments=ROOM, odometry=None):
     rng = np.random.default_rng(seed)
     return scan_at(pose, lidar, segments, 0.01, rng, odometry=odometry)
-
-
-def test_most_beams_of_a_place_are_counted_at_each_heading():
-    rng = np.random.default_rng(0)
-    seen = rng.integers(0, 300, (7, 24)).astype(np.uint16)
-    directions = np.array([0, 5, 23])
-    ranges = np.array([100, 200, 50], np.int32)
-    tolerances = np.array([60, 40, 90], np.int32)
-    out = np.zeros((7, 2), np.int32)
-    compare(seen, directions, ranges, tolerances, out)
-    for i in range(7):
-        agree = [
-            sum(
-                abs(int(seen[i, (k + d) % 24]) - r) < t
-                for d, r, t in zip(directions, ranges, tolerances, strict=True)
-            )
-            for k in range(24)
-        ]
-        assert tuple(out[i]) == (max(agree), int(np.argmax(agree)))
 
 
 def test_a_beam_is_an_inlier_in_conflict_or_neither():
@@ -182,18 +170,74 @@ def test_odd_scans_are_taken(room):
     assert GlobalLocalizer(room).add(odd_scans()["nothing but nan"]) is None
 
 
-def test_a_large_floor_has_a_wider_lattice(monkeypatch):
-    distances = DistanceMap(grid_of(ROOM))
-    everywhere = ViewLattice(distances)
-    assert everywhere.spacing == SPACING
-    monkeypatch.setattr("slams.localize.view_lattice.MAX_POINTS", 100)
-    few = ViewLattice(distances)
-    assert few.spacing > SPACING and 50 <= len(few) <= 150 < len(everywhere)
-    pose = (0.5, 0.5, 0.0)
-    few.cast(len(few))
-    agree, heading = few.compare(view_of(noisy(pose)), 0, len(few)).T
-    best = np.argsort(-agree)[:5]
-    assert any(off(p, pose)[0] < few.spacing for p in few.poses(best, heading[best]))
+def test_the_squares_of_a_search_are_those_in_which_a_laser_has_room(room):
+    """A house at either end of a map of 60 m, nothing in between."""
+    p = np.full((300, 1200), np.nan, np.float32)
+    ny, nx = room.grid.p.shape
+    p[10 : ny + 10, 20 : nx + 20] = p[-ny:, -nx:] = room.grid.p
+    index = MapIndex(OccupancyGrid(p, 0.05, (-3.0, 2.0)))
+    middles = np.array(index.tiles)[:, :2]
+    iy, ix = np.nonzero(index.distances.gap > 2)
+    places = np.stack([ix, iy], axis=1) * 0.05 + (-2.975, 2.025)
+    off = np.abs(places[:, None] - middles).max(axis=2)
+    assert off.min(axis=1).max() <= TILE + 1e-9  # everywhere is in one of them
+    assert off.min(axis=0).max() < TILE + 0.3  # and in none is nothing
+    assert len(middles) < 0.5 * 60.0 * 15.0 / (2.0 * TILE) ** 2
+
+
+def test_of_likely_poses_the_best_of_each_place_are_kept():
+    poses = np.array([(0.0, 0.0, 3.1, 0.7), (0.1, 0.1, -3.1, 0.9), (0.1, 0.1, 0.0, 0.6),
+                      (0.4, 0.1, 3.1, 0.8)])  # fmt: skip
+    assert thinned(poses)[:, 3].tolist() == [0.9, 0.8, 0.6]
+    many = np.column_stack([np.arange(99.0), np.zeros((99, 2)), np.linspace(0.1, 0.9, 99)])
+    assert (thinned(many) == many[::-1][: map_index.POSES]).all()
+
+
+def test_a_laser_whose_back_was_never_seen_has_room(room):
+    """A laser of 270 degrees at (1, 0.5) that maps what it sees from there."""
+    p = room.grid.p.copy()
+    p[:, : round((1.0 - room.grid.origin[0]) / 0.05) - 1] = np.nan
+    index = MapIndex(OccupancyGrid(p, 0.05, room.grid.origin))
+    poses = np.array([(1.0, 0.5, 0.0, 1.0), (0.9, 0.5, 0.0, 1.0), (0.5, 0.5, 0.0, 1.0)])
+    assert index.has_room(poses).tolist() == [True, True, False]
+    assert off(index.search(noisy((1.0, 0.5, 0.0)))[0].pose, (1.0, 0.5, 0.0))[0] < 0.1
+
+
+@pytest.mark.parametrize("cell", [0.02, 0.05, 0.1])
+def test_the_likelihood_of_a_wall_falls_off_around_it(cell):
+    p = np.zeros((round(4.0 / cell), round(6.0 / cell)), np.float32)
+    p[:, round(3.0 / cell)] = 1.0  # at x = 3 m
+    grid, x0, y0, edge, pooled, block = MapIndex(OccupancyGrid(p, cell, (1.0, -2.0))).lookup
+    assert edge == pytest.approx(0.1) and y0 < -2.0 + edge
+    x = x0 + edge * np.arange(grid.shape[1])
+    expected = np.maximum(1.0 - np.abs(x - 4.0 - 0.5 * cell) / 0.3, 0.0)
+    assert grid[20] == pytest.approx(expected, abs=1e-5)
+    wall = int(np.argmax(grid[20]))
+    for j, i in ((20, wall - 5), (20, wall - 1), (0, wall + 2), (10, len(x) - 2)):
+        assert pooled[j, i] == grid[j : j + block, i : i + block].max()
+
+
+def test_beams_through_walls_are_taken_off_the_likelihood(room):
+    search = Search(room, noisy(POSES[3]))
+    assert search.advance(Work())
+    ends, (grid, x0, y0, edge, *_) = search._ends, room.lookup
+    through, off = [], []
+    for *pose, score in search._likely.tolist():
+        i, j = np.round((Pose2(*pose).transform(ends) - (x0, y0)) / edge).astype(int).T
+        inside = (i >= 0) & (j >= 0) & (i < grid.shape[1]) & (j < grid.shape[0])
+        through.append(room.distances.evaluate(ends, Pose2(*pose))[1])
+        off.append(score + through[-1] - grid[j[inside], i[inside]].sum() / len(ends))
+    assert len(through) > 10 and max(through) > 0.2
+    assert room.has_room(search._likely).all()
+    assert max(off) < 0.05 and np.median(off) == pytest.approx(0.0, abs=0.01)  # some are given up
+
+
+def test_likely_poses_outside_of_free_space_are_left_out(room, monkeypatch):
+    poses = np.array([(50.0, 50.0, 0.0, 0.9), (1.0, 0.5, 0.0, 0.8)])
+    monkeypatch.setattr(map_index, "search", lambda *_: (poses.copy(), 100))
+    search = Search(room, noisy(POSES[0]))
+    search._look(room.tiles[0])
+    assert search._likely[:, :2].tolist() == [[1.0, 0.5]]
 
 
 def test_a_map_without_walls_is_refused():

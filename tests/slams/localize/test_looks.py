@@ -10,9 +10,8 @@ from slams.localize.distance_kernels import MAX_ROTATION, fit
 from slams.localize.distance_map import DistanceMap
 from slams.localize.global_localizer import SEARCH_TIME
 from slams.localize.map_index import TIE, is_same, merged
-from slams.localize.view_lattice import DIRECTIONS, EVERYWHERE, ViewLattice, _points, view_of
 from slams.localize.virtual import stations
-from slams.types import IDENTITY, Laser, Pose2, Scan
+from slams.types import IDENTITY, Pose2
 from tests.floors import grid_of
 from tests.rooms import ROOM, box, laser, scan_at
 from tests.wheels import Drifting
@@ -165,28 +164,11 @@ def test_a_tie_is_as_good_and_beyond_it_probabilities_fall():
     assert second.probability / first.probability == pytest.approx(math.exp(-30.0 * 0.02))
 
 
-def test_of_the_beams_in_one_direction_the_one_nearest_to_its_middle_counts():
-    step = 2.0 * math.pi / DIRECTIONS
-    lidar = Laser(-0.4 * step, 0.3 * step, 3, 0.1, 30.0)  # at -0.4, -0.1 and 0.2 of a direction
-    view = view_of(Scan(0.0, np.array([1.0, 2.0, 3.0], np.float32), lidar))
-    assert (view.directions.tolist(), view.ranges.tolist()) == ([0], [200])
-
-
 def test_what_the_map_explains_is_seen_from_the_laser():
     lidar, pose = laser(361, mount=Pose2(0.5, 0.2, 2.0)), Pose2(1.0, 0.5, 0.3)
     localizer = Localizer(Drifting(None), MapIndex(grid_of(ROOM)), pose)
     assert localizer.update(scan_at(pose, lidar)) == pose
     assert localizer.explained > 0.95
-
-
-def test_far_ranges_may_differ_by_more(monkeypatch):
-    lattice = ViewLattice(DistanceMap(grid_of(ROOM)))
-    used = []
-    monkeypatch.setattr("slams.localize.view_lattice.compare", lambda *args: used.append(args[3]))
-    view = view_of(scan_at((0.0, 0.0, 0.0), LIDAR))
-    lattice.compare(view, 0, 1)
-    expected = 100.0 * 0.8 * lattice.spacing + 0.03 * view.ranges  # cm
-    assert np.abs(used[0] - expected).max() <= 1.0
 
 
 def test_walls_farther_than_a_meter_do_not_pull():
@@ -197,10 +179,3 @@ def test_walls_farther_than_a_meter_do_not_pull():
 def test_a_virtual_drive_goes_from_place_to_place_without_leaps():
     places = stations(DistanceMap(grid_of(np.array(box(0.0, 0.0, 8.0, 5.0)), inside=(1.0, 1.0))))
     assert np.hypot(*np.diff(places, axis=0).T).max() < 2.0
-
-
-def test_the_points_of_a_lattice_are_half_a_spacing_from_the_edge_and_one_apart():
-    distances = DistanceMap(grid_of(np.array(box(0.0, 0.0, 8.0, 5.0)), inside=(1.0, 1.0)))
-    cells = _points(distances, 0.5, EVERYWHERE)
-    assert cells % 10.0 == pytest.approx(5.0)
-    assert len(cells) == pytest.approx(8.0 * 5.0 / 0.25, rel=0.15)
