@@ -15,10 +15,12 @@ from typing import NamedTuple
 
 from slams.frontend.degeneracy_kernels import scatter
 from slams.scan.end_points import EndPoints
+from slams.types import Floats
 
 BY_CHANCE = 0.05  # m of surface in a scan that faces any way: the edge of a door
 MOVABLE = 0.9  # m: of people and things that move; where nothing else is known they may be all
 KNOWN = 0.5  # share of the end points that must have a normal, or nothing is known
+TILTED = 0.05  # rad: deviation of the normals of a map
 OBSERVED = 0.9  # share from which a direction counts as observed
 
 
@@ -50,11 +52,20 @@ def observability(
     radius, middle = math.hypot(0.5 * (xx - yy), xy), 0.5 * total
     angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
     least, greatest = middle - radius, middle + radius
-    floor = error**2 * greatest + by_chance * greatest / total
+    floor = (error**2 + by_chance / total) * greatest
     share = 1.0 - floor / least if least > floor else 0.0
     if share >= OBSERVED:
         return ALL
     return Observability(math.cos(angle), math.sin(angle), share)
+
+
+def of_information(information: Floats) -> Observability:
+    """That of a match, by its information (3, 3) about the pose in the map.
+
+    Lines of the map that are tilted by their error seem to observe a direction that none faces.
+    """
+    (xx, xy, _), (_, yy, _), _ = information.tolist()
+    return observability(xx, xy, yy, TILTED, 0.0)
 
 
 def of_scan(points: EndPoints, theta: float, known_otherwise: bool = False) -> Observability:

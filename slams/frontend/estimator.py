@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slams.frontend.degeneracy import ALL, Observability, of_scan
+from slams.frontend.degeneracy import ALL, Observability, of_information, of_scan
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
 from slams.frontend.ranking import Candidate, MatchedMap, Rematch, best_around, best_of
@@ -139,7 +139,9 @@ class PoseEstimator:
     def _observed(self, points: EndPoints, match: Match) -> Observability:
         if not self._p.degeneracy:
             return ALL
-        return of_scan(points, match.pose.theta, self._filter.wheels)
+        by_scan = of_scan(points, match.pose.theta, self._filter.wheels)
+        by_match = of_information(match.seen)
+        return by_match if by_match.share < by_scan.share else by_scan
 
     def _begin(self, points: EndPoints) -> Pose2:
         """The first scan with enough to see begins the map."""
@@ -169,7 +171,9 @@ class PoseEstimator:
         self._lost = False
         self.quality = max(agreement, 0.0)
         self.maps = self._unconfirmed <= 0.0
-        self._call("matched" if self.maps and self._is_sure() else "lost")
+        confirming: State = "predicted" if self._by_wheels else "lost"
+        settled: State = "matched" if self.maps else confirming
+        self._call(settled if self._is_sure() else "lost")
         if self.maps:
             self._unmatched, self._by_wheels, self._new_ground = 0.0, True, 0.0
             self._relocalizer.reset()
@@ -184,9 +188,10 @@ class PoseEstimator:
         self._by_wheels &= self._filter.wheels
         new = self._share_of_new_ground(points, grid)
         self._new_ground += self._prior.dt * new
-        self._lost |= (self._refuted and not self._by_wheels) or not self._is_sure()
+        doubtful = self._refuted or self._unconfirmed > 0.0
+        self._lost |= (doubtful and not self._by_wheels) or not self._is_sure()
         if self._unconfirmed > 0.0:
-            self._unconfirmed, self._lost = CONFIRMED, True
+            self._unconfirmed = CONFIRMED
         self.quality = max(best.agreement, 0.0) if best else 0.0
         self.maps = new > 0.0 and self._maps_unmatched()
         self._call("lost" if self._lost else "predicted")

@@ -172,9 +172,7 @@ class Search:
         points = end_points(scan)
         self._ends = points[:: max(1, len(points) // BEAMS)]
         self._tiles = list(index.tiles)  # to be searched
-        self._cost = (
-            POSES * EVALUATION
-        )  # of the last one [us], about that of the next; first a guess
+        self._cost = POSES * EVALUATION  # [us] of the last one, about that of the next
         self._likely = np.empty((0, 4))  # poses of the laser, and likelihood less conflicts there
         self._starts: list[Pose2] | None = None  # of the base, to be fitted
 
