@@ -184,3 +184,17 @@ def test_no_true_map_of_a_real_log():
     log = log_of()
     assert truth_map(dataclasses.replace(log, meta={})) is None
     assert truth_map(dataclasses.replace(log, truth=None)) is None
+
+
+def test_maps_of_other_resolutions():
+    """The same walls in cells of half the size, and of twice."""
+    truth = room()
+    fine = OccupancyGrid(truth.p.repeat(2, axis=0).repeat(2, axis=1), CELL / 2, truth.origin)
+    found = compare(fine, truth, IDENTITY)
+    assert found["iou"] == found["coverage"] == 1.0
+    off = CELL / 4 * math.sqrt(2.0)
+    assert found["adnn_to_truth"] == pytest.approx(off)
+    assert found["adnn_from_truth"] == pytest.approx(off)
+    back = compare(truth, fine, IDENTITY)
+    assert back["iou"] == back["coverage"] == 1.0
+    assert back["adnn_to_truth"] == pytest.approx(off)
