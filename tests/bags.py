@@ -91,7 +91,6 @@ class Make(Maker):
 
 
 def ns(t):
-    """A stamp [ns] of seconds."""
     return round(1e9 * t)
 
 

@@ -2,13 +2,18 @@
 
 from functools import cache
 
+import numpy as np
 import pytest
 
+import slams
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
+from slams import metrics
+from slams.formats.trajectory import read
 from slams.player import replay
 from slams.registry import create, find
 from slams.summary import truth_errors
+from slams.types import Pose2, wrap_angle
 from tests.rooms import ALGORITHMS
 
 # case: setting, odometry shown, bound of the absolute error [m], of the error over 1 s [m]
@@ -75,3 +80,78 @@ def test_a_laser_that_turns_slowly_costs_little(name, sensor, bound):
 @cache
 def slow_log_of(sensor):
     return simulate(Setting(size=9.0, duration=15.0, seed=4, sensor=sensor, sweep=True))
+
+
+# scans, with odometry, farthest from the nearest and from all of the references [m, rad]
+PROGRAMS = {
+    "hector": (100, False, ("hector",), 0.003, 0.003),
+    "tsd": (250, False, ("tsd_tsd",), 0.02, 0.02),
+    # three seeds of the program differ by up to 2 cm within these 15 s
+    "gmapping": (600, True, ("gmapping_s1", "gmapping_s2", "gmapping_s3"), 0.02, 0.03),
+}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_an_original_drives_as_its_program_does(name, shared_data):
+    scans, odometry, references, least, most = PROGRAMS[name]
+    log = slams.load(shared_data("data/robocup/robocup.npz")).select(scans, odometry=odometry)
+    poses, off = slams.replay(slams.create(f"{name}@original"), log).poses, []
+    assert np.hypot(*poses[:, :2].T).max() > 0.1  # it has left the start
+    for reference in references:
+        _, expected = read(shared_data(f"reference/robocup/{reference}.csv.gz"))
+        off.append(np.abs(poses - expected[: len(poses)]).max())
+    assert min(off) < least and max(off) < most
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_a_default_is_accurate_with_the_laser_alone(name, shared_data):
+    """Measured: 0.5 to 0.6 mm."""
+    log = slams.load(shared_data("data/robocup/robocup.npz")).select(400, odometry=False)
+    run = slams.replay(slams.create(name), log)
+    assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.001
+
+
+NAMES = ["hector", "tsd", "crsm"]
+
+
+def drive(seed, odometry, size=9.0, duration=15.0):
+    log = simulate(Setting(size=size, duration=duration, seed=seed))
+    return log.select(every=8, odometry=odometry)
+
+
+def normalized(name, log):
+    """Mean squared error per degree of freedom, in units of the covariance: in two frames.
+
+    In that of the map where it lies best on the truth, as for the ATE: a covariance is that of a
+    pose against the map. And in that of the first pose, where the first scan's error counts in
+    every pose, though no covariance can know of it.
+    """
+    slam, said = create(name), []
+    run = replay(slam, log, watch=lambda scan, pose: said.append(slam.covariance.copy()))
+    truth = log.truth_at(run.t)
+    fitted = metrics.align(truth, run.poses)
+    first = Pose2(*run.poses[0]) @ Pose2(*truth[0]).inverse()
+    return [mean_square(run.poses[1:], truth[1:], said[1:], frame) for frame in (fitted, first)]
+
+
+def mean_square(poses, truth, covariances, frame):
+    squares = []
+    for pose, true, covariance in zip(poses, truth, covariances, strict=True):
+        error = pose - np.array(frame @ Pose2(*true))
+        error[2] = wrap_angle(error[2])
+        squares.append(error @ np.linalg.solve(covariance, error))
+    return np.mean(squares) / 3.0
+
+
+@cache
+def drives(odometry):
+    return [drive(seed, odometry) for seed in range(4)]
+
+
+@pytest.mark.parametrize("odometry", [True, False])
+@pytest.mark.parametrize("name", NAMES)
+def test_the_covariance_of_a_pose_is_honest(name, odometry):
+    """Measured over 4 drives: 0.5 to 0.8, and 1.3 to 2.6 in the first pose's frame."""
+    fitted, first = np.mean([normalized(name, log) for log in drives(odometry)], axis=0)
+    assert 0.4 < fitted < 1.5
+    assert 0.5 < first < 2.9

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import slams.frontend
-from slams.params import FARTHEST, GREATEST, MOST, SEEDS, Params, bounds
+from bench.sim.sensors import SENSORS
+from slams.params import FARTHEST, GREATEST, LASERS, MOST, SEEDS, Params, bounds
 from slams.registry import BUILT_IN, find
+from tests.rooms import ALGORITHMS
 
 # that an algorithm reserves with all counts at their greatest and cells at their least
 MOST_GB = 5.0
@@ -91,3 +93,17 @@ def test_the_greatest_of_everything_fits_into_memory(label, monkeypatch):
         tracemalloc.stop()
     assert reserved < MOST_GB, f"{slam.params}: {reserved:.1f} GB"
     assert reserved + sum(addresses) / 1e9 > 0.001, "something was reserved at all"
+
+
+def test_the_lasers_are_those_of_the_simulator():
+    assert sorted(LASERS) == sorted(SENSORS)
+
+
+@pytest.mark.parametrize("sensor", LASERS)
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_every_preset_takes_every_sensor(name, sensor):
+    for preset in find(name).cls.Params.presets():
+        params = find(f"{name}@{preset}").params()
+        assert set(params.SENSORS) <= set(LASERS)
+        changed = params.for_sensor(sensor)
+        assert changed.as_dict() == params.as_dict() | params.SENSORS.get(sensor, {})

@@ -1,8 +1,10 @@
 """`slams` without a command lists them, with one it is the command."""
 
 import ast
+import re
 import sys
 import tomllib
+import zipfile
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +12,8 @@ from types import SimpleNamespace
 import pytest
 
 from slams import __main__ as slams
-from slams.registry import IDEAS, names
+from slams.registry import BUILT_IN, IDEAS, names
+from tests import try_wheel
 from tests.places import ROOT
 from tests.processes import python
 
@@ -111,13 +114,36 @@ def test_an_unknown_command_is_one_sentence_and_exit_2(word, hint, capsys):
     assert printed.err == f"slams: unknown command {word!r}{hint} (known: {known})\n"
 
 
-def test_slams_is_the_one_script_of_the_installation():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["scripts"] == {"slams": "slams.__main__:main"}
-
-
 @pytest.mark.parametrize("name", slams.COMMANDS)
 def test_every_option_has_a_help_and_is_known_by_its_whole_name_alone(name):
     parser = import_module(slams.COMMANDS[name]).parser()
     assert [action.dest for action in parser._actions if not action.help] == []
     assert not parser.allow_abbrev
+
+
+TOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def test_the_wheel_brings_every_package_and_each_has_types():
+    packages = TOOLS["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    folders = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"tests"}
+    assert set(packages) == folders == try_wheel.PACKAGES == set(TOOLS["tool"]["mypy"]["packages"])
+    assert {target.partition(".")[0] for target in BUILT_IN.values()} <= folders
+    assert [name for name in packages if not (ROOT / name / "py.typed").is_file()] == []
+
+
+def test_the_front_page_names_what_the_wheel_brings():
+    limits = (ROOT / "README.md").read_text(encoding="utf-8").partition("## Limits")[2]
+    listed = re.search(r"top-level packages (.*?)\.", limits)[1]
+    assert set(re.findall(r"`(\w+)`", listed)) == try_wheel.PACKAGES
+
+
+@pytest.mark.parametrize("missing", ["tsd/py.typed", "tsd/__init__.py", None])
+def test_a_wheel_without_a_package_or_its_types_is_refused(missing, tmp_path):
+    names = [f"{p}/{n}" for p in try_wheel.PACKAGES for n in ("__init__.py", "py.typed")]
+    with zipfile.ZipFile(tmp_path / "a.whl", "w") as archive:
+        for name in [*names, "slams-0.1.0.dist-info/METADATA"]:
+            if name != missing and not (missing == "tsd/__init__.py" and name.startswith("tsd/")):
+                archive.writestr(name, "")
+    found = try_wheel.packages_of(tmp_path / "a.whl")
+    assert (found == dict.fromkeys(try_wheel.PACKAGES, True)) == (missing is None)

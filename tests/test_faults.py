@@ -96,14 +96,12 @@ def test_odometry_and_gyro_that_are_no_numbers_count_as_none(algorithm, bad):
 
 
 def noise_scan(k, lidar):
-    """Ranges of no place at all."""
     ranges = np.random.default_rng(k).uniform(0.3, 8.0, lidar.n_beams).astype(np.float32)
     ranges.flags.writeable = False
     return dataclasses.replace(scan_at((0.0, 0.0, 0.0), lidar), ranges=ranges)
 
 
 def closet_scan(k, lidar):
-    """A small room that the map has not."""
     return scan_at((0.0, 0.0, 0.2), lidar, np.array(box(-0.6, -0.7, 0.4, 0.9)))
 
 

@@ -11,7 +11,6 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 import slams
-from slams.formats.occupancy import write_image
 from slams.scanlog import ScanLog
 from tests import bags
 from tests.places import ROOT
@@ -66,18 +65,6 @@ def test_results_on_a_full_disk(log, tmp_path):
     assert done.returncode == 2
     assert done.stderr.count(b"\n") == 1
     assert list((tmp_path / "results").iterdir()) == []
-
-
-def test_pictures_are_those_of_opencv(tmp_path):
-    import cv2
-
-    pixels = np.arange(60, dtype=np.uint8).reshape(6, 10)
-    for name in ("a.png", "a.pgm"):
-        write_image(tmp_path / name, pixels)
-        cv2.imwrite(str(tmp_path / f"b{name}"), pixels)
-        assert (tmp_path / name).read_bytes() == (tmp_path / f"b{name}").read_bytes()
-    with pytest.raises(OSError, match=r"empty\.png: the picture could not be written"):
-        write_image(tmp_path / "empty.png", pixels[:0])
 
 
 def test_matplotlib_says_nothing_where_there_is_no_home(tmp_path):

@@ -7,12 +7,10 @@ import shlex
 import pytest
 
 from bench import compare, readme
-from bench.report import pages
 from bench.results import FORMAT
 from bench.results import sweep as results
-from tests.bench.test_answers import climb, climbs
+from tests.bench.test_answers import climbs
 from tests.bench.test_sweep import sweep_of
-from tests.bench.test_tables import row, strayed
 from tests.places import ROOT
 
 FRONT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -35,6 +33,51 @@ def test_the_measured_tables_are_generated():
 
 def test_one_reads_the_front_page():
     assert len(FRONT.splitlines()) <= 130
+
+
+def test_a_sweep_is_kept_with_what_its_tables_show(tmp_path, monkeypatch):
+    trials = climbs([3] * 8) + climbs([1] * 8, algorithm="b")
+    found = sweep_of(trials)
+    found.facts["logs"][0]["setting"] = {"long": 1}
+    results.save(tmp_path, found._replace(record=found.record | {"command": "c --quick --out d"}))
+    for kind in ("SWEEP", "RESULTS"):
+        monkeypatch.setattr(readme, kind, tmp_path / f"{kind.lower()}.kept")
+    readme.adopt(tmp_path)
+    text = readme.rendered("<!-- sweep -->\n<!-- end -->")
+    assert "`c --quick`, on a <b>: 16 climbs over 1 drives" in text
+    assert "| noise [m] | >0.2 | 0.0707 (0.05 to 0.1) |" in text
+    assert "| **a** (lost less, p = 0.016) |" in text
+    text = readme.rendered("<!-- choice -->\n<!-- end -->")
+    assert "little (noise) | **a** (lost less, p = 0.016) |" in text
+    text = readme.rendered("<!-- field -->\n<!-- end -->")
+    assert "| b, laser alone | 0 of 8 |" in text
+    assert "long" not in readme.SWEEP.read_text()
+
+
+def test_every_public_log_with_figures_says_where_it_is_from():
+    logs = (
+        compare.parser()
+        .parse_args(shlex.split(readme.read_figures(readme.PUBLIC)["command"])[3:])
+        .logs
+    )
+    section = README.partition("## Public logs")[2]
+    assert len(logs) >= 3
+    for log in logs:
+        assert re.search(rf"^\| `{re.escape(log)}` \| .* \| [\w.-]+/\w+", section, re.M), log
+
+
+PACKAGES = [path.parent for path in readme.readmes()[1:] if path.name == "README.md"]
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+def test_names_of_code_in_a_package_readme_exist(package):
+    files = [path for folder in (package, ROOT / "slams") for path in folder.rglob("*.py")]
+    code = [*map(str, files), *(path.read_text(encoding="utf-8") for path in files)]
+    known = {word for text in code for word in re.findall(r"\w+", text)}
+    known |= {path.stem for path in (ROOT / "tests").rglob("*.py")}
+    text = readme.PART.sub("", (package / "README.md").read_text(encoding="utf-8"))
+    for name in re.findall(r"`([A-Za-z_][\w./]*)(?:\(\))?(?:=\S*)?`", text):
+        assert set(re.findall(r"\w+", name)) <= known, name
 
 
 def several_logs(folder):
@@ -71,84 +114,3 @@ def test_results_of_several_logs_become_the_table_of_public_logs(tmp_path, monke
     assert "| log | scans x beams | lasts [s] | hector [ms] | mine:Slam [ms] |" in text
     assert "| a | 9 x 3 | 10 | 0.3 | 12.3 |\n| b | 70 x 5 | 10 | 0.3 | - |\n" in text
     assert readme.rendered(text) == text
-
-
-def test_a_sweep_is_kept_with_what_its_tables_show(tmp_path, monkeypatch):
-    trials = climbs([3] * 8) + climbs([1] * 8, algorithm="b")
-    found = sweep_of(trials)
-    found.facts["logs"][0]["setting"] = {"long": 1}
-    results.save(tmp_path, found._replace(record=found.record | {"command": "c --quick --out d"}))
-    for kind in ("SWEEP", "RESULTS"):
-        monkeypatch.setattr(readme, kind, tmp_path / f"{kind.lower()}.kept")
-    readme.adopt(tmp_path)
-    text = readme.rendered("<!-- sweep -->\n<!-- end -->")
-    assert "`c --quick`, on a <b>: 16 climbs over 1 drives" in text
-    assert "| noise [m] | >0.2 | 0.0707 (0.05 to 0.1) |" in text
-    assert "| **a** (lost less, p = 0.016) |" in text
-    text = readme.rendered("<!-- choice -->\n<!-- end -->")
-    assert "little (noise) | **a** (lost less, p = 0.016) |" in text
-    text = readme.rendered("<!-- field -->\n<!-- end -->")
-    assert "| b, laser alone | 0 of 8 |" in text
-    assert "long" not in readme.SWEEP.read_text()
-
-
-def test_start_luck_stands_in_the_table_of_real_logs(tmp_path, monkeypatch):
-    starts = {"n": 5, "mean": 0.0155, "worst": None, "above": 1, "limit_m": 0.03}
-    error = {"translation_m": {"mean": 0.01, "std": 0.002}}
-    run = {"relations": {"all": error, "used": 9}, "loss": {"lost": False}, "starts": starts}
-    kept = tmp_path / "relations.json"
-    kept.write_text(
-        json.dumps({"x, with odometry": {"hector": run, "tsd": run | {"starts": None}}})
-    )
-    monkeypatch.setattr(readme, "RELATIONS", kept)
-    text = readme.rendered("<!-- relations -->\n<!-- end -->")
-    cell = "0.0100 ± 0.0020; 5 starts: mean 0.0155, worst -, 1 above 0.03"
-    assert f"| hector | {cell} |" in text
-    assert "| tsd | 0.0100 ± 0.0020 |" in text
-
-
-def test_every_public_log_with_figures_says_where_it_is_from():
-    logs = (
-        compare.parser()
-        .parse_args(shlex.split(readme.read_figures(readme.PUBLIC)["command"])[3:])
-        .logs
-    )
-    section = README.partition("## Public logs")[2]
-    assert len(logs) >= 3
-    for log in logs:
-        assert re.search(rf"^\| `{re.escape(log)}` \| .* \| [\w.-]+/\w+", section, re.M), log
-
-
-PACKAGES = [path.parent for path in readme.readmes()[1:] if path.name == "README.md"]
-
-
-@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
-def test_names_of_code_in_a_package_readme_exist(package):
-    files = [path for folder in (package, ROOT / "slams") for path in folder.rglob("*.py")]
-    code = [*map(str, files), *(path.read_text(encoding="utf-8") for path in files)]
-    known = {word for text in code for word in re.findall(r"\w+", text)}
-    known |= {path.stem for path in (ROOT / "tests").rglob("*.py")}
-    text = readme.PART.sub("", (package / "README.md").read_text(encoding="utf-8"))
-    for name in re.findall(r"`([A-Za-z_][\w./]*)(?:\(\))?(?:=\S*)?`", text):
-        assert set(re.findall(r"\w+", name)) <= known, name
-
-
-def test_the_front_table_joins_errors_and_levels_by_the_name(tmp_path):
-    found = {
-        "logs": [{"name": "n", "scans": 5, "beams": 3, "duration_s": 9.0}],
-        "rows": [row("hector", 0.003, ms=0.25), strayed("tsd", error=0.9)],
-        "command": "the command",
-        "machine": {"cpu": "a core"},
-    }
-    trials = [*climb(2, algorithm="hector"), *climb(3, algorithm="hector", odometry=True)]
-    trials += [*climb(1, algorithm="mine:Slam"), *climb(0, algorithm="tsd")]
-    trials += climb(0, algorithm="tsd@paper")
-    pages.adopt(tmp_path / "swept.json", sweep_of(trials))
-    kept = readme.read_figures(tmp_path / "swept.json")
-    lines = pages.front_table(found, kept).splitlines()
-    idea = "gradient matching on grid pyramids"
-    assert lines[0].count("|") == 7, "at most six columns"
-    assert lines[2] == f"| [hector](hector/README.md) | {idea} | 3.00 | 66.7 | 100.0 | 0.250 |"
-    assert lines[3] == "| mine:Slam | - | - | 33.3 | - | - |"
-    assert lines[4].endswith(" | - | 0.0 | - | - |"), "a lost run has no error to show"
-    assert "`the command`, n: 5 scans of 3 beams, 9 s, on a core. Levels held: `c`" in lines[6]

@@ -3,7 +3,8 @@
 import math
 import re
 import sys
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -49,71 +50,44 @@ def test_the_example_of_live_slam_works():
     assert np.isfinite(scope["grid"].p).any()
 
 
-class Message(SimpleNamespace):
-    """A message: any field can be set, at any depth."""
+class Node:
+    """A stand-in for rclpy's that keeps what a node does."""
 
-    def __getattr__(self, name):
-        value = Message()
-        setattr(self, name, value)
-        return value
+    def __init__(self, name):
+        self.subscriptions, self.published = {}, []
+
+    def create_publisher(self, kind, topic, qos):
+        return SimpleNamespace(publish=self.published.append)
+
+    def create_subscription(self, kind, topic, callback, qos):
+        self.subscriptions[topic] = callback
+
+    def create_timer(self, seconds, callback):
+        self.timer = callback
+
+    def get_clock(self):
+        return MagicMock()
+
+
+class Buffer:
+    def lookup_transform(self, target, source, stamp):
+        rotation = SimpleNamespace(z=math.sin(0.25), w=math.cos(0.25))
+        transform = SimpleNamespace(translation=SimpleNamespace(x=3.0, y=-2.0), rotation=rotation)
+        return SimpleNamespace(transform=transform)
 
 
 @pytest.fixture
 def ros(monkeypatch):
-    """Stand-ins for rclpy and its messages that keep what a node does."""
-
-    class Node:
-        def __init__(self, name):
-            self.subscriptions, self.published = {}, []
-
-        def create_publisher(self, kind, topic, qos):
-            return SimpleNamespace(publish=self.published.append)
-
-        def create_subscription(self, kind, topic, callback, qos):
-            self.subscriptions[topic] = callback
-
-        def create_timer(self, seconds, callback):
-            self.timer = callback
-
-        def get_clock(self):
-            return SimpleNamespace(now=lambda: SimpleNamespace(to_msg=lambda: 0))
-
-    class Buffer:
-        pose = (3.0, -2.0, 0.5)
-
-        def lookup_transform(self, target, source, stamp):
-            x, y, theta = self.pose
-            rotation = SimpleNamespace(z=math.sin(theta / 2), w=math.cos(theta / 2))
-            translation = SimpleNamespace(x=x, y=y)
-            return SimpleNamespace(
-                transform=SimpleNamespace(translation=translation, rotation=rotation)
-            )
-
+    """ROS where there is none; the transforms that are sent."""
     sent = []
-    modules = {
-        "rclpy": {"init": lambda: None, "spin": lambda node: None},
-        "rclpy.node": {"Node": Node},
-        "rclpy.qos": {
-            "DurabilityPolicy": SimpleNamespace(TRANSIENT_LOCAL=1),
-            "QoSProfile": lambda **_: None,
-            "qos_profile_sensor_data": None,
-        },
-        "geometry_msgs.msg": {"TransformStamped": Message},
-        "nav_msgs.msg": {"OccupancyGrid": Message},
-        "sensor_msgs.msg": {"LaserScan": Message},
-        "tf2_ros": {
-            "Buffer": Buffer,
-            "TransformListener": lambda buffer, node: None,
-            "TransformBroadcaster": lambda node: SimpleNamespace(sendTransform=sent.append),
-            "TransformException": KeyError,
-        },
-    }
-    for package in ("geometry_msgs", "nav_msgs", "sensor_msgs"):
-        monkeypatch.setitem(sys.modules, package, ModuleType(package))
-    for name, content in modules.items():
-        module = ModuleType(name)
-        vars(module).update(content)
-        monkeypatch.setitem(sys.modules, name, module)
+    packages = ("geometry_msgs", "nav_msgs", "sensor_msgs")
+    names = ["rclpy", "rclpy.node", "rclpy.qos", "tf2_ros", *packages]
+    for name in [*names, *(f"{package}.msg" for package in packages)]:
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    sys.modules["rclpy.node"].Node, sys.modules["tf2_ros"].Buffer = Node, Buffer
+    sys.modules["tf2_ros"].TransformException = KeyError
+    sys.modules["tf2_ros"].TransformBroadcaster().sendTransform = sent.append
+    sys.modules["geometry_msgs.msg"].TransformStamped = MagicMock
     return sent
 
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from slams import check, run
+from slams import run
 from slams.__main__ import main
 from tests.rooms import drive
 
@@ -69,12 +69,6 @@ def test_what_became_of_each_parameter_goes_to_stderr(capsys, tmp_path, ros):
     assert capsys.readouterr().err == ""
 
 
-def test_the_check_is_a_command_like_the_others(capsys):
-    assert check.main([]) == 2
-    assert check.main(["hecter"]) == 2
-    assert "did you mean 'hector'" in capsys.readouterr().err
-
-
 @pytest.fixture
 def log(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -115,18 +109,6 @@ def test_no_file_is_overwritten_unless_asked(words, log, tmp_path, capsys):
     assert (tmp_path / target).read_text() == "mine"
     assert main([*words, target, "--force"]) == 0
     assert (tmp_path / target).read_bytes() != b"mine"
-
-
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (["--no-odometry", "--odom", "none"], "--no-odometry: got --odom or --imu, too"),
-        (["--lim", "3"], "unrecognized arguments: --lim"),
-    ],
-)
-def test_no_option_is_ignored_or_guessed(words, sentence, log, capsys):
-    assert run.main(["odometry", log, *words]) == 2
-    assert sentence in capsys.readouterr().err
 
 
 def test_a_state_may_grow_under_its_name(log, tmp_path):

@@ -11,12 +11,11 @@ from bench.judge.answers import analysis
 from bench.judge.statistics import mcnemar
 from bench.report import sweep_tables
 from bench.results import sweep as results
-from bench.run import pool, single
+from bench.run import single
 from slams import Pose2
 from slams.baselines import BaselineParams, Odometry
 from slams.params import param
 from slams.registry import find
-from tests.bench import toy_runs
 from tests.rooms import drive
 
 TOY = "tests.bench.test_ablation:Toy"
@@ -44,33 +43,10 @@ class Toy(Odometry):
         return pose if self.params.steady else Pose2(pose.x + 1e3 * self.scans, pose.y, pose.theta)
 
 
-@pytest.fixture
-def here(monkeypatch):
-    """Runs are done in this process: starting another takes longer."""
-    monkeypatch.setattr(pool, "finished", toy_runs.here)
-
-
 def planned(*words):
     usual = ["--seeds", "2", "--degradations", "noise=0.05"]
     usual += [] if words[0].endswith(".npz") else ["--arenas", "ring"]
     return sweep._plan(sweep.parser().parse_args([*words, *usual]))
-
-
-@pytest.mark.parametrize(
-    ("label", "algorithm", "settings"),
-    [
-        ("hector", "hector", {}),
-        ("hector@paper", "hector@paper", {}),
-        (TOY, TOY, {}),
-        ("hector:refine=false", "hector", {"refine": "false"}),
-        ("tsd@paper:cell=0.1, rays=50", "tsd@paper", {"cell": "0.1", "rays": "50"}),
-        (f"{TOY}:odd=true", TOY, {"odd": "true"}),
-        ("refine=false", "refine=false", {}),
-    ],
-)
-def test_a_variant_has_an_equals_sign_behind_its_last_colon(label, algorithm, settings):
-    assert single.algorithm_of(label) == algorithm
-    assert single.settings_of(label) == settings
 
 
 def test_a_variant_of_a_variant_has_both_settings_and_the_later_value():

@@ -1,13 +1,12 @@
 """Arenas: what stands there, robots come everywhere; planning large worlds."""
 
-import dataclasses
 import math
 from functools import cache
 
 import cv2
 import numpy as np
 import pytest
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 
 from bench import simulate as command
 from bench.sim import routes
@@ -62,6 +61,12 @@ def test_a_drive_keeps_its_clearance(name, seed):
     assert true.travelled[-1] > 0.35 * true.t[-1]
 
 
+def test_even_a_fast_drive_touches_nothing():
+    world, robot = arena("rescue", 1, 8.0), Robot(v=1.5, w=1.0, clearance=0.3)
+    fast = drive(world, robot, np.random.default_rng(1), 60.0, 200.0)
+    assert around(world, fast.poses[::40, :2]).min() >= 0.3
+
+
 @pytest.mark.parametrize("name", ARENAS)
 def test_same_seed_same_log_and_another_seed_another(name, tmp_path):
     written = []
@@ -95,15 +100,10 @@ def test_size_is_the_longer_side(name, ratio, scale):
 
 
 @pytest.mark.parametrize("name", ARENAS)
-def test_a_size_an_arena_cannot_have_is_refused(name, tmp_path, capsys):
+def test_a_size_an_arena_cannot_have_is_refused(name):
     for size in (ARENAS[name].least - 0.1, ARENAS[name].most + 0.1):
         with pytest.raises(ValueError, match=rf"^size: got {size:g}\b.*expected .* {name} arena$"):
             arena(name, 0, size)
-    if name == "ring":
-        line = [str(tmp_path / "out.npz"), "--arena", name, "--size", "10"]
-        assert command.main(line) == 2
-        assert "expected 12 to 300 for the ring arena" in capsys.readouterr().err
-        assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ARENAS)
@@ -145,50 +145,10 @@ def test_a_drive_in_the_ring_goes_around_and_on(seed):
     assert on[on < 0].sum() > -0.2  # never back by more than the steps into a goal
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_drive_in_the_office_visits_rooms(seed):
-    """Doors part the places with more than half a door's room to every wall."""
-    world = arena("office", seed)
-    wide = (world.clearance > 0.56).astype(np.uint8)
-    _, label, stats, _ = cv2.connectedComponentsWithStats(wide, connectivity=4)
-    large = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] * world.resolution**2 > 0.5)
-    assert len(large) - 1 > 25
-    visited = set(label[world.cells_of(drive_of("office", seed).poses[:, :2])])
-    assert len(visited & set(large[1:])) >= 4
-
-
-def test_the_hall_has_long_sight_lines_and_slants():
-    for seed in range(3):
-        world = arena("hall", seed)
-        seen = around(world, drive_of("hall", seed).poses[::400, :2])
-        assert (seen > 12.0).mean() > 0.03
-        pieces = cv2.connectedComponents(world.occupied.astype(np.uint8))[0] - 1
-        assert pieces > 60  # uprights and loads of racks, pillars, boxes
-
-
 def grid(size=12.0, seed=1):
     """A maze's nodes and their largest part, its border closed as the regions do."""
     nodes = nodes_of(arena("rescue", seed, size), 0.4)
     return nodes, largest_part(nodes.open)
-
-
-def test_regions_hang_together_as_their_nodes_do():
-    nodes, part = grid()
-    regions = Regions(nodes, part)
-    assert connected_components(regions.graph)[0] == 1
-    np.testing.assert_array_equal(np.sort(regions.member), np.flatnonzero(part))
-    assert len(regions.points) < part.sum() / 50
-    apart = np.hypot(*(regions.points[:, None] - regions.points[None]).T)
-    assert apart[regions.graph.nonzero()].max() < 3.0
-
-
-def test_two_sides_of_a_wall_are_two_regions():
-    nodes, _ = grid()
-    part = np.zeros((40, 40), bool)
-    part[1:-1, 1:-1] = True
-    part[:, 20:22] = False
-    regions = Regions(dataclasses.replace(nodes, open=part, clearance=np.ones((40, 40))), part)
-    assert connected_components(regions.graph)[0] == 2
 
 
 def cost(world, line):

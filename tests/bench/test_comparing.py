@@ -1,14 +1,17 @@
-"""Options of single algorithms, and the folders that results go to."""
+"""Plans of comparisons and sweeps: options of algorithms, what is tried by chance, folders."""
 
 import math
 
 import pytest
 
-from bench import compare
-from bench.run import compare_options, folder
+from bench import compare, sweep
+from bench.run import compare_options, folder, plan
 from bench.run.comparing import spread_over_starts, start_scans
 from bench.run.single import seeds
+from bench.sim.degrade import CATALOG
 from hector.params import HectorParams
+from slams import cli
+from slams.formats.options import SourceOptions
 from slams.registry import names
 from tests.rooms import drive
 
@@ -36,33 +39,9 @@ def test_parameters_of_one_algorithm_leave_the_others_alone(tmp_path):
     assert found["slams.baselines:Odometry"].seed == 9
 
 
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (["--set", "cel=1"], "got 'cel=1', expected a parameter of tsd; did you mean 'cell'"),
-        (["--set", "cell"], "got 'cell', expected ALGORITHM:KEY=VALUE"),
-        (["--set", "nobody:cell=0.05"], "expected ALGORITHM:KEY=VALUE of one that is compared"),
-        (["--set", "tsd:cell"], "--set: got 'cell', expected KEY=VALUE"),
-        (["--set", "tsd:cel=1"], "did you mean 'cell'"),
-        (["--set", "tsd:cell=-1"], "parameter 'cell': got '-1'|parameter 'cell': got -1"),
-        (["--params", "tsd:"], "got 'tsd:', expected ALGORITHM:FILE"),
-        (["--params", "tsd:none.yaml"], "none.yaml"),
-        (["--seed", "tsd:x"], "parameter 'seed'"),
-        (["--seed", "x"], "parameter 'seed': got 'x', expected int"),
-        (["--seed", "hector:1"], "of one that is compared: tsd"),
-    ],
-)
-def test_what_is_of_no_algorithm_is_refused_in_one_sentence(words, sentence):
-    with pytest.raises((ValueError, LookupError, OSError), match=sentence):
-        choice_of("--algorithms", "tsd", *words)
-
-
 def test_the_last_seed_for_all_counts():
     assert seeds(["1", "tsd:2", "3"]) == ({"seed": "3"}, ["tsd:seed=2"])
     assert seeds([]) == ({}, [])
-
-
-# where the results go
 
 
 def test_results_are_named_after_the_log_and_a_taken_name_gets_a_number(tmp_path, monkeypatch):
@@ -93,7 +72,7 @@ def test_what_is_in_the_folder_asked_for_is_not_overwritten(tmp_path):
     assert folder.claimed(str(mine), [], True) == mine
 
 
-def test_no_stale_file_stays_beside_a_new_report(tmp_path, capsys):
+def test_no_stale_file_stays_beside_a_new_report(tmp_path, capsys, here):
     drive(n=20).save(tmp_path / "room.npz")
     out = tmp_path / "out"
     words = [str(tmp_path / "room.npz"), "-q", "--jobs", "1", "--out", str(out), "--algorithms"]
@@ -106,21 +85,6 @@ def test_no_stale_file_stays_beside_a_new_report(tmp_path, capsys):
     names = {path.name for path in out.iterdir()}
     assert {"notes.txt", "errors-odometry.csv", "report.html"} <= names
     assert not [name for name in names if "Still" in name]
-
-
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (["--truth", "t.tum"], "--truth: got no log"),
-        (["room.npz", "--duration", "3"], "--duration: is of the simulation"),
-    ],
-)
-def test_no_option_is_ignored(words, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        choice_of(*words)
-
-
-# which algorithms
 
 
 def asked(*words):
@@ -137,9 +101,6 @@ def test_the_ideas_are_compared_where_there_are_any(monkeypatch):
     assert asked("--full", "--algorithms", "kiss") == asked("--algorithms", "kiss") == ["kiss"]
     monkeypatch.setattr(HectorParams, "PRESETS", {})
     assert "hector@paper" not in asked()
-
-
-# start scans
 
 
 def test_starts_are_even_over_a_tenth_of_the_log():
@@ -164,3 +125,65 @@ def test_a_lost_run_is_as_bad_as_can_be():
     assert half["median"] == math.inf
     none = spread_over_starts([None, None], 0.1)
     assert math.isnan(none["mean"]) and none["median"] == math.inf
+
+
+def planned(chosen, rate=None):
+    drives = plan.Drives(["rescue"], 2, 10.0, "utm30lx")
+    logs = plan.logs_of([], drives, SourceOptions())
+    return plan.Plan(["hector"], plan.conditions_of(chosen), logs, (False,), rate, None)
+
+
+def test_each_drive_has_its_own_mishap_and_a_clean_one_none(tmp_path):
+    for chosen, expected in (("clean", [0, 0]), ("noise=0.05", [0, 1])):
+        cases = planned([chosen]).cases(tmp_path)
+        assert [case.known["seed"] for case in cases] == [0, 1]
+        assert [case.task.what["condition"]["seed"] for case in cases] == expected
+
+
+def test_scans_are_as_many_as_the_rate_leaves(tmp_path):
+    whole = [case.scans for case in planned(["clean"]).cases(tmp_path)]
+    thin = [case.scans for case in planned(["clean"], rate=10.0).cases(tmp_path)]
+    assert whole == [400, 400] and thin == pytest.approx([100, 100])
+    fast = [case.scans for case in planned(["clean"], rate=1000.0).cases(tmp_path)]
+    assert fast == whole
+
+
+def test_a_name_alone_is_all_its_levels_and_levels_by_hand_are_one_climb():
+    assert plan.conditions_of(["noise"]) == {"noise": CATALOG["noise"].levels}
+    found = plan.conditions_of(["noise=0.3", "beams", "noise=0.01", "clean"])
+    assert [(name, len(levels)) for name, levels in found.items()] == [
+        *(("clean", 1), ("beams", 8), ("noise", 2)),
+    ]
+    assert found["noise"] == (0.3, 0.01)
+    assert len(plan.conditions_of(["all"])) == len(CATALOG)
+
+
+@pytest.mark.parametrize(
+    ("words", "rate", "drives"),
+    [
+        ([], 10.0, 10),
+        (["--quick"], 10.0, 5),
+        (["--rate", "0"], None, 10),
+        (["--rate", "5"], 5.0, 10),
+    ],
+)
+def test_rate_and_drives_are_those_that_were_asked_for(words, rate, drives):
+    arguments = sweep.parser().parse_args(["--arenas", "rescue", "--algorithms", "hector", *words])
+    made = sweep._plan(arguments)
+    assert (made.rate, len(made.logs)) == (rate, drives)
+    assert made.sensor is None and made.odometry == (False, True)
+
+
+def test_parameters_are_those_for_the_sensor_unless_it_is_the_usual_one():
+    words = ["--arenas", "rescue", "--algorithms", "hector", "--sensor"]
+    for name, sensor in (("utm30lx", None), ("rplidar-a1", "rplidar-a1")):
+        assert sweep._plan(sweep.parser().parse_args([*words, name])).sensor == sensor
+
+
+def test_a_sweep_of_which_nothing_came_fails(tmp_path, monkeypatch):
+    failed = {"failed": "MemoryError"}
+    monkeypatch.setattr(sweep, "_do", lambda cases, *_: {c.task.key: failed for c in cases})
+    words = ["--arenas", "rescue", "--algorithms", "hector", "--degradations", "clean"]
+    words += ["--seeds", "1", "-q", "--out", str(tmp_path / "out")]
+    assert sweep.main(words) == cli.FAILED
+    assert "MemoryError" in (tmp_path / "out" / "sweep.json").read_text()

@@ -34,9 +34,6 @@ def ends(log, ranges):
     return np.stack([rays[..., 0] + ranges * c, rays[..., 1] + ranges * s], axis=-1)
 
 
-# people
-
-
 def test_people_only_shorten_and_more_people_shorten_more():
     log = plain()
     before = np.array(log.ranges)
@@ -84,21 +81,6 @@ def test_people_walk_at_their_pace_near_the_robot_and_keep_off():
     assert (np.ptp(turned, axis=0) > 1.0).all()
 
 
-def test_somebody_before_a_laser_of_one_beam_walks_to_and_fro_along_it():
-    sensors, angles = np.zeros((400, 3)), np.zeros(1)
-    ranges = np.full((400, 1), 2.3, np.float32)
-    ranges.flags.writeable = False
-    out, strides = np.empty((400, 2)), np.full(400, 0.05)
-    stroll(sensors, ranges, angles, strides, LEAST, np.random.default_rng(0), out)
-    assert np.abs(out[:, 1]).max() == 0.0
-    assert LEAST <= out[:, 0].min() < LEAST + 0.3 and 1.7 < out[:, 0].max() <= 2.0 + 1e-6
-    went = np.abs(np.diff(out[:, 0]))
-    assert went.max() == pytest.approx(0.05) and np.median(went) == pytest.approx(0.05)
-    plain_python = np.empty_like(out)
-    stroll.py_func(sensors, ranges, angles, strides, LEAST, np.random.default_rng(0), plain_python)
-    np.testing.assert_array_equal(plain_python, out)
-
-
 def test_people_where_the_truth_ends():
     log = plain()
     part = dataclasses.replace(log, truth=Track(log.truth.t[:100], log.truth.values[:100]))
@@ -116,9 +98,6 @@ def test_people_before_a_sweeping_laser_are_seen_from_where_the_robot_is_by_then
     off = np.where(known, np.abs(swept[:-1] - still[:-1]), 0.0)
     np.testing.assert_allclose(off[:, 0], 0.0, atol=1e-6)
     assert off[:, -30:].max() > 10.0 * off[:, 1:3].max() > 0.0
-
-
-# glass
 
 
 def hall_log(poses):
@@ -173,18 +152,6 @@ def test_glass_met_square_on_throws_the_light_back():
     angles = np.degrees(log.laser.angles)
     square = np.abs((angles + 45.0) % 90.0 - 45.0)
     assert seen[square < 7.5].all() and not seen[(square > 8.5) & (square < 30.0)].any()
-
-
-def test_noise_does_not_blur_the_panes():
-    """Walls that run along a border of the grid would flicker."""
-    log = hall_log([(-1.0, 0.5, 0.1)] * 20)
-    noisy = degrade(log, "noise", 0.01, 0)
-    through = np.isinf(degrade(noisy, "glass", 50, 3).ranges)
-    share = through.mean(axis=0)
-    assert ((share < 0.05) | (share > 0.95)).mean() > 0.85
-
-
-# wheels and gyro
 
 
 def odometry(log):
@@ -276,3 +243,27 @@ def test_gyro_bias():
     log = plain()
     biased = degrade(log, "gyro_bias", 2, 0)
     np.testing.assert_allclose(biased.yaw_rate.values - log.yaw_rate.values, math.radians(2.0))
+
+
+def test_somebody_before_a_laser_of_one_beam_walks_to_and_fro_along_it():
+    sensors, angles = np.zeros((400, 3)), np.zeros(1)
+    ranges = np.full((400, 1), 2.3, np.float32)
+    ranges.flags.writeable = False
+    out, strides = np.empty((400, 2)), np.full(400, 0.05)
+    stroll(sensors, ranges, angles, strides, LEAST, np.random.default_rng(0), out)
+    assert np.abs(out[:, 1]).max() == 0.0
+    assert LEAST <= out[:, 0].min() < LEAST + 0.3 and 1.7 < out[:, 0].max() <= 2.0 + 1e-6
+    went = np.abs(np.diff(out[:, 0]))
+    assert went.max() == pytest.approx(0.05) and np.median(went) == pytest.approx(0.05)
+    plain_python = np.empty_like(out)
+    stroll.py_func(sensors, ranges, angles, strides, LEAST, np.random.default_rng(0), plain_python)
+    np.testing.assert_array_equal(plain_python, out)
+
+
+def test_noise_does_not_blur_the_panes():
+    """Walls that run along a border of the grid would flicker."""
+    log = hall_log([(-1.0, 0.5, 0.1)] * 20)
+    noisy = degrade(log, "noise", 0.01, 0)
+    through = np.isinf(degrade(noisy, "glass", 50, 3).ranges)
+    share = through.mean(axis=0)
+    assert ((share < 0.05) | (share > 0.95)).mean() > 0.85

@@ -1,11 +1,20 @@
-"""The figures hold as many runs as the default comparison has."""
+"""The figures hold as many runs as there are, and what is written of several logs."""
+
+import json
+import pickle
+import re
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
 
+from bench import results
 from bench.report import figures, palette
 from bench.report.pareto import Point
+from bench.report.tables import logs_table
 from slams import OccupancyGrid, Pose2
+from tests.bench.compared import compared
+from tests.rooms import drive
 
 
 @pytest.fixture
@@ -48,16 +57,6 @@ def test_classes_are_round_and_never_wider_than_the_papers(reach, most, width):
     assert figures.class_width([np.full(10, reach)] * 3, most) == pytest.approx(width)
 
 
-def test_the_overview_names_every_point(drawn):
-    names = ["a", "b"]
-    errors = {name: np.linspace(0.1, 2.0, 9) for name in names}
-    points = [Point("a", 0.1, 1.0, False), Point("b", 0.2, 0.5, True)]
-    figures.save_overview(errors, "error over 1 s", points, palette.looks(names), "nowhere")
-    curves, costs = drawn[0].axes
-    assert [text.get_text() for text in costs.texts] == names
-    assert curves.lines[0].get_ydata()[-1] == 1.0
-
-
 @pytest.mark.parametrize("step", [0.02, 0.1, 0.4])
 def test_a_name_covers_no_point_and_no_other_name(drawn, step):
     """A cloud, a row and a column of points of the ten names of the default comparison."""
@@ -67,6 +66,7 @@ def test_a_name_covers_no_point_and_no_other_name(drawn, step):
         points = [Point(n, *10.0 ** (step * 10 * a), False) for n, a in zip(names, at, strict=True)]
         figures.save_overview({}, "", points, palette.looks(names), "nowhere")
         (axes,) = drawn[-1].axes
+        assert sorted(text.get_text() for text in axes.texts) == names
         drawn[-1].draw_without_rendering()
         places = axes.transData.transform([(p.cpu_ms, p.error_mm) for p in points])
         boxes = [text.get_window_extent() for text in axes.texts]
@@ -105,6 +105,79 @@ def test_a_map_is_moved_into_the_frame_of_the_runs_with_a_scale_bar():
     assert [text.get_text() for text in drawn.texts] == ["5 m"]
 
 
+def test_the_shown_part_holds_the_paths_but_not_one_that_left_the_place():
+    way = np.array([[0.0, 0.0, 0.0], [4.0, 2.0, 0.0]])
+    assert figures.limits_of([way, way, 1e3 * way], 1.0) == ((-1.0, 5.0), (-1.0, 3.0))
+    assert figures.limits_of([1e3 * way], 0.0) == ((0.0, 4000.0), (0.0, 2000.0))
+
+
+STILL, BROKEN = (f"tests.bench.test_html:{name}" for name in ("Still", "Broken"))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory, here):
+    """The folder of two logs, one of whose runs fails, and the comparison."""
+    place = tmp_path_factory.mktemp("results")
+    for name, n in (("long", 60), ("short", 12)):
+        drive(n=n).save(place / f"{name}.npz")
+    logs = [str(place / f"{name}.npz") for name in ("long", "short")]
+    names = ["odometry", STILL, BROKEN]
+    words = [*logs, "--algorithms", *names, "--out", str(place / "out"), "-q", "--jobs", "1"]
+    words += ["--mcap"]
+    return place / "out", compared(words)
+
+
+def test_several_logs_get_one_table_and_one_page(made):
+    folder, found = made
+    frame = logs_table(found)
+    assert next(iter(frame.index)) == "odometry"
+    broken = frame.loc[BROKEN]
+    assert (broken["logs"], broken["lost or failed"]) == (2, 1)
+    assert np.isnan(broken["worst [mm]"])
+    assert broken["worst log"] == "room"
+    assert frame.loc["odometry", "mean rank"] <= frame.loc[STILL, "mean rank"]
+    assert frame["mean rank"].sum() == pytest.approx(6.0), "1 + 2 + 3, those alike share"
+    page = (folder / "report.html").read_text()
+    assert page.count("/report.html") == 2
+    assert [f">{k}-room</a>: room: " in page for k in (1, 2)] == [True, True]
+    assert "odometry yes, gyro yes" in page and "none in the log" not in page
+    for link in re.findall(r'href="([^"#]+)"', page):
+        assert (folder / unquote(link)).is_file()
+    assert (folder / "table-logs.csv").read_text().startswith("algorithm,logs,")
+    names = {path.name for path in (folder / "2-room").iterdir()}
+    assert {"report.html", "tables.md", "result-odometry.mcap", "errors-odometry.csv"} <= names
+
+
+def test_every_figure_is_in_the_results(made):
+    folder, found = made
+    read = results.read_figures(folder / results.FIGURES, results.FORMAT)
+    assert [log["name"] for log in read["logs"]] == ["room", "room"]
+    assert [row["algorithm"] for row in read["rows"]] == 2 * ["odometry", STILL, BROKEN]
+    assert read["rows"][0]["errors"] == found.rows[0]["errors"]
+    assert read["over_logs"] == json.loads(json.dumps(found.over_logs))
+    assert set(found.logs[0].outcomes[0].errors) == {"update", "0.1 s", "1 s", "1 m"}
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"{", "damaged"),
+        (b"[]", "expected an object"),
+        (json.dumps({"format": "results-2", "logs": []}).encode(), "another"),
+    ],
+)
+def test_damaged_results_are_refused(tmp_path, content, sentence):
+    (tmp_path / "r.json").write_bytes(content)
+    with pytest.raises(ValueError, match=sentence):
+        results.read_figures(tmp_path / "r.json", results.FORMAT)
+
+
+def test_a_log_in_another_process_is_read_only_still():
+    log = pickle.loads(pickle.dumps(drive(n=5)))
+    assert not log.ranges.flags.writeable
+    assert np.array_equal(log.ranges, drive(n=5).ranges, equal_nan=True)
+
+
 def test_thin_walls_survive_in_large_maps_and_unknown_stays_unknown():
     p = np.full((10, 2500), 0.1, np.float32)
     p[:, 1201], p[:, :300] = 1.0, np.nan
@@ -112,9 +185,3 @@ def test_thin_walls_survive_in_large_maps_and_unknown_stays_unknown():
     assert joined.shape == (4, 834)
     assert (joined[:, 1201 // 3] == 1.0).all()
     assert np.isnan(joined[:, :100]).all() and not np.isnan(joined[:, 100:]).any()
-
-
-def test_the_shown_part_holds_the_paths_but_not_one_that_left_the_place():
-    way = np.array([[0.0, 0.0, 0.0], [4.0, 2.0, 0.0]])
-    assert figures.limits_of([way, way, 1e3 * way], 1.0) == ((-1.0, 5.0), (-1.0, 3.0))
-    assert figures.limits_of([1e3 * way], 0.0) == ((0.0, 4000.0), (0.0, 2000.0))

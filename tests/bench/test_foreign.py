@@ -20,6 +20,7 @@ from tests import bags
 from tests.bench.compared import compared
 from tests.rooms import drive
 
+pytestmark = pytest.mark.usefixtures("here")
 OTHER = Pose2(3.0, -2.0, 0.7)  # where the map frame of another program lies
 
 
@@ -117,7 +118,6 @@ def test_a_program_that_starts_late_is_seen_from_the_first_scan(log, estimate):
 
 
 def test_its_map_is_laid_on_the_truth_as_the_others_are(log, tmp_path, monkeypatch):
-    """A map drawn in another frame is worth what it is in its own."""
     frames = {}
 
     def map_panel(axes, name, plan, *_, **__):
@@ -139,24 +139,6 @@ def test_its_map_is_laid_on_the_truth_as_the_others_are(log, tmp_path, monkeypat
     assert theirs.frame == pytest.approx(shift, abs=1e-6)
     assert theirs.grid.origin == pytest.approx(elsewhere.origin)
     assert frames["x"] == theirs.frame and frames["hector"] == Pose2(0.0, 0.0, 0.0)
-
-
-def test_map_quality_does_not_depend_on_the_frame():
-    p = np.full((60, 60), np.nan, np.float32)
-    p[10:50, 10:50], p[10, 10:50], p[49, 10:50], p[10:50, 49] = 0.1, 0.9, 0.9, 0.9
-    true = OccupancyGrid(np.where(p > 0.5, 1.0, p).astype(np.float32), 0.05, (0.0, 0.0))
-    start, shift = Pose2(0.5, 1.0, 0.0), Pose2(2.0, -1.0, 0.0)
-    rows = [{"algorithm": name, "failed": None} for name in "abc"]
-    frames = (Pose2(0.0, 0.0, 0.0), shift, Pose2(0.0, 0.0, 0.0))
-    origins = ((-0.5, -1.0), (1.5, -2.0), (1.5, -2.0))
-    outcomes = [
-        Outcome(row, grid=OccupancyGrid(p, 0.05, origin), frame=frame)
-        for row, frame, origin in zip(rows, frames, origins, strict=True)
-    ]
-    log = LogResult(Reference({"name": "l", "notes": []}, None, true, start), outcomes)
-    own, foreign, wrong = (row["map"] for row in weighed([log], {}).rows)
-    assert own["iou"] == foreign["iou"] == 1.0
-    assert (wrong["iou"] or 0.0) < 0.1
 
 
 def test_relations_are_met_by_interpolation(log, estimate):
@@ -225,31 +207,19 @@ def test_a_bag_recorded_beside_another_slam_gives_the_whole_table(log, tmp_path,
     assert theirs.grid is not None
 
 
-@pytest.mark.parametrize(
-    ("more", "sentence"),
-    [
-        (["--trajectory", "x"], "expected NAME=FILE"),
-        (["--trajectory", "x=none.tum"], "none.tum"),
-        (["--trajectory", "odometry=GOOD"], "a row that is there already"),
-        (["--trajectory", "x=GOOD", "--trajectory", "x=GOOD"], "twice"),
-        (["--map", "x=GOOD"], "expected a name given to --trajectory"),
-        (["--trajectory", "x=ONE"], "x"),
-        (["--trajectory", "x=AWAY"], "is it another log's?"),
-        (["--trajectory", "x=GOOD", "--map", "x=GOOD"], "GOOD"),
-        (["--starts", "3"], "--relations"),
-        (["--starts", "0"], "--starts: got 0"),
-    ],
-)
-def test_bad_rows_are_refused_in_one_sentence(log, estimate, tmp_path, capsys, more, sentence):
-    log.save(tmp_path / "room.npz")
-    write_tum(tmp_path / "GOOD", estimate.t, estimate.values)
-    write_tum(tmp_path / "ONE", estimate.t[:1], estimate.values[:1])
-    write_tum(tmp_path / "AWAY", estimate.t + 1e6, estimate.values)
-    words = [word.replace("=", f"={tmp_path}/", 1) if word[-1].isupper() else word for word in more]
-    words = [str(tmp_path / "room.npz"), "--algorithms", "odometry", *words]
-    before = sorted(tmp_path.iterdir())
-    assert compare.main([*words, "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
-    assert sentence in said
-    assert said.count("\n") == 1
-    assert sorted(tmp_path.iterdir()) == before
+def test_map_quality_does_not_depend_on_the_frame():
+    p = np.full((60, 60), np.nan, np.float32)
+    p[10:50, 10:50], p[10, 10:50], p[49, 10:50], p[10:50, 49] = 0.1, 0.9, 0.9, 0.9
+    true = OccupancyGrid(np.where(p > 0.5, 1.0, p).astype(np.float32), 0.05, (0.0, 0.0))
+    start, shift = Pose2(0.5, 1.0, 0.0), Pose2(2.0, -1.0, 0.0)
+    rows = [{"algorithm": name, "failed": None} for name in "abc"]
+    frames = (Pose2(0.0, 0.0, 0.0), shift, Pose2(0.0, 0.0, 0.0))
+    origins = ((-0.5, -1.0), (1.5, -2.0), (1.5, -2.0))
+    outcomes = [
+        Outcome(row, grid=OccupancyGrid(p, 0.05, origin), frame=frame)
+        for row, frame, origin in zip(rows, frames, origins, strict=True)
+    ]
+    log = LogResult(Reference({"name": "l", "notes": []}, None, true, start), outcomes)
+    own, foreign, wrong = (row["map"] for row in weighed([log], {}).rows)
+    assert own["iou"] == foreign["iou"] == 1.0
+    assert (wrong["iou"] or 0.0) < 0.1

@@ -11,7 +11,6 @@ import pytest
 
 from bench.judge import loss, metrics, verdicts
 from bench.report import figures, outputs, tables
-from bench.report.html.markup import Markup, element, together
 from bench.report.palette import COLORS, UNKNOWN, bar_length, shade
 from bench.report.pareto import Point, front
 from bench.results import Comparison, LogResult, Outcome, Reference
@@ -120,7 +119,6 @@ def outcomes(log, names, choice=None):
 
 
 def done_of(log, made):
-    """What bench.compare hands over."""
     entry, truth = facts(log), log.truth_at(log.t)
     way = None if truth is None else metrics.common(log.t, truth, truth).truth
     entry["verdicts"] = verdicts.on_one_log(made)
@@ -267,13 +265,6 @@ def test_a_log_without_truth(tmp_path):
     assert 'id="errors"' not in headings
 
 
-def test_a_log_of_one_scan(tmp_path):
-    log = drive(n=1, gyro=False)
-    page = Page(written(tmp_path, done_of(log, outcomes(log, ["odometry", "poor"]))))
-    assert "one scan only" in page.text
-    assert 'id="trajectories"' in page.raw
-
-
 def test_a_log_too_short_for_a_second_is_judged_by_updates(tmp_path, monkeypatch):
     titles = []
     monkeypatch.setattr(figures, "shares_below", lambda axes, of, what, looks: titles.append(what))
@@ -304,14 +295,6 @@ def test_by_relations(tmp_path):
     assert "Take poor: 10.00 mm by the relations" in page.text
 
 
-def test_markup_escapes_all_but_itself():
-    assert element("p", "<&", element("b", "x"), None, class_='"q"', hidden=True, lang=None) == (
-        '<p class="&quot;q&quot;" hidden>&lt;&amp;<b>x</b></p>'
-    )
-    assert element("input", data_label=1) == '<input data-label="1">'
-    assert together("<", Markup("<")) == "&lt;<"
-
-
 def test_unknown_is_darker_than_free_and_lighter_than_occupied_however_unsure():
     p = np.linspace(0.0, 1.0, 1001)
     shades = shade(p)
@@ -320,15 +303,15 @@ def test_unknown_is_darker_than_free_and_lighter_than_occupied_however_unsure():
     assert shade(np.array([np.nan, 0.5])).tolist() == [UNKNOWN, UNKNOWN]
 
 
-@pytest.mark.parametrize(("width", "length"), [(10.0, 2.0), (21.0, 5.0), (0.5, 0.1), (400, 100)])
-def test_a_scale_bar_is_round_and_at_most_a_quarter(width, length):
-    assert bar_length(width) == pytest.approx(length)
-
-
 def test_the_front_has_those_that_none_beats_in_both():
     cheap, good = Point("a", 1.0, 5.0, False), Point("b", 2.0, 1.0, False)
     worse = [Point("c", 2.0, 5.0, False), Point("d", 3.0, 1.0, False), Point("e", 0.1, 0.1, True)]
     assert front([*worse, good, cheap]) == [cheap, good]
+
+
+@pytest.mark.parametrize(("width", "length"), [(10.0, 2.0), (21.0, 5.0), (0.5, 0.1), (400, 100)])
+def test_a_scale_bar_is_round_and_at_most_a_quarter(width, length):
+    assert bar_length(width) == pytest.approx(length)
 
 
 def test_colors_are_easily_distinguished():

@@ -9,14 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.places import ROOT
-from tests.processes import (
-    close_sessions,
-    ends,
-    in_session,
-    processes_of,
-    signal_group,
-    signal_one,
-)
+from tests.processes import ends, in_session, processes_of, signal_group, signal_one
 from tests.rooms import drive
 
 LONG = 60.0  # s, for what happens in moments on a machine with nothing else to do
@@ -127,17 +120,3 @@ def test_sigterm_ends_a_command_and_its_workers(tmp_path, words):
     assert "Traceback" not in said
     assert not (tmp_path / "log.npz").exists()
     assert list(tmp_path.glob(".*.part")) == []
-
-
-def test_what_a_failed_test_leaves_running_is_ended():
-    process = in_session(["sh", "-c", "sleep 60 & trap '' TERM; sleep 60; sleep 60"])
-    wait_for(lambda: len(processes_of(process.pid)) == 3, process)
-    close_sessions()
-    assert processes_of(process.pid) == []
-    assert process.returncode == -signal.SIGKILL
-
-
-def test_ctrl_c_ends_tests_and_what_they_start_also_in_the_background_of_a_shell():
-    """There SIGINT is ignored from the start, and children inherit it."""
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    assert not ignores_ctrl_c(os.getpid())

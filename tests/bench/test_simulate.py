@@ -3,9 +3,6 @@
 import dataclasses
 import hashlib
 import math
-import os
-import subprocess
-import sys
 from functools import cache
 
 import cv2
@@ -16,14 +13,13 @@ from bench import simulate as command
 from bench.sim.drive import Drive, Robot, drive
 from bench.sim.people import legs
 from bench.sim.range_errors import Errors
-from bench.sim.sensors import SENSORS
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World
 from slams import load
 from slams.types import Pose2, wrap_angle
-from tests.bench import naive_world
+from tests.processes import python
 
 SHORT = Setting(size=8.0, duration=3.0, noise=0.0)
 
@@ -35,7 +31,6 @@ def log_of(**changes):
 
 @cache
 def small_drive():
-    """Two minutes through a small arena."""
     world = world_of(log_of())
     return world, drive(world, Robot(), np.random.default_rng(5), 120.0, 400.0)
 
@@ -60,32 +55,6 @@ def test_drive_rates_are_the_derivative_of_its_poses():
     direction = np.arctan2(steps[:, 1], steps[:, 0])
     sideways = wrap_angle(direction - 0.5 * (true.poses[1:, 2] + true.poses[:-1, 2]))
     assert np.abs(sideways[true.rates[1:, 0] > 0.01]).max() < 1e-6
-
-
-def test_drive_touches_nothing():
-    world, true = small_drive()
-    room = [naive_world.room(world, pose[:2]) for pose in true.poses[::100]]
-    assert min(room) >= 0.3
-
-
-def test_even_a_fast_drive_touches_nothing():
-    world, _ = small_drive()
-    robot = Robot(v=1.5, w=1.0, clearance=0.3)
-    fast = drive(world, robot, np.random.default_rng(1), 60.0, 200.0)
-    assert min(naive_world.room(world, pose[:2]) for pose in fast.poses[::40]) >= 0.3
-
-
-def test_drive_goes_about():
-    """Far, into most of the arena, and over places it has seen before."""
-    world, true = small_drive()
-    assert true.travelled[-1] > 0.3 * 120.0
-    iy, ix = world.cells_of(true.poses[::20, :2])
-    far = np.ones(world.occupied.shape, np.uint8)
-    far[iy, ix] = 0
-    away = cv2.distanceTransform(far, cv2.DIST_L2, 5) * world.resolution
-    assert (away[world.free] < 2.0).mean() > 0.8
-    again = np.hypot(*(true.poses[::400, None, :2] - true.poses[None, ::400, :2]).T) < 0.3
-    assert np.triu(again, 20).any()
 
 
 def test_a_world_without_room_is_refused():
@@ -120,32 +89,6 @@ def test_gyro_measures_the_turning():
     error = gyro(true, t, np.random.default_rng(1)) - np.interp(t, true.t, true.rates[:, 1])
     assert 0.003 < np.std(np.diff(error)) / math.sqrt(2.0) < 0.005
     assert abs(error.mean()) < 0.01
-
-
-def test_gyro_bias_drifts():
-    t = np.arange(0.0, 1000.0, 0.01)
-    standing = Drive(t[[0, -1]], np.zeros((2, 3)), np.zeros((2, 2)))
-    rates = gyro(standing, t, np.random.default_rng(1))
-    assert 1e-3 < np.ptp(rates.reshape(10, -1).mean(axis=1)) < 1e-2
-
-
-@pytest.mark.parametrize(
-    ("name", "beams", "fan", "rate", "limits"),
-    [
-        ("utm30lx", 1081, 270.0, 40.0, (0.1, 30.0)),
-        ("rplidar-a1", 360, 359.0, 5.5, (0.15, 12.0)),
-        ("lds01", 360, 359.0, 5.0, (0.12, 3.5)),
-        ("lds02", 360, 359.0, 5.0, (0.16, 8.0)),
-    ],
-)
-def test_sensor_presets(name, beams, fan, rate, limits):
-    sensor = SENSORS[name]
-    laser = sensor.laser(moving=True)
-    assert laser.n_beams == beams and sensor.rate == rate and sensor.source
-    assert (laser.range_min, laser.range_max) == limits
-    assert math.degrees(laser.angles[-1] - laser.angles[0]) == pytest.approx(fan)
-    assert laser.time_increment * beams <= 1.0 / rate + 1e-12
-    assert set(SENSORS) == {"utm30lx", "rplidar-a1", "lds01", "lds02"}
 
 
 def test_range_errors_have_the_size_asked_for():
@@ -241,7 +184,6 @@ def test_world_comes_back_from_a_saved_log(tmp_path):
 
 
 def map_of(folder):
-    """The small arena as a map_server map."""
     world = world_of(log_of())
     shade = np.where(world.occupied, 0, np.where(world.unknown, 205, 254)).astype(np.uint8)
     cv2.imwrite(str(folder / "arena.pgm"), shade[::-1])
@@ -263,18 +205,11 @@ def test_a_map_is_driven_through_and_found_again_until_it_changes(tmp_path):
     assert world_of(log) is None
 
 
-def run(*arguments, **environment):
-    line = [sys.executable, "-m", "bench.simulate", *map(str, arguments)]
-    return subprocess.run(
-        line, capture_output=True, text=True, env=os.environ | environment, check=False
-    )
-
-
 def test_command_writes_the_same_bytes_twice(tmp_path):
     digests = []
     for name, salt in (("a.npz", "1"), ("b.npz", "2")):
         options = ["--duration", 2, "--size", 8, "--people", 1, "--dropout", 0.01, "--seed", 3]
-        done = run(tmp_path / name, *options, PYTHONHASHSEED=salt)
+        done = python("-m", "bench.simulate", tmp_path / name, *options, PYTHONHASHSEED=salt)
         assert (done.returncode, done.stderr) == (0, "")
         assert "80 scans of 1081 beams" in done.stdout
         digests.append(hashlib.sha256((tmp_path / name).read_bytes()).hexdigest())
@@ -288,25 +223,21 @@ def test_picture_is_drawn_and_quiet_is_quiet(tmp_path, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        (["scans.npz", "--arena", "none.yaml"], "none.yaml"),
-        (["scans.npz", "--arena", "rescu"], "no such file; expected"),
-        (["scans.npz", "--arena", "none.png", "--resolution", "0.05"], "none.png"),
-        (["scans.npz", "--sensor", "utm30"], "did you mean 'utm30lx'"),
-        (["scans.npz", "--duration", "-1"], "expected 0.1 to"),
-        (["scans.npz", "--noise", "nan"], "noise"),
-        (["scans.npz", "--dropout", "1.5"], "expected 0 to 1"),
-        (["scans.npz", "--clearance", "3"], "no room to drive"),
-        (["scans.txt"], "ends in .npz"),
-        (["nowhere/scans.npz"], "no such folder"),
-        (["scans.npz", "--picture", "arena.doc"], "ends in .png"),
-    ],
-)
-def test_bad_input_is_one_sentence_and_leaves_nothing(tmp_path, monkeypatch, capsys, line, message):
-    monkeypatch.chdir(tmp_path)
-    assert command.main([*line, "--size", "8"]) == 2
-    said = capsys.readouterr()
-    assert said.out == "" and said.err.count("\n") == 1 and message in said.err
-    assert list(tmp_path.iterdir()) == []
+def test_drive_goes_about():
+    """Far, into most of the arena, and over places it has seen before."""
+    world, true = small_drive()
+    assert true.travelled[-1] > 0.3 * 120.0
+    iy, ix = world.cells_of(true.poses[::20, :2])
+    far = np.ones(world.occupied.shape, np.uint8)
+    far[iy, ix] = 0
+    away = cv2.distanceTransform(far, cv2.DIST_L2, 5) * world.resolution
+    assert (away[world.free] < 2.0).mean() > 0.8
+    again = np.hypot(*(true.poses[::400, None, :2] - true.poses[None, ::400, :2]).T) < 0.3
+    assert np.triu(again, 20).any()
+
+
+def test_gyro_bias_drifts():
+    t = np.arange(0.0, 1000.0, 0.01)
+    standing = Drive(t[[0, -1]], np.zeros((2, 3)), np.zeros((2, 2)))
+    rates = gyro(standing, t, np.random.default_rng(1))
+    assert 1e-3 < np.ptp(rates.reshape(10, -1).mean(axis=1)) < 1e-2

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.run.store import PACKAGES, Store, canonical, code_version, digest, plain, sources_of
+from bench.run.store import Store, canonical, code_version, digest
 from bench.run.work import Task
 from slams import summary
 
@@ -17,9 +17,6 @@ VALUE = {"error_m": 0.1 + 0.2, "lost": False, "spans": [1.0, None, 1e-300], "fai
 
 def files(folder):
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*.json")}
-
-
-# names
 
 
 def test_a_name_is_the_same_for_ever():
@@ -57,9 +54,6 @@ def test_everything_given_is_in_the_name_to_the_last_bit(changed):
 def test_what_has_no_exact_text_gets_no_name(odd):
     with pytest.raises((ValueError, TypeError)):
         _ = Task("m:f", {"odd": odd}).key
-
-
-# version of the code
 
 
 @pytest.fixture
@@ -116,13 +110,6 @@ def test_a_package_without_source_text_is_refused(package, name):
         version_now(name)
 
 
-def test_the_package_of_a_class_is_the_one_it_is_imported_from():
-    assert sources_of(Store) == (*PACKAGES, "bench")
-
-
-# bytes
-
-
 def test_a_result_comes_back_as_it_was_with_its_cost_beside(tmp_path):
     results = Store(tmp_path)
     assert results.read(KEY) is None
@@ -134,14 +121,6 @@ def test_a_result_comes_back_as_it_was_with_its_cost_beside(tmp_path):
         f"{KEY[:2]}/{KEY}.cost.json",
         f"{KEY[:2]}/{KEY}.json",
     ]
-
-
-def test_the_file_of_a_result_is_the_same_whatever_it_cost_and_however_it_is_ordered(tmp_path):
-    one, other = Store(tmp_path / "one"), Store(tmp_path / "other")
-    one.write(KEY, VALUE, {"cpu_s": 1.5})
-    other.write(KEY, dict(reversed(VALUE.items())), {"cpu_s": 2.5})
-    assert one.path(KEY).read_bytes() == other.path(KEY).read_bytes()
-    assert list(one.read(KEY)) == list(other.read(KEY)) == list(plain(VALUE))
 
 
 def test_numbers_of_numpy_come_back_as_plain_ones(tmp_path):
@@ -163,9 +142,6 @@ def test_numbers_of_numpy_come_back_as_plain_ones(tmp_path):
     }
     with pytest.raises(TypeError, match="has a set in it"):
         results.write(KEY, {"odd": {1}})
-
-
-# damage
 
 
 @pytest.mark.parametrize("name", ["result", "cost"])
@@ -205,9 +181,6 @@ def test_a_result_under_another_name_counts_as_absent(tmp_path):
     other = KEY[:-1] + ("0" if KEY[-1] != "0" else "1")
     results.path(KEY).rename(results.path(other))
     assert results.read(other) is None
-
-
-# a full disk
 
 
 def test_where_the_system_stops_a_file_midway_nothing_of_it_stays(tmp_path):

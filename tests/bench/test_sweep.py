@@ -1,12 +1,9 @@
 """The sweep: climbs, and that they are the same wherever they are done; its page and files."""
 
-import json
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from bench import ablation
 from bench import sweep as command
 from bench.report import sweep_figure, sweep_outputs
 from bench.results import sweep as results
@@ -230,64 +227,6 @@ def test_what_is_done_is_not_done_again_and_not_counted_as_work(log, tmp_path, c
     assert "15 climbs, 13 kept from before, 2 to do;" in capsys.readouterr().err
 
 
-HECTOR = ["--algorithms", "hector"]
-
-
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (["--degradations", "nois=0.05"], "did you mean 'noise'"),
-        (["--degradations", "noise=-1"], "noise"),
-        (["--degradations", "beams=2.5"], "beams"),
-        (["--arenas", "moon"], "unknown arena 'moon'"),
-        (["--algorithms", "hectar"], "did you mean 'hector'"),
-        (["--algorithms", "hectar:refine=1"], "did you mean 'hector'"),
-        (["--algorithms", "hector:refin=no"], "did you mean 'refine'"),
-        (["--algorithms", "hector:refine=no,"], "expected NAME:KEY=VALUE[,KEY=VALUE]"),
-        (["--algorithms", "hector:refine=1,refine=0"], "each KEY once"),
-        ([*HECTOR, "--set", "hector:refin=false"], "did you mean 'refine'"),
-        ([*HECTOR, "--set", "hector:refine=maybe"], "'refine': got 'maybe', expected bool"),
-        ([*HECTOR, "--set", "hector:refine"], "--set: got 'refine', expected KEY=VALUE"),
-        ([*HECTOR, "--set", "tsd:refine=no"], "expected ALGORITHM:KEY=VALUE of one that is"),
-        ([*HECTOR, "--set", "cell=1"], "got 'cell=1', expected a parameter of hector"),
-        ([*HECTOR, "--params", "hector:none.yaml"], "none.yaml"),
-        (["--seeds", "0"], "--seeds: got 0, expected 1 to 1000"),
-        (["--seed", "-1"], "--seed: got -1, expected 0"),
-        (["--jobs", "0"], "--jobs: got 0, expected 1 or more"),
-        (["--sensor", "lds3"], "unknown sensor"),
-        (["--duration", "1"], "--duration: got 1"),
-        (["--duration", "long"], "--duration: invalid float value: 'long'"),
-        (["none.npz"], "none.npz"),
-        (["--scan-topic", "/scan"], "--scan-topic: got no log"),
-        (["none.npz", "--arenas", "ring"], "--arenas: is of simulated drives, and none.npz was"),
-        (["none.npz", "--duration", "9"], "--duration: is of simulated drives"),
-        (["ablation", "hectar"], "did you mean 'hector'"),
-        (["ablation", "odometry"], "odometry: has no switch"),
-        (["ablation", "hector", "--arenas", "moon"], "unknown arena 'moon'"),
-        (["ablation", "hector", "--duration", "1"], "--duration: got 1"),
-        (["ablation"], "required: ALGORITHM"),
-    ],
-)
-def test_bad_input_gets_one_sentence_and_nothing_is_written(tmp_path, capsys, words, sentence):
-    folder, own = tmp_path / "out", ["--out", str(tmp_path / "out"), "-q"]
-    if words[0] == "ablation":
-        assert ablation.main([*words[1:], *own]) == 2
-    else:
-        assert command.main([*own, *words]) == 2
-    said = capsys.readouterr().err
-    assert sentence in said
-    assert said.count("\n") == 1
-    assert [p for p in folder.rglob("*") if p.is_file()] == []
-
-
-def test_a_log_without_truth_is_refused(tmp_path, capsys):
-    log = drive(n=10)
-    blind = type(log)(log.t, log.ranges, log.laser, log.odom, None, log.yaw_rate)
-    blind.save(tmp_path / "blind.npz")
-    assert command.main([str(tmp_path / "blind.npz"), "--out", str(tmp_path / "o")]) == 2
-    assert "has no truth; a sweep needs one" in capsys.readouterr().err
-
-
 def test_the_degradations_are_listed_with_units_and_levels(capsys):
     assert command.main(["--degradations", "list"]) == 0
     said = capsys.readouterr().out
@@ -305,12 +244,3 @@ def test_the_default_sweep_has_ten_drives_an_arena_and_all_three_kinds_of_rows()
     assert quick.algorithms == list(names)
     assert set(quick.conditions) == set(command.QUICK)
     assert len(quick.logs) == 20
-
-
-def test_damaged_sweeps_are_refused(tmp_path):
-    results.save(tmp_path, sweep_of([trial()]))
-    found = json.loads((tmp_path / results.TRIALS).read_text())
-    assert results.read(tmp_path).trials == found["trials"]
-    (tmp_path / results.TRIALS).write_text(json.dumps(found | {"format": "sweep-0"}))
-    with pytest.raises(ValueError, match="sweep-2"):
-        results.read(tmp_path)

@@ -45,9 +45,6 @@ def compared(*logs):
     return Comparison({}, results, [])
 
 
-# runs
-
-
 def test_the_one_table_has_error_loss_and_cost_in_their_units():
     cost = {"mean_ms": 0.5, "real_time_factor": 9.0, "peak_memory_mb": 70.0, "start_up_s": 0.25}
     table = tables.main_table({}, [row(error=0.002, cost=cost), strayed("b")])
@@ -115,9 +112,6 @@ def test_over_logs_the_lost_rank_last_and_those_alike_share_their_ranks():
     assert table["lost or failed"].tolist() == [0, 0, 1, 2]
     assert table["worst log"].tolist()[:3] == ["l1", "l0", "l1"]
     assert table["mean [mm]"].tolist()[:3] == [3.0, 2.0, 2.0]
-
-
-# sentences
 
 
 def pair(a, b, p_value):

@@ -63,9 +63,6 @@ def undisturbed(tmp_path_factory):
     return of
 
 
-# run_all
-
-
 def test_a_value_is_the_same_fresh_and_stored_to_the_order_of_its_keys(tmp_path, here):
     store, (task,) = Store(tmp_path), toys(1)
     values = [*do([task], store).values(), store.read(task.key)]
@@ -100,26 +97,6 @@ def test_other_code_than_the_sweep_was_started_with_is_no_result():
     absent = Task("absent:run", {}, ("absent_package",))
     with pytest.raises(RuntimeError, match="has not the code"):
         perform(absent, "0" * 64)
-
-
-def test_a_full_disk_ends_the_work_and_what_is_done_stays(tmp_path, monkeypatch):
-    store, write = Store(tmp_path), Path.write_text
-
-    def full(path, text, encoding):
-        if len(results(tmp_path)) == 2:
-            write(path, text[:20], encoding=encoding)
-            raise OSError(28, "No space left on device", str(path))
-        return write(path, text, encoding=encoding)
-
-    monkeypatch.setattr(Path, "write_text", full)
-    with pytest.raises(RuntimeError, match="No space left on device"):
-        do(toys(6), store)
-    monkeypatch.undo()
-    assert [store.read(task.key) is None for task in toys(6)].count(True) == 4
-    assert list(tmp_path.rglob("*.part")) == []
-
-
-# processes
 
 
 def test_one_process_two_processes_and_merged_stores_leave_the_same_bytes(tmp_path, undisturbed):
@@ -216,7 +193,7 @@ def begun(log):
 
 
 def test_killed_at_any_instant_and_started_again_it_ends_with_the_same_bytes(tmp_path, undisturbed):
-    """50 kills at random instants; whenever all is done, it starts anew in another folder."""
+    """25 kills at random instants; whenever all is done, it starts anew in another folder."""
     count, seconds, rng, log = 24, 0.006, np.random.default_rng(12), tmp_path / "log"
     names = {toy("run", n=n).key: n for n in range(count)}
     wanted, kills, completed = undisturbed(count), 0, 0
@@ -230,7 +207,7 @@ def test_killed_at_any_instant_and_started_again_it_ends_with_the_same_bytes(tmp
         longest = (1.2 if jobs else 0.7) * whole
         process = driver(folder, count, seconds, log, who, jobs)
         with contextlib.suppress(subprocess.TimeoutExpired):
-            process.communicate(timeout=rng.uniform(0.0, longest) if kills < 50 else 60.0)
+            process.communicate(timeout=rng.uniform(0.0, longest) if kills < 25 else 60.0)
         process.kill()
         process.communicate()
         mine = [(pid, n) for by, pid, n in begun(log) if by == who]
@@ -243,9 +220,9 @@ def test_killed_at_any_instant_and_started_again_it_ends_with_the_same_bytes(tmp
             assert results(folder) == wanted
             completed += 1
         kills += process.returncode == -signal.SIGKILL
-        if kills == 50 and process.returncode == 0:
+        if kills == 25 and process.returncode == 0:
             break
-    assert (kills, process.returncode) == (50, 0)
+    assert (kills, process.returncode) == (25, 0)
     assert completed >= 2
 
 

@@ -1,4 +1,4 @@
-"""Worlds, their maps and pictures, the arena builder, and exact ray casting."""
+"""Worlds and exact ray casting; tilted bodies, whose attitudes bring the walls back."""
 
 import math
 
@@ -6,8 +6,19 @@ import cv2
 import numpy as np
 import pytest
 
-from bench.sim.maze import _blocks, rescue_arena
+from bench.sim.degrade import degrade
+from bench.sim.drive import Drive
+from bench.sim.maze import rescue_arena
+from bench.sim.measuring import Measuring
+from bench.sim.ramps import LENGTH, Ramps
+from bench.sim.sensors import SENSORS
+from bench.sim.setting import Setting
+from bench.sim.simulation import simulate, world_of
+from bench.sim.swing import HEIGHT, Swing
 from bench.sim.world import World, read_world
+from slams.scan.end_points import EndPoints
+from slams.scan.params import ScanParams
+from slams.types import IDENTITY, Pose2
 from tests.bench import naive_world
 
 CELL = 0.05
@@ -29,21 +40,6 @@ def rays_from(x, y, angles):
     return np.column_stack([np.full(len(angles), x), np.full(len(angles), y), angles])
 
 
-def test_distances_in_a_box_room_are_analytic():
-    world = box_room()
-    x, y = 0.123, 0.456
-    angles = np.linspace(-math.pi, math.pi, 2000, endpoint=False) + 1e-3
-    with np.errstate(divide="ignore"):
-        to_x = (np.where(np.cos(angles) > 0, -1.0 + 58 * CELL, -1.0 + 2 * CELL) - x) / np.cos(
-            angles
-        )
-        to_y = (np.where(np.sin(angles) > 0, -0.5 + 38 * CELL, -0.5 + 2 * CELL) - y) / np.sin(
-            angles
-        )
-    expected = np.minimum(to_x, to_y)
-    np.testing.assert_allclose(world.cast(rays_from(x, y, angles)), expected, rtol=0, atol=1e-12)
-
-
 def test_along_the_axes_and_the_diagonal():
     world = box_room()
     angles = np.array([0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi])
@@ -59,15 +55,6 @@ def test_grazing_a_wall_sees_past_it_and_touching_it_does_not():
     grazing = world.cast(np.array([[0.5, just_above, 0.0], [0.5, just_below, 0.0]]))
     assert grazing[0] == math.inf
     assert grazing[1] == pytest.approx(3.5, abs=1e-12)
-
-
-def test_no_ray_slips_between_squares_that_meet_at_a_corner():
-    world = world_from("....# ...#. ..#.. .#... #....", resolution=1.0)
-    starts = np.linspace(0.05, 0.95, 37)
-    rays = np.column_stack([2.0 - starts, 2.0 - starts + 1.9, np.full(37, -0.25 * math.pi)])
-    assert np.isfinite(world.cast(rays)).all()
-    exactly = world.cast(np.array([[1.0, 3.0, -0.25 * math.pi], [0.0, 4.0, -0.25 * math.pi]]))
-    np.testing.assert_allclose(exactly, [math.sqrt(2.0), 2.0 * math.sqrt(2.0)], atol=1e-9)
 
 
 def test_no_ray_slips_through_the_very_corner():
@@ -106,22 +93,6 @@ def test_cast_rays_equals_its_naive_twin(density):
     np.testing.assert_allclose(world.cast(rays), expected, rtol=0, atol=1e-9)
 
 
-def test_gap_is_the_chebyshev_distance():
-    occupied = np.random.default_rng(3).random((25, 31)) < 0.01
-    world = World(occupied, np.zeros_like(occupied), CELL, (0.0, 0.0))
-    np.testing.assert_array_equal(world.gap, naive_world.gap(occupied))
-
-
-def test_occlude_meets_the_near_side_of_a_disc():
-    from bench.sim.world_kernels import occlude
-
-    rays = np.array([[0, 0, 0.0], [0, 0.05, 0.0], [0, 0, 0.5], [0, 0, math.pi], [2.0, 0, 0.0]])
-    discs = np.array([[[2.0, 0.0]], [[1.0, 0.0]]])  # at tick 0 and at tick 1
-    out = np.full(5, 9.0)
-    occlude(rays, np.array([0, 1, 0, 0, 0], np.int32), discs, 0.1, out)
-    np.testing.assert_allclose(out, [1.9, 1.0 - math.sqrt(0.01 - 0.0025), 9.0, 9.0, 9.0])
-
-
 def test_grid_is_the_true_map():
     grid = world_from("#.? ..#", origin=(1.0, 2.0)).grid()
     np.testing.assert_array_equal(grid.p, [[0.0, 0.0, 1.0], [1.0, 0.0, np.nan]])
@@ -150,41 +121,12 @@ def test_map_server_map(tmp_path):
     assert (world.resolution, world.origin) == (0.1, (-1.0, 2.0))
 
 
-def test_negated_map(tmp_path):
-    pixels = 255 - np.array(PIXELS)
-    world = read_world(write_map(tmp_path, pixels, HEAD.format(1)))
-    np.testing.assert_array_equal(world.occupied, [[0, 0, 1], [1, 0, 0]])
-
-
 def test_picture(tmp_path):
     write_map(tmp_path, PIXELS, "")
     world = read_world(tmp_path / "map.pgm", 0.03)
     np.testing.assert_array_equal(world.occupied, [[0, 0, 1], [1, 0, 0]])
     with pytest.raises(ValueError, match="--resolution"):
         read_world(tmp_path / "map.pgm")
-
-
-@pytest.mark.parametrize(
-    ("head", "message"),
-    [
-        ("resolution: 0.1\n", "no origin"),
-        ("resolution: x\norigin: [0, 0, 0]\n", "not a number"),
-        ("resolution: 0.1\norigin: [0, 0, 1.5]\n", "yaw 0"),
-        ("resolution: -1\norigin: [0, 0, 0]\n", "expected a resolution above 0"),
-        ("resolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: low\n", "not a number"),
-        ("origin: [0, 0\n", "not a YAML file"),
-    ],
-)
-def test_a_bad_map_is_refused_in_one_line(tmp_path, head, message):
-    with pytest.raises(ValueError, match=message) as caught:
-        read_world(write_map(tmp_path, PIXELS, head))
-    assert "\n" not in str(caught.value)
-
-
-def test_a_file_that_is_no_picture_is_refused(tmp_path):
-    (tmp_path / "map.png").write_text("no picture")
-    with pytest.raises(ValueError, match="not a picture"):
-        read_world(tmp_path / "map.png", 0.05)
 
 
 def arena(seed, **options):
@@ -203,15 +145,76 @@ def test_arena_has_no_seams(seed, resolution):
     assert sum(int((one & 1).sum()) for one in thin) < 0.002 * walls.sum()  # tips of slants
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_blocks_never_part_the_lanes(seed):
-    lane = np.ones((1, 60), bool)
-    left = lane & ~_blocks(lane, np.random.default_rng(seed))
-    assert cv2.connectedComponents(left.astype(np.uint8), connectivity=4)[0] == 2
+def test_a_swing_reaches_its_level_and_no_more():
+    swing = Swing(10.0, np.random.default_rng(0))
+    most = np.abs(swing.at(np.arange(0.0, 60.0, 0.01))).max(axis=0)
+    np.testing.assert_allclose(most, math.radians(10.0), rtol=1e-3)
 
 
-def test_arena_looks_like_one():
-    """Mostly lanes, a tenth or so of walls and elements."""
-    world = arena(0)
-    share = world.occupied.sum() / (world.occupied | world.free).sum()
-    assert 0.08 < share < 0.3
+def test_a_beam_meets_the_next_ridge_or_passes_it():
+    ramps = Ramps(20.0, np.random.default_rng(1))
+    valley = LENGTH * (1.0 - ramps.phases)
+    rays = np.array([[*valley, 0.0]] * 3)
+    ridge = ramps.slope * LENGTH
+    height, rise_by = np.array([0.5 * ridge, 1.1 * ridge, 0.2]), np.array([0.0, 0.0, -0.1])
+    found = ramps.meet(rays, np.full(3, 6.0), rise_by, height)
+    assert found[0] == pytest.approx(0.5 * LENGTH, abs=0.01) and found[1] == math.inf
+    assert found[2] == pytest.approx(0.2 / (ramps.slope + 0.1), abs=0.01)
+
+
+def test_a_beam_that_leaves_an_open_world_is_followed_as_far_as_the_laser_sees():
+    class Followed(Ramps):
+        def meet(self, rays, walls, rise, height):
+            self.walls = walls
+            return super().meet(rays, np.minimum(walls, 100.0), rise, height)
+
+    nothing = np.zeros((20, 20), bool)
+    world, sensor = World(nothing, nothing, 0.1, (-1.0, -1.0)), SENSORS["utm30lx"]
+    ramps = Followed(0.0, np.random.default_rng(0))
+    still = Drive(np.array([0.0, 1.0]), np.zeros((2, 3)), np.zeros((2, 2)))
+    chance = {"ranges": np.random.default_rng(0)}
+    ranges = Measuring(Setting(), sensor, world, still, chance, ramps).scans(np.zeros(1), None)
+    assert ramps.walls.max() == sensor.range_max and np.isinf(ranges).all()
+
+
+def off_the_walls(log, world, leveled):
+    """Distance [m] from the walls that nine of ten end points keep within."""
+    points, found = EndPoints(ScanParams()), []
+    for scan in log.rows(slice(None, None, 40)):
+        if not leveled:
+            object.__setattr__(scan, "attitude", None)
+        points.take(scan, IDENTITY)
+        pose = Pose2(*log.truth_at(np.array([scan.t]))[0])
+        ends = pose.transform(points.points[:2, : points.n].T)
+        found.append(world.gap[world.cells_of(ends)] * world.resolution)
+    return float(np.percentile(np.concatenate(found), 90))
+
+
+def test_scans_from_ramps_are_leveled_and_no_attitude_is_called_wrong():
+    log = simulate(Setting(size=10.0, duration=20.0, ramps=12.0)).select(every=4)
+    points = EndPoints(ScanParams())
+    for scan in log:
+        points.take(scan, Pose2(0.3, 0.0, 0.0))
+    assert points.counts["leveled"] == len(log)
+    world = world_of(log)
+    assert off_the_walls(log, world, True) < 0.05 < 0.2 < off_the_walls(log, world, False)
+
+
+@pytest.mark.parametrize("made", ["simulated", "degraded"])
+def test_leveled_scans_lie_on_the_walls_of_the_world(made):
+    if made == "simulated":
+        log = simulate(Setting(size=10.0, duration=8.0, tilt=12.0))
+        assert log.laser.mount_z == log.laser.above_floor == HEIGHT
+    else:
+        log = degrade(simulate(Setting(size=10.0, duration=8.0)), "tilt", 12.0, 1)
+        assert (log.laser.mount_z, log.laser.above_floor) == (0.0, HEIGHT)
+    world = world_of(log)
+    assert off_the_walls(log, world, True) < 0.05 < 0.2 < off_the_walls(log, world, False)
+
+
+def test_what_is_measured_is_good_to_a_third_of_a_degree():
+    level = simulate(Setting(size=10.0, duration=20.0, sensor="lds01"))
+    log = degrade(level, "tilt", 0.0, 1)
+    assert 0.1 < np.degrees(log.attitude.values).std() < 0.5
+    np.testing.assert_allclose(log.ranges, level.ranges)
+    assert degrade(level, "tilt_unmeasured", 6.0, 1).attitude is None

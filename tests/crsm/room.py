@@ -16,7 +16,6 @@ def Parameters(**changes):
 
 
 def drive(n):
-    """A curve through the room."""
     poses = [IDENTITY]
     for _ in range(n - 1):
         poses.append(poses[-1] @ Pose2(0.02, 0.0, 0.02))

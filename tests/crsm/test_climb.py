@@ -5,9 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from bench.sim.degrade import degrade
+from bench.sim.setting import Setting
+from bench.sim.simulation import simulate
 from crsm import match_kernels
 from crsm.map_kernels import Update, blacken
-from crsm.match_kernels import Expected, climb, fitness, score, stepped
+from crsm.match_kernels import Expected, climb, fitness, score
 from crsm.matcher import FINEST, FIRST, LONGEST, MEMORY, ROUGH, Matcher
 from slams.frontend.motion_filter import Prediction
 from slams.jit import njit
@@ -15,7 +18,7 @@ from slams.scan.end_points import gap
 from slams.types import IDENTITY, Pose2
 from tests.crsm.room import Parameters, mapped, noisy_view
 from tests.crsm.test_map import blank, darkness_at, wall
-from tests.rooms import calls
+from tests.rooms import calls, made, settled, still
 
 LOOSE = Expected(0.0, 0.0, 0.0, np.eye(3), 1e-6)
 OFF = Pose2(0.33, -0.3, 0.4)
@@ -29,11 +32,6 @@ def fitness_at(grid, ends, pose):
 @njit(inner=True)
 def score_at(grid, ends, prior, pose):
     return score(grid, ends, prior, pose)
-
-
-@njit(inner=True)
-def turned(pose, step, x, y):
-    return stepped(pose, 2, step, x, y)
 
 
 def one_wall():
@@ -67,13 +65,6 @@ def test_score_charges_for_leaving_the_prediction():
     assert score_at(grid, ends, prior, pose) == pytest.approx(expected)
 
 
-def test_a_turn_is_about_the_middle_of_the_rays():
-    before, middle = Pose2(0.3, -0.2, 0.5), np.array([[1.5, 0.8]])
-    after = Pose2(*turned(tuple(before), 0.2, 1.5, 0.8))
-    assert after.theta == pytest.approx(0.7)
-    assert after.transform(middle) == pytest.approx(before.transform(middle))
-
-
 def test_climb_ends_where_no_finest_step_gains():
     slam, view = mapped(), noisy_view(9)
     levels, fine = tuple(map(tuple, slam._map.levels)), slam._map.levels[0]
@@ -93,28 +84,6 @@ def test_climb_ends_where_no_finest_step_gains():
         assert score_at(fine, view.ends, LOOSE, at) <= top
 
 
-def test_climb_is_exact_to_millimeters():
-    slam = mapped(refine=False)
-    levels, off = tuple(map(tuple, slam._map.levels)), []
-    for seed in range(6):
-        ends = noisy_view(20 + seed).ends
-        found = climb(levels, ends, tuple(LOOSE), (0.03, 0.02, -0.02), 0.032, FINEST)
-        off.append(found[0])
-    assert np.abs(np.mean(off, axis=0)).max() < 0.007
-    assert np.std(off, axis=0)[:2].max() < 0.006
-
-
-def test_long_steps_are_made_on_the_coarse_grid():
-    slam, view = mapped(), noisy_view(9)
-    levels = tuple(map(tuple, slam._map.levels))
-    at = [
-        climb(levels, view.ends, tuple(LOOSE), (0.25, -0.2, 0.25), step, FINEST)[1]
-        for step in (FIRST, LONGEST)
-    ]
-    assert at[1] > at[0] + 0.1
-    assert at[1] > 0.6
-
-
 def test_restarts_find_what_one_climb_does_not():
     slam, view = mapped(), noisy_view(9)
     matcher = Matcher(Parameters(), slam._map)
@@ -127,6 +96,60 @@ def test_restarts_find_what_one_climb_does_not():
     assert gap(view, found.pose, IDENTITY) < 0.05
     assert 0 < matcher.restarts <= Parameters().climbs + 1
     assert found.share > 0.9 * matcher.usual
+
+
+def test_a_prior_counts_by_the_noise_over_the_width_of_a_wall(monkeypatch):
+    slam, view = mapped(), noisy_view(9)
+    made = calls(monkeypatch, match_kernels, "climb")
+    for stroke in (0.5, 1.0):
+        Matcher(Parameters(stroke=stroke), slam._map).climb(view, OFF, expecting(OFF, 0.3))
+        expected = (view.noise / (0.05 * stroke)) ** 2 / len(view.ends)
+        assert made[-1][2][-1] == pytest.approx(expected)
+
+
+def test_a_fit_to_lines_follows_a_rough_climb_and_weighs_it(monkeypatch):
+    slam, view = mapped(), noisy_view(9)
+    made = calls(monkeypatch, match_kernels, "climb")
+    rough = Matcher(Parameters(), slam._map).climb(view, IDENTITY, expecting(IDENTITY, 0.1))
+    alone = Matcher(Parameters(refine=False), slam._map)
+    found = alone.climb(view, IDENTITY, expecting(IDENTITY, 0.1))
+    assert [finest for *_, finest in made] == [ROUGH, FINEST]
+    assert not rough.seen.any()
+    seen = view.information(found.pose.theta) * found.share
+    assert found.seen == pytest.approx(seen)
+
+
+def test_the_climb_alone_keeps_no_lines_and_fits_nothing(monkeypatch):
+    slam = settled("crsm", 12, refine=False)
+    assert slam._map.lines.surface.slot.max() == 0
+    fitted = calls(monkeypatch, slam._map.lines, "fit")
+    slam.update(still(12))
+    assert not fitted and slam.state == "matched"
+
+
+@pytest.mark.parametrize("kind", ["stall=3", "jitter=50"])
+def test_a_long_corridor_moves_on_though_wheels_say_otherwise(kind):
+    """A prior that weighs too much against few critical rays along the corridor held the robot."""
+    name, level = kind.split("=")
+    log = degrade(simulate(Setting("ring", seed=102, duration=30.0)), name, float(level), 102)
+    slam = made("crsm")
+    scans = list(log.select(every=4))
+    found = [slam.update(scan) for scan in scans]
+    truth = log.truth_at(np.array([scan.t for scan in scans]))
+    there = Pose2(*truth[0])
+    off = [there.between(Pose2(*t)).between(p) for t, p in zip(truth, found, strict=True)]
+    assert max(np.hypot(o.x, o.y) for o in off) < 0.2
+
+
+def test_long_steps_are_made_on_the_coarse_grid():
+    slam, view = mapped(), noisy_view(9)
+    levels = tuple(map(tuple, slam._map.levels))
+    at = [
+        climb(levels, view.ends, tuple(LOOSE), (0.25, -0.2, 0.25), step, FINEST)[1]
+        for step in (FIRST, LONGEST)
+    ]
+    assert at[1] > at[0] + 0.1
+    assert at[1] > 0.6
 
 
 def test_a_start_that_is_not_the_prediction_is_climbed_from_with_long_steps_alone(monkeypatch):
@@ -142,30 +165,9 @@ def test_a_start_that_is_not_the_prediction_is_climbed_from_with_long_steps_alon
     assert made[1][3] == made[2][3] == tuple(IDENTITY)
 
 
-def test_a_prior_counts_by_the_noise_over_the_width_of_a_wall(monkeypatch):
-    slam, view = mapped(), noisy_view(9)
-    made = calls(monkeypatch, match_kernels, "climb")
-    for stroke in (0.5, 1.0):
-        Matcher(Parameters(stroke=stroke), slam._map).climb(view, OFF, expecting(OFF, 0.3))
-        expected = (view.noise / (0.05 * stroke)) ** 2 / len(view.ends)
-        assert made[-1][2][-1] == pytest.approx(expected)
-
-
 def test_usual_is_a_mean_over_so_many_scans():
     slam, view = mapped(), noisy_view(9)
     matcher = Matcher(Parameters(), slam._map)
     matcher.learn(view, IDENTITY)
     fit = fitness_at(slam._map.levels[0], view.ends, (0.0, 0.0, 0.0))
     assert matcher.usual == pytest.approx(fit / MEMORY)
-
-
-def test_a_fit_to_lines_follows_a_rough_climb_and_weighs_it(monkeypatch):
-    slam, view = mapped(), noisy_view(9)
-    made = calls(monkeypatch, match_kernels, "climb")
-    rough = Matcher(Parameters(), slam._map).climb(view, IDENTITY, expecting(IDENTITY, 0.1))
-    alone = Matcher(Parameters(refine=False), slam._map)
-    found = alone.climb(view, IDENTITY, expecting(IDENTITY, 0.1))
-    assert [finest for *_, finest in made] == [ROUGH, FINEST]
-    assert not rough.seen.any()
-    seen = view.information(found.pose.theta) * found.share
-    assert found.seen == pytest.approx(seen)

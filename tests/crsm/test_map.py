@@ -1,4 +1,4 @@
-"""The grey map: its update against a naive twin, its darkness between cells, its growth."""
+"""Reading a scan, and the grey map: critical rays and updates against naive twins, its growth."""
 
 import math
 
@@ -7,11 +7,13 @@ import pytest
 
 from crsm.map import GreyMap
 from crsm.map_kernels import Grid, Update, blacken, darkness, strokes, whiten
+from crsm.rays_kernels import leverage
+from crsm.scan import LEAST_RAYS, ScanReader
 from slams.jit import njit
-from slams.types import IDENTITY, Pose2
+from slams.types import IDENTITY, Pose2, Scan
 from tests.crsm import naive
-from tests.crsm.room import LASER, Parameters, drive, mapped, noisy_view, reader_of
-from tests.rooms import scan_at
+from tests.crsm.room import LASER, Parameters, drive, noisy_view, reader_of
+from tests.rooms import laser, scan_at
 
 RULE = Update(0.3, 100.0, 0.035)
 
@@ -125,24 +127,55 @@ def test_two_faces_of_a_thin_wall_each_have_their_ridge(between):
         assert distances[near][np.argmax(dark[near])] == pytest.approx(off, abs=0.01)
 
 
-def test_a_corner_is_as_dark_as_its_walls():
-    grid = blank()
-    for mark in range(1, 11):
-        for angle in (0.0, math.pi / 2):
-            ends = wall(angle, 1.0, length=1.0)
-            blacken(grid, ends, len(ends), IDENTITY, mark, tuple(RULE))
-    assert darkness_at(grid, 1.0, 0.93) > 0.85 * darkness_at(grid, 1.0, 0.3)
-
-
-def test_with_lines_these_are_asked():
-    slam = mapped(12)
-    view = noisy_view(9)
-    assert slam._map.evaluate(view, IDENTITY) == slam._map.lines.evaluate(view, IDENTITY)
-
-
 def test_a_building_that_begins_at_the_start_is_not_moved(monkeypatch):
     grid, view = GreyMap(Parameters()), reader_of(scan_at(IDENTITY, LASER))
     before = grid.levels[0].grey
     side = 0.05 * math.isqrt(1 << 18)
     assert grid.insert(view, Pose2(0.5 * side, 0.0, 0.0))
     assert grid.levels[0].grey is before
+
+
+def test_critical_rays_equal_the_naive_selection():
+    view, count = noisy_view(), Parameters().critical_rays
+    n = view.n
+    xy, normal = view.points[:2, :n].T, view.normals[:2, :n].T
+    assert not normal.any(axis=1).all()  # lone points have no share
+    shares, found = naive.leverages(xy, normal), np.zeros(n)
+    leverage(view.points, view.normals, n, np.zeros((3, 3)), found)
+    assert found == pytest.approx(shares, rel=1e-4, abs=1e-6)
+    first = view.moments[5, : n + 1]
+    jumps = set(np.flatnonzero(np.diff(first))) | set(np.flatnonzero(np.diff(first))[:-1] + 1)
+    edges = np.isin(np.arange(n), list(jumps))
+    each = min(0.25 * count / edges.sum(), 1.0)
+    far = np.hypot(*xy.T)
+    rest = 0.5 * (count - each * edges.sum())
+    expected = naive.spread_out(each * edges + rest * (shares / 3.0 + far / far.sum()))
+    both = set(map(tuple, view.ends.tolist())) ^ set(map(tuple, xy[expected].tolist()))
+    assert len(both) <= 4  # a sum that rounds to the other side
+
+
+def test_at_most_half_of_the_points_are_rays_unless_they_are_few():
+    for beams, rays in ((361, 150), (101, LEAST_RAYS), (41, 41)):
+        reader = ScanReader(Parameters(critical_rays=150))
+        reader.take(scan_at(IDENTITY, laser(beams)), IDENTITY)
+        assert len(reader.ends) == pytest.approx(rays, abs=0.1 * rays)
+
+
+def test_information_of_the_rays_is_that_of_their_share_of_all_points():
+    view, theta = reader_of(scan_at(IDENTITY, LASER)), 0.7
+    c, s = np.cos(theta), np.sin(theta)
+    turn = np.array([[c, -s], [s, c]])
+    xy, normal = (turn @ a[:2, : view.n] for a in (view.points, view.normals))
+    rows = np.stack((*normal, normal[1] * xy[0] - normal[0] * xy[1]))
+    expected = rows @ rows.T * len(view.ends) / view.n / view.noise**2
+    assert view.information(theta) == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_single_short_beam_does_not_tear_a_wall():
+    scan = scan_at(IDENTITY, LASER)
+    ranges = scan.ranges.copy()
+    ranges[100:300:7] *= 0.5
+    whole, reader = reader_of(scan), reader_of(Scan(0.0, ranges, LASER))
+    assert reader.n == whole.n - len(ranges[100:300:7])
+    stretches = len(np.unique(reader.moments[5, : reader.n]))
+    assert stretches <= len(np.unique(whole.moments[5, : whole.n])) + 1

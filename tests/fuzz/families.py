@@ -36,7 +36,6 @@ def sentence(work, errors=(ValueError, OSError)):
 
 
 def poses_of(log, algorithm):
-    """Every pose, all finite."""
     slam = create(algorithm)
     for scan in log:
         pose = slam.update(scan)

@@ -43,13 +43,11 @@ def some(array, rng):
 
 
 def scaled(array, rng):
-    """In another unit."""
     with np.errstate(all="ignore"):
         return np.asarray(array * rng.choice(SCALES), array.dtype)
 
 
 def shifted(array, rng):
-    """From another zero."""
     with np.errstate(all="ignore"):
         return np.asarray(array + number(rng), array.dtype)
 
@@ -60,7 +58,6 @@ def shuffled(array, rng):
 
 
 def reshaped(array, rng):
-    """Another shape."""
     if not array.ndim:
         return array[None]
     ways = [array[..., None], array.ravel(), array[:0], array[:1], array[..., :1], array.T]
@@ -68,7 +65,6 @@ def reshaped(array, rng):
 
 
 def retyped(array, rng):
-    """Another type."""
     kinds = (np.float16, np.float32, np.int64, np.uint8, np.complex128, np.bool_, "U8", "S3")
     with np.errstate(all="ignore"):
         return array.astype(kinds[rng.integers(0, len(kinds))])

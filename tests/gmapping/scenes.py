@@ -105,7 +105,6 @@ def climb(tiles, surface, prior, starts, how=HOW, owners=(0,)):
 
 
 def one(pose, information):
-    """The prior of one start."""
     return Prior(np.array(pose, float)[None], information * np.eye(3)[None])
 
 

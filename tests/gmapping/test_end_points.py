@@ -6,17 +6,7 @@ import numpy as np
 import pytest
 
 from gmapping import GMappingParams
-from gmapping.climb_kernels import (
-    CLOSE,
-    DROP,
-    Field,
-    climb,
-    distances,
-    log_posterior,
-    log_prior,
-    sample,
-    widths,
-)
+from gmapping.climb_kernels import Field, climb, distances, log_posterior, log_prior, sample
 from gmapping.end_points import EndPointMatcher
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
 from gmapping.map import TileMap
@@ -84,14 +74,6 @@ def test_every_cell_knows_the_nearest_mean_hit_around_it():
                 assert math.hypot(*(here[3:5] - center)) == pytest.approx(expected, abs=1e-5)
 
 
-def test_the_nearest_mean_moves_with_the_cell_it_is_of():
-    tiles = tiles_of(ends_of([[0.30, 0.0]]))
-    insert_ends(tiles, np.zeros((1, 3)), ends_of([[0.32, 0.01]]), 100.0)
-    for x, y in ((0.3, 0.0), (0.25, 0.05), (0.35, -0.05)):
-        np.testing.assert_allclose(cell(tiles, x, y)[3:5], [0.31, 0.005], atol=1e-6)
-    assert slot_of(tiles, 0, 0, cell_of(0.45, EDGE), 0) == 0 or cell(tiles, 0.45, 0.0)[5] == 0.0
-
-
 def test_distances_are_those_to_mean_hits_and_what_has_none_is_charged_in_full():
     tiles, far = tiles_of(ends_of([[1.0, 0.0]])), ends_of([[5.0, 5.0]], beams=3.0)
     near = ends_of([[1.01, 0.02]], beams=2.0)
@@ -127,15 +109,6 @@ def test_the_climb_finds_the_peak_to_its_last_step():
     assert coarse[1] < best and np.abs(coarse[0] - THERE).max() > 0.0
 
 
-def test_each_particle_climbs_in_its_own_map():
-    ends = surface_of(IDENTITY)
-    tiles = tiles_of(ends, 2, [[0.0, 0.0, 0.0], [0.01, -0.01, 0.0]])
-    prior = Prior(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
-    poses, value = np.zeros((2, 3)), np.zeros(2)
-    climb(tiles, np.array([1, 0]), ends, FIELD, prior, poses, value)
-    np.testing.assert_allclose(poses, [[0.01, -0.01, 0.0], [0.0, 0.0, 0.0]], atol=1.3e-3)
-
-
 def test_where_nothing_is_seen_the_samples_have_the_prior():
     known = np.linalg.inv(np.diag([0.02, 0.01, 0.03]) ** 2)
     tiles = tiles_of(ends_of([[0.0, 0.0]]))
@@ -148,46 +121,6 @@ def test_where_nothing_is_seen_the_samples_have_the_prior():
     wide = matched(tiles, far, mean, known / 4.0, mean=mean)
     assert wide[4] - eta == pytest.approx(math.log(8.0), abs=0.5)  # the prior is not normalized
     assert best == pytest.approx(-0.5 * FIELD.worth * 0.01)
-
-
-def test_samples_beside_the_peak_have_their_own_mean_and_spread():
-    deviation = np.array([0.02, 0.01, 0.03])
-    known, tiles = np.diag(deviation**-2.0), tiles_of(ends_of([[0.0, 0.0]]))
-    prior = Prior(np.zeros((2, 3)), np.tile(known, (2, 1, 1)))
-    poses = np.array([np.zeros(3), 0.5 * deviation])
-    value, covariance = np.zeros(2), np.zeros((2, 3, 3))
-    far, owners = ends_of([[50.0, 0.0]]), np.zeros(2, np.int64)
-    sample(tiles, owners, far, FIELD, prior, poses, covariance, value)
-    assert (poses[1] < 0.4 * deviation).all()  # back to the middle
-    np.testing.assert_allclose(covariance[1] @ known, covariance[0] @ known, atol=0.1)
-    reach = np.array([0.01, 0.01, 0.01])
-    widths(tiles, 0, 0.5 * deviation, far, FIELD, np.zeros(3), known, reach)
-    drops = [
-        log_prior(0.5 * deviation, np.zeros(3), known)
-        - log_prior(0.5 * deviation + side * np.array([reach[0], 0.0, 0.0]), np.zeros(3), known)
-        for side in (-1.0, 1.0)
-    ]
-    assert DROP / CLOSE <= np.mean(drops) <= DROP * CLOSE
-    assert not DROP / CLOSE <= drops[0] <= DROP * CLOSE
-
-
-def test_samples_tell_the_curvature_of_the_posterior():
-    ends, known = surface_of(IDENTITY), np.diag([1e4, 1e4, 1e4])
-    tiles = tiles_of(ends)
-    field = FIELD._replace(worth=20.0)  # so wide that no cell's border is felt
-    peak, best, _, covariance, eta = matched(tiles, ends, np.zeros(3), known, field)
-    for axis in range(3):
-        off = np.zeros(3)
-        off[axis] = math.sqrt(1.0 / np.linalg.inv(covariance)[axis, axis])
-        drop = best - np.mean(
-            [
-                log_posterior(tiles, 0, peak + s * off, ends, field, np.zeros(3), known, -math.inf)
-                for s in (-1.0, 1.0)
-            ]
-        )
-        assert drop == pytest.approx(0.5, abs=0.3)
-    volume = 0.5 * math.log(np.linalg.det(2.0 * math.pi * covariance))
-    assert eta - best == pytest.approx(volume, abs=0.2)  # Laplace's, but for lattice and tails
 
 
 def matcher_of_room():
@@ -220,3 +153,39 @@ def test_a_match_tells_share_and_information_without_the_prior():
     np.testing.assert_allclose(np.diag(strong.seen), np.diag(weak.seen), rtol=0.5)
     far = Pose2(0.7, 0.4, 0.3)
     assert matcher.match(view, 0, geometry.Prior(far, 1e9 * np.eye(3)), far).share < 0.5
+
+
+def test_the_nearest_mean_moves_with_the_cell_it_is_of():
+    tiles = tiles_of(ends_of([[0.30, 0.0]]))
+    insert_ends(tiles, np.zeros((1, 3)), ends_of([[0.32, 0.01]]), 100.0)
+    for x, y in ((0.3, 0.0), (0.25, 0.05), (0.35, -0.05)):
+        np.testing.assert_allclose(cell(tiles, x, y)[3:5], [0.31, 0.005], atol=1e-6)
+    assert slot_of(tiles, 0, 0, cell_of(0.45, EDGE), 0) == 0 or cell(tiles, 0.45, 0.0)[5] == 0.0
+
+
+def test_each_particle_climbs_in_its_own_map():
+    ends = surface_of(IDENTITY)
+    tiles = tiles_of(ends, 2, [[0.0, 0.0, 0.0], [0.01, -0.01, 0.0]])
+    prior = Prior(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
+    poses, value = np.zeros((2, 3)), np.zeros(2)
+    climb(tiles, np.array([1, 0]), ends, FIELD, prior, poses, value)
+    np.testing.assert_allclose(poses, [[0.01, -0.01, 0.0], [0.0, 0.0, 0.0]], atol=1.3e-3)
+
+
+def test_samples_tell_the_curvature_of_the_posterior():
+    ends, known = surface_of(IDENTITY), np.diag([1e4, 1e4, 1e4])
+    tiles = tiles_of(ends)
+    field = FIELD._replace(worth=20.0)  # so wide that no cell's border is felt
+    peak, best, _, covariance, eta = matched(tiles, ends, np.zeros(3), known, field)
+    for axis in range(3):
+        off = np.zeros(3)
+        off[axis] = math.sqrt(1.0 / np.linalg.inv(covariance)[axis, axis])
+        drop = best - np.mean(
+            [
+                log_posterior(tiles, 0, peak + s * off, ends, field, np.zeros(3), known, -math.inf)
+                for s in (-1.0, 1.0)
+            ]
+        )
+        assert drop == pytest.approx(0.5, abs=0.3)
+    volume = 0.5 * math.log(np.linalg.det(2.0 * math.pi * covariance))
+    assert eta - best == pytest.approx(volume, abs=0.2)  # Laplace's, but for lattice and tails

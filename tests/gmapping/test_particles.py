@@ -1,17 +1,20 @@
+"""The particle filter: weights, ancestors, tiles; who is reported, and what is drawn."""
+
+import dataclasses
+
 import numpy as np
 import pytest
 
 from gmapping import GMapping, GMappingParams
 from gmapping.map import TileMap
-from gmapping.map_kernels import DEPTH, LAYERS, insert
+from gmapping.map_kernels import insert
 from gmapping.particles import Particles, normalize, staying, systematic
+from gmapping.render_kernels import Counts, draw
 from gmapping.tile_kernels import own_slot
-from slams.grid_bounds import GridBounds
-from slams.types import IDENTITY
+from slams.types import IDENTITY, Pose2
 from tests.gmapping.scenes import (
     SPLAT,
     drive,
-    linearized,
     mapped,
     position_error,
     references_add_up,
@@ -75,9 +78,6 @@ def test_only_the_default_spares_the_reported_particle(preset, steady):
     assert (best in particles.draw_ancestors(0.9)) == steady
 
 
-# tiles
-
-
 def test_writing_to_one_particle_never_shows_in_another():
     surface = surface_of(IDENTITY)
     tiles = mapped(surface, n=3)
@@ -90,16 +90,6 @@ def test_writing_to_one_particle_never_shows_in_another():
     np.testing.assert_array_equal(before[1], after[1])
     np.testing.assert_array_equal(before[2], after[2])
     references_add_up(tiles)
-
-
-def test_a_copied_tile_keeps_what_it_held():
-    surface = surface_of(IDENTITY)
-    tiles = mapped(surface, n=2)
-    tiles.inherit(np.zeros(2, np.int64))
-    close = linearized(tiles.tiles, np.zeros(3), surface)[3]
-    assert insert(tiles.tiles, np.zeros((1, 3)), surface[:1], SPLAT) == 0
-    assert tiles.shared < 0.5  # the tile around that point was copied
-    assert linearized(tiles.tiles, np.zeros(3), surface)[3] == close
 
 
 def test_what_nobody_points_at_is_zero_and_takes_no_room_in_a_state():
@@ -129,21 +119,6 @@ def test_nothing_leaks_in_two_thousand_resamplings():
     assert tiles.used <= 2 * alone
 
 
-def test_growth_keeps_every_cell_where_it_was():
-    surface, away = surface_of(IDENTITY), np.array([[-30.0, 20.0, 0.0]])
-    tiles = TileMap(1, LAYERS, 0.05, 5000, 1 << 16, DEPTH)  # 25 m to either side
-    assert insert(tiles.tiles, np.zeros((1, 3)), surface, SPLAT) == 0
-    before, used = linearized(tiles.tiles, np.zeros(3), surface), tiles.used
-    assert insert(tiles.tiles, away, surface, SPLAT) > 0  # outside the tables
-    assert tiles.used == used
-    tiles.extent = GridBounds(1 << 26, 0.05)
-    tiles.cover(np.array([-40.0, -3.0]), np.array([2.0, 25.0]))
-    after = linearized(tiles.tiles, np.zeros(3), surface)
-    for a, b in zip(before, after, strict=True):
-        np.testing.assert_array_equal(a, b)
-    assert insert(tiles.tiles, away, surface, SPLAT) == 0
-
-
 def test_memory_is_bounded_by_sharing_one_map():
     (truth, scans), params = drive(60), GMappingParams(n_particles=6, max_tiles=200)
     assert run(scans, n_particles=6)[0].report()["tiles_peak"] > 200
@@ -158,19 +133,6 @@ def test_memory_is_bounded_by_sharing_one_map():
     assert position_error(np.array(poses), truth).max() < 0.05
 
 
-def test_resampled_particles_go_on_with_pose_and_map_of_their_ancestor():
-    slam, _ = run(drive(20)[1], n_particles=4, spread=1.0)
-    pose, table = slam.particles.poses[1].copy(), slam.tiles.touched[:, :, 1].copy()
-    assert not np.array_equal(table, slam.tiles.touched[:, :, 2])
-    slam.particles.weigh(np.array([-90.0, 0.0, -90.0, -90.0]), 1.0)
-    slam.particles.best = 1
-    slam._follow(slam.particles.draw_ancestors(0.5))
-    np.testing.assert_array_equal(slam.particles.poses, np.tile(pose, (4, 1)))
-    for i in range(4):
-        np.testing.assert_array_equal(slam.tiles.touched[:, :, i], table)
-    references_add_up(slam.tiles)
-
-
 def test_draws_are_from_the_gaussians():
     L = np.array([[2.0, 0.0, 0.0], [1.0, 4.0, 0.0], [0.5, -1.0, 5.0]])
     peaks, normals = (
@@ -181,18 +143,6 @@ def test_draws_are_from_the_gaussians():
     particles.draw(peaks, np.tile(L, (3, 1, 1)), normals)
     off = particles.poses - peaks
     np.testing.assert_allclose(off @ L, normals)  # L^T off = normals: covariance (L L^T)^-1
-
-
-def test_the_lineage_tells_whether_the_reported_history_has_become_another():
-    particles = Particles(4)
-    particles.remember()
-    particles.follow(np.array([1, 0, 0, 2]))
-    assert (particles.best, particles.lineage) == (1, 0)
-    particles.report(1)
-    assert particles.lineage == 0
-    particles.report(2)
-    particles.follow(np.array([1, 1, 3, 3]))
-    assert particles.lineage == 2
 
 
 def test_the_spread_is_around_the_reported_particle():
@@ -210,3 +160,95 @@ def test_every_particle_steps_in_its_own_heading_and_inherits_a_lifetime():
     particles.lifetime[:] = [-3.0, 0.0]
     particles.follow(np.array([1, 1]))
     np.testing.assert_array_equal(particles.lifetime, 0.0)
+
+
+def test_the_reported_particle_stays_at_its_peak_and_the_others_are_drawn():
+    _, scans = drive(50)
+    one, poses = run(scans, n_particles=1)
+    many, reported = run(scans, n_particles=6)
+    assert many.report()["resampled"] == 0  # no old ground
+    np.testing.assert_allclose(reported, poses, atol=1e-9)
+    others = np.delete(many.particles.poses, many.particles.best, axis=0)
+    off = np.hypot(*(others[:, :2] - one.particles.poses[0, :2]).T)
+    assert 1e-4 < off.max() < 0.05 and len(np.unique(off)) == len(off)
+    full = run(scans, "paper", n_particles=1)[1]
+    assert not np.array_equal(full, run(scans, "paper", n_particles=1, seed=3)[1])
+
+
+def test_beams_clear_what_they_cross_and_mark_their_end():
+    hits, visits, walls = (np.zeros(shape, np.int32) for shape in ((3, 7), (3, 7), (1, 2)))
+    counts = Counts(hits, visits, walls, 0, 0, 0.05)
+    ends, sensor = np.array([[0.30, 0.05], [0.0, 0.10]]), np.array([0.0, 0.05])
+    draw(ends, sensor, counts, 1)
+    np.testing.assert_array_equal(visits, [[0] * 7, [2, 1, 1, 1, 1, 1, 1], [1] + [0] * 6])
+    np.testing.assert_array_equal(hits, [[0] * 7, [0] * 6 + [1], [1] + [0] * 6])
+    np.testing.assert_array_equal(walls, [[1, 1]])
+    draw(ends, sensor, counts, -1)
+    assert not (hits.any() or visits.any() or walls.any())
+
+
+def test_a_closed_loop_moves_the_robot_and_is_no_motion():
+    _, scans = drive(30)
+    (slam, poses), (other, _) = (run(scans[:-1], n_particles=2) for _ in range(2))
+    particles, pose = slam.particles, Pose2(*poses[-1])
+    particles.poses[:] = pose
+    particles.poses[0, 1] += 0.3
+    particles.best, particles.lifetime[:] = 0, [0.0, 90.0]
+    assert slam._elect(pose, np.array([False, True])) == pose and particles.best == 0
+    there = slam._elect(pose, np.array([True, True]))
+    assert (slam.report()["closed"], slam.report()["switched"], particles.best) == (1, 0, 0)
+    np.testing.assert_allclose(there, [pose.x, pose.y + 0.3, pose.theta])
+    shifted, expected = (s._estimator.predict(scans[-1]).pose for s in (slam, other))
+    np.testing.assert_allclose(shifted, [expected.x, expected.y + 0.3, expected.theta], atol=1e-4)
+
+
+def test_without_odometry_the_original_needs_one_particle_and_enters_every_scan():
+    scans = [dataclasses.replace(scan, odometry=None) for scan in drive(40)[1]]
+    report = run(scans, "original")[0].report()
+    assert (report["particles"], report["inserted"]) == (1, 40)
+
+
+def test_particles_spread_as_the_pose_becomes_less_certain():
+    slam, _ = run(drive(12)[1], n_particles=2)
+    way, before = Pose2(0.2, 0.0, 0.0), slam._estimator.covariance
+    certain = np.linalg.inv(slam._information(way)[0])
+    lost = np.diag([0.09, 0.0, 0.0])
+    slam._known = before - lost
+    np.testing.assert_allclose(np.linalg.inv(slam._information(way)[0]), certain + lost, atol=1e-5)
+    slam._known = before + lost  # more certain: no less than the noise of the way
+    noise = slam.params.key_noise + slam.params.way_noise * 0.2
+    assert certain[0, 0] == pytest.approx(noise**2, rel=0.5)
+    np.testing.assert_allclose(np.linalg.inv(slam._information(way)[0])[0, 0], noise**2)
+
+
+def test_resampled_particles_go_on_with_pose_and_map_of_their_ancestor():
+    slam, _ = run(drive(20)[1], n_particles=4, spread=1.0)
+    pose, table = slam.particles.poses[1].copy(), slam.tiles.touched[:, :, 1].copy()
+    assert not np.array_equal(table, slam.tiles.touched[:, :, 2])
+    slam.particles.weigh(np.array([-90.0, 0.0, -90.0, -90.0]), 1.0)
+    slam.particles.best = 1
+    slam._follow(slam.particles.draw_ancestors(0.5))
+    np.testing.assert_array_equal(slam.particles.poses, np.tile(pose, (4, 1)))
+    for i in range(4):
+        np.testing.assert_array_equal(slam.tiles.touched[:, :, i], table)
+    references_add_up(slam.tiles)
+
+
+def test_the_lineage_tells_whether_the_reported_history_has_become_another():
+    particles = Particles(4)
+    particles.remember()
+    particles.follow(np.array([1, 0, 0, 2]))
+    assert (particles.best, particles.lineage) == (1, 0)
+    particles.report(1)
+    assert particles.lineage == 0
+    particles.report(2)
+    particles.follow(np.array([1, 1, 3, 3]))
+    assert particles.lineage == 2
+
+
+def test_the_papers_filter_reports_the_leader_whether_or_not_it_has_closed_a_loop():
+    _, scans = drive(10)
+    slam, poses = run(scans, "paper", n_particles=2)
+    slam.particles.best, slam.particles.lifetime[:] = 0, [0.0, 1.0]
+    slam._elect(Pose2(*poses[-1]), np.array([False, False]))
+    assert slam.particles.best == 1

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from gmapping.render import Ray, Renderer
-from slams.grid_bounds import Box
 from slams.registry import find
 from slams.types import Pose2
 from tests.rooms import drive
@@ -35,15 +34,6 @@ def drawn(rays, poses):
 def same(a, b):
     np.testing.assert_array_equal(a.p, b.p)
     assert (a.resolution, a.origin) == (b.resolution, b.origin)
-
-
-def test_drawn_again_and_again_it_is_what_it_is_drawn_once():
-    rays, poses = scans(40), history(40)
-    renderer = Renderer(EDGE, 0.25)
-    for k, ray in enumerate(rays):
-        renderer.keep(ray)
-        if k % 3 == 2:
-            same(renderer.grid(poses[: k + 1]), drawn(rays[: k + 1], poses[: k + 1]))
 
 
 @pytest.mark.parametrize("kept", [0, 7])
@@ -86,15 +76,3 @@ def test_only_scans_whose_pose_has_changed_are_drawn_anew_newest_first():
     assert renderer.follow(half, 0) and renderer.follow(other, 6)
     a, b = renderer.grid(other), drawn(rays, other)
     assert np.nansum(a.p) == pytest.approx(np.nansum(b.p))
-
-
-def test_a_part_of_the_picture_is_the_same_as_in_the_whole():
-    rays, poses = scans(20), history(20)
-    renderer = Renderer(EDGE, 0.25)
-    for ray, pose in zip(rays, poses, strict=True):
-        renderer.keep(ray, Pose2(*pose.tolist()))
-    part, whole = renderer.cut(Box(-1.0, -2.0, 2.0, 1.0)), renderer.grid(poses)
-    u, v = (round((part.origin[i] - whole.origin[i]) / EDGE) for i in (0, 1))
-    ny, nx = part.p.shape
-    np.testing.assert_array_equal(part.p, whole.p[v : v + ny, u : u + nx])
-    assert renderer.cut(Box(90.0, 90.0, 91.0, 91.0)) is None

@@ -6,9 +6,8 @@ import pytest
 from gmapping import GMappingParams
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, ONCE, insert, place_of
-from gmapping.match_kernels import Prior, evaluate
-from gmapping.render import Ray, Renderer
-from gmapping.scan import View
+from gmapping.match_kernels import Prior
+from gmapping.scan import SURFACE_ERROR, View
 from gmapping.surfaces import SurfaceMatcher
 from gmapping.tile_kernels import slot_of
 from slams import geometry, load
@@ -16,6 +15,7 @@ from slams.types import IDENTITY, Laser, Pose2
 from tests.gmapping import naive
 from tests.gmapping.scenes import (
     HOW,
+    LASER,
     NOWHERE,
     SPLAT,
     climb,
@@ -23,12 +23,13 @@ from tests.gmapping.scenes import (
     mapped,
     matcher_of,
     one,
+    pieces_of,
     run,
     seen,
     surface_of,
     view_of,
 )
-from tests.rooms import CORRIDOR
+from tests.rooms import CORRIDOR, laser, scan_at
 
 
 def test_insert_and_residuals_equal_the_naive_twin():
@@ -48,18 +49,6 @@ def test_insert_and_residuals_equal_the_naive_twin():
     assert close == np.sum(np.abs(known) < 0.1)
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.5, 0.75, 1.2, 2.0, 3.6, 5.0])
-def test_a_point_is_written_into_the_same_cells_as_by_the_naive_twin(turn):
-    """However its wall lies; in tiles on all sides of the origin."""
-    point, normal = np.array([0.013, -0.021]), np.array([math.cos(turn), math.sin(turn)])
-    twin = naive.surface_map(point[None], normal[None], 0.05, 2, 100.0)
-    tiles = mapped(np.array([[*point, *normal, 1.0]])).tiles
-    for (layer, ix, iy), (line, weight) in twin.items():
-        cell = tiles.cells[slot_of(tiles, 0, layer, ix, iy), place_of(layer, ix, iy)]
-        np.testing.assert_allclose(cell[:4], (*line, weight), rtol=1e-5, atol=1e-7)
-    assert (tiles.cells[tiles.references > 0, :, 3] > 0.0).sum() == len(twin)
-
-
 def test_the_gradient_is_that_of_the_robust_cost():
     surface = surface_of(IDENTITY)
     tiles, gradient = mapped(surface), np.zeros(3)
@@ -76,23 +65,6 @@ def test_the_gradient_is_that_of_the_robust_cost():
     np.testing.assert_allclose(gradient, expected, rtol=0.02, atol=1e-3)
 
 
-@pytest.mark.parametrize("offset", [(0.05, -0.04, 0.03), (-0.06, 0.03, -0.04)])
-def test_register_finds_a_known_motion_both_ways(offset):
-    there = Pose2(*offset)
-    for a, b in ((IDENTITY, there), (there, IDENTITY)):
-        tiles, surface = mapped(surface_of(a), a), surface_of(b)
-        poses, _, _ = climb(tiles.tiles, surface, one(a, 1.0), [a])
-        np.testing.assert_allclose(poses[0], b, atol=2e-3)
-
-
-def test_the_prior_holds_what_the_scan_leaves_open():
-    laser = Laser(-math.pi, math.radians(1.0), 360, 0.1, 5.0)
-    surface, start = surface_of(IDENTITY, laser, CORRIDOR), np.array([[0.2, 0.03, 0.01]])
-    poses, h, _ = climb(mapped(surface).tiles, surface, one(start[0], 1e4), start)
-    np.testing.assert_allclose(poses, [[0.2, 0.0, 0.0]], atol=2e-3)
-    assert abs(h[0, 0, 0]) < 1e-9 * h[0, 1, 1]
-
-
 def test_one_step_weighs_scan_and_prior_as_by_hand():
     surface, start = surface_of(IDENTITY), np.array([0.02, 0.01, -0.01])
     tiles = mapped(surface).tiles
@@ -104,28 +76,6 @@ def test_one_step_weighs_scan_and_prior_as_by_hand():
     w = HOW.variance * (geometry.FREEDOM + 3.0) / (geometry.FREEDOM + off @ known @ off)
     step = np.linalg.solve(h + w * known, w * known @ off - gradient)
     np.testing.assert_allclose(poses[0], start + step, atol=1e-12)
-
-
-def test_a_surface_seen_once_is_trusted_by_once():
-    surface = surface_of(IDENTITY)
-    tiles, pose = mapped(surface).tiles, [0.02, 0.01, 0.01]
-    h, gradient, cost, *_ = linearized(tiles, pose, surface)
-    assert insert(tiles, np.zeros((1, 3)), surface, SPLAT) == 0
-    np.testing.assert_allclose(linearized(tiles, pose, surface)[0], h, rtol=1e-5)  # the same scan
-    assert insert(tiles, np.zeros((1, 3)), surface, SPLAT._replace(driven=1.2)) == 0
-    h2, gradient2, cost2, *_ = linearized(tiles, pose, surface)
-    np.testing.assert_allclose(h, ONCE * h2, rtol=1e-5)
-    np.testing.assert_allclose(gradient, ONCE * gradient2, rtol=1e-3)
-    assert cost == pytest.approx(cost2, rel=1e-5)
-
-
-def test_cells_know_the_way_at_which_they_were_first_seen_and_whether_since_again():
-    tiles, surface = mapped(surface_of(IDENTITY)).tiles, surface_of(IDENTITY)
-    for driven in (7.0, 9.0):
-        insert(tiles, np.zeros((1, 3)), surface, SPLAT._replace(driven=driven))
-    insert(tiles, np.array([[0.3, 0.0, 0.0]]), surface, SPLAT._replace(driven=11.0))
-    seen = tiles.cells[tiles.references > 0].reshape(-1, DEPTH)
-    np.testing.assert_allclose(np.unique(seen[seen[:, 3] > 0.0, 4]), (-SPLAT.driven, 11.0))
 
 
 def test_many_starts_climb_as_each_alone_in_the_map_of_its_owner():
@@ -140,15 +90,6 @@ def test_many_starts_climb_as_each_alone_in_the_map_of_its_owner():
         alone = climb(tiles, surface, one(starts[k], 1.0), starts[[k]], owners=(owner,))
         np.testing.assert_array_equal(alone[0][0], poses[k])
         np.testing.assert_array_equal(alone[2][0], out[k])
-
-
-def test_a_proposal_has_the_information_of_scan_and_way():
-    matcher, view, known = matcher_of(IDENTITY), view_of(IDENTITY), np.diag([400.0, 300.0, 900.0])
-    found = matcher.propose(view, np.zeros((1, 3)), known[None], NOWHERE)
-    h = linearized(matcher.tiles.tiles, found.peaks[0], view.pieces, GMappingParams().width)[0]
-    worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
-    information = found.factors[0] @ found.factors[0].T
-    np.testing.assert_allclose(information, worth * h + known, rtol=1e-3, atol=1.0)
 
 
 def cells_along(gap, turned=0.0, sees=(0.0, 0.0), far=2.0, behind=0.0):
@@ -208,20 +149,6 @@ def test_a_match_tells_share_noise_and_information():
     np.testing.assert_allclose(match.seen, h / max(squares, view.noise**2), rtol=1e-3)
 
 
-def test_inliers_lie_on_surfaces_and_conflicts_end_where_beams_came_by():
-    surface, renderer = surface_of(IDENTITY), Renderer(0.05, 0.25)
-    for _ in range(2):
-        renderer.draw(Ray(surface, np.zeros((1, 2))), np.zeros(3))
-    tiles, n = mapped(surface).tiles, surface[:, 4].sum()
-    inliers, conflicts = evaluate(tiles, 0, surface, np.zeros(3), 0.03, renderer.counts)
-    assert inliers > 0.95 * n and conflicts < 0.02 * n
-    near = surface * [0.6, 0.6, 1.0, 1.0, 1.0]  # as if all stood before the walls
-    inliers, conflicts = evaluate(tiles, 0, near, np.zeros(3), 0.03, renderer.counts)
-    assert inliers < 0.1 * n and conflicts > 0.8 * n
-    far = surface * [9.0, 9.0, 1.0, 1.0, 1.0]  # where nothing is known
-    assert evaluate(tiles, 0, far, np.zeros(3), 0.03, renderer.counts) == (0.0, 0.0)
-
-
 def test_a_proposal_keeps_the_way_along_a_bare_corridor():
     laser = Laser(-math.pi / 2, math.radians(1.0), 181, 0.1, 8.0)
     scan = seen(IDENTITY, laser=laser, walls=CORRIDOR, rng=np.random.default_rng(1), noise=0.02)
@@ -234,3 +161,96 @@ def test_a_proposal_keeps_the_way_along_a_bare_corridor():
     assert found.peaks[0, 0] == pytest.approx(-0.3, abs=0.02) and abs(found.peaks[0, 1]) < 0.02
     covariance = np.linalg.inv(found.factors[0] @ found.factors[0].T)
     assert math.sqrt(covariance[0, 0]) > 0.4 and math.sqrt(covariance[1, 1]) < 0.02
+
+
+def test_a_view_has_all_beams_of_the_scan_in_fewer_pieces(monkeypatch):
+    monkeypatch.setattr("gmapping.scan.SURFACE_ERROR", 0.0)
+    view = view_of(IDENTITY)
+    assert len(view.pieces) < LASER.n_beams
+    assert view.beams == view.pieces[:, 4].sum() == pytest.approx(LASER.n_beams, abs=6)
+    np.testing.assert_allclose(np.hypot(*view.pieces[:, 2:4].T), 1.0)
+    assert view.far == pytest.approx(seen(IDENTITY).ranges.max(), abs=1e-6)
+    ends = view.ray.points
+    np.testing.assert_array_equal(ends, view.pieces[:, :2].astype(np.float32))
+    view.take(seen(Pose2(0.5, 0.0, 0.0)), IDENTITY)
+    assert not np.array_equal(ends, view.ray.points)  # a copy, to be kept
+
+
+def test_normals_are_those_of_the_walls_and_face_the_laser():
+    surface = surface_of(IDENTITY)
+    wall = surface[np.abs(surface[:, 0] - 4.0) < 1e-3]
+    inner = wall[(np.abs(wall[:, 1] + 1.5) > 0.3) & (np.abs(wall[:, 1] - 2.5) > 0.3)]
+    assert len(inner) > 20
+    np.testing.assert_allclose(inner[:, 2:4], [[-1.0, 0.0]] * len(inner), atol=1e-4)
+    assert (np.sum(surface[:, :2] * surface[:, 2:4], axis=1) < 0.0).all()
+
+
+def test_the_far_end_of_a_bare_corridor_tells_nothing_along_it():
+    """Beams there are meters apart and move with the robot."""
+    scan = scan_at(IDENTITY, laser(361), CORRIDOR, 0.01, np.random.default_rng(1))
+    pieces = View(GMappingParams()).take(scan, IDENTITY).pieces
+    assert len(pieces) > 150 and np.abs(pieces[:, 2]).max() < 0.5
+
+
+def test_beams_that_end_close_together_become_their_mean():
+    ends = np.array([[r, 0.0] for r in (1.0, 1.02, 1.03, 1.05, 1.06, 3.0)])
+    faces = np.array([[-0.8, 0.6], [-0.8, -0.6], [0.0, 0.0], [-1.0, 0.0], [-0.6, 0.8], [0.0, 0.0]])
+    found = pieces_of(ends, faces, grain=0.04)
+    expected = [[3.05 / 3, 0.0, 3.0], [1.055, 0.0, 2.0]]  # the last has nothing beside it
+    np.testing.assert_allclose(found[:, [0, 1, 4]], expected, atol=1e-9)
+    mean = np.array([-1.6, 0.8]) / math.hypot(1.6, 0.8)
+    np.testing.assert_allclose(found[:, 2:4], [[-1.0, 0.0], mean], atol=1e-9)
+
+
+def test_a_post_looks_at_the_laser_and_what_is_seen_edge_on_is_left_out():
+    none = np.zeros((3, 2))
+    post = np.array([[3.0, -0.3], [1.0, 0.0], [3.0, 0.3]])
+    np.testing.assert_allclose(pieces_of(post, none), [[1.0, 0.0, -1.0, 0.0, 1.0]])
+    edge = np.array([[1.0, -0.2], [2.0, 0.0], [3.0, 0.2]])
+    np.testing.assert_allclose(pieces_of(edge, none)[:, :2], edge[[0]])
+    wall = np.array([[2.0, 0.0], [2.1, 0.0]])
+    for cosine, kept in ((0.2, 2), (0.05, 0)):
+        normals = np.tile([-cosine, math.sqrt(1.0 - cosine**2)], (2, 1))
+        assert len(pieces_of(wall, normals)) == kept
+
+
+def test_a_piece_weighs_what_its_beams_do_not_share():
+    view = view_of(IDENTITY)
+    view._noise.value = 0.02
+    beams = np.array([1.0, 4.0, 1e9])
+    view._weigh(beams)
+    shared, own = SURFACE_ERROR**2, 0.02**2
+    expected = (shared + own) / (shared + own / np.array([1.0, 4.0, 1e9]))
+    np.testing.assert_allclose(beams, expected)  # 1, 3.4 and no more than 17
+    assert beams[0] == 1.0 and beams[2] == pytest.approx(17.0)
+
+
+def test_a_surface_seen_once_is_trusted_by_once():
+    surface = surface_of(IDENTITY)
+    tiles, pose = mapped(surface).tiles, [0.02, 0.01, 0.01]
+    h, gradient, cost, *_ = linearized(tiles, pose, surface)
+    assert insert(tiles, np.zeros((1, 3)), surface, SPLAT) == 0
+    np.testing.assert_allclose(linearized(tiles, pose, surface)[0], h, rtol=1e-5)  # the same scan
+    assert insert(tiles, np.zeros((1, 3)), surface, SPLAT._replace(driven=1.2)) == 0
+    h2, gradient2, cost2, *_ = linearized(tiles, pose, surface)
+    np.testing.assert_allclose(h, ONCE * h2, rtol=1e-5)
+    np.testing.assert_allclose(gradient, ONCE * gradient2, rtol=1e-3)
+    assert cost == pytest.approx(cost2, rel=1e-5)
+
+
+def test_cells_know_the_way_at_which_they_were_first_seen_and_whether_since_again():
+    tiles, surface = mapped(surface_of(IDENTITY)).tiles, surface_of(IDENTITY)
+    for driven in (7.0, 9.0):
+        insert(tiles, np.zeros((1, 3)), surface, SPLAT._replace(driven=driven))
+    insert(tiles, np.array([[0.3, 0.0, 0.0]]), surface, SPLAT._replace(driven=11.0))
+    seen = tiles.cells[tiles.references > 0].reshape(-1, DEPTH)
+    np.testing.assert_allclose(np.unique(seen[seen[:, 3] > 0.0, 4]), (-SPLAT.driven, 11.0))
+
+
+def test_a_proposal_has_the_information_of_scan_and_way():
+    matcher, view, known = matcher_of(IDENTITY), view_of(IDENTITY), np.diag([400.0, 300.0, 900.0])
+    found = matcher.propose(view, np.zeros((1, 3)), known[None], NOWHERE)
+    h = linearized(matcher.tiles.tiles, found.peaks[0], view.pieces, GMappingParams().width)[0]
+    worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
+    information = found.factors[0] @ found.factors[0].T
+    np.testing.assert_allclose(information, worth * h + known, rtol=1e-3, atol=1.0)

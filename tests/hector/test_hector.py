@@ -5,16 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from hector import Hector, HectorParams, map_kernels, match_kernels
+from hector import map_kernels, match_kernels
 from hector.map_kernels import Level, Update
 from hector.original import Original, OriginalParams
 from hector.original import map_kernels as original_map
 from hector.original import match_kernels as original_match
 from hector.original import scan_kernels as original_scan
 from hector.original.map import Pyramid
+from hector.original.motion import Motion
 from slams.geometry import Prior
 from slams.scan import scan_kernels
-from slams.types import IDENTITY, Pose2
+from slams.types import IDENTITY, Pose2, Scan
 from tests.hector import naive
 from tests.rooms import laser, scan_at
 
@@ -41,9 +42,6 @@ def column(x, y):
     return np.array([[x], [y]], np.float64)
 
 
-# the original's scan preparation
-
-
 def test_end_points_and_sweeps_of_the_original_are_those_of_the_default():
     lidar = laser(5, fov=math.pi, mount=Pose2(0.2, 0.1, math.pi / 2))
     ranges = np.array([1.0, np.nan, np.inf, 0.3, 2.0], np.float32)
@@ -66,9 +64,6 @@ def test_the_body_filter_hides_near_ends_behind():
     out = np.zeros((3, 3))
     limits = original_scan.Limits(0.1, 30.0, 0.7071)
     assert original_scan.end_points(ranges, lidar.directions, lidar.mount, limits, out) == 2
-
-
-# interpolation and Gauss-Newton on occupancy
 
 
 def test_interpolation_at_a_cell_is_the_cell_and_between_is_bilinear():
@@ -139,9 +134,6 @@ def test_a_step_of_the_original_is_limited_in_angle_only():
     assert math.hypot(free.x, free.y) > 0.01
 
 
-# map update
-
-
 @both_maps
 @pytest.mark.parametrize("turn", np.linspace(-math.pi, math.pi, 17))
 def test_insertion_equals_its_twin_in_every_octant(turn, kernels):
@@ -183,15 +175,6 @@ def test_beams_that_leave_the_grid_are_skipped_whole(kernels):
     assert not grid.log_odds.any()
 
 
-@pytest.mark.parametrize("motion", [Pose2(0.15, -0.1, 0.06), Pose2(-0.1, 0.12, -0.08)])
-def test_coarse_to_fine_recovers_a_large_motion(motion):
-    slam = Hector(HectorParams())
-    for _ in range(3):
-        slam.update(scan_at((0, 0, 0), laser(1081)))
-    points = slam._scan.take(scan_at(motion, laser(1081)), IDENTITY)
-    assert slam._map.climb(points, IDENTITY, NOTHING).pose == pytest.approx(motion, abs=0.03)
-
-
 def test_the_originals_map_does_not_grow_and_halves_from_level_to_level():
     params = OriginalParams(map_size=100, levels=3)
     slam = Original(params)
@@ -199,3 +182,47 @@ def test_the_originals_map_does_not_grow_and_halves_from_level_to_level():
     assert slam.map().p.shape <= (100, 100)
     assert [grid.p.shape[0] for grid in Pyramid(params).levels] == [100, 50, 25]
     assert [grid.resolution for grid in slam._map.levels] == [0.05, 0.1, 0.2]
+
+
+def stamped(t, odometry=None, yaw=None):
+    return Scan(t, np.zeros(1, np.float32), laser(1), odometry, yaw)
+
+
+def test_prediction_by_velocity_odometry_gyro_or_not_at_all():
+    for source, odometry, yaw, expected in (
+        ("last", None, None, (1.0, 0.0, 0.0)),
+        ("velocity", None, None, (2.0, 0.0, 0.0)),
+        ("velocity", 1, None, (2.0, 0.0, 0.0)),
+        ("auto", 1, None, (1.0, 0.5, 0.2)),
+        ("velocity", None, 0.3, (2.0, 0.0, 0.3)),
+    ):
+        motion = Motion(source)
+        frames = [Pose2(5.0, 5.0, 0.0), Pose2(6.0, 5.0, 0.0), Pose2(6.0, 5.5, 0.2)]
+        yaws = [0.0, 0.0, yaw]
+        pose = IDENTITY
+        for k in range(2):
+            scan = stamped(0.1 * k, odometry and frames[k], yaw and yaws[k])
+            assert motion.predict(pose, scan) is not None
+            pose = Pose2(float(k), 0.0, 0.0)
+            motion.moved(pose, scan)
+        scan = stamped(0.2, odometry and frames[2], yaw and yaws[2])
+        assert motion.predict(pose, scan) == pytest.approx(expected)
+        used = (2 if source == "auto" else 0, 2 if yaw else 0)
+        assert (motion.odometry, motion.gyro) == used
+
+
+def test_prediction_scales_with_the_interval_until_stamps_prove_ragged():
+    motion, pose = Motion("auto"), IDENTITY
+    for k, t in enumerate((0.0, 0.1, 0.2)):
+        motion.predict(pose, stamped(t))
+        pose = Pose2(0.1 * k, 0.0, 0.0)
+        motion.moved(pose, stamped(t))
+    assert motion.predict(pose, stamped(0.4)).x == pytest.approx(0.4)
+    motion, pose = Motion("auto"), IDENTITY
+    t = 0.0
+    for k in range(30):
+        t += 0.05 if k % 2 else 0.35
+        motion.predict(pose, stamped(t))
+        pose = Pose2(0.1 * k, 0.0, 0.0)
+        motion.moved(pose, stamped(t))
+    assert motion.predict(pose, stamped(t + 0.35)).x == pytest.approx(pose.x + 0.1)

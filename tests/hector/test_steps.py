@@ -1,17 +1,21 @@
 """The steps of `Hector.update`, one by one: each is taken where it is due, and only there."""
 
+import math
+
 import numpy as np
 import pytest
 
-from hector import HectorParams, match_kernels
+from hector import Hector, HectorParams, match_kernels
 from hector.map import BLUR, FINE, ROUGH, LogOddsPyramid
-from hector.map_kernels import probability
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from slams.geometry import Prior
+from slams.refine.line_kernels import View, line_equations
 from slams.refine.lines import ENOUGH
-from slams.scan.end_points import gap
+from slams.scan import scan_kernels
+from slams.scan.end_points import EndPoints, gap
+from slams.scan.scan_kernels import DENSE, Grain
 from slams.types import IDENTITY, Pose2
-from tests.rooms import settled
+from tests.rooms import drive, laser, scan_at, settled
 
 
 def test_one_step_of_gauss_newton_is_damped_and_limited():
@@ -30,6 +34,76 @@ def test_one_step_of_gauss_newton_is_damped_and_limited():
     assert np.array(pose) - np.array(start) == pytest.approx(0.5 * step, rel=1e-6)
 
 
+def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
+    points = settled("hector", 1)._scan
+    points.far = 8.0
+    for other, apart in ((Pose2(0.3, 0.4, 0.0), 0.5), (Pose2(0.0, 0.0, -0.1), 0.4)):
+        assert gap(points, IDENTITY, other) == pytest.approx(apart)
+    across = gap(points, Pose2(0.0, 0.0, 3.1), Pose2(0.0, 0.0, -3.1))
+    assert across == pytest.approx(4.0 * (2.0 * np.pi - 6.2))
+
+
+LOOSE = Prior(IDENTITY, 1e-3 * np.eye(3))
+MOVED = Pose2(0.03, -0.02, 0.01)
+
+
+def mapped(beams):
+    """A map of the room from its middle, and a scan that is taken a little off it."""
+    params = HectorParams()
+    grids, points = LogOddsPyramid(params), EndPoints(params)
+    points.take(scan_at(IDENTITY, laser(beams)), IDENTITY)
+    for _ in range(3):
+        grids.insert(points, IDENTITY)
+    return grids, points.take(scan_at(MOVED, laser(beams)), IDENTITY)
+
+
+def test_in_the_end_all_beams_count(monkeypatch):
+    grids, points = mapped(1081)
+    quick = grids.lines.fit(points, IDENTITY, LOOSE)
+    monkeypatch.setattr("slams.refine.lines.THINNED", 1)
+    thorough = grids.lines.fit(points, IDENTITY, LOOSE)
+    assert quick.pose == pytest.approx(thorough.pose, abs=2e-4)
+    assert quick.share == pytest.approx(thorough.share, abs=0.01)
+    assert quick.seen == pytest.approx(thorough.seen, rel=0.05, abs=0.05 * thorough.seen[2, 2])
+
+
+def test_a_normal_is_shared_within_a_part_of_its_window():
+    points, n = np.stack([np.full(400, 1.0), np.linspace(-0.5, 0.5, 400)]), 400
+    points[0] += np.random.default_rng(0).normal(0.0, 0.002, n)
+    out, moments, step = np.zeros((3, n)), np.zeros((6, n + 1)), 0.0025
+    scan_kernels.scan_moments(points, n, IDENTITY, step, 0.1, moments)
+    scan_kernels.scan_normals(points, n, IDENTITY, step, Grain(0.002, 0.05, 0.1), moments, out)
+    half = 2 + int(0.05 / (step * math.hypot(0.5, 1.0)))
+    ends, middle = out[0, n - half :], out[0, 200 : 200 + half]
+    assert len(np.unique(ends)) == half  # at the end of a wall a window is half a one
+    assert len(np.unique(middle)) <= 2 + half / (1 + half // DENSE)
+    assert np.abs(out[1, half:-half]).max() < 0.05
+
+
+@pytest.mark.parametrize(("rate", "looks"), [(10.0, 40), (40.0, 10)])
+def test_noise_is_measured_every_tenth_of_a_second(rate, looks, monkeypatch):
+    slam, learned = Hector(HectorParams()), []
+    first, *scans = drive(n=41, rate=rate)
+    slam.update(first)
+    noise = slam._scan._noise
+    learn = noise.learn
+    monkeypatch.setattr(noise, "learn", lambda *given: learned.append(given) or learn(*given))
+    for scan in scans:
+        slam.update(scan)
+    assert len(learned) == pytest.approx(looks, abs=1)
+
+
+def test_a_cell_that_is_surely_free_is_as_good_as_empty_and_still_counts():
+    grids, points = mapped(361)
+    for _ in range(40):
+        grids.insert(points, IDENTITY)
+    level = grids.levels[0]
+    free = level.log_odds[level.log_odds < 0.0]
+    assert free.min() == pytest.approx(43 * math.log(0.4 / 0.6), rel=1e-4)
+    exact = 1.0 / (1.0 + np.exp(-level.log_odds))
+    np.testing.assert_allclose(level.p, np.where(level.log_odds == 0.0, 0.0, exact), atol=1e-4)
+
+
 def test_what_cells_say_is_never_surer_than_their_ridges_are_exact(monkeypatch):
     slam = settled("hector", 12)
     prior = Prior(IDENTITY, 1e4 * np.eye(3))
@@ -42,15 +116,6 @@ def test_what_cells_say_is_never_surer_than_their_ridges_are_exact(monkeypatch):
     assert found.seen[0, 0] > 5.0 * H[0, 0]
     monkeypatch.setattr(match_kernels, "climb", lambda *_: (tuple(IDENTITY), 1.0, 0.0))
     assert grids.climb(points, IDENTITY, prior).seen == pytest.approx(grids._H / BLUR)
-
-
-def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
-    points = settled("hector", 1)._scan
-    points.far = 8.0
-    for other, apart in ((Pose2(0.3, 0.4, 0.0), 0.5), (Pose2(0.0, 0.0, -0.1), 0.4)):
-        assert gap(points, IDENTITY, other) == pytest.approx(apart)
-    across = gap(points, Pose2(0.0, 0.0, 3.1), Pose2(0.0, 0.0, -3.1))
-    assert across == pytest.approx(4.0 * (2.0 * np.pi - 6.2))
 
 
 @pytest.mark.parametrize(
@@ -74,16 +139,18 @@ def test_fewer_beams_are_climbed_with_where_there_are_many(n, refine, strides):
         assert solver.tolerance == pytest.approx(expected)
 
 
-def test_what_was_never_seen_has_no_probability():
-    assert [round(float(probability(x)), 4) for x in (0.0, 1.0, -1.0)] == [0.0, 0.7311, 0.2689]
-
-
-def test_a_pyramid_that_has_grown_is_climbed_as_before():
-    slam = settled("hector", 3, max_cells=1 << 20)
-    grids, loose = slam._map, Prior(IDENTITY, 1e-3 * np.eye(3))
-    start, before = Pose2(0.1, -0.05, 0.04), [level.p.shape for level in grids.levels]
-    found = grids.climb(slam._scan, start, loose)
-    grids._cover(Pose2(0.0, -70.0, 0.0), 5.0)
-    assert all(a.p.shape > b for a, b in zip(grids.levels, before, strict=True))
-    assert grids.climb(slam._scan, start, loose).pose == pytest.approx(found.pose, abs=1e-9)
-    assert found.pose == pytest.approx(IDENTITY, abs=0.03)
+def test_every_few_beams_are_enough_for_a_first_step_on_the_lines():
+    grids, points = mapped(1081)
+    sums = []
+    for stride in (1, 4):
+        ends, normals = points.points[:, ::stride].copy(), points.normals[:, ::stride].copy()
+        H, b = np.zeros((3, 3)), np.zeros(3)
+        view = View(ends, normals, ends.shape[1], IDENTITY)
+        line_equations(grids.lines.surface, view, 1, IDENTITY, 400.0, H, b)
+        sums.append((H, b))
+    H, b = np.zeros((3, 3)), np.zeros(3)
+    view = View(points.points, points.normals, points.n, IDENTITY)
+    line_equations(grids.lines.surface, view, 4, IDENTITY, 400.0, H, b)
+    assert pytest.approx(sums[1][0], rel=1e-6) == H
+    assert b == pytest.approx(sums[1][1], rel=1e-6)
+    assert np.linalg.solve(*sums[0]) == pytest.approx(np.linalg.solve(H, b), abs=2e-3)

@@ -1,21 +1,20 @@
-"""Room for maps that grow: memory only where something was written, and moves of what grows."""
+"""Maps that grow: where the robot can have driven, within a limit, memory only where written."""
+
+import dataclasses
+import math
+import tracemalloc
+from functools import cache
 
 import numpy as np
 import pytest
 from numpy.lib.array_utils import byte_bounds
 
-from slams.cells import (
-    PAGE,
-    PAGEMAP,
-    Room,
-    filled,
-    given_pages,
-    move,
-    runs,
-    zeros,
-)
-from slams.grid_bounds import Box
-from slams.registry import find
+from slams.cells import PAGE, PAGEMAP, Room, filled, given_pages, move, zeros
+from slams.grid_bounds import MAX_UNSEEN_DISTANCE, Box, GridBounds
+from slams.player import WARM_UP_SCANS, replay, warm_up
+from slams.registry import BUILT_IN, find
+from slams.scanlog import Track
+from slams.summary import as_text, summarize
 from tests.rooms import drive
 
 needs_pagemap = pytest.mark.skipif(
@@ -26,11 +25,6 @@ needs_pagemap = pytest.mark.skipif(
 def taken(array):
     """Bytes of memory that an array takes at most."""
     return int(given_pages(*byte_bounds(array)).sum()) * PAGE
-
-
-def test_runs_have_their_firsts_and_lengths():
-    assert runs(np.array([True, False, True, True])) == [(0, 1), (2, 2)]
-    assert runs(np.zeros(0, np.bool_)) == []
 
 
 @needs_pagemap
@@ -132,3 +126,81 @@ def test_a_map_that_outgrows_its_room_is_the_same_in_a_larger_one(name, monkeypa
     one, other = narrow.map(), roomy.map()
     np.testing.assert_allclose(one.origin, other.origin)
     np.testing.assert_allclose(one.p, other.p, atol=1e-3)
+
+
+LABELS = [f"{name}{preset}" for name in BUILT_IN for preset in ("", "@original")]
+LABELS = [label for label in LABELS if not label.startswith(("odometry", "kiss"))]
+GROWING = [label for label in LABELS if "max_cells" in find(label).params().specs()]
+
+
+def test_a_map_may_grow_step_by_step_but_not_leap():
+    extent = GridBounds(1 << 26, 0.05)
+    assert extent.admits(Box.around(0.99 * MAX_UNSEEN_DISTANCE, 0.0, 10.0))
+    assert extent.admits(Box.around(1.98 * MAX_UNSEEN_DISTANCE, 0.0, 10.0))
+    covered = extent.covered
+    for x in (4.0 * MAX_UNSEEN_DISTANCE, 1e300, math.inf, math.nan):
+        assert not extent.admits(Box.around(x, 0.0, 10.0))
+    assert extent.counts == {"too_far": 4, "too_large": 0}
+    assert extent.covered == covered
+
+
+def test_a_map_that_is_full_still_takes_what_is_inside():
+    extent = GridBounds(10_000, 0.1)
+    assert extent.admits(Box(-5.0, -5.0, 4.9, 4.9))
+    assert not extent.admits(Box(4.0, 0.0, 6.0, 1.0))
+    assert not extent.admits(Box(0.0, 0.0, math.inf, 1.0))
+    assert extent.admits(Box(-5.0, 0.0, 4.9, 1.0))
+    assert extent.counts == {"too_far": 1, "too_large": 1}
+
+
+def degraded(meters):
+    """A drive whose odometry jumps aside in its middle."""
+    log = drive(n=40)
+    values = log.odom.values.copy()
+    values[20:, 1] += meters
+    return dataclasses.replace(log, odom=Track(log.odom.t, values))
+
+
+def kept_mb(label, log, **changes):
+    entry = find(label)
+    params = entry.params().replace(**changes)
+    warm_up(entry.cls, params, log.select(WARM_UP_SCANS))  # compiling, too, takes memory
+    tracemalloc.start()
+    try:
+        slam = entry.cls(params)
+        run = replay(slam, log)
+        grid = slam.map()
+        return slam, run, grid, tracemalloc.get_traced_memory()[1] / 1e6
+    finally:
+        tracemalloc.stop()
+
+
+@cache
+def usual_mb(label):
+    return kept_mb(label, drive(n=40))[3]
+
+
+@pytest.mark.parametrize("label", LABELS)
+@pytest.mark.parametrize("meters", [1e3, 1e6])
+def test_odometry_that_jumps_costs_no_memory(label, meters):
+    usual = usual_mb(label)
+    slam, run, grid, mb = kept_mb(label, degraded(meters))
+    assert mb < usual + 50.0, f"{mb:.0f} MB instead of {usual:.0f}"
+    assert grid.p.size < 1.1e6
+    assert np.isfinite(run.poses).all()
+    report = slam.report()
+    if np.abs(run.poses[-1, 1]) > MAX_UNSEEN_DISTANCE and label in GROWING:
+        assert report["too_far"] > 0
+
+
+@pytest.mark.parametrize("label", GROWING)
+def test_a_map_at_its_limit_stops_growing_and_says_so(label):
+    entry, log = find(label), drive(n=40)
+    resolution = {"crsm": 0.02, "crsm@original": 0.005, "tsd@original": 0.01}.get(label, 0.02)
+    cell = "resolution" if "resolution" in entry.params().specs() else "cell"
+    slam, run, grid, _ = kept_mb(label, log, max_cells=1 << 16, **{cell: resolution})
+    assert slam.report()["too_large"] > 0
+    assert np.isfinite(run.poses).all()
+    assert grid.p.size < 1 << 22, "what the first map has, nothing more"
+    text = as_text(summarize(run, log, label, entry.params(), 0.0))
+    assert "it has reached max_cells" in text

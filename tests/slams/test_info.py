@@ -64,13 +64,6 @@ def test_topics_are_shown_of_a_bag_without_scans(tmp_path, capsys):
     assert lines[2].startswith(f"it cannot be used: {path}: no laser scans; expected")
 
 
-def test_what_is_assumed_is_shown(tmp_path, capsys):
-    path = bags.write(tmp_path, "bag", lambda make: [("/scan", 0.1, make.scan(0.1, [2.0] * 9))])
-    assert any(
-        "assumed: no transform from a base to the laser" in line for line in lines_of(capsys, path)
-    )
-
-
 def test_an_npz_with_a_truth_can_be_compared_and_swept(tmp_path, capsys):
     drive(n=5).save(tmp_path / "a.npz")
     lines = lines_of(capsys, tmp_path / "a.npz")
@@ -84,17 +77,6 @@ def test_the_lasers_of_a_carmen_log_are_shown(tmp_path, capsys):
     (tmp_path / "a.log").write_text(f"FLASER 2 1.0 2.0 {pose}\nRLASER 2 1.0 2.0 {pose}\n" * 2)
     lines = lines_of(capsys, tmp_path / "a.log")
     assert lines[:2] == ["  FLASER  2 lines", "  RLASER  2 lines"]
-
-
-@pytest.mark.parametrize(("text", "sentence"), [(None, "no such file"), ("x", "not an npz file")])
-def test_bad_input_is_one_sentence_and_exit_2(text, sentence, tmp_path, capsys):
-    if text:
-        (tmp_path / "a.log").write_text(text)
-    assert info.main([str(tmp_path / "a.log")]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.count("\n") == 1
-    assert sentence in printed.err
 
 
 def test_a_damaged_bag_is_refused_unless_salvaged(tmp_path, capsys):

@@ -14,6 +14,7 @@ import pytest
 from slams import jit
 from slams.types import Floats
 from tests.places import ROOT
+from tests.processes import python
 
 KERNEL = """
 from slams.jit import njit
@@ -108,13 +109,7 @@ print(np.array([slam.update(scan) for scan in drive(n=40, rate=10.0)]).tobytes()
 
 
 def test_kernels_just_compiled_give_the_bits_of_kernels_that_were_kept(tmp_path):
-    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    runs = [
-        subprocess.run(
-            [sys.executable, "-c", POSES], cwd=ROOT, env=env, capture_output=True, text=True
-        )
-        for _ in range(2)
-    ]
+    runs = [python("-c", POSES, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2)]
     assert runs[0].stdout, runs[0].stderr
     assert runs[0].stdout == runs[1].stdout
 

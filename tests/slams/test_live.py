@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from slams import LiveSlam, Pose2
+from slams.heading import LONGEST_GAP, Heading
 from slams.live.estimate import LATE_IN_A_ROW
 from slams.registry import BUILT_IN, find
 from slams.ros.stamps import seconds
@@ -148,7 +149,7 @@ def test_the_gyro_is_integrated_however_often_it_comes():
         assert seen[5] is None
 
 
-@pytest.mark.parametrize("wrong", [-1e-5, math.nan, math.inf])
+@pytest.mark.parametrize("wrong", [-1e-5, 1e300, math.nan, math.inf])
 def test_a_time_between_beams_that_cannot_be_is_none(wrong):
     live, seen = watched(lambda scan: scan.laser)
     live.push(0.0, [1.0, 2.0], 0.0, 0.1, 0.1, 9.0, time_increment=wrong)
@@ -234,3 +235,37 @@ def test_nothing_is_compiled_after_the_constructor(tmp_path):
     done = python("-W", "ignore", "-c", COLD, NUMBA_CACHE_DIR=str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert float(done.stdout) == 0.0
+
+
+def pushed(*readings):
+    heading = Heading()
+    for t, rate in readings:
+        heading.push(t, rate)
+    return heading
+
+
+def test_the_heading_is_the_area_under_the_rates():
+    heading = pushed((0.0, 0.0), (0.1, 1.0), (0.3, 0.0))
+    assert heading.at(0.3) == pytest.approx(0.05 + 0.1)
+    assert pushed((0.0, 0.0), (0.1, 1.0)).at(0.2) == pytest.approx(0.05 + 0.1)  # goes on
+
+
+def test_a_gap_is_not_bridged():
+    far = LONGEST_GAP + 0.1
+    heading = pushed((0.0, 1.0), (far, 1.0))
+    assert heading.at(far) == 0.0
+    assert heading.at(far + 1.01 * LONGEST_GAP) is None
+    assert Heading().at(0.0) is None
+
+
+def test_a_reading_that_comes_late_is_left_out_and_a_clock_set_back_is_followed():
+    heading = pushed((1.0, 1.0), (1.1, 1.0), (0.9, 5.0))
+    assert heading.at(1.2) == pytest.approx(0.2)
+    heading.push(0.1, 0.5)
+    assert heading.at(0.3) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(("t", "rate"), [(math.nan, 0.0), (1.2, math.nan), (1e300, 0.0)])
+def test_what_cannot_be_is_left_out(t, rate):
+    heading = pushed((1.0, 1.0), (1.1, 1.0), (t, rate))
+    assert heading.at(1.2) == pytest.approx(0.2)

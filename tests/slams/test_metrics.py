@@ -108,14 +108,6 @@ def test_pairs_over_way_wait_for_the_way():
     assert second.tolist() == [4, 5, 5]
 
 
-def test_alignment_recovers_a_motion_exactly():
-    truth = walk()
-    motion = Pose2(3.0, -2.0, 1.1)
-    assert metrics.ate(moved(truth, motion), truth) == pytest.approx(0.0, abs=1e-9)
-    found = metrics.align(moved(truth, motion), truth)
-    assert found == pytest.approx(motion.inverse(), abs=1e-9)
-
-
 def test_frames_are_made_common_by_the_first_pose_with_a_truth():
     truth = walk(20)
     estimate = metrics.from_first(truth)
@@ -151,8 +143,3 @@ def test_relations_by_hand():
 def test_classes_share_out_all_values():
     shares = bench_metrics.class_shares(np.array([0.0, 0.02, 0.03, 0.9]), 0.025, 4)
     assert shares == pytest.approx([0.5, 0.25, 0.0, 0.25])
-
-
-def test_path_length():
-    poses = np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 1.0], [3.0, 5.0, 1.0]])
-    assert metrics.path_length(poses) == 6.0

@@ -6,10 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from slams import Params, metrics
+from slams import Params, metrics, player
 from slams.player import Run
+from slams.registry import create
 from slams.scanlog import ScanLog, Track
-from slams.summary import Span, as_json, as_text, cost, moments, span_pairs, summarize, truth_errors
+from slams.summary import Span, as_json, as_text, cost, span_pairs, summarize, truth_errors
 from slams.types import Pose2
 from tests.rooms import laser
 
@@ -95,10 +96,6 @@ def test_spans_are_updates_seconds_or_meters():
         assert len(a) == first and set((b - a).tolist()) == {apart}, span
 
 
-def test_moments_are_those_of_the_values_themselves():
-    assert moments(np.array([1.0, 3.0])) == {"mean": 2.0, "std": 1.0, "min": 1.0, "max": 3.0}
-
-
 def test_what_is_odd_is_told_with_its_number():
     report = {"lost": 0, "too_far": 7}
     found = summary_of(poses_of(), log_of(), report) | {"stamps_back": 3}
@@ -111,3 +108,21 @@ def test_what_is_odd_is_told_with_its_number():
 def test_what_is_not_finite_becomes_null():
     text = as_json({"a": math.nan, "b": [math.inf, 1.0], "c": np.float64(-math.inf), "d": "nan"})
     assert json.loads(text) == {"a": None, "b": [None, 1.0], "c": None, "d": "nan"}
+
+
+def test_the_time_of_who_watches_is_not_counted(room_log, monkeypatch):
+    """By a clock that goes on only while somebody watches."""
+    seen = []
+    monkeypatch.setattr(player.time, "process_time", lambda: float(len(seen)))
+    done = player.replay(create("odometry"), room_log, lambda scan, pose: seen.append(scan))
+    assert len(seen) == len(room_log)
+    assert not done.seconds.any()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_pose_that_is_not_finite_is_refused_with_its_scan(bad, room_log, monkeypatch):
+    slam = create("odometry")
+    poses = iter([Pose2(0.0, 0.0, 0.0)] * 3 + [Pose2(bad, 0.0, 0.0)] * len(room_log))
+    monkeypatch.setattr(slam, "update", lambda scan: next(poses))
+    with pytest.raises(RuntimeError, match=r"Odometry returned Pose2\(x=(nan|inf).* for scan 3"):
+        player.replay(slam, room_log)

@@ -101,25 +101,6 @@ def pair_pose(line, element):
     return Pose2(line[0] - turned[0], line[1] - turned[1], theta)
 
 
-def in_line(points, beams, noise):
-    """Whether the beam of the middle one of three points ends on the chord of the others."""
-    first, middle, last = points
-    chord = last - first
-    along = np.linalg.solve(np.stack([middle, -chord], axis=1), first)[0]  # where they cross
-    return beams[2] - beams[0] <= 4 and abs(along - 1.0) * np.linalg.norm(middle) < 4.0 * noise
-
-
-def passed(laser, ends, corner, cell, shape):
-    """Cells that the beams from a laser to their ends pass, in steps of a cell."""
-    seen = np.zeros(shape, bool)
-    for end in ends:
-        r = np.hypot(*(end - laser))
-        for step in range(int(r / cell)):
-            x, y = laser + step * cell * (end - laser) / r
-            seen[math.floor((y - corner[1]) / cell), math.floor((x - corner[0]) / cell)] = True
-    return seen
-
-
 def pushed_cell(lines, x, y, truncation, cap):
     """Value and weight that lines (x, y, nx, ny, weight) give one cell, one after the other."""
     value, total = 0.0, 0.0
@@ -141,6 +122,25 @@ def matched_pairs(model, scene, gate):
         if d[m] <= gate and d[m] < best[m]:
             partner[m], best[m] = k, d[m]
     return partner
+
+
+def in_line(points, beams, noise):
+    """Whether the beam of the middle one of three points ends on the chord of the others."""
+    first, middle, last = points
+    chord = last - first
+    along = np.linalg.solve(np.stack([middle, -chord], axis=1), first)[0]  # where they cross
+    return beams[2] - beams[0] <= 4 and abs(along - 1.0) * np.linalg.norm(middle) < 4.0 * noise
+
+
+def passed(laser, ends, corner, cell, shape):
+    """Cells that the beams from a laser to their ends pass, in steps of a cell."""
+    seen = np.zeros(shape, bool)
+    for end in ends:
+        r = np.hypot(*(end - laser))
+        for step in range(int(r / cell)):
+            x, y = laser + step * cell * (end - laser) / r
+            seen[math.floor((y - corner[1]) / cell), math.floor((x - corner[0]) / cell)] = True
+    return seen
 
 
 def runs_of(points, ranges, beams, step, max_slope, noise):

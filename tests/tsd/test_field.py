@@ -21,7 +21,7 @@ from tests.tsd.cases import (
     original,
     scanned,
 )
-from tsd.drawing import CERTAIN, surface_cells
+from tsd.drawing import surface_cells
 from tsd.image import colored
 from tsd.map_kernels import (
     BEHIND,
@@ -76,21 +76,6 @@ def test_both_sides_of_a_thin_plate_stay_where_they_are():
         assert field_at(slam, *high, (0, 1))[0] == pytest.approx(sd, abs=0.006)
 
 
-def layers_of(normal):
-    field = field_of(max_weight=100.0).kernel
-    line, rows = np.array([[1.0, -2.0, *normal, 1.0, 2.0, 0.0]]), np.zeros((99, 4))
-    n = list_rows(field, line, 1, PushRule(0.15, 100.0, 0.2), rows)
-    return set(rows[:n, 1].astype(int))
-
-
-def test_layers_cover_every_direction_and_never_opposite_sides():
-    for angle in np.linspace(-np.pi, np.pi, 181):
-        n = (math.cos(angle), math.sin(angle))
-        layers = layers_of(n)
-        assert facing(*n) in layers
-        assert not layers & layers_of((-n[0], -n[1]))
-
-
 def test_gradient_is_the_interpolants():
     slam = default()
     for scan in drive(n=30, lidar=laser(361)):
@@ -111,22 +96,6 @@ def test_gradient_is_the_interpolants():
             assert gx == pytest.approx((around[0] - around[1]) / (2 * h), abs=1e-2)
             assert gy == pytest.approx((around[2] - around[3]) / (2 * h), abs=1e-2)
     assert checked > 50
-
-
-@pytest.mark.parametrize("make", [default, original])
-def test_map_and_field_show_the_room(make):
-    slam = make()
-    for scan in drive(n=25, gyro=False):
-        slam.update(scan)
-    x0, y0, _ = -1 * np.array(drive(n=1).truth_at(np.zeros(1))[0])
-    assert occupied(slam, 5.0 + x0, y0) and occupied(slam, x0, -3.0 + y0)
-    grid = slam.map()
-    ix, iy = (np.array([0.5, 0.5]) - grid.origin) / grid.resolution
-    assert grid.p[int(iy), int(ix)] < 0.5
-    tsd, weight, resolution, origin = slam.field()
-    assert tsd.shape == weight.shape == grid.p.shape
-    assert (resolution, origin) == (grid.resolution, grid.origin)
-    assert np.isfinite(tsd[weight > 0]).all()
 
 
 def test_push_blends_every_line_into_its_cells():
@@ -152,29 +121,6 @@ def test_push_blends_every_line_into_its_cells():
         assert bool(field.kernel.seen[iy, ix] & BEHIND) == behind
 
 
-def test_a_sparse_line_is_not_continued_far_beyond_its_hit():
-    field = field_of(max_weight=100.0).kernel
-    line = np.array([[2.0, 0.0, 0.0, 1.0, 0.2, 8.0, 0.0]])
-    rows = np.zeros((999, 4))
-    n = list_rows(field, line, 1, PushRule(0.15, 100.0, 0.2), rows)
-    along = field.corner[0] + (rows[:n, 2] + 0.5) * 0.05
-    assert 4 <= n <= 7 and np.abs(along - 2.0).max() <= 0.15
-
-
-def test_carve_marks_what_every_beam_passes():
-    field = field_of(max_weight=100.0).kernel
-    gap, laser_at = 0.01, np.array([0.3, -0.2])
-    angles = -1.0 + gap * np.arange(200)
-    ends = laser_at + 4.02 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    lines = np.column_stack([ends, np.zeros((200, 5))])
-    lines[:, 5] = 4.02
-    carve(field, lines, 200, *laser_at, PushRule(0.15, 100.0, gap))
-    twin = naive_tsd.passed(laser_at, ends, field.corner, 0.05, field.seen.shape)
-    seen = (field.seen & PASSED) > 0
-    assert not (seen & ~twin).any()
-    assert (twin & ~seen).sum() < 0.02 * twin.sum()  # close by, not every beam is walked
-
-
 @pytest.mark.parametrize("layer", range(4))
 def test_a_surface_is_one_cell_wide_where_it_crosses(layer):
     x = (np.arange(12) + 0.5) * 0.05
@@ -184,26 +130,6 @@ def test_a_surface_is_one_cell_wide_where_it_crosses(layer):
     assert not surface_cells(-tsd, layer, 0.05).any()  # faces the other way
     assert not surface_cells(3.0 * tsd, layer, 0.05).any()  # two surfaces, none between
     assert not surface_cells(0.5 * tsd, layer, 0.05).any()  # shows in the other axis' layer
-
-
-def test_the_map_shows_what_the_picture_does_where_tiles_meet():
-    """Walls that cross the borders of tiles: from the layers one by one, as whole images."""
-    slam = default()
-    for scan in drive(n=30):
-        slam.update(scan)
-    field, grid = slam._map, slam.map()
-    expected = np.zeros(grid.p.shape, bool)
-    for layer in range(4):
-        tsd, weight = (
-            field._dense(layer, pool) for pool in (field.kernel.tsd, field.kernel.weight)
-        )
-        tsd = np.where(weight >= CERTAIN, tsd, np.nan)
-        turned = layer % 2 == 1
-        cells = surface_cells(tsd.T if turned else tsd, layer, 0.05)
-        expected |= cells.T if turned else cells
-    assert ((grid.p > 0.5) == expected).all() and expected.sum() > 300
-    picture = slam.field()
-    assert picture[0].shape == grid.p.shape and picture[3] == grid.origin
 
 
 def test_walls_of_the_map_are_thin_and_nothing_else_is_occupied():
@@ -253,3 +179,42 @@ def test_shares_count_what_is_explained_and_what_is_contradicted():
     assert conflicts > 0.2 and inliers < 0.7
     with pytest.raises(TypeError, match="expected a SurfaceScan"):
         field.evaluate(EndPoints(TsdParams()), pose)
+
+
+@pytest.mark.parametrize("make", [default, original])
+def test_map_and_field_show_the_room(make):
+    slam = make()
+    for scan in drive(n=25, gyro=False):
+        slam.update(scan)
+    x0, y0, _ = -1 * np.array(drive(n=1).truth_at(np.zeros(1))[0])
+    assert occupied(slam, 5.0 + x0, y0) and occupied(slam, x0, -3.0 + y0)
+    grid = slam.map()
+    ix, iy = (np.array([0.5, 0.5]) - grid.origin) / grid.resolution
+    assert grid.p[int(iy), int(ix)] < 0.5
+    tsd, weight, resolution, origin = slam.field()
+    assert tsd.shape == weight.shape == grid.p.shape
+    assert (resolution, origin) == (grid.resolution, grid.origin)
+    assert np.isfinite(tsd[weight > 0]).all()
+
+
+def test_a_sparse_line_is_not_continued_far_beyond_its_hit():
+    field = field_of(max_weight=100.0).kernel
+    line = np.array([[2.0, 0.0, 0.0, 1.0, 0.2, 8.0, 0.0]])
+    rows = np.zeros((999, 4))
+    n = list_rows(field, line, 1, PushRule(0.15, 100.0, 0.2), rows)
+    along = field.corner[0] + (rows[:n, 2] + 0.5) * 0.05
+    assert 4 <= n <= 7 and np.abs(along - 2.0).max() <= 0.15
+
+
+def test_carve_marks_what_every_beam_passes():
+    field = field_of(max_weight=100.0).kernel
+    gap, laser_at = 0.01, np.array([0.3, -0.2])
+    angles = -1.0 + gap * np.arange(200)
+    ends = laser_at + 4.02 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    lines = np.column_stack([ends, np.zeros((200, 5))])
+    lines[:, 5] = 4.02
+    carve(field, lines, 200, *laser_at, PushRule(0.15, 100.0, gap))
+    twin = naive_tsd.passed(laser_at, ends, field.corner, 0.05, field.seen.shape)
+    seen = (field.seen & PASSED) > 0
+    assert not (seen & ~twin).any()
+    assert (twin & ~seen).sum() < 0.02 * twin.sum()  # close by, not every beam is walked

@@ -9,21 +9,13 @@ import pytest
 from slams.types import IDENTITY, Pose2
 from tests.rooms import box, cast, drive, laser, scan_at
 from tests.tsd import naive as naive_tsd
-from tests.tsd.cases import (
-    error,
-    original,
-)
+from tests.tsd.cases import error, original
 from tsd.original import Original, OriginalParams
 from tsd.original.map import TsdGrid, zero_crossings
 from tsd.original.map_kernels import cast_rays
-from tsd.original.match_kernels import Buckets, Links, closed_form, fill_buckets, nearest, pair_up
-from tsd.original.ransac_kernels import make_hypothesis, score_pdf
+from tsd.original.match_kernels import Buckets, Links, fill_buckets, nearest, pair_up
+from tsd.original.ransac_kernels import score_pdf
 from tsd.original.scan_kernels import Sensor, mask_scan, oriented_normals
-
-
-def test_zero_crossings_take_the_nearer_cell():
-    tsd = np.array([[0.9, 0.3, -0.7, np.nan, 0.2]], np.float32)
-    assert zero_crossings(tsd).tolist() == [[False, True, False, False, False]]
 
 
 def small_grid(pose, ranges, sensor):
@@ -92,24 +84,6 @@ def test_nearest_equals_the_naive_twin():
                 assert math.sqrt(d2) == pytest.approx(np.hypot(*(points[twin] - query)))
 
 
-def test_closed_form_finds_the_motion():
-    rng = np.random.default_rng(3)
-    scene, motion = rng.uniform(-2, 2, (30, 2)), Pose2(0.2, -0.1, 0.4)
-    pairs, found = closed_form(motion.transform(scene), scene, np.arange(30), 30)
-    assert pairs == 30
-    assert found == pytest.approx(np.array(motion))
-    assert closed_form(scene, scene, np.full(30, -1), 30)[0] == 0
-
-
-def test_hypothesis_lays_point_on_point_and_normal_on_normal():
-    motion = np.zeros(3)
-    model, scene = np.array([1.0, 2.0]), np.array([0.5, -0.3])
-    assert make_hypothesis(model, 0.5, scene, 0.2, 0.8, motion)
-    assert Pose2(*motion).transform(scene[None])[0] == pytest.approx(model)
-    assert motion[2] == pytest.approx(0.3)
-    assert not make_hypothesis(model, 2.0, scene, 0.2, 0.8, motion)
-
-
 def test_score_equals_the_naive_twin(pushed):
     kernel, _, pose, ranges, lidar = pushed
     points = (ranges[:, None] * lidar.directions)[::30]
@@ -125,16 +99,6 @@ def test_score_equals_the_naive_twin(pushed):
             0.0,
         )
         assert score == pytest.approx(twin, rel=1e-4)
-
-
-def test_normals_face_the_laser_and_corners_have_none():
-    lidar = laser(361)
-    points = cast(np.array(box(-2.0, -2.0, 2.0, 2.0)), (0, 0, 0), lidar)[:, None] * lidar.directions
-    phi = np.zeros(361)
-    oriented_normals(points, np.ones(361, np.bool_), phi)
-    assert phi[180] == pytest.approx(math.pi) or phi[180] == pytest.approx(-math.pi)
-    corner = int(np.argmin(np.abs(lidar.angles - math.pi / 4)))
-    assert math.isnan(phi[corner]) and math.isnan(phi[0])
 
 
 @pytest.mark.parametrize("mode", ["icp", "tsd"])
@@ -218,3 +182,18 @@ def test_rays_jump_over_free_space_without_missing_anything():
             found.append((points, mask))
         assert np.array_equal(found[0][1], found[1][1])
         assert found[0][0] == pytest.approx(found[1][0], abs=1e-9)
+
+
+def test_zero_crossings_take_the_nearer_cell():
+    tsd = np.array([[0.9, 0.3, -0.7, np.nan, 0.2]], np.float32)
+    assert zero_crossings(tsd).tolist() == [[False, True, False, False, False]]
+
+
+def test_normals_face_the_laser_and_corners_have_none():
+    lidar = laser(361)
+    points = cast(np.array(box(-2.0, -2.0, 2.0, 2.0)), (0, 0, 0), lidar)[:, None] * lidar.directions
+    phi = np.zeros(361)
+    oriented_normals(points, np.ones(361, np.bool_), phi)
+    assert phi[180] == pytest.approx(math.pi) or phi[180] == pytest.approx(-math.pi)
+    corner = int(np.argmin(np.abs(lidar.angles - math.pi / 4)))
+    assert math.isnan(phi[corner]) and math.isnan(phi[0])

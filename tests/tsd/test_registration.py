@@ -9,17 +9,11 @@ from slams.geometry import FREEDOM, Prior
 from slams.types import IDENTITY, Pose2
 from tests.rooms import box, laser, scan_at
 from tests.tsd import naive as naive_tsd
-from tests.tsd.cases import (
-    default,
-    error,
-    scanned,
-)
+from tests.tsd.cases import default, error, scanned
 from tsd.icp_kernels import IcpRule, find_pair, sum_pairs
-from tsd.map_kernels import (
-    facing,
-    read_field,
-)
+from tsd.map_kernels import LAYERS, SIDE, WALL, Field, facing, read_field
 from tsd.match_kernels import FLAT, MatchRule, accumulate, align
+from tsd.model_kernels import Fan, Model, cast_rays
 from tsd.ransac_kernels import AGAINST, PairRule, score_pose, try_pairs
 from tsd.registration import ENOUGH, ROUGHLY, SLOPPY
 
@@ -114,17 +108,6 @@ def test_the_model_scan_shows_the_walls(pose):
     assert np.sin(angles - rays * fan.gap) == pytest.approx(np.zeros(len(r)), abs=1e-9)
 
 
-def test_the_model_scan_shows_the_front_of_what_is_near():
-    plate = np.array([*box(1.0, -0.3, 1.02, 0.3), *box(-3.0, -3.0, 3.0, 3.0)])
-    slam = default()
-    slam.update(scan_at((0.0, 0.0, 0.0), laser(721), plate))
-    slam.insert_at(scan_at((2.2, 0.0, np.pi), laser(721), plate), Pose2(2.2, 0.0, np.pi))
-    for base, sees in ((Pose2(0.0, 0.0, 0.0), 1.0), (Pose2(2.2, 0.0, np.pi), 1.02)):
-        model = slam._registration.cast(base, slam._scan.laser)
-        ahead = np.abs(model.fan.first + np.arange(model.fan.rays) * model.fan.gap) < 0.15
-        assert model.points[ahead, 0] == pytest.approx(np.full(ahead.sum(), sees), abs=2e-3)
-
-
 def icp_by_hand(model, elements, pose, gate, rule):
     """Pairs and normal equations of point to line, the plain way."""
     H, b, pairs = np.zeros((3, 3)), np.zeros(3), 0
@@ -165,6 +148,63 @@ def test_icp_sums_the_nearest_pairs_point_to_line(stride):
     assert room[:3] == pytest.approx(stride * H) and room[3] == pytest.approx(stride * b)
 
 
+def test_three_far_hits_bring_back_what_slipped_along_a_corridor():
+    """All else agrees well wherever that is, so the residual does not tell how far it is off."""
+    slam, lidar = default(), laser(181)
+    hall = np.array([(-5.0, -0.4, 12.0, -0.4), (-5.0, 0.4, 12.0, 0.4), (12.0, -0.4, 12.0, 0.4)])
+    for x in (-0.1, 0.0, 0.1, 0.0):
+        slam.insert_at(scan_at((x, 0.0, 0.0), lidar, hall), Pose2(x, 0.0, 0.0))
+    view, found, room = slam._scan, np.array((0.1, 0.0, 0.0)), np.zeros((5, 3))
+    assert np.sum(np.abs(view.elements[: view.count, 2]) > 0.7) == 3
+    prior, rule = np.eye(3) / 0.01**2, MatchRule(15, 1e-4, 1e-5, 0.03, 0.01)
+    align(slam._map.kernel, view.elements, view.count, found.copy(), prior, rule, found, room)
+    assert np.abs(found[0]) < 0.01
+
+
+def test_icp_comes_back_from_farther_than_the_field_reaches():
+    off, ends = Pose2(0.3, -0.28, 0.1), []  # the field reaches 0.15 m
+    for gate in (0.4, 0.02):
+        slam = default(refine=False, widest_gate=gate)
+        slam.update(scan_at((0.0, 0.0, 0.0)))
+        ends.append(error(IDENTITY, slam._registration.icp(slam._scan, off, NOTHING).pose))
+    assert ends[0][0] < 0.005 and ends[0][1] < 0.003 and ends[1][0] > 0.05
+
+
+CELL, TILES = 0.05, 8
+
+
+def field_of(planes):
+    """A field around (0, 0) with a linear distance in some layers: layer to f(x, y)."""
+    n = TILES * SIDE
+    centers = -0.5 * n * CELL + CELL * (np.arange(n) + 0.5)
+    x, y = np.meshgrid(centers, centers)
+    slots = np.zeros((TILES, TILES, LAYERS), np.int32)
+    tiles = [np.full((SIDE, SIDE), np.nan)]
+    for layer, plane in planes.items():
+        values = plane(x, y)
+        for ty in range(TILES):
+            for tx in range(TILES):
+                slots[ty, tx, layer] = len(tiles)
+                part = values[ty * SIDE : (ty + 1) * SIDE, tx * SIDE : (tx + 1) * SIDE]
+                tiles.append(part)
+    tsd = np.array(tiles, np.float32)
+    corner, seen = np.full(2, -0.5 * n * CELL), np.zeros((n, n), np.uint8)
+    walls = np.zeros((n // WALL, n // WALL), np.float32)
+    return Field(slots, tsd, np.ones_like(tsd), corner, CELL, np.array([len(tsd)]), seen, walls)
+
+
+@pytest.mark.parametrize(("right", "top"), [(1.0, 1.002), (1.002, 1.0)])
+def test_of_two_surfaces_in_one_step_the_nearer_one_is_seen(right, top):
+    field = field_of({2: lambda x, y: right - x, 3: lambda x, y: top - y})
+    model = Model(np.zeros((1, 5)), Fan(1, 0.25 * math.pi, 0.1, 5.0, 0), 0.0, 0.0, 0.0)
+    assert cast_rays(field, model) == 1
+    x, y, nx, ny, way = model.points[0]
+    nearer = (-1.0, 0.0) if right < top else (0.0, -1.0)
+    assert (nx, ny) == pytest.approx(nearer, abs=1e-4)
+    assert way == pytest.approx(math.sqrt(2.0), abs=2e-3)
+    assert (x, y) == pytest.approx((1.0, 1.0), abs=2e-3)
+
+
 @pytest.mark.parametrize("refine", [True, False])
 def test_only_an_icp_that_nothing_follows_pairs_all_elements(refine, monkeypatch):
     rules = []
@@ -185,19 +225,6 @@ def test_an_alignment_does_not_end_before_its_robust_scale_does():
     assert used == 2  # at three times the scale, and at the last
 
 
-def test_three_far_hits_bring_back_what_slipped_along_a_corridor():
-    """All else agrees well wherever that is, so the residual does not tell how far it is off."""
-    slam, lidar = default(), laser(181)
-    hall = np.array([(-5.0, -0.4, 12.0, -0.4), (-5.0, 0.4, 12.0, 0.4), (12.0, -0.4, 12.0, 0.4)])
-    for x in (-0.1, 0.0, 0.1, 0.0):
-        slam.insert_at(scan_at((x, 0.0, 0.0), lidar, hall), Pose2(x, 0.0, 0.0))
-    view, found, room = slam._scan, np.array((0.1, 0.0, 0.0)), np.zeros((5, 3))
-    assert np.sum(np.abs(view.elements[: view.count, 2]) > 0.7) == 3
-    prior, rule = np.eye(3) / 0.01**2, MatchRule(15, 1e-4, 1e-5, 0.03, 0.01)
-    align(slam._map.kernel, view.elements, view.count, found.copy(), prior, rule, found, room)
-    assert np.abs(found[0]) < 0.01
-
-
 def test_pairs_are_found_across_the_seam_of_a_full_circle():
     slam, lidar = default(), laser(720, fov=2.0 * math.pi * 719 / 720)
     slam.update(scan_at((0.0, 0.0, 0.0), lidar, np.array(box(-3.0, -2.0, 2.5, 2.2))))
@@ -207,15 +234,6 @@ def test_pairs_are_found_across_the_seam_of_a_full_circle():
         found = find_pair(model, -3.0, y, 1.0, 0.0, 2)
         assert np.hypot(*(model.points[found, :2] - (-3.0, y))) < 0.51 * 3.0 * model.fan.gap
     assert find_pair(model, -3.0, 0.0, -1.0, 0.0, 2) == -1  # the back of the wall
-
-
-def test_icp_comes_back_from_farther_than_the_field_reaches():
-    off, ends = Pose2(0.3, -0.28, 0.1), []  # the field reaches 0.15 m
-    for gate in (0.4, 0.02):
-        slam = default(refine=False, widest_gate=gate)
-        slam.update(scan_at((0.0, 0.0, 0.0)))
-        ends.append(error(IDENTITY, slam._registration.icp(slam._scan, off, NOTHING).pose))
-    assert ends[0][0] < 0.005 and ends[0][1] < 0.003 and ends[1][0] > 0.05
 
 
 def test_an_element_that_is_not_alike_the_field_says_nothing():

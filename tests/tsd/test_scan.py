@@ -8,14 +8,11 @@ import pytest
 
 from slams.types import IDENTITY
 from tests.rooms import ROOM, box, cast, laser, scan_at
+from tests.tsd import naive
 from tests.tsd import naive as naive_tsd
 from tests.tsd.cases import RULE, default, field_of, read, sums_of
-from tsd.map_kernels import (
-    PushRule,
-    list_rows,
-    place_lines,
-)
-from tsd.scan_kernels import find_runs, fit_best_line, fit_line, fit_surfaces
+from tsd.map_kernels import PushRule, list_rows, place_lines
+from tsd.scan_kernels import Beams, find_runs, fit_best_line, fit_line, fit_surfaces
 
 
 def test_line_fit_is_total_least_squares():
@@ -30,18 +27,6 @@ def test_line_fit_is_total_least_squares():
         assert abs(nx * normal[0] + ny * normal[1]) == pytest.approx(1.0, abs=1e-6)
         offsets = (points - center) @ normal
         assert variance == pytest.approx((offsets**2).sum() / 18, rel=1e-6)
-
-
-def test_the_best_of_three_windows_lies_on_one_wall_only():
-    t = np.arange(20) * 0.02
-    points = np.concatenate(
-        [np.stack([t - 0.4, 0.0 * t], axis=1), np.stack([0.0 * t, -t - 0.02], axis=1)]
-    )
-    sums = sums_of(points)
-    for k, normal in ((17, (0.0, 1.0)), (18, (0.0, 1.0)), (21, (1.0, 0.0)), (22, (1.0, 0.0))):
-        *_, nx, ny, variance = fit_best_line(sums, k, 4, 0, 40, 0.0)
-        assert abs(nx * normal[0] + ny * normal[1]) == pytest.approx(1.0, abs=1e-6)
-        assert variance < 1e-10
 
 
 def test_a_window_beside_is_taken_only_if_it_is_twice_as_smooth():
@@ -93,6 +78,39 @@ def test_surface_elements_stand_for_their_beams():
     assert dense > 0.97 * count
 
 
+def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():
+    clean, dusty, rng = default(), default(), np.random.default_rng(5)
+    scan = scan_at((0.3, -0.2, 0.5), laser(1081), noise=0.01, rng=rng)
+    struck = rng.random(1081) < 0.3
+    short = np.where(struck, rng.uniform(0.1, scan.ranges), scan.ranges).astype(np.float32)
+    few = clean._scan.take(scan, IDENTITY).count
+    assert dusty._scan.take(dataclasses.replace(scan, ranges=short), IDENTITY).count < 1.5 * few
+
+
+BEAMS = Beams(0.0, 0.0, 0.01)
+
+
+def firsts_of(points, n, beams):
+    firsts = np.zeros(n + 1)
+    find_runs(points, n, beams, RULE, firsts)
+    return firsts[:n].tolist()
+
+
+def firsts(points):
+    numbered = [(x, y, k) for k, (x, y) in enumerate(points)]
+    return firsts_of(np.ascontiguousarray(np.transpose(numbered)), len(points), BEAMS)
+
+
+def test_a_wall_that_is_seen_aslant_goes_on_from_its_first_hit_and_to_its_last():
+    wall, before, behind = [(5.0, 1.0), (7.0, 1.0), (11.0, 1.0)], (3.0, 2.0), (4.0, 9.0)
+    assert firsts([before, *wall]) == [0, 1, 1, 1]
+    assert firsts([*wall, behind]) == [0, 0, 0, 3]
+
+
+def test_hits_far_apart_that_are_not_in_line_are_no_surface():
+    assert firsts([(5.0, 1.0), (7.0, 1.5), (11.0, 1.0)]) == [0, 1, 2]
+
+
 def test_a_hit_alone_between_far_beams_has_no_normal():
     for n_beams, alone in ((41, True), (1081, False)):
         lidar = laser(n_beams)
@@ -113,15 +131,6 @@ def test_a_hit_alone_between_far_beams_has_no_normal():
         assert not alone or list_rows(field, lines, 1, rule, rows) == 0
 
 
-def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():
-    clean, dusty, rng = default(), default(), np.random.default_rng(5)
-    scan = scan_at((0.3, -0.2, 0.5), laser(1081), noise=0.01, rng=rng)
-    struck = rng.random(1081) < 0.3
-    short = np.where(struck, rng.uniform(0.1, scan.ranges), scan.ranges).astype(np.float32)
-    few = clean._scan.take(scan, IDENTITY).count
-    assert dusty._scan.take(dataclasses.replace(scan, ranges=short), IDENTITY).count < 1.5 * few
-
-
 def test_lines_half_a_cell_apart_make_the_field_that_every_hit_makes(monkeypatch):
     pools = []
     for lines in (0.5, 0.0):
@@ -137,3 +146,15 @@ def test_lines_half_a_cell_apart_make_the_field_that_every_hit_makes(monkeypatch
     assert known.sum() > 0.99 * np.isfinite(all_hits).sum()
     assert np.median(np.abs(few - all_hits)[known]) < 1e-4
     assert np.percentile(np.abs(few - all_hits)[known], 95) < 0.005
+
+
+def test_surfaces_equal_the_naive_twin():
+    lidar = laser(361)
+    ranges = cast(ROOM, (0.3, -0.2, 0.5), lidar).copy()
+    ranges[100:106] = np.inf
+    ranges[200] = np.inf
+    beams, points, n, _ = read(ranges, lidar)
+    xy, beam = points[:2, :n].T, points[2, :n]
+    twin = naive.runs_of(xy, np.hypot(*xy.T), beam, lidar.angle_increment, 8.0, 0.01)
+    assert firsts_of(points, n, beams) == [float(first) for first, _ in twin]
+    assert len({first for first, _ in twin}) > 3

@@ -1,4 +1,4 @@
-"""The steps of `Tsd.update`, one by one: each is taken where it is due, and only there."""
+"""The steps of `Tsd.update`, each where it is due, and corridors, where a scan sees too little."""
 
 import math
 from functools import partial
@@ -9,9 +9,9 @@ import pytest
 from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.types import IDENTITY, Pose2
-from tests.rooms import calls, laser, still
+from tests.rooms import CORRIDOR, box, calls, laser, scan_at, still
 from tests.rooms import settled as after
-from tests.tsd.cases import default
+from tests.tsd.cases import PILLARS, default
 from tsd.registration import UNSURE
 
 FAR = Pose2(1.0, 0.0, 0.0)
@@ -38,19 +38,6 @@ def test_the_field_is_fitted_from_the_start_and_where_icp_went_far_from_there(
     monkeypatch.setattr(slam._map, "align", align)
     tried = slam._refine(IDENTITY, Match(Pose2(coarse, 0.0, 0.0)), Prior(IDENTITY, np.eye(3)))
     assert [one.pose.x for one in tried] == found
-
-
-@pytest.mark.parametrize("refine", [True, False])
-def test_without_refinement_the_match_is_that_of_icp(refine, monkeypatch):
-    slam = settled(5, refine=refine)
-    decided = calls(monkeypatch, slam._estimator, "decide")
-    slam.update(still(5))
-    matches = decided[0][1]
-    assert all(match.coarse is not None for match in matches)
-    assert (matches[0].pose == matches[0].coarse) == (not refine)
-
-
-# RANSAC
 
 
 def prediction(slam, deviation):
@@ -91,17 +78,6 @@ def test_ransac_is_only_of_the_prediction(monkeypatch):
     assert slam._registration._usual == usual  # nor is its share what is usual
 
 
-def test_the_window_of_ransac_is_that_of_the_parameters(monkeypatch):
-    slam, rules = settled(5), []
-    monkeypatch.setattr("tsd.registration.try_pairs", lambda *args: rules.append(args[6]))
-    assert slam._registration.ransac(slam._scan, FAR) == FAR
-    assert rules[0].distance == pytest.approx(0.6)
-    assert rules[0].least_cosine == pytest.approx(math.cos(0.6))
-
-
-# ICP
-
-
 @pytest.mark.parametrize(("least", "posed"), [(0.8, True), (1.0, False)])
 def test_too_few_pairs_are_no_pose(least, posed):
     slam = settled(5, min_known=least)
@@ -111,6 +87,59 @@ def test_too_few_pairs_are_no_pose(least, posed):
     assert (found.share > 0.9 and found.pose != start) == posed
     away = Pose2(30.0, 0.0, 0.0)
     assert slam._registration.icp(slam._scan, away, nothing).pose == away
+
+
+def test_things_that_moved_are_left_out_as_the_gate_closes():
+    slam = settled(5, refine=False)
+    elements = slam._scan.elements[: slam._scan.count]
+    moved = np.arange(len(elements)) % 10 == 0
+    elements[moved, :2] += 0.3 * elements[moved, 2:4]  # toward the laser
+    nothing = Prior(IDENTITY, np.zeros((3, 3)))
+    found = slam._registration.icp(slam._scan, IDENTITY, nothing)
+    assert math.hypot(found.pose.x, found.pose.y) < 1e-3
+
+
+@pytest.mark.parametrize("n_beams", [361, 1081])
+def test_pillars_of_a_corridor_are_enough_without_odometry(n_beams):
+    pillars = [side for x, y in PILLARS for side in box(x, y, x + 0.5, y + 0.3)]
+    slam, lidar, rng = default(), laser(n_beams), np.random.default_rng(3)
+    for i in range(60):
+        walls = np.array([*CORRIDOR, *pillars])
+        found = slam.update(scan_at((0.03 * i, 0.0, 0.0), lidar, walls, 0.01, rng, 0.1 * i))
+    assert found.x == pytest.approx(1.77, abs=0.2)
+
+
+def test_few_beams_in_a_bare_ring_are_held_by_wheels():
+    """Around a corner of a bare ring: what 45 beams say along a corridor is chance."""
+    ring = np.array([*box(-13.0, -8.0, 13.0, 8.0), *box(-15.0, -10.0, 15.0, 10.0)])
+    steps = [Pose2(0.08, 0.0, 0.0)] * 168 + [Pose2(0.08, 0.0, -0.08)] * 20
+    slam, lidar, rng = default(), laser(45), np.random.default_rng(2)
+    at, wheels = Pose2(0.0, 9.0, 0.0), IDENTITY
+    off = []
+    for i, step in enumerate([IDENTITY, *steps, *[Pose2(0.08, 0.0, 0.0)] * 90]):
+        at, wheels = at @ step, wheels @ Pose2(1.005 * step.x, 0.0, 1.01 * step.theta)
+        scan = scan_at(at, lidar, ring, noise=0.01, rng=rng, t=0.1 * i, odometry=wheels)
+        found = slam.update(scan)
+        off.append(math.hypot(found.x - at.x, found.y + 9.0 - at.y))
+    assert max(off) < 0.25
+
+
+@pytest.mark.parametrize("refine", [True, False])
+def test_without_refinement_the_match_is_that_of_icp(refine, monkeypatch):
+    slam = settled(5, refine=refine)
+    decided = calls(monkeypatch, slam._estimator, "decide")
+    slam.update(still(5))
+    matches = decided[0][1]
+    assert all(match.coarse is not None for match in matches)
+    assert (matches[0].pose == matches[0].coarse) == (not refine)
+
+
+def test_the_window_of_ransac_is_that_of_the_parameters(monkeypatch):
+    slam, rules = settled(5), []
+    monkeypatch.setattr("tsd.registration.try_pairs", lambda *args: rules.append(args[6]))
+    assert slam._registration.ransac(slam._scan, FAR) == FAR
+    assert rules[0].distance == pytest.approx(0.6)
+    assert rules[0].least_cosine == pytest.approx(math.cos(0.6))
 
 
 def test_the_gate_of_a_noisy_laser_is_wider(monkeypatch):
@@ -131,13 +160,3 @@ def test_the_rays_of_a_model_scan_fill_the_field_of_view(fov):
     full = fov > 1.6 * math.pi
     assert last - fan.first == pytest.approx(2.0 * math.pi * 89 / 90 if full else fov)
     assert fan.around == (90 if full else 0)
-
-
-def test_things_that_moved_are_left_out_as_the_gate_closes():
-    slam = settled(5, refine=False)
-    elements = slam._scan.elements[: slam._scan.count]
-    moved = np.arange(len(elements)) % 10 == 0
-    elements[moved, :2] += 0.3 * elements[moved, 2:4]  # toward the laser
-    nothing = Prior(IDENTITY, np.zeros((3, 3)))
-    found = slam._registration.icp(slam._scan, IDENTITY, nothing)
-    assert math.hypot(found.pose.x, found.pose.y) < 1e-3

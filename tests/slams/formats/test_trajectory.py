@@ -35,9 +35,6 @@ def refused(spec, log=None, error=ValueError, **options):
     return str(caught.value)
 
 
-# files
-
-
 @pytest.mark.parametrize("write", [trajectory.write_tum, trajectory.write_csv])
 @pytest.mark.parametrize("packed", [False, True])
 def test_what_we_write_reads_back(write, packed, tmp_path):
@@ -113,9 +110,6 @@ def test_files_that_are_no_text(tmp_path):
     assert len(read_trajectory(tmp_path / "whole.gz").t) == 9
 
 
-# results that are bags
-
-
 @pytest.mark.parametrize("kept", ["poses", "transforms"])
 def test_our_own_result(kept, tmp_path):
     log = drive(n=N)
@@ -136,9 +130,6 @@ def test_results_of_others(tmp_path):
         "/amcl (20), /fused (20), /path (20); frames: base_link, laser, wheels"
     )
     assert sentence in refused(bags.write(tmp_path, "bag", lambda _: still))
-
-
-# topics and frames of the log's bag
 
 
 def recorded(make):

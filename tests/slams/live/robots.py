@@ -73,7 +73,6 @@ class Stand:
         self.node.start(ending or threading.Event())
 
     def drive(self):
-        """Let the node take all scans that wait."""
         self.node.run(Idle(self.node.scans), lambda: None)
 
     def start_and_drive(self):
@@ -124,7 +123,6 @@ class Stand:
 
 
 def mounted(monkeypatch, **options):
-    """A stand whose tf has the laser on its base."""
     stand = Stand(monkeypatch, **options)
     stand.tf(("base_link", "laser", MOUNT))
     return stand

@@ -45,7 +45,6 @@ def messaged(lidar):
 
 
 def driven(stand, moments):
-    """What a node makes of messages."""
     for moment in moments:
         moment.send()
     stand.start_and_drive()
@@ -249,9 +248,6 @@ def test_a_node_refuses_as_a_run_does(arguments, sentence, folder, monkeypatch, 
         assert main(["hector", *log, *arguments]) == 2
         error = capsys.readouterr().err
         assert sentence in error and error.count("\n") == 1
-
-
-# the commands, over the network
 
 
 def test_states_and_maps_over_the_network(folder, started, tmp_path):

@@ -167,9 +167,6 @@ def test_a_domain_that_is_none_is_refused():
         transport.Transport(233)
 
 
-# the commands
-
-
 def turtlebot(n=25):
     """As a LDS-01 at 5 Hz on a TurtleBot: a slow sweep, odometry of its own stamps, no gyro."""
     log = drive(n=n, rate=5.0, lidar=laser(91, mount=Pose2(-0.03, 0.0, 0.0)), gyro=False)

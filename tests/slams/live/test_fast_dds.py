@@ -24,7 +24,6 @@ TOPICS = {"rt/map": MAP, "rt/tf": TF, "rt/pose": POSE_COV}
 
 @pytest.fixture
 def peer(tmp_path):
-    """The peer, compiled."""
     if shutil.which("g++") is None or not HEADER.exists():
         pytest.skip("needs g++ and Fast DDS (Debian: libfastrtps-dev)")
     program = tmp_path / "peer"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import slams
-from slams.formats.bag import IMU, SCAN, TF
+from slams.formats.bag import SCAN, TF
 from slams.formats.frames import yaw_of
 from slams.formats.ros_maker import UNKNOWN, percent
 from slams.live import node
@@ -16,15 +16,7 @@ from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Pose2
 from tests.rooms import drive, laser, way
-from tests.slams.live.robots import (
-    LASER,
-    MOUNT,
-    Ending,
-    Stand,
-    close,
-    mounted,
-    turned_over,
-)
+from tests.slams.live.robots import LASER, MOUNT, Ending, Stand, close, mounted, turned_over
 
 
 def robot_log(n=40, **more):
@@ -163,26 +155,6 @@ def test_odometry_of_another_frame_is_carried_to_the_base(monkeypatch):
     assert close(stand.node.buffer.odometry_at(1.0), (0.0, 1.0, 0.5 * math.pi))
 
 
-def test_a_gyro_that_lies_on_its_side_turns_about_the_bases_axis(monkeypatch):
-    stand = Stand(monkeypatch)
-    edges = [("base_link", "imu", Pose2(0.0, 0.0, 0.0)), ("base_link", "laser", MOUNT)]
-    tilted = stand.make.transforms(0, edges)
-    rolled = tilted.transforms[0].transform.rotation
-    rolled.x = rolled.w = math.sqrt(0.5)  # a quarter of a turn: its y points up
-    stand.bus.publish("/tf_static", TF, tilted, Quality.LATCHED)
-
-    def turn(t):
-        reading = stand.make.imu(round(1e9 * t), 7.0, "imu")
-        reading.angular_velocity.y = 0.5
-        stand.bus.publish("/imu", IMU, reading)
-
-    turn(0.0)
-    stand.scan(0.5)
-    stand.start()
-    turn(1.0)
-    assert stand.node.buffer.yaw_at(1.0) == pytest.approx(0.5)
-
-
 def test_odometry_that_comes_after_its_scan_is_waited_for(monkeypatch):
     stand = mounted(monkeypatch)
     stand.odometry(0.0, (0.0, 0.0, 0.0))
@@ -235,15 +207,6 @@ def test_scans_are_waited_for_with_the_topics_there_are(monkeypatch):
         "/scan carries sensor_msgs/msg/PointCloud2, expected sensor_msgs/msg/LaserScan; topics "
         "with scans: none"
     ) in waits(stand, monkeypatch)[0]
-
-
-def test_scans_that_come_late_are_taken_and_the_wait_is_said_every_ten_seconds(monkeypatch):
-    stand = mounted(monkeypatch)
-    assert node.PERIOD == 10.0
-    stand.start(Ending(100, lambda: stand.scan(0.0)))
-    stand.drive()
-    assert len(stand.node.drive.t) == 1
-    assert not any(said.startswith("waiting") for said in stand.said)  # it took no ten seconds
 
 
 @pytest.mark.parametrize(

@@ -7,19 +7,7 @@ import pytest
 
 from slams.live import diagnostics, node
 from slams.live.estimate import LATE_IN_A_ROW
-from tests.slams.live.robots import MOUNT, Ending, Stand, mounted
-
-
-def test_tf_that_comes_late_is_waited_for_and_no_scan_is_lost(monkeypatch):
-    stand = Stand(monkeypatch)
-    monkeypatch.setattr(node, "MAX_WAIT_FOR_TF", 1e9)
-    for k in range(5):
-        stand.scan(0.1 * k)
-    stand.start(Ending(100, lambda: stand.tf(("base_link", "laser", MOUNT))))
-    stand.drive()
-    report = stand.node.report()
-    assert (report["base_frame"], report["scans"], report["dropped"]) == ("base_link", 5, 0)
-    assert not any("it is the base" in said for said in stand.said)
+from tests.slams.live.robots import Ending, mounted
 
 
 @pytest.mark.parametrize(("settling", "source"), [(60.0, None), (0.0, "tf")])
@@ -49,17 +37,6 @@ def test_a_clock_that_is_set_back_is_followed_with_its_odometry(monkeypatch):
     assert np.diff(x[5:])[1:] == pytest.approx(0.01)
 
 
-def test_a_clock_that_jumps_ahead_goes_on_there(monkeypatch):
-    stand = mounted(monkeypatch)
-    for n, t in enumerate([0.0, 0.1, 5000.0, 5000.1]):
-        stand.odometry(t, (0.01 * n, 0.0, 0.0))
-        stand.scan(t)
-        if n == 0:
-            stand.start()
-        stand.drive()
-    assert stand.node.drive.t == [0.0, 0.1, 5000.0, 5000.1]
-
-
 def test_a_laser_that_is_plugged_in_again_is_mapped_on(monkeypatch):
     stand = mounted(monkeypatch)
     stand.scan(0.0)
@@ -84,3 +61,14 @@ def test_delays_are_of_scans_that_waited_for_nothing_but_the_algorithm(monkeypat
     stand.scan(0.4)
     stand.drive()
     assert len(stand.node.drive.t) == 5 and len(stand.node.drive.delays) == 1
+
+
+def test_a_clock_that_jumps_ahead_goes_on_there(monkeypatch):
+    stand = mounted(monkeypatch)
+    for n, t in enumerate([0.0, 0.1, 5000.0, 5000.1]):
+        stand.odometry(t, (0.01 * n, 0.0, 0.0))
+        stand.scan(t)
+        if n == 0:
+            stand.start()
+        stand.drive()
+    assert stand.node.drive.t == [0.0, 0.1, 5000.0, 5000.1]

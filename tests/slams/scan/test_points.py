@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from slams.scan.end_points import EndPoints
+from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import (
     Grain,
     Limits,
     Twist,
     beyond_chords,
-    chords,
     deskew,
     drop_lone,
     end_points,
@@ -39,15 +39,6 @@ def test_a_beam_without_company_is_left_out_unless_beams_are_far_apart():
     post = points_of((5.0, 0.0), (5.0, 0.02), (2.0, 0.05), (5.0, 0.06), (5.0, 0.08))
     assert kept(post.copy(), 0.004) == [0, 1, 3, 4]
     assert kept(post.copy(), 0.026) == [0, 1, 2, 3, 4]  # 0.052 m between two beams at 2 m
-
-
-def test_company_may_be_two_beams_away_but_not_three():
-    for away, both in ((2, True), (3, False)):
-        xy = [(5.0 + 3.0 * k, 0.0) for k in range(1, 6)]
-        xy[0] = (2.0, 0.0)
-        xy[away] = (2.05, 0.0)
-        found = kept(points_of(*xy), 0.004)
-        assert (0 in found and away in found) == both
 
 
 def test_a_wall_seen_aslant_is_company_by_the_line_through_both_neighbors():
@@ -118,15 +109,6 @@ def test_beams_far_apart_tell_no_noise():
     assert noisy(31, 0.06).noise == ScanParams().range_noise
 
 
-def test_a_noisy_wall_still_has_normals():
-    ends = noisy(1081, 0.05)
-    normals = ends.normals[:2, : ends.n]
-    found = np.hypot(*normals) > 0.0
-    assert found.mean() > 0.6
-    straight = np.abs(normals[:, found]).max(axis=0)
-    assert np.median(straight) > 0.98  # the room's walls are along the axes
-
-
 def test_normals_are_those_of_a_total_least_squares_fit():
     x = np.linspace(-0.06, 0.06, 13)
     noise = np.random.default_rng(0).normal(0.0, 0.001, 13)
@@ -157,16 +139,6 @@ def normals_of(points, noise=0.0, step=0.02):
     out, moments = np.zeros((3, n)), moments_of(points, step)
     scan_normals(points, n, IDENTITY, step, Grain(noise, 0.05, SLACK), moments, out)
     return out
-
-
-def test_moments_are_running_sums_and_a_surface_ends_at_a_jump():
-    # beams 2 cm apart at 1 m: up to 0.1 m and four times that is one surface
-    points = points_of((1.0, 0.0), (1.0, 0.17), (1.0, 0.36), (1.0, 0.38), (3.0, 0.6))
-    moments = moments_of(points)
-    assert moments[5, :5].tolist() == [0.0, 0.0, 2.0, 2.0, 4.0]
-    x, y = points[:2]
-    for row, values in enumerate((x, y, x * x, x * y, y * y)):
-        assert moments[row] == pytest.approx([0.0, *np.cumsum(values)])
 
 
 def test_normals_face_the_laser_and_the_gap_is_that_between_two_beams():
@@ -209,30 +181,6 @@ def test_ranges_below_the_lasers_own_limit_or_ours_are_not_used():
         assert np.hypot(*ends.points[:2, : ends.n]).min() == pytest.approx(0.6)
 
 
-def chords_of(points, mount=IDENTITY):
-    out, n = np.zeros_like(points), points.shape[1]
-    chords(points, n, mount, 0.02, Grain(0.0, 0.05, SLACK), out)
-    return out[:2]
-
-
-def test_chords_face_the_laser_as_normals_do_whichever_way_it_turns():
-    wall = [(2.0 - 0.3 * v, v) for v in np.arange(-0.3, 0.3, 0.02)]
-    for beams in (wall, wall[::-1]):
-        points = points_of(*beams)
-        found, normals = chords_of(points), normals_of(points)[:2]
-        assert found / np.hypot(*found) == pytest.approx(normals)
-        behind = chords_of(points, Pose2(4.0, 0.0, 0.0))
-        assert behind == pytest.approx(-found)
-
-
-def test_a_chord_ends_where_its_surface_does_and_two_beams_have_none():
-    near, far = [(1.0, 0.02 * k) for k in range(4)], [(3.0, 0.3 + 0.06 * k) for k in range(2)]
-    found = chords_of(points_of(*near, *far))
-    assert (found[0, :4] < 0.0).all()
-    assert found[1, :4] == pytest.approx(0.0)
-    assert (found[:, 4:] == 0.0).all()
-
-
 def test_which_way_a_surface_faces_is_told_by_normals_once_they_are_known():
     reader = EndPoints(ScanParams()).take(scan_at(IDENTITY, laser(361)), IDENTITY)
     by_chord = reader.facing[:2].copy()
@@ -255,3 +203,57 @@ def test_how_far_scans_are_apart_is_told_by_stamps_that_go_on():
     assert apart(0.0, 0.4, 0.8) == pytest.approx(0.4)
     assert apart(0.0, 0.4, 0.4, 0.2, 0.6) == pytest.approx(0.4)  # a scan twice, a jump back
     assert apart(0.0, 0.4, 60.4) == pytest.approx(0.7)  # a gap counts as one second
+
+
+def learned(values, rate, seconds=2.0):
+    average = MovingAverage(seconds, 7.0)
+    for k, value in enumerate(values):
+        average.learn(value, k / rate)
+    return average.value
+
+
+def test_of_the_first_scans_it_is_the_plain_mean():
+    assert MovingAverage(2.0, 7.0).value == 7.0
+    assert learned([1.0], 10) == 1.0
+    assert learned([1.0, 2.0, 6.0], 10) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("rate", [10, 40])
+def test_at_any_rate_a_second_is_forgotten_as_fast(rate):
+    values = [0.0] * 20 * rate + [1.0] * rate
+    assert learned(values, rate) == pytest.approx(1.0 - math.exp(-0.5), rel=0.02)
+
+
+def test_what_a_few_scans_say_is_not_usual_however_rare_they_are():
+    scans = [0.0] * 100 + [1.0] * 3
+    assert learned(scans, 0.5) == pytest.approx(learned(scans, 10), abs=1e-3)
+
+
+def test_a_scan_that_is_looked_at_twice_counts_once():
+    average = MovingAverage(2.0)
+    for value, t in ((1.0, 0.0), (5.0, 0.0), (3.0, 0.1), (9.0, 0.1)):
+        average.learn(value, t)
+    assert average.value == pytest.approx(2.0)
+
+
+def test_a_clock_that_goes_back_is_no_end_of_learning():
+    average = MovingAverage(1.0)
+    for t in (100.0, 101.0, *range(3, 40)):
+        average.learn(0.0 if t > 50.0 else 1.0, t)
+    assert average.value > 0.9
+
+
+def test_what_was_just_looked_at_is_fresh_unless_the_clock_went_back():
+    average = MovingAverage(1.0)
+    assert not average.is_fresh(3.0)
+    average.learn(1.0, 3.0)
+    assert [average.is_fresh(t) for t in (3.0, 3.05, 3.1, 2.9)] == [True, True, False, False]
+
+
+def test_company_may_be_two_beams_away_but_not_three():
+    for away, both in ((2, True), (3, False)):
+        xy = [(5.0 + 3.0 * k, 0.0) for k in range(1, 6)]
+        xy[0] = (2.0, 0.0)
+        xy[away] = (2.05, 0.0)
+        found = kept(points_of(*xy), 0.004)
+        assert (0 in found and away in found) == both
