@@ -20,7 +20,7 @@ from slams.types import Floats
 BY_CHANCE = 0.05  # m of surface in a scan that faces any way: the edge of a door
 MOVABLE = 0.9  # m: of people and things that move; where nothing else is known they may be all
 KNOWN = 0.5  # share of the end points that must have a normal, or nothing is known
-TILTED = 0.05  # rad: deviation of the normals of a map
+TILTED = 0.02  # rad: deviation of the normals of a map
 OBSERVED = 0.9  # share from which a direction counts as observed
 
 

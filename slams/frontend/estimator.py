@@ -106,7 +106,7 @@ class PoseEstimator:
         if self._p.search and (best.distance > GATE or not self._is_usual(best)):
             self.counts["searched"] += 1
             best = best_around(best.match, points, grid, self._prior, rematch)
-        settle = self._take if self._accepts(best, points) else self._miss
+        settle = self._take if self._accepts(best, points, grid) else self._miss
         return settle(best, points, grid)
 
     # decide
@@ -114,10 +114,10 @@ class PoseEstimator:
     def _is_usual(self, candidate: Candidate) -> bool:
         return candidate.agreement >= USUAL * self._usual
 
-    def _accepts(self, best: Candidate, points: EndPoints) -> bool:
+    def _accepts(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
         if self._unconfirmed > 0.0 and self._is_usual(best):
             return True
-        if best.distance > GATE and not self._is_near(best, points):
+        if best.distance > GATE and not self._is_near(best, points, grid):
             if best.score >= ACCEPTED:
                 self._filter.widen(REFUSED)
             return False
@@ -127,14 +127,20 @@ class PoseEstimator:
         known = best.inliers + best.conflicts
         return best.agreement >= max(everywhere, where_known * known)
 
-    def _is_near(self, best: Candidate, points: EndPoints) -> bool:
-        """Whether a match beyond the gate is as good as usual, and as near as a late scan may be.
+    def _is_near(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
+        """Whether a match beyond the gate explains the scan, as near as a late scan may be.
 
         Along what is not observed every place is as good.
         """
-        if best.seconds > LATENCY or not self._is_usual(best):
+        if best.seconds > LATENCY or not (self._is_usual(best) or self._leads(best, points, grid)):
             return False
         return best.seconds <= self._prior.dt or self._observed(points, best.match).share > 0.0
+
+    def _leads(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
+        """Whether a match explains a scan so much better that the prediction must be wrong."""
+        inliers, conflicts = grid.evaluate(points, self.pose)
+        lead = best.score - (inliers - conflicts)
+        return best.score >= WITHIN_GATE[0] and lead >= ACCEPTED
 
     def _observed(self, points: EndPoints, match: Match) -> Observability:
         if not self._p.degeneracy:

@@ -11,7 +11,7 @@ MEMORY = 30.0  # intervals over which the statistics of the stamps are a mean
 SHORTEST = 0.5  # of the usual interval: no interval is shorter, stamps may repeat or go back
 LONGEST = 10.0  # s; after a longer interval nothing more is unknown
 SHORTEST_STEP = 1e-3  # s: two lasers may scan at the same moment
-BY_CHANCE = 1.5  # deviations of the correlation of intervals that have nothing in common
+SLOWEST = 1.0  # s: no laser takes longer for a turn; these scans were chosen, as keyframes are
 GAP = 5.0  # deviations of the intervals beyond which scans are missing
 
 
@@ -45,10 +45,10 @@ class ScanTiming:
 
     @property
     def _jitter(self) -> float:
-        """Variance of the stamps [s^2]; what intervals compensate each other by chance is none."""
-        if -self._covariance <= BY_CHANCE * self._variance / math.sqrt(MEMORY):
+        """Variance of the stamps [s^2]; keyframes come as the robot drives."""
+        if self.interval > SLOWEST:
             return 0.0
-        return min(-self._covariance, 0.5 * self._variance)
+        return min(max(-self._covariance, 0.0), 0.5 * self._variance)
 
     def elapsed(self, t: float) -> float:
         """Seconds since the scan before, for a scan stamped `t`; 0 for the first."""

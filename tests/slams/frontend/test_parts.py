@@ -50,7 +50,7 @@ def test_keyframes_come_when_the_robot_has_driven_on_and_do_not_jitter(seed):
         t += wait
         timing.elapsed(t)
         jitter.append(timing.jitter)
-    assert np.mean(np.array(jitter) > 0.0) < 0.1
+    assert np.mean(jitter[10:]) == 0.0
 
 
 def test_scans_that_are_missing_leave_their_time():
@@ -65,7 +65,7 @@ def test_a_gap_is_a_gap_and_stamps_that_go_back_are_an_interval():
     assert (intervals((0.0, 0.1, 0.2, 0.1, 0.3)) > 0.0).all()
 
 
-@pytest.mark.parametrize(("along", "share"), [(0.01, 0.75), (0.001, 0.0), (0.1, 1.0)])
+@pytest.mark.parametrize(("along", "share"), [(0.002, 0.8), (0.0003, 0.0), (0.1, 1.0)])
 def test_what_tilted_normals_of_a_map_say_is_no_information(along, share):
     seen = of_information(1e6 * np.diag((along, 1.0, 1.0)))
     assert seen.share == pytest.approx(share)
@@ -208,9 +208,10 @@ class Standing:
         self._wheels, self._k, self._walls = IDENTITY if wheels else None, 0, walls
         self._reader = EndPoints(ScanParams())
         self.estimator = PoseEstimator(FrontendParams(search=False, relocate=False))
+        self.foreseen = None  # shares where it stands, if not those of the match
 
     def evaluate(self, points, pose):
-        return self.shares
+        return self.shares if self.foreseen is None or pose != IDENTITY else self.foreseen
 
     def cut(self, box):
         return None
@@ -235,6 +236,23 @@ def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, 
         robot.take(19, 1.0, 0.0)
         found = robot.take(1, 1.0, 0.0, Pose2(off, 0.0, 0.0))
         assert found.state == (state if walls is CORRIDOR else "matched")
+
+
+@pytest.mark.parametrize(
+    ("foreseen", "off", "state"),
+    [
+        ((0.0, 0.4), 0.05, "matched"),
+        ((0.3, 0.1), 0.05, "predicted"),
+        ((0.0, 0.4), 1.1, "predicted"),
+    ],
+)
+def test_wheels_that_the_map_contradicts_give_way_to_a_match_that_explains_half(
+    foreseen, off, state
+):
+    robot = Standing()
+    robot.take(19, 1.0, 0.0)
+    robot.foreseen = foreseen
+    assert robot.take(1, 0.5, 0.0, Pose2(off, 0.0, 0.0)).state == state
 
 
 def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
