@@ -34,7 +34,7 @@ CONFIRMING = 2.0  # times as long while a place that was found by relocalization
 
 
 class PoseEstimator:
-    """The pose of the robot from scan to scan; see the module.
+    """The pose of the robot from scan to scan; `ranking` says which match explains a scan best.
 
     Per scan: `predict`, then `decide`. `state` is "matched", "predicted" or "lost", `quality` the
     share of beams that are inliers, less those in conflict; `counts` counts scans.
@@ -177,9 +177,9 @@ class PoseEstimator:
         self._lost = False
         self.quality = max(agreement, 0.0)
         self.maps = self._unconfirmed <= 0.0
-        confirming: State = "predicted" if self._by_wheels else "lost"
-        settled: State = "matched" if self.maps else confirming
-        self._call(settled if self._is_sure() else "lost")
+        held = self.maps or self._by_wheels
+        settled: State = "matched" if self.maps else "predicted"
+        self._call(settled if held and self._is_sure() else "lost")
         if self.maps:
             self._unmatched, self._by_wheels, self._new_ground = 0.0, True, 0.0
             self._relocalizer.reset()

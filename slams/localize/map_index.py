@@ -43,7 +43,8 @@ class Work:
 
     def take(self, cost: float) -> bool:
         """Whether a piece of this cost may be done; it is taken off what is left."""
-        if cost > self._left < self._limit:
+        is_first = self._left == self._limit
+        if cost > self._left and not is_first:
             return False
         self._left -= cost
         return True

@@ -216,13 +216,13 @@ class Standing:
     def cut(self, box):
         return None
 
-    def take(self, count, inliers, conflicts, pose=IDENTITY):
-        """So many scans, each with a match at `pose`."""
+    def take(self, count, inliers, conflicts, pose=IDENTITY, seen=(1e5, 1e5, 1e6)):
+        """So many scans, each with a match at `pose` of information `seen`."""
         self.shares = inliers, conflicts
         for _ in range(count):
             scan = room_at(IDENTITY, LIDAR, self._walls, t=0.1 * self._k, odometry=self._wheels)
             points = self._reader.take(scan, self.estimator.predict(scan).twist)
-            match = Match(pose, seen=np.diag((1e5, 1e5, 1e6)))
+            match = Match(pose, seen=np.diag(seen))
             self.estimator.decide(points, [match], self, lambda *_: [])
             self._k += 1
         return self.estimator
@@ -243,6 +243,7 @@ def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, 
     [
         ((0.0, 0.4), 0.05, "matched"),
         ((0.3, 0.1), 0.05, "predicted"),
+        ((0.0, 0.4), 0.15, "predicted"),  # so far beyond that half of a scan is too little
         ((0.0, 0.4), 1.1, "predicted"),
     ],
 )
@@ -253,6 +254,24 @@ def test_wheels_that_the_map_contradicts_give_way_to_a_match_that_explains_half(
     robot.take(19, 1.0, 0.0)
     robot.foreseen = foreseen
     assert robot.take(1, 0.5, 0.0, Pose2(off, 0.0, 0.0)).state == state
+
+
+def test_what_a_match_observes_by_tilted_normals_alone_stays_open():
+    """Its scans see a room, but the lines that they lie on face one way, but for their error."""
+    deviation = []
+    for along in (300.0, 3000.0):  # of 1e6 across
+        found = Standing(wheels=False).take(30, 1.0, 0.0, seen=(along, 1e6, 1e6))
+        deviation.append(math.sqrt(found.covariance[0, 0]))
+    assert deviation[0] > 0.3 and deviation[1] < 0.02
+
+
+@pytest.mark.parametrize(("wheels", "state"), [(False, "lost"), (True, "predicted")])
+def test_without_a_match_while_one_has_to_stand_a_robot_without_wheels_is_lost(wheels, state):
+    robot = Standing(wheels)
+    robot.take(10, 1.0, 0.0)
+    robot.take(40, 0.0, 0.0)  # in new ground
+    robot.take(2, 0.5, 0.0)
+    assert robot.take(1, 0.0, 0.0).state == state
 
 
 def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
