@@ -33,7 +33,7 @@ class GreyMap:
         self._room = Room(params.max_cells, params.cell, COARSE)
         self.levels = [self._blank(1), self._blank(COARSE)]
         self._strokes = np.zeros((1, 5))
-        self.lines = LineMap(params, *self._fine())
+        self.lines = LineMap(params, *self._fine(), match_kernels.FREE)
 
     def insert(self, scan: EndPoints, pose: Pose2) -> bool:
         """Let a scan taken at `pose` enter both grids, and the lines of the fine one.

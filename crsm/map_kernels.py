@@ -18,6 +18,7 @@ from slams.types import Floats
 
 EDGE = 2.5  # widths beyond which a stroke is not drawn
 ALIKE = 0.9  # least cosine between the normals of end points of one stroke
+UNKNOWN = 2.0  # beams that count as much as that nothing is known of a cell they pass
 X, Y, NX, NY, HALF = 0, 1, 2, 3, 4  # columns of a stroke
 
 
@@ -137,7 +138,8 @@ def whiten(
     """[Tsardoulias13] map update: the ways of beams get whiter, by less the whiter they are.
 
     ours: a cell changes once per scan, `mark` is its number, and not where a wall of the same scan
-    was drawn. Arguments as of `blacken`; mount x, y, theta of the laser.
+    was drawn; one scan alone makes no cell free, it may have passed above what
+    stands there. Arguments as of `blacken`; mount x, y, theta of the laser.
     """
     x0, y0, theta = pose
     mx, my, _ = mount
@@ -159,6 +161,7 @@ def whiten(
             u, v = np.uint64(ax + j * dx), np.uint64(ay + j * dy)
             if grid.stamp[v, u] != mark:
                 grid.stamp[v, u] = mark
+                grid.weight[v, u] = max(grid.weight[v, u], UNKNOWN * free)
                 observe(grid, u, v, -1.0, free, most)
 
 

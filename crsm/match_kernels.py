@@ -14,7 +14,7 @@ from slams.scan.scan_kernels import Points
 
 ROUNDS = 10  # of steps of one size
 LEAST_RADIUS = 0.1  # m, of the rays around their middle
-FREE = -0.5  # grey level below which a cell was seen free more than once
+FREE = -0.55  # grey level of a cell that three scans saw free
 
 
 class Expected(NamedTuple):

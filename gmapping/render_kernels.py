@@ -12,7 +12,7 @@ from slams.jit import njit
 from slams.types import Floats
 
 COARSE = 2  # bits: a cell of `walls` has 4 x 4 cells
-FREE_VISITS, FREE_SHARE = 2, 0.15  # beams that came by a free cell, at least; hits among them
+FREE_VISITS, FREE_SHARE = 3, 0.15  # beams that came by a free cell, at least; hits among them
 
 
 class Counts(NamedTuple):

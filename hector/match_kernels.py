@@ -14,6 +14,8 @@ from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 
+FREE = -1.1  # log-odds of a cell that three scans saw free: p < 0.25
+
 
 class Solver(NamedTuple):
     """How Gauss-Newton steps are taken.
@@ -156,5 +158,5 @@ def evaluate(level: Level, points: Points, n: int, pose: Pose2) -> tuple[float, 
         if fx >= 0.0 and fy >= 0.0 and fx < width and fy < height:
             log_odds = level.log_odds[np.uint64(fy), np.uint64(fx)]
             inliers += log_odds > 0.0
-            conflicts += log_odds < 0.0
+            conflicts += log_odds < FREE
     return inliers / max(n, 1), conflicts / max(n, 1)

@@ -96,7 +96,12 @@ class HectorParams(RefineParams, FrontendParams):
         ros=("laser_min_dist",),
     )
     max_range: float = param(
-        30.0, "m", "farther ends are not used", source=CODE, low=0.5, ros=("laser_max_dist",)
+        80.0,
+        "m",
+        "farther ends are not used",
+        source="ours: a SICK LMS; 30 in the original",
+        low=0.5,
+        ros=("laser_max_dist",),
     )
     max_cells: int = max_cells()
     steps: int = param(

@@ -14,8 +14,8 @@ from tsd.map_kernels import BEHIND, LAYERS, PASSED, SIDE
 FREE, OCCUPIED = 0.02, 0.98
 CERTAIN = 0.5  # least weight of a cell that shows as a surface
 STEEP, TWO_CELLS = 0.67, 1.3  # slope of the field across one surface, along its layer's axis
-SHOWN = np.full(1 + (PASSED | BEHIND), np.nan, np.float32)  # of the bits of `seen`
-SHOWN[[PASSED, PASSED | BEHIND]] = FREE
+SHOWN = np.full(1 + (PASSED | BEHIND), FREE, np.float32)  # of what `seen` says
+SHOWN[[0, BEHIND]] = np.nan
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 

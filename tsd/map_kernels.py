@@ -17,7 +17,7 @@ SIDE, INSIDE = 1 << SHIFT, (1 << SHIFT) - 1  # cells per tile edge; bits of a ce
 WALL = SIDE // 2  # cells per edge of a cell of `walls`
 LAYERS = 4  # facings: +x, +y, -x, -y
 SHARED = 0.55  # a surface is written to every layer whose axis is within 57 degrees of its normal
-PASSED, BEHIND = 1, 2  # bits of `seen`: a beam passed the cell; it lies behind some surface
+PASSED, BEHIND = 3, 4  # of `seen`: how many beams passed the cell, up to three; behind a surface
 
 # Kernels of a cell are FAST so that they are inlined: a call that hands over a Field, fifty words,
 # takes longer than reading it.
@@ -29,8 +29,9 @@ class Field(NamedTuple):
     `slots` (ny, nx, 4) gives each tile's place in the pool; 0 is a tile that is unknown everywhere,
     for all that are not there. `tsd` [m] (n, SIDE, SIDE) is nan where unknown. `corner` (2,) [m]
     is the outer corner of tile [0, 0]. `used` (1,) counts slots taken. `seen` (ny SIDE, nx SIDE)
-    holds the bits PASSED and BEHIND. `walls` (ny SIDE / WALL, nx SIDE / WALL): how close the
-    nearest surface came to a cell's center, 1 for zero, 0 for a truncation.
+    counts up to PASSED beams in two bits, with the bit BEHIND. `walls` (ny SIDE / WALL,
+    nx SIDE / WALL): how close the nearest surface came to a cell's center, 1 for zero, 0 for a
+    truncation.
     """
 
     slots: NDArray[np.int32]
@@ -59,6 +60,14 @@ def facing(nx: float, ny: float) -> int:
     return 1 if ny >= 0.0 else 3
 
 
+@njit(fastmath=FAST, inner=True)
+def next_facing(nx: float, ny: float) -> int:
+    """The layer that a surface with this normal leans to. ours."""
+    if abs(nx) >= abs(ny):
+        return 1 if ny >= 0.0 else 3
+    return 0 if nx >= 0.0 else 2
+
+
 @njit(fastmath=FAST, inner=True, borrows=True)
 def slot_of(field: Field, layer: int, iy: int, ix: int) -> int:
     """Place in the pool of the tile that a cell lies in, 0 where there is none. ours."""
@@ -76,7 +85,7 @@ def cell_value(field: Field, layer: int, iy: int, ix: int) -> float:
 
 @njit(fastmath=FAST, inner=True, borrows=True)
 def seen_at(field: Field, x: float, y: float) -> int:
-    """Bits PASSED and BEHIND of the cell at a point, 0 outside. ours."""
+    """What `seen` says of the cell at a point, 0 outside. ours."""
     ix = math.floor((x - field.corner[0]) / field.cell)
     iy = math.floor((y - field.corner[1]) / field.cell)
     inside = 0 <= iy < field.seen.shape[0] and 0 <= ix < field.seen.shape[1]
@@ -268,8 +277,9 @@ def carve(field: Field, lines: Floats, count: int, x: float, y: float, rule: Pus
             ix, iy = math.floor(u + step * dx), math.floor(v + step * dy)
             if field.seen[iy, ix] == PASSED:
                 continue
-            field.seen[iy, ix] |= PASSED
-            if field.seen[iy, ix] == PASSED or r - step * field.cell < 2.0 * rule.truncation:
+            if field.seen[iy, ix] & PASSED != PASSED:
+                field.seen[iy, ix] += 1
+            if not field.seen[iy, ix] & BEHIND or r - step * field.cell < 2.0 * rule.truncation:
                 continue
             layer = facing(-dx, -dy)
             if forget(field, layer, iy, ix, 0.5, -field.cell):

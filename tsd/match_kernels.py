@@ -10,7 +10,7 @@ import numpy as np
 from slams.geometry import add_prior, solve3, wrap_angle
 from slams.jit import njit
 from slams.types import Floats, Pose2
-from tsd.map_kernels import PASSED, Field, facing, read_field, seen_at
+from tsd.map_kernels import PASSED, Field, facing, next_facing, read_field, seen_at
 
 FLAT = 0.3  # least slope of the field for a direction of its own
 ALIKE = 0.85  # cosine between that and an element's normal, below which values of two lines meet
@@ -137,7 +137,7 @@ def evaluate(
     """Sum of inliers, by robust weight, and number of conflicts of a scan's elements at a pose.
 
     ours: an inlier is an element near zero, by `softness` [m]; a conflict is one that stands where
-    beams passed and no surface ever was. Elements where nothing is known are neither.
+    three beams passed and no surface ever was. Elements where nothing is known are neither.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     inliers, conflicts = 0.0, 0.0
@@ -148,6 +148,8 @@ def evaluate(
         x = pose[0] + c * surfaces[k, 0] - s * surfaces[k, 1]
         y = pose[1] + s * surfaces[k, 0] + c * surfaces[k, 1]
         v, _, _ = read_field(field, facing(nx, ny), x, y)
+        if v != v:  # rough surfaces have normals that are not those of the map
+            v, _, _ = read_field(field, next_facing(nx, ny), x, y)
         if v == v:
             inliers += 1.0 / (1.0 + v * v * scale)
         elif seen_at(field, x, y) == PASSED:

@@ -61,7 +61,12 @@ class TsdParams(ScanParams, FrontendParams):
         ros=("las_min_range", "laser_min_range"),
     )
     max_range: float = param(
-        30.0, "m", "farther ends are not used", source=ORIGINAL, low=0.5, ros=("max_range",)
+        80.0,
+        "m",
+        "farther ends are not used",
+        source="ours: a SICK LMS; 30 in the original",
+        low=0.5,
+        ros=("max_range",),
     )
     range_noise: float = param(
         0.01, "m", "standard deviation of a range", source="ours: UTM-30LX data sheet", low=1e-4

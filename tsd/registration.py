@@ -17,7 +17,6 @@ from tsd.params import TsdParams
 from tsd.ransac_kernels import PairRule, try_pairs
 from tsd.scan import SurfaceScan
 
-FARTHEST = 30.0  # m a ray is followed
 SCORED = 100  # elements that make and score hypotheses
 ENOUGH = 100  # elements for an ICP that the field itself makes exact
 SLOPPY = 1e-4, 1e-5  # steps of ICP [m], [rad] that are none
@@ -108,7 +107,7 @@ class Registration:
         count = min(self._p.rays, laser.n_beams)
         width = abs(laser.angle_increment) * (laser.n_beams - 1)
         middle = laser.angle_min + 0.5 * laser.angle_increment * (laser.n_beams - 1)
-        reach = min(laser.range_max, FARTHEST)
+        reach = min(laser.range_max, self._p.max_range)
         if width + 1.5 * abs(laser.angle_increment) >= 2.0 * math.pi:
             gap = 2.0 * math.pi / count
             return Fan(count, middle - 0.5 * gap * (count - 1), gap, reach, count)

@@ -17,7 +17,6 @@ from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 
 ALIKE = 0.5  # least cosine between the normals of a hit and its line
-FREE = -0.5  # below which a cell was seen free more than once
 
 
 class View(NamedTuple):
@@ -177,8 +176,8 @@ def evaluate(
 ) -> tuple[float, float]:
     """Shares of every `stride`-th end that are inliers, by robust weight, and conflicts at a pose.
 
-    ours: an inlier is an end near a line, a conflict an end in a cell that was seen free more than
-    once and has no line. Ends where nothing is known are neither. Plain tuples as in `fit`.
+    ours: an inlier is an end near a line, a conflict an end in a free cell that has no line. Ends
+    where nothing is known are neither. Plain tuples as in `fit`.
     """
     surface = Surface(*walls)
     height, width = surface.slot.shape
@@ -195,7 +194,7 @@ def evaluate(
             continue
         u, v = np.uint64(fx), np.uint64(fy)
         if surface.slot[v, u] == 0:
-            conflicts += 1.0 if surface.seen[v, u] < FREE else 0.0
+            conflicts += 1.0 if surface.seen[v, u] < surface.free else 0.0
             continue
         e, _, _, w = facing_line(surface, x, y, sx, sy)
         inliers += 1.0 / (1.0 + e * e * soft) if w > 0.0 else 0.0

@@ -51,13 +51,19 @@ class LineMap:
 
     Args:
         params: of the lines and the fit.
-        seen: what the grid says of its cells, (ny, nx), below 0 free, above 0 occupied.
+        seen: what the grid says of its cells, (ny, nx), that they are free below `free`.
         first: center of cell [0, 0], x, y [m].
         cell: edge of a cell [m].
+        free: of a cell that several scans saw free; one may have been above what stands there.
     """
 
     def __init__(
-        self, params: RefineParams, seen: Grid, first: tuple[float, float], cell: float
+        self,
+        params: RefineParams,
+        seen: Grid,
+        first: tuple[float, float],
+        cell: float,
+        free: float = -0.5,
     ) -> None:
         self.params = params
         self.variance = params.range_noise**2
@@ -66,7 +72,7 @@ class LineMap:
         rows = max(LEAST_ROWS, seen.size // CELLS_PER_ROW)
         sums, lines = zeros((rows, LAYERS * SUMS), np.float32), zeros((rows, 8), np.float32)
         slot = zeros(seen.shape, np.int32)
-        self.surface = Surface(slot, sums, lines, np.zeros(1, np.int64), seen, *first, cell)
+        self.surface = Surface(slot, sums, lines, np.zeros(1, np.int64), seen, *first, cell, free)
 
     def move(self, seen: Grid, first: tuple[float, float], below: int, left: int) -> None:
         """The grid has grown, by so many cells below and at the left."""

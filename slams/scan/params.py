@@ -15,7 +15,7 @@ class ScanParams(Params):
         0.1, "m", "nearer ends are not used", source="ours: the laser's own", low=0.0
     )
     max_range: float = param(
-        30.0, "m", "farther ends are not used", source="ours: bounds the map", low=0.5
+        80.0, "m", "farther ends are not used", source="ours: a SICK LMS", low=0.5
     )
     deskew: bool = param(
         True,

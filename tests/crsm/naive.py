@@ -141,6 +141,7 @@ def insert(grey, weight, strokes, pose, frame, rules):
         for k in range(math.floor(length / cell) - 1):
             i, j = np.floor((start + way / length * k * cell - (x0, y0)) / cell + 0.5).astype(int)
             if not drawn[j, i]:
+                weight[j, i] = max(weight[j, i], 2.0 * free)
                 enter(j, i, -1.0, free)
 
 

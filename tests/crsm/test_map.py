@@ -71,7 +71,7 @@ def test_map_update_equals_the_naive_one():
         naive.insert(grey, weight, ends[:count], pose, frame, rules)
     off = (np.abs(grid.grey - grey) > 1e-4) | (np.abs(grid.weight - weight) > 1e-4)
     assert off.sum() <= 4  # a sample on the border of two cells
-    assert (grid.grey < -0.9).sum() > 3000
+    assert (grid.grey < -0.55).sum() > 3000  # free by three scans
     assert (grid.grey > 0.5).sum() > 300
 
 

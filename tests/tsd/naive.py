@@ -71,7 +71,7 @@ def cell_of(kernel, layer, x, y):
     iy = math.floor((y - kernel.corner[1]) / kernel.cell)
     center = kernel.corner + kernel.cell * (np.array([ix, iy]) + 0.5)
     sd = float(kernel.tsd[kernel.slots[iy // 8, ix // 8, layer], iy % 8, ix % 8])
-    return sd, center, bool(kernel.seen[iy, ix] & 1)
+    return sd, center, bool(kernel.seen[iy, ix] & 3)
 
 
 def layer_of(normal):

@@ -1,0 +1,54 @@
+"""What maps call a conflict: an end of a beam where others have gone by."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slams.registry import find
+from slams.test_world import box, cast, laser
+from slams.types import IDENTITY, Scan
+
+HALL = np.array(box(-14.0, -14.0, 14.0, 14.0))
+SPARSE = laser(181, math.pi)
+
+
+def read(slam, share):
+    """A scan of the hall as the slam takes it, ranges times `share`."""
+    return slam._scan.take(Scan(0.0, share * cast(HALL, IDENTITY, SPARSE), SPARSE), IDENTITY)
+
+
+@pytest.mark.parametrize("name", ["hector", "tsd", "crsm"])
+def test_one_scan_makes_no_cell_free_and_three_do(name):
+    entry = find(name)
+    slam = entry.cls(entry.params())
+    for number in (1, 2, 3):
+        slam._map.insert(read(slam, 1.0), IDENTITY)
+        inliers, conflicts = slam._map.evaluate(read(slam, 0.7), IDENTITY)
+        assert inliers < 0.01
+        assert conflicts > 0.7 if number == 3 else conflicts < 0.2
+    inliers, conflicts = slam._map.evaluate(read(slam, 1.0), IDENTITY)
+    assert inliers > 0.8 and conflicts < 0.02
+
+
+@pytest.mark.parametrize("name", ["hector", "tsd", "crsm"])
+def test_ends_count_as_far_as_the_laser_reaches(name):
+    """A wall 50 m off is matched by: on a campus there is nothing nearer."""
+    entry = find(name)
+    slam = entry.cls(entry.params())
+    far = replace(SPARSE, range_max=80.0)
+    ranges = cast(np.array(box(-50.0, -50.0, 50.0, 50.0)), IDENTITY, far)
+    assert slam._scan.take(Scan(0.0, ranges, far), IDENTITY).n == 181
+
+
+def test_a_rough_surface_whose_normals_are_not_those_of_the_map_is_no_conflict():
+    entry = find("tsd")
+    slam = entry.cls(entry.params())
+    for _ in range(3):
+        slam._map.insert(read(slam, 1.0), IDENTITY)
+    scan = read(slam, 1.0)
+    x, y = scan.elements[: scan.count, 2:4].copy().T
+    c, s = math.cos(0.9), math.sin(0.9)
+    scan.elements[: scan.count, 2], scan.elements[: scan.count, 3] = c * x - s * y, s * x + c * y
+    assert slam._map.evaluate(scan, IDENTITY)[0] > 0.8
