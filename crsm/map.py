@@ -18,6 +18,7 @@ from slams.scan.end_points import EndPoints
 from slams.types import OccupancyGrid, Pose2
 
 COARSE = 4  # fine cells along a coarse one: 0.2 m, wide enough to climb from afar
+UNKNOWN = 2.0  # passing beams that weigh as much as that nothing is known of a cell
 
 
 class GreyMap:
@@ -46,9 +47,10 @@ class GreyMap:
         if len(self._strokes) < scan.n:
             self._strokes = np.zeros((scan.n, 5))
         at, mark, ends, p = tuple(pose), self.insertions, self._strokes, self.params
+        unknown = UNKNOWN * p.free if p.refine else 0.0  # the paper: one beam whitens a cell
         for grid in self.levels:
             cell = grid.resolution
-            update = Update(p.free, p.max_weight, max(p.stroke * cell, scan.noise))
+            update = Update(p.free, p.max_weight, max(p.stroke * cell, scan.noise), unknown)
             count = map_kernels.strokes(scan.points, scan.normals, scan.n, cell, ends)
             map_kernels.blacken(grid, ends, count, at, mark, tuple(update))
             map_kernels.whiten(grid, ends, count, at, tuple(scan.mount), mark, tuple(update))

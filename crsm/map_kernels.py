@@ -18,7 +18,6 @@ from slams.types import Floats
 
 EDGE = 2.5  # widths beyond which a stroke is not drawn
 ALIKE = 0.9  # least cosine between the normals of end points of one stroke
-UNKNOWN = 2.0  # beams that count as much as that nothing is known of a cell they pass
 X, Y, NX, NY, HALF = 0, 1, 2, 3, 4  # columns of a stroke
 
 
@@ -41,12 +40,14 @@ class Grid(NamedTuple):
 class Update(NamedTuple):
     """Weight of a beam that passed a cell (a hit has 1); greatest weight of a cell.
 
-    `width` of a stroke across its wall [m], its standard deviation.
+    `width` of a stroke across its wall [m], its standard deviation; `unknown` the weight of an
+    unknown cell, which beams that pass have to outweigh.
     """
 
     free: float
     most: float
     width: float
+    unknown: float
 
 
 @njit
@@ -100,7 +101,7 @@ def blacken(grid: Grid, ends: Floats, count: int, pose: Any, mark: int, update: 
     wall at a corner. ends (>= count, 5) of `strokes`; pose x, y, theta; `Update` as a plain tuple.
     """
     x0, y0, theta = pose
-    _, most, width = update
+    _, most, width, _ = update
     height, wide = grid.grey.shape
     scale = 1.0 / grid.resolution
     c, s = math.cos(theta), math.sin(theta)
@@ -138,12 +139,12 @@ def whiten(
     """[Tsardoulias13] map update: the ways of beams get whiter, by less the whiter they are.
 
     ours: a cell changes once per scan, `mark` is its number, and not where a wall of the same scan
-    was drawn; one scan alone makes no cell free, it may have passed above what
-    stands there. Arguments as of `blacken`; mount x, y, theta of the laser.
+    was drawn; where nothing was known one scan alone makes nothing free, it may have passed above
+    what stands there. Arguments as of `blacken`; mount x, y, theta of the laser.
     """
     x0, y0, theta = pose
     mx, my, _ = mount
-    free, most, _ = update
+    free, most, _, unknown = update
     scale = 1.0 / grid.resolution
     c, s = math.cos(theta), math.sin(theta)
     ax = (c * mx - s * my + x0 - grid.x0) * scale + 0.5
@@ -161,7 +162,7 @@ def whiten(
             u, v = np.uint64(ax + j * dx), np.uint64(ay + j * dy)
             if grid.stamp[v, u] != mark:
                 grid.stamp[v, u] = mark
-                grid.weight[v, u] = max(grid.weight[v, u], UNKNOWN * free)
+                grid.weight[v, u] = max(grid.weight[v, u], unknown)
                 observe(grid, u, v, -1.0, free, most)
 
 

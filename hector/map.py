@@ -44,7 +44,7 @@ class LogOddsPyramid:
             params.free / (1.0 - params.free),
         )
         self.levels = [self._empty(level) for level in range(params.levels)]
-        self.lines = LineMap(params, *self._finest(), match_kernels.FREE)
+        self.lines = LineMap(params, *self._finest(), map_kernels.FREE)
         self._H = np.zeros((3, 3))
         self._made: dict[int, tuple[tuple[float, ...], ...]] = {}
 

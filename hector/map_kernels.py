@@ -16,6 +16,7 @@ from slams.jit import njit
 from slams.scan.scan_kernels import Points
 from slams.types import Pose2
 
+FREE = -1.1  # log-odds of a cell that three scans saw free: p < 0.25
 SURELY_FREE = -10.0  # log-odds; p there is 5e-5
 
 

@@ -8,13 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hector.map_kernels import Level
+from hector.map_kernels import FREE, Level
 from slams.geometry import add_prior, offset, solve3, wrap_angle
 from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
-
-FREE = -1.1  # log-odds of a cell that three scans saw free: p < 0.25
 
 
 class Solver(NamedTuple):
@@ -143,7 +141,7 @@ def gauss_newton(
 
 @njit
 def evaluate(level: Level, points: Points, n: int, pose: Pose2) -> tuple[float, float]:
-    """Shares of the end points in cells that are rather occupied, and in those rather free.
+    """Shares of the end points in cells that are rather occupied, and in free ones.
 
     ours: inliers and conflicts, for the pyramid without lines.
     """

@@ -23,7 +23,7 @@ class HectorParams(RefineParams, FrontendParams):
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "hector.original:Original",
-        "paper": {"estimator": "plain", "refine": False},
+        "paper": {"estimator": "plain", "refine": False, "max_range": 30.0},
     }
 
     resolution: float = param(

@@ -211,16 +211,16 @@ class ScanLog:
         write_npz(Path(path), arrays)
 
 
-def load_npz(path: Path) -> ScanLog:
+def load_npz(path: Path | str) -> ScanLog:
     """Read "scanlog-1" or "scanlog-2".
 
     Raises:
         OSError: the file cannot be opened; one sentence, as all of these.
         ValueError: it is not a complete, valid scan log.
     """
-    data = read_npz(path, KEYS)
+    data = read_npz(Path(path), KEYS)
     try:
-        return _from_arrays(data, path.stem)
+        return _from_arrays(data, Path(path).stem)
     except ValueError as error:
         raise ValueError(f"{path}: not a scan log: {error}") from error
 

@@ -62,7 +62,7 @@ def facing(nx: float, ny: float) -> int:
 
 @njit(fastmath=FAST, inner=True)
 def next_facing(nx: float, ny: float) -> int:
-    """The layer that a surface with this normal leans to. ours."""
+    """Layer of the second nearest axis to this normal, beside that of `facing`. ours."""
     if abs(nx) >= abs(ny):
         return 1 if ny >= 0.0 else 3
     return 0 if nx >= 0.0 else 2

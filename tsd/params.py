@@ -22,7 +22,7 @@ class TsdParams(ScanParams, FrontendParams):
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
         "original": "tsd.original:Original",
-        "paper": {"estimator": "plain", "refine": False},
+        "paper": {"estimator": "plain", "refine": False, "max_range": 30.0},
     }
 
     cell: float = param(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
@@ -109,8 +110,8 @@ class LocalMap:
     @cached_property
     def _lines(self) -> LineMap:
         likelihood, x0, y0, *_ = self._lookup
-        seen = np.zeros_like(likelihood)  # nothing is known to be free
-        lines = LineMap(SCANS, seen, (x0, y0), CELL)
+        seen = np.zeros_like(likelihood)
+        lines = LineMap(SCANS, seen, (x0, y0), CELL, free=-math.inf)  # no cell is
         for key, pose in zip(self.keyframes, self.poses, strict=True):
             points, middle = read(key.scan, key.twist)
             lines.insert(points, pose @ middle)

@@ -51,10 +51,10 @@ class LineMap:
 
     Args:
         params: of the lines and the fit.
-        seen: what the grid says of its cells, (ny, nx), that they are free below `free`.
+        seen: what the grid says of its cells, (ny, nx).
         first: center of cell [0, 0], x, y [m].
         cell: edge of a cell [m].
-        free: of a cell that several scans saw free; one may have been above what stands there.
+        free: what it says of free cells is below; one scan alone should not get there.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class LineMap:
         seen: Grid,
         first: tuple[float, float],
         cell: float,
-        free: float = -0.5,
+        free: float,
     ) -> None:
         self.params = params
         self.variance = params.range_noise**2

@@ -29,8 +29,8 @@ class Surface(NamedTuple):
     (k, 14) has weight, sums of x and y [m] from the cell's center, sums of the normal, the number
     of scans that hit it and the last of them; `lines` (k, 8) the unit normal toward the free side,
     its distance from the map's origin [m] and the trust 0..1; `used` (1,) the last row taken.
-    `seen` (ny, nx) what the grid of the same cells says, that they are free below `free`; x0, y0
-    [m] the center of cell [0, 0].
+    `seen` (ny, nx) what the grid of the same cells says: cells below `free` are free; x0, y0 [m]
+    the center of cell [0, 0].
     """
 
     slot: NDArray[np.int32]

@@ -111,7 +111,7 @@ def observe(cell, value, weight, most):
 def insert(grey, weight, strokes, pose, frame, rules):
     """Strokes (k, 5) and their beams enter grey levels and weights (ny, nx), in place."""
     (x0, y0), cell = frame
-    laser, free, most, width = rules
+    laser, free, most, width, unknown = rules
     ny, nx = grey.shape
     centers = np.stack(np.meshgrid(x0 + cell * np.arange(nx), y0 + cell * np.arange(ny)), axis=-1)
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -141,7 +141,7 @@ def insert(grey, weight, strokes, pose, frame, rules):
         for k in range(math.floor(length / cell) - 1):
             i, j = np.floor((start + way / length * k * cell - (x0, y0)) / cell + 0.5).astype(int)
             if not drawn[j, i]:
-                weight[j, i] = max(weight[j, i], 2.0 * free)
+                weight[j, i] = max(weight[j, i], unknown)
                 enter(j, i, -1.0, free)
 
 

@@ -36,7 +36,7 @@ def score_at(grid, ends, prior, pose):
 
 def one_wall():
     grid, ends = blank(), wall(0.0, 1.0)
-    blacken(grid, ends, len(ends), IDENTITY, 1, tuple(Update(0.3, 100.0, 0.035)))
+    blacken(grid, ends, len(ends), IDENTITY, 1, tuple(Update(0.3, 100.0, 0.035, 0.6)))
     return grid
 
 

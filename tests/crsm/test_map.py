@@ -10,12 +10,13 @@ from crsm.map_kernels import Grid, Update, blacken, darkness, strokes, whiten
 from crsm.rays_kernels import leverage
 from crsm.scan import LEAST_RAYS, ScanReader
 from slams.jit import njit
+from slams.registry import find
 from slams.types import IDENTITY, Pose2, Scan
 from tests.crsm import naive
 from tests.crsm.room import LASER, Parameters, drive, noisy_view, reader_of
 from tests.rooms import laser, scan_at
 
-RULE = Update(0.3, 100.0, 0.035)
+RULE = Update(0.3, 100.0, 0.035, 0.6)
 
 
 @njit(inner=True)
@@ -78,7 +79,7 @@ def test_map_update_equals_the_naive_one():
 def test_a_cell_remembers_so_much():
     grid, ends = blank(), wall(0.0, 1.0)
     for mark in range(1, 30):
-        blacken(grid, ends, len(ends), IDENTITY, mark, (0.3, 7.0, 0.035))
+        blacken(grid, ends, len(ends), IDENTITY, mark, (0.3, 7.0, 0.035, 0.6))
     assert grid.weight.max() == 7.0
 
 
@@ -179,3 +180,12 @@ def test_a_single_short_beam_does_not_tear_a_wall():
     assert reader.n == whole.n - len(ranges[100:300:7])
     stretches = len(np.unique(reader.moments[5, : reader.n]))
     assert stretches <= len(np.unique(whole.moments[5, : whole.n])) + 1
+
+
+@pytest.mark.parametrize(("preset", "grey"), [("crsm", -1.0 / 3.0), ("crsm@paper", -1.0)])
+def test_the_paper_believes_one_beam_that_a_cell_is_free(preset, grey):
+    """The default weighs in that nothing was known of it."""
+    entry = find(preset)
+    slam = entry.cls(entry.params())
+    slam.update(scan_at(IDENTITY, laser(361)))
+    assert slam._map.levels[0].grey.min() == pytest.approx(grey, abs=1e-6)

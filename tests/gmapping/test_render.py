@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gmapping.render import Ray, Renderer
+from gmapping.render_kernels import Counts, is_free
 from slams.registry import find
 from slams.types import Pose2
 from tests.rooms import drive
@@ -76,3 +77,12 @@ def test_only_scans_whose_pose_has_changed_are_drawn_anew_newest_first():
     assert renderer.follow(half, 0) and renderer.follow(other, 6)
     a, b = renderer.grid(other), drawn(rays, other)
     assert np.nansum(a.p) == pytest.approx(np.nansum(b.p))
+
+
+def test_three_beams_that_end_elsewhere_make_a_cell_free():
+    """Fewer may have been above what stands there."""
+    visits = np.array([[0, 1, 2, 3, 20, 20]], np.int32)
+    hits = np.array([[0, 0, 0, 0, 2, 4]], np.int32)
+    counts = Counts(hits, visits, np.zeros((1, 2), np.int32), 0, 0, EDGE)
+    free = [is_free(counts, EDGE * k, 0.0) for k in range(6)]
+    assert free == [False, False, False, True, True, False]

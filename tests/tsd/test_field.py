@@ -206,6 +206,14 @@ def test_a_sparse_line_is_not_continued_far_beyond_its_hit():
     assert 4 <= n <= 7 and np.abs(along - 2.0).max() <= 0.15
 
 
+def test_a_cell_that_one_beam_passed_is_shown_as_free():
+    slam = default()
+    slam.update(scan_at((0.0, 0.0, 0.0), laser(91)))  # 3 degrees apart
+    once = (slam._map.kernel.seen & PASSED) == 1
+    assert once.sum() > 1000
+    assert (slam._map.grid().p < 0.1).sum() > 0.9 * once.sum()
+
+
 def test_carve_marks_what_every_beam_passes():
     field = field_of(max_weight=100.0).kernel
     gap, laser_at = 0.01, np.array([0.3, -0.2])
@@ -218,3 +226,6 @@ def test_carve_marks_what_every_beam_passes():
     seen = (field.seen & PASSED) > 0
     assert not (seen & ~twin).any()
     assert (twin & ~seen).sum() < 0.02 * twin.sum()  # close by, not every beam is walked
+    for _ in range(3):
+        carve(field, lines, 200, *laser_at, PushRule(0.15, 100.0, gap))
+    assert np.array_equal(field.seen, PASSED * seen)  # three are counted, no more

@@ -160,3 +160,6 @@ def test_the_rays_of_a_model_scan_fill_the_field_of_view(fov):
     full = fov > 1.6 * math.pi
     assert last - fan.first == pytest.approx(2.0 * math.pi * 89 / 90 if full else fov)
     assert fan.around == (90 if full else 0)
+    assert fan.reach == 30.0
+    far = slam._registration._fan(laser(721, fov=fov, range_max=200.0))
+    assert far.reach == slam.params.max_range > 30.0

@@ -17,12 +17,13 @@ from tests.rooms import laser, scan_at
 LIDAR = laser(721)
 SIZE, CELL = 240, 0.05
 FIRST = (-6.0, -6.0)
+FREE = -0.5
 NOTHING = Prior(IDENTITY, np.zeros((3, 3)))
 
 
 def blank(**changes):
     seen = np.ones((SIZE, SIZE), np.float32)
-    return LineMap(RefineParams(**changes), seen, FIRST, CELL)
+    return LineMap(RefineParams(**changes), seen, FIRST, CELL, FREE)
 
 
 def seen_at(pose=IDENTITY):
@@ -92,7 +93,7 @@ def test_what_is_seen_is_in_units_of_the_variance_that_is_learned():
     assert lines.variance == points.noise**2
 
 
-def test_an_end_is_contradicted_only_where_a_cell_was_seen_free_more_than_once():
+def test_an_end_is_contradicted_only_in_a_free_cell_without_a_line():
     lines, points = blank(), seen_at()
     for level, said in ((-0.4, 0.0), (-0.6, -1.0)):
         lines.surface.seen[:] = level
