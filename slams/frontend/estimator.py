@@ -16,8 +16,7 @@ from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, Pose2, Scan, State
 
-ACCEPTED = 0.3  # score of a match that stands by itself
-WITHIN_GATE = 0.1, 0.2  # score of a match inside the gate: of all beams, of those known to the map
+ACCEPTED = 0.3  # score of a match that stands by itself, beyond the gate
 USUAL = 0.85  # of the usual score; less is doubtful
 MEMORY = 0.5  # s over which a score is usual
 GATE = 49.0  # squared Mahalanobis distance from the prior that one scan cannot prove
@@ -121,11 +120,7 @@ class PoseEstimator:
             if best.score >= ACCEPTED:
                 self._filter.widen(REFUSED)
             return False
-        if best.score >= ACCEPTED or self._is_usual(best):
-            return True
-        everywhere, where_known = WITHIN_GATE
-        known = best.inliers + best.conflicts
-        return best.agreement >= max(everywhere, where_known * known)
+        return best.agreement > 0.0  # more of the beams are for it than against it
 
     def _is_near(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
         """Whether a match beyond the gate explains the scan, as near as a late scan may be.
@@ -140,7 +135,7 @@ class PoseEstimator:
         """Whether a match explains a scan so much better that the prediction must be wrong."""
         inliers, conflicts = grid.evaluate(points, self.pose)
         lead = best.score - (inliers - conflicts)
-        return best.score >= WITHIN_GATE[0] and lead >= ACCEPTED
+        return min(best.score, lead) >= ACCEPTED
 
     def _observed(self, points: EndPoints, match: Match) -> Observability:
         if not self._p.degeneracy:

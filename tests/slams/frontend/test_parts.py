@@ -243,17 +243,25 @@ def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, 
     [
         ((0.0, 0.4), 0.05, "matched"),
         ((0.3, 0.1), 0.05, "predicted"),
-        ((0.0, 0.4), 0.15, "predicted"),  # so far beyond that half of a scan is too little
+        ((0.0, 0.4), 0.15, "predicted"),  # so far beyond that this share is too little
         ((0.0, 0.4), 1.1, "predicted"),
     ],
 )
-def test_wheels_that_the_map_contradicts_give_way_to_a_match_that_explains_half(
+def test_wheels_that_the_map_contradicts_give_way_to_a_match_that_explains_more_than_half(
     foreseen, off, state
 ):
     robot = Standing()
     robot.take(19, 1.0, 0.0)
     robot.foreseen = foreseen
-    assert robot.take(1, 0.5, 0.0, Pose2(off, 0.0, 0.0)).state == state
+    assert robot.take(1, 0.6, 0.0, Pose2(off, 0.0, 0.0)).state == state
+
+
+@pytest.mark.parametrize(("for_it", "against", "x"), [(0.3, 0.29, 0.02), (0.3, 0.31, 0.0)])
+def test_inside_the_gate_a_match_is_taken_if_more_beams_are_for_it_than_against(for_it, against, x):
+    robot = Standing(wheels=False)
+    robot.take(19, 1.0, 0.0)
+    taken = robot.take(1, for_it, against, Pose2(0.02, 0.0, 0.0))
+    assert taken.pose.x == pytest.approx(x, abs=0.005)
 
 
 def test_what_a_match_observes_by_tilted_normals_alone_stays_open():
