@@ -20,6 +20,7 @@ from slams.types import OccupancyGrid, Pose2, wrap_angle
 PIECES = 50.0  # of wall in a scan whose errors are independent of each other
 TRIES = 6  # poses of a correlative search that are matched
 DRIFT = 1.0  # m: half of a window at least; a robot that comes back has drifted by as much
+TURNED = 1.0  # rad: likewise, where nothing but the laser measures turns
 SPEED, TURN_RATE = 2.0, 2.0  # m/s, rad/s: how fast a robot drives and turns
 
 Rematch = Callable[[EndPoints, Pose2, Prediction], list[Match]]
@@ -91,7 +92,9 @@ def best_around(
 ) -> Candidate:
     """The best of a match and those from where a correlative search of the prior's window leads."""
     window, found = window_of(prior.pose, prior.covariance), [first]
-    window = window._replace(half=max(window.half, DRIFT))
+    turned = 0.0 if prior.knows_turn else TURNED
+    half, rotation = max(window.half, DRIFT), max(window.rotation, turned)
+    window = window._replace(half=half, rotation=rotation)
     poses, _ = search(grid.lookup(), points.points[:, : points.n], window, alike=ALIKE)
     starts = [(Pose2(*pose), likelihood) for *pose, likelihood in poses.tolist()]
     starts.sort(key=lambda start: unlikely(prior.distance(start[0])) / PIECES - start[1])
