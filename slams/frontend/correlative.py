@@ -152,8 +152,12 @@ def _coarse_poses(
 
 
 def _greatest(bounds: NDArray[np.float32], enough: float) -> NDArray[np.intp]:
-    """Where the `REFINED` greatest of bounds (n,) are, of those that are enough."""
+    """Where the `REFINED` greatest of bounds (n,) are, of those that are enough.
+
+    Of equals those near the middle of the window come first.
+    """
     good = np.flatnonzero(bounds >= enough)
     if len(good) > REFINED:  # a sort of all takes as long as their sums
         good = good[bounds[good] >= np.partition(bounds[good], -REFINED)[-REFINED]]
+        good = good[np.argsort(np.abs(good - bounds.size // 2), kind="stable")]
     return good[np.argsort(-bounds[good], kind="stable")[:REFINED]]
