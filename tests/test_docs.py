@@ -25,7 +25,7 @@ PARSERS = {
 }
 TOOLS = {"pytest", "pip"}  # of others, run as modules
 FOREIGN = {"--constraint", "--array"}  # of schedulers
-EXAMPLES = {"mine:Icp", "peers:Genz", "peers:Yag"}  # classes that docs/python.md and peers.md show
+EXAMPLES = {"mine:Icp", "peers:Genz", "peers:Small", "peers:Yag"}  # of python.md and peers.md
 CODE_FILES = [
     path
     for package in ("slams", "bench", "hector", "tsd", "crsm", "gmapping", "tests")
