@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,40 +11,47 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bench.judge.answers import Analysis, Cell, questions
-from bench.judge.survival import errors
+from bench.judge.survival import errors, survived
 from bench.report.figures import plain_numbers
 from bench.report.palette import looks
 from bench.report.pareto import Point, front
 from bench.report.sweep_tables import MODES
-from bench.results.sweep import Sweep
+from bench.results.sweep import CLEAN, Sweep
 from slams.types import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LINES, MARKERS = {False: "--", True: "-"}, {False: "o", True: "^"}  # laser alone, with odometry
+LINES = {False: "--", True: "-"}  # laser alone, with odometry
+BEAMS = "beams"  # the degradation whose levels the costs show
 PANEL = (4.6, 4.2)  # inches
 SPREAD = 0.12  # of a level between the first and the last row's curve: equal ones stay visible
 
 
 def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
-    """A panel of curves for each question, one of costs with the Pareto front; png."""
+    """Above a panel of curves for each question, below one of costs for each choice of sensors."""
     names = list(dict.fromkeys(name for name, *_ in found.rows))
     color_of = {name: look.color for name, look in looks(names).items()}
     asked = questions(names)
-    figure = Figure(figsize=(PANEL[0] * (len(asked) + 1), PANEL[1]), layout="constrained")
-    *curves, costs = figure.subplots(1, len(asked) + 1)
-    for axes, (question, rows) in zip(curves, asked.items(), strict=True):
+    modes = sorted({odometry for _, odometry, _ in found.rows})
+    columns = max(len(asked), len(modes))
+    figure = Figure(figsize=(PANEL[0] * columns, 2.0 * PANEL[1]), layout="constrained")
+    panels = figure.subplots(2, columns, squeeze=False)
+    for axes in (*panels[0, len(asked) :], *panels[1, len(modes) :]):
+        axes.set_visible(False)
+    for axes, (question, rows) in zip(panels[0], asked.items(), strict=False):
         axes.set(xscale="log", ylim=(0.0, 1.0), title=question)
         for name in rows:
-            for mode in sorted({odometry for row, odometry, _ in found.rows if row == name}):
+            for mode in modes:
                 values, share = below(sweep, name, mode)
                 label = f"{name}, {MODES[mode]}"
-                axes.plot(1e3 * values, share, LINES[mode], color=color_of[name], label=label)
+                if len(values):
+                    axes.plot(1e3 * values, share, LINES[mode], color=color_of[name], label=label)
         axes.set(xlabel="error over 1 s [mm]", ylabel="share of all runs below")
         axes.legend(loc="lower right", fontsize=7)
-    _draw_costs(costs, found, color_of)
-    for axes in (*curves, costs):
+    for axes, mode in zip(panels[1], modes, strict=False):
+        _draw_costs(axes, sweep, names, mode, color_of)
+    for axes in panels.ravel():
         axes.title.set_fontsize(9)
         axes.grid(visible=True, which="both", alpha=0.25)
     FigureCanvasAgg(figure).print_figure(path, dpi=110, metadata={"Software": None})
@@ -103,23 +110,47 @@ def below(sweep: Sweep, name: str, odometry: bool) -> tuple[Floats, Floats]:
     return values, np.arange(1.0, len(values) + 1.0) / max(runs, 1)
 
 
-def _draw_costs(axes: Axes, found: Analysis, color_of: dict[str, str]) -> None:
-    """Every row as a point, those of one choice of sensors with their Pareto front."""
-    axes.set(xscale="log", yscale="log", title="Runs that were not lost, medians")
-    for mode in sorted({odometry for _, odometry, _ in found.rows}):
-        points = [
-            Point(name, 1e3 * of.cpu_scan, 1e3 * of.second_m, lost=False)
-            for name, odometry, of in found.rows
-            if odometry == mode and of.cpu_scan and of.second_m
-        ]
-        for point in points:
-            marker, color = MARKERS[mode], color_of[point.name]
-            axes.plot(point.cpu_ms, point.error_mm, marker, color=color)
-        best = front(points)
-        label = f"Pareto front, {MODES[mode]}"
-        x, y = [p.cpu_ms for p in best], [p.error_mm for p in best]
-        axes.plot(x, y, LINES[mode], color="0.5", linewidth=0.8, label=label)
+def costs(sweep: Sweep, name: str, odometry: bool, degradation: str) -> list[Point]:
+    """Medians of a row at each level of a degradation, named by it, that half of its drives held.
+
+    Not fewer: the few drives that hold a hard level are the easy ones.
+    """
+    found: dict[float, list[tuple[float, float]]] = {}
+    drives = set()
+    wanted = name, odometry, degradation
+    for trial, cost in zip(sweep.trials, sweep.costs, strict=True):
+        if (trial["algorithm"], trial["odometry"], trial["degradation"]) == wanted:
+            drives.add((trial["log"], trial["seed"]))
+            if survived(trial) and trial["second_m"] and cost:
+                one = 1e3 * cost["cpu_s"] / trial["scans"], 1e3 * trial["second_m"]
+                found.setdefault(trial["level"], []).append(one)
+    kept = {level: held for level, held in found.items() if 2 * len(held) >= len(drives)}
+    middles = {level: np.median(held, axis=0).tolist() for level, held in kept.items()}
+    return [Point(f"{level:g}", cpu, error, lost=0) for level, (cpu, error) in middles.items()]
+
+
+def _draw_costs(
+    axes: Axes, sweep: Sweep, names: Sequence[str], odometry: bool, color_of: Mapping[str, str]
+) -> None:
+    """Every row as it is, in its color of above, the Pareto front, and its way to fewer beams."""
+    axes.set(xscale="log", yscale="log", title=f"As it is; dots: fewer beams; {MODES[odometry]}")
+    clean = {name: costs(sweep, name, odometry, CLEAN) for name in names}
+    for name, points in clean.items():
+        fewer = costs(sweep, name, odometry, BEAMS)
+        x, y = _places([*points, *fewer])
+        if not x:
+            continue
+        axes.plot(x, y, ".-", color=color_of[name], linewidth=0.6, markersize=4)
+        axes.plot(x[: len(points)], y[: len(points)], "o", color=color_of[name])
+        for point in fewer[-1:]:
+            axes.annotate(point.name, (x[-1], y[-1]), fontsize=6, color=color_of[name])
+    best = front([point for points in clean.values() for point in points])
+    axes.plot(*_places(best), color="0.5", linewidth=2.5, alpha=0.4, label="Pareto front")
     axes.set(xlabel="CPU per scan [ms]", ylabel="error over 1 s [mm]")
     plain_numbers(axes.xaxis)
     plain_numbers(axes.yaxis)
     axes.legend(fontsize=7)
+
+
+def _places(points: Sequence[Point]) -> tuple[list[float], list[float]]:
+    return [point.cpu_ms for point in points], [point.error_mm for point in points]

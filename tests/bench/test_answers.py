@@ -256,7 +256,14 @@ def test_the_picture_has_a_panel_for_each_question_and_one_of_costs(tmp_path, mo
     names = ("a", "b", "a@paper", "b@paper")
     found = sweep_of([one for name in names for one in climbs([2, 1], algorithm=name)])
     sweep_figure.draw(found, analysis(found), tmp_path / "it.png")
-    titles = [axes.get_title() for axes in drawn[0].axes]
+    panels = [axes for axes in drawn[0].axes if axes.get_visible()]
+    titles = [axes.get_title() for axes in panels]
     assert titles[:2] == [answers.QUESTIONS[""], answers.QUESTIONS["paper"]]
     assert len(titles) == 3
-    assert len(drawn[0].axes[-1].get_lines()) == len(names) + 1  # a point each, and the front
+
+
+def test_the_costs_of_a_level_are_of_runs_that_held_it_where_half_of_the_drives_did():
+    trials = climbs([3, 2, 1], second_m=0.002) + climbs([3], algorithm="b")
+    points = sweep_figure.costs(sweep_of(trials), "a", False, "noise")
+    assert [point.name for point in points] == [f"{level:g}" for level in LEVELS[:2]]
+    assert {point.error_mm for point in points} == {2.0}
