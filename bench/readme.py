@@ -16,6 +16,7 @@ from typing import Any
 
 from bench.report import pages
 from bench.results import FORMAT, read_figures, sweep, write_figures
+from bench.run.single import settings_of
 from slams import cli
 
 PROGRAM = "bench.readme"
@@ -25,7 +26,7 @@ RELATIONS = ROOT / "bench" / "readme_relations.json"
 PUBLIC = ROOT / "bench" / "readme_public.json"
 SWEEP = ROOT / "bench" / "readme_sweep.json"
 PICTURES = ("fig_errors.png", "fig4_maps.png")
-SWEEP_PICTURE = "fig_sweep.png"
+SWEEP_PICTURE, COST_PICTURE = "fig_sweep.png", "fig_cost.png"
 SHOWN = ("main", "translation", "orientation", "spans", "maps", "unaided", "cost")
 PART = re.compile(
     r"(<!-- (table|choice|results|sweep|field|relations|public|"
@@ -75,7 +76,7 @@ def adopt(folder: Path) -> None:
     """Make a folder's results the README's.
 
     One of bench.sweep; one of bench.compare over several logs, the public ones; one with relations
-    for its algorithms on a real log; else the main one.
+    for its algorithms on a real log; one with variants for its picture of costs; else the main one.
     """
     if (folder / sweep.TRIALS).exists():
         pages.adopt(SWEEP, sweep.read(folder))
@@ -85,6 +86,9 @@ def adopt(folder: Path) -> None:
     found = read_figures(folder / "results.json", FORMAT)
     if len(found["logs"]) > 1:
         write_figures(PUBLIC, public_figures(found))
+        return
+    if any(settings_of(row["algorithm"]) for row in found["rows"]):
+        shutil.copyfile(folder / PICTURES[0], ROOT / "bench" / COST_PICTURE)
         return
     if not any(row.get("relations") for row in found["rows"]):
         write_figures(RESULTS, found | {"command": as_typed(found["command"])})

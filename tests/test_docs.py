@@ -11,10 +11,11 @@ import pytest
 
 import slams
 from bench import readme, sweep
+from bench.run.single import params_of
 from bench.sim.setting import Setting
 from slams import run
 from slams.__main__ import COMMANDS
-from slams.registry import GROUP, find
+from slams.registry import GROUP
 from tests.places import ROOT
 
 DOCS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -90,9 +91,7 @@ def check_run(arguments):
 
 def check_compare(arguments):
     for label in set(arguments.algorithms or []) - EXAMPLES:
-        params = find(label).params()
-        if arguments.sensor:
-            params.for_sensor(arguments.sensor)
+        params_of(label, arguments.sensor)
     for pair in [*arguments.ros_params, *arguments.trajectory, *arguments.map]:
         assert all(pair.partition("="))
 

@@ -80,6 +80,19 @@ def test_names_of_code_in_a_package_readme_exist(package):
         assert set(re.findall(r"\w+", name)) <= known, name
 
 
+def test_of_results_with_variants_the_picture_is_kept_and_the_tables_stay(tmp_path, monkeypatch):
+    monkeypatch.setattr(readme, "ROOT", tmp_path)
+    monkeypatch.setattr(readme, "RESULTS", tmp_path / "kept.json")
+    (tmp_path / "bench").mkdir()
+    (tmp_path / "fig_errors.png").write_text("costs")
+    rows = [{"algorithm": label} for label in ("gmapping", "gmapping:n_particles=5")]
+    found = {"format": FORMAT, "command": "c", "logs": [{}], "rows": rows}
+    (tmp_path / "results.json").write_text(json.dumps(found))
+    readme.adopt(tmp_path)
+    assert (tmp_path / "bench" / "fig_cost.png").read_text() == "costs"
+    assert not readme.RESULTS.exists()
+
+
 def several_logs(folder):
     """Results of two logs as bench.compare writes them, as far as the README needs them."""
     more = {"duration_s": 10.0, "meta": {"more": "than is shown"}}

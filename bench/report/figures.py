@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 CLASSES = 8
 FEW = 6  # maps that stand three in a row; more stand four in a row
+MOST_NAMES = 12  # of a legend; more are written smaller
 SHOWN_FROM = 0.02  # of its values: where the axis of the errors begins
 SHORT = 200.0  # ratio of the ends of a logarithmic axis that has room for 2 and 5
 LEAST_ERROR = 1e-3  # mm; smaller errors are drawn as this
@@ -77,7 +78,7 @@ def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Loo
         axes.set_xlim(left=max(0.9 * low, LEAST_ERROR))
     plain_numbers(axes.xaxis)
     axes.grid(visible=True, which="both", alpha=0.25)
-    axes.legend(loc="lower right", fontsize=8)
+    axes.legend(loc="lower right", fontsize=8 if len(errors) <= MOST_NAMES else 6)
 
 
 def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:

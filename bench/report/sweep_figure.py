@@ -48,7 +48,8 @@ def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
                 if len(values):
                     axes.plot(1e3 * values, share, LINES[mode], color=color_of[name], label=label)
         axes.set(xlabel="error over 1 s [mm]", ylabel="share of all runs below")
-        axes.legend(loc="lower right", fontsize=7)
+        if axes.get_lines():
+            axes.legend(loc="lower right", fontsize=7)
     for axes, mode in zip(panels[1], modes, strict=False):
         _draw_costs(axes, sweep, names, mode, color_of)
     for axes in panels.ravel():

@@ -13,6 +13,7 @@ import numpy as np
 import slams.jit  # noqa: F401 so that numba is loaded before the memory is measured
 from bench.judge import loss, mapquality, metrics
 from bench.results import Errors, Outcome, Reference, Row
+from bench.run.single import algorithm_of
 from bench.run.timing import PeakMemory
 from slams import load
 from slams.formats.options import SourceOptions
@@ -93,7 +94,7 @@ def facts(log: ScanLog) -> dict[str, Any]:
 
 def replayed(label: str, log: ScanLog, choice: Choice) -> Outcome:
     """Replay a log through the algorithm `label`; raises whatever that raises."""
-    entry = find(label)
+    entry = find(algorithm_of(label))
     params = choice.params.get(label) or entry.params()
     with PeakMemory() as memory:
         start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))

@@ -36,8 +36,8 @@ def parser() -> argparse.ArgumentParser:
         "--algorithms",
         metavar="NAME",
         nargs="+",
-        help=f"name, name@preset or module:Class (default: {' '.join(names())}, and NAME@{IDEA} "
-        "of each that has one)",
+        help="name, name@preset, module:Class, or a variant NAME:KEY=VALUE,... as a row of its own "
+        f"(default: {' '.join(names())}, and NAME@{IDEA} of each that has one)",
     )
     p.add_argument(
         "--out",
@@ -187,6 +187,8 @@ def _ros(given: list[str], labels: list[str], sensor: str | None) -> dict[str, T
             )
         files.setdefault(label, []).append(path)
     return {
-        label: ros_params.take(single.params_of(label, sensor), paths, find(label).preset)
+        label: ros_params.take(
+            single.params_of(label, sensor), paths, find(single.algorithm_of(label)).preset
+        )
         for label, paths in files.items()
     }

@@ -6,6 +6,7 @@ import pytest
 
 from bench import compare, sweep
 from bench.run import compare_options, folder, plan
+from bench.run.cases import Choice, replayed
 from bench.run.comparing import spread_over_starts, start_scans
 from bench.run.single import seeds
 from bench.sim.degrade import CATALOG
@@ -37,6 +38,19 @@ def test_parameters_of_one_algorithm_leave_the_others_alone(tmp_path):
     assert found["tsd@original"] == plain["tsd@original"].replace(seed=3)
     assert found["crsm"] == plain["crsm"].replace(seed=5)
     assert found["slams.baselines:Odometry"].seed == 9
+
+
+def test_a_variant_is_a_row_with_its_own_settings():
+    words = "--algorithms", "hector@paper", "hector@paper:resolution=0.1,levels=2"
+    params = choice_of(*words)
+    plain, variant = (params[label] for label in words[1:])
+    assert variant == plain.replace(resolution=0.1, levels=2)
+    log = drive(n=3)
+    outcome = replayed(words[2], log, Choice(params=params))
+    assert outcome.row["algorithm"] == words[2]
+    assert outcome.grid.resolution == 0.1
+    with pytest.raises(LookupError, match="resolutoin"):
+        choice_of("--algorithms", "hector:resolutoin=0.1")
 
 
 def test_the_last_seed_for_all_counts():
