@@ -73,6 +73,8 @@ def test_the_page_answers_first_and_draws_curves_with_bands_and_escapes_names(tm
     page = (tmp_path / "report.html").read_text()
     assert "<i>" not in page
     assert page.index("3 drives cannot tell") < page.index("<img") < page.index("levels held [%]")
+    assert page.count("<img") == 2, "errors and costs, and the curves of one question"
+    assert '<td data-label="laser alone" class="words">3 drives cannot tell' in page
     assert (tmp_path / "fig_survival-1.png").exists()
     assert "range noise" in page and "a &lt;b&gt;" in page
     axes, (cell,) = Figure().subplots(), weighed.cells

@@ -12,6 +12,7 @@ from bench.report.html.markup import Markup, element, together
 from bench.report.lines import Table
 
 HERE = Path(__file__).parent
+NUMBER = 20  # characters of a cell; with more it has words, which take the width of a phone
 COSTS = (
     "Mean error against CPU time per scan, both logarithmic: lower left is better. The line joins "
     "those that no other beats in both; crosses were lost."
@@ -74,8 +75,12 @@ def _line(head: list[str], line: list[str]) -> Markup:
     name, *values = line
     header = element("th", element("span", name), scope="row")
     cells = zip(head[1:], values, strict=True)
-    drawn = (element("td", value, data_label=column) for column, value in cells)
-    return element("tr", header, *drawn)
+    return element("tr", header, *(_cell(column, value) for column, value in cells))
+
+
+def _cell(column: str, value: str) -> Markup:
+    known = {"class_": "words"} if len(value) > NUMBER else {}
+    return element("td", value, data_label=column, **known)
 
 
 def template(name: str) -> Template:

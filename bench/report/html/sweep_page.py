@@ -1,4 +1,4 @@
-"""The page of a sweep: the answers, survival curves with their bands, tables."""
+"""The page of a sweep: the answers, errors and costs, survival curves with their bands, tables."""
 
 from __future__ import annotations
 
@@ -11,6 +11,11 @@ from bench.report.html.markup import bullets, element, together
 from bench.report.html.page import table
 from bench.results.sweep import Sweep
 
+ALL_RUNS = (
+    "Above: share of all runs, at every level, with errors below a value; a curve ends at the "
+    "share that was not lost. Below: medians of the drives as they are (large), then with fewer "
+    "and fewer beams as long as half of the drives hold; lower left is better."
+)
 HELD = "Share of the runs that hold the level, with its 95 % band."
 
 
@@ -22,6 +27,7 @@ def write(folder: Path, sweep: Sweep, found: Analysis) -> None:
     curves = [page.picture(path, HELD) for path in sorted(folder.glob("fig_survival-*.png"))]
     shown = {
         "Which one to take": together(element("p", sweep_tables.TAKE), *answers),
+        "Errors and costs": page.picture(folder / "fig_sweep.png", ALL_RUNS),
         "Runs that hold a level": together(bullets(meanings), *curves) if curves else None,
         "Tables": together(*(table(one) for one in sweep_tables.tables(found, facts).values())),
     }
