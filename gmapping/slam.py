@@ -38,6 +38,7 @@ from gmapping.render import Renderer
 from gmapping.reported import Matcher, ReportedMap
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
+from slams.frontend.confident import Estimated
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
 from slams.frontend.plain import estimator_for
@@ -45,13 +46,13 @@ from slams.geometry import Prior
 from slams.params import Params
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
 STEP = 0.001  # m by which two keyframes differ in `_way`, however near they are
 COUNTS = "posed inserted resampled switched collapsed closed"
 
 
-class GMapping:
+class GMapping(Estimated):
     """The particle filter; see the module for the steps.
 
     `frozen`: nothing enters the map; `particles` and `tiles` the filter's state.
@@ -125,21 +126,6 @@ class GMapping:
         """Counts of scans, and what the particles' maps take."""
         counts = self._counts | self._estimator.counts | self.tiles.counts
         return counts | self._view.counts
-
-    @property
-    def state(self) -> State:
-        """How the last pose came about."""
-        return self._estimator.state
-
-    @property
-    def quality(self) -> float:
-        """Share of the last scan's beams that are inliers, less those in conflict with the map."""
-        return self._estimator.quality
-
-    @property
-    def covariance(self) -> Floats:
-        """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
-        return self._estimator.covariance
 
     def _match(self, points: EndPoints, start: Pose2, prior: Prediction) -> list[Match]:
         """Steps 3 and 4 from a start."""

@@ -21,6 +21,7 @@ from typing import Any, ClassVar
 
 from hector.map import LogOddsPyramid
 from hector.params import HectorParams
+from slams.frontend.confident import Estimated
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
 from slams.frontend.plain import estimator_for
@@ -28,10 +29,10 @@ from slams.geometry import Prior
 from slams.params import Params
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints, gap
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
+from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 
-class Hector:
+class Hector(Estimated):
     """Gradient map matching on a grid pyramid; see the module for the steps.
 
     `frozen`: nothing enters the map.
@@ -89,21 +90,6 @@ class Hector:
         """
         counts = self._counts | self._estimator.counts | self._map.extent.counts
         return counts | self._scan.counts
-
-    @property
-    def state(self) -> State:
-        """How the last pose came about."""
-        return self._estimator.state
-
-    @property
-    def quality(self) -> float:
-        """Share of the last scan's beams that are inliers, less those in conflict with the map."""
-        return self._estimator.quality
-
-    @property
-    def covariance(self) -> Floats:
-        """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
-        return self._estimator.covariance
 
     def _match(self, points: EndPoints, start: Pose2, prior: Prediction) -> list[Match]:
         """Steps 3 and 4 from a start."""

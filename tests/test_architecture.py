@@ -97,10 +97,8 @@ def test_an_algorithm_imports_only_itself_and_the_interface(name):
         "refine.lines",
         "refine.params",
     )
-    parts += tuple(
-        f"frontend.{part}"
-        for part in ("correlative", "degeneracy", "keyframes", "motion_filter", "params", "plain")
-    )
+    shared = "confident correlative degeneracy keyframes motion_filter params plain"
+    parts += tuple(f"frontend.{part}" for part in shared.split())
     allowed = {f"slams.{part}" for part in parts}
     for path in (ROOT / name).rglob("*.py"):
         for module in imports(path):

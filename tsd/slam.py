@@ -27,13 +27,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from slams.frontend.confident import Estimated
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
 from slams.frontend.plain import estimator_for
 from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints, gap
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, State
+from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 from tsd.image import Picture, colored
 from tsd.map import TileField
 from tsd.params import TsdParams
@@ -41,7 +42,7 @@ from tsd.registration import Registration
 from tsd.scan import SurfaceScan
 
 
-class Tsd:
+class Tsd(Estimated):
     """SLAM on a field of truncated signed distances; see the module for the steps.
 
     `frozen`: nothing enters the map.
@@ -110,21 +111,6 @@ class Tsd:
         """
         counts = self._counts | self._estimator.counts | self._map.extent.counts
         return counts | self._scan.counts
-
-    @property
-    def state(self) -> State:
-        """How the last pose came about."""
-        return self._estimator.state
-
-    @property
-    def quality(self) -> float:
-        """Share of the last scan's elements that are inliers, less those in conflict."""
-        return self._estimator.quality
-
-    @property
-    def covariance(self) -> Floats:
-        """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
-        return self._estimator.covariance
 
     def _match(self, points: EndPoints, start: Pose2, prior: Prediction) -> list[Match]:
         """Steps 3 and 4 from a start."""

@@ -16,6 +16,8 @@ from bench.report.text import head, markdown_table, titled
 from bench.results.sweep import Sweep
 from slams.registry import BUILT_IN, IDEAS, names
 
+ON_FRONT = 2  # questions: which program to use, which idea is best
+
 Kept = dict[str, Any]
 
 
@@ -78,8 +80,8 @@ def _linked(name: str) -> str:
 
 
 def choice(swept: Kept) -> str:
-    """Which one to take: the answers by situation, a table for each question."""
-    return _shown(swept["choices"])
+    """Which one to take: the answers by situation, a table for each of the first questions."""
+    return _shown(swept["choices"][:ON_FRONT])
 
 
 def field(swept: Kept, *kinds: str) -> str:
@@ -88,9 +90,11 @@ def field(swept: Kept, *kinds: str) -> str:
 
 
 def sweep_part(swept: Kept) -> str:
-    """How the sweep was made, all rows together, and the critical levels with the answers."""
+    """How the sweep was made, all rows together, critical levels, answers not on the front page."""
     command, cpu = swept["record"]["command"], swept["record"]["machine"]["cpu"]
-    return f"`{command}`, on {cpu}: {swept['head']}.\n\n{field(swept, 'rows', 'critical')}"
+    others = swept["choices"][ON_FRONT:]
+    parts = [f"`{command}`, on {cpu}: {swept['head']}.", field(swept, "rows", "critical")]
+    return "\n\n".join([*parts, _shown(others)] if others else parts)
 
 
 def _shown(kept: list[Kept]) -> str:
