@@ -25,7 +25,7 @@ from crsm.map import GreyMap
 from crsm.matcher import Matcher
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
-from slams.frontend.confident import Estimated
+from slams.frontend.confident import HasEstimator
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
 from slams.frontend.plain import estimator_for
@@ -36,7 +36,7 @@ from slams.scan.end_points import EndPoints, gap
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 
-class Crsm(Estimated):
+class Crsm(HasEstimator):
     """Critical rays climbed, and all beams fitted to lines; see the module for the steps.
 
     `frozen`: nothing enters the map.

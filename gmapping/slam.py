@@ -38,7 +38,7 @@ from gmapping.render import Renderer
 from gmapping.reported import Matcher, ReportedMap
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
-from slams.frontend.confident import Estimated
+from slams.frontend.confident import HasEstimator
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
 from slams.frontend.plain import estimator_for
@@ -52,7 +52,7 @@ STEP = 0.001  # m by which two keyframes differ in `_way`, however near they are
 COUNTS = "posed inserted resampled switched collapsed closed"
 
 
-class GMapping(Estimated):
+class GMapping(HasEstimator):
     """The particle filter; see the module for the steps.
 
     `frozen`: nothing enters the map; `particles` and `tiles` the filter's state.

@@ -21,7 +21,7 @@ from typing import Any, ClassVar
 
 from hector.map import LogOddsPyramid
 from hector.params import HectorParams
-from slams.frontend.confident import Estimated
+from slams.frontend.confident import HasEstimator
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
 from slams.frontend.plain import estimator_for
@@ -32,7 +32,7 @@ from slams.scan.end_points import EndPoints, gap
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 
-class Hector(Estimated):
+class Hector(HasEstimator):
     """Gradient map matching on a grid pyramid; see the module for the steps.
 
     `frozen`: nothing enters the map.

@@ -27,7 +27,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.frontend.confident import Estimated
+from slams.frontend.confident import HasEstimator
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
 from slams.frontend.plain import estimator_for
@@ -42,7 +42,7 @@ from tsd.registration import Registration
 from tsd.scan import SurfaceScan
 
 
-class Tsd(Estimated):
+class Tsd(HasEstimator):
     """SLAM on a field of truncated signed distances; see the module for the steps.
 
     `frozen`: nothing enters the map.

@@ -51,7 +51,7 @@ def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
         if axes.get_lines():
             axes.legend(loc="lower right", fontsize=7)
     for axes, mode in zip(panels[1], modes, strict=False):
-        _draw_costs(axes, sweep, names, mode, color_of)
+        _draw_costs(axes, sweep, found, mode, color_of)
     for axes in panels.ravel():
         axes.title.set_fontsize(9)
         axes.grid(visible=True, which="both", alpha=0.25)
@@ -131,22 +131,32 @@ def costs(sweep: Sweep, name: str, odometry: bool, degradation: str) -> list[Poi
 
 
 def _draw_costs(
-    axes: Axes, sweep: Sweep, names: Sequence[str], odometry: bool, color_of: Mapping[str, str]
+    axes: Axes, sweep: Sweep, found: Analysis, odometry: bool, color_of: Mapping[str, str]
 ) -> None:
-    """Every row as it is, in its color of above, the Pareto front, and its way to fewer beams."""
-    axes.set(xscale="log", yscale="log", title=f"As it is; dots: fewer beams; {MODES[odometry]}")
-    clean = {name: costs(sweep, name, odometry, CLEAN) for name in names}
-    for name, points in clean.items():
-        fewer = costs(sweep, name, odometry, BEAMS)
-        x, y = _places([*points, *fewer])
-        if not x:
+    """Every row in its color of above, the Pareto front, and its way to fewer beams.
+
+    A row stands where its drives as they are do; where a sweep has none of these, all its runs.
+    """
+    levels = sweep.facts["levels"]
+    title = "Drives as they are" if CLEAN in levels else "Runs that were not lost"
+    title += ", dots: with fewer beams" if BEAMS in levels else ""
+    axes.set(xscale="log", yscale="log", title=f"{title}; {MODES[odometry]}")
+    places: list[Point] = []
+    for name, mode, of in found.rows:
+        if mode != odometry:
             continue
-        axes.plot(x, y, ".-", color=color_of[name], linewidth=0.6, markersize=4)
-        axes.plot(x[: len(points)], y[: len(points)], "o", color=color_of[name])
+        own = costs(sweep, name, odometry, CLEAN)
+        if CLEAN not in levels and of.cpu_scan and of.second_m:
+            own = [Point(name, 1e3 * of.cpu_scan, 1e3 * of.second_m, lost=0)]
+        fewer = costs(sweep, name, odometry, BEAMS)
+        axes.plot(*_places([*own, *fewer]), ".-", color=color_of[name], linewidth=0.6, markersize=4)
+        axes.plot(*_places(own), "o", color=color_of[name])
         for point in fewer[-1:]:
-            axes.annotate(point.name, (x[-1], y[-1]), fontsize=6, color=color_of[name])
-    best = front([point for points in clean.values() for point in points])
-    axes.plot(*_places(best), color="0.5", linewidth=2.5, alpha=0.4, label="Pareto front")
+            place = point.cpu_ms, point.error_mm
+            axes.annotate(point.name, place, fontsize=6, color=color_of[name])
+        places += own
+    best = _places(front(places))
+    axes.plot(*best, color="0.5", linewidth=2.5, alpha=0.4, label="Pareto front")
     axes.set(xlabel="CPU per scan [ms]", ylabel="error over 1 s [mm]")
     plain_numbers(axes.xaxis)
     plain_numbers(axes.yaxis)

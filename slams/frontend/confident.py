@@ -1,4 +1,4 @@
-"""Estimated: how an algorithm on the front end says how sure it is."""
+"""HasEstimator: how an algorithm on the front end says how sure it is."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from slams.frontend.plain import PlainEstimator
 from slams.types import Floats, State
 
 
-class Estimated:
+class HasEstimator:
     """A `slams.types.Confident` by its estimator."""
 
     _estimator: PoseEstimator | PlainEstimator

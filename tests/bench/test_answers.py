@@ -246,7 +246,8 @@ def test_accuracy_does_not_make_up_for_lost_runs():
     ]
 
 
-def test_the_picture_has_a_panel_for_each_question_and_one_of_costs(tmp_path, monkeypatch):
+@pytest.mark.parametrize("clean", [False, True])
+def test_the_picture_has_a_panel_for_each_question_and_one_of_costs(clean, tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(
         sweep_figure.FigureCanvasAgg,
@@ -254,12 +255,23 @@ def test_the_picture_has_a_panel_for_each_question_and_one_of_costs(tmp_path, mo
         lambda self, path, **_: drawn.append(self.figure),
     )
     names = ("a", "b", "a@paper", "b@paper")
-    found = sweep_of([one for name in names for one in climbs([2, 1], algorithm=name)])
+    trials = [one for name in names for one in climbs([2, 1], algorithm=name, second_m=0.004)]
+    levels = {"noise": list(LEVELS), "beams": list(LEVELS)}
+    for name in names if clean else ():
+        trials += climbs([1], levels=(0.0,), algorithm=name, second_m=0.001)
+        trials += [one | {"degradation": "beams"} for one in climbs([2], algorithm=name)]
+        levels["clean"] = [0.0]
+    found = sweep_of(trials, levels=levels)
     sweep_figure.draw(found, analysis(found), tmp_path / "it.png")
     panels = [axes for axes in drawn[0].axes if axes.get_visible()]
     titles = [axes.get_title() for axes in panels]
     assert titles[:2] == [answers.QUESTIONS[""], answers.QUESTIONS["paper"]]
     assert len(titles) == 3
+    *rows, front = panels[-1].get_lines()
+    ways, places = rows[::2], rows[1::2]
+    assert [len(line.get_xdata()) for line in ways] == [3 if clean else 1] * len(names)
+    assert [line.get_ydata().tolist() for line in places] == [[1.0 if clean else 4.0]] * len(names)
+    assert front.get_xdata()[0] == min(line.get_xdata()[0] for line in places)
 
 
 def test_the_costs_of_a_level_are_of_runs_that_held_it_where_half_of_the_drives_did():
