@@ -247,7 +247,9 @@ def test_accuracy_does_not_make_up_for_lost_runs():
 
 
 @pytest.mark.parametrize("clean", [False, True])
-def test_the_picture_has_a_panel_for_each_question_and_one_of_costs(clean, tmp_path, monkeypatch):
+def test_the_picture_has_panels_of_errors_by_question_and_of_costs_by_sensors(
+    clean, tmp_path, monkeypatch
+):
     drawn = []
     monkeypatch.setattr(
         sweep_figure.FigureCanvasAgg,
@@ -261,13 +263,14 @@ def test_the_picture_has_a_panel_for_each_question_and_one_of_costs(clean, tmp_p
         trials += climbs([1], levels=(0.0,), algorithm=name, second_m=0.001)
         trials += [one | {"degradation": "beams"} for one in climbs([2], algorithm=name)]
         levels["clean"] = [0.0]
+    trials += climbs([1], odometry=True)
     found = sweep_of(trials, levels=levels)
     sweep_figure.draw(found, analysis(found), tmp_path / "it.png")
     panels = [axes for axes in drawn[0].axes if axes.get_visible()]
     titles = [axes.get_title() for axes in panels]
     assert titles[:2] == [answers.QUESTIONS[""], answers.QUESTIONS["paper"]]
-    assert len(titles) == 3
-    *rows, front = panels[-1].get_lines()
+    assert len(titles) == 4 and len(panels[3].get_lines()) == 3
+    *rows, front = panels[2].get_lines()
     ways, places = rows[::2], rows[1::2]
     assert [len(line.get_xdata()) for line in ways] == [3 if clean else 1] * len(names)
     assert [line.get_ydata().tolist() for line in places] == [[1.0 if clean else 4.0]] * len(names)
