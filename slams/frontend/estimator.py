@@ -10,7 +10,14 @@ import numpy as np
 from slams.frontend.degeneracy import ALL, Observability, of_information, of_scan
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
-from slams.frontend.ranking import Candidate, MatchedMap, Rematch, best_around, best_of
+from slams.frontend.ranking import (
+    LATENCY,
+    Candidate,
+    MatchedMap,
+    Rematch,
+    best_around,
+    best_of,
+)
 from slams.frontend.relocalize import Relocalizer
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
@@ -21,7 +28,6 @@ USUAL = 0.85  # of the usual score; less is doubtful
 MEMORY = 0.5  # s over which a score is usual
 GATE = 49.0  # squared Mahalanobis distance from the prior that one scan cannot prove
 REFUSED = 1.5  # times the variances after a good match beyond the gate: it may be a blunder of ours
-LATENCY = 0.5  # s that a recorder keeps a scan back
 LOST_XY, LOST_HEADING = 0.5, 0.3  # m, rad: deviation of a pose that holds no map together
 CONFIRMED = 3.0  # s after the robot was lost, times agreement over the usual: a match has to stand
 LOST_AFTER = 1.0  # s without a match, after which the whole map is searched

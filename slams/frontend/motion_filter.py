@@ -38,7 +38,7 @@ class Prediction(NamedTuple):
     """What is known of a pose before its scan is matched.
 
     The pose and its information (3, 3), the inverse of `covariance`; the body twist [m/s, rad/s];
-    seconds since the scan before; whether wheels or a gyro measured the turn.
+    seconds since the scan before.
     """
 
     pose: Pose2
@@ -46,7 +46,6 @@ class Prediction(NamedTuple):
     covariance: Floats
     twist: Pose2
     dt: float
-    knows_turn: bool = False
 
     def distance(self, pose: Pose2) -> float:
         """Squared Mahalanobis distance of a pose from the prediction."""
@@ -133,8 +132,7 @@ class MotionFilter:
         covariance = self._P[:3, :3].copy()
         covariance.flat[::4] += self._floor + PRIOR_ERROR**2
         twist = Pose2(*self._z[TWIST:SCALE].tolist())
-        known = self.wheels or self.gyro
-        return Prediction(self.pose, inverse3(covariance), covariance, twist, self._dt, known)
+        return Prediction(self.pose, inverse3(covariance), covariance, twist, self._dt)
 
     def twist_at(self, pose: Pose2) -> Pose2:
         """The body twist if the robot is at `pose`, by regression on it."""

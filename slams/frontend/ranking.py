@@ -19,9 +19,8 @@ from slams.types import OccupancyGrid, Pose2, wrap_angle
 
 PIECES = 50.0  # of wall in a scan whose errors are independent of each other
 TRIES = 6  # poses of a correlative search that are matched
-DRIFT = 1.0  # m: half of a window at least; a robot that comes back has drifted by as much
-TURNED = 1.0  # rad: likewise, where nothing but the laser measures turns
 SPEED, TURN_RATE = 2.0, 2.0  # m/s, rad/s: how fast a robot drives and turns
+LATENCY = 0.5  # s that a recorder keeps a scan back
 
 Rematch = Callable[[EndPoints, Pose2, Prediction], list[Match]]
 
@@ -90,11 +89,13 @@ def best_of(
 def best_around(
     first: Match, points: EndPoints, grid: MatchedMap, prior: Prediction, rematch: Rematch
 ) -> Candidate:
-    """The best of a match and those from where a correlative search of the prior's window leads."""
+    """The best of a match and those from where a correlative search of the prior's window leads.
+
+    The window reaches as far as a robot drives and turns while a recorder keeps a scan back.
+    """
     window, found = window_of(prior.pose, prior.covariance), [first]
-    turned = 0.0 if prior.knows_turn else TURNED
-    half, rotation = max(window.half, DRIFT), max(window.rotation, turned)
-    window = window._replace(half=half, rotation=rotation)
+    half = max(window.half, SPEED * LATENCY)
+    window = window._replace(half=half, rotation=max(window.rotation, TURN_RATE * LATENCY))
     poses, _ = search(grid.lookup(), points.points[:, : points.n], window, alike=ALIKE)
     starts = [(Pose2(*pose), likelihood) for *pose, likelihood in poses.tolist()]
     starts.sort(key=lambda start: unlikely(prior.distance(start[0])) / PIECES - start[1])

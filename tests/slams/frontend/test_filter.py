@@ -10,7 +10,7 @@ from slams.frontend import update_kernels
 from slams.frontend.degeneracy import ALL, Observability
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter
 from slams.frontend.params import FrontendParams
-from slams.types import IDENTITY, Laser, Pose2, Scan
+from slams.types import Laser, Pose2, Scan
 
 LASER = Laser(-1.0, 0.1, 21, 0.1, 30.0)
 RANGES = np.ones(21, np.float32)
@@ -211,14 +211,3 @@ def test_wheels_that_stall_say_nothing_of_their_scale():
     assert kernels.linearize(z, 0.1, 0, readings, H) == pytest.approx(-0.05)
     assert H[kernels.SCALE] == 0.0
     assert H[kernels.STEP] == 1.0
-
-
-@pytest.mark.parametrize(
-    ("odometry", "yaw", "known"), [(None, None, False), (IDENTITY, None, True), (None, 0.1, True)]
-)
-def test_a_prediction_says_whether_wheels_or_a_gyro_measured_the_turn(odometry, yaw, known):
-    motion = MotionFilter(FrontendParams())
-    assert not motion.predict(scan(0.0, IDENTITY, 0.1)).knows_turn, "of one scan"
-    motion.predict(scan(0.1, IDENTITY, 0.1))
-    motion.predict(scan(0.2, odometry, yaw))
-    assert motion.predict(scan(0.3, odometry, yaw)).knows_turn == known
