@@ -39,6 +39,7 @@ UNMAPPED = {
     "attitude_late_ms": "ms, about, that the attitude is late by",
     "collapsed": "times the particles' maps did not fit: all went on from the best (max_tiles)",
 }
+CONFLICTING = 0.05  # share of the scans: fewer may be a door that opened
 LIBRARIES = (
     "numpy",
     "numba",
@@ -211,6 +212,9 @@ def _odd_scans(summary: dict[str, Any]) -> list[str]:
         notes.append(f"{summary['scans_without_return']} scans have no return at all")
     report = summary["report"]
     notes += [f"{report[key]} {words}" for key, words in UNMAPPED.items() if report.get(key)]
+    if report.get("in_conflict", 0) > CONFLICTING * summary["scans"]:
+        causes = "people or dust" if report.get("leveled") else "people, dust, or a tilting laser"
+        notes.append(f"{report['in_conflict']} scans end where the map is free: {causes}")
     return ["note: " + "; ".join(notes)] if notes else []
 
 

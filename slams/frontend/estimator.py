@@ -30,11 +30,12 @@ GATE = 49.0  # squared Mahalanobis distance from the prior that one scan cannot 
 REFUSED = 1.5  # times the variances after a good match beyond the gate: it may be a blunder of ours
 LOST_XY, LOST_HEADING = 0.5, 0.3  # m, rad: deviation of a pose that holds no map together
 CONFIRMED = 3.0  # s after the robot was lost, times agreement over the usual: a match has to stand
-LOST_AFTER = 1.0  # s without a match, after which the whole map is searched
 RELOCALIZED = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
 BEGIN_BEAMS = 10  # end points that a map begins with
-DEAD_RECKONING, FRAGMENT = 1.0, 3.0  # s without a match: scans are mapped by wheels; without
+# s without a match: the whole map is searched, and scans are mapped by wheels; also without
+DEAD_RECKONING, FRAGMENT = 1.0, 3.0
 AGAINST = 2.0  # beams in new ground that one in conflict outweighs
+IN_CONFLICT = 0.05  # share of the beams: more are not noise, but people, dust, or the floor
 CONFIRMING = 2.0  # times as long while a place that was found by relocalization is confirmed
 
 
@@ -50,7 +51,7 @@ class PoseEstimator:
         self.quality = 1.0
         self.maps = False  # whether the last scan may enter the map
         self.match: Match | None = None  # that the last pose is of
-        named = "empty matched predicted lost searched relocalized odometry gyro"
+        named = "empty matched predicted lost searched relocalized in_conflict odometry gyro"
         self.counts = dict.fromkeys(named.split(), 0)
         self._p = params
         self._filter = MotionFilter(params)
@@ -160,6 +161,7 @@ class PoseEstimator:
         """The robot is at a match."""
         match, agreement = best.match, best.agreement
         self.match = match
+        self.counts["in_conflict"] += best.conflicts > IN_CONFLICT
         if best.distance > GATE and best.seconds > self._prior.dt:
             self._filter.shift(match.pose)  # not driven there: a scan that was kept back
             self._pose = match.pose
@@ -225,7 +227,7 @@ class PoseEstimator:
 
     def _relocalize(self, grid: MatchedMap) -> None:
         """Global localization in the map; a pose that wheels contradict is none."""
-        if self._unmatched < LOST_AFTER:
+        if self._unmatched < DEAD_RECKONING:
             return
         variance = max(self._filter.covariance.diagonal()[:2].tolist())
         held = self._by_wheels and not self._refuted

@@ -105,6 +105,18 @@ def test_what_is_odd_is_told_with_its_number():
     assert "7 scans not entered into the map" in note
 
 
+@pytest.mark.parametrize(
+    ("scans", "leveled", "told"),
+    [(1, 0, ""), (2, 0, "people, dust, or a tilting laser"), (2, 9, "people or dust")],
+)
+def test_a_map_that_many_scans_contradict_is_told_with_what_may_be_the_reason(scans, leveled, told):
+    text = as_text(summary_of(poses_of(), log_of(), {"in_conflict": scans, "leveled": leveled}))
+    notes = [line for line in text.splitlines() if "where the map is free" in line]
+    assert [note.endswith(f"2 scans end where the map is free: {told}") for note in notes] == (
+        [True] if told else []
+    )
+
+
 def test_what_is_not_finite_becomes_null():
     text = as_json({"a": math.nan, "b": [math.inf, 1.0], "c": np.float64(-math.inf), "d": "nan"})
     assert json.loads(text) == {"a": None, "b": [None, 1.0], "c": None, "d": "nan"}

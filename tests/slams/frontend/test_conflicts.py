@@ -8,7 +8,8 @@ import pytest
 
 from slams.registry import find
 from slams.test_world import box, cast, laser
-from slams.types import IDENTITY, Scan
+from slams.types import IDENTITY, Pose2, Scan
+from tests.rooms import ALGORITHMS, made
 
 HALL = np.array(box(-14.0, -14.0, 14.0, 14.0))
 SPARSE = laser(181, math.pi)
@@ -55,3 +56,16 @@ def test_a_rough_surface_whose_normals_are_not_those_of_the_map_is_no_conflict()
     c, s = math.cos(0.9), math.sin(0.9)
     scan.elements[: scan.count, 2], scan.elements[: scan.count, 3] = c * x - s * y, s * x + c * y
     assert slam._map.evaluate(scan, IDENTITY)[0] > 0.8
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+@pytest.mark.parametrize(("beams", "counted"), [(5, 0), (20, 3)])
+def test_scans_with_many_ends_where_the_map_is_free_are_counted(name, beams, counted):
+    slam = made(name)
+    for k in range(43):
+        seen = cast(HALL, Pose2(0.1 * k, 0.0, 0.0), SPARSE)
+        if k >= 40:
+            first = 40 * (k - 39)
+            seen[first : first + beams] *= 0.6  # of 181: somebody walks by
+        slam.update(Scan(0.1 * k, seen, SPARSE))
+    assert slam.report()["in_conflict"] == counted
