@@ -2,46 +2,34 @@
 
 from __future__ import annotations
 
-import bz2
 import mmap
 import os
 import shutil
 import sqlite3
 import struct
-import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import lz4.frame
+from rosbags.rosbag1 import reader as rosbag1
+from rosbags.rosbag2 import storage_mcap as mcap
+from rosbags.typesys.msg import normalize_msgtype
 
 from slams.formats.bag import KNOWN, Bag, Record, summed, write_ahead
 
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
-
 HEADER1 = len(b"#ROSBAG V2.0\n")
 HEADER2 = len(b"\x89MCAP0\r\n")
-MESSAGE1, CHUNK1, CONNECTION1 = b"\x02", b"\x05", b"\x07"  # op codes of ROS 1 bags
-SCHEMA2, CHANNEL2, MESSAGE2, CHUNK2 = 3, 4, 5, 6  # and of mcap
-RECORD2 = struct.Struct("<BQ")  # op code and length of an mcap record
-UNPACKERS: dict[bytes, Callable[[], Any]] = {
-    b"bz2": bz2.BZ2Decompressor,
-    b"lz4": lz4.frame.LZ4FrameDecompressor,
-    b"zstd": zstd.ZstdDecompressor,
-}
-UNPACK_ERRORS = (OSError, EOFError, ValueError, RuntimeError, zstd.ZstdError)
+SCHEMA2, CHANNEL2, MESSAGE2, CHUNK2 = 3, 4, 5, 6  # op codes of mcap
+RECORD2 = struct.Struct("<Bq")  # op code and length of an mcap record
 
 TOPICS = "SELECT id, name, type FROM topics"
 ROWS = "SELECT topic_id, timestamp, data FROM messages"
 MAX_DATABASE_SIZE = 1 << 42  # bytes, a database this large is a broken number
 
 Found = Iterator[tuple[str, str, int, bytes]]  # topic, type, received [ns], data
-Bytes = bytes | mmap.mmap
 
 
 def salvaged(path: Path, kind: str) -> Bag:
@@ -49,7 +37,7 @@ def salvaged(path: Path, kind: str) -> Bag:
     ros1, records = kind == "bag", list[Record]()
     found: list[tuple[str, str, int]] = []
     for topic, name, received, data in _found(path, kind):
-        msgtype = name if "/msg/" in name else name.replace("/", "/msg/", 1)
+        msgtype = normalize_msgtype(name)
         ros1 |= msgtype != name  # ROS 1 messages in an mcap
         found.append((topic, msgtype, 1))
         if msgtype in KNOWN:
@@ -66,9 +54,10 @@ def _found(path: Path, kind: str) -> Found:
     elif kind == "db3":
         yield from _rows(path)
     elif path.stat().st_size:  # an empty file cannot be mapped
-        with path.open("rb") as stored:
+        with path.open("rb") as stored:  # mapped, it gives no more than it has, whatever is asked
             data = mmap.mmap(stored.fileno(), 0, access=mmap.ACCESS_READ)
-            yield from _ros1(data, HEADER1, {}) if kind == "bag" else _mcap(data, HEADER2, {}, {})
+            data.seek(HEADER1 if kind == "bag" else HEADER2)
+            yield from _ros1(data, {}) if kind == "bag" else _mcap(data, {}, {})
 
 
 def _rows(path: Path) -> Found:
@@ -101,90 +90,51 @@ def _pad(database: Path) -> None:
         os.truncate(database, size)
 
 
-def _ros1(data: Bytes, place: int, connections: dict[bytes, tuple[str, str]]) -> Found:
-    """Messages of ROS 1 records (header fields, then data) from a place on, in chunks too."""
-    while place < len(data):
-        header, place = _piece(data, place)
-        content, place = _piece(data, place)
-        fields = _fields1(header)
-        op, number = fields.get(b"op", b""), fields.get(b"conn", b"")
-        if op == CHUNK1:  # cut short, its beginning is still of use
-            unpacked = _unpacked(fields.get(b"compression", b""), content)
-            yield from _ros1(unpacked, 0, connections)
-        elif place > len(data):
-            return
-        elif op == CONNECTION1:
-            topic, msgtype = fields.get(b"topic", b""), _fields1(content).get(b"type", b"")
-            connections[number] = topic.decode("latin-1"), msgtype.decode("latin-1")
-        elif op == MESSAGE1 and number in connections and len(fields.get(b"time", b"")) == 8:
-            seconds, nanoseconds = struct.unpack("<II", fields[b"time"])
-            yield *connections[number], seconds * 10**9 + nanoseconds, content
+def _ros1(file: Any, connections: dict[int, tuple[str, str]]) -> Found:
+    """Messages of ROS 1 records from where the file stands, in chunks too.
+
+    A record is a header and data, each with its length before it: behind a broken header its data
+    are taken for one and fail as such, and the next record follows.
+    """
+    while file.read(1):
+        file.seek(-1, os.SEEK_CUR)
+        with suppress(Exception):  # the library's parsers raise what they stumble over
+            header = rosbag1.Header.read(file)
+            op = header.get_uint8("op")
+            if op == rosbag1.RecordType.CHUNK:  # cut short, its beginning can still be of use
+                unpack = rosbag1.decompressors[header.get_string("compression")]
+                chunk = BytesIO(unpack(file.read(rosbag1.read_uint32(file))))
+                yield from _ros1(chunk, connections)
+            elif op == rosbag1.RecordType.CONNECTION:
+                msgtype = rosbag1.Header.read(file).get_string("type")
+                connections[header.get_uint32("conn")] = header.get_string("topic"), msgtype
+            else:
+                data = rosbag1.read_bytes(file, rosbag1.read_uint32(file))
+                if op == rosbag1.RecordType.MSGDATA:
+                    number, received = header.get_uint32("conn"), header.get_time("time")
+                    yield *connections[number], received, data
 
 
-def _fields1(header: bytes) -> dict[bytes, bytes]:
-    """name=value fields of a header, each with its length before it."""
-    fields, place = {}, 0
-    while place < len(header):
-        field, place = _piece(header, place)
-        name, equals, value = field.partition(b"=")
-        if equals and place <= len(header):
-            fields[name] = value
-    return fields
-
-
-def _piece(data: Bytes, place: int) -> tuple[bytes, int]:
-    """Bytes with their length in front, as many as are there, and the place behind them all."""
-    start = place + 4
-    end = start + int.from_bytes(data[place:start], "little")
-    return data[start:end], end
-
-
-def _mcap(
-    data: Bytes, place: int, schemas: dict[int, str], channels: dict[int, tuple[str, str]]
-) -> Found:
-    """Messages of mcap records (kind, length, content) from a place on, in chunks too."""
-    while place + RECORD2.size <= len(data):
-        op, size = RECORD2.unpack_from(data, place)
-        start, place = place + RECORD2.size, place + RECORD2.size + size
-        content = data[start:place]
-        if op != CHUNK2 and place > len(data):
-            return
-        with suppress(struct.error):  # a record too short for its kind
-            if op == CHUNK2:  # cut short, its beginning is still of use
-                yield from _mcap(_chunk2(content), 0, schemas, channels)
+def _mcap(file: Any, schemas: dict[int, str], channels: dict[int, tuple[str, str]]) -> Found:
+    """Messages of mcap records (kind, length, content) from where a file stands, in chunks too."""
+    while len(head := file.read(RECORD2.size)) == RECORD2.size:
+        op, size = RECORD2.unpack(head)
+        content = file.read(size)
+        record = BytesIO(content)
+        with suppress(Exception):  # the library's parsers raise what they stumble over
+            if op == CHUNK2:  # cut short, its beginning can still be of use
+                record.seek(28)  # behind three numbers and a checksum
+                unpack = mcap.DECOMPRESSORS[mcap.read_string(record)]
+                (length,) = mcap.deserialize_uint64(record.read(8))
+                yield from _mcap(BytesIO(unpack(record.read(length), 0)), schemas, channels)
+            elif len(content) < size:
+                return
             elif op == SCHEMA2:
-                (number,) = struct.unpack_from("<H", content)
-                schemas[number] = _text(content, 2)
+                (number,) = mcap.deserialize_uint16(record.read(2))
+                schemas[number] = mcap.read_string(record)
             elif op == CHANNEL2:
-                number, schema = struct.unpack_from("<HH", content)
-                channels[number] = _text(content, 4), schemas.get(schema, "")
+                number, schema = struct.unpack("<HH", record.read(4))
+                channels[number] = mcap.read_string(record), schemas.get(schema, "")
             elif op == MESSAGE2:
-                number, _, received = struct.unpack_from("<HIQ", content)
-                if number in channels:
-                    yield *channels[number], received, content[22:]
-
-
-def _chunk2(content: bytes) -> bytes:
-    """The records of a chunk: three numbers and a checksum, the compression's name, the bytes."""
-    name = _text(content, 28)
-    return _unpacked(name.encode("latin-1"), content[28 + 4 + len(name) + 8 :])
-
-
-def _text(content: bytes, place: int) -> str:
-    text, end = _piece(content, place)
-    return text.decode("latin-1") if end <= len(content) else ""
-
-
-def _unpacked(compression: bytes, data: bytes) -> bytes:
-    """As much of a chunk as unpacks."""
-    if compression in (b"", b"none"):
-        return data
-    parts: list[bytes] = []
-    if compression in UNPACKERS:
-        unpacker = UNPACKERS[compression]()
-        try:
-            for start in range(0, len(data), 4096):
-                parts.append(unpacker.decompress(data[start : start + 4096]))
-        except UNPACK_ERRORS:
-            pass
-    return b"".join(parts)
+                number, _, received, _ = mcap.deserialize_hiqq(record.read(22))
+                yield *channels[number], received, record.read()
