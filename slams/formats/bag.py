@@ -8,12 +8,10 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from slams.formats.options import DamagedError
 from slams.formats.ros_store import store
-
-T = TypeVar("T")
 
 SCAN = "sensor_msgs/msg/LaserScan"
 ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
@@ -71,36 +69,32 @@ def open_bag(path: Path, kind: str) -> Iterator[Bag]:
         raise damaged(path, kind, f"its last messages are still in {log.name}")
     if kind in ("mcap", "db3") and path.suffix != f".{kind}":  # by which the library goes
         raise ValueError(f"{path}: is a .{kind} by its content; give it this ending")
-    reader = _guarded(path, kind, lambda: _opened(path, kind))
+    from rosbags import rosbag1, rosbag2
+
+    with _guarded(path, kind):
+        reader: Any = rosbag1.Reader(path) if kind == "bag" else rosbag2.Reader(path)
+        reader.open()
     topics = summed((c.topic, c.msgtype, c.msgcount) for c in reader.connections)
 
     def _records(names: Collection[str]) -> Iterator[Record]:
         wanted = [c for c in reader.connections if c.topic in names and c.msgtype in KNOWN]
-        messages = reader.messages(connections=wanted) if wanted else iter(())
-        while (item := _guarded(path, kind, lambda: next(messages, None))) is not None:
-            connection, received, data = item
-            if connection in wanted:  # a damaged index leads to others, too
-                yield Record(connection.topic, connection.msgtype, received, data)
+        with _guarded(path, kind):
+            for connection, received, data in reader.messages(wanted) if wanted else ():
+                if connection in wanted:  # a damaged index leads to others, too
+                    yield Record(connection.topic, connection.msgtype, received, data)
 
     try:
         yield Bag(topics, kind == "bag", _records)
     finally:
-        _guarded(path, kind, reader.close)
+        with _guarded(path, kind):
+            reader.close()
 
 
-def _opened(path: Path, kind: str) -> Any:
-    from rosbags.rosbag1 import Reader as Reader1
-    from rosbags.rosbag2 import Reader as Reader2
-
-    reader = Reader1(path) if kind == "bag" else Reader2(path)
-    reader.open()
-    return reader
-
-
-def _guarded(path: Path, kind: str, work: Callable[[], T]) -> T:
-    """Let the library do something; whatever it raises on a damaged file is one sentence."""
+@contextmanager
+def _guarded(path: Path, kind: str) -> Iterator[None]:
+    """While the library does something: what it raises on a damaged file becomes one sentence."""
     try:
-        return work()
+        yield
     except Exception as error:  # its parsers raise what they stumble over: any class
         if isinstance(error, FileNotFoundError | PermissionError) and error.errno:
             raise
