@@ -59,11 +59,10 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
         OSError: a file cannot be opened.
         ValueError: it is no log, or damaged; one sentence.
     """
-    from slams.formats import rosbag
     from slams.formats.bag import SCANS
     from slams.formats.kind import BAGS, kind_of
     from slams.formats.options import DamagedError
-    from slams.formats.recording import Recording
+    from slams.formats.recording import Recording, read
     from slams.formats.source import load
 
     kinds = [kind_of(path) for path in paths]
@@ -72,7 +71,7 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
             yield from _of_carmen(paths[0], options)
         yield from _of_log(load(paths, options))
         return
-    topics, transforms = rosbag.read(paths, options, Recording.contents)
+    topics, transforms = read(paths, options, Recording.contents)
     yield from _of_bag(paths[0], topics, transforms)
     found = [topic.name for topic in topics if topic.msgtype in SCANS]
     lasers = found if found and not options.scan_topic else [options.scan_topic]

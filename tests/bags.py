@@ -165,24 +165,3 @@ def forget_definitions(path):
     database.execute("ALTER TABLE topics DROP COLUMN type_description_hash")
     database.commit()
     database.close()
-
-
-def ros1_in_mcap(folder, messages):
-    """Messages of ROS 1 in an mcap, as `mcap convert` makes them of a bag."""
-    with Writer2(folder / "one", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        connections = {}
-        for topic, t, message in messages(Make(ROS1)):
-            name = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(
-                    topic,
-                    name.replace("/msg/", "/"),
-                    msgdef=ROS1.generate_msgdef(name)[0],
-                    rihs01="none",
-                    serialization_format="ros1",
-                )
-            data = bytes(ROS1.serialize_ros1(message, name))
-            writer.write(connections[topic], round(t * 1e9), data)
-    path = folder / "one" / "one.mcap"
-    path.write_bytes(path.read_bytes().replace(b"ros2msg", b"ros1msg"))
-    return path

@@ -34,16 +34,13 @@ Found = Iterator[tuple[str, str, int, bytes]]  # topic, type, received [ns], dat
 
 def salvaged(path: Path, kind: str) -> Bag:
     """The messages that can still be read, with the topics they are of."""
-    ros1, records = kind == "bag", list[Record]()
-    found: list[tuple[str, str, int]] = []
-    for topic, name, received, data in _found(path, kind):
-        msgtype = normalize_msgtype(name)
-        ros1 |= msgtype != name  # ROS 1 messages in an mcap
+    found, records = list[tuple[str, str, int]](), list[Record]()
+    for topic, msgtype, received, data in _found(path, kind):
         found.append((topic, msgtype, 1))
         if msgtype in KNOWN:
             records.append(Record(topic, msgtype, received, data))
     records.sort(key=lambda record: record.received)
-    return Bag(summed(found), ros1, lambda names: (r for r in records if r.topic in names))
+    return Bag(summed(found), kind == "bag", lambda names: (r for r in records if r.topic in names))
 
 
 def _found(path: Path, kind: str) -> Found:
@@ -106,7 +103,7 @@ def _ros1(file: Any, connections: dict[int, tuple[str, str]]) -> Found:
                 chunk = BytesIO(unpack(file.read(rosbag1.read_uint32(file))))
                 yield from _ros1(chunk, connections)
             elif op == rosbag1.RecordType.CONNECTION:
-                msgtype = rosbag1.Header.read(file).get_string("type")
+                msgtype = normalize_msgtype(rosbag1.Header.read(file).get_string("type"))
                 connections[header.get_uint32("conn")] = header.get_string("topic"), msgtype
             else:
                 data = rosbag1.read_bytes(file, rosbag1.read_uint32(file))

@@ -79,12 +79,11 @@ class Transforms:
         usual = [name for base in BASES for name in above if name.rpartition("/")[2] == base]
         return usual[0] if usual else None
 
-    def moving(self, parent: str, frame: str, strict: bool = False) -> Track | None:
+    def moving(self, parent: str, frame: str) -> Track | None:
         """The frame's planar pose in a frame above it, at the stamps of the quickest transform.
 
         The other transforms are interpolated, never extrapolated: x and y linearly, the heading
-        the short way round. One that never changes holds at all times; if `strict`, as tf has it,
-        only from its first to its last stamp unless it is static.
+        the short way round. One that never changes holds at all times.
         """
         above, parent = self.ancestors(frame, rigid=False), bare(parent)
         if parent not in above[1:]:
@@ -100,9 +99,6 @@ class Transforms:
             step = track.poses_at(t) if k in alive else np.tile(track.values[0], (len(t), 1))
             poses = _composed(poses, step)
         covered = np.isfinite(poses).all(axis=1)
-        for edge, track in zip(chain, tracks, strict=True):
-            if strict and edge not in self.static:
-                covered &= (t >= track.t.min()) & (t <= track.t.max())
         return Track(t[covered], poses[covered]) if covered.any() else None
 
     def attitude(self, base: str) -> Track | None:

@@ -2,23 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 from slams.formats.attitude import tracks_of
-from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TFS, Bag, Topic
-from slams.formats.frames import BASES, Transforms, bare, moved, planar
-from slams.formats.options import SourceOptions
+from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, Bag, Topic, joined, open_bag
+from slams.formats.frames import Transforms, bare, moved, planar
+from slams.formats.kind import kind_of
+from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.packed import name_of
 from slams.formats.ros_messages import Messages
 from slams.formats.sweep import Fan, common, merged, usable
-from slams.formats.topics import Topics, listed, match, some
+from slams.formats.topics import Topics, listed, some
 from slams.scanlog import ScanLog, Track
 from slams.types import IDENTITY, Pose2
 
+T = TypeVar("T")
+
 KIND = {"bag": "ROS 1 bag", "mcap": "ROS 2 mcap", "db3": "ROS 2 db3", "folder": "ROS 2 bag"}
-RESULT, MAP = "/pose", "map"  # where the poses of a result stand
+
+
+def read(paths: Sequence[Path], options: SourceOptions, work: Callable[[Recording], T]) -> T:
+    """What `work` makes of a bag, several files being one; or of what is whole in it.
+
+    Raises:
+        OSError: a file cannot be opened.
+        ValueError: it is damaged, or lacks what is sought; the sentence says what to do.
+    """
+    path, files = paths[0], [(path, kind_of(path)) for path in paths]
+    try:
+        with ExitStack() as opened:
+            bags = [opened.enter_context(open_bag(*file)) for file in files]
+            return work(Recording(*files[0], joined(path, bags), options))
+    except DamagedError as error:
+        if not options.salvage:
+            raise
+        from slams.formats.bag_salvage import salvaged  # loads every decompressor
+
+        bag = joined(path, [salvaged(*file) for file in files])
+        if not bag.topics:
+            raise DamagedError(f"{path}: nothing in it can be salvaged") from error
+        recording = Recording(*files[0], bag, options)
+        recording.notes.append(str(error).partition("; ")[0].removeprefix(f"{path}: "))
+        return work(recording)
 
 
 class Recording:
@@ -30,14 +59,10 @@ class Recording:
         self.topics = Topics(path, bag.topics, options, self.notes)
         self.messages = Messages(path, bag, options.salvage)
         self.tree = self.messages.transforms
-        self.wanted: str | None = options.truth
-        self.strict = False  # transforms as tf has them
 
     def log(self) -> ScanLog:
         """The whole way."""
-        self.roles = self.topics.roles()
         self._collect()
-        self.base = self._base_frame()
         odom, odometry = self._odometry()
         truth, true_source = self._truth()
         rate, attitude = self._inertial()
@@ -67,68 +92,39 @@ class Recording:
             laser_of,
         )
 
-    def track(self, wanted: str | None) -> Track:
-        """The poses on a topic, or of the log's base in a frame as tf has them; None: a result's.
+    def track(self) -> Track:
+        """What the options name as the truth, alone.
 
         Raises:
-            ValueError: there is no such topic or frame, or it has no poses.
+            ValueError: there is no such topic or frame, or poses of it are missing or broken.
         """
-        topic = match(wanted or RESULT, self.topics.of(POSES))
-        if topic and not (wanted and match(topic, self.topics.of((ODOMETRY,)))):
-            self.messages.collect({topic: POSES})
-            return self._whole(self.messages.track(topic), topic)
-        if wanted is None:
-            return self._of_base_in_map()
-        self.wanted, self.strict = wanted, True
-        self.roles = self.topics.roles()._replace(imu=None, truth=topic)
         self._collect()
-        self.base = self._base_frame()
-        return self._whole(*self._truth())
-
-    def contents(self) -> tuple[list[Topic], Transforms]:
-        """The topics that have messages, and all transforms."""
-        self.messages.collect(self._tf())
-        return self.topics.found, self.tree
-
-    def _of_base_in_map(self) -> Track:
-        """The base in the map, by transforms alone."""
-        self.messages.collect(self._tf())
-        for base in BASES:
-            track = self.tree.moving(MAP, base, strict=True)
-            if track is not None:
-                return track
-        raise ValueError(
-            f"{self.path}: neither poses on {RESULT} nor transforms from {MAP} to {BASES[0]}; "
-            f"{self._there_is()}"
-        )
-
-    def _whole(self, track: Track | None, source: str | None) -> Track:
-        """The track, unless there is none or poses of its topic are broken."""
+        track, source = self._truth()
         broken = self.messages.broken(source or "")
         if track is None or broken:
             what = f"{broken} poses are not finite" if broken else "there are no poses"
-            raise ValueError(f"{self.path}: {source}: {what}; expected a trajectory")
+            name = self.options.truth
+            raise ValueError(f"{self.path}: {name}: {what}; expected a trajectory")
         return track
 
-    def _there_is(self) -> str:
-        """What could be a trajectory."""
-        topics, frames = self.topics.of(POSES), self.tree.frames
-        return f"topics: {listed(topics)}; frames: {some(frames)}"
+    def contents(self) -> tuple[list[Topic], Transforms]:
+        """The topics that have messages, and all transforms."""
+        self.messages.collect({})
+        return self.topics.found, self.tree
 
     # messages
 
     def _collect(self) -> None:
-        """Read what the roles ask for, and all transforms."""
+        """Read what the roles ask for, and find the base."""
+        self.roles = self.topics.roles()
         scans, odom, imu, truth = self.roles
         poses = {odom: (ODOMETRY,), imu: (IMU,), truth: POSES}
         wanted: dict[str, Collection[str]] = {name: kinds for name, kinds in poses.items() if name}
-        self.messages.collect(self._tf() | wanted | dict.fromkeys(scans, SCANS))
+        self.messages.collect(wanted | dict.fromkeys(scans, SCANS))
         self.laser = self.messages.frame(scans[0])
         if self.messages.bad:
             self.notes.append(f"{self.messages.bad} messages cannot be read and are left out")
-
-    def _tf(self) -> dict[str, Collection[str]]:
-        return {topic.name: TFS for topic in self.topics.of(TFS)}
+        self.base = self._base_frame()
 
     def _fan(self, topic: str, tilts: bool) -> Fan:
         """The scans of a topic; how high the laser sits matters to a robot that tilts."""
@@ -209,28 +205,25 @@ class Recording:
                     f"{some(frames)}"
                 )
             wanted = frames[0] if frames else "none"
-        return self._poses(self.roles.odom, wanted, "--odom")
+        return self._poses(self.roles.odom, wanted)
 
     def _truth(self) -> tuple[Track | None, str | None]:
         """From a topic or a frame, in this order; files are read elsewhere."""
-        wanted, topic = self.wanted, self.roles.truth
-        flag = "--trajectory" if self.strict else "--truth"
-        known = [None, *self.tree.frames, *([] if self.strict else ["none"])]
-        if topic is None and (wanted and bare(wanted)) not in known:
+        wanted, topic, frames = self.options.truth, self.roles.truth, self.tree.frames
+        if topic is None and (wanted and bare(wanted)) not in (None, "none", *frames):
             raise ValueError(
-                f"{self.path}: {flag}: {wanted} is no topic, frame or file; {self._there_is()}"
+                f"{self.path}: {wanted!r} is no topic, frame or file; topics: "
+                f"{listed(self.topics.of(POSES))}; frames: {some(frames)}"
             )
-        return self._poses(topic, wanted, flag)
+        return self._poses(topic, wanted)
 
-    def _poses(
-        self, topic: str | None, frame: str | None, flag: str
-    ) -> tuple[Track | None, str | None]:
+    def _poses(self, topic: str | None, frame: str | None) -> tuple[Track | None, str | None]:
         """The base's poses on a topic, else in a frame; and where they are from."""
         if topic is not None:
             return self._at_base(topic), topic
         if frame is None or frame == "none":
             return None, None
-        return self._moving(frame, flag), f"tf {frame}"
+        return self._moving(frame), f"tf {frame}"
 
     def _at_base(self, topic: str) -> Track | None:
         """A topic's poses, carried from the frame they are of to the base."""
@@ -243,11 +236,11 @@ class Recording:
     def _above(self) -> list[str]:
         return self.tree.ancestors(self.base, rigid=False)[1:]
 
-    def _moving(self, frame: str, flag: str) -> Track:
-        track = self.tree.moving(frame, self.base, self.strict)
+    def _moving(self, frame: str) -> Track:
+        track = self.tree.moving(frame, self.base)
         if track is None:
             raise ValueError(
-                f"{self.path}: {flag}: {frame} is no topic and no frame above {self.base}; "
+                f"{self.path}: {frame!r} is no topic and no frame above {self.base}; "
                 f"such frames: {some(self._above())}"
             )
         return track

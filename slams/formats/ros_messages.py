@@ -58,11 +58,14 @@ class Messages:
         self._path, self._bag, self._salvaging = path, bag, salvaging
 
     def collect(self, types: Mapping[str, Collection[str]]) -> None:
-        """Take the messages of topics, each of these types; of a path's the last one.
+        """Take the transforms, and the messages of topics, each of these types.
+
+        Of a path's the last one counts.
 
         Raises:
             DamagedError: a message cannot be read.
         """
+        types = dict(types) | {t.name: TFS for t in self._bag.topics if t.msgtype in TFS}
         paths: dict[str, Record] = {}
         for record in self._bag.records(types):
             if record.msgtype == PATH:  # each repeats the poses of those before

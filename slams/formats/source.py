@@ -7,10 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from slams.formats import carmen, rosbag, trajectory
+from slams.formats import carmen, recording, trajectory
 from slams.formats.kind import BAGS, kind_of
 from slams.formats.options import SourceOptions
-from slams.formats.recording import Recording
 from slams.scanlog import ScanLog, load_npz
 from slams.validation import expect
 
@@ -78,7 +77,7 @@ def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog
 def _read(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
     path = paths[0]
     if kind in BAGS:
-        return rosbag.read(paths, options, Recording.log)
+        return recording.read(paths, options, recording.Recording.log)
     expect(not options.more_scan_topics, "--scan-topic", "several", f"one: {path} is no bag")
     return _read_npz(path, options) if kind == "npz" else carmen.read(path, options)
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from slams.formats import rosbag
+from slams.formats import recording
 from slams.formats.attitude import headings
 from slams.formats.kind import BAGS, is_bag_folder, kind_of
 from slams.formats.options import SourceOptions
@@ -44,14 +45,13 @@ def read_trajectory(
     What `spec` names is looked for in this order ("/name" is never a file of the folder one is
     in, so it always gets the topic or frame):
 
-    1. A file: TUM or csv, plain or packed by gzip; or a bag that is itself a result, such as
-       result.mcap: its poses on /pose, else those of base_link in map by its transforms.
+    1. A file: TUM or csv, plain or packed by gzip; or result.mcap: its poses on /pose.
     2. A topic of the bag `log_path`: Odometry, PoseStamped, PoseWithCovarianceStamped, or the
        last message of a Path. Poses of another frame than the log's base are carried to it.
     3. A tf frame of that bag, mostly "map": the log's base in it through all frames between, at
        the stamps of the one among them that has most. The others are interpolated as by tf, x and
-       y linearly and the heading the short way round, and nothing is extrapolated: no pose before
-       the first or after the last stamp of any of them.
+       y linearly and the heading the short way round, and nothing is extrapolated but transforms
+       that never change.
 
     Args:
         spec: what to read.
@@ -72,12 +72,13 @@ def read_trajectory(
         return _in_order(name, read_track(Path(name), options.salvage))
     if log_path is None or kind_of(Path(log_path)) not in BAGS:
         raise _no_such(name, log_path)
-    track = rosbag.read([Path(log_path)], options, lambda recording: recording.track(name))
+    options = replace(options, truth=name, imu="none")
+    track = recording.read([Path(log_path)], options, recording.Recording.track)
     return _in_order(f"{log_path}: {name}", track)
 
 
 def read_track(path: Path, salvage: bool = False) -> Track:
-    """The poses of a file of any kind, as recorded: TUM, csv, or a bag that is itself a result.
+    """The poses of a file of any kind, as recorded: TUM, csv, or those on /pose of a result.mcap.
 
     Raises:
         OSError: the file cannot be opened.
@@ -88,8 +89,8 @@ def read_track(path: Path, salvage: bool = False) -> Track:
         raise ValueError(f"{path}: got an npz file, expected a trajectory: TUM, csv or a bag")
     if kind not in BAGS:
         return Track(*read(path, salvage))
-    options = SourceOptions(salvage=salvage)
-    return rosbag.read([path], options, lambda recording: recording.track(None))
+    options = SourceOptions(odom="none", imu="none", truth="/pose", salvage=salvage)
+    return recording.read([path], options, recording.Recording.track)
 
 
 def is_file(spec: str) -> bool:
