@@ -15,7 +15,6 @@ from slams.validation import FAR
 SETTLING = 2.0  # s over which the accelerometer corrects the gyro: longer than a robot speeds up
 GRAVITY, DISTURBED = 9.81, 1.0  # m/s^2; by how much a measured one is off while a robot is shaken
 OVERHEAD = 1.0  # rad: by more no robot tilts, its IMU is not mounted as the transforms say
-UNDECIDED = 0.5  # s in which an orientation changes, if it is measured: there is noise in it
 
 
 class Inertial(NamedTuple):
@@ -28,9 +27,13 @@ class Inertial(NamedTuple):
 
 
 def inertial(message: Any) -> Inertial:
-    """Of a sensor_msgs/Imu; a covariance of -1 or a zero quaternion says that there is none."""
+    """Of a sensor_msgs/Imu; a covariance of -1 says that there is none.
+
+    So does an orientation of zeros or the identity: drivers without one leave it at that, and what
+    is measured has noise.
+    """
     q, w, a = message.orientation, message.angular_velocity, message.linear_acceleration
-    oriented = message.orientation_covariance[0] != -1.0 and (q.x or q.y or q.z or q.w)
+    oriented = message.orientation_covariance[0] != -1.0 and (q.x or q.y or q.z)
     turning = message.angular_velocity_covariance[0] != -1.0
     return Inertial(
         seconds(message.header.stamp),
@@ -46,7 +49,7 @@ def tracks_of(
     """Turn rate (n,), roll and pitch (k, 2) of all messages, stamped t; None: nothing measured."""
     imu = ImuAttitude(turned)
     stamped = [row._replace(sent=stamp) for stamp, row in zip(t.tolist(), rows, strict=True)]
-    table = np.array([one for row in stamped for one in imu.push(row)]).reshape(-1, 4)
+    table = np.array([imu.push(row) for row in stamped]).reshape(-1, 4)
     known = np.abs(table) < FAR  # nan is not
     rated, tilted = table[known[:, 1]], table[known[:, 2:].all(axis=1)]
     rate = Track(rated[:, 0].copy(), rated[:, 1].copy()) if len(rated) else None
@@ -57,43 +60,27 @@ def tracks_of(
 class ImuAttitude:
     """Attitude and turn rate of the base from its IMU: by orientation, else gyro and accelerometer.
 
-    An orientation that has not changed yet may be a placeholder: messages wait until it does, for a
-    while; from then on those after it go by gyro and accelerometer, until it changes.
-
     Args:
         turned: (3, 3), from the IMU's axes to the base's; None: not known, the IMU is upright.
     """
 
     def __init__(self, turned: Floats | None) -> None:
         self._turned, self._gravity = turned, GravityFilter()
-        self._waiting: list[Inertial] = []
-        self._first: Inertial | None = None
-        self._oriented = False
 
-    def push(self, measured: Inertial) -> list[tuple[float, float, float, float]]:
+    def push(self, measured: Inertial) -> tuple[float, float, float, float]:
         """Take a message.
 
-        Gives stamp [s], turn rate about the vertical [rad/s], roll and pitch [rad], nan where
-        unknown, of the messages that wait no longer.
+        Gives its stamp [s], turn rate about the vertical [rad/s], roll and pitch [rad], nan where
+        unknown.
         """
         if self._turned is None:
-            return [(measured.sent, measured.rates[2], math.nan, math.nan)]
-        self._waiting.append(measured)
-        first = self._first = self._first or measured
-        if not self._oriented and math.isfinite(measured.orientation[0]):
-            self._oriented = measured.orientation != first.orientation
-            if not self._oriented and 0.0 <= measured.sent - first.sent < UNDECIDED:
-                return []
-        waiting, self._waiting = self._waiting, []
-        return [self._taken(one, self._turned) for one in waiting]
-
-    def _taken(self, measured: Inertial, turned: Floats) -> tuple[float, float, float, float]:
-        if self._oriented:
+            return measured.sent, measured.rates[2], math.nan, math.nan
+        if math.isfinite(measured.orientation[0]):
             up = up_of(np.array([measured.orientation]))
         else:
             up = self._gravity.push(measured)[None]
-        roll, pitch = roll_and_pitch(rotated(up, turned))[0].tolist()
-        rates = rotated(np.array([measured.rates]), turned)[0]
+        roll, pitch = roll_and_pitch(rotated(up, self._turned))[0].tolist()
+        rates = rotated(np.array([measured.rates]), self._turned)[0]
         return measured.sent, vertical_rate(rates, roll, pitch), roll, pitch
 
 

@@ -132,9 +132,9 @@ class SensorBuffer:
         for frame, measured in self._early:
             if frame not in self._imus:
                 self._imus[frame] = self._imu(frame)
-            for t, rate, roll, pitch in self._imus[frame].push(measured):
-                self._gyro.push(t, rate)
-                self._attitude.push(t, roll, pitch)
+            t, rate, roll, pitch = self._imus[frame].push(measured)
+            self._gyro.push(t, rate)
+            self._attitude.push(t, roll, pitch)
         self._early.clear()
 
     def _imu(self, frame: str) -> ImuAttitude:

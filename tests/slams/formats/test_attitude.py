@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from slams.formats.attitude import GRAVITY, Inertial, tracks_of, vertical_rate
+from slams.formats.attitude import GRAVITY, Inertial, inertial, tracks_of, vertical_rate
+from slams.formats.ros_maker import Maker
 from slams.types import Attitude
 
 NONE = (math.nan,) * 4
@@ -41,12 +42,21 @@ def test_roll_and_pitch_of_the_base(orientation, error):
     np.testing.assert_allclose(track.values, [true(t) for t in T.tolist()], atol=error)
 
 
-def test_without_gyro_or_gravity_there_is_none_and_a_constant_is_a_placeholder():
+def test_without_gyro_or_gravity_there_is_none():
     t = np.array([0.0, 1.0])
-    nothing = [Inertial(one, (0.0, 0.0, 0.0, 1.0), (0.0,) * 3, (0.0,) * 3) for one in t.tolist()]
+    nothing = [Inertial(one, NONE, (0.0,) * 3, (0.0,) * 3) for one in t.tolist()]
     rate, attitude = tracks_of(t, nothing, np.eye(3))
     assert attitude is None and rate.values.tolist() == [0.0, 0.0]
     assert tracks_of(t[:0], [], np.eye(3)) == (None, None)
+
+
+@pytest.mark.parametrize("w", [0.0, 1.0])
+def test_an_orientation_that_nobody_filled_in_is_none(w):
+    message = Maker().imu(10**9, 0.5, "imu")
+    message.orientation.w, message.orientation_covariance[0] = w, 0.0
+    assert np.isnan(inertial(message).orientation).all()
+    message.orientation.z = 1e-3
+    assert inertial(message).orientation == (0.0, 0.0, 1e-3, w)
 
 
 def test_a_shaken_accelerometer_is_left_out_and_its_noise_averaged():
