@@ -77,24 +77,18 @@ class McapFile:
 
 def _qos(kept: bool) -> Any:
     """Reliable; what is sent once stays for later subscribers."""
-    from rosbags.interfaces import (
-        Qos,
-        QosDurability,
-        QosHistory,
-        QosLiveliness,
-        QosReliability,
-        QosTime,
-    )
+    from rosbags import interfaces
 
-    forever = QosTime(sec=2147483647, nsec=4294967295)
-    return Qos(
-        history=QosHistory.KEEP_LAST,
+    forever = interfaces.QosTime(sec=2147483647, nsec=4294967295)
+    durability = interfaces.QosDurability
+    return interfaces.Qos(
+        history=interfaces.QosHistory.KEEP_LAST,
         depth=1 if kept else 10,
-        reliability=QosReliability.RELIABLE,
-        durability=QosDurability.TRANSIENT_LOCAL if kept else QosDurability.VOLATILE,
+        reliability=interfaces.QosReliability.RELIABLE,
+        durability=durability.TRANSIENT_LOCAL if kept else durability.VOLATILE,
         deadline=forever,
         lifespan=forever,
-        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness=interfaces.QosLiveliness.AUTOMATIC,
         liveliness_lease_duration=forever,
         avoid_ros_namespace_conventions=False,
     )
