@@ -68,7 +68,7 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
     kinds = [kind_of(path) for path in paths]
     if not all(kind in BAGS for kind in kinds):
         if kinds == ["carmen"]:
-            yield from _of_carmen(paths[0], options)
+            yield from _of_carmen(paths[0])
         yield from _of_log(load(paths, options))
         return
     topics, transforms = read(paths, options, Recording.contents)
@@ -97,12 +97,12 @@ def _of_bag(path: Path, topics: list[Topic], transforms: Transforms) -> Iterator
         yield f"  frame {edge[1]} in {edge[0]}: {moves}"
 
 
-def _of_carmen(path: Path, options: SourceOptions) -> Iterator[str]:
+def _of_carmen(path: Path) -> Iterator[str]:
     """Laser messages with how many lines they have."""
     from slams.formats.carmen import laser_messages
     from slams.formats.packed import text_of
 
-    for name, lines in laser_messages(text_of(path, options.salvage, [])).items():
+    for name, lines in laser_messages(text_of(path)).items():
         yield f"  {name}  {lines} lines"
 
 

@@ -50,7 +50,7 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
         ValueError: no such laser, or a line is not whole; the sentence says which.
     """
     notes: list[str] = []
-    text = text_of(path, options.salvage, notes)
+    text = text_of(path)
     message = _chosen(path, text, options.scan_topic)
     lines = Lines(message)
     bad = _parse(path, text, lines, options.salvage)

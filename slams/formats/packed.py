@@ -1,4 +1,4 @@
-"""Text files as they lie on disk: plain, or packed by gzip, perhaps not to their end."""
+"""Text files as they lie on disk: plain, or packed by gzip."""
 
 from __future__ import annotations
 
@@ -7,31 +7,26 @@ import io
 import zlib
 from pathlib import Path
 
-from slams.formats.options import DamagedError
-
 GZIP = b"\x1f\x8b"
 MIN_UNPACKED_LIMIT = 256 << 20  # bytes that any file may unpack to
 MAX_GROWTH = 50  # times its size beyond that; recordings grow 3 to 20 times
 BLOCK_SIZE = 1 << 16  # bytes that are unpacked at a time
 
 
-def text_of(path: Path, salvage: bool, notes: list[str]) -> str:
-    """A text file, packed by gzip or not. What is cut short is refused, or read as far as it goes.
+def text_of(path: Path) -> str:
+    """A text file, packed by gzip or not.
 
     Raises:
         OSError: the file cannot be opened.
-        DamagedError: the packed file is cut short or corrupt.
-        ValueError: it unpacks to more than a recording packs.
+        ValueError: the packed file is cut short or corrupt, or unpacks to more than can be.
     """
     data = path.read_bytes()
     if not data.startswith(GZIP):
         return data.decode("latin-1")
     text, reason = unpacked(data, max(MIN_UNPACKED_LIMIT, MAX_GROWTH * len(data)) + 1)
     check_growth(path, len(data), len(text))
-    if reason and not salvage:
-        raise DamagedError(f"{path}: {reason}; copy it again, or --salvage what is whole")
     if reason:
-        notes.append(f"{reason}; read as far as it goes")
+        raise ValueError(f"{path}: {reason}; copy it again, or unpack what is whole by zcat")
     return text.decode("latin-1")
 
 

@@ -88,7 +88,7 @@ def read_track(path: Path, salvage: bool = False) -> Track:
     if kind == "npz":
         raise ValueError(f"{path}: got an npz file, expected a trajectory: TUM, csv or a bag")
     if kind not in BAGS:
-        return Track(*read(path, salvage))
+        return Track(*read(path))
     options = SourceOptions(odom="none", imu="none", truth="/pose", salvage=salvage)
     return recording.read([path], options, recording.Recording.track)
 
@@ -103,7 +103,7 @@ def is_file(spec: str) -> bool:
     return path.is_file() or (path.is_dir() and is_bag_folder(path))
 
 
-def read(path: str | Path, salvage: bool = False) -> tuple[Floats, Floats]:
+def read(path: str | Path) -> tuple[Floats, Floats]:
     """A TUM or csv file, packed by gzip or not: t (n,) [s] and poses (n, 3), all finite.
 
     It is csv if there are commas between its numbers. Lines that begin with # or t are comments
@@ -113,7 +113,7 @@ def read(path: str | Path, salvage: bool = False) -> tuple[Floats, Floats]:
         OSError: the file cannot be opened.
         ValueError: it is neither; the sentence says what was found.
     """
-    text = text_of(Path(path), salvage, notes=[]).removeprefix(BOM)
+    text = text_of(Path(path)).removeprefix(BOM)
     lines = [line.strip() for line in text.split("\n") if line.strip()]
     header = next((line.replace(" ", "") for line in lines if line[0] == "t" and "," in line), CSV)
     if header != CSV:
