@@ -207,7 +207,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--truth",
         metavar="NAME",
-        help="true poses: a TUM or csv file, a topic, a tf frame, or none",
+        help="true poses: a TUM file, a topic, a tf frame, or none",
     )
     group.add_argument(
         "--base-frame", metavar="FRAME", help="tf frame of the robot, whose poses are computed"

@@ -9,7 +9,6 @@ import slams
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from slams import metrics
-from slams.formats.trajectory import read
 from slams.player import replay
 from slams.registry import create, find
 from slams.summary import truth_errors
@@ -98,8 +97,9 @@ def test_an_original_drives_as_its_program_does(name, shared_data):
     poses, off = slams.replay(slams.create(f"{name}@original"), log).poses, []
     assert np.hypot(*poses[:, :2].T).max() > 0.1  # it has left the start
     for reference in references:
-        _, expected = read(shared_data(f"reference/robocup/{reference}.csv.gz"))
-        off.append(np.abs(poses - expected[: len(poses)]).max())
+        path = shared_data(f"reference/robocup/{reference}.csv.gz")
+        expected = np.loadtxt(path, delimiter=",", usecols=(1, 2, 3), max_rows=len(poses))
+        off.append(np.abs(poses - expected).max())
     assert min(off) < least and max(off) < most
 
 

@@ -51,8 +51,11 @@ def test_run_writes_everything_and_says_so(log_file, tmp_path):
     assert summary["parameters"]["resolution"] == 0.05
     assert summary["versions"]["numba"]
     assert summary["errors"]["per_update"]["translation_m"]["mean"] < 0.005
-    t, poses = trajectory.read(out / "trajectory.csv")
-    assert (len(t), poses.shape) == (60, (60, 3))
+    assert (out / "trajectory.csv").read_text().startswith("t,x,y,theta\n")
+    t, poses = trajectory.read(out / "trajectory.tum")
+    table = np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)
+    assert table == pytest.approx(np.column_stack([t, poses]), abs=1e-6)
+    assert len(t) == 60
     assert yaml.safe_load((out / "map.yaml").read_text())["free_thresh"] == 0.196
     assert cv2.imread(str(out / "map.png")).std() > 10.0
 

@@ -70,7 +70,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME=WHAT",
         action="append",
         default=[],
-        help="add another program's run as a row: WHAT is a TUM or csv file, a result.mcap, or a "
+        help="add another program's run as a row: WHAT is a TUM file, a result.mcap, or a "
         "topic or tf frame of the log's bag; may be given again",
     )
     p.add_argument(

@@ -40,7 +40,7 @@ def read_foreign(
     """Read what `--trajectory NAME=WHAT` and `--map NAME=FILE` name.
 
     Args:
-        trajectories: a file (TUM, csv, result.mcap), or a topic or tf frame of the log's bag.
+        trajectories: a file (TUM, result.mcap), or a topic or tf frame of the log's bag.
         maps: map_server yaml files.
         taken: names that rows have already.
         log_path: the log.

@@ -1,4 +1,4 @@
-"""Trajectories: TUM, as evo has it, and csv, written and read; and those in bags."""
+"""Trajectories: TUM, as evo has it, written and read, csv written; and those in bags."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from slams.formats.packed import text_of
 from slams.scanlog import Track
 from slams.types import Floats
 
-BOM = "\xef\xbb\xbf"  # that spreadsheets put before a csv, as latin-1
-TUM, CSV = "t x y z qx qy qz qw", "t,x,y,theta"  # columns [s, m, rad]
+TUM = "t x y z qx qy qz qw"  # columns [s, m]
 MAX_DISORDER = 0.1  # share of stamps before the one ahead of them that is still a recording
 MIN_QUATERNION_NORM = 1e-6  # of a quaternion that is a rotation
 
@@ -25,7 +24,7 @@ def write_csv(path: str | Path, t: Floats, poses: Floats) -> None:
     """Write `t,x,y,theta` lines [s, m, m, rad] with a header; poses (n, 3)."""
     table = np.column_stack([t, poses])
     digits = ["%.6f", "%.9f", "%.9f", "%.9f"]
-    np.savetxt(path, table, fmt=digits, delimiter=",", header=CSV, comments="")
+    np.savetxt(path, table, fmt=digits, delimiter=",", header="t,x,y,theta", comments="")
 
 
 def write_tum(path: str | Path, t: Floats, poses: Floats) -> None:
@@ -45,7 +44,7 @@ def read_trajectory(
     What `spec` names is looked for in this order ("/name" is never a file of the folder one is
     in, so it always gets the topic or frame):
 
-    1. A file: TUM or csv, plain or packed by gzip; or result.mcap: its poses on /pose.
+    1. A file: TUM, plain or packed by gzip; or result.mcap: its poses on /pose.
     2. A topic of the bag `log_path`: Odometry, PoseStamped, PoseWithCovarianceStamped, or the
        last message of a Path. Poses of another frame than the log's base are carried to it.
     3. A tf frame of that bag, mostly "map": the log's base in it through all frames between, at
@@ -78,7 +77,7 @@ def read_trajectory(
 
 
 def read_track(path: Path, salvage: bool = False) -> Track:
-    """The poses of a file of any kind, as recorded: TUM, csv, or those on /pose of a result.mcap.
+    """The poses of a file of any kind, as recorded: TUM, or those on /pose of a result.mcap.
 
     Raises:
         OSError: the file cannot be opened.
@@ -86,7 +85,7 @@ def read_track(path: Path, salvage: bool = False) -> Track:
     """
     kind = kind_of(path)
     if kind == "npz":
-        raise ValueError(f"{path}: got an npz file, expected a trajectory: TUM, csv or a bag")
+        raise ValueError(f"{path}: got an npz file, expected a trajectory: TUM or a bag")
     if kind not in BAGS:
         return Track(*read(path))
     options = SourceOptions(odom="none", imu="none", truth="/pose", salvage=salvage)
@@ -104,27 +103,25 @@ def is_file(spec: str) -> bool:
 
 
 def read(path: str | Path) -> tuple[Floats, Floats]:
-    """A TUM or csv file, packed by gzip or not: t (n,) [s] and poses (n, 3), all finite.
+    """A TUM file, packed by gzip or not: t (n,) [s] and poses (n, 3), all finite.
 
-    It is csv if there are commas between its numbers. Lines that begin with # or t are comments
-    and names of columns.
+    Lines that begin with # are comments.
 
     Raises:
         OSError: the file cannot be opened.
-        ValueError: it is neither; the sentence says what was found.
+        ValueError: it is none; the sentence says what was found.
     """
-    text = text_of(Path(path)).removeprefix(BOM)
-    lines = [line.strip() for line in text.split("\n") if line.strip()]
-    header = next((line.replace(" ", "") for line in lines if line[0] == "t" and "," in line), CSV)
-    if header != CSV:
-        raise ValueError(f"{path}: got columns {header[:80]!r}, expected {CSV}")
-    rows = [line for line in lines if line[0] not in "#t"]
+    lines = [line.strip() for line in text_of(Path(path)).split("\n")]
+    rows = [line for line in lines if line and line[0] != "#"]
     if not rows:
         raise ValueError(f"{path}: got no poses, expected a trajectory")
-    columns, delimiter = (CSV, ",") if "," in rows[0] else (TUM, None)
-    table = _table(path, [row.split(delimiter) for row in rows], columns)
-    heading = table[:, 3] if delimiter else _heading(table[:, 4:])
-    poses = np.column_stack([table[:, 1:3], heading])
+    try:
+        table: Floats = np.loadtxt(rows, ndmin=2)
+    except ValueError as error:
+        raise ValueError(f"{path}: not lines of {TUM} ({error})") from error
+    if table.shape[1] != len(TUM.split()):
+        raise ValueError(f"{path}: got {table.shape[1]} columns, expected {TUM}")
+    poses = np.column_stack([table[:, 1:3], _heading(table[:, 4:])])
     broken = int((~np.isfinite(np.column_stack([table[:, 0], poses]))).any(axis=1).sum())
     if broken:
         raise ValueError(
@@ -132,18 +129,6 @@ def read(path: str | Path) -> tuple[Floats, Floats]:
             "numbers"
         )
     return table[:, 0], poses
-
-
-def _table(path: str | Path, rows: list[list[str]], columns: str) -> Floats:
-    """The numbers (n, k) of rows of words, one for each name in `columns`."""
-    n = len(columns.replace(",", " ").split())
-    wrong = next((row for row in rows if len(row) != n), None)
-    if wrong is not None:
-        raise ValueError(f"{path}: got {len(wrong)} columns, expected {columns}")
-    try:
-        return np.array(rows, np.float64)
-    except ValueError as error:
-        raise ValueError(f"{path}: not lines of {columns} ({error})") from error
 
 
 def _heading(rotations: Floats) -> Floats:

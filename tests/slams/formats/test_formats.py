@@ -22,12 +22,6 @@ from tests.rooms import drive
 GRID = OccupancyGrid(np.array([[0.9, 0.1, np.nan], [0.5, 0.0, 1.0]], np.float32), 0.05, (-1.0, 2.0))
 
 
-def test_a_csv_saved_by_a_spreadsheet(tmp_path):
-    (tmp_path / "t.csv").write_bytes("\ufefft,x,y,theta\r\n1,2,3,0.5\r\n".encode())
-    t, poses = trajectory.read(tmp_path / "t.csv")
-    assert (t.tolist(), poses.tolist()) == ([1.0], [[2.0, 3.0, 0.5]])
-
-
 def test_tum_is_read_by_evo(tmp_path):
     file_interface = pytest.importorskip("evo.tools.file_interface")
     t, poses = np.array([10.0, 10.1]), np.array([[1.0, 2.0, 0.5], [-1.0, 0.5, -3.0]])
