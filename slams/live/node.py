@@ -148,8 +148,6 @@ class Node:
             "unreadable_others": buffer.unreadable,
             "odometry": buffer.source,
             "base_frame": buffer.frames.base,
-            "maps": self._maps.drawn,
-            "longest_hold_s": self._maps.longest,
         }
 
     def check(self) -> None:
@@ -258,7 +256,7 @@ class Node:
                 self.drive.delays.append(time.monotonic() - scan.at)
             self.drive.t.append(t)
             self.drive.poses.append(estimate.pose)
-            self._maps.add(scan.stamp)
+            self._maps.stamp = scan.stamp
         else:
             self.drive.sought += 1
         counts = {"scans": len(self.drive.t), "dropped": self.scans.counts["dropped"]}

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from slams.live.transport import Transport
 
 PUBLISHED = ("map", "path", "tf", "pose", "state")
-MAX_HELD_SHARE = 0.05  # of the time that scans may wait for maps; slower maps come less often
 PATH_STEP = 0.2  # [m] between two poses of a path: finer than a line on a screen shows
 
 
@@ -98,7 +97,7 @@ def _share(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.3f}"
 
 
-class MapThread:
+class MapThread(threading.Thread):
     """Draws a map every so often, in a thread of its own, if there was a scan since.
 
     Args:
@@ -106,53 +105,39 @@ class MapThread:
         publish: takes stamp [ns] and map.
         every: time between two maps [s]; 0 for none.
 
-    `drawn` counts maps, `longest` is for how long [s] scans waited for one at most, `failed` why
-    the last one could not be drawn or published.
+    `stamp` [ns] is that of the last scan in the map, -1 before the first. `failed` is why the last
+    map could not be drawn or published.
     """
 
     def __init__(
         self, live: LiveSlam, publish: Callable[[int, OccupancyGrid], None], every: float
     ) -> None:
+        super().__init__(name="maps", daemon=True)
         self._live, self._publish, self._every = live, publish, every
-        self._stamp = self._published = -1
-        self.drawn, self.longest = 0, 0.0
+        self.stamp = self._published = -1
         self.failed: Exception | None = None
-        self._due = threading.Event()
-        self._ending = False
-        self._thread = threading.Thread(target=self._run, name="maps", daemon=True)
+        self._ending = threading.Event()
         if every:
-            self._thread.start()
-
-    def add(self, stamp: int) -> None:
-        """Note that a scan with a stamp [ns] is in the map; the first map is drawn at once."""
-        is_first = self._stamp < 0
-        self._stamp = stamp
-        if is_first:
-            self._due.set()
+            self.start()
 
     def close(self) -> None:
         """Publish the last map and end."""
-        self._ending = True
-        self._due.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        self._ending.set()
+        if self.is_alive():
+            self.join()
 
-    def _run(self) -> None:
-        self._due.wait()
-        while not self._ending:
-            self._due.clear()
+    def run(self) -> None:
+        """Draw until the end, and once more then."""
+        while not self._ending.wait(self._every):
             self._draw()
-            self._due.wait(max(self._every, self._live.held / MAX_HELD_SHARE))
         self._draw()
 
     def _draw(self) -> None:
-        stamp = self._stamp
-        if stamp < 0 or stamp == self._published:
+        stamp = self.stamp
+        if stamp == self._published:
             return
         try:
             self._publish(stamp, self._live.map())
         except Exception as error:  # the node reports it: scans go on
             self.failed = error
         self._published = stamp
-        self.drawn += 1
-        self.longest = max(self.longest, self._live.held)

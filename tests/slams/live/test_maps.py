@@ -9,44 +9,32 @@ import slams
 from slams import LiveSlam, metrics
 from slams.formats.frames import yaw_of
 from slams.live.__main__ import write_results
-from slams.live.publisher import MAX_HELD_SHARE, MapThread
+from slams.live.publisher import MapThread
 from slams.ros.stamps import seconds
 from slams.types import Pose2
 from tests.rooms import drive
+from tests.slams.live.commands import PATIENCE
 from tests.slams.live.robots import Stand, close
 from tests.slams.loops.test_looped import around
 
 
-def test_a_map_is_published_at_once_then_at_its_pace_and_at_the_end():
-    published, seen = [], threading.Event()
-    live = LiveSlam("odometry", warm_up=False)
+def test_a_map_is_published_at_its_pace_and_at_the_end_if_there_was_a_scan_since():
+    published, seen = [], threading.Semaphore(0)
 
     def publish(stamp, grid):
         published.append(stamp)
-        seen.set()
+        seen.release()
 
-    maps = MapThread(live, publish, every=3600.0)
-    maps.add(5)
-    seen.wait()
-    maps.add(6)
-    maps.add(7)
+    maps = MapThread(LiveSlam("odometry", warm_up=False), publish, every=0.01)
+    for stamp in (5, 6):
+        maps.stamp = stamp
+        assert seen.acquire(timeout=PATIENCE)
+    assert not seen.acquire(timeout=0.1)
     maps.close()
-    assert published == [5, 7]
-    assert maps.drawn == 2
-
-
-def test_a_map_that_takes_long_comes_less_often(monkeypatch):
-    live, waits = LiveSlam("odometry", warm_up=False), []
-    maps = MapThread(live, lambda *_: setattr(live, "held", 3.0), every=0.0)
-
-    def wait(seconds=None):
-        waits.append(seconds)
-        maps._ending = len(waits) > 1
-
-    monkeypatch.setattr(maps._due, "wait", wait)
-    maps.add(1)
-    maps._run()
-    assert waits == [None, 3.0 / MAX_HELD_SHARE]
+    maps = MapThread(LiveSlam("odometry", warm_up=False), publish, every=3600.0)
+    maps.stamp = 7
+    maps.close()
+    assert published == [5, 6, 7]
 
 
 def test_a_map_that_cannot_be_published_is_kept_for_the_node_to_report():
@@ -54,16 +42,16 @@ def test_a_map_that_cannot_be_published_is_kept_for_the_node_to_report():
         raise OSError("no network")
 
     maps = MapThread(LiveSlam("odometry", warm_up=False), refuse, every=3600.0)
-    maps.add(1)
+    maps.stamp = 1
     maps.close()
     assert str(maps.failed) == "no network"
 
 
 def test_no_maps_when_none_are_wanted():
     maps = MapThread(LiveSlam("odometry", warm_up=False), lambda *_: 1 / 0, every=0.0)
-    maps.add(1)
+    maps.stamp = 1
     maps.close()
-    assert maps.drawn == 0
+    assert maps.failed is None
 
 
 @pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
