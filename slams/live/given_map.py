@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -97,8 +97,8 @@ def in_given_map(
     given: str | Path | OccupancyGrid | None,
     start: Sequence[float] | None,
     notes: list[str],
-) -> Callable[[], InGivenMap] | None:
-    """What begins an algorithm in a map, if there is one; slow preparations are done before.
+) -> InGivenMap | None:
+    """An algorithm in a map, if there is one; slow preparations are done before the scans come.
 
     Raises:
         OSError, TypeError, ValueError: as `open_map` and `prepare`; or a start without a map.
@@ -111,5 +111,5 @@ def in_given_map(
     ready = prepare(entry, params, whole)
     place = None if start is None else Pose2(*map(float, start))
     if place is None:
-        ready.map_index.prepare(Work())  # before the scans come
-    return lambda: InGivenMap(ready, place, notes)
+        ready.map_index.prepare(Work())
+    return InGivenMap(ready, place, notes)

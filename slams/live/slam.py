@@ -6,9 +6,9 @@ without odometry. Scans that an algorithm cannot take are left out here and coun
 
 from __future__ import annotations
 
+import math
 import threading
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from slams.heading import Heading
 from slams.laser_table import rep117
-from slams.live.estimate import Estimate, Estimates
+from slams.live.estimate import LATE_IN_A_ROW, LOST, MATCHED, STATES, Estimate
 from slams.live.given_map import in_given_map
 from slams.live.warm_up import warm_up as warm_up_kernels
 from slams.registry import find
@@ -38,7 +38,7 @@ from slams.types import (
 from slams.validation import LONGEST_SWEEP, can_be, check_laser, check_stamps, expect
 
 MAX_RESUME_GAP = 60.0  # [s] after a state's last scan in which wheels are taken to have counted on
-COUNTS = ("scans", "late", "repeated", "lasers", "bad_odometry", "clock_set_back")
+COUNTS = ("scans", "late", "repeated", "clock_set_back")
 
 
 class LiveSlam:
@@ -60,7 +60,7 @@ class LiveSlam:
         changes: single parameters.
 
     `given` is the map that stays, if there is one. `notes` are sentences for the user about it, and
-    where in it the robot was found. `held` [s] is for how long the last map kept pushes waiting.
+    where in it the robot was found. `last` is the estimate of the last push, None before the first.
 
     Raises:
         LookupError: unknown algorithm, sensor or parameter.
@@ -92,34 +92,19 @@ class LiveSlam:
             raise ValueError("map: stays as it is; got a state to go on from, too")
         self.notes: list[str] = []
         given = in_given_map(entry, self.params, map, map_start, self.notes)
-        self.given = None if given is None else given().map()
+        self.given = None if given is None else given.map()
         saved = None if state is None else resume(state, entry, self.params)
+        self._saved_at = None if saved is None else saved.beside.get("t")
         self.params = getattr(saved and saved.slam, "params", self.params)
-        self._new: Callable[[], Slam] = given or (lambda: entry.cls(self.params))
         if warm_up:
             warm_up_kernels(entry.cls, self.params)
-        if saved is None:
-            self.reset()
-        else:
-            self._begin(saved.slam, saved.beside.get("t"))
-
-    def reset(self) -> None:
-        """Forget map and pose; the next scan's pose is the origin of a new map.
-
-        In a map that stays the place is sought anew, or `map_start` is taken again.
-        """
-        self._begin(self._new())
-
-    def _begin(self, slam: Slam, saved_at: float | None = None) -> None:
-        """Go on with an algorithm, new or saved after a scan with a stamp [s]."""
-        with self._lock:
-            self._slam, self._saved_at = slam, saved_at
-            self._heading = Heading()
-            self._scan: Scan | None = None
-            self._laser: Laser | None = None  # of `push`
-            self.held = 0.0
-            self._counts = dict.fromkeys(COUNTS, 0)
-            self._estimates = Estimates(slam, self._counts)
+        self._slam: Slam = given or (saved.slam if saved else entry.cls(self.params))
+        self.last: Estimate | None = None
+        self._heading = Heading()
+        self._scan: Scan | None = None
+        self._laser: Laser | None = None  # of `push`
+        self._matched_at, self._late = -math.inf, 0
+        self._counts = dict.fromkeys(COUNTS, 0)
 
     def push(
         self,
@@ -166,12 +151,11 @@ class LiveSlam:
                 stamp,
                 values,
                 self._laser if laser == self._laser else laser,
-                None if odometry is None else self._possible(Pose2(*map(float, odometry))),
+                None if odometry is None else Pose2(*map(float, odometry)),
                 self._heading.at(stamp),
                 None if attitude is None else Attitude(*map(float, attitude)),
             )
             estimate = self.push_scan(scan)
-            self._counts["lasers"] += scan.laser is not self._laser
             self._laser = scan.laser
         return estimate
 
@@ -204,22 +188,18 @@ class LiveSlam:
         scan = replace(scan, ranges=rep117(scan.ranges, scan.laser))
         with self._lock:
             scan = self._checked(scan)
-            again = self._estimates.again(scan.t)
+            again = self._again(scan.t)
             if again is not None:
                 return again
             self._counts["scans"] += 1
             self._scan = scan
-            return self._estimates.add(scan, self._slam.update(scan))
+            self.last = self._estimate(scan, self._slam.update(scan))
+            return self.last
 
     def push_yaw_rate(self, stamp: float, rate: float) -> None:
         """Take one reading of the gyro [rad/s], as often as it comes."""
         with self._lock:
             self._heading.push(stamp, rate)
-
-    @property
-    def last(self) -> Estimate | None:
-        """The estimate of the last push; None before the first."""
-        return self._estimates.last
 
     def map(self) -> OccupancyGrid:
         """The map as it stands now, drawn when asked for.
@@ -228,9 +208,7 @@ class LiveSlam:
         returns a function that draws the map as it stood while updates go on.
         """
         with self._lock:
-            begun = time.perf_counter()
             drawn = getattr(self._slam, "snapshot", self._slam.map)()
-            self.held = time.perf_counter() - begun
         return drawn if isinstance(drawn, OccupancyGrid) else drawn()
 
     def corrected(self) -> Floats | None:
@@ -270,7 +248,7 @@ class LiveSlam:
         return str(getattr(self._slam, "candidates", ""))
 
     def report(self) -> dict[str, Any]:
-        """Counts: scans used, late, repeated, changes of the laser; then the algorithm's own."""
+        """Counts: scans used, late, repeated, clocks set back; then the algorithm's own."""
         with self._lock:
             return self._counts | {"algorithm": self._slam.report()}
 
@@ -280,15 +258,45 @@ class LiveSlam:
         The first scan after a state has no heading, and odometry only if it comes soon: a robot
         that was switched off has begun to count anew.
         """
-        odometry, yaw = self._possible(scan.odometry), scan.yaw
+        odometry, yaw = scan.odometry, scan.yaw
         if self._scan is None and self._saved_at is not None:
             goes_on = 0.0 < scan.t - self._saved_at <= MAX_RESUME_GAP
             odometry, yaw = odometry if goes_on else None, None
-        return replace(scan, odometry=odometry, yaw=None if yaw is None or not can_be(yaw) else yaw)
+        return replace(
+            scan,
+            odometry=None if odometry is None or not can_be(*odometry) else odometry,
+            yaw=None if yaw is None or not can_be(yaw) else yaw,
+        )
 
-    def _possible(self, odometry: Pose2 | None) -> Pose2 | None:
-        """Odometry, unless no robot can have it."""
-        if odometry is None or can_be(*odometry):
-            return odometry
-        self._counts["bad_odometry"] += 1
+    def _again(self, t: float) -> Estimate | None:
+        """The last one for a stamp that is not later; after many of them the clock was set back."""
+        if self.last is not None and t <= self.last.t:
+            self._counts["repeated" if t == self.last.t else "late"] += 1
+            self._late += t < self.last.t
+            if self._late <= LATE_IN_A_ROW:
+                self.last = replace(self.last, used=False)
+                return self.last
+            self._counts["clock_set_back"] += 1
+            self._matched_at = t
+        self._late = 0
         return None
+
+    def _estimate(self, scan: Scan, pose: Pose2) -> Estimate:
+        """The estimate after a scan; what the algorithm has no attribute for gets a default."""
+        said = str(getattr(self._slam, "state", None))
+        state = said if said in STATES else MATCHED
+        if state != LOST or math.isinf(self._matched_at):
+            self._matched_at = scan.t
+        covariance = getattr(self._slam, "covariance", None)
+        return Estimate(
+            t=scan.t,
+            pose=pose,
+            map_to_odom=None if scan.odometry is None else pose @ scan.odometry.inverse(),
+            covariance=np.diag([math.inf] * 3) if covariance is None else np.array(covariance),
+            quality=float(getattr(self._slam, "quality", math.nan)),
+            used=True,
+            seconds_lost=scan.t - self._matched_at,
+            state=state,
+            found=bool(getattr(self._slam, "found", True)),
+            explained=float(getattr(self._slam, "explained", math.nan)),
+        )

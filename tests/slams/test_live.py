@@ -67,6 +67,7 @@ def test_map_to_odom_joins_the_two_frames(log):
 def test_late_and_repeated_scans_are_left_out(log):
     scans = list(log)
     live, plain = LiveSlam(warm_up=False), LiveSlam(warm_up=False)
+    assert live.last is None
     for scan in scans[:10]:
         last = push(live, scan)
         for old in (scan, scans[0]):
@@ -104,20 +105,19 @@ def test_pushes_wait_for_a_map_only_while_its_snapshot_is_taken(log):
             return lambda: look("draw") or self.map()
 
     live = LiveSlam("odometry", warm_up=False)
-    live._begin(Watched(live.params))
+    live._slam = Watched(live.params)
     push(live, next(iter(log)))
     live.map()
     assert free == {"update": False, "snapshot": False, "draw": True}
 
 
-def test_a_change_of_the_laser_is_counted_and_an_unchanged_one_is_one_object():
+def test_a_laser_may_change_and_an_unchanged_one_is_one_object():
     live, seen = watched(lambda scan: scan.laser)
     for k, n in enumerate((181, 181, 361, 181)):
         scan = scan_at((0.0, 0.0, 0.0), laser(n), t=float(k))
         live.push(scan.t, scan.ranges.tolist(), *fan(scan.laser), time_increment=1e-4)
     assert seen[0] is seen[1]
     assert [lidar.n_beams for lidar in seen] == [181, 181, 361, 181]
-    assert live.report()["lasers"] == 3
     assert seen[0].time_increment == 1e-4
 
 
@@ -173,14 +173,6 @@ def test_losing_the_place_is_told(log):
     assert (back.lost, back.seconds_lost) == (False, 0.0)
 
 
-def test_reset_starts_a_new_map(log):
-    live = LiveSlam("hector", warm_up=False)
-    first = [push(live, scan).pose for scan in log.select(5)]
-    live.reset()
-    assert live.last is None
-    assert [push(live, scan).pose for scan in log.select(5)] == first
-
-
 def test_the_attitude_reaches_the_algorithm():
     live, seen = watched(lambda scan: scan.attitude)
     scan = scan_at((0.0, 0.0, 0.0))
@@ -226,7 +218,7 @@ with CompileClock() as clock:
                   lidar.angle_increment, 0.1, 30.0, time_increment=lidar.time_increment,
                   odometry=scan.odometry, yaw_rate=0.1)
     live.map()
-assert live.report()["lasers"] == 2
+assert live.report()["scans"] == 18
 print(clock.seconds)
 """
 

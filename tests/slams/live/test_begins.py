@@ -114,21 +114,6 @@ def test_a_robot_that_counts_anew_is_where_it_stopped(tmp_path):
         estimate = again.push_scan(scan)
         assert np.abs(estimate.pose).max() < 0.02
         assert estimate.map_to_odom is None if k == 0 else estimate.map_to_odom is not None
-    again.reset()
-    assert again.push_scan(scan_at((1.0, 0.0, 0.0), lidar, t=1.0)).pose == IDENTITY
-
-
-class Counted(slams.find("odometry").cls):
-    """Has lost the robot twice, and has no state of its own."""
-
-    def report(self):
-        return {"lost": 2}
-
-
-def test_what_was_lost_before_is_not_lost_now(monkeypatch):
-    live = LiveSlam("odometry", warm_up=False)
-    live._begin(Counted(live.params))
-    assert live.push_scan(scan_at((0.0, 0.0, 0.0))).state == "matched"
 
 
 @pytest.fixture(scope="module")
@@ -192,15 +177,13 @@ def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path
     assert np.isinf(stand.node.drive.estimate.covariance[0, 0])
 
 
-def test_a_start_is_taken_and_a_reset_takes_it_again(folder):
+def test_a_start_is_taken(folder):
     live = LiveSlam("hector", map=folder / "map.yaml", map_start=(0.35, -0.2, 0.4), warm_up=False)
-    for _ in range(2):
-        for scan in placed_log(6):
-            estimate = live.push_scan(scan)
-            assert estimate.found and estimate.explained > 0.9
-        assert np.hypot(*(np.array(estimate.pose) - truth()[5])[:2]) < 0.05
-        assert "starts at 0.3" in live.notes[-1]
-        live.reset()
+    for scan in placed_log(6):
+        estimate = live.push_scan(scan)
+        assert estimate.found and estimate.explained > 0.9
+    assert np.hypot(*(np.array(estimate.pose) - truth()[5])[:2]) < 0.05
+    assert "starts at 0.3" in live.notes[-1]
     assert np.array_equal(live.map().p, live.given.p, equal_nan=True)
 
 
