@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slams.heading import Heading
 from slams.laser_table import rep117
 from slams.live.estimate import LATE_IN_A_ROW, LOST, MATCHED, STATES, Estimate
 from slams.live.given_map import in_given_map
@@ -100,7 +99,6 @@ class LiveSlam:
             warm_up_kernels(entry.cls, self.params)
         self._slam: Slam = given or (saved.slam if saved else entry.cls(self.params))
         self.last: Estimate | None = None
-        self._heading = Heading()
         self._scan: Scan | None = None
         self._laser: Laser | None = None  # of `push`
         self._matched_at, self._late = -math.inf, 0
@@ -117,7 +115,7 @@ class LiveSlam:
         *,
         time_increment: float = 0.0,
         odometry: Sequence[float] | None = None,
-        yaw_rate: float | None = None,
+        yaw: float | None = None,
         attitude: tuple[float, float] | None = None,
     ) -> Estimate:
         """Take one scan, with the fields of a sensor_msgs/LaserScan.
@@ -131,7 +129,7 @@ class LiveSlam:
             range_max: farthest valid range [m].
             time_increment: from beam to beam [s]; less than 0 or not finite counts as 0.
             odometry: x, y [m], theta [rad] of the base in the odom frame at the stamp.
-            yaw_rate: of the gyro at the stamp [rad/s]; or push it more often by `push_yaw_rate`.
+            yaw: heading by the gyro at the stamp [rad], counted from anywhere: its rates summed up.
             attitude: roll and pitch [rad] of the base at the stamp.
 
         Raises:
@@ -145,14 +143,12 @@ class LiveSlam:
         between = between if 0.0 < between * values.size <= LONGEST_SWEEP else 0.0
         laser = Laser(start, step, values.size, low, high, self._mount, between)
         with self._lock:
-            if yaw_rate is not None:
-                self._heading.push(stamp, yaw_rate)
             scan = Scan(
                 stamp,
                 values,
                 self._laser if laser == self._laser else laser,
                 None if odometry is None else Pose2(*map(float, odometry)),
-                self._heading.at(stamp),
+                None if yaw is None else float(yaw),
                 None if attitude is None else Attitude(*map(float, attitude)),
             )
             estimate = self.push_scan(scan)
@@ -162,7 +158,7 @@ class LiveSlam:
     def push_message(self, message: Any, **measured: Any) -> Estimate:
         """Take one sensor_msgs/LaserScan of ROS 1 or ROS 2, or anything with its fields.
 
-        `measured` are odometry, yaw_rate and attitude, as `push` takes them.
+        `measured` are odometry, yaw and attitude, as `push` takes them.
         """
         return self.push(
             seconds(message.header.stamp),
@@ -195,11 +191,6 @@ class LiveSlam:
             self._scan = scan
             self.last = self._estimate(scan, self._slam.update(scan))
             return self.last
-
-    def push_yaw_rate(self, stamp: float, rate: float) -> None:
-        """Take one reading of the gyro [rad/s], as often as it comes."""
-        with self._lock:
-            self._heading.push(stamp, rate)
 
     def map(self) -> OccupancyGrid:
         """The map as it stands now, drawn when asked for.

@@ -84,8 +84,6 @@ def live(rng, folder, algorithm):
         if estimate is not None:
             taken = True
             _check(estimate)
-        if rng.random() < 0.2:
-            robot.push_yaw_rate(number(rng), number(rng))
     for k in range(10, 10 + 11 + GOOD):  # a clock set back is believed after ten
         estimate = robot.push(**_fields(t + 0.1 * k, poses[k]))
         _check(estimate)
@@ -97,7 +95,7 @@ def live(rng, folder, algorithm):
 
 def _fields(t, pose):
     scan = scan_at(pose, LOG.laser, t=t, odometry=Pose2(*pose.tolist()))
-    return fields_of(scan) | {"time_increment": 0.0, "yaw_rate": 0.0}
+    return fields_of(scan) | {"time_increment": 0.0, "yaw": 0.0}
 
 
 def _damage(fields, rng):

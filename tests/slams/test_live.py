@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from slams import LiveSlam, Pose2
-from slams.heading import LONGEST_GAP, Heading
 from slams.live.estimate import LATE_IN_A_ROW
 from slams.registry import BUILT_IN, find
 from slams.ros.stamps import seconds
@@ -133,22 +132,6 @@ def test_ranges_are_cleaned_and_left_alone():
     assert not seen[0].ranges.flags.writeable
 
 
-def test_the_gyro_is_integrated_however_often_it_comes():
-    for often in (True, False):
-        live, seen = watched(lambda scan: scan.yaw)
-        scan = scan_at((0.0, 0.0, 0.0))
-        for k in range(5):
-            if often:
-                for j in range(10):
-                    live.push_yaw_rate(0.1 * (k - 1) + 0.01 * j + 0.005, 0.5)
-            rate = None if often else 0.5
-            live.push(0.1 * k, scan.ranges, *fan(scan.laser), yaw_rate=rate)
-        live.push(5.0, scan.ranges, *fan(scan.laser))
-        live.push_yaw_rate(5.0, math.nan)
-        assert np.diff(seen[:5]) == pytest.approx([0.05] * 4)
-        assert seen[5] is None
-
-
 @pytest.mark.parametrize("wrong", [-1e-5, 1e300, math.nan, math.inf])
 def test_a_time_between_beams_that_cannot_be_is_none(wrong):
     live, seen = watched(lambda scan: scan.laser)
@@ -173,12 +156,17 @@ def test_losing_the_place_is_told(log):
     assert (back.lost, back.seconds_lost) == (False, 0.0)
 
 
-def test_the_attitude_reaches_the_algorithm():
-    live, seen = watched(lambda scan: scan.attitude)
+def test_heading_and_attitude_reach_the_algorithm():
+    live, seen = watched(lambda scan: (scan.yaw, scan.attitude))
     scan = scan_at((0.0, 0.0, 0.0))
-    for t, attitude in ((0.0, (0.1, -0.2)), (1.0, (math.nan, 0.0)), (2.0, None)):
-        live.push(t, scan.ranges, *fan(scan.laser), attitude=attitude)
-    assert seen == [Attitude(0.1, -0.2), None, None]
+    for t, yaw, attitude in (
+        (0.0, 0.5, (0.1, -0.2)),
+        (1.0, math.nan, (math.nan, 0.0)),
+        (2.0, 1e9, None),
+        (3.0, None, None),
+    ):
+        live.push(t, scan.ranges, *fan(scan.laser), yaw=yaw, attitude=attitude)
+    assert seen == [(0.5, Attitude(0.1, -0.2)), *[(None, None)] * 3]
 
 
 def test_messages_of_ros_1_and_2():
@@ -189,7 +177,7 @@ def test_messages_of_ros_1_and_2():
     for stamp in (SimpleNamespace(sec=1, nanosec=5 * 10**8), SimpleNamespace(secs=2, nsecs=10**8)):
         header = SimpleNamespace(stamp=stamp)
         message = SimpleNamespace(header=header, ranges=scan.ranges, time_increment=0.0, **fields)
-        estimate = live.push_message(message, yaw_rate=0.1)
+        estimate = live.push_message(message, yaw=0.1)
         assert estimate.t == pytest.approx(seconds(stamp))
     assert estimate.t == pytest.approx(2.1)
 
@@ -216,7 +204,7 @@ with CompileClock() as clock:
         lidar = scan.laser
         live.push(scan.t + 9.0 * (lidar.n_beams == 91), scan.ranges, lidar.angle_min,
                   lidar.angle_increment, 0.1, 30.0, time_increment=lidar.time_increment,
-                  odometry=scan.odometry, yaw_rate=0.1)
+                  odometry=scan.odometry, yaw=scan.yaw)
     live.map()
 assert live.report()["scans"] == 18
 print(clock.seconds)
@@ -227,37 +215,3 @@ def test_nothing_is_compiled_after_the_constructor(tmp_path):
     done = python("-W", "ignore", "-c", COLD, NUMBA_CACHE_DIR=str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert float(done.stdout) == 0.0
-
-
-def pushed(*readings):
-    heading = Heading()
-    for t, rate in readings:
-        heading.push(t, rate)
-    return heading
-
-
-def test_the_heading_is_the_area_under_the_rates():
-    heading = pushed((0.0, 0.0), (0.1, 1.0), (0.3, 0.0))
-    assert heading.at(0.3) == pytest.approx(0.05 + 0.1)
-    assert pushed((0.0, 0.0), (0.1, 1.0)).at(0.2) == pytest.approx(0.05 + 0.1)  # goes on
-
-
-def test_a_gap_is_not_bridged():
-    far = LONGEST_GAP + 0.1
-    heading = pushed((0.0, 1.0), (far, 1.0))
-    assert heading.at(far) == 0.0
-    assert heading.at(far + 1.01 * LONGEST_GAP) is None
-    assert Heading().at(0.0) is None
-
-
-def test_a_reading_that_comes_late_is_left_out_and_a_clock_set_back_is_followed():
-    heading = pushed((1.0, 1.0), (1.1, 1.0), (0.9, 5.0))
-    assert heading.at(1.2) == pytest.approx(0.2)
-    heading.push(0.1, 0.5)
-    assert heading.at(0.3) == pytest.approx(0.2)
-
-
-@pytest.mark.parametrize(("t", "rate"), [(math.nan, 0.0), (1.2, math.nan), (1e300, 0.0)])
-def test_what_cannot_be_is_left_out(t, rate):
-    heading = pushed((1.0, 1.0), (1.1, 1.0), (t, rate))
-    assert heading.at(1.2) == pytest.approx(0.2)
