@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from slams import cli
 from slams.live.network import add_network_options, transport_of
-from slams.live.options import topics_of
+from slams.live.options import renamed
 
 if TYPE_CHECKING:
     from slams.live.transport import Transport
@@ -85,19 +85,18 @@ def _play(
     """Publish the log; returns how many scans."""
     from slams.live.robot import LINGER, Robot
 
-    robot = cli.refusing(lambda: Robot(log, transport, topics_of(arguments.remap)))
+    robot = cli.refusing(lambda: Robot(log, transport, renamed(arguments.remap)))
     transport.listen()
-    robot.introduce()
     if not robot.await_reader(arguments.wait_for_subscriber, ending) and not arguments.quiet:
         cli.show_notes(PROGRAM, ["nobody listens to the scans yet; they are sent all the same"])
     gc.collect()
     gc.freeze()  # a search for garbage among all scans would hold them up
     sent, start = 0, time.monotonic()
-    for moment in cli.progress(robot.moments(), robot.length, "playing", arguments.quiet, ""):
+    for moment in cli.progress(robot.moments, len(robot.moments), "playing", arguments.quiet, ""):
         if ending.wait(start + moment.t / arguments.rate - time.monotonic()):
             break
-        moment.send()
-        sent += moment.is_scan
+        robot.send(moment)
+        sent += moment.topic == "/scan"
     ending.wait(LINGER)
     return sent
 

@@ -98,7 +98,7 @@ def _node(arguments: argparse.Namespace, label: str, params: Params, terminal: T
         live.check_saving(arguments.save_state)
     node = Node(live, transport, options, terminal.say)
     if arguments.record is not None:
-        node.recorder = Recorder(arguments.record, options.topics)
+        node.recorder = Recorder(arguments.record, options)
     return node
 
 

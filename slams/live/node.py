@@ -17,7 +17,7 @@ from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
 from slams.live.estimate import Estimate
 from slams.live.frames import RobotFrames
-from slams.live.options import KINDS, SCANS, TYPES, Callback, NodeOptions, Quality
+from slams.live.options import TOPICS, TYPES, Callback, NodeOptions
 from slams.live.publisher import MapThread, NodePublisher
 from slams.live.recorder import Recorder
 from slams.live.scans import Arrived, Scans
@@ -33,6 +33,7 @@ POLL_PERIOD = 0.02  # [s] between looks at what tf has
 END_PERIOD = 0.1  # [s] between looks at whether to end
 CHECK_PERIOD = 1.0  # [s] between diagnostics
 MAX_UNLOCALIZED_SCANS = 20  # in a given map, until that is reported
+MAX_WAITING = 20  # scans, when the algorithm is slower than the laser
 MAX_EARLY_SCANS = 1000  # that wait until the frames are known
 
 
@@ -86,7 +87,7 @@ class Node:
         every = options.map_every if live.given is None else 0.0
         self._maps = MapThread(live, self._publish_map, every)
         self._redrawn = 0
-        self._topics = options.topics.scans
+        self._topics = options.scans
         self.scans = Scans(self._topics, self.buffer.mounted, MAX_EARLY_SCANS, options.wait)
         self._assumed_base = ""  # the laser's frame, where tf had none
         self._ready_at = math.inf
@@ -116,8 +117,8 @@ class Node:
             scan = self.scans.take(POLL_PERIOD)
             if scan is not None:
                 self._push(scan)
-            if len(self.scans) <= self.options.queue:  # what came before `start` ended is done
-                self.scans.size = self.options.queue
+            if len(self.scans) <= MAX_WAITING:  # what came before `start` ended is done
+                self.scans.size = MAX_WAITING
             if time.monotonic() - checked_at >= CHECK_PERIOD:
                 checked_at = time.monotonic()
                 self.check()
@@ -171,20 +172,18 @@ class Node:
     # network
 
     def _subscribe(self) -> None:
-        options = self.options
         for topic in self._topics:
-            self._hear(topic, SCANS, self.scans.put)
-        wanted = {"odom": options.odometry in ("auto", "topic"), "imu": options.imu}
-        for name in ("tf", "tf_static", *(name for name, is_wanted in wanted.items() if is_wanted)):
-            self._hear(getattr(options.topics, name), KINDS[name], self.buffer.take)
+            self._hear(topic, "/scan", self.scans.put)
+        for name in ("/tf", "/tf_static", "/odom", *(["/imu"] if self.options.imu else [])):
+            self._hear(self.options.names[name], name, self.buffer.take)
 
-    def _hear(self, topic: str, kind: tuple[str, Quality], callback: Callback) -> None:
+    def _hear(self, topic: str, usual: str, callback: Callback) -> None:
         def both(record: Record) -> None:
             """Take a message and record it."""
             callback(record)
             self._record(topic, record.received, record.data)
 
-        self.transport.subscribe(topic, *kind, both)
+        self.transport.subscribe(topic, *TOPICS[usual], both)
 
     def _record(self, topic: str, received: int, data: bytes) -> None:
         if self.recorder is not None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import Field, asdict, dataclass, field, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import Field, dataclass, field, fields
 from enum import Enum
 from typing import Any
 
@@ -24,51 +24,35 @@ class Quality(Enum):
     LATCHED = "transient local"  # a late subscriber gets the last message
 
 
-SCANS = SCAN, Quality.SENSOR
-KINDS = {  # what a node's other topics carry and how, by the names that `Topics` has for them
-    "odom": (ODOMETRY, Quality.SENSOR),
-    "imu": (IMU, Quality.SENSOR),
-    "tf": (TF, Quality.RELIABLE),
-    "tf_static": (TF, Quality.LATCHED),
-    "map": (MAP, Quality.LATCHED),
-    "path": (PATH, Quality.LATCHED),
-    "pose": (POSE_COV, Quality.RELIABLE),
-    "state": (STATUS, Quality.RELIABLE),
+TOPICS = {  # what a node's topics carry and how, by their usual names
+    "/scan": (SCAN, Quality.SENSOR),
+    "/odom": (ODOMETRY, Quality.SENSOR),
+    "/imu": (IMU, Quality.SENSOR),
+    "/tf": (TF, Quality.RELIABLE),
+    "/tf_static": (TF, Quality.LATCHED),
+    "/map": (MAP, Quality.LATCHED),
+    "/path": (PATH, Quality.LATCHED),
+    "/pose": (POSE_COV, Quality.RELIABLE),
+    "/slam/state": (STATUS, Quality.RELIABLE),
 }
-TYPES = tuple(dict.fromkeys(msgtype for msgtype, _ in (SCANS, *KINDS.values())))
+TYPES = tuple(dict.fromkeys(msgtype for msgtype, _ in TOPICS.values()))
 
 
-@dataclass(frozen=True)
-class Topics:
-    """Names of the topics in and out."""
-
-    scans: tuple[str, ...] = ("/scan",)  # of the lasers
-    odom: str = "/odom"
-    imu: str = "/imu"
-    tf: str = "/tf"
-    tf_static: str = "/tf_static"
-    map: str = "/map"
-    path: str = "/path"
-    pose: str = "/pose"
-    state: str = "/slam/state"
-
-
-def topics_of(remap: Sequence[str]) -> Topics:
-    """The usual names of topics, some replaced: remap has texts as "/scan:=/front/scan".
+def renamed(remap: Sequence[str] = ()) -> dict[str, str]:
+    """Names of topics by the usual ones: remap has texts as "/scan:=/front/scan".
 
     Raises:
         ValueError: a text is none, or there is no such topic.
     """
-    names = asdict(Topics())
-    usual = {"/scan": "scans"} | {name: key for key, name in names.items() if key != "scans"}
+    names = {name: name for name in TOPICS}
     for text in remap:
         old, between, new = text.partition(":=")
         if not (between and new.startswith("/")):
             raise ValueError(f"--remap: got {text!r}, expected /FROM:=/TO")
-        if old not in usual:
-            raise ValueError(f"--remap: {old} is no topic here; there are {', '.join(usual)}")
-        names[usual[old]] = new if old != "/scan" else (new,)
-    return Topics(**names)
+        if old not in names:
+            raise ValueError(f"--remap: {old} is no topic here; there are {', '.join(names)}")
+        names[old] = new
+    return names
 
 
 def _option(metavar: str, default: Any, text: str) -> Any:
@@ -78,9 +62,13 @@ def _option(metavar: str, default: Any, text: str) -> Any:
 
 @dataclass(frozen=True)
 class NodeOptions:
-    """How a node works; `odometry` is "auto" (tf, else the topic), "tf", "topic" or "none"."""
+    """How a node works; `odometry` is "auto" (tf, else the topic), "tf", "topic" or "none".
 
-    topics: Topics = Topics()
+    `scans` are the topics of the lasers, `names` those of the others by their usual names.
+    """
+
+    scans: tuple[str, ...] = ("/scan",)
+    names: Mapping[str, str] = field(default_factory=renamed)
     odometry: str = "auto"
     imu: bool = True  # whether it is subscribed
     map_frame: str = _option("FRAME", "map", "frame of map and poses")
@@ -94,21 +82,17 @@ class NodeOptions:
     map_every: float = _option("S", 2.0, "time between two published maps [s], 0 for none")
     wait: float = _option("S", 0.4, "how long a scan waits for odometry and gyro at most [s]")
     tf_ahead: float = _option("S", 0.1, "how far ahead of its scan a transform is stamped [s]")
-    queue: int = _option("N", 20, "how many scans wait at most; older ones are left out")
 
     def __post_init__(self) -> None:
         for option in fields(self):
             value = getattr(self, option.name)
             if option.type == "float" and not 0.0 <= value < math.inf:
                 raise ValueError(f"{_flag(option)}: got {value:g}, expected 0 s or more")
-        lasers = self.topics.scans
-        if not len(set(lasers)) == len(lasers) <= MAX_LASERS:
-            got = ", ".join(lasers)
+        if not len(set(self.scans)) == len(self.scans) <= MAX_LASERS:
+            got = ", ".join(self.scans)
             raise ValueError(
                 f"--scan-topic: got {got}, expected up to {MAX_LASERS} different topics"
             )
-        if self.queue < 1:
-            raise ValueError(f"--queue: got {self.queue}, expected 1 scan or more")
 
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:
@@ -136,7 +120,7 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
         usual, text = option.default, option.metadata["help"]
         others.add_argument(
             _flag(option),
-            type=str if usual is None else type(usual),
+            type=float if option.type == "float" else str,
             metavar=option.metadata["metavar"],
             default=usual,
             help=text if usual is None else f"{text} (default: %(default)s)",
@@ -153,14 +137,13 @@ def node_options(arguments: argparse.Namespace) -> NodeOptions:
         raise ValueError("--map-every: got --localize, too, whose map is published once")
     values: dict[str, Any] = {option.name: getattr(arguments, option.name) for option in OPTIONS}
     values["odometry"], values["imu"] = arguments.odom, arguments.imu != "none"
-    chosen: dict[str, Any] = {}
-    if arguments.imu != Topics.imu:
-        chosen["imu"] = _absolute(arguments.imu)
-    if arguments.scan_topic:
-        chosen["scans"] = tuple(map(_absolute, arguments.scan_topic))
+    names = renamed(arguments.remap)
+    if arguments.imu != "/imu":
+        names["/imu"] = _absolute(arguments.imu)
     if arguments.odom not in ("auto", "tf", "none"):
-        values["odometry"], chosen["odom"] = "topic", _absolute(arguments.odom)
-    return NodeOptions(replace(topics_of(arguments.remap), **chosen), **values)
+        values["odometry"], names["/odom"] = "topic", _absolute(arguments.odom)
+    scans = tuple(map(_absolute, arguments.scan_topic or [names["/scan"]]))
+    return NodeOptions(scans, names, **values)
 
 
 OPTIONS = [option for option in fields(NodeOptions) if option.metadata]

@@ -14,14 +14,14 @@ from slams import metrics
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.estimate import STATES, Estimate
-from slams.live.options import KINDS, NodeOptions
+from slams.live.options import TOPICS, NodeOptions
 from slams.live.slam import LiveSlam
 from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
     from slams.live.transport import Transport
 
-PUBLISHED = ("map", "path", "tf", "pose", "state")
+PUBLISHED = ("/map", "/path", "/tf", "/pose", "/slam/state")
 PATH_STEP = 0.2  # [m] between two poses of a path: finer than a line on a screen shows
 
 
@@ -42,11 +42,11 @@ class NodePublisher:
         options: NodeOptions,
         record: Callable[[str, int, bytes], None],
     ) -> None:
-        topics = options.topics
         self._options, self._record, self._make = options, record, Maker()
         self.unsent = 0
-        kinds = {getattr(topics, name): KINDS[name] for name in PUBLISHED}
-        self._publishers = {name: transport.advertise(name, *kind) for name, kind in kinds.items()}
+        self._publishers = {
+            name: transport.advertise(options.names[name], *TOPICS[name]) for name in PUBLISHED
+        }
 
     def publish_pose(self, stamp: int, estimate: Estimate, edge: tuple[str, Pose2] | None) -> None:
         """Publish the pose, and the transform of a frame in the map.
@@ -59,9 +59,9 @@ class NodePublisher:
         frame, ahead = self._options.map_frame, round(1e9 * self._options.tf_ahead)
         if edge is not None:
             moved = self._make.transforms(stamp + ahead, [(frame, *edge)])
-            self._send(self._options.topics.tf, moved)
+            self._send("/tf", moved)
         posed = self._make.posed(stamp, estimate.pose, estimate.covariance, frame)
-        self._send(self._options.topics.pose, posed)
+        self._send("/pose", posed)
 
     def publish_state(self, stamp: int, estimate: Estimate, counts: Mapping[str, int]) -> None:
         """Publish how a scan went, with some counts."""
@@ -70,18 +70,18 @@ class NodePublisher:
         values |= {name: str(count) for name, count in counts.items()}
         level = STATES.index(estimate.state)
         message = self._make.status(stamp, "slams", level, estimate.state, values)
-        self._send(self._options.topics.state, message)
+        self._send("/slam/state", message)
 
     def publish_map(self, stamp: int, grid: OccupancyGrid) -> None:
         """Publish the map."""
         message = self._make.grid(stamp, grid, self._options.map_frame)
-        self._send(self._options.topics.map, message)
+        self._send("/map", message)
 
     def publish_path(self, stamps: Sequence[int], poses: Floats) -> None:
         """Publish the way so far, stamps (n,) [ns] and poses (n, 3), a pose every `PATH_STEP`."""
         _, kept = np.unique(np.floor(metrics.driven(poses) / PATH_STEP), return_index=True)
         named = [stamps[i] for i in kept], poses[kept]
-        self._send(self._options.topics.path, self._make.path(*named, self._options.map_frame))
+        self._send("/path", self._make.path(*named, self._options.map_frame))
 
     def _send(self, topic: str, message: Any) -> None:
         data = bytes(store().serialize_cdr(message, message.__msgtype__))
@@ -89,7 +89,7 @@ class NodePublisher:
             self._publishers[topic].publish(data)
         except OSError:
             self.unsent += 1
-        self._record(topic, time.time_ns(), data)
+        self._record(self._options.names[topic], time.time_ns(), data)
 
 
 def _share(value: float) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from slams.formats.bag import SCAN
 from slams.formats.mcap_file import McapFile
-from slams.live.options import KINDS, Topics
+from slams.live.options import TOPICS, NodeOptions, Quality
 
 
 class Recorder:
@@ -18,12 +18,13 @@ class Recorder:
         ValueError: its name does not end in .mcap.
     """
 
-    def __init__(self, path: str | Path, topics: Topics) -> None:
+    def __init__(self, path: str | Path, options: NodeOptions) -> None:
         if Path(path).suffix != ".mcap":
             raise ValueError(f"--record: got {path}, expected a name that ends in .mcap")
-        types = dict.fromkeys(topics.scans, SCAN)
-        types |= {getattr(topics, name): msgtype for name, (msgtype, _) in KINDS.items()}
-        self._file = McapFile(path, types, (topics.map, topics.path, topics.tf_static))
+        names = options.names
+        types = {names[name]: msgtype for name, (msgtype, _) in TOPICS.items() if name != "/scan"}
+        kept = [names[name] for name, (_, how) in TOPICS.items() if how is Quality.LATCHED]
+        self._file = McapFile(path, dict.fromkeys(options.scans, SCAN) | types, kept)
         self._failed: Exception | None = None
         self._writing = ThreadPoolExecutor(1, "recorder")
 

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from slams.formats.bag import ODOMETRY
 from slams.formats.mcap import LAST_STAMP, frames_of
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
-from slams.live.options import KINDS, SCANS, Quality, Topics
+from slams.live.options import TOPICS, Quality
 from slams.scanlog import ScanLog
 from slams.types import Pose2
 
 if TYPE_CHECKING:
-    from slams.live.transport import Publisher, Transport
+    from slams.live.transport import Transport
 
 ODOM = "odom"
 TICK = 0.05  # [s] between looks at whether somebody listens
@@ -26,48 +24,45 @@ LINGER = 0.5  # [s] for the last messages to arrive
 
 
 class Moment(NamedTuple):
-    """A message and when it is due, in seconds from the log's first."""
+    """When a message is due, in seconds from the log's first, its topic's usual name, its row."""
 
     t: float
-    send: Callable[[], None]
-    is_scan: bool
+    topic: str
+    row: int
 
 
 class Robot:
     """Publishes a log's scans, and its odometry (also as tf), gyro and mount.
 
+    The mount is published at once and stays; `moments` are the other messages in the order they
+    are due, for `send`.
+
     Args:
         log: what is published.
         transport: the network.
-        topics: their names.
+        names: of the topics, by their usual ones.
     """
 
-    def __init__(self, log: ScanLog, transport: Transport, topics: Topics) -> None:
-        self._log, self._make, self._topics = log, Maker(), topics
-        self._scan, self._period = topics.scans[0], log.scan_period
-        kinds = {topics.tf_static: KINDS["tf_static"], self._scan: SCANS}
-        if log.odom is not None:
-            kinds |= {topics.odom: (ODOMETRY, Quality.RELIABLE), topics.tf: KINDS["tf"]}
-        if log.yaw_rate is not None:
-            kinds[topics.imu] = KINDS["imu"]
+    def __init__(self, log: ScanLog, transport: Transport, names: Mapping[str, str]) -> None:
+        self._log, self._make = log, Maker()
         self._base, self._laser = frames_of(log.meta)
-        self._publishers: dict[str, Publisher] = {
-            topic: transport.advertise(topic, *kind) for topic, kind in kinds.items()
+        tracks = {"/odom": log.odom, "/imu": log.yaw_rate}
+        self._tracks = {name: track for name, track in tracks.items() if track is not None}
+        kinds = {name: TOPICS[name] for name in ("/scan", "/tf_static", *self._tracks)}
+        if "/odom" in kinds:
+            kinds |= {"/tf": TOPICS["/tf"], "/odom": (TOPICS["/odom"][0], Quality.RELIABLE)}
+        self._publishers = {
+            name: transport.advertise(names[name], *kind) for name, kind in kinds.items()
         }
         fits = log.t.min() >= 0.0 and log.t.max() < LAST_STAMP
         self._zero = 0.0 if fits else float(log.t.min())
-        self._due = self._all_due()
-        self.length = len(self._due)
-
-    def introduce(self) -> None:
-        """Publish where the laser sits; it stays for who listens later."""
-        stamp = self._stamp(float(self._log.t[0]))
-        mount = [(self._base, self._laser, self._log.laser.mount)]
-        self._send(self._topics.tf_static, self._make.transforms(stamp, mount))
+        self.moments = self._moments()
+        mount = [(self._base, self._laser, log.laser.mount)]
+        self._send("/tf_static", self._make.transforms(self._stamp(float(log.t[0])), mount))
 
     def await_reader(self, patience: float, ending: threading.Event) -> bool:
         """Wait for somebody who takes scans and mount; whether there is one in time [s]."""
-        needed = [self._publishers[self._scan], self._publishers[self._topics.tf_static]]
+        needed = [self._publishers["/scan"], self._publishers["/tf_static"]]
         for _ in range(round(patience / TICK)):
             if all(one.subscribers for one in needed):
                 ending.wait(LINGER)  # the other topics find each other meanwhile
@@ -76,40 +71,36 @@ class Robot:
                 break
         return False
 
-    def moments(self) -> Iterator[Moment]:
-        """All messages in the order they are due."""
-        for due, kind, row in self._due:
-            yield Moment(due, partial(self._publish, kind, row), kind == self._scan)
+    def send(self, moment: Moment) -> None:
+        """Publish a message."""
+        _, topic, row = moment
+        log, make, track = self._log, self._make, self._tracks.get(topic)
+        if track is None:
+            stamp = self._stamp(float(log.t[row]))
+            scan = make.scan(stamp, self._laser, log.laser, log.ranges[row], log.scan_period)
+            self._send(topic, scan)
+            return
+        stamp, value = self._stamp(float(track.t[row])), track.values[row].tolist()
+        if topic == "/imu":
+            self._send(topic, make.imu(stamp, value, self._base))
+        else:
+            self._send(topic, make.odometry(stamp, Pose2(*value), ODOM, self._base))
+            self._send("/tf", make.transforms(stamp, [(ODOM, self._base, Pose2(*value))]))
 
-    def _all_due(self) -> list[tuple[float, str, int]]:
-        """When, on which topic, which row: odometry before the scan of the same moment.
+    def _moments(self) -> list[Moment]:
+        """All that is due: odometry before the scan of the same moment.
 
         A scan is due when its last beam is measured. Where stamps jump back the log's order rules.
         """
-        log = self._log
-        self._tracks = {self._topics.odom: log.odom, self._topics.imu: log.yaw_rate}
-        stamps = {name: track.t for name, track in self._tracks.items() if track is not None}
-        stamps[self._scan] = log.t + log.laser.time_increment * (log.laser.n_beams - 1)
+        stamps = {topic: track.t for topic, track in self._tracks.items()}
+        stamps["/scan"] = self._log.t + self._log.laser.sweep_time
         due = [
-            (float(t), name, row)
-            for name, all_t in stamps.items()
+            Moment(float(t), topic, row)
+            for topic, all_t in stamps.items()
             for row, t in enumerate(np.maximum.accumulate(all_t))
         ]
-        due.sort(key=lambda one: one[0])
-        return [(t - due[0][0], name, row) for t, name, row in due]
-
-    def _publish(self, topic: str, row: int) -> None:
-        track, log, make = self._tracks.get(topic), self._log, self._make
-        stamp = self._stamp(float((track or log).t[row]))
-        if track is None:
-            ranges = log.ranges[row]
-            self._send(topic, make.scan(stamp, self._laser, log.laser, ranges, self._period))
-        elif topic == self._topics.imu:
-            self._send(topic, make.imu(stamp, float(track.values[row]), self._base))
-        else:
-            pose = Pose2(*track.values[row].tolist())
-            self._send(topic, make.odometry(stamp, pose, ODOM, self._base))
-            self._send(self._topics.tf, make.transforms(stamp, [(ODOM, self._base, pose)]))
+        due.sort(key=lambda moment: moment.t)
+        return [moment._replace(t=moment.t - due[0].t) for moment in due]
 
     def _stamp(self, t: float) -> int:
         return max(0, round(1e9 * (t - self._zero)))

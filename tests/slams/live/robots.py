@@ -11,7 +11,7 @@ from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live import node
 from slams.live.node import Node
-from slams.live.options import NodeOptions, Quality, Topics
+from slams.live.options import NodeOptions, Quality, renamed
 from slams.live.recorder import Recorder
 from slams.live.robot import Robot
 from slams.player import replay
@@ -65,7 +65,7 @@ class Stand:
         self.transport = self.bus.transport()
         options = NodeOptions(**(usual | options))
         self.node = Node(self.live, self.transport, options, self.said.append)
-        self.node.recorder = None if file is None else Recorder(file, options.topics)
+        self.node.recorder = None if file is None else Recorder(file, options)
         self.transport.listen()
         self.transport.wanted.clear()
 
@@ -98,10 +98,9 @@ class Stand:
         self.node.check()
 
     def play(self, log):
-        robot = Robot(log, self.bus.transport(), Topics())
-        robot.introduce()
-        for moment in robot.moments():
-            moment.send()
+        robot = Robot(log, self.bus.transport(), renamed())
+        for moment in robot.moments:
+            robot.send(moment)
 
     def tf(self, *edges, t=0, static=True):
         topic = "/tf_static" if static else "/tf"

@@ -11,7 +11,7 @@ import slams
 from slams import LiveSlam, Pose2, run
 from slams.formats.occupancy import write_map
 from slams.live.node import MAX_UNLOCALIZED_SCANS
-from slams.live.options import Topics
+from slams.live.options import renamed
 from slams.live.robot import Robot
 from slams.live.slam import MAX_RESUME_GAP
 from slams.scanlog import Track
@@ -44,9 +44,9 @@ def messaged(lidar):
     return replace(lidar, **{name: float(np.float32(getattr(lidar, name))) for name in names})
 
 
-def driven(stand, moments):
+def driven(stand, robot, moments):
     for moment in moments:
-        moment.send()
+        robot.send(moment)
     stand.start_and_drive()
     return np.column_stack([stand.node.drive.t, np.array(stand.node.drive.poses)])
 
@@ -55,18 +55,17 @@ def driven(stand, moments):
 def test_going_on_from_a_state_equals_never_having_stopped(algorithm, monkeypatch, tmp_path):
     def stand_of(**begin):
         bus = Bus()
-        robot = Robot(robot_log(), bus.transport(), Topics())
-        robot.introduce()
+        robot = Robot(robot_log(), bus.transport(), renamed())
         return Stand(monkeypatch, algorithm, bus=bus, begin=begin), robot
 
     stand, robot = stand_of()
-    whole, moments = driven(stand, robot.moments()), list(robot.moments())
-    cut = next(k for k, moment in enumerate(moments) if moment.t > 1.65)
+    whole = driven(stand, robot, robot.moments)
+    cut = next(k for k, moment in enumerate(robot.moments) if moment.t > 1.65)
     first, robot = stand_of()
-    before = driven(first, list(robot.moments())[:cut])
+    before = driven(first, robot, robot.moments[:cut])
     first.live.save(tmp_path / "s")
     second, robot = stand_of(state=tmp_path / "s")
-    after = driven(second, list(robot.moments())[cut:])
+    after = driven(second, robot, robot.moments[cut:])
     assert 10 < len(before) < 20
     assert np.array_equal(np.vstack([before, after]), whole)
     assert np.array_equal(second.live.map().p, stand.live.map().p, equal_nan=True)

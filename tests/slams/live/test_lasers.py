@@ -11,14 +11,14 @@ from slams.live import scans
 from slams.live.__main__ import parser
 from slams.live.diagnostics import COUNTERS
 from slams.live.frames import FEW, Mounted
-from slams.live.options import NodeOptions, Quality, Topics, node_options
+from slams.live.options import NodeOptions, Quality, node_options, renamed
 from slams.live.scans import Scans
 from slams.types import Attitude, Pose2
 from tests.rooms import ROOM, cast, laser, way
 from tests.slams.formats.test_attitude import messages, true
 from tests.slams.live.robots import Stand, mounted, scan_record
 
-TWO = Topics(("/front", "/rear"))
+TWO = ("/front", "/rear")
 PLACES = {"front": Pose2(0.2, 0.0, 0.0), "rear": Pose2(-0.2, 0.0, 3.0)}
 
 
@@ -36,7 +36,7 @@ def drive(stand, n=30):
 
 
 def test_poses_are_those_of_a_run_of_the_recording_in_the_order_of_stamps(monkeypatch, tmp_path):
-    stand = Stand(monkeypatch, "hector", tmp_path / "out.mcap", topics=TWO, wait=60.0)
+    stand = Stand(monkeypatch, "hector", tmp_path / "out.mcap", scans=TWO, wait=60.0)
     drive(stand)
     stand.start_and_drive()
     log, _ = stand.recorded(scan_topic="/front", more_scan_topics=("/rear",))
@@ -48,7 +48,7 @@ def test_poses_are_those_of_a_run_of_the_recording_in_the_order_of_stamps(monkey
 
 
 def test_a_laser_that_tf_does_not_place_is_left_out_until_it_does(monkeypatch):
-    stand = mounted(monkeypatch, topics=TWO)
+    stand = mounted(monkeypatch, scans=TWO)
     stand.moved(0.0, (0.0, 0.0, 0.0))
     stand.scan(0.0, topic="/front")
     stand.scan(0.1, "rear", topic="/rear")
@@ -68,7 +68,7 @@ class Clock:
 
     def __init__(self, monkeypatch, wait=0.4, size=20):
         self.now, here = 50.0, Mounted("base", Pose2(0.0, 0.0, 0.0), False)
-        self.scans = Scans(TWO.scans, lambda frame: here, size, wait)
+        self.scans = Scans(TWO, lambda frame: here, size, wait)
         monkeypatch.setattr(scans.time, "monotonic", lambda: self.now)
 
     def put(self, t, topic):
@@ -126,14 +126,14 @@ def test_topics_on_the_command_line():
     options = node_options(
         parser().parse_args(["hector", "--scan-topic", "front", "--scan-topic", "/rear"])
     )
-    assert options.topics.scans == ("/front", "/rear")
+    assert options.scans == ("/front", "/rear")
     for imu in (["--imu", "gyro"], ["--remap", "/imu:=/gyro"]):
-        renamed = node_options(parser().parse_args(["hector", "--remap", "/map:=/m", *imu]))
-        assert renamed.topics == Topics(map="/m", imu="/gyro")
+        options = node_options(parser().parse_args(["hector", "--remap", "/map:=/m", *imu]))
+        assert options.names == renamed(["/map:=/m", "/imu:=/gyro"])
     with pytest.raises(
         ValueError, match="--scan-topic: got /a, /a, expected up to 8 different topics"
     ):
-        NodeOptions(Topics(("/a", "/a")))
+        NodeOptions(("/a", "/a"))
 
 
 N, HEIGHT = 40, 0.35  # scans; m, of the laser

@@ -10,7 +10,7 @@ from slams.formats.bag import SCAN, TF
 from slams.formats.frames import yaw_of
 from slams.formats.ros_maker import UNKNOWN, percent
 from slams.live import node
-from slams.live.options import Quality, Topics
+from slams.live.options import NodeOptions, Quality
 from slams.live.recorder import Recorder
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
@@ -254,7 +254,8 @@ def test_what_is_assumed_of_the_laser_is_told_once(monkeypatch):
 
 
 def test_what_waits_while_frames_are_sought_is_not_left_out(monkeypatch):
-    stand = mounted(monkeypatch, queue=2)
+    monkeypatch.setattr(node, "MAX_WAITING", 2)
+    stand = mounted(monkeypatch)
     for k in range(10):
         stand.scan(0.1 * k)
     stand.start_and_drive()
@@ -317,10 +318,10 @@ def test_a_network_that_takes_nothing_does_not_stop_the_robot(monkeypatch):
 
 def test_a_recording_that_cannot_be_written_is_said(monkeypatch, tmp_path):
     with pytest.raises(ValueError, match=r"--record: got .*out.bag, expected .*\.mcap"):
-        Recorder(tmp_path / "out.bag", Topics())
+        Recorder(tmp_path / "out.bag", NodeOptions())
     with pytest.raises(OSError, match="nowhere"):
-        Recorder(tmp_path / "nowhere" / "out.mcap", Topics())
-    recorder = Recorder(tmp_path / "out.mcap", Topics())
+        Recorder(tmp_path / "nowhere" / "out.mcap", NodeOptions())
+    recorder = Recorder(tmp_path / "out.mcap", NodeOptions())
     recorder.put("/nobody", 0, b"")
     with pytest.raises(OSError, match=r"out.mcap: not recorded"):
         recorder.close()

@@ -10,7 +10,7 @@ import slams
 from slams.formats.frames import yaw_of
 from slams.live import series
 from slams.live.estimate import LATE_IN_A_ROW
-from slams.live.options import Topics, topics_of
+from slams.live.options import renamed
 from slams.live.robot import Robot
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.track import MAX_ATTITUDE_GAP, Track
@@ -93,16 +93,16 @@ def sweeping():
 
 def test_a_scan_is_sent_when_its_last_beam_is_measured_and_odometry_when_it_is(sweeping):
     bus, order = Bus(), []
-    robot = Robot(sweeping, bus.transport(), Topics())
-    for moment in robot.moments():
+    robot = Robot(sweeping, bus.transport(), renamed())
+    for moment in robot.moments:
         before = {topic: len(sent) for topic, sent in bus.raw.items()}
-        moment.send()
+        robot.send(moment)
         new = [topic for topic, sent in bus.raw.items() if len(sent) > before.get(topic, 0)]
         order.append((round(moment.t, 3), *new))
-        assert moment.is_scan == (new == ["/scan"])
+        assert moment.topic == new[0]
     first = [(0.0, "/odom", "/tf"), (0.0, "/imu"), (0.05, "/scan"), (0.1, "/odom", "/tf")]
     assert order[:4] == first
-    assert len(order) == robot.length == 12
+    assert len(order) == 12
     scan, said, moved = (bus.sent(topic)[2] for topic in ("/scan", "/odom", "/tf"))
     assert seconds(scan) == seconds(said) == pytest.approx(0.2)  # stamped with the first beam
     assert scan.time_increment == pytest.approx(0.005)
@@ -118,17 +118,16 @@ def test_a_scan_is_sent_when_its_last_beam_is_measured_and_odometry_when_it_is(s
 def test_stamps_that_ros_cannot_hold_begin_at_zero(sweeping):
     bus = Bus()
     early = slams.ScanLog(sweeping.t - 50.0, sweeping.ranges, sweeping.laser)
-    robot = Robot(early, bus.transport(), topics_of(["/scan:=/front/scan"]))
-    robot.introduce()
-    for moment in robot.moments():
-        moment.send()
+    robot = Robot(early, bus.transport(), renamed(["/scan:=/front/scan"]))
+    for moment in robot.moments:
+        robot.send(moment)
     assert [seconds(scan) for scan in bus.sent("/front/scan")] == pytest.approx([0, 0.1, 0.2, 0.3])
     assert set(bus.raw) == {"/front/scan", "/tf_static"}
 
 
 def test_somebody_is_waited_for(sweeping):
     wire = Bus().transport()
-    robot = Robot(sweeping, wire, Topics())
+    robot = Robot(sweeping, wire, renamed())
     ending = threading.Event()
     robot._publishers["/scan"].subscribers = 0
     assert robot.await_reader(0.1, ending) is False
