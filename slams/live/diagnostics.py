@@ -30,7 +30,7 @@ Say = Callable[[str], None]
 
 
 class Diagnostics:
-    """Reports what goes wrong, when it begins and ends, or once in a while.
+    """Reports what goes wrong, at most every `PERIOD`, and what is assumed, once.
 
     Args:
         say: what tells the user a sentence.
@@ -38,9 +38,8 @@ class Diagnostics:
 
     def __init__(self, say: Say) -> None:
         self._say = say
-        self._silent_since: dict[str, float] = {}  # by topics
-        self._reported: dict[str, tuple[float, int]] = {}
-        self._notes: set[str] = set()
+        self._said: dict[str, float] = {}  # [s] when, by what it is about
+        self._numbers: dict[str, int] = {}
 
     def check(self, report: Mapping[str, Any], last_scans: Mapping[str, float]) -> None:
         """Report what has changed; to be called about once a second.
@@ -50,28 +49,31 @@ class Diagnostics:
             last_scans: when each laser's last one came [s], on this machine's clock, by topics.
         """
         for topic, last_scan in last_scans.items():
-            silent = time.monotonic() - last_scan > MAX_SILENCE
-            if silent and topic not in self._silent_since:
-                self._silent_since[topic] = last_scan
-                self._say(f"no scan on {topic} for {MAX_SILENCE:g} s: is the laser unplugged?")
-            elif not silent and topic in self._silent_since:
-                away = last_scan - self._silent_since.pop(topic)
-                self._say(f"scans on {topic} are back after about {away:.0f} s")
+            silent = time.monotonic() - last_scan
+            if silent > MAX_SILENCE:
+                text = f"no scan on {topic} for {silent:.0f} s: is the laser unplugged?"
+                self._tell(topic, text, PERIOD)
         for name, sentence in COUNTERS.items():
             self.count(name, report[name], sentence)
 
     def count(self, name: str, number: int, sentence: str) -> None:
         """Report how often something happened, when it is more often than reported before."""
-        at, before = self._reported.get(name, (-math.inf, 0))
-        if number > before and time.monotonic() - at >= PERIOD:
-            self._reported[name] = (time.monotonic(), number)
-            self._say(f"{number} {sentence}")
+        is_more = number > self._numbers.get(name, 0)
+        if is_more and self._tell(name, f"{number} {sentence}", PERIOD):
+            self._numbers[name] = number
 
     def note(self, sentence: str) -> None:
         """Report an assumption, once."""
-        if sentence not in self._notes:
-            self._notes.add(sentence)
+        self._tell(sentence, sentence, math.inf)
+
+    def _tell(self, about: str, sentence: str, period: float) -> bool:
+        """Say a sentence, unless something about the same was said in the last `period` [s]."""
+        now = time.monotonic()
+        is_due = now - self._said.get(about, -math.inf) >= period
+        if is_due:
+            self._said[about] = now
             self._say(sentence)
+        return is_due
 
 
 class Terminal:
@@ -80,7 +82,6 @@ class Terminal:
     def __init__(self, program: str, quiet: bool) -> None:
         self._program, self._quiet = program, quiet
         self._line = sys.stderr.isatty() and not quiet
-        self._before = (time.monotonic(), 0)
 
     def say(self, sentence: str) -> None:
         """Show a sentence."""
@@ -90,31 +91,22 @@ class Terminal:
             sys.stderr.flush()
 
     def show_status(self, node: Node) -> None:
-        """Show where the robot is."""
-        if self._line:
-            sys.stderr.write(f"{CLEAR}{self._text(node)}")
-            sys.stderr.flush()
+        """Show how many scans came, and where the robot is."""
+        if not self._line:
+            return
+        text, estimate = "waiting for scans", node.drive.estimate
+        if estimate is not None:
+            x, y, theta = estimate.pose
+            explained = "" if math.isnan(estimate.explained) else f", map {estimate.explained:.0%}"
+            text = (
+                f"{len(node.drive.t)} scans, {node.scans.counts['dropped']} left out; "
+                f"x {x:.2f} y {y:.2f} m, {math.degrees(theta):.0f} deg; "
+                f"{estimate.state} {estimate.quality:.2f}{explained}"
+            )
+        sys.stderr.write(f"{CLEAR}{text}")
+        sys.stderr.flush()
 
     def end(self) -> None:
         """Leave the status line."""
         if self._line:
             sys.stderr.write("\n")
-
-    def _text(self, node: Node) -> str:
-        now, scans = time.monotonic(), len(node.drive.t)
-        rate = (scans - self._before[1]) / max(now - self._before[0], 1e-3)
-        self._before = (now, scans)
-        estimate = node.drive.estimate
-        if estimate is None:
-            return "waiting for scans"
-        x, y, theta = estimate.pose
-        dropped = node.scans.counts["dropped"]
-        where = f"x {x:.2f} y {y:.2f} m, {math.degrees(theta):.0f} deg"
-        explained = "" if math.isnan(estimate.explained) else f", map {estimate.explained:.0%}"
-        if not estimate.found:
-            return f"{node.drive.sought} scans, sought in the map; {where}?{explained}"
-        return (
-            f"{scans} scans, {rate:.1f}/s, {dropped} left out, {len(node.scans)} wait; "
-            f"{where}; {estimate.state} {estimate.quality:.2f}{explained}; "
-            f"{1e3 * node.drive.delays[-1] if node.drive.delays else math.nan:.1f} ms"
-        )
