@@ -8,7 +8,6 @@ import numpy as np
 
 from slams.formats.attitude import headings
 from slams.formats.frames import Transforms, attitudes_of, bare, planar
-from slams.formats.topics import some
 from slams.live.series import PoseSeries, Series
 from slams.track import MAX_ATTITUDE_GAP
 from slams.types import IDENTITY, Pose2
@@ -85,17 +84,3 @@ class RobotFrames:
             return Mounted(base, IDENTITY, False)
         mount, flipped = planar(matrix, "the laser", self.notes)
         return Mounted(base, mount, flipped, float(matrix[2, 3]))
-
-    def complaint(self, laser: str) -> str | None:
-        """Why there is no way from the base to the laser; None where tf says nothing at all."""
-        frames = self.tree.frames
-        if self.base is not None and self.base not in (*frames, laser):
-            return f"--base-frame: {self.base} is not in tf; frames: {some(frames)}"
-        if frames and laser not in frames:
-            return (
-                f"the laser's frame {laser} is not in tf ({some(frames)}): where it is mounted "
-                f"stands in /tf_static; --base-frame {laser} takes it as the base"
-            )
-        if frames and self.base is not None:
-            return f"tf has no fixed way from {self.base} to the laser's frame {laser}"
-        return None

@@ -13,6 +13,7 @@ import numpy as np
 
 from slams.formats.bag import SCAN, Record
 from slams.formats.ros_store import prepare
+from slams.formats.topics import some
 from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
 from slams.live.estimate import Estimate
@@ -89,7 +90,6 @@ class Node:
         self._redrawn = 0
         self._topics = options.scans
         self.scans = Scans(self._topics, self.buffer.mounted, MAX_EARLY_SCANS, options.wait)
-        self._assumed_base = ""  # the laser's frame, where tf had none
         self._ready_at = math.inf
         self._subscribe()
 
@@ -165,9 +165,6 @@ class Node:
             self._maps.failed = None
         for note in (*self.live.notes, *frames.notes, *self.scans.notes):
             diagnostics.note(note)
-        if self._assumed_base in frames.tree.frames:
-            note = f"tf has {self._assumed_base} now, too late: start again to have it used"
-            diagnostics.note(note)
 
     # network
 
@@ -202,17 +199,12 @@ class Node:
     # start
 
     def _why_no_scan(self) -> str:
-        """Why there is no scan, as far as the network knows."""
-        topic, there = self._topics[0], self.transport.topics()
-        others = sorted(name for name, kind in there.items() if kind == SCAN and name != topic)
-        if there.get(topic, SCAN) != SCAN:
-            what = f"{topic} carries {there[topic]}, expected {SCAN}"
-        elif topic in there:
-            what = f"{topic} has a publisher that sends no scan"
-        else:
-            what = f"{topic} has no publisher"
-        some = ", ".join(others) or "none"
-        text = f"waiting for scans: {what}; topics with scans: {some} (--scan-topic takes another)"
+        """What is waited for, and the topics where there are scans, as far as the network knows."""
+        there = [name for name, kind in self.transport.topics().items() if kind == SCAN]
+        text = (
+            f"waiting for scans on {', '.join(self._topics)}; topics with a publisher of {SCAN}: "
+            f"{some(sorted(there))} (--scan-topic takes another)"
+        )
         return "; ".join([text, *self.scans.notes])
 
     def _is_placed(self, first: Arrived) -> bool:
@@ -223,14 +215,23 @@ class Node:
         waited, frames = time.monotonic() - first.at, self.buffer.frames
         if waited >= SETTLING_TIME and self.scans.is_placed(first.topic):
             return True
-        if waited > MAX_WAIT_FOR_TF and frames.complaint(first.frame) is None:
-            self._assumed_base = frames.base = first.frame
-            self._say(f"no transform to the laser's frame {first.frame}: it is the base")
+        known = frames.tree.frames
+        if waited > MAX_WAIT_FOR_TF and frames.base is None and (not known or first.frame in known):
+            frames.base = first.frame
+            self._say(
+                f"no transform to the laser's frame {first.frame}: it is the base (if tf comes "
+                "later, start again)"
+            )
         return False
 
     def _why_no_mount(self, first: Arrived) -> str:
-        complaint = self.buffer.frames.complaint(first.frame)
-        return f"waiting for tf: {complaint or 'it has not begun'}"
+        """What of tf is waited for, and the frames there are."""
+        frames = self.buffer.frames
+        return (
+            f"waiting for tf: no fixed way from {frames.base or 'a base'} to the laser's frame "
+            f"{first.frame}; frames: {some(frames.tree.frames)} (--base-frame "
+            f"{first.frame} takes it as the base)"
+        )
 
     # scans
 
