@@ -70,7 +70,10 @@ def _command(arguments: argparse.Namespace) -> int:
         terminal.end()
         cli.refusing(node.close)
     if not node.drive.t:
-        raise RuntimeError(_why_nothing(node))
+        sought, why = node.drive.sought, "ended before the first scan"
+        if sought:
+            why = f"the place in the map is not sure after {sought} scans ({node.live.candidates})"
+        raise RuntimeError(f"{why}; nothing is written")
     if arguments.save_state:
         cli.refusing(lambda: node.live.save(arguments.save_state))
     cli.refusing(lambda: write_results(folder, entry.label, node))
@@ -119,17 +122,6 @@ def write_results(folder: Path, label: str, node: Node) -> None:
     }
     poses = np.array(drive.poses, np.float64).reshape(-1, 3)
     write_drive(folder, live.map(), (np.array(drive.t), poses, live.corrected()), summary)
-
-
-def _why_nothing(node: Node) -> str:
-    """Why there is no pose."""
-    sought = node.drive.sought
-    if not sought:
-        return "ended before the first scan; nothing is written"
-    return (
-        f"its place in the map is not sure after {sought} scans ({node.live.candidates}); expected "
-        "a drive that leaves alike places, or --start; nothing is written"
-    )
 
 
 def _ending() -> threading.Event:

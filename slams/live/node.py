@@ -33,7 +33,6 @@ MAX_WAIT_FOR_TF = 2.0  # [s] after the first scan; without any tf the laser is t
 POLL_PERIOD = 0.02  # [s] between looks at what tf has
 END_PERIOD = 0.1  # [s] between looks at whether to end
 CHECK_PERIOD = 1.0  # [s] between diagnostics
-MAX_UNLOCALIZED_SCANS = 20  # in a given map, until that is reported
 MAX_WAITING = 20  # scans, when the algorithm is slower than the laser
 MAX_EARLY_SCANS = 1000  # that wait until the frames are known
 
@@ -87,7 +86,6 @@ class Node:
         self._publisher = NodePublisher(transport, options, self._record)
         every = options.map_every if live.given is None else 0.0
         self._maps = MapThread(live, self._publish_map, every)
-        self._redrawn = 0
         self._topics = options.scans
         self.scans = Scans(self._topics, self.buffer.mounted, MAX_EARLY_SCANS, options.wait)
         self._ready_at = math.inf
@@ -123,7 +121,7 @@ class Node:
                 checked_at = time.monotonic()
                 self.check()
                 show_status()
-        self.scans.close()
+        self.scans.wait = 0.0  # for another laser
         while (scan := self.scans.take(0.0)) is not None:
             self._push(scan)
 
@@ -156,14 +154,10 @@ class Node:
         frames, diagnostics, topics = self.buffer.frames, self._diagnostics, self._topics
         scan_times = {topic: self.scans.came_at.get(topic, self._ready_at) for topic in topics}
         diagnostics.check(self.report(), scan_times)
-        sought, candidates = self.drive.sought, self.live.candidates
-        if candidates and sought > MAX_UNLOCALIZED_SCANS:
-            text = f"scans so far, and the place in the map is not sure ({candidates}); drive on"
-            diagnostics.count("sought", sought, text)
-        if self._maps.failed is not None:
-            self._say(f"the map is not published: {self._maps.failed}")
-            self._maps.failed = None
-        for note in (*self.live.notes, *frames.notes, *self.scans.notes):
+        if self.live.candidates:
+            place = f"the place in the map is not sure ({self.live.candidates})"
+            diagnostics.count("sought", self.drive.sought, f"scans so far, and {place}; drive on")
+        for note in (*self._maps.failures, *self.live.notes, *frames.notes, *self.scans.notes):
             diagnostics.note(note)
 
     # network
@@ -187,14 +181,12 @@ class Node:
             self.recorder.put(topic, received, data)
 
     def _publish_map(self, stamp: int, grid: OccupancyGrid) -> None:
-        """Publish the map, and the path so far when a closed loop has corrected it."""
+        """Publish the map, and of an algorithm that closes loops the path so far."""
         self._publisher.publish_map(stamp, grid)
-        poses, redrawn = self.live.corrected(), self.live.report()["algorithm"].get("redrawn", 0)
-        if poses is None or redrawn == self._redrawn:
-            return
-        self._redrawn = redrawn
-        t = self.drive.t[: len(poses)]  # a push may be under way
-        self._publisher.publish_path([round(1e9 * s) for s in t], poses[: len(t)])
+        poses = self.live.corrected()
+        if poses is not None:
+            t = self.drive.t[: len(poses)]  # a push may be under way
+            self._publisher.publish_path([round(1e9 * s) for s in t], poses[: len(t)])
 
     # start
 

@@ -105,8 +105,8 @@ class MapThread(threading.Thread):
         publish: takes stamp [ns] and map.
         every: time between two maps [s]; 0 for none.
 
-    `stamp` [ns] is that of the last scan in the map, -1 before the first. `failed` is why the last
-    map could not be drawn or published.
+    `stamp` [ns] is that of the last scan in the map, -1 before the first. `failures` are sentences
+    about maps that could not be drawn or published.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class MapThread(threading.Thread):
         super().__init__(name="maps", daemon=True)
         self._live, self._publish, self._every = live, publish, every
         self.stamp = self._published = -1
-        self.failed: Exception | None = None
+        self.failures: set[str] = set()
         self._ending = threading.Event()
         if every:
             self.start()
@@ -139,5 +139,5 @@ class MapThread(threading.Thread):
         try:
             self._publish(stamp, self._live.map())
         except Exception as error:  # the node reports it: scans go on
-            self.failed = error
+            self.failures.add(f"the map is not published: {error}")
         self._published = stamp

@@ -47,7 +47,7 @@ class Scans:
         topics: of the lasers; of scans with one stamp the first topic's goes first.
         mounted: where the laser of a frame sits; None while that is not known.
         size: how many may wait; then the oldest is dropped.
-        wait: for other lasers at most [s].
+        wait: for other lasers at most [s]; may be changed.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Scans:
         self.size, self.counts = size, dict.fromkeys(COUNTS, 0)
         self.came_at: dict[str, float] = {}  # [s] the last message, by topics as all of these
         self._topics, self._mounted = tuple(topics), mounted
-        self._wait = wait if len(topics) > 1 else 0.0
+        self.wait = wait if len(topics) > 1 else 0.0
         self._waiting: list[Arrived] = []
         self._last: dict[str, Arrived] = {}
         self._lasers: dict[str, MountedLaser] = {}
@@ -88,7 +88,7 @@ class Scans:
             self._waiting.append(scan)
             if len(self._topics) > 1:
                 self._waiting.sort(key=lambda one: (one.t, self._topics.index(one.topic)))
-            while self._is_full(scan.at):
+            while len(self._waiting) > self.size:
                 del self._waiting[0]
                 self.counts["dropped"] += 1
             self._changed.notify()
@@ -111,10 +111,6 @@ class Scans:
         with self._changed:
             return self._changed.wait_for(self._next, timeout)
 
-    def close(self) -> None:
-        """Let no scan wait for another laser any more."""
-        self._wait = 0.0
-
     def laser(self, scan: Arrived) -> Laser | None:
         """The laser of a scan; None, noted, where no laser has such a geometry."""
         try:
@@ -135,11 +131,6 @@ class Scans:
         self.counts["unreadable"] += 1
         self._odd[f"{error}; such scans are left out"] = None
 
-    def _is_full(self, now: float) -> bool:
-        """Whether more wait than may, without those that wait for another laser."""
-        over = len(self._waiting) - self.size
-        return over > 0 and now - self._waiting[over - 1].at >= self._wait
-
     def _next(self) -> Arrived | None:
         while self._waiting and not self.is_placed(self._waiting[0].topic):
             del self._waiting[0]
@@ -150,7 +141,7 @@ class Scans:
 
     def _has_to_wait(self, scan: Arrived, now: float) -> bool:
         """Whether another laser has not come as far yet."""
-        return now - scan.at < self._wait and any(
+        return now - scan.at < self.wait and any(
             last.t < scan.t
             for topic, last in self._last.items()
             if topic != scan.topic and now - last.at < MAX_SILENCE and self.is_placed(topic)

@@ -44,14 +44,14 @@ def test_a_map_that_cannot_be_published_is_kept_for_the_node_to_report():
     maps = MapThread(LiveSlam("odometry", warm_up=False), refuse, every=3600.0)
     maps.stamp = 1
     maps.close()
-    assert str(maps.failed) == "no network"
+    assert maps.failures == {"the map is not published: no network"}
 
 
 def test_no_maps_when_none_are_wanted():
     maps = MapThread(LiveSlam("odometry", warm_up=False), lambda *_: 1 / 0, every=0.0)
     maps.stamp = 1
     maps.close()
-    assert maps.failed is None
+    assert not maps.failures
 
 
 @pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
@@ -97,7 +97,8 @@ def test_a_closed_loop_corrects_map_to_odom(stand):
     assert close(poses[-1] @ Pose2(*around().odom.values[-1]), stand.node.drive.poses[-1])
 
 
-def test_the_path_so_far_is_published_as_corrected(stand):
+def test_the_path_so_far_is_published_with_the_map_as_corrected(stand):
+    assert len(stand.bus.sent("/path")) == len(stand.bus.sent("/map"))
     log, drive = around(), stand.node.drive
     path = stand.bus.sent("/path")[-1].poses
     poses = np.array([planar(p.pose.position, p.pose.orientation) for p in path])
