@@ -1,5 +1,7 @@
 """The room that tests match against, and what only they need of it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from slams.registry import BASELINES, BUILT_IN, find
@@ -33,10 +35,16 @@ def still(k, **more):
 
 
 def fields_of(scan):
-    """What `LiveSlam.push` takes of a scan."""
-    names = ("angle_min", "angle_increment", "range_min", "range_max")
+    """The fields of a scan's message, the stamp in seconds, and its odometry."""
+    names = ("angle_min", "angle_increment", "range_min", "range_max", "time_increment")
     fan = {name: getattr(scan.laser, name) for name in names}
     return fan | {"stamp": scan.t, "ranges": scan.ranges, "odometry": scan.odometry}
+
+
+def push_fields(live, stamp, odometry=None, yaw=None, attitude=None, **fields):
+    """Give a `LiveSlam` a message of these fields."""
+    message = SimpleNamespace(header=SimpleNamespace(stamp=stamp), **fields)
+    return live.push_message(message, odometry=odometry, yaw=yaw, attitude=attitude)
 
 
 def rewritten(source, target, **changes):

@@ -43,7 +43,7 @@ def test_from_a_bag_to_a_map_in_ten_lines(tmp_path, monkeypatch):
 
 
 def test_the_example_of_live_slam_works():
-    exec(block("live.push("), scope := {})
+    exec(block("live.push_scan("), scope := {})
     assert scope["estimate"].used
     assert not scope["estimate"].lost
     assert np.allclose(scope["estimate"].pose, 0.0, atol=1e-3)

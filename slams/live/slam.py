@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from slams.laser_table import rep117
 from slams.live.estimate import LATE_IN_A_ROW, LOST, MATCHED, STATES, Estimate
@@ -48,7 +47,7 @@ class LiveSlam:
 
     Args:
         algorithm: as on the command line: "hector", "tsd@original", "module:Class".
-        mount: the laser in the robot's base frame.
+        mount: of the laser of messages in the robot's base frame; a `Scan` has its own.
         sensor: preset for a laser, as `--sensor`.
         warm_up: False leaves the compilation to the first scans.
         state: a file of `save` to go on from, with its own parameters.
@@ -100,34 +99,23 @@ class LiveSlam:
         self._slam: Slam = given or (saved.slam if saved else entry.cls(self.params))
         self.last: Estimate | None = None
         self._scan: Scan | None = None
-        self._laser: Laser | None = None  # of `push`
+        self._laser: Laser | None = None  # of the last message
         self._matched_at, self._late = -math.inf, 0
         self._counts = dict.fromkeys(COUNTS, 0)
 
-    def push(
+    def push_message(
         self,
-        stamp: float,
-        ranges: ArrayLike,
-        angle_min: float,
-        angle_increment: float,
-        range_min: float,
-        range_max: float,
+        message: Any,
         *,
-        time_increment: float = 0.0,
         odometry: Sequence[float] | None = None,
         yaw: float | None = None,
-        attitude: tuple[float, float] | None = None,
+        attitude: Sequence[float] | None = None,
     ) -> Estimate:
-        """Take one scan, with the fields of a sensor_msgs/LaserScan.
+        """Take one sensor_msgs/LaserScan of ROS 1 or ROS 2, or anything with its fields.
 
         Args:
-            stamp: time of the first beam [s].
-            ranges: (n,) [m]; inf, nan and values outside of the limits as in REP 117.
-            angle_min: direction of the first beam [rad].
-            angle_increment: from beam to beam [rad], negative for a laser that turns clockwise.
-            range_min: nearest valid range [m].
-            range_max: farthest valid range [m].
-            time_increment: from beam to beam [s]; less than 0 or not finite counts as 0.
+            message: its stamp, or a number [s], is of the first beam; `ranges` (n,) [m] are as in
+                REP 117; a `time_increment` less than 0 or not finite counts as 0.
             odometry: x, y [m], theta [rad] of the base in the odom frame at the stamp.
             yaw: heading by the gyro at the stamp [rad], counted from anywhere: its rates summed up.
             attitude: roll and pitch [rad] of the base at the stamp.
@@ -137,15 +125,20 @@ class LiveSlam:
         """
         if odometry is not None:
             expect(len(odometry) == 3, "odometry", f"{len(odometry)} numbers", "x, y, theta")
-        values, stamp = np.asarray(ranges), float(stamp)
-        fan = (angle_min, angle_increment, range_min, range_max, time_increment)
-        start, step, low, high, between = map(float, fan)
-        between = between if 0.0 < between * values.size <= LONGEST_SWEEP else 0.0
-        laser = Laser(start, step, values.size, low, high, self._mount, between)
+        ranges, between = np.asarray(message.ranges), float(message.time_increment)
+        laser = Laser(
+            float(message.angle_min),
+            float(message.angle_increment),
+            ranges.size,
+            float(message.range_min),
+            float(message.range_max),
+            self._mount,
+            between if 0.0 < between * ranges.size <= LONGEST_SWEEP else 0.0,
+        )
         with self._lock:
             scan = Scan(
-                stamp,
-                values,
+                seconds(message.header.stamp),
+                ranges,
                 self._laser if laser == self._laser else laser,
                 None if odometry is None else Pose2(*map(float, odometry)),
                 None if yaw is None else float(yaw),
@@ -154,22 +147,6 @@ class LiveSlam:
             estimate = self.push_scan(scan)
             self._laser = scan.laser
         return estimate
-
-    def push_message(self, message: Any, **measured: Any) -> Estimate:
-        """Take one sensor_msgs/LaserScan of ROS 1 or ROS 2, or anything with its fields.
-
-        `measured` are odometry, yaw and attitude, as `push` takes them.
-        """
-        return self.push(
-            seconds(message.header.stamp),
-            message.ranges,
-            message.angle_min,
-            message.angle_increment,
-            message.range_min,
-            message.range_max,
-            time_increment=message.time_increment,
-            **measured,
-        )
 
     def push_scan(self, scan: Scan) -> Estimate:
         """Take one `Scan`; its ranges are cleaned as those of a log.

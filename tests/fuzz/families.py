@@ -14,7 +14,7 @@ from slams.registry import create
 from slams.test_world import drive, laser, scan_at, way
 from tests import bags
 from tests.fuzz.numbers import SAME_SHAPE, mutated, number
-from tests.rooms import fields_of
+from tests.rooms import fields_of, push_fields
 
 SCANS = 6
 LOG = drive(n=SCANS, rate=10.0, lidar=laser(n_beams=41))
@@ -80,12 +80,12 @@ def live(rng, folder, algorithm):
         fields = _fields(t + 0.1 * k, poses[k])
         if rng.random() < 0.6:
             _damage(fields, rng)
-        estimate = sentence(lambda: robot.push(**fields), (ValueError, TypeError))  # noqa: B023
+        estimate = sentence(lambda: push_fields(robot, **fields), (ValueError, TypeError))  # noqa: B023
         if estimate is not None:
             taken = True
             _check(estimate)
     for k in range(10, 10 + 11 + GOOD):  # a clock set back is believed after ten
-        estimate = robot.push(**_fields(t + 0.1 * k, poses[k]))
+        estimate = push_fields(robot, **_fields(t + 0.1 * k, poses[k]))
         _check(estimate)
     if not estimate.used:
         raise BrokenError("good scans are not used after bad ones")
@@ -95,7 +95,7 @@ def live(rng, folder, algorithm):
 
 def _fields(t, pose):
     scan = scan_at(pose, LOG.laser, t=t, odometry=Pose2(*pose.tolist()))
-    return fields_of(scan) | {"time_increment": 0.0, "yaw": 0.0}
+    return fields_of(scan) | {"yaw": 0.0}
 
 
 def _damage(fields, rng):

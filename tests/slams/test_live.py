@@ -14,15 +14,11 @@ from slams.registry import BUILT_IN, find
 from slams.ros.stamps import seconds
 from slams.types import Attitude
 from tests.processes import python
-from tests.rooms import ROOM, drive, laser, scan_at
-
-
-def fan(lidar):
-    return lidar.angle_min, lidar.angle_increment, lidar.range_min, lidar.range_max
+from tests.rooms import ROOM, drive, fields_of, laser, push_fields, scan_at
 
 
 def push(live, scan, **more):
-    return live.push(scan.t, scan.ranges, *fan(scan.laser), odometry=scan.odometry, **more)
+    return push_fields(live, **(fields_of(scan) | more))
 
 
 def watched(get):
@@ -59,7 +55,7 @@ def test_map_to_odom_joins_the_two_frames(log):
     sigma = np.sqrt(np.diag(estimate.covariance))
     assert (sigma > 0.0).all()
     assert (sigma < 0.01).all()
-    without = live.push(9.0, scan.ranges, *fan(scan.laser))
+    without = push(live, scan, stamp=9.0, odometry=None)
     assert without.map_to_odom is None
 
 
@@ -113,8 +109,8 @@ def test_pushes_wait_for_a_map_only_while_its_snapshot_is_taken(log):
 def test_a_laser_may_change_and_an_unchanged_one_is_one_object():
     live, seen = watched(lambda scan: scan.laser)
     for k, n in enumerate((181, 181, 361, 181)):
-        scan = scan_at((0.0, 0.0, 0.0), laser(n), t=float(k))
-        live.push(scan.t, scan.ranges.tolist(), *fan(scan.laser), time_increment=1e-4)
+        scan = scan_at((0.0, 0.0, 0.0), laser(n, time_increment=1e-4), t=float(k))
+        push(live, scan, ranges=scan.ranges.tolist())
     assert seen[0] is seen[1]
     assert [lidar.n_beams for lidar in seen] == [181, 181, 361, 181]
     assert seen[0].time_increment == 1e-4
@@ -124,7 +120,7 @@ def test_ranges_are_cleaned_and_left_alone():
     live, seen = watched(lambda scan: scan)
     given = np.array([0.05, 1.0, 40.0, np.inf, -np.inf, np.nan], np.float32)
     before = given.copy()
-    live.push(0.0, given, 0.0, 0.1, 0.1, 30.0)
+    push(live, scan_at((0.0, 0.0, 0.0), laser(6)), ranges=given)
     assert np.array_equal(
         seen[0].ranges, [np.nan, 1, np.inf, np.inf, np.nan, np.nan], equal_nan=True
     )
@@ -135,8 +131,9 @@ def test_ranges_are_cleaned_and_left_alone():
 @pytest.mark.parametrize("wrong", [-1e-5, 1e300, math.nan, math.inf])
 def test_a_time_between_beams_that_cannot_be_is_none(wrong):
     live, seen = watched(lambda scan: scan.laser)
-    live.push(0.0, [1.0, 2.0], 0.0, 0.1, 0.1, 9.0, time_increment=wrong)
-    live.push(1.0, [1.0, 2.0], 0.0, 0.1, 0.1, 9.0, time_increment=1e-5)
+    scan = scan_at((0.0, 0.0, 0.0))
+    push(live, scan, time_increment=wrong)
+    push(live, scan, stamp=1.0, time_increment=1e-5)
     assert [laser.time_increment for laser in seen] == [0.0, 1e-5]
 
 
@@ -147,12 +144,12 @@ def test_losing_the_place_is_told(log):
     elsewhere = ROOM * 0.37 + np.array([0.4, 0.7, 0.4, 0.7])
     for k in range(5):
         strange = scan_at((0.0, 0.0, 1.0), segments=elsewhere, t=10.0 + k)
-        estimate = live.push(strange.t, strange.ranges, *fan(strange.laser))
+        estimate = push(live, strange)
         assert estimate.lost
         assert estimate.used
     assert estimate.seconds_lost == pytest.approx(14.0 - scan.t)
     for k in range(40):  # until global localization is sure of the place
-        back = live.push(20.0 + 0.1 * k, scan.ranges, *fan(scan.laser))
+        back = push(live, scan, stamp=20.0 + 0.1 * k, odometry=None)
     assert (back.lost, back.seconds_lost) == (False, 0.0)
 
 
@@ -165,19 +162,15 @@ def test_heading_and_attitude_reach_the_algorithm():
         (2.0, 1e9, None),
         (3.0, None, None),
     ):
-        live.push(t, scan.ranges, *fan(scan.laser), yaw=yaw, attitude=attitude)
+        push(live, scan, stamp=t, yaw=yaw, attitude=attitude)
     assert seen == [(0.5, Attitude(0.1, -0.2)), *[(None, None)] * 3]
 
 
 def test_messages_of_ros_1_and_2():
     live = LiveSlam("odometry", warm_up=False)
     scan = scan_at((0.0, 0.0, 0.0))
-    names = ("angle_min", "angle_increment", "range_min", "range_max")
-    fields = dict(zip(names, fan(scan.laser), strict=True))
     for stamp in (SimpleNamespace(sec=1, nanosec=5 * 10**8), SimpleNamespace(secs=2, nsecs=10**8)):
-        header = SimpleNamespace(stamp=stamp)
-        message = SimpleNamespace(header=header, ranges=scan.ranges, time_increment=0.0, **fields)
-        estimate = live.push_message(message, yaw=0.1)
+        estimate = push(live, scan, stamp=stamp)
         assert estimate.t == pytest.approx(seconds(stamp))
     assert estimate.t == pytest.approx(2.1)
 
@@ -186,7 +179,7 @@ def test_mount_sensor_and_parameters_reach_the_algorithm():
     live = LiveSlam("hector", sensor="lds01", mount=Pose2(0.1, 0.0, 0.2), warm_up=False, levels=2)
     assert live.params == find("hector").params().for_sensor("lds01").replace(levels=2)
     scan = scan_at((0.0, 0.0, 0.0))
-    live.push(0.0, scan.ranges, *fan(scan.laser))
+    push(live, scan)
     assert live._scan.laser.mount == Pose2(0.1, 0.0, 0.2)
     with pytest.raises(LookupError, match="unknown sensor 'lds-01'; did you mean 'lds01'"):
         LiveSlam("hector", sensor="lds-01")
@@ -197,14 +190,12 @@ def test_mount_sensor_and_parameters_reach_the_algorithm():
 COLD = """
 from slams.jit import CompileClock
 from slams import LiveSlam
-from tests.rooms import drive, laser
+from tests.rooms import drive, fields_of, laser, push_fields
 live = LiveSlam("hector")
 with CompileClock() as clock:
     for scan in (*drive(n=12), *drive(n=6, rate=5.0, lidar=laser(91, time_increment=5e-4))):
-        lidar = scan.laser
-        live.push(scan.t + 9.0 * (lidar.n_beams == 91), scan.ranges, lidar.angle_min,
-                  lidar.angle_increment, 0.1, 30.0, time_increment=lidar.time_increment,
-                  odometry=scan.odometry, yaw=scan.yaw)
+        later = 9.0 * (scan.laser.n_beams == 91)
+        push_fields(live, **(fields_of(scan) | {"stamp": scan.t + later, "yaw": scan.yaw}))
     live.map()
 assert live.report()["scans"] == 18
 print(clock.seconds)

@@ -9,7 +9,7 @@ import slams
 from slams import LiveSlam, Pose2
 from slams.scanlog import ScanLog, Track
 from slams.test_world import scan_at
-from tests.rooms import drive, fields_of, rewritten
+from tests.rooms import drive, fields_of, push_fields, rewritten
 
 LIVE = "hector"
 
@@ -60,7 +60,7 @@ def live():
 
 def push(live, t, x=0.0, **changes):
     scan = scan_at((x, 0.0, 0.0), t=t, odometry=Pose2(x, 0.0, 0.0))
-    return live.push(**(fields_of(scan) | changes))
+    return push_fields(live, **(fields_of(scan) | changes))
 
 
 @pytest.mark.parametrize(
