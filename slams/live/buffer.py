@@ -38,7 +38,7 @@ class SensorBuffer:
         self._to_base: Pose2 | None = None  # from the frame of the odometry to the base
         self._gyro = IntegralSeries()
         self._early = list[tuple[str, Inertial]]()  # with their frames
-        self._imus: dict[str, ImuAttitude] = {}  # by frames
+        self._imu: ImuAttitude | None = None
         self._attitude = Series(MAX_ATTITUDE_GAP)
         self._settled = False
         self._changed = threading.Condition()
@@ -130,14 +130,13 @@ class SensorBuffer:
         if not self._settled:
             return
         for frame, measured in self._early:
-            if frame not in self._imus:
-                self._imus[frame] = self._imu(frame)
-            t, rate, roll, pitch = self._imus[frame].push(measured)
+            self._imu = self._imu or self._imu_of(frame)
+            t, rate, roll, pitch = self._imu.push(measured)
             self._gyro.push(t, rate)
             self._attitude.push(t, roll, pitch)
         self._early.clear()
 
-    def _imu(self, frame: str) -> ImuAttitude:
+    def _imu_of(self, frame: str) -> ImuAttitude:
         """What reads the IMU of a frame; where tf lacks it, which is noted, as upright."""
         matrix = self._fixed(self.frames.base, frame)
         if matrix is None:

@@ -192,10 +192,9 @@ class Node:
 
     def _why_no_scan(self) -> str:
         """What is waited for, and the topics where there are scans, as far as the network knows."""
-        there = [name for name, kind in self.transport.topics().items() if kind == SCAN]
         text = (
             f"waiting for scans on {', '.join(self._topics)}; topics with a publisher of {SCAN}: "
-            f"{some(sorted(there))} (--scan-topic takes another)"
+            f"{some(self.transport.published(SCAN))} (--scan-topic takes another)"
         )
         return "; ".join([text, *self.scans.notes])
 

@@ -77,12 +77,12 @@ class Transport:
         """Begin to receive."""
         self._thread.start()
 
-    def topics(self) -> dict[str, str]:
-        """Topics that have a publisher, with their message types."""
-        alive, read = core.InstanceState.Alive, self._published.read(10_000)
-        found = [e for e in read if e.sample_info.instance_state == alive]
-        names = {e.topic_name: ros_name(e.type_name) for e in found}
-        return {name[2:]: kind for name, kind in names.items() if name.startswith("rt/")}
+    def published(self, msgtype: str) -> list[str]:
+        """Topics that have a publisher of a message type, in order."""
+        alive, name = core.InstanceState.Alive, type_name(msgtype)
+        found = [e for e in self._published.read(10_000) if e.type_name == name]
+        topics = {e.topic_name for e in found if e.sample_info.instance_state == alive}
+        return sorted(topic[2:] for topic in topics if topic.startswith("rt/"))
 
     def close(self) -> None:
         """Leave the domain; what was advertised is gone with it."""
@@ -94,7 +94,7 @@ class Transport:
 
     def _topic(self, topic: str, msgtype: str) -> Any:
         try:
-            return Topic(self._participant, topic_name(topic), packed(msgtype))
+            return Topic(self._participant, f"rt/{topic.lstrip('/')}", packed(msgtype))
         except core.DDSException as error:
             raise ValueError(f"{topic!r} is no name of a topic for DDS ({error})") from error
 
@@ -165,18 +165,6 @@ def type_name(msgtype: str) -> str:
     """The DDS name of a ROS message: "sensor_msgs::msg::dds_::LaserScan_"."""
     package, kind, name = msgtype.split("/")
     return f"{package}::{kind}::dds_::{name}_"
-
-
-def ros_name(dds_name: str) -> str:
-    """The ROS name of a DDS type; what is none stays as it is."""
-    package, _, rest = dds_name.partition("::")
-    kind, _, name = rest.partition("::dds_::")
-    return f"{package}/{kind}/{name.removesuffix('_')}" if name else dds_name
-
-
-def topic_name(topic: str) -> str:
-    """The DDS name of a ROS topic."""
-    return f"rt/{topic.lstrip('/')}"
 
 
 @cache

@@ -53,8 +53,8 @@ class BusTransport:
             if topic in self.bus.kept:
                 callback(Record(topic, msgtype, 0, self.bus.kept[topic]))
 
-    def topics(self):
-        return dict(self.bus.types)
+    def published(self, msgtype):
+        return sorted(topic for topic, kind in self.bus.types.items() if kind == msgtype)
 
     def close(self):
         self.closed = True
