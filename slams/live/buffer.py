@@ -4,36 +4,55 @@ from __future__ import annotations
 
 import threading
 import time
+from typing import Any, NamedTuple
 
-from slams.formats.attitude import ImuAttitude, Inertial
+import numpy as np
+
+from slams.formats.attitude import ImuAttitude, Inertial, headings
 from slams.formats.bag import IMU, ODOMETRY, TF, Record
-from slams.formats.frames import planar
+from slams.formats.frames import Transforms, attitudes_of, bare, planar
 from slams.formats.ros_messages import READ
 from slams.formats.ros_store import store
-from slams.live.frames import Mounted, RobotFrames
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.stamps import seconds
 from slams.track import MAX_ATTITUDE_GAP
-from slams.types import Attitude, Floats, Pose2
+from slams.types import IDENTITY, Attitude, Floats, Pose2
 
 MAX_EARLY_READINGS = 4000  # of the gyro, kept until the base is known: 20 s at 200 Hz
+FEW = 20  # transforms kept of each that moves: enough to see that it does
+
+
+class Mounted(NamedTuple):
+    """Where the laser sits: its pose in the base, whether it is upside down, its height z [m]."""
+
+    mount: Pose2
+    flipped: bool
+    z: float = 0.0
 
 
 class SensorBuffer:
     """Takes messages; once the laser's mount is known, gives what was measured at a stamp.
 
+    Of the past of tf only the base's poses in the odometry's frame are kept, and the attitudes of
+    frames that tilt against a level one right above.
+
     Args:
-        frames: the robot's frames.
+        base: the frame that poses are of; None leaves it to odometry and tf.
+        odom: the odometry's frame.
         odometry: "auto", tf where it has the odometry's frame and else the topic; "tf"; "topic";
             "none", which reads tf all the same: map -> odom has to fit it.
     """
 
-    def __init__(self, frames: RobotFrames, odometry: str = "auto") -> None:
-        self.frames, self.unreadable = frames, 0
+    def __init__(self, base: str | None, odom: str, odometry: str = "auto") -> None:
+        self.base = None if base is None else bare(base)
+        self.tree, self.unreadable = Transforms(), 0
+        self.notes: list[str] = []
         self.source: str | None = None  # of the odometry: "tf" or "topic", when chosen
-        self._wanted = odometry
+        self._odom, self._wanted = bare(odom), odometry
         self._odometry: PoseSeries | None = None
         self._of_topic = PoseSeries()
+        self._moving: dict[str, PoseSeries] = {}  # by frames
+        self._tilting: dict[str, Series] = {}  # by frames
         self._child: str | None = None  # frame of the topic's poses
         self._to_base: Pose2 | None = None  # from the frame of the odometry to the base
         self._gyro = IntegralSeries()
@@ -52,7 +71,7 @@ class SensorBuffer:
             return
         with self._changed:
             if record.msgtype == TF:
-                self.frames.take(message, record.topic.endswith("static"))
+                self._take_tf(message, record.topic.endswith("static"))
             elif record.msgtype == ODOMETRY:
                 child, pose = READ[ODOMETRY](message)
                 self._child = child or self._child
@@ -65,11 +84,18 @@ class SensorBuffer:
     def mounted(self, laser: str) -> Mounted | None:
         """Where a laser sits, or None while that is open; with the first one odometry is chosen."""
         with self._changed:
-            moving = None if self._settled else self._moving(laser)
-            mounted = self.frames.mounted(laser, moving)
-            if mounted is not None and not self._settled:
+            moving = None if self._settled else self._frame_of_odometry(laser)
+            base = self.base or self.tree.base_of(laser, moving)
+            matrix = self._fixed(base, laser)
+            if base is None or matrix is None:
+                return None
+            self.base = base
+            if not self._settled:
                 self._choose(moving)
-            return mounted
+            if base == laser:
+                return Mounted(IDENTITY, False)
+            mount, flipped = planar(matrix, "the laser", self.notes)
+            return Mounted(mount, flipped, float(matrix[2, 3]))
 
     def wait_for(self, t: float, until: float) -> None:
         """Let odometry and gyro catch up with a stamp, until a time of `time.monotonic` at most."""
@@ -101,26 +127,48 @@ class SensorBuffer:
         """Whether any came."""
         return self._odometry is not None and bool(self._odometry.t)
 
-    def _moving(self, laser: str) -> str | None:
+    def _take_tf(self, message: Any, static: bool) -> None:
+        for edge, rows in self.tree.add(message, static).items():
+            child, known = edge[1], self.tree.samples[edge]
+            del known[: -1 if edge in self.tree.static else -max(FEW, len(rows))]
+            if edge[0] == self._odom:
+                series = self._moving.setdefault(child, PoseSeries())
+                for row, theta in zip(rows, headings(np.array(rows)[:, 4:]).tolist(), strict=True):
+                    series.push(*row[:3], theta)
+            is_new = child not in self._tilting
+            if edge == self.tree.leveled(child) and not (is_new and self.tree.is_fixed(edge)):
+                rows = known if is_new else rows
+                tilts = self._tilting.setdefault(child, Series(MAX_ATTITUDE_GAP))
+                for row, attitude in zip(rows, attitudes_of(rows).tolist(), strict=True):
+                    tilts.push(row[0], *attitude)
+
+    def _frame_of_odometry(self, laser: str) -> str | None:
         """The frame that the odometry is of: tf's, where the laser sits on it, else the topic's."""
         if self._wanted != "topic":
-            carrying = [child for child in self.frames.moving if self.frames.carries(child, laser)]
+            carrying = [child for child in self._moving if self._carries(child, laser)]
             if carrying:
                 return carrying[0]
         return self._child if self._wanted in ("auto", "topic") else None
 
+    def _carries(self, frame: str, laser: str) -> bool:
+        """Whether the laser is fixed to a frame, or tilts with a base above it."""
+        if self.tree.fixed(frame, laser) is not None:
+            return True
+        edge = self.tree.leveled(self.tree.ancestors(laser)[-1])
+        return edge is not None and frame in self.tree.ancestors(edge[0])
+
     def _choose(self, moving: str | None) -> None:
         """Settle on one odometry and attitude, as another one later would be a jump."""
-        if self._wanted != "topic" and moving in self.frames.moving:
-            self.source, self._odometry = "tf", self.frames.moving[moving]
+        if self._wanted != "topic" and moving in self._moving:
+            self.source, self._odometry = "tf", self._moving[moving]
         elif self._wanted in ("auto", "topic"):
             self.source, self._odometry = "topic", self._of_topic
-        if moving is not None and moving != self.frames.base:
-            matrix = self._fixed(moving, self.frames.base)
+        if moving is not None and moving != self.base:
+            matrix = self._fixed(moving, self.base)
             if matrix is not None:
-                self._to_base = planar(matrix, "the base", self.frames.notes)[0]
-        if not self._early and self.frames.base is not None:  # else the IMU has the attitude
-            self._attitude = self.frames.tilting.setdefault(self.frames.base, self._attitude)
+                self._to_base = planar(matrix, "the base", self.notes)[0]
+        if not self._early and self.base is not None:  # else the IMU has the attitude
+            self._attitude = self._tilting.setdefault(self.base, self._attitude)
         self._settled = True
         self._integrate()
 
@@ -138,13 +186,11 @@ class SensorBuffer:
 
     def _imu_of(self, frame: str) -> ImuAttitude:
         """What reads the IMU of a frame; where tf lacks it, which is noted, as upright."""
-        matrix = self._fixed(self.frames.base, frame)
+        matrix = self._fixed(self.base, frame)
         if matrix is None:
-            self.frames.notes.append(
-                f"no transform to the gyro's frame '{frame}'; it is taken as upright"
-            )
+            self.notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
         return ImuAttitude(None if matrix is None else matrix[:3, :3])
 
     def _fixed(self, base: str | None, frame: str | None) -> Floats | None:
         """A frame in a base, 4 x 4, if both are known and fixed to each other."""
-        return None if base is None or frame is None else self.frames.tree.fixed(base, frame)
+        return None if base is None or frame is None else self.tree.fixed(base, frame)

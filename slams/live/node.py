@@ -17,7 +17,6 @@ from slams.formats.topics import some
 from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
 from slams.live.estimate import Estimate
-from slams.live.frames import RobotFrames
 from slams.live.options import TOPICS, TYPES, Callback, NodeOptions
 from slams.live.publisher import MapThread, NodePublisher
 from slams.live.recorder import Recorder
@@ -78,8 +77,7 @@ class Node:
         prepare(TYPES)
         self.live, self.transport, self.options = live, transport, options
         self.drive = Drive()
-        frames = RobotFrames(options.base_frame, options.odom_frame)
-        self.buffer = SensorBuffer(frames, options.odometry)
+        self.buffer = SensorBuffer(options.base_frame, options.odom_frame, options.odometry)
         self.recorder: Recorder | None = None
         self._say = say
         self._diagnostics = Diagnostics(say)
@@ -146,18 +144,18 @@ class Node:
             "sought": self.drive.sought,
             "unreadable_others": buffer.unreadable,
             "odometry": buffer.source,
-            "base_frame": buffer.frames.base,
+            "base_frame": buffer.base,
         }
 
     def check(self) -> None:
         """Report what goes wrong, and what is assumed of frames and laser."""
-        frames, diagnostics, topics = self.buffer.frames, self._diagnostics, self._topics
+        diagnostics, topics = self._diagnostics, self._topics
         scan_times = {topic: self.scans.came_at.get(topic, self._ready_at) for topic in topics}
         diagnostics.check(self.report(), scan_times)
         if self.live.candidates:
             place = f"the place in the map is not sure ({self.live.candidates})"
             diagnostics.count("sought", self.drive.sought, f"scans so far, and {place}; drive on")
-        for note in (*self._maps.failures, *self.live.notes, *frames.notes, *self.scans.notes):
+        for note in (*self._maps.failures, *self.live.notes, *self.buffer.notes, *self.scans.notes):
             diagnostics.note(note)
 
     # network
@@ -203,12 +201,12 @@ class Node:
 
         Odometry and tf have some time to begin.
         """
-        waited, frames = time.monotonic() - first.at, self.buffer.frames
+        waited, buffer = time.monotonic() - first.at, self.buffer
         if waited >= SETTLING_TIME and self.scans.is_placed(first.topic):
             return True
-        known = frames.tree.frames
-        if waited > MAX_WAIT_FOR_TF and frames.base is None and (not known or first.frame in known):
-            frames.base = first.frame
+        known = buffer.tree.frames
+        if waited > MAX_WAIT_FOR_TF and buffer.base is None and (not known or first.frame in known):
+            buffer.base = first.frame
             self._say(
                 f"no transform to the laser's frame {first.frame}: it is the base (if tf comes "
                 "later, start again)"
@@ -217,11 +215,10 @@ class Node:
 
     def _why_no_mount(self, first: Arrived) -> str:
         """What of tf is waited for, and the frames there are."""
-        frames = self.buffer.frames
+        base, laser = self.buffer.base or "a base", first.frame
         return (
-            f"waiting for tf: no fixed way from {frames.base or 'a base'} to the laser's frame "
-            f"{first.frame}; frames: {some(frames.tree.frames)} (--base-frame "
-            f"{first.frame} takes it as the base)"
+            f"waiting for tf: no fixed way from {base} to the laser's frame {laser}; frames: "
+            f"{some(self.buffer.tree.frames)} (--base-frame {laser} takes it as the base)"
         )
 
     # scans
@@ -257,5 +254,5 @@ class Node:
         """The frame to place in the map: the odometry's, or the base where nothing places that."""
         if odometry is not None:
             return self.options.odom_frame, pose @ odometry.inverse()
-        base = self.buffer.frames.base
+        base = self.buffer.base
         return None if self.buffer.has_odometry or base is None else (base, pose)

@@ -13,7 +13,7 @@ from slams.formats.frames import bare
 from slams.formats.ros_messages import READ
 from slams.formats.ros_store import store
 from slams.formats.sweep import Sweep, common, same_directions, usable
-from slams.live.frames import Mounted
+from slams.live.buffer import Mounted
 from slams.ros.stamps import seconds
 from slams.types import Laser
 from slams.validation import check_laser
@@ -182,7 +182,7 @@ class MountedLaser:
             self._sweeps = []
         if len(self._sweeps) < 2:  # with a second scan the time between two is known
             self._sweeps.append(sweep)
-            _, mount, flipped, z = self._mounted
+            mount, flipped, z = self._mounted
             laser = replace(common(self._sweeps, mount, flipped, self.notes)[2], mount_z=z)
             if laser != self._laser:
                 self._laser = laser

@@ -9,8 +9,8 @@ from slams.formats.bag import IMU, SCAN, TF
 from slams.formats.ros_maker import Maker
 from slams.live import scans
 from slams.live.__main__ import parser
+from slams.live.buffer import FEW, Mounted
 from slams.live.diagnostics import COUNTERS
-from slams.live.frames import FEW, Mounted
 from slams.live.options import NodeOptions, Quality, node_options, renamed
 from slams.live.scans import Scans
 from slams.types import Attitude, Pose2
@@ -67,7 +67,7 @@ class Clock:
     """An order of scans on a clock of its own."""
 
     def __init__(self, monkeypatch, wait=0.4, size=20):
-        self.now, here = 50.0, Mounted("base", Pose2(0.0, 0.0, 0.0), False)
+        self.now, here = 50.0, Mounted(Pose2(0.0, 0.0, 0.0), False)
         self.scans = Scans(TWO, lambda frame: here, size, wait)
         monkeypatch.setattr(scans.time, "monotonic", lambda: self.now)
 
