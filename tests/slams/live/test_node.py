@@ -217,6 +217,12 @@ def test_a_frame_that_is_not_in_tf_is_waited_for(base, sentence, monkeypatch):
     assert stand.node.report()["base_frame"] == (base or "base_link")
 
 
+def test_without_tf_a_base_that_was_named_is_waited_for(monkeypatch):
+    stand = Stand(monkeypatch, base_frame="robot")
+    stand.scan(0.0)
+    assert "from robot to the laser's frame laser; frames: none" in waits(stand, monkeypatch)[-1]
+
+
 def test_without_tf_the_laser_is_the_base(monkeypatch):
     stand = Stand(monkeypatch)
     stand.scan(0.0)
