@@ -67,13 +67,13 @@ def parser() -> argparse.ArgumentParser:
 
 def _check_names(out: Path, drawing: Path | None) -> None:
     """Complain before the work, not after it."""
+    from slams.formats.files import check_file
+
     if out.suffix != ".npz":
         raise ValueError(f"{out}: expected a name that ends in .npz")
     for path in (out, drawing):
-        if path is not None and not path.parent.is_dir():
-            raise FileNotFoundError(f"{path.parent}: no such folder; make it first")
-        if path is not None and path.is_dir():
-            raise IsADirectoryError(f"{path}: is a folder; expected the name of a file")
+        if path is not None:
+            check_file(path)
     if drawing is not None and drawing.suffix not in (".png", ".pdf", ".svg", ".jpg"):
         raise ValueError(f"{drawing}: expected a name that ends in .png, .pdf, .svg or .jpg")
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from slams.params import Params
 from slams.registry import Entry
 from slams.scanlog import ScanLog
 from slams.test_world import drive, laser, odd_scans, scan_at
@@ -68,12 +67,9 @@ def _poses(slam: Slam, scans: Iterable[Scan]) -> list[tuple[float, ...]]:
     return [_pose(slam, scan) for scan in scans]
 
 
-def _is_a_slam(entry: Entry) -> None:
-    known = isinstance(entry.cls.Params, type) and issubclass(entry.cls.Params, Params)
-    _expect(known, "its Params is not a subclass of slams.Params")
-    slam = _new(entry)
-    _expect(isinstance(slam, Slam), "an instance lacks update, map, report or Params")
-    _expect(isinstance(slam.report(), dict), "report() before the first scan is not a dict")
+def _reports_from_the_start(entry: Entry) -> None:
+    report = _new(entry).report()
+    _expect(isinstance(report, dict), "report() before the first scan is not a dict")
 
 
 def _starts_at_the_origin(entry: Entry) -> None:
@@ -197,7 +193,7 @@ def _maps_in_the_first_frame(entry: Entry) -> None:
 
 
 CLAUSES: dict[str, Clause] = {
-    "0 it is a Slam with Params": _is_a_slam,
+    "0 it reports from the start": _reports_from_the_start,
     "1 the first pose is the origin": _starts_at_the_origin,
     "2 every pose is finite, whatever comes": _stays_finite,
     "3 nothing of a scan is written to": _writes_nothing,

@@ -49,14 +49,11 @@ def _command(arguments: argparse.Namespace) -> int:
 
 def _check_name(out: Path, force: bool) -> None:
     """Complain before the work, not after it."""
-    from slams.formats.files import check_new
+    from slams.formats.files import check_file, check_new
 
     if out.suffix != ".npz":
         raise ValueError(f"{out}: expected a name that ends in .npz")
-    if not out.parent.is_dir():
-        raise FileNotFoundError(f"{out.parent}: no such folder; make it first")
-    if out.is_dir():
-        raise IsADirectoryError(f"{out}: is a folder; expected the name of a file")
+    check_file(out)
     check_new(out, force)
 
 

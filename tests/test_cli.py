@@ -51,11 +51,8 @@ def test_run_writes_everything_and_says_so(log_file, tmp_path):
     assert summary["parameters"]["resolution"] == 0.05
     assert summary["versions"]["numba"]
     assert summary["errors"]["per_update"]["translation_m"]["mean"] < 0.005
-    assert (out / "trajectory.csv").read_text().startswith("t,x,y,theta\n")
-    t, poses = trajectory.read(out / "trajectory.tum")
-    table = np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)
-    assert table == pytest.approx(np.column_stack([t, poses]), abs=1e-6)
-    assert len(t) == 60
+    t, poses = trajectory.read(out / "trajectory.csv")
+    assert (len(t), poses.shape) == (60, (60, 3))
     assert yaml.safe_load((out / "map.yaml").read_text())["free_thresh"] == 0.196
     assert cv2.imread(str(out / "map.png")).std() > 10.0
 
@@ -125,6 +122,15 @@ def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):
     summary = json.loads((out / "summary.json").read_text())
     assert summary["errors"]["end_m"] < 0.02
     assert summary["report"]["empty"] == 3
+
+
+def test_interrupt_is_130(monkeypatch, log_file, capsys):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(slams_run, "_replayed", stop)
+    assert slams_run.main(["hector", str(log_file)]) == 130
+    assert capsys.readouterr().err == "slams run: interrupted\n"
 
 
 def test_compare_on_given_logs(log_file, tmp_path):

@@ -22,6 +22,20 @@ def check_folder(folder: str | Path) -> None:
             raise NotADirectoryError(f"{path}: is a file; expected a folder for the results")
 
 
+def check_file(path: str | Path) -> None:
+    """Refuse, before any work is done, what cannot become a file.
+
+    Raises:
+        FileNotFoundError: there is no folder to write it in.
+        IsADirectoryError: it is a folder itself.
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path.parent}: no such folder; make it first")
+    if path.is_dir():
+        raise IsADirectoryError(f"{path}: is a folder; expected the name of a file")
+
+
 def check_new(path: str | Path, force: bool) -> None:
     """Refuse a file, or a folder with anything in it, that exists; unless `force` replaces it.
 

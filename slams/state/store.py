@@ -20,6 +20,7 @@ import numpy as np
 
 from slams import __version__
 from slams.cells import SMALL, filled, zeros
+from slams.formats.files import check_file
 from slams.formats.npz import Arrays, read_npz, write_npz
 from slams.registry import find, label_of
 from slams.state.tree import Reader, Writer
@@ -76,11 +77,7 @@ def save_after(slam: Slam, path: str | Path, t: float, ranges: Ranges, **beside:
 
 def check_target(path: str | Path, slam: Slam) -> None:
     """Refuse, before any work is done, what cannot be saved, or not there; raises as `save`."""
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path.parent}: no such folder to save a state in")
-    if path.is_dir():
-        raise IsADirectoryError(f"{path}: is a folder; expected a file to save the state in")
+    check_file(path)
     _state_of(slam, {})
 
 
@@ -151,20 +148,15 @@ def _read(path: Path) -> tuple[str, Any, Arrays]:
                     "the release that saved it; use that one, or map the log again"
                 )
         for name, (dtype, shape, spans) in head["large"].items():
-            arrays[name] = _whole(arrays[name], np.dtype(dtype), tuple(shape), spans)
+            whole, at = zeros(tuple(shape), np.dtype(dtype)), 0
+            target = whole.reshape(-1).view(np.uint8)
+            for a, b in spans:  # what of it is filled
+                target[a:b] = arrays[name][at : at + b - a]
+                at += b - a
+            arrays[name] = whole
         return head["algorithm"], head["tree"], arrays
     except Exception as error:  # a malformed head raises what it does
         raise ValueError(f"{path}: {_sentence(error)}") from error
-
-
-def _whole(data: Any, dtype: Any, shape: tuple[int, ...], spans: list[Any]) -> Any:
-    """A large array of its filled bytes."""
-    whole, at = zeros(shape, dtype), 0
-    target = whole.reshape(-1).view(np.uint8)
-    for a, b in spans:
-        target[a:b] = data[at : at + b - a]
-        at += b - a
-    return whole
 
 
 def _sentence(error: Exception) -> str:

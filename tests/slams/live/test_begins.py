@@ -217,7 +217,7 @@ def test_what_does_not_fit_is_refused(folder, tmp_path):
         (["--map", "map.yaml", "--start=1,2"], "got '1,2', expected x,y,theta in m and rad"),
         (["--map", "none.yaml"], "none.yaml: no such file"),
         (["--resume-state", "map.yaml"], "map.yaml: not a state; expected"),
-        (["--save-state", "no/x"], "no: no such folder to save a state in"),
+        (["--save-state", "no/x"], "no: no such folder; make it first"),
     ],
 )
 def test_a_node_refuses_as_a_run_does(arguments, sentence, folder, monkeypatch, capsys):
