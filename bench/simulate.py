@@ -6,9 +6,8 @@ import argparse
 import dataclasses
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bench.sim.setting import Setting, kinds
 from slams import cli
@@ -25,13 +24,13 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(options: argparse.Namespace) -> int:
-    from bench.sim.simulation import picture, world_of
+    from bench.sim.simulation import picture, simulate, world_of
 
     start = time.process_time()
     cli.refusing(lambda: _check_names(options.out, options.picture))
     names = {field.name for field in dataclasses.fields(Setting)}
     given = {key: value for key, value in vars(options).items() if key in names}
-    log = cli.refusing(lambda: _simulated(Setting(**given), options.quiet))
+    log = cli.refusing(lambda: simulate(Setting(**given), options.quiet))
     cli.refusing(lambda: log.save(options.out))
     world = world_of(log) if options.picture else None
     if world is not None and log.truth is not None:
@@ -76,32 +75,6 @@ def _check_names(out: Path, drawing: Path | None) -> None:
             check_file(path)
     if drawing is not None and drawing.suffix not in (".png", ".pdf", ".svg", ".jpg"):
         raise ValueError(f"{drawing}: expected a name that ends in .png, .pdf, .svg or .jpg")
-
-
-def _simulated(setting: Setting, quiet: bool) -> ScanLog:
-    """The log, with bars on a terminal."""
-    from bench.sim.simulation import simulate
-
-    if quiet or not sys.stderr.isatty():
-        return simulate(setting)
-    return simulate(setting, _bar("simulating", "scan"), _bar("planning", "m"))
-
-
-def _bar(task: str, unit: str) -> Callable[[int, int], None]:
-    """What moves a bar on, which shows from the first call to the end."""
-    from tqdm import tqdm
-
-    bars: list[Any] = []
-
-    def progress(done: int, total: int) -> None:
-        """Move the bar on."""
-        if not bars:
-            bars.append(tqdm(total=total, unit=unit, desc=task, leave=False))
-        bars[0].update(done - bars[0].n)
-        if done == total:
-            bars.pop().close()
-
-    return progress
 
 
 def _summary(log: ScanLog, out: Path, seconds: float) -> str:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.sim.routes import SPACING, Progress, Routes
+from bench.sim.routes import SPACING, Routes
 from bench.sim.world import World
+from slams.metrics import driven
 from slams.types import Floats
 
 if TYPE_CHECKING:
@@ -35,12 +36,6 @@ class Drive:
         poses: Floats = np.stack([np.interp(t, self.t, c) for c in self.poses.T], axis=1)
         return poses
 
-    @property
-    def travelled(self) -> Floats:
-        """Length of the way so far (n,) [m]."""
-        steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
-        return np.concatenate([[0.0], np.cumsum(steps)])
-
 
 @dataclass(frozen=True)
 class Robot:
@@ -58,17 +53,8 @@ class Robot:
     laps: bool = False
 
 
-def drive(
-    world: World,
-    robot: Robot,
-    rng: Generator,
-    seconds: float,
-    rate: float,
-    progress: Progress | None = None,
-) -> Drive:
+def drive(world: World, robot: Robot, rng: Generator, seconds: float, rate: float) -> Drive:
     """A drive from rest of `seconds` [s], with `rate` samples a second.
-
-    `progress(done, total)` gets the metres planned.
 
     Raises:
         ValueError: the world has no room for it.
@@ -76,7 +62,7 @@ def drive(
     from bench.sim.drive_kernels import Limits, follow
 
     routes = Routes(world, robot.clearance + MARGIN, robot.laps)
-    way = routes.way(1.2 * robot.v * seconds + 2.0, rng, progress)
+    way = routes.way(1.2 * robot.v * seconds + 2.0, rng)
     pace = _pace(way, _room(world, way), robot)
     states = np.empty((math.ceil(seconds * rate - 1e-6) + 1, 5))
     for look_ahead, share in CARE:
@@ -89,21 +75,15 @@ def drive(
     )
 
 
-def drive_far(
-    world: World,
-    robot: Robot,
-    rng: Generator,
-    metres: float,
-    rate: float,
-    progress: Progress | None = None,
-) -> Drive:
+def drive_far(world: World, robot: Robot, rng: Generator, metres: float, rate: float) -> Drive:
     """A drive from rest that ends after `metres` [m] of way."""
     seconds, state = 2.0 * metres / robot.v + 60.0, rng.bit_generator.state
     while True:
         rng.bit_generator.state = state
-        far = drive(world, robot, rng, seconds, rate, progress)
-        if far.travelled[-1] >= metres:
-            n = int(np.searchsorted(far.travelled, metres)) + 1
+        far = drive(world, robot, rng, seconds, rate)
+        way = driven(far.poses)
+        if way[-1] >= metres:
+            n = int(np.searchsorted(way, metres)) + 1
             return Drive(far.t[:n], far.poses[:n], far.rates[:n])
         seconds *= 2.0
 

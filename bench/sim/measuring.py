@@ -12,11 +12,11 @@ from bench.sim.people import LEG, legs
 from bench.sim.ramps import Ramps
 from bench.sim.range_errors import Errors
 from bench.sim.rays import rays_of
-from bench.sim.routes import Progress
 from bench.sim.sensors import Sensor
 from bench.sim.setting import Setting
 from bench.sim.swing import HEIGHT, Swing, ranges_of, rise, sway
 from bench.sim.world import World
+from slams import cli
 from slams.types import Floats, Ranges
 
 if TYPE_CHECKING:
@@ -44,15 +44,14 @@ class Measuring:
         self.errors = errors_of(setting, sensor, world)
         self.legs = legs(world, true, setting.people, chance["people"]) if setting.people else None
 
-    def scans(self, t: Floats, progress: Progress | None) -> Ranges:
-        """Ranges (n, b) [m] measured from the stamps t (n,) on."""
+    def scans(self, t: Floats, quiet: bool) -> Ranges:
+        """Ranges (n, b) [m] measured from the stamps t (n,) on; with a bar unless `quiet`."""
         ranges = np.empty((len(t), self.laser.n_beams), np.float32)
-        for start in range(0, len(t), BLOCK):
+        starts = range(0, len(t), BLOCK)
+        for start in cli.progress(starts, len(starts), "simulating", quiet, unit="block"):
             block = t[start : start + BLOCK]
             distances = self._distances(block).reshape(len(block), -1)
             ranges[start : start + BLOCK] = self.errors.apply(distances, self.rng)
-            if progress is not None:
-                progress(start + len(block), len(t))
         return ranges
 
     def _distances(self, t: Floats) -> Floats:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.sim.drive import Drive, Robot, drive
+from slams.metrics import driven
 from slams.types import Floats
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def legs(world: World, robot: Drive, people: int, rng: Generator) -> Floats:
         v = float(one.uniform(*PACE))
         walk = drive(world, Robot(v, 2.0, 0.25, 2.0, 6.0), one, seconds, rate)
         middle = _aside(walk.poses[:, :2], robot.poses[:, :2], 0.6)
-        both.append(gait(middle, walk.poses[:, 2], walk.travelled))
+        both.append(gait(middle, walk.poses[:, 2], driven(walk.poses)))
     return np.concatenate(both, axis=1)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,8 +21,6 @@ NEAR = 1.8  # m: a place this near to the way so far counts as visited
 MANY = 200_000  # nodes: a world with more is planned region by region
 BACK = 2.5  # m behind the robot is what it would rather not turn back to
 AGAIN = 50.0  # times as dear it is to leave from there
-
-Progress = Callable[[int, int], None]
 
 
 class Routes:
@@ -48,11 +45,8 @@ class Routes:
         places = Regions if self.large else EveryNode
         self.places: EveryNode | Regions = places(nodes, self.part)
 
-    def way(self, length: float, rng: Generator, progress: Progress | None = None) -> Floats:
-        """A way (m, 2) of at least `length` [m] that visits place after place, evenly spaced.
-
-        `progress(done, total)` gets the metres.
-        """
+    def way(self, length: float, rng: Generator) -> Floats:
+        """A way (m, 2) of at least `length` [m] that visits place after place, evenly spaced."""
         points = self.places.points
         here = int(np.argmax(self.places.clearance))
         lines, seen = [points[[here]]], np.zeros(len(points), np.bool_)
@@ -67,8 +61,6 @@ class Routes:
             total += float(np.hypot(*np.diff(line, axis=0).T).sum())
             lines.append(line[1:])
             here = route[-1]
-            if progress is not None:
-                progress(min(int(total), int(length)), int(length))
         return _smooth(np.concatenate(lines))
 
     def _route(self, start: int, seen: Mask, graph: csr_array, rng: Generator) -> list[int]:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from bench.sim.drive import Drive, Robot, drive, drive_far
 from bench.sim.measuring import Measuring
 from bench.sim.ramps import Ramps
-from bench.sim.routes import Progress
 from bench.sim.sensors import SENSORS, Sensor
 from bench.sim.setting import ARENAS, CELL, FINE, Setting, kinds, look_up
 from bench.sim.swing import Swing, measured
@@ -38,15 +37,10 @@ def _chances(seed: int) -> dict[str, Generator]:
     return dict(zip(STREAMS, np.random.default_rng(seed).spawn(len(STREAMS)), strict=True))
 
 
-def simulate(
-    setting: Setting | None = None,
-    progress: Progress | None = None,
-    planning: Progress | None = None,
-) -> ScanLog:
+def simulate(setting: Setting | None = None, quiet: bool = True) -> ScanLog:
     """The scan log of a setting; without one, of the default: rescue maze, UTM-30LX, 300 s.
 
-    Poses of the truth are in the world's frame. `progress(done, total)` gets the scans,
-    `planning` before of the metres of the way.
+    Poses of the truth are in the world's frame. Unless `quiet` a terminal shows the progress.
 
     Raises:
         LookupError: no such sensor.
@@ -57,15 +51,15 @@ def simulate(
     sensor, chance = look_up("sensor", setting.sensor, SENSORS), _chances(setting.seed)
     world = _world(setting, chance["arena"])
     body = _body(setting, chance["tilt"])
-    true = _drive(setting, sensor, world, chance["drive"], planning)
+    true = _drive(setting, sensor, world, chance["drive"])
     t = np.arange(max(1, math.floor(true.t[-1] * sensor.rate + 1e-6))) / sensor.rate
     # a multiple of the scans', so that each has a truth of its own
     truth_rate = sensor.rate * math.ceil(max(5.0, TRUTH / sensor.rate) - 1e-9)
     measuring = Measuring(setting, sensor, world, true, chance, body)
     if setting.lasers > 1:
-        scans = _front_and_rear(setting, measuring, t, progress)
+        scans = _front_and_rear(setting, measuring, t, quiet)
     else:
-        scans = {"t": t, "ranges": measuring.scans(t, progress), "laser": measuring.laser}
+        scans = {"t": t, "ranges": measuring.scans(t, quiet), "laser": measuring.laser}
     return ScanLog(
         **scans,
         odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance["odometry"])),
@@ -89,7 +83,7 @@ def _attitudes(true: Drive, body: Swing | Ramps, rng: Generator) -> Track:
 
 
 def _front_and_rear(
-    setting: Setting, measuring: Measuring, t: Floats, progress: Progress | None
+    setting: Setting, measuring: Measuring, t: Floats, quiet: bool
 ) -> dict[str, Any]:
     """Scans of two lasers that face away from each other, half a period apart, by stamps."""
     half = measuring.sensor.half().laser(setting.sweep)
@@ -101,7 +95,7 @@ def _front_and_rear(
     rows = []
     for laser, own in ((front, t), (rear, stamps[len(t) :])):
         measuring.laser = laser
-        rows.append(measuring.scans(own, progress))
+        rows.append(measuring.scans(own, quiet))
     order, numbers = np.argsort(stamps, kind="stable"), np.repeat([0, 1], len(t))
     ranges = np.concatenate(rows)[order]
     return {
@@ -168,22 +162,16 @@ def _world(setting: Setting, rng: Generator) -> World:
     return build_arena(setting.arena, rng, setting.resolution, setting.size)
 
 
-def _drive(
-    setting: Setting,
-    sensor: Sensor,
-    world: World,
-    rng: Generator,
-    planning: Progress | None = None,
-) -> Drive:
+def _drive(setting: Setting, sensor: Sensor, world: World, rng: Generator) -> Drive:
     """The true motion; its samples fall on every scan's stamp."""
     known = ARENAS.get(setting.arena)
     laps = known is not None and known.laps
     robot = Robot(setting.v, setting.w, setting.clearance, laps=laps)
     rate = sensor.rate * math.ceil(FINE / sensor.rate)
     if setting.length is not None:
-        return drive_far(world, robot, rng, setting.length, rate, planning)
+        return drive_far(world, robot, rng, setting.length, rate)
     seconds = max(setting.duration, 1.0 / sensor.rate)
-    return drive(world, robot, rng, seconds, rate, planning)
+    return drive(world, robot, rng, seconds, rate)
 
 
 def _track(true: Drive, rate: float, values: Callable[[Floats], Floats]) -> Track:

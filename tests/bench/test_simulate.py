@@ -18,6 +18,7 @@ from bench.sim.simulation import simulate, world_of
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World
 from slams import load
+from slams.metrics import driven
 from slams.types import Pose2, wrap_angle
 from tests.processes import python
 
@@ -226,7 +227,7 @@ def test_picture_is_drawn_and_quiet_is_quiet(tmp_path, capsys):
 def test_drive_goes_about():
     """Far, into most of the arena, and over places it has seen before."""
     world, true = small_drive()
-    assert true.travelled[-1] > 0.3 * 120.0
+    assert driven(true.poses)[-1] > 0.3 * 120.0
     iy, ix = world.cells_of(true.poses[::20, :2])
     far = np.ones(world.occupied.shape, np.uint8)
     far[iy, ix] = 0

@@ -173,7 +173,7 @@ def test_a_beam_that_leaves_an_open_world_is_followed_as_far_as_the_laser_sees()
     ramps = Followed(0.0, np.random.default_rng(0))
     still = Drive(np.array([0.0, 1.0]), np.zeros((2, 3)), np.zeros((2, 2)))
     chance = {"ranges": np.random.default_rng(0)}
-    ranges = Measuring(Setting(), sensor, world, still, chance, ramps).scans(np.zeros(1), None)
+    ranges = Measuring(Setting(), sensor, world, still, chance, ramps).scans(np.zeros(1), True)
     assert ramps.walls.max() == sensor.range_max and np.isinf(ranges).all()
 
 
