@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.run.options import within
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from slams.types import Floats
 
 PROGRAM = "slams loops"
-FORMAT = "loops-2"
 ROWS = ("hector+loops", "gmapping", "gmapping:n_particles=1")
 SIZE, WAY, SPEED = 70.0, 260.0, 2.0  # m, m, m/s: a ring of corridors, driven around and on
 STEP, LEVER = 0.7, 0.7  # m between keyframes; m a radian counts for
@@ -36,7 +34,6 @@ def parser() -> argparse.ArgumentParser:
         f"{STEP:g} m apart, a laser with a range of {RANGE:g} m, wheels that err by "
         f"{SCALE_ERROR:.0%} and 3 degrees per meter. A loop is closed if the poses at revisited "
         f"places are right to {CLOSED:g} m.",
-        epilog="Writes loops.json.",
     )
     p.add_argument(
         "--algorithms",
@@ -49,7 +46,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--buildings", type=cli.count, default=10, metavar="N", help=words)
     words = "seed of the first building (default: %(default)s)"
     p.add_argument("--seed", type=within(int, 0, 10**9), default=0, metavar="N", help=words)
-    cli.add_output_options(p, "results/loops")
     return p
 
 
@@ -59,31 +55,16 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(arguments: argparse.Namespace) -> int:
-    from bench.results import write_figures
-    from slams.formats import files
-
-    cli.refusing(lambda: _check(arguments))
+    for label in arguments.algorithms:
+        cli.refusing(lambda label=label: params_of(label))  # type: ignore[misc]
     errors: dict[str, list[float]] = {label: [] for label in arguments.algorithms}
     seeds = range(arguments.seed, arguments.seed + arguments.buildings)
-    for seed in cli.progress(seeds, len(seeds), "driving", arguments.quiet, unit="building"):
+    for seed in cli.progress(seeds, len(seeds), "driving", quiet=False, unit="building"):
         log = building(seed)
         for label in errors:
             errors[label].append(revisit_error(log, label))
-    with files.complete_folder(Path(arguments.out)) as folder:
-        found = {"format": FORMAT, "buildings": list(seeds), "revisit_m": errors}
-        write_figures(folder / "loops.json", found)
-    if not arguments.quiet:
-        sys.stdout.write("".join(_line(label, errors[label]) for label in errors))
+    sys.stdout.write("".join(_line(label, errors[label]) for label in errors))
     return 0
-
-
-def _check(arguments: argparse.Namespace) -> None:
-    """Raises what `params_of` does."""
-    from slams.formats.files import check_folder
-
-    check_folder(arguments.out)
-    for label in arguments.algorithms:
-        params_of(label)
 
 
 def building(seed: int) -> ScanLog:
