@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -14,7 +15,6 @@ from slams.scanlog import ScanLog
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-SAID = 3  # levels that a refusal names
 LACKS = {
     "truth": "truth at any scan",
     "odometry": "odometry",
@@ -72,23 +72,21 @@ class Degradation:
         """
         try:
             number = float(level)
-        except (TypeError, ValueError):
-            raise ValueError(self._refusal(level, self.levels)) from None
-        fits = self.low <= number <= self.high and not (self.whole and number % 1.0)
-        if not fits:
-            nearest = sorted(self.levels, key=lambda known: abs(known - number))[:SAID]
-            raise ValueError(self._refusal(level, tuple(sorted(nearest))))
+        except ValueError:
+            number = math.nan
+        if not self.low <= number <= self.high or (self.whole and number % 1.0):
+            raise ValueError(self._refusal(level))
         return number
 
     def lacks(self, log: ScanLog) -> str:
         """What the log would need for this and does not have, in words; empty if nothing."""
         return next((LACKS[need] for need in self.needs if not _has(log, need)), "")
 
-    def _refusal(self, level: object, nearest: tuple[float, ...]) -> str:
+    def _refusal(self, level: object) -> str:
         unit = "" if self.unit == "1" else f" {self.unit}"
         kind = "a whole number from " if self.whole else ""
         bounds = f"{self.low:g} to {self.high:g}" if self.low < self.high else f"{self.low:g}"
-        known = ", ".join(f"{one:g}" for one in nearest)
+        known = ", ".join(f"{one:g}" for one in self.levels)
         return (
             f"{self.name}: got {level}, expected {kind}{bounds}{unit} ({self.meaning}),"
             f" for instance {known}"
