@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bench.judge.metrics import class_shares
 from bench.report.labels import write_names
-from bench.report.palette import UNKNOWN, Look, bar_length, shade
+from bench.report.palette import UNKNOWN, Look, shade
 from bench.report.pareto import Point, front
 from slams.types import Floats, OccupancyGrid, Pose2
 
@@ -72,13 +72,14 @@ def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Loo
         look = looks[name]
         (drawn,) = axes.plot(ordered[kept], share[kept], look.line, color=look.color, label=name)
         drawn.set_drawstyle("steps-post")
-    low = min(float(np.quantile(values, SHOWN_FROM)) for values in errors.values())
+    low = min(float(np.quantile(values, SHOWN_FROM, method="lower")) for values in errors.values())
     axes.set(xscale="log", xlabel=f"{what} [mm]", ylabel="share below")
     if np.isfinite(low):
         axes.set_xlim(left=max(0.9 * low, LEAST_ERROR))
     plain_numbers(axes.xaxis)
     axes.grid(visible=True, which="both", alpha=0.25)
-    axes.legend(loc="lower right", fontsize=8 if len(errors) <= MOST_NAMES else 6)
+    if axes.get_lines():
+        axes.legend(loc="lower right", fontsize=8 if len(errors) <= MOST_NAMES else 6)
 
 
 def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
@@ -100,13 +101,12 @@ def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
 def map_panel(
     axes: Axes, name: str, plan: Plan, truth: Floats | None, limits: Limits, look: Look | None
 ) -> None:
-    """[Kuehn] Fig. 4: a map in gray with its path, the true one and a scale bar."""
+    """[Kuehn] Fig. 4: a map in gray with its path and the true one, axes in meters."""
     _draw_map(axes, plan.grid, plan.frame.inverse())
     _true_path(axes, truth)
     if plan.path is not None and look is not None:
         _path(axes, plan.path, name, look)
-    axes.set(xlim=limits[0], ylim=limits[1], xticks=[], yticks=[])
-    _draw_bar(axes, limits)
+    axes.set(xlim=limits[0], ylim=limits[1])
 
 
 def limits_of(paths: Sequence[Floats], margin: float = AROUND_PATH) -> Limits:
@@ -188,6 +188,8 @@ def save_maps(plans: Mapping[str, Plan], truth: Floats | None, looks: Looks, pat
     for axes, (name, plan) in zip(panels, plans.items(), strict=False):
         map_panel(axes, name, plan, truth, limits, looks.get(name))
         axes.set_title(name, parse_math=False)
+    figure.supxlabel("x [m]")
+    figure.supylabel("y [m]")
     _save(figure, path)
 
 
@@ -250,15 +252,6 @@ def _joined(p: NDArray[np.floating]) -> NDArray[np.floating]:
     padded[: p.shape[0], : p.shape[1]] = np.where(np.isnan(p), -1.0, p)
     blocks = padded.reshape(height, factor, width, factor).max(axis=(1, 3))
     return np.where(blocks < 0.0, np.nan, blocks)
-
-
-def _draw_bar(axes: Axes, limits: Limits) -> None:
-    """A scale bar in the lower left corner."""
-    (left, right), (low, high) = limits
-    length, x, y = bar_length(right - left), left + 0.04 * (right - left), low + 0.04 * (high - low)
-    ends = [x, x + length], [y, y]
-    axes.plot(*ends, color="black", linewidth=3, solid_capstyle="butt")
-    axes.text(x, y + 0.01 * (high - low), f"{length:g} m", fontsize=9, va="bottom")
 
 
 def _save(figure: Figure, path: Path) -> None:

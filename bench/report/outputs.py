@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from bench.results import LogResult, Outcome
 
 TRUE_MAP = "true map"
-# all that bench.compare writes; arrays.npz is of earlier versions
+# all that bench.compare writes, and wrote in earlier versions
 FILES = (
     FIGURES,
     "arrays.npz",
@@ -35,7 +35,7 @@ FILES = (
 
 def write(folder: Path, comparison: Comparison) -> None:
     """Write all files but the results themselves; several logs get a folder each."""
-    from bench.report import html
+    from bench.report.html import document
 
     for k in range(len(comparison.logs)):
         place = place_of(folder, comparison, k)
@@ -47,13 +47,13 @@ def write(folder: Path, comparison: Comparison) -> None:
         for outcome in log.outcomes:
             _write_run(place, outcome)
         _draw(place, log)
-        html.write(place, comparison, log)
+        document.write(place, comparison, log)
     if len(comparison.logs) > 1:
         logs = tables.logs_table(comparison)
         logs.to_csv(folder / "table-logs.csv", index_label="algorithm")
         links = [place_of(folder, comparison, k).name for k in range(len(comparison.logs))]
         _draw_joint(folder, comparison)
-        html.write_joint(folder, comparison, links)
+        document.write_joint(folder, comparison, links)
 
 
 def place_of(folder: Path, comparison: Comparison, k: int) -> Path:

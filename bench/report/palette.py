@@ -30,7 +30,6 @@ LINES = ("-", "--", ":", "-.")  # of the runs where the colors come again
 UNKNOWN = 0.7  # shade of cells never observed
 LEAST_FREE = 0.85  # shade of a cell that is just free: lighter than unknown
 MOST_OCCUPIED = 0.5  # shade of a cell that is just occupied: darker than unknown
-BAR_SHARE = 0.25  # of a map's width that its scale bar takes at most
 
 
 class Look(NamedTuple):
@@ -53,10 +52,3 @@ def shade(p: NDArray[np.floating]) -> Floats:
     occupied = 2.0 * MOST_OCCUPIED * (1.0 - p)
     known = np.where(p < 0.5, free, occupied)
     return np.where(np.isnan(p) | (p == 0.5), UNKNOWN, known).astype(np.float64)
-
-
-def bar_length(width: float) -> float:
-    """Length [m] of the scale bar of a map: 1, 2 or 5 times a power of ten."""
-    most = BAR_SHARE * width
-    power: float = 10.0 ** np.floor(np.log10(most))
-    return max(f * power for f in (1.0, 2.0, 5.0) if f * power <= most * (1.0 + 1e-9))

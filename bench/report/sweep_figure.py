@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from bench.judge.answers import Analysis, Cell, questions
 from bench.judge.survival import errors, survived
-from bench.report.figures import plain_numbers
-from bench.report.palette import looks
+from bench.report.figures import plain_numbers, shares_below
+from bench.report.palette import Look, looks
 from bench.report.pareto import Point, front
 from bench.report.sweep_tables import MODES
 from bench.results.sweep import CLEAN, Sweep
@@ -40,16 +40,11 @@ def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
     for axes in (*panels[0, len(asked) :], *panels[1, len(modes) :]):
         axes.set_visible(False)
     for axes, (question, rows) in zip(panels[0], asked.items(), strict=False):
-        axes.set(xscale="log", ylim=(0.0, 1.0), title=question)
-        for name in rows:
-            for mode in modes:
-                values, share = below(sweep, name, mode)
-                label = f"{name}, {MODES[mode]}"
-                if len(values):
-                    axes.plot(1e3 * values, share, LINES[mode], color=color_of[name], label=label)
-        axes.set(xlabel="error over 1 s [mm]", ylabel="share of all runs below")
-        if axes.get_lines():
-            axes.legend(loc="lower right", fontsize=7)
+        both = {f"{name}, {MODES[mode]}": (name, mode) for name in rows for mode in modes}
+        values = {label: 1e3 * errors_of(sweep, *one) for label, one in both.items()}
+        styles = {label: Look(color_of[name], LINES[mode]) for label, (name, mode) in both.items()}
+        shares_below(axes, values, "error over 1 s", styles)
+        axes.set(ylim=(0.0, 1.0), title=question)
     for axes, mode in zip(panels[1], modes, strict=False):
         _draw_costs(axes, sweep, found, mode, color_of)
     for axes in panels.ravel():
@@ -98,17 +93,14 @@ def survival(axes: Axes, cell: Cell, label: str) -> None:
     axes.legend(loc="lower left", fontsize=7)
 
 
-def below(sweep: Sweep, name: str, odometry: bool) -> tuple[Floats, Floats]:
-    """Errors over 1 s (n,) [m] of a row in order, and the share of its runs up to each.
-
-    Lost runs, and levels behind the one that lost a run, count among all runs but have no error.
-    """
+def errors_of(sweep: Sweep, name: str, odometry: bool) -> Floats:
+    """Errors over 1 s (n,) [m] of all runs of a row, inf of lost ones and of levels behind them."""
     levels = sweep.facts["levels"]
     own = [t for t in sweep.trials if (t["algorithm"], t["odometry"]) == (name, odometry)]
     climbs = {(t["log"], t["seed"], t["degradation"]) for t in own}
-    values = np.sort([*errors(own, odometry, levels).get(name, {}).values()])
     runs = sum(len(levels[degradation]) for *_, degradation in climbs)
-    return values, np.arange(1.0, len(values) + 1.0) / max(runs, 1)
+    known = [*errors(own, odometry, levels).get(name, {}).values()]
+    return np.array(known + [np.inf] * (max(runs, 1) - len(known)))
 
 
 def costs(sweep: Sweep, name: str, odometry: bool, degradation: str) -> list[Point]:

@@ -152,7 +152,7 @@ def test_a_tie_is_called_one_and_the_cheapest_as_accurate_is_taken():
     trials += climbs(held, algorithm="rough", second_m=0.01)
     found = sweep_of(trials)
     cost = {"exact": 3.0, "cheap": 2.0, "rough": 1.0}
-    costs = [{"cpu_s": cost[one["algorithm"]], "longest_ms": 1.0} for one in trials]
+    costs = [{"cpu_s": cost[one["algorithm"]]} for one in trials]
     (cell,) = analysis(found._replace(costs=costs)).cells
     assert list(cell.beaten) == ["rough"] and not cell.equal
     assert sweep_tables.answer(cell) == "exact or cheap within chance: take cheap"
@@ -228,9 +228,8 @@ def test_the_curves_are_written_with_their_bands():
 
 def test_a_curve_of_errors_counts_lost_runs_and_levels_behind_them_among_all():
     found = sweep_of(climb(2, second_m=0.002) + climb(0, log="l1"))
-    values, share = sweep_figure.below(found, "a", False)
-    assert values.tolist() == [0.002, 0.002]
-    assert share.tolist() == pytest.approx([1 / 6, 2 / 6])  # two climbs of three levels
+    errors = sweep_figure.errors_of(found, "a", False)
+    assert errors.tolist() == [0.002, 0.002, *4 * [math.inf]], "two climbs of three levels"
 
 
 def test_accuracy_does_not_make_up_for_lost_runs():

@@ -89,7 +89,7 @@ def test_a_curve_is_where_its_numbers_are_and_a_failed_run_is_never_below():
     assert y.tolist() == [0.25, 0.5, 0.75]
 
 
-def test_a_map_is_moved_into_the_frame_of_the_runs_with_a_scale_bar():
+def test_a_map_is_moved_into_the_frame_of_the_runs():
     p = np.full((10, 20), np.nan, np.float32)
     p[4, 6] = 1.0
     grid, start = OccupancyGrid(p, 0.5, (-1.0, 2.0)), Pose2(3.0, -2.0, 0.7)
@@ -101,8 +101,7 @@ def test_a_map_is_moved_into_the_frame_of_the_runs_with_a_scale_bar():
     assert to_data.transform((3.0, -2.0)) == pytest.approx([0.0, 0.0], abs=1e-9)
     shades = np.asarray(image.get_array())
     assert (shades[4, 6], shades[0, 0]) == (0.0, pytest.approx(palette.UNKNOWN))
-    assert drawn.lines[0].get_xdata()[1] - drawn.lines[0].get_xdata()[0] == 5.0
-    assert [text.get_text() for text in drawn.texts] == ["5 m"]
+    assert (drawn.get_xlim(), drawn.get_ylim()) == limits
 
 
 def test_the_shown_part_holds_the_paths_but_not_one_that_left_the_place():
@@ -123,7 +122,6 @@ def made(tmp_path_factory, here):
     logs = [str(place / f"{name}.npz") for name in ("long", "short")]
     names = ["odometry", STILL, BROKEN]
     words = [*logs, "--algorithms", *names, "--out", str(place / "out"), "-q", "--jobs", "1"]
-    words += ["--mcap"]
     return place / "out", compared(words)
 
 
@@ -140,12 +138,11 @@ def test_several_logs_get_one_table_and_one_page(made):
     page = (folder / "report.html").read_text()
     assert page.count("/report.html") == 2
     assert [f">{k}-room</a>: room: " in page for k in (1, 2)] == [True, True]
-    assert "odometry yes, gyro yes" in page and "none in the log" not in page
     for link in re.findall(r'href="([^"#]+)"', page):
         assert (folder / unquote(link)).is_file()
     assert (folder / "table-logs.csv").read_text().startswith("algorithm,logs,")
     names = {path.name for path in (folder / "2-room").iterdir()}
-    assert {"report.html", "tables.md", "result-odometry.mcap", "errors-odometry.csv"} <= names
+    assert {"report.html", "tables.md", "errors-odometry.csv"} <= names
 
 
 def test_every_figure_is_in_the_results(made):

@@ -1,9 +1,11 @@
-"""The report of one log: the answer, one table, maps, curves; all the rest folded."""
+"""The reports of a comparison: of one log, and over several of which each has its own."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 from bench.judge import loss, metrics
 from bench.report import tables, words
@@ -24,11 +26,15 @@ MAPS = (
     "path; dashed: the true one, where it is known."
 )
 SHARES = "Share of the poses with errors below a value: further left is better."
+SHARES_OF_RUNS = (
+    "Share of the runs with absolute errors below a value: further left and higher is better; a "
+    "run that failed never comes."
+)
 PATHS = "Paths seen from the first pose; dashed: the true one, where it is known."
 
 
 def write(folder: Path, comparison: Comparison, done: LogResult) -> None:
-    """Write report.html of one log of a comparison beside its figures in `folder`."""
+    """Write report.html of one log beside its figures in `folder`: all but the answer is folded."""
     entry, rows = done.entry, done.rows
     made = tables.tables(entry, rows)
     alone = comparison._replace(logs=[done], over_logs=[])
@@ -59,6 +65,38 @@ def write(folder: Path, comparison: Comparison, done: LogResult) -> None:
     page.write(folder, title, heading, shown, folded)
 
 
+def write_joint(folder: Path, comparison: Comparison, folders: Sequence[str]) -> None:
+    """Write report.html beside its figure; `folders` in it hold the logs' own."""
+    over = [verdict["sentence"] for verdict in comparison.over_logs]
+    shown = {
+        "Which one": together(
+            bullets(words.answer(comparison)),
+            table(Table(tables.OVER_LOGS, tables.logs_table(comparison))),
+        ),
+        "Each log": _links(comparison, folders),
+        "Errors": page.picture(folder / "fig_errors.png", f"{SHARES_OF_RUNS} {page.COSTS}"),
+    }
+    folded = {
+        "How sure": bullets(over) if over else None,
+        "How it was run": facts(comparison.facts),
+    }
+    title = f"SLAM comparison over {len(comparison.logs)} logs"
+    page.write(folder, title, title, shown, folded)
+
+
+def _links(comparison: Comparison, folders: Sequence[str]) -> Markup:
+    """A link to each log's page, by the name of its folder."""
+    lines = [
+        element(
+            "li",
+            element("a", folder, href=f"{quote(folder)}/report.html"),
+            f": {report.head(log.entry)}",
+        )
+        for log, folder in zip(comparison.logs, folders, strict=True)
+    ]
+    return element("ul", *lines)
+
+
 def _tables(made: dict[str, Table], keys: tuple[str, ...]) -> Markup:
     return together(*(table(made[key]) for key in keys if key in made))
 
@@ -80,7 +118,6 @@ def _verdicts(entry: Line) -> Markup | None:
 def _definitions() -> Markup:
     """The prose, with the constants of the code."""
     constants = {
-        "loop_s": metrics.LOOP,
         "limit_m": loss.LIMIT_M,
         "limit_rad": loss.LIMIT_RAD,
         "broken_share": 100 * loss.BROKEN_SHARE,
