@@ -55,7 +55,7 @@ def _command(arguments: argparse.Namespace) -> int:
         found = compared(labels, logs, choice, arguments.jobs, arguments.quiet)
         found = [log._replace(outcomes=[*log.outcomes, *others]) for log in found]
         comparison = weighed(found, _facts(choice, arguments))
-        _write(folder, comparison, logs, arguments.mcap)
+        _write(folder, comparison)
         folders.cleared(out, outputs.FILES)
     if not arguments.quiet:
         report = out / "report.html"
@@ -94,20 +94,13 @@ def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
     return made | {"odometry": choice.odometry, "ros_params": ros}
 
 
-def _write(folder: Path, comparison: Comparison, logs: list[ScanLog], mcap: bool) -> None:
+def _write(folder: Path, comparison: Comparison) -> None:
     """The results first, then everything that is drawn from them."""
     from bench import results
     from bench.report import outputs
-    from slams.formats.mcap import write_mcap
 
     results.write_figures(folder / results.FIGURES, comparison.as_dict())
     outputs.write(folder, comparison)
-    for k, log in enumerate(logs if mcap else []):
-        place = outputs.place_of(folder, comparison, k)
-        for outcome in comparison.logs[k].outcomes:
-            if outcome.grid is not None and len(outcome.t) == len(log):
-                name = outputs.file_name(outcome.row["algorithm"])
-                write_mcap(place / f"result-{name}.mcap", log, outcome.poses, outcome.grid)
 
 
 def simulated(folder: Path, choice: Choice, arguments: argparse.Namespace) -> ScanLog:

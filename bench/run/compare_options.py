@@ -100,7 +100,6 @@ def parser() -> argparse.ArgumentParser:
         help="seed of the simulation and of all algorithms; ALGORITHM:N of one; may be given again",
     )
     p.add_argument("--duration", type=float, metavar="S", help="length of the simulated log [s]")
-    p.add_argument("--mcap", action="store_true", help="also write result-NAME.mcap of every run")
     options.add_jobs(p)
     p.add_argument("-q", "--quiet", action="store_true", help="print no progress and no tables")
     cli.add_log_options(p)
