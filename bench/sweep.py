@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
         description="Degrade logs level by level until each run is lost, and print which algorithm "
         "to take. Without a log it simulates ten drives in each arena and takes hours; with "
         "--quick it takes some minutes.",
-        epilog="Writes report.html, sweep.json, tables as csv and markdown. Finished runs are kept "
+        epilog="Writes report.html, sweep.json, tables as csv. Finished runs are kept "
         "in OUT/runs: a sweep that was ended continues from them.",
     )
     p.add_argument("logs", nargs="*", metavar="LOG", help="logs with a truth (default: simulate)")

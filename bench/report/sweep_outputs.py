@@ -1,4 +1,4 @@
-"""Everything drawn from the results of a sweep: tables as csv and markdown, page, picture."""
+"""Everything drawn from the results of a sweep: tables as csv, page, pictures."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 from bench.judge.answers import Analysis, analysis
 from bench.report import sweep_tables
-from bench.report.text import titled, write_csv
+from bench.report.text import write_csv
 
 if TYPE_CHECKING:
-    from bench.results import Line
     from bench.results.sweep import Sweep
 
 
@@ -22,17 +21,7 @@ def write(folder: Path, sweep: Sweep) -> Analysis:
     found = analysis(sweep)
     write_csv(folder, sweep_tables.tables(found, sweep.facts))
     sweep_tables.curve_table(found).to_csv(folder / "survival.csv", index=False)
-    sweep_tables.trial_table(sweep).to_csv(folder / "trials.csv", index=False)
-    (folder / "tables.md").write_text(as_markdown(found, sweep.facts), encoding="utf-8")
     sweep_figure.draw(sweep, found, folder / "fig_sweep.png")
     sweep_figure.draw_survival(found, sweep.facts["units"], folder)
     sweep_page.write(folder, sweep, found)
     return found
-
-
-def as_markdown(found: Analysis, facts: Line) -> str:
-    """The answers and all tables."""
-    parts = [f"{sweep_tables.head(found, facts)}."]
-    made = [*sweep_tables.choices(found), *sweep_tables.tables(found, facts).values()]
-    parts += [titled(one) for one in made]
-    return "\n\n".join(parts) + "\n"

@@ -12,7 +12,6 @@ from bench.judge.survival import Critical
 from bench.report.lines import Table, listed, scaled
 from bench.report.text import text_table
 from bench.results import Line
-from bench.results.sweep import Sweep
 from slams.params import worded
 
 MODES = {False: "laser alone", True: "with odometry"}
@@ -149,15 +148,6 @@ def curve_table(found: Analysis) -> pd.DataFrame:
         for level, one in zip(cell.levels, shares, strict=True)
     ]
     return pd.DataFrame(lines)
-
-
-def trial_table(sweep: Sweep) -> pd.DataFrame:
-    """Every trial with all its figures and its cost."""
-    frame = pd.DataFrame(list(sweep.trials))
-    frame["used"] = [" + ".join(trial.get("used") or []) for trial in sweep.trials]
-    for name in ("cpu_s", "longest_ms"):
-        frame[name] = [cost[name] if cost else None for cost in sweep.costs]
-    return frame
 
 
 def terminal(found: Analysis, facts: Line) -> str:

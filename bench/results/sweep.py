@@ -32,12 +32,9 @@ class Trial(TypedDict, total=False):
     used: list[str]
     scans: int
     duration_s: float
-    way_m: float
     ate_m: float
-    worst_m: float
     second_m: float | None
     lost: bool
-    lost_at_s: float | None
     right_again: bool | None
     episodes: int
     said_in_time: int
@@ -47,10 +44,9 @@ class Trial(TypedDict, total=False):
 
 
 class Cost(TypedDict):
-    """What a trial cost, on one machine at one time: CPU of all updates [s], longest one [ms]."""
+    """What a trial cost, on one machine at one time: CPU of all updates [s]."""
 
     cpu_s: float
-    longest_ms: float
 
 
 class Sweep(NamedTuple):

@@ -20,7 +20,7 @@ from bench.results.sweep import Cost, Trial
 from bench.run.cases import sources
 from bench.run.store import canonical
 from bench.run.work import Result, failure_of
-from slams.metrics import ate, path_length
+from slams.metrics import ate
 
 if TYPE_CHECKING:
     from slams.params import Params
@@ -80,9 +80,7 @@ def _run(entry: Entry, params: Params, log: ScanLog, odometry: bool) -> tuple[Tr
     warm_up(entry.cls, params, given.select(WARM_UP_SCANS))
     _freeze_kernels(entry.label)
     run = replay(entry.cls(params), given)
-    seconds = run.seconds
-    cost: Cost = {"cpu_s": float(seconds.sum()), "longest_ms": 1e3 * float(seconds.max())}
-    return judged(run, log), cost
+    return judged(run, log), {"cpu_s": float(run.seconds.sum())}
 
 
 @cache
@@ -107,12 +105,9 @@ def judged(run: Run, log: ScanLog) -> Trial:
         "used": row["used"] or [],
         "scans": len(run),
         "duration_s": float(run.t.max() - run.t.min()),
-        "way_m": path_length(common.truth),
         "ate_m": ate(common.estimate, common.truth),
-        "worst_m": float(np.hypot(*(common.estimate - common.truth)[:, :2].T).max()),
         "second_m": None if second is None else float(second.se2_translation.mean()),
         "lost": bool(off.any()),
-        "lost_at_s": float(common.t[np.argmax(off)] - common.t.min()) if off.any() else None,
         "right_again": said.right_again,
         "episodes": said.episodes,
         "said_in_time": said.in_time,
