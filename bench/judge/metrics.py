@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 TRANSLATION_CLASS = 0.025  # m, [Kuehn] Fig. 2
 ORIENTATION_CLASS = 0.05  # rad, [Kuehn] Fig. 3
-LOOP = 20.0  # s, relations between stamps further apart are loops; the files do not tell
 
 
 # the paper's rate of updates differs from program to program: time and way do not
@@ -100,12 +99,11 @@ def errors_over_spans(common: Common) -> dict[str, SpanErrors]:
 
 
 class RelationErrors(NamedTuple):
-    """Errors of the relations used, of `given` ones, (k,) each [m], [rad]; `loop`: far stamps."""
+    """Errors of the relations used, of `given` ones, (k,) each [m], [rad], at later stamps `t`."""
 
     t: Floats
     translation: Floats
     rotation: Floats
-    loop: NDArray[np.bool_]
     given: int
 
 
@@ -125,12 +123,10 @@ def relation_errors(
     used = np.logical_and(found_first, found_second)
     moved = between(poses[first[used]], poses[second[used]])
     error = between(relations[used, 2:5], moved)
-    stamps = relations[used, :2]
     return RelationErrors(
-        stamps.max(axis=1),
+        relations[used, :2].max(axis=1),
         np.hypot(error[:, 0], error[:, 1]),
         np.abs(error[:, 2]),
-        np.abs(stamps[:, 1] - stamps[:, 0]) > LOOP,
         len(relations),
     )
 

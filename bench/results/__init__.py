@@ -74,15 +74,14 @@ Line = dict[str, Any]
 class Outcome:
     """What came of one run; a failed one has only its row.
 
-    `t` (n,) [s], `poses` (n, 3) and `seconds` (n,) CPU of each update (empty where nobody measured
-    it); `grid` lies in the frame of the first pose, or, where another program drew it, in one in
-    which the first pose is `frame`; `common` are the poses that have a truth, beside it.
+    `t` (n,) [s], `poses` (n, 3); `grid` lies in the frame of the first pose, or, where another
+    program drew it, in one in which the first pose is `frame`; `common` are the poses that have a
+    truth, beside it.
     """
 
     row: Row
     t: Floats = field(default_factory=lambda: np.zeros(0))
     poses: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    seconds: Floats = field(default_factory=lambda: np.zeros(0))
     grid: OccupancyGrid | None = None
     common: Common | None = None
     frame: Pose2 = IDENTITY

@@ -75,15 +75,12 @@ def facts(log: ScanLog) -> dict[str, Any]:
         "stamps_back": log.stamp_jumps,
         "odometry": log.odom is not None,
         "gyro": log.yaw_rate is not None,
-        "truth_gap_s": None,
         "notes": list(log.notes),
         "meta": log.meta,
     }
     if len(log) == 1:
         entry["notes"].append("one scan only: there is no motion to compare")
     if log.truth is not None:
-        stamps, _ = log.truth.in_order
-        entry["truth_gap_s"] = float(np.diff(stamps).max()) if len(stamps) > 1 else None
         covered = int(np.isfinite(log.truth.poses_at(log.t)[:, 0]).sum())
         if covered < len(log):
             entry["notes"].append(
@@ -111,7 +108,7 @@ def replayed(label: str, log: ScanLog, choice: Choice) -> Outcome:
     row["conflict"] = 1.0 - float(np.mean(quality)) if quality else None
     row |= judged(log, run.t, run.final, choice.relations, run.report)
     common = metrics.common_with(log, run.t, run.final)
-    return Outcome(row, run.t, run.final, run.seconds, grid, common)
+    return Outcome(row, run.t, run.final, grid, common)
 
 
 def _watch(slam: Slam, quality: list[float]) -> Callable[[Scan, Pose2], None] | None:
@@ -181,19 +178,11 @@ def _moments(errors: metrics.SpanErrors) -> dict[str, Any]:
 
 
 def _relations(found: metrics.RelationErrors) -> dict[str, Any]:
-    """[Kuemmerle09]: absolute and squared errors, all relations and local and loops apart."""
+    """[Kuemmerle09]: absolute errors; none of them where no relation was used."""
     result: dict[str, Any] = {"used": len(found.t), "given": found.given}
-    parts = {"all": np.ones(len(found.t), bool), "local": ~found.loop, "loop": found.loop}
-    for name, part in parts.items():
-        if part.any():
-            translation, rotation = found.translation[part], found.rotation[part]
-            result[name] = {
-                "used": int(part.sum()),
-                "translation_m": moments(translation),
-                "rotation_rad": moments(rotation),
-                "translation_m2": moments(translation**2),
-                "rotation_rad2": moments(rotation**2),
-            }
+    if len(found.t):
+        errors = {"translation_m": found.translation, "rotation_rad": found.rotation}
+        result["all"] = {"used": len(found.t)} | {key: moments(of) for key, of in errors.items()}
     return result
 
 
