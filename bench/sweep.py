@@ -14,6 +14,7 @@ from slams import cli
 from slams.registry import BASELINES, names
 
 if TYPE_CHECKING:
+    from bench.judge.answers import Analysis
     from bench.results.sweep import Sweep
     from bench.run.plan import Case, Plan
     from bench.run.store import Store
@@ -146,7 +147,7 @@ def listed() -> str:
 
 
 def _command(arguments: argparse.Namespace, words: list[str]) -> int:
-    from bench.report import sweep_outputs, sweep_tables
+    from bench.report import sweep_tables
     from bench.results import sweep as results
     from slams.formats import files
 
@@ -154,11 +155,27 @@ def _command(arguments: argparse.Namespace, words: list[str]) -> int:
     place = Path(arguments.out)
     with files.complete_folder(place) as folder:
         results.save(folder, found)
-        weighed = sweep_outputs.write(folder, found)
+        weighed = write(folder, found)
     if not arguments.quiet:
         screen = sweep_tables.terminal(weighed, found.facts)
         sys.stdout.write(f"{screen}\n\n{place}/: report.html, sweep.json, tables\n")
     return cli.FAILED if all(trial["failed"] for trial in found.trials) else 0
+
+
+def write(folder: Path, found: Sweep) -> Analysis:
+    """Write all files but the results themselves; returns what they are made from."""
+    from bench.judge.answers import analysis
+    from bench.report import sweep_figure, sweep_tables
+    from bench.report.html import sweep_page
+    from bench.report.text import write_csv
+
+    weighed = analysis(found)
+    write_csv(folder, sweep_tables.tables(weighed, found.facts))
+    sweep_tables.curve_table(weighed).to_csv(folder / "survival.csv", index=False)
+    sweep_figure.draw(found, weighed, folder / "fig_sweep.png")
+    sweep_figure.draw_survival(weighed, found.facts["units"], folder)
+    sweep_page.write(folder, found, weighed)
+    return weighed
 
 
 def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRAM) -> Sweep:

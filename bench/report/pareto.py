@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from bench.report.lines import deciding_error, is_lost
 
 if TYPE_CHECKING:
-    from bench.results import Comparison, Rows
+    from bench.results import Comparison
 
 
 class Point(NamedTuple):
@@ -27,13 +27,12 @@ class Point(NamedTuple):
 
 def points(comparison: Comparison) -> list[Point]:
     """A point for each algorithm, means over the logs."""
-    return [_point(name, rows) for name, rows in comparison.by_algorithm().items()]
-
-
-def _point(name: str, rows: Rows) -> Point:
-    errors = [1e3 * error for row in rows if (error := deciding_error(row)) is not None]
-    costs = [cost["mean_ms"] for row in rows if (cost := row.get("cost"))]
-    return Point(name, _mean(costs), _mean(errors), sum(map(is_lost, rows)))
+    found = []
+    for name, rows in comparison.by_algorithm().items():
+        errors = [1e3 * error for row in rows if (error := deciding_error(row)) is not None]
+        costs = [cost["mean_ms"] for row in rows if (cost := row.get("cost"))]
+        found.append(Point(name, _mean(costs), _mean(errors), sum(map(is_lost, rows))))
+    return found
 
 
 def _mean(values: list[float]) -> float:

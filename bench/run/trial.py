@@ -18,8 +18,9 @@ from bench.judge import metrics
 from bench.judge.loss import alarms, beyond
 from bench.results.sweep import Cost, Trial
 from bench.run.cases import sources
+from bench.run.pool import sentence
 from bench.run.store import canonical
-from bench.run.work import Result, failure_of
+from bench.run.work import OF_THE_MACHINE, Result
 from slams.metrics import ate
 
 if TYPE_CHECKING:
@@ -64,8 +65,10 @@ def perform(
         try:
             degraded = _log_of(canonical(log), canonical(condition), level, recorded)
             trial, cost = _run(entry, params, degraded, odometry)
+        except OF_THE_MACHINE:
+            raise
         except (Exception, SystemExit) as error:  # an outsider's may raise anything
-            trial, cost = {"failed": failure_of(error)}, None
+            trial, cost = {"failed": sentence(error)}, None
         trials.append(trial)
         costs.append(cost)
         if trial["failed"] or trial["lost"]:

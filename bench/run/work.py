@@ -109,13 +109,6 @@ def perform(task: Task, key: str) -> Result:
     return Result(plain(result.value), plain(result.measured), result.kept)
 
 
-def failure_of(error: BaseException) -> str:
-    """What an algorithm raised, as a sentence; raises what tells of the machine alone."""
-    if isinstance(error, OF_THE_MACHINE):
-        raise error
-    return sentence(error)
-
-
 def _check_code(task: Task, key: str) -> None:
     """A process that started late, or on another machine, may have other code."""
     with suppress(LookupError):

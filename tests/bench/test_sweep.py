@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from bench import sweep as command
-from bench.report import sweep_figure, sweep_outputs
+from bench.report import sweep_figure
 from bench.results import sweep as results
 from bench.results.sweep import Sweep
 from bench.run import plan
@@ -66,7 +66,7 @@ def test_the_page_answers_first_and_draws_curves_with_bands_and_escapes_names(tm
     trials = [trial(algorithm=name, log=f"l{k}", level=0.05) for name in names for k in range(3)]
     trials += [lost(algorithm="b", log="l0", level=0.1), trial(algorithm="<i>", level=0.1)]
     found = sweep_of(trials)
-    weighed = sweep_outputs.write(tmp_path, found)
+    weighed = command.write(tmp_path, found)
     page = (tmp_path / "report.html").read_text()
     assert "<i>" not in page
     assert page.index("3 drives cannot tell") < page.index("<img") < page.index("levels held [%]")

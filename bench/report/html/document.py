@@ -52,7 +52,7 @@ def write(folder: Path, comparison: Comparison, done: LogResult) -> None:
     ]
     others = tuple(key for key in made if key not in (*MAIN, *PAPER))
     broken = words.failures(rows)
-    failed = together(element("h3", "Failed"), bullets(broken)) if broken else None
+    failed = bullets(broken) if broken else None
     folded = {
         "Tables and histograms of the paper": together(_tables(made, PAPER), *paper) or None,
         "Trajectories": page.picture(folder / "fig_trajectories.png", PATHS),

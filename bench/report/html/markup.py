@@ -1,11 +1,9 @@
-"""HTML and SVG elements as text that nothing shown in them can break: all else is escaped."""
+"""HTML elements as text that nothing shown in them can break: all else is escaped."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from html import escape
-
-VOID = {"img", "input", "meta"}
 
 
 class Markup(str):
@@ -20,13 +18,13 @@ def element(tag: str, *children: str | None, **attributes: object) -> Markup:
     Args:
         tag: its name.
         children: elements, or plain text, which is escaped; None is left out.
-        attributes: `aria_label` is written aria-label, `class_` class; True is written without a
-            value, None and False not at all.
+        attributes: `aria_label` is written aria-label, `class_` class.
     """
-    words = [f"<{tag}", *_attributes(attributes)]
-    if tag in VOID:
-        return Markup(" ".join(words) + ">")
-    return Markup(" ".join(words) + f">{together(*children)}</{tag}>")
+    words = [f"<{tag}"]
+    for key, value in attributes.items():
+        words.append(f'{key.rstrip("_").replace("_", "-")}="{escape(str(value))}"')
+    end = "" if tag == "img" else f"{together(*children)}</{tag}>"
+    return Markup(" ".join(words) + f">{end}")
 
 
 def together(*parts: str | None) -> Markup:
@@ -38,14 +36,3 @@ def together(*parts: str | None) -> Markup:
 def bullets(lines: Iterable[str]) -> Markup:
     """A list of sentences."""
     return element("ul", *(element("li", line) for line in lines))
-
-
-def _attributes(values: dict[str, object]) -> list[str]:
-    words = []
-    for key, value in values.items():
-        name = key.rstrip("_").replace("_", "-")
-        if value is True:
-            words.append(name)
-        elif value is not None and value is not False:
-            words.append(f'{name}="{escape(str(value))}"')
-    return words

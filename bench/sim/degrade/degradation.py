@@ -75,22 +75,19 @@ class Degradation:
         except ValueError:
             number = math.nan
         if not self.low <= number <= self.high or (self.whole and number % 1.0):
-            raise ValueError(self._refusal(level))
+            unit = "" if self.unit == "1" else f" {self.unit}"
+            kind = "a whole number from " if self.whole else ""
+            bounds = f"{self.low:g} to {self.high:g}" if self.low < self.high else f"{self.low:g}"
+            known = ", ".join(f"{one:g}" for one in self.levels)
+            raise ValueError(
+                f"{self.name}: got {level}, expected {kind}{bounds}{unit} ({self.meaning}),"
+                f" for instance {known}"
+            )
         return number
 
     def lacks(self, log: ScanLog) -> str:
         """What the log would need for this and does not have, in words; empty if nothing."""
         return next((LACKS[need] for need in self.needs if not _has(log, need)), "")
-
-    def _refusal(self, level: object) -> str:
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        kind = "a whole number from " if self.whole else ""
-        bounds = f"{self.low:g} to {self.high:g}" if self.low < self.high else f"{self.low:g}"
-        known = ", ".join(f"{one:g}" for one in self.levels)
-        return (
-            f"{self.name}: got {level}, expected {kind}{bounds}{unit} ({self.meaning}),"
-            f" for instance {known}"
-        )
 
 
 def degradation(
