@@ -90,8 +90,7 @@ def paired(a: Floats, b: Floats, level: float = LEVEL) -> Paired:
 def paired_over_runs(a: Floats, b: Floats, level: float = LEVEL) -> Paired:
     """The mean difference a - b over independent runs (n,): one number per seed or log, n >= 2.
 
-    The interval is Student's, the p-value that of `wilcoxon`; it cannot be less than
-    `least_p_value`.
+    The interval is Student's, the p-value that of `wilcoxon`; it cannot be less than 2^(1 - n).
     """
     differences = _differences(a, b)
     n = len(differences)
@@ -120,15 +119,6 @@ def wilcoxon(differences: Floats) -> float:
     from scipy import stats
 
     return float(stats.wilcoxon(differences).pvalue) if np.any(differences) else 1.0
-
-
-def least_p_value(n: int) -> float:
-    """The least p-value that `wilcoxon` can find over n runs, whatever they differ.
-
-    Two of the 2^n ways to set the signs are as far out as it gets: five runs never suffice for
-    0.05.
-    """
-    return min(1.0, 2.0 ** (1 - n))
 
 
 def adjusted(p_values: Sequence[float]) -> list[float]:

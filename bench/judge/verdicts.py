@@ -1,7 +1,7 @@
 """Which algorithm is better, by how much, and how sure that is: pairs on one log and over logs.
 
 What one log shows holds on that log: another drive, or the same map turned by 45 degrees, may
-show the opposite. Only several independent drives say more, and too few of them say nothing.
+show the opposite. Only several independent drives say more.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ def on_one_log(outcomes: list[Outcome]) -> Lines:
 def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Lines:
     """Every pair of algorithms over all logs: one mean per log, tested over the logs.
 
-    The only verdict that may claim more than one log shows, if the logs are independent drives.
-    Where there are too few for any p-value below 0.05, the sentence says so instead.
+    The only verdict that may claim more than one log shows, if the logs are independent drives:
+    five never suffice for a p-value below 0.05.
     """
     logs = list(dict.fromkeys(outcome.row["log"] for outcome in outcomes))
     found: Lines = []
@@ -85,8 +85,9 @@ def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Lines:
         ]
         found += _pairs(series, measure, SPANS[span], statistics.paired_over_runs)
     found = [entry for entry in found if entry["n"] >= 2]
-    counts = [entry["n"] for entry in found]
-    return [entry | {"sentence": _words_over(entry, counts)} for entry in _adjusted(found)]
+    return [
+        entry | {"sentence": _words(entry, f"over {entry['n']} logs")} for entry in _adjusted(found)
+    ]
 
 
 def _pairs(
@@ -135,17 +136,3 @@ def _words(entry: Line, where: str) -> str:
     pair = entry["a"], entry["b"]
     words = statistics.sentence(*pair, paired, entry["unit"], entry["what"], where)
     return f"{entry['measure']}: {words}"
-
-
-def _words_over(entry: Line, logs: list[int]) -> str:
-    """A pair in words; of too few logs, that they cannot show anything.
-
-    `logs` is how many each pair has: those with no more logs than this one have no better p-values
-    at best, so that Holm's factor is at least their number.
-    """
-    n, words = entry["n"], _words(entry, f"over {entry['n']} logs")
-    tests = sum(other <= n for other in logs)
-    least = min(1.0, tests * statistics.least_p_value(n))
-    if least < SIGNIFICANT:
-        return words
-    return f"{words}; {n} logs cannot show it: the least p among {tests} comparisons is {least:.2g}"

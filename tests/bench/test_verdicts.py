@@ -72,25 +72,12 @@ def rising(names, logs):
     }
 
 
-def test_too_few_logs_say_that_they_cannot_show_it():
+def test_over_logs_too_few_cannot_show_what_more_do():
     (line,) = translation(rising("ab", 5))
     assert "a and b can't be distinguished over 5 logs: " in line["sentence"]
-    words = "; 5 logs cannot show it: the least p among 2 comparisons is 0.12"
-    assert line["sentence"].endswith(words) and line["p_value"] == 2 * 2 / 2**5
+    assert line["p_value"] == 2 * 2 / 2**5, "of two comparisons"
     (line,) = translation(rising("ab", 8))
     assert line["sentence"].startswith("translation: a is better than b over 8 logs by 1.0")
-    assert "cannot show" not in line["sentence"]
-    for line in translation(rising("abcd", 8)):
-        assert "8 logs cannot show it: the least p among 12 comparisons" in line["sentence"]
-
-
-def test_a_pair_on_fewer_logs_is_judged_by_its_own():
-    """Many comparisons on 13 logs come first; that one on 7 can still be shown."""
-    means = rising("abc", 13)
-    means["c"] = {log: means["c"][log] for log in list(means["c"])[:7]}
-    words = {line["n"]: line["sentence"] for line in translation(means)}
-    assert "cannot show" not in words[13]
-    assert "7 logs cannot show it: the least p among 4 comparisons is 0.062" in words[7]
 
 
 def test_noise_and_rounding_prove_nothing():
