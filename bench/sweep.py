@@ -41,8 +41,6 @@ QUICK = ("clean", "beams", "people")
 PRESETS = ("", "paper", "original")  # rows of each algorithm: to use, the idea, as published
 SEEDS, QUICK_SEEDS = 10, 5  # drives in each arena
 DURATION, RATE = 20.0, 10.0  # s of each simulated drive, Hz
-PER_SCAN = 1.5e-3  # s CPU of one scan, about: says how long a sweep will take
-SHARE_OF_LEVELS = 0.6  # that a climb takes, about
 
 
 def parser() -> argparse.ArgumentParser:
@@ -227,10 +225,9 @@ def _do(
     todo = [case for case in cases if store.read(case.task.key) is None]
     tasks = {case.task.key: case.task for case in todo}
     if not arguments.quiet:
-        minutes = SHARE_OF_LEVELS * sum(case.scans for case in todo) * PER_SCAN / 60.0
         sys.stderr.write(
             f"{program}: {len(cases)} climbs, {len(cases) - len(todo)} kept from before, "
-            f"{len(tasks)} to do; they take about {minutes:.0f} minutes of one core\n"
+            f"{len(tasks)} to do\n"
         )
     done = work.run_all(tasks, store, arguments.jobs)
     return dict(cli.progress(done, len(tasks), "sweeping", arguments.quiet, unit="climb"))

@@ -47,27 +47,24 @@ class Given(NamedTuple):
 
     `place` is the kind of arena, or the log's name; `seed` that of the simulation, or of what is
     done to the log; `identity` what tells it from all others, wherever it lies. `lacks` names what
-    it has not and a degradation may need; `scans` it has about. `recorded` is the log itself where
-    it was not simulated, `repeated`: the same one stands before it with another seed.
+    it has not and a degradation may need. `recorded` is the log itself where it was not simulated,
+    `repeated`: the same one stands before it with another seed.
     """
 
     name: str
     place: str
     seed: int
     identity: dict[str, Any]
-    scans: int
-    period: float
     lacks: frozenset[str] = frozenset()
     recorded: ScanLog | None = None
     repeated: bool = False
 
 
 class Case(NamedTuple):
-    """A climb that is planned: what its trials have in common, the task, the most scans."""
+    """A climb that is planned: what its trials have in common, and the task."""
 
     known: Trial
     task: Task
-    scans: float
 
 
 @dataclass(frozen=True)
@@ -183,9 +180,7 @@ class Plan:
             "odometry": odometry,
         }
         sources = sources_of(find(name).cls)
-        left = 1.0 if self.rate is None else min(1.0, self.rate * given.period)  # share of scans
-        task = Task(FUNCTION, what, sources, {"recorded": recorded})
-        return Case(known, task, given.scans * left * len(levels))
+        return Case(known, Task(FUNCTION, what, sources, {"recorded": recorded}))
 
 
 def conditions_of(chosen: list[str]) -> Conditions:
@@ -231,11 +226,9 @@ def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Gi
 
 def _simulated(arena: str, seed: int, drives: Drives) -> Given:
     look_up("arena", arena, ARENAS)
-    sensor = look_up("sensor", drives.sensor, SENSORS)
+    look_up("sensor", drives.sensor, SENSORS)
     setting = Setting(arena=arena, seed=seed, duration=drives.duration, sensor=drives.sensor)
-    scans, identity = max(1, round(drives.duration * sensor.rate)), {"setting": asdict(setting)}
-    name = f"{arena}-{drives.sensor}-{seed}"
-    return Given(name, arena, seed, identity, scans, 1.0 / sensor.rate)
+    return Given(f"{arena}-{drives.sensor}-{seed}", arena, seed, {"setting": asdict(setting)})
 
 
 def _recorded(path: str, options: SourceOptions) -> Given:
@@ -246,8 +239,7 @@ def _recorded(path: str, options: SourceOptions) -> Given:
         )
     lacks = {"odometry": log.odom is None, "gyro": log.yaw_rate is None}
     missing = frozenset(name for name, absent in lacks.items() if absent)
-    identity = {"content": content_of(log)}
-    return Given(log.name, log.name, 0, identity, len(log), log.scan_period, missing, log)
+    return Given(log.name, log.name, 0, {"content": content_of(log)}, missing, log)
 
 
 def _kept(given: Given, place: Path) -> str | None:

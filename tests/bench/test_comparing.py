@@ -125,26 +125,26 @@ def test_starts_are_even_over_a_tenth_of_the_log():
     assert start_scans(1, 3) == [0]
 
 
-def test_starts_by_hand():
-    found = spread_over_starts([0.02, 0.05, 0.01, 0.04], 0.03)
-    assert (found["n"], found["above"]) == (4, 2)
-    assert (found["mean"], found["median"], found["worst"]) == pytest.approx((0.03, 0.03, 0.05))
+@pytest.mark.parametrize(
+    ("errors", "above", "mean", "median", "worst"),
+    [
+        ([0.02, 0.05, 0.01, 0.04], 2, 0.03, 0.03, 0.05),
+        ([0.02, None, 0.04], 2, 0.03, 0.04, math.inf),  # a lost run is as bad as can be
+        ([0.02, None], 1, 0.02, math.inf, math.inf),
+        ([None, None], 2, math.nan, math.inf, math.inf),
+    ],
+)
+def test_starts_by_hand(errors, above, mean, median, worst):
+    found = spread_over_starts(errors, 0.03)
+    assert (found["n"], found["above"]) == (len(errors), above)
+    figures = [found[name] for name in ("mean", "median", "worst")]
+    assert figures == pytest.approx([mean, median, worst], nan_ok=True)
 
 
-def test_a_lost_run_is_as_bad_as_can_be():
-    found = spread_over_starts([0.02, None, 0.04], 0.1)
-    assert (found["above"], found["worst"]) == (1, math.inf)
-    assert (found["mean"], found["median"]) == pytest.approx((0.03, 0.04))
-    half = spread_over_starts([0.02, None], 0.1)
-    assert half["median"] == math.inf
-    none = spread_over_starts([None, None], 0.1)
-    assert math.isnan(none["mean"]) and none["median"] == math.inf
-
-
-def planned(chosen, rate=None):
+def planned(chosen):
     drives = plan.Drives(["rescue"], 2, 10.0, "utm30lx")
     logs = plan.logs_of([], drives, SourceOptions())
-    return plan.Plan(["hector"], plan.conditions_of(chosen), logs, (False,), rate, None)
+    return plan.Plan(["hector"], plan.conditions_of(chosen), logs, (False,), None, None)
 
 
 def test_each_drive_has_its_own_mishap_and_a_clean_one_none(tmp_path):
@@ -152,14 +152,6 @@ def test_each_drive_has_its_own_mishap_and_a_clean_one_none(tmp_path):
         cases = planned([chosen]).cases(tmp_path)
         assert [case.known["seed"] for case in cases] == [0, 1]
         assert [case.task.what["condition"]["seed"] for case in cases] == expected
-
-
-def test_scans_are_as_many_as_the_rate_leaves(tmp_path):
-    whole = [case.scans for case in planned(["clean"]).cases(tmp_path)]
-    thin = [case.scans for case in planned(["clean"], rate=10.0).cases(tmp_path)]
-    assert whole == [400, 400] and thin == pytest.approx([100, 100])
-    fast = [case.scans for case in planned(["clean"], rate=1000.0).cases(tmp_path)]
-    assert fast == whole
 
 
 def test_a_name_alone_is_all_its_levels_and_levels_by_hand_are_one_climb():
@@ -173,25 +165,17 @@ def test_a_name_alone_is_all_its_levels_and_levels_by_hand_are_one_climb():
 
 
 @pytest.mark.parametrize(
-    ("words", "rate", "drives"),
+    ("words", "rate", "sensor"),
     [
-        ([], 10.0, 10),
-        (["--quick"], 10.0, 5),
-        (["--rate", "0"], None, 10),
-        (["--rate", "5"], 5.0, 10),
+        ([], 10.0, None),
+        (["--rate", "0", "--sensor", "utm30lx"], None, None),
+        (["--rate", "5", "--sensor", "rplidar-a1"], 5.0, "rplidar-a1"),
     ],
 )
-def test_rate_and_drives_are_those_that_were_asked_for(words, rate, drives):
+def test_rate_and_sensor_are_those_that_were_asked_for(words, rate, sensor):
     arguments = sweep.parser().parse_args(["--arenas", "rescue", "--algorithms", "hector", *words])
     made = sweep._plan(arguments)
-    assert (made.rate, len(made.logs)) == (rate, drives)
-    assert made.sensor is None and made.odometry == (False, True)
-
-
-def test_parameters_are_those_for_the_sensor_unless_it_is_the_usual_one():
-    words = ["--arenas", "rescue", "--algorithms", "hector", "--sensor"]
-    for name, sensor in (("utm30lx", None), ("rplidar-a1", "rplidar-a1")):
-        assert sweep._plan(sweep.parser().parse_args([*words, name])).sensor == sensor
+    assert (made.rate, made.sensor, made.odometry) == (rate, sensor, (False, True))
 
 
 def test_a_sweep_of_which_nothing_came_fails(tmp_path, monkeypatch):
