@@ -61,7 +61,7 @@ def parser() -> argparse.ArgumentParser:
         help="name, name@preset, module:Class, or a variant NAME:KEY=VALUE,... as a row of its own "
         "(default: all but the baselines, and without --quick their presets @paper and @original)",
     )
-    single.add_options(p, several=True)
+    single.add_options(p)
     add_drive_options(p)
     p.add_argument(
         "--sensor",

@@ -35,7 +35,6 @@ NICE = (1.0, 2.0, 2.5, 5.0, 10.0)  # widths of a class, times a power of ten
 MOST_CELLS = 1000  # of a map's longer side; more are put together, walls survive
 AROUND_PATH = 6.0  # m around the paths that a map shows
 LARGER = 1.5  # times the size of the median path: such a path has left the place
-MOST_POINTS = 3000  # of a curve
 
 Looks = Mapping[str, Look]
 Limits = tuple[tuple[float, float], tuple[float, float]]
@@ -65,10 +64,9 @@ def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Loo
     for name, values in errors.items():
         ordered = np.sort(np.maximum(values, LEAST_ERROR))
         share = (np.arange(len(ordered)) + 1) / len(ordered)
-        kept = np.flatnonzero(np.isfinite(ordered))
-        if not len(kept):
+        kept = np.isfinite(ordered)
+        if not kept.any():
             continue
-        kept = kept[_evenly(len(kept))]
         look = looks[name]
         (drawn,) = axes.plot(ordered[kept], share[kept], look.line, color=look.color, label=name)
         drawn.set_drawstyle("steps-post")
@@ -202,19 +200,12 @@ def plain_numbers(axis: Axis) -> None:
 
 
 def _path(axes: Axes, path: Floats, name: str, look: Look) -> None:
-    shown = path[_evenly(len(path))]
-    axes.plot(*shown[:, :2].T, color=look.color, linewidth=1.0, label=name)
+    axes.plot(*path[:, :2].T, color=look.color, linewidth=1.0, label=name)
 
 
 def _true_path(axes: Axes, truth: Floats | None) -> None:
     if truth is not None:
-        shown = truth[_evenly(len(truth))]
-        axes.plot(*shown[:, :2].T, "--", color="0.5", linewidth=0.8, label="truth")
-
-
-def _evenly(n: int) -> NDArray[np.int64]:
-    """Indices of at most `MOST_POINTS` of n points, with the first and the last."""
-    return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(np.int64))
+        axes.plot(*truth[:, :2].T, "--", color="0.5", linewidth=0.8, label="truth")
 
 
 def _draw_map(axes: Axes, grid: OccupancyGrid, moved: Pose2) -> None:

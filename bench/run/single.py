@@ -44,27 +44,23 @@ class Single:
         return params.replace(**self.values)
 
 
-def add_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
-    """Give a command --params and --set, for `singles`; `several` after one flag."""
-    again = "several, or given again" if several else "may be given again"
-    action, nargs = ("extend", "+") if several else ("append", None)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Give a command --params and --set, for `singles`."""
     parser.add_argument(
         "--params",
         metavar="ALGORITHM:FILE.yaml",
-        action=action,
-        nargs=nargs,
+        action="append",
         default=[],
-        help=f"file of one algorithm's parameters, lines 'name: value'; {again}",
+        help="file of one algorithm's parameters, lines 'name: value'; may be given again",
     )
     parser.add_argument(
         "--set",
         metavar="ALGORITHM:KEY=VALUE",
-        action=action,
-        nargs=nargs,
+        action="append",
         default=[],
         dest="changes",
         help="set one parameter of one algorithm (tsd:cell=0.05); without the name, of all that "
-        f"have it; {again}",
+        "have it; may be given again",
     )
 
 

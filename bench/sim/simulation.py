@@ -112,22 +112,12 @@ def world_of(log: ScanLog) -> World | None:
 
     None when the log was not simulated, or its map is gone or has changed since.
     """
-    setting = setting_of(log)
-    if setting is None:
-        return None
-    try:
-        world = _world(setting, _chances(setting.seed)["arena"])
-    except (ValueError, OSError):
-        return None
-    return world if world.fingerprint == log.meta["simulated"]["world"] else None
-
-
-def setting_of(log: ScanLog) -> Setting | None:
-    """What a log was simulated from; None when it was not."""
     try:
         known = dict(log.meta["simulated"])
-        return Setting(**{name: known[name] for name in kinds() if name in known})
-    except (KeyError, TypeError, ValueError):
+        setting = Setting(**{name: known[name] for name in kinds() if name in known})
+        world = _world(setting, _chances(setting.seed)["arena"])
+        return world if world.fingerprint == known["world"] else None
+    except (KeyError, TypeError, ValueError, OSError):
         return None
 
 

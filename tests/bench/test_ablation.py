@@ -70,7 +70,8 @@ def test_the_nearer_setting_wins(tmp_path):
     (tmp_path / "p.yaml").write_text("seed: 1\nloud: true\nodd: true\n")
     rows = [TOY, f"{TOY}:seed=4", "odometry"]
     made = planned("--algorithms", *rows, "--params", f"{TOY}:{tmp_path / 'p.yaml'}", "--set",
-                   f"{TOY}:seed=3", "seed=2", "loud=false", "--set", "steady=false")  # fmt: skip
+                   f"{TOY}:seed=3", "--set", "seed=2", "--set", "loud=false", "--set",
+                   "steady=false")  # fmt: skip
     toy = ToyParams(steady=False, loud=False, odd=True)
     assert made.parameters(TOY) == toy.replace(seed=3).as_dict()
     assert made.parameters(rows[1]) == toy.replace(seed=4).as_dict()

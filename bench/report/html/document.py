@@ -17,7 +17,7 @@ from bench.report.html.record import facts, parameters
 from bench.report.lines import Table
 
 if TYPE_CHECKING:
-    from bench.results import Comparison, Line, LogResult
+    from bench.results import Comparison, LogResult
 
 # tables that stand in sections of their own; the others are under "All tables"
 MAIN, PAPER = ("main",), ("translation", "orientation", "published")
@@ -52,12 +52,13 @@ def write(folder: Path, comparison: Comparison, done: LogResult) -> None:
     ]
     others = tuple(key for key in made if key not in (*MAIN, *PAPER))
     broken = words.failures(rows)
+    sure = [verdict["sentence"] for verdict in words.neighbors(entry.get("verdicts") or [])]
     failed = bullets(broken) if broken else None
     folded = {
         "Tables and histograms of the paper": together(_tables(made, PAPER), *paper) or None,
         "Trajectories": page.picture(folder / "fig_trajectories.png", PATHS),
         "All tables": together(_tables(made, others), failed) or None,
-        "How sure": _verdicts(entry),
+        "How sure": bullets(sure) if sure else None,
         "How it was run": together(facts(comparison.as_dict(), entry), parameters(rows)),
         "Definitions": _definitions(),
     }
@@ -99,20 +100,6 @@ def _links(comparison: Comparison, folders: Sequence[str]) -> Markup:
 
 def _tables(made: dict[str, Table], keys: tuple[str, ...]) -> Markup:
     return together(*(table(made[key]) for key in keys if key in made))
-
-
-def _verdicts(entry: Line) -> Markup | None:
-    """The sentence of each pair: neighbors in the order of their errors first."""
-    found: list[Line] = entry.get("verdicts") or []
-    if not found:
-        return None
-    others = [verdict["sentence"] for verdict in found if not verdict["next"]]
-    return together(
-        bullets([verdict["sentence"] for verdict in words.neighbors(found)]),
-        element("details", element("summary", "all other pairs"), bullets(others))
-        if others
-        else None,
-    )
 
 
 def _definitions() -> Markup:
