@@ -33,7 +33,10 @@ def test_a_run_that_leaves_the_limits_is_lost_and_may_come_back():
         "completed": pytest.approx(0.8),
     }
     estimate[40:60, 1] = LIMIT_M - 0.01
+    estimate[30, 2] = 2.0 * np.pi
     assert not loss.by_truth(Common(np.arange(100.0), estimate, truth, 0))["lost"]
+    estimate[80, :2] += 0.8 * LIMIT_M
+    assert beyond(Common(np.arange(100.0), estimate, truth, 0)).nonzero()[0].tolist() == [80]
     estimate[70:, 2] = LIMIT_RAD + 0.01 + 2.0 * np.pi
     assert loss.by_truth(Common(np.arange(100.0), estimate, truth, 0))["at_s"] == 70.0
 
@@ -132,11 +135,7 @@ def judged(says, off, n=200):
         ([(105, 150)], [(100, 150)], (1, 1, 140, 0, True)),  # said in time, late and never
         ([(112, 150)], [(100, 150)], (1, 0, 140, 0, True)),
         ([(15, 20), (75, 80)], [(10, 20), (50, 80), (120, 140)], (3, 1, 110, 0, True)),
-        (
-            [(95, 96)],
-            [(100, 150)],
-            (1, 1, 140, 0, True),
-        ),  # a warning right before, and an early one
+        ([(95, 96)], [(100, 150)], (1, 1, 140, 0, True)),  # a warning right before, an early one
         ([(80, 81)], [(100, 150)], (1, 0, 140, 1, True)),
         ([(150, 170)], [(100, 150)], (1, 0, 140, 20, True)),  # after the way back: no answer
         ([], [(100, 110), (119, 130)], (1, 0, 160, 0, True)),  # a short look into the limits
@@ -155,11 +154,3 @@ def test_a_clock_that_is_set_back_stands_still():
     t = STEP * np.concatenate([np.arange(100), 50 + np.arange(100)])
     found = alarms(flags(200, (152, 160)), t, flags(200, (140, 160)))
     assert found.episodes == found.in_time == 1  # the clock goes on from 9.9 s at scan 150
-
-
-def test_limits_are_of_the_distance_and_the_turn_apart():
-    truth = np.zeros((5, 3))
-    estimate = truth.copy()
-    estimate[1:, :] = [(0.4, 0.0, 0.0), (0.4, 0.4, 0.0), (0.0, 0.0, -0.31), (0.0, 0.0, 6.2)]
-    common = Common(np.arange(5.0), estimate, truth, 0)
-    assert beyond(common).tolist() == [False, False, True, True, False]

@@ -155,8 +155,7 @@ def test_glass_met_square_on_throws_the_light_back():
 
 
 def odometry(log):
-    ahead, aside, turn = steps(log.odom.values)
-    return ahead, aside, turn
+    return steps(log.odom.values)
 
 
 def test_steps_and_integrate_are_inverse_also_where_headings_wrap():
@@ -180,7 +179,7 @@ def test_wheels_at_level_zero_are_as_they_were_and_all_else_stays(name):
     assert hard.truth is log.truth and hard.yaw_rate is log.yaw_rate
 
 
-def test_wheel_scale_and_heading_bias_are_recovered():
+def test_wheel_scale_and_biases_are_recovered():
     log = plain()
     ahead, aside, turn = odometry(log)
     scaled = odometry(degrade(log, "wheel_scale", 15, 0))
@@ -190,6 +189,8 @@ def test_wheel_scale_and_heading_bias_are_recovered():
     way = np.hypot(ahead, aside)
     np.testing.assert_allclose(bent[2] - turn, math.radians(5.0) * way, atol=1e-10)
     np.testing.assert_allclose(bent[0], ahead, atol=1e-10)
+    biased = degrade(log, "gyro_bias", 2, 0)
+    np.testing.assert_allclose(biased.yaw_rate.values - log.yaw_rate.values, math.radians(2.0))
 
 
 def test_wheels_tell_a_pose_again_until_the_next_is_due():
@@ -237,12 +238,6 @@ def test_odometry_leaps_once():
     assert math.hypot(jumps[0][at], jumps[1][at]) == pytest.approx(2.0)
     assert 0.0 < abs(jumps[2][at]) <= 0.4 and 0.3 * 239 - 1 <= at <= 0.7 * 239
     np.testing.assert_allclose(np.delete(jumps[2], at), 0.0, atol=1e-10)
-
-
-def test_gyro_bias():
-    log = plain()
-    biased = degrade(log, "gyro_bias", 2, 0)
-    np.testing.assert_allclose(biased.yaw_rate.values - log.yaw_rate.values, math.radians(2.0))
 
 
 def test_somebody_before_a_laser_of_one_beam_walks_to_and_fro_along_it():

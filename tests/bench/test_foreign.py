@@ -13,7 +13,6 @@ from bench.run.cases import Choice, replayed
 from bench.run.foreign import Foreign, foreign_case
 from slams import OccupancyGrid, Pose2
 from slams.formats.occupancy import write_map
-from slams.formats.trajectory import write_tum
 from slams.metrics import between
 from slams.scanlog import Track
 from tests import bags
@@ -117,30 +116,6 @@ def test_a_program_that_starts_late_is_seen_from_the_first_scan(log, estimate):
     assert found.row["errors"]["ate_m"] < 0.02
 
 
-def test_its_map_is_laid_on_the_truth_as_the_others_are(log, tmp_path, monkeypatch):
-    frames = {}
-
-    def map_panel(axes, name, plan, *_, **__):
-        frames[name] = plan.frame
-
-    monkeypatch.setattr(figures, "map_panel", map_panel)
-    log.save(tmp_path / "room.npz")
-    hector = replayed("hector", log, Choice())
-    grid = hector.grid
-    shift = Pose2(1.0, 2.0, 0.0)
-    elsewhere = OccupancyGrid(
-        grid.p, grid.resolution, (grid.origin[0] + shift.x, grid.origin[1] + shift.y)
-    )
-    write_map(tmp_path, elsewhere)
-    write_tum(tmp_path / "x.tum", hector.t, moved(shift, hector.poses))
-    words = [str(tmp_path / "room.npz"), "--algorithms", "hector", "--jobs", "1", "-q"]
-    words += ["--trajectory", f"x={tmp_path / 'x.tum'}", "--map", f"x={tmp_path / 'map.yaml'}"]
-    theirs = compared([*words, "--out", str(tmp_path / "out")]).logs[0].outcomes[1]
-    assert theirs.frame == pytest.approx(shift, abs=1e-6)
-    assert theirs.grid.origin == pytest.approx(elsewhere.origin)
-    assert frames["x"] == theirs.frame and frames["hector"] == Pose2(0.0, 0.0, 0.0)
-
-
 def test_relations_are_met_by_interpolation(log, estimate):
     truth = log.truth_at(log.t)
     pairs = [(10, 40), (5, 70)]
@@ -175,8 +150,14 @@ def test_start_luck_is_told(log, tmp_path, capsys):
     assert bad["starts"]["above"] == 3
 
 
-def test_a_bag_recorded_beside_another_slam_gives_the_whole_table(log, tmp_path, capsys):
+def test_a_bag_recorded_beside_another_slam_gives_the_whole_table(
+    log, tmp_path, capsys, monkeypatch
+):
     """Scans, wheels and the other's map -> odom by tf in one bag, its map beside, one command."""
+    frames = {}
+    monkeypatch.setattr(
+        figures, "map_panel", lambda axes, name, plan, *_: frames.update({name: plan.frame})
+    )
     truth = log.truth_at(log.t)
     found = [Pose2(*p) for p in moved(OTHER, truth + 0.004 * np.sin(np.arange(80))[:, None])]
     wheels = [Pose2(*p) for p in log.odometry_at_scans().tolist()]
@@ -205,6 +186,8 @@ def test_a_bag_recorded_beside_another_slam_gives_the_whole_table(log, tmp_path,
     assert theirs.row["errors"]["dropped"] <= 1
     assert 0.001 < theirs.row["errors"]["ate_m"] < 0.01
     assert theirs.grid is not None
+    assert theirs.frame == pytest.approx(found[0], abs=1e-6)
+    assert frames["slam_toolbox"] == theirs.frame and frames["hector"] == Pose2(0.0, 0.0, 0.0)
 
 
 def test_map_quality_does_not_depend_on_the_frame():

@@ -4,9 +4,6 @@ import os
 import signal
 import sys
 import time
-from pathlib import Path
-
-import pytest
 
 from tests.places import ROOT
 from tests.processes import ends, in_session, processes_of, signal_group, signal_one
@@ -59,20 +56,6 @@ def ended(process, send, number):
     return process.returncode, said
 
 
-def treats(pid, how, number):
-    """Whether a process catches (SigCgt) or ignores (SigIgn) a signal."""
-    try:
-        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    except OSError:
-        return False
-    mask = next(line for line in lines if line.startswith(f"{how}:")).split()[1]
-    return bool(int(mask, 16) >> (number - 1) & 1)
-
-
-def ignores_ctrl_c(pid):
-    return treats(pid, "SigIgn", signal.SIGINT)
-
-
 def test_a_comparison_that_is_ended_leaves_nothing(tmp_path):
     """Ended by SIGTERM, then by Ctrl-C, in the midst of a run."""
     (tmp_path / "plugin.py").write_text(PLUGIN)
@@ -91,32 +74,3 @@ def test_a_comparison_that_is_ended_leaves_nothing(tmp_path):
         assert "Traceback" not in said
         assert list(tmp_path.glob(".*.part")) == []
         assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["bench.sweep", "--duration", "14400", "--seeds", "1", "--jobs", "2", "--out", "out"],
-        ["bench.simulate", "log.npz", "--duration", "14400"],
-    ],
-    ids=lambda words: words[0],
-)
-def test_sigterm_ends_a_command_and_its_workers(tmp_path, words):
-    with_workers = words[0] != "bench.simulate"
-    process = started(*words, folder=tmp_path)
-
-    def works():
-        """Two workers, and what multiprocessing keeps beside them; without any, it is ready."""
-        if with_workers:
-            return sum(ignores_ctrl_c(pid) for pid in processes_of(process.pid)) == 3
-        return treats(process.pid, "SigCgt", signal.SIGTERM)
-
-    wait_for(works, process)
-    returned, said = ended(process, signal_one, signal.SIGTERM)
-    assert (returned, said.splitlines()[-1]) == (
-        143,
-        f"{words[0].replace('bench.', 'slams ')}: terminated",
-    )
-    assert "Traceback" not in said
-    assert not (tmp_path / "log.npz").exists()
-    assert list(tmp_path.glob(".*.part")) == []

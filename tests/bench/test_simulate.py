@@ -18,7 +18,6 @@ from bench.sim.simulation import simulate, world_of
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World
 from slams import load
-from slams.metrics import driven
 from slams.types import Pose2, wrap_angle
 from tests.processes import python
 
@@ -222,19 +221,6 @@ def test_picture_is_drawn_and_quiet_is_quiet(tmp_path, capsys):
     assert command.main([str(tmp_path / "scans.npz"), *line]) == 0
     assert cv2.imread(str(tmp_path / "arena.png")) is not None
     assert capsys.readouterr() == ("", "")
-
-
-def test_drive_goes_about():
-    """Far, into most of the arena, and over places it has seen before."""
-    world, true = small_drive()
-    assert driven(true.poses)[-1] > 0.3 * 120.0
-    iy, ix = world.cells_of(true.poses[::20, :2])
-    far = np.ones(world.occupied.shape, np.uint8)
-    far[iy, ix] = 0
-    away = cv2.distanceTransform(far, cv2.DIST_L2, 5) * world.resolution
-    assert (away[world.free] < 2.0).mean() > 0.8
-    again = np.hypot(*(true.poses[::400, None, :2] - true.poses[None, ::400, :2]).T) < 0.3
-    assert np.triu(again, 20).any()
 
 
 def test_gyro_bias_drifts():

@@ -92,17 +92,6 @@ def test_p_value_and_interval_agree():
             assert (result.p_value < 1.0 - level) == (not result.low < 0.0 < result.high)
 
 
-def test_p_value_of_a_great_difference_goes_on_falling():
-    """With a hundred blocks the normal tail is not far off."""
-    (noise,) = autoregressive(0.0, 1, 4000, 10)
-    noise = (noise - noise.mean()) / noise.std()
-    ratios = np.array([2.0, 3.0, 4.0, 5.0, 6.0])
-    p = [paired(noise, np.full(4000, ratio / math.sqrt(4000))).p_value for ratio in ratios]
-    normal = 2.0 * stats.norm.sf(ratios)
-    assert (np.diff(p) < 0.0).all()
-    assert (np.abs(np.log10(p) - np.log10(normal)) < 0.3 * ratios - 0.3).all()
-
-
 def test_pairs_that_are_equal_constant_or_few():
     values = np.arange(50.0)
     same = paired(values, values)
@@ -132,16 +121,11 @@ def test_runs_few_and_many():
     assert math.isnan(paired_over_runs(np.ones(1), np.zeros(1)).p_value)
 
 
-def test_shares_by_hand_and_at_the_ends():
-    """Wilson's formula, z = 1.96: center (p + z^2 / 2n) / (1 + z^2 / n)."""
-    z, n = 1.959964, 20
-    half = z * math.sqrt(0.3 * 0.7 / n + (0.5 * z / n) ** 2) / (1.0 + z * z / n)
-    center = (0.3 + 0.5 * z * z / n) / (1.0 + z * z / n)
-    assert wilson(6, n)[2:] == pytest.approx((center - half, center + half), abs=1e-6)
+def test_shares_of_all_none_and_nothing():
+    """Wilson's formula at the ends: z^2 / (n + z^2), z = 1.96."""
+    z = 1.959964
     assert wilson(0, 10)[2:] == pytest.approx((0.0, z * z / (10 + z * z)))
-    assert wilson(10, 10).high == pytest.approx(1.0) and wilson(10, 10).low > 0.7
-    narrow, wide = wilson(6, n, 0.8), wilson(6, n, 0.99)
-    assert wide.low < narrow.low < 0.3 < narrow.high < wide.high
+    assert wilson(10, 10)[2:] == pytest.approx((10 / (10 + z * z), 1.0))
     assert wilson(0, 0)[2:] == (0.0, 1.0)
 
 

@@ -11,8 +11,9 @@ from bench.results.sweep import Sweep
 from bench.run import plan
 from bench.run import trial as trial_module
 from bench.run.trial import judged
-from slams import Params, Pose2
+from slams import Params
 from slams.player import Run, replay
+from tests.bench.test_html import Still
 from tests.rooms import drive
 
 
@@ -100,26 +101,18 @@ def test_a_trial_is_judged_against_the_truth():
     assert right["ate_m"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_wheels_that_nobody_looks_at_are_left_out(tmp_path):
-    (tmp_path / "a").mkdir()
-    drive(n=30).save(tmp_path / "a" / "room.npz")
-    given = plan.logs_of([str(tmp_path / "a" / "room.npz")], plan.Drives([], 1, 1.0, ""), None)
-    levels = plan.conditions_of(["clean", "stall=1", "noise=0.05"])
-    made = plan.Plan(["odometry"], levels, given, (False, True), None, None)
-    cases = [(c.known["degradation"], c.known["odometry"]) for c in made.cases(tmp_path / "logs")]
-    assert ("stall", True) in cases
-    assert ("stall", False) not in cases
-    assert len(cases) == 5
-
-
-def test_another_seed_of_a_recorded_log_counts_only_where_chance_plays_a_part(tmp_path):
+def test_what_would_be_another_runs_twin_is_left_out(tmp_path):
+    """Wheels that nobody looks at; another seed of a recorded log where no chance plays a part."""
     drive(n=30).save(tmp_path / "room.npz")
     given = plan.logs_of([str(tmp_path / "room.npz")], plan.Drives([], 3, 1.0, "", 5), None)
-    levels = plan.conditions_of(["clean", "beams=45", "noise=0.05"])
-    cases = plan.Plan(["odometry"], levels, given, (False,), None, None).cases(tmp_path / "logs")
-    seeds = [(case.known["degradation"], case.known["seed"]) for case in cases]
-    assert seeds == [("clean", 5), ("beams", 5), ("noise", 5), ("noise", 6), ("noise", 7)]
-    assert len({case.task.key for case in cases}) == 5
+    levels = plan.conditions_of(["clean", "beams=45", "noise=0.05", "stall=1"])
+    made = plan.Plan(["odometry"], levels, given, (False, True), None, None)
+    cases = made.cases(tmp_path / "logs")
+    found = [(c.known["degradation"], c.known["odometry"], c.known["seed"]) for c in cases]
+    every = [(name, with_wheels, 5) for name in ("clean", "beams") for with_wheels in (False, True)]
+    every += [("noise", with_wheels, seed) for with_wheels in (False, True) for seed in (5, 6, 7)]
+    assert sorted(found) == sorted([*every, *(("stall", True, seed) for seed in (5, 6, 7))])
+    assert len({case.task.key for case in cases}) == len(cases)
 
 
 def test_a_climb_ends_at_the_first_level_that_loses_the_run(tmp_path, monkeypatch):
@@ -148,23 +141,9 @@ def test_a_climb_ends_at_the_first_level_that_loses_the_run(tmp_path, monkeypatc
 
 
 def test_a_run_tells_at_which_scans_it_called_itself_lost():
-    class Doubting:
-        Params = Params
-        scans = lost = 0
-
-        def __init__(self, params):
-            pass
-
-        def update(self, scan):
-            self.scans += 1
-            self.lost += self.scans in (4, 5, 9)
-            return Pose2(0.0, 0.0, 0.0)
-
-        def map(self):
-            raise NotImplementedError
-
+    class Doubting(Still):
         def report(self):
-            return {"lost": self.lost}
+            return {"lost": sum(scan <= self.scans for scan in (4, 5, 9))}
 
     run = replay(Doubting(Params()), drive(n=12))
     assert np.flatnonzero(run.says_lost).tolist() == [3, 4, 8]
