@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 TRANSLATION_CLASS = 0.025  # m, [Kuehn] Fig. 2
 ORIENTATION_CLASS = 0.05  # rad, [Kuehn] Fig. 3
+LOOP = 20.0  # s, relations between stamps further apart are loops; the files do not tell
 
 
 # the paper's rate of updates differs from program to program: time and way do not
@@ -99,11 +100,12 @@ def errors_over_spans(common: Common) -> dict[str, SpanErrors]:
 
 
 class RelationErrors(NamedTuple):
-    """Errors of the relations used, of `given` ones, (k,) each [m], [rad], at later stamps `t`."""
+    """Errors of the relations used, of `given` ones, (k,) each [m], [rad]; `loop`: far stamps."""
 
     t: Floats
     translation: Floats
     rotation: Floats
+    loop: NDArray[np.bool_]
     given: int
 
 
@@ -123,10 +125,12 @@ def relation_errors(
     used = np.logical_and(found_first, found_second)
     moved = between(poses[first[used]], poses[second[used]])
     error = between(relations[used, 2:5], moved)
+    stamps = relations[used, :2]
     return RelationErrors(
-        relations[used, :2].max(axis=1),
+        stamps.max(axis=1),
         np.hypot(error[:, 0], error[:, 1]),
         np.abs(error[:, 2]),
+        np.abs(stamps[:, 1] - stamps[:, 0]) > LOOP,
         len(relations),
     )
 

@@ -45,17 +45,21 @@ def _update(kind: str) -> Columns:
     return {head: (f"errors/spans/update/{kind}/{key}", 1) for head, key in names.items()}
 
 
+def _relations(part: str, mark: str = "") -> Columns:
+    """[Kuemmerle09]: absolute errors of all relations, or of the local ones or the loops."""
+    return {
+        f"{mark}[m]": (f"relations/{part}/translation_m/mean", 1),
+        f"{mark}± [m]": (f"relations/{part}/translation_m/std", 1),
+        f"{mark}[rad]": (f"relations/{part}/rotation_rad/mean", 1),
+        f"{mark}± [rad]": (f"relations/{part}/rotation_rad/std", 1),
+        f"{mark}relations": (f"relations/{part}/used", 1),
+    }
+
+
 SPAN_COLUMNS: Columns = {
     f"{span.name} [{unit}]": (f"errors/spans/{span.name}/{key}/mean", 1e3)
     for span in SPANS
     for unit, key in (("mm", "se2_translation_m"), ("mrad", "orientation_rad"))
-}
-RELATIONS: Columns = {
-    "[m]": ("relations/all/translation_m/mean", 1),
-    "± [m]": ("relations/all/translation_m/std", 1),
-    "[rad]": ("relations/all/rotation_rad/mean", 1),
-    "± [rad]": ("relations/all/rotation_rad/std", 1),
-    "relations": ("relations/all/used", 1),
 }
 OVERVIEW: Columns = {
     "end [mm]": ("errors/end_m", 1e3),
@@ -138,7 +142,7 @@ def starts_table(_: Line, rows: Rows) -> pd.DataFrame:
 
 def relation_table(log: Line, rows: Rows) -> pd.DataFrame:
     """[Kuemmerle09]: absolute errors; the published ones of the log below."""
-    found = frame_of({label(row): line(row, RELATIONS) for row in rows})
+    found = frame_of({label(row): line(row, _relations("all")) for row in rows})
     known = {"[m]": "translation_mean", "± [m]": "translation_std"}
     known |= {"[rad]": "rotation_mean", "± [rad]": "rotation_std"}
     printed = {
@@ -236,6 +240,10 @@ TABLES: dict[str, tuple[str, Maker]] = {
     "overview": ("Whole run: drift, where it was lost, where its poses come from", _by(OVERVIEW)),
     "relations": ("Errors of the relations, mean and deviation", relation_table),
     "starts": ("The same from other start scans: how much of it was luck", starts_table),
+    "parts": (
+        "Errors of the relations, those between near stamps and the loops apart",
+        _by(_relations("local", "local ") | _relations("loop", "loop ")),
+    ),
     "unaided": (
         "Measures that need no truth, to hold against it; less is better",
         unaided_table,

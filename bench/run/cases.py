@@ -178,11 +178,14 @@ def _moments(errors: metrics.SpanErrors) -> dict[str, Any]:
 
 
 def _relations(found: metrics.RelationErrors) -> dict[str, Any]:
-    """[Kuemmerle09]: absolute errors; none of them where no relation was used."""
+    """[Kuemmerle09]: absolute errors of all relations, and of the local ones and loops apart."""
     result: dict[str, Any] = {"used": len(found.t), "given": found.given}
-    if len(found.t):
-        errors = {"translation_m": found.translation, "rotation_rad": found.rotation}
-        result["all"] = {"used": len(found.t)} | {key: moments(of) for key, of in errors.items()}
+    parts = {"all": np.ones(len(found.t), bool), "local": ~found.loop, "loop": found.loop}
+    for name, part in parts.items():
+        if part.any():
+            errors = {"translation_m": found.translation, "rotation_rad": found.rotation}
+            figures = {key: moments(values[part]) for key, values in errors.items()}
+            result[name] = {"used": int(part.sum())} | figures
     return result
 
 

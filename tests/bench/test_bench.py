@@ -45,7 +45,7 @@ def test_some_broken_relations_are_no_lost_run_and_the_first_is_that_of_the_leas
     def errors(broken):
         translation = np.where(np.arange(100) < broken, 2.0, 0.01)
         t = np.arange(100.0)[::-1].copy()
-        return RelationErrors(t, translation, np.zeros(100), 100)
+        return RelationErrors(t, translation, np.zeros(100), np.zeros(100, bool), 100)
 
     assert loss.by_relations(errors(5), 10.0) == {
         "lost": False,

@@ -136,6 +136,7 @@ def test_relations_by_hand():
     found = bench_metrics.relation_errors(t, poses, relations)
     assert found.translation == pytest.approx([0.0, 0.3])
     assert found.rotation == pytest.approx([0.0, np.pi / 2 - 1.5])
+    assert found.loop.tolist() == [False, True]
     assert found.t.tolist() == [1.0, 30.0]
 
 
