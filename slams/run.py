@@ -130,9 +130,7 @@ def write_results(
     ros: Taken | None = None,
 ) -> str:
     """Write all files of a run to `folder`, whole or not at all; returns the summary as text."""
-    from slams.formats import occupancy
     from slams.summary import as_text, summarize
-    from slams.types import Illustrated
 
     summary = summarize(run, log, entry.label, params, start_up_s)
     if ros is not None:
@@ -142,9 +140,6 @@ def write_results(
     grid = slam.map()
 
     def _add(partial: Path) -> None:
-        if isinstance(slam, Illustrated):
-            for name, pixels in slam.pictures().items():
-                occupancy.write_image(partial / name, pixels)
         if mcap:
             from slams.formats.mcap import write_mcap  # only here, for it loads the bag library
 

@@ -256,12 +256,3 @@ class Corrected(Protocol):
     def corrected(self) -> Floats:
         """Poses (n, 3) of all scans so far, as they are known now."""
         ...
-
-
-@runtime_checkable
-class Illustrated(Protocol):
-    """An algorithm that has pictures of its own beside the map; the runner writes them."""
-
-    def pictures(self) -> dict[str, NDArray[np.uint8]]:
-        """File name to image (h, w) or (h, w, 3), blue, green, red."""
-        ...

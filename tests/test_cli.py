@@ -57,15 +57,6 @@ def test_run_writes_everything_and_says_so(log_file, tmp_path):
     assert cv2.imread(str(out / "map.png")).std() > 10.0
 
 
-def test_an_algorithm_may_add_pictures(log_file, tmp_path):
-    assert slams_run.main(["tsd", str(log_file), "--limit", "3", "--out", str(tmp_path / "r")]) == 0
-    assert cv2.imread(str(tmp_path / "r" / "map_tsd.png")).std() > 5.0
-    assert (
-        slams_run.main(["hector", str(log_file), "--limit", "3", "--out", str(tmp_path / "h")]) == 0
-    )
-    assert not (tmp_path / "h" / "map_tsd.png").exists()
-
-
 def test_the_same_command_gives_the_same_files(log_file, tmp_path):
     for name in ("a", "b"):
         assert slams_run.main(["hector", str(log_file), "--out", str(tmp_path / name), "-q"]) == 0

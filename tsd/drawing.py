@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.types import OccupancyGrid
-from tsd.image import Image
 from tsd.map_kernels import BEHIND, LAYERS, PASSED, SIDE
 
 FREE, OCCUPIED = 0.02, 0.98
@@ -16,6 +15,7 @@ CERTAIN = 0.5  # least weight of a cell that shows as a surface
 STEEP, TWO_CELLS = 0.67, 1.3  # slope of the field across one surface, along its layer's axis
 SHOWN = np.full(1 + (PASSED | BEHIND), FREE, np.float32)  # of what `seen` says
 SHOWN[[0, BEHIND]] = np.nan
+Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 

@@ -15,7 +15,6 @@ from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, OccupancyGrid, Pose2
 from tsd.drawing import CERTAIN, Drawing
-from tsd.image import Image, Picture
 from tsd.map_kernels import (
     LAYERS,
     SIDE,
@@ -142,34 +141,13 @@ class TileField:
         """A copy of what the map is drawn from."""
         return self._drawing(self._window(self.extent.covered))
 
-    def picture(self) -> Picture:
-        """Of every cell the distance [m] to its closest surface, and the weight."""
-        f, ((rows, columns), _) = self.kernel, self._window(self.extent.covered)
-        tsd = np.stack([self._dense(layer, f.tsd) for layer in range(LAYERS)])
-        weight = np.stack([self._dense(layer, f.weight) for layer in range(LAYERS)])
-        nearest = np.where(np.isnan(tsd), np.inf, np.abs(tsd)).argmin(axis=0)[None]
-        images = [np.take_along_axis(image, nearest, axis=0)[0] for image in (tsd, weight)]
-        corner = f.corner + f.cell * np.array([columns.start, rows.start])
-        return images[0], images[1], f.cell, (float(corner[0]), float(corner[1]))
-
     def _drawing(self, window: tuple[tuple[slice, slice], tuple[slice, slice]]) -> Drawing:
         f, ((rows, columns), (ty, tx)) = self.kernel, window
         corner = f.corner + f.cell * np.array([columns.start, rows.start])
-        used, index = np.unique(f.slots[ty, tx], return_inverse=True)
-        tsd = np.where(f.weight[used] >= CERTAIN, f.tsd[used], np.float32(np.nan))
-        slots = index.reshape(f.slots[ty, tx].shape).astype(np.int32)
-        if used[0] != 0:  # no tile is missing: number 0 is still that of none
-            tsd = np.concatenate([np.full((1, SIDE, SIDE), np.nan, np.float32), tsd])
-            slots += 1
-        seen = f.seen[rows, columns].copy()
+        used = int(f.used[0])
+        tsd = np.where(f.weight[:used] >= CERTAIN, f.tsd[:used], np.float32(np.nan))
+        slots, seen = f.slots[ty, tx].copy(), f.seen[rows, columns].copy()
         return Drawing(slots, tsd, seen, f.cell, (float(corner[0]), float(corner[1])))
-
-    def _dense(self, layer: int, pool: Image) -> Image:
-        """One layer of the part of the map that was seen, as an image."""
-        slots = self.kernel.slots[self._window(self.extent.covered)[1]][..., layer]
-        ny, nx = slots.shape
-        image: Image = pool[slots].transpose(0, 2, 1, 3).reshape(ny * SIDE, nx * SIDE)
-        return image
 
     def _window(self, box: Box) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
         """The whole tiles in a box that were covered: their cells, and themselves."""

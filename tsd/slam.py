@@ -25,7 +25,6 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slams.frontend.confident import HasEstimator
 from slams.frontend.keyframes import Keyframes
@@ -35,7 +34,6 @@ from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints, gap
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
-from tsd.image import Picture, colored
 from tsd.map import TileField
 from tsd.params import TsdParams
 from tsd.registration import Registration
@@ -94,14 +92,6 @@ class Tsd(HasEstimator):
     def snapshot(self) -> Callable[[], OccupancyGrid]:
         """A function that draws the map as it stands now, while updates go on."""
         return self._map.snapshot().draw
-
-    def field(self) -> Picture:
-        """The field itself: distances [m] (ny, nx), weights, edge of a cell, corner (x, y) [m]."""
-        return self._map.picture()
-
-    def pictures(self) -> dict[str, NDArray[np.uint8]]:
-        """File name to image (ny, nx, 3), blue, green, red: the field with both its sides."""
-        return {"map_tsd.png": colored(self.field()[0], self.params.truncation)}
 
     def report(self) -> dict[str, Any]:
         """Counts of scans.

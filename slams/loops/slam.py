@@ -30,7 +30,7 @@ JUMP = 0.2  # m that the algorithm may be off its own last step or the wheels': 
 REDRAWN = 4  # keyframes that enter the new map beside one scan
 PAUSE = 5  # scans to each keyframe of a map that was drawn anew, until the next
 SETTLED = 1e-4  # m, rad: the last iteration moves no pose by more
-PASSED = "state", "quality", "covariance", "pictures", "snapshot"
+PASSED = "state", "quality", "covariance", "snapshot"
 
 
 def gap(one: Pose2, other: Pose2) -> float:

@@ -22,7 +22,6 @@ from tests.tsd.cases import (
     scanned,
 )
 from tsd.drawing import surface_cells
-from tsd.image import colored
 from tsd.map_kernels import (
     BEHIND,
     PASSED,
@@ -108,14 +107,12 @@ def test_push_blends_every_line_into_its_cells():
     for k in range(5):
         n = list_rows(field.kernel, lines[k : k + 1], 1, rule, rows)
         push_rows(field.kernel, lines[k : k + 1], rows, n, rule)
-    tsd, weight, _, corner = field.picture()
+    weights = field.kernel._replace(tsd=field.kernel.weight)
     for y in (-0.075, -0.025, 0.025, 0.075):
-        iy, ix = int((y - corner[1]) / 0.05), int((1.01 - corner[0]) / 0.05)
-        x = corner[0] + (ix + 0.5) * 0.05
-        cell_y = corner[1] + (iy + 0.5) * 0.05
-        value, total = naive_tsd.pushed_cell(lines[:, :5], x, cell_y, 0.15, 3.0)
-        assert tsd[iy, ix] == pytest.approx(value, abs=1e-5)
-        assert weight[iy, ix] == pytest.approx(total, rel=1e-5)
+        sd, center, _ = naive_tsd.cell_of(field.kernel, 1, 1.01, y)
+        value, total = naive_tsd.pushed_cell(lines[:, :5], *center, 0.15, 3.0)
+        assert sd == pytest.approx(value, abs=1e-5)
+        assert naive_tsd.cell_of(weights, 1, 1.01, y)[0] == pytest.approx(total, rel=1e-5)
     for y, behind in ((-0.125, True), (0.025, False)):
         ix, iy = ((np.array([1.01, y]) - field.kernel.corner) / 0.05).astype(int)
         assert bool(field.kernel.seen[iy, ix] & BEHIND) == behind
@@ -150,19 +147,6 @@ def test_walls_of_the_map_are_thin_and_nothing_else_is_occupied():
     assert len(ix) < 400  # the outline is 19.4 m, 388 cells, and not all of it is seen
 
 
-def test_pictures_show_both_sides_of_the_field():
-    slam = default()
-    slam.update(scan_at((0.0, 0.0, 0.0)))
-    image = slam.pictures()["map_tsd.png"]
-    assert image.dtype == np.uint8 and image.ndim == 3
-    tsd = np.array([[np.nan, 0.1, -0.1], [0.0, 0.05, np.nan]], np.float32)
-    shown = colored(tsd, 0.1)
-    assert shown[1, 0].tolist() == [205, 205, 205]  # north is up
-    assert shown[1, 1].tolist() == [255, 255, 255] and shown[0, 0].tolist() == [0, 0, 255]
-    assert shown[0, 1].tolist() == [255, 127, 127]
-    assert colored(np.full((2, 2), np.nan, np.float32), 0.1).shape == (1, 1, 3)
-
-
 def test_shares_count_what_is_explained_and_what_is_contradicted():
     slam, elements = scanned()
     field, pose, softness = slam._map, slam._estimator.pose, slam._scan.softness
@@ -182,7 +166,7 @@ def test_shares_count_what_is_explained_and_what_is_contradicted():
 
 
 @pytest.mark.parametrize("make", [default, original])
-def test_map_and_field_show_the_room(make):
+def test_the_map_shows_the_room(make):
     slam = make()
     for scan in drive(n=25, gyro=False):
         slam.update(scan)
@@ -191,10 +175,6 @@ def test_map_and_field_show_the_room(make):
     grid = slam.map()
     ix, iy = (np.array([0.5, 0.5]) - grid.origin) / grid.resolution
     assert grid.p[int(iy), int(ix)] < 0.5
-    tsd, weight, resolution, origin = slam.field()
-    assert tsd.shape == weight.shape == grid.p.shape
-    assert (resolution, origin) == (grid.resolution, grid.origin)
-    assert np.isfinite(tsd[weight > 0]).all()
 
 
 def test_a_sparse_line_is_not_continued_far_beyond_its_hit():

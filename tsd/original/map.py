@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slams.grid_bounds import DEFAULT_MAX_CELLS, Box, GridBounds
 from slams.types import Floats, OccupancyGrid
-from tsd.image import Image, Picture
 from tsd.original import map_kernels as kernels
 from tsd.original.map_kernels import BLOCK, SIDE, Grid
 from tsd.original.scan_kernels import Mask, Sensor
@@ -68,12 +68,6 @@ class TsdGrid:
         p[zero_crossings(g.tsd)] = OCCUPIED
         return OccupancyGrid(p, g.cell, (float(g.corner[0]), float(g.corner[1])))
 
-    def picture(self) -> Picture:
-        """Of every cell the distance [m] and the weight."""
-        g = self.kernel
-        corner = (float(g.corner[0]), float(g.corner[1]))
-        return g.tsd * np.float32(g.truncation), g.weight.copy(), g.cell, corner
-
     def _cover(self, laser: Floats, ranges: Floats) -> bool:
         g = self.kernel
         reach = float(ranges.max(initial=0.0)) + 1.0
@@ -100,7 +94,7 @@ class TsdGrid:
         return True
 
 
-def zero_crossings(tsd: Image) -> Mask:
+def zero_crossings(tsd: NDArray[np.float32]) -> Mask:
     """Cells that hold the zero between two neighbors of opposite signs, to a fraction of a cell."""
     occupied = np.zeros(tsd.shape, np.bool_)
     for first, second in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :])):

@@ -19,11 +19,9 @@ import math
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slams.params import Params
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
-from tsd.image import Picture, colored
 from tsd.original.map import TsdGrid
 from tsd.original.params import OriginalParams
 from tsd.original.registration import Registration
@@ -62,14 +60,6 @@ class Original:
     def map(self) -> OccupancyGrid:
         """The map as it stands now."""
         return self._grid.occupancy()
-
-    def field(self) -> Picture:
-        """The field itself: distances [m] (ny, nx), weights, edge of a cell, corner (x, y) [m]."""
-        return self._grid.picture()
-
-    def pictures(self) -> dict[str, NDArray[np.uint8]]:
-        """File name to image (ny, nx, 3), blue, green, red: the field with both its sides."""
-        return {"map_tsd.png": colored(self.field()[0], self.params.truncation)}
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far."""
