@@ -16,7 +16,6 @@ from scipy.sparse import bsr_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
-from slams.loops.graph_kernels import propagate
 from slams.types import Floats, Pose2, wrap_angle
 
 LEVER = 10.0  # m a radian counts for
@@ -72,7 +71,8 @@ class PoseGraph:
     def uncertainty(self, root: int) -> Floats:
         """Covariance (n, 3, 3) of all poses relative to that of `root`.
 
-        In the map's axes, along the surest path through steps and loops [Olson08].
+        In the map's axes, along the surest path through steps and loops ("Dijkstra projection" of
+        [Olson08]): an error of one heading moves the next keyframe by the lever between them.
         """
         n, (loops, _, information) = self.n, self._stacked_loops()
         k, variances = np.arange(n - 1), self._variances[1:]
@@ -85,14 +85,23 @@ class PoseGraph:
             links, directed=False, indices=np.array(root), return_predecessors=True
         )
         order = np.argsort(distance, kind="stable")[1:]
-        used = np.full(n, -1)  # loop to the parent of each keyframe
-        child = order[np.abs(parents[order] - order) > 1]
-        pair = np.minimum(child, parents[child]) * n + np.maximum(child, parents[child])
-        pairs = loops @ (n, 1)
+        before = parents[order]
+        earlier, later = np.minimum(order, before), np.maximum(order, before)
+        added = np.zeros((n - 1, 3, 3))  # by the edge from the keyframe before on the path
+        added[:, range(3), range(3)] = self._variances[later]
+        is_loop, pairs = later - earlier > 1, loops @ (n, 1)
         by_pair = np.argsort(pairs, kind="stable")
-        used[child] = by_pair[np.searchsorted(pairs[by_pair], pair)]
+        found = np.searchsorted(pairs[by_pair], (earlier * n + later)[is_loop])
+        added[is_loop] = noise[by_pair[found]]
+        R, J = np.zeros((n - 1, 3, 3)), np.tile(np.eye(3), (n - 1, 1, 1))
+        R[:, 0, 0] = R[:, 1, 1] = np.cos(self.poses[earlier, 2])
+        R[:, 1, 0] = np.sin(self.poses[earlier, 2])
+        R[:, 0, 1], R[:, 2, 2] = -R[:, 1, 0], 1.0
+        J[:, :2, 2] = (self.poses[order, :2] - self.poses[before, :2])[:, ::-1] * (-1.0, 1.0)
+        added = R @ added @ R.transpose(0, 2, 1)
         out = np.zeros((n, 3, 3))
-        propagate(self.poses, order, parents, used, self._variances, noise, out)
+        for k, last, lever, more in zip(order, before, J, added, strict=True):
+            out[k] = lever @ out[last] @ lever.T + more
         return out
 
     def iterate(self) -> float:

@@ -1,4 +1,8 @@
-"""Matching a keyframe with the local map of some others, from a pose known to meters only."""
+"""Matching a keyframe with the local map of some others, from a pose known to meters only.
+
+[LuMilios97] F. Lu, E. Milios: Globally Consistent Range Scan Alignment for Environment Mapping.
+Autonomous Robots 4, 1997.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +12,18 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slams.frontend.correlative import Lookup, Window, search
 from slams.frontend.degeneracy import of_scan
 from slams.geometry import Prior
-from slams.loops import matching_kernels as kernels
 from slams.refine.lines import LineMap, Match
 from slams.refine.params import RefineParams
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Pose2, Scan
 
 CELL = 0.1  # m, of the likelihood and of the lines
+BESIDE = 0.6  # likelihood of a cell beside that of a wall
 FAR = 15.0  # m: farther end points are too sparse to draw a map of
 TOLERANCE = 0.15  # m, between the ranges of two keyframes that see one wall
 SCANS = RefineParams()  # how scans are read and lines drawn, whatever the algorithm does
@@ -75,13 +80,18 @@ class LocalMap:
 
     def __init__(self, keyframes: Sequence[Keyframe], poses: Sequence[Pose2]) -> None:
         self.keyframes, self.poses = keyframes, poses
+        import cv2
+
         ends = [pose.transform(k.ends.T).T for pose, k in zip(poses, keyframes, strict=True)]
         every = np.ascontiguousarray(np.concatenate(ends, axis=1))
         low, high = every.min(axis=1) - 2.0 * CELL, every.max(axis=1) + 2.0 * CELL
         nx, ny = (np.ceil((high - low) / CELL).astype(int) + 1).tolist()
+        walls = np.zeros((ny, nx), np.float32)
+        ix, iy = np.floor((every - low[:, None]) / CELL + 0.5).astype(int)
+        walls[iy, ix] = 1.0
+        beside = np.asarray(cv2.dilate(walls, np.ones((3, 3), np.uint8)), np.float32)
         x0, y0 = low.tolist()
-        self._lookup = Lookup(np.zeros((ny, nx), np.float32), x0, y0, CELL)
-        kernels.paint(every, x0, y0, CELL, self._lookup.likelihood)
+        self._lookup = Lookup(np.maximum(walls, BESIDE * beside), x0, y0, CELL)
 
     def search(self, ends: Floats, window: Window, enough: float) -> Found:
         """The best pose of a window for end points (2, n) [m]; `enough`: a score it must have."""
@@ -98,14 +108,12 @@ class LocalMap:
 
     def agreement(self, ends: Floats, pose: Pose2) -> float:
         """Share of the end points that its keyframes see too, less those that they see through."""
-        found = np.zeros(ends.shape[1])
+        seen, through = np.zeros((2, ends.shape[1]), np.bool_)
         for other, at in zip(self.keyframes, self.poses, strict=True):
-            laser = other.scan.laser
-            seen_from = (at @ laser.mount).between(pose)
-            view = np.array((laser.angle_min, laser.angle_increment, laser.range_max))
-            ranges = other.scan.ranges
-            kernels.visible(ends, np.array(seen_from), ranges, view, TOLERANCE, found)
-        return float(found.mean()) if found.size else 0.0
+            placed = (at @ other.scan.laser.mount).between(pose).transform(ends.T)
+            here, beyond = visible(placed, other.scan)
+            seen, through = seen | here, through | beyond
+        return float(seen.sum() - (through & ~seen).sum()) / max(len(seen), 1)
 
     @cached_property
     def _lines(self) -> LineMap:
@@ -116,6 +124,26 @@ class LocalMap:
             points, middle = read(key.scan, key.twist)
             lines.insert(points, pose @ middle)
         return lines
+
+
+def visible(points: Floats, scan: Scan) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which points (n, 2) [m] in the frame of a laser its scan has seen, and seen through.
+
+    [LuMilios97] A point between the ranges of the neighboring beams was seen; where all of these
+    went farther it was seen through; a hidden point is neither.
+    """
+    laser, (x, y) = scan.laser, points.T
+    ranges = np.minimum(scan.ranges.astype(float), laser.range_max)
+    ranges = np.pad(ranges, 1, constant_values=math.nan)
+    beams = ranges[:-2], ranges[1:-1], ranges[2:]
+    low, high = (np.append(of.reduce(beams), math.nan) for of in (np.fmin, np.fmax))
+    turn = np.copysign(1.0, laser.angle_increment) * (np.arctan2(y, x) - laser.angle_min)
+    beam = (turn % (2.0 * math.pi) / abs(laser.angle_increment) + 0.5).astype(int)
+    low, high = (side[np.minimum(beam, laser.n_beams)] for side in (low, high))
+    r = np.sqrt(x * x + y * y)
+    near = TOLERANCE + abs(laser.angle_increment) * r
+    seen = (low < laser.range_max) & (low - near <= r) & (r <= high + near)
+    return seen, (high > 0.0) & (r < low - near)
 
 
 def observed(points: EndPoints, theta: float, spread: Floats) -> Floats:

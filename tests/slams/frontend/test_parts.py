@@ -15,7 +15,7 @@ from slams.frontend.params import FrontendParams
 from slams.frontend.plain import estimator_for
 from slams.frontend.ranking import best_around
 from slams.frontend.timing import LaserTimings, ScanTiming
-from slams.loops.matching_kernels import paint
+from slams.loops.matching import LocalMap, keyframe
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.scan.params import ScanParams
@@ -114,9 +114,7 @@ def test_a_search_does_bounded_work():
 @pytest.mark.parametrize("block", [4, 8])
 def test_a_coarse_cell_bounds_all_shifts_within_it(block):
     rng = np.random.default_rng(block)
-    fine = np.zeros((64, 80), np.float32)
-    points = rng.uniform(1.0, 5.0, (2, 200))
-    paint(points, 0.0, 0.0, 0.1, fine)
+    fine = rng.random((64, 80), np.float32)
     coarse = np.zeros((64 // block + 1, 80 // block + 1), np.float32)
     pool(fine, block, coarse)
     for iy in range(64 - 2 * block):
@@ -162,10 +160,7 @@ def test_a_search_reaches_as_far_as_a_late_scan_may_be(turned, found):
 
     class Walls:
         def lookup(self):
-            likelihood = np.zeros((200, 200), np.float32)
-            ends = true.transform(points.points[:2, : points.n].T).T
-            paint(np.ascontiguousarray(ends), -10.0, -10.0, 0.1, likelihood)
-            return Lookup(likelihood, -10.0, -10.0, 0.1)
+            return LocalMap([keyframe(room_at(IDENTITY, LIDAR), IDENTITY)], [true])._lookup
 
         def evaluate(self, points, pose):
             return (1.0 if abs(pose.theta - true.theta) < 0.1 else 0.1), 0.0
