@@ -74,7 +74,6 @@ class LoopDetector:
     """
 
     def __init__(self, graph: PoseGraph, keyframes: list[Keyframe], loop_path: float) -> None:
-        self.counts = {"loop_searches": 0, "loops_verified": 0, "loops": 0}
         self._graph, self._keyframes, self._loop_path = graph, keyframes, loop_path
         self._query: Query | None = None
         self._hypothesis: list[Verified] = []
@@ -149,7 +148,6 @@ class LoopDetector:
 
     def _try(self, query: Query, earlier: int, expected: Pose2, covariance: Floats) -> int:
         """Search the keyframe in the local map of another, and verify; lookups that it took."""
-        self.counts["loop_searches"] += 1
         there = self._local_map(earlier)
         found = there.search(
             self._keyframes[query.later].ends, _window(expected, covariance), MIN_SCORE
@@ -158,20 +156,15 @@ class LoopDetector:
             edge = LoopEdge(earlier, query.later, found.pose)
             verified = self._verified(edge, there, query.here, found.spread)
             if verified is not None:
-                fits = self._is_expected(verified.edge, expected, covariance)
+                off = np.array(self._implied(verified.edge))
+                off -= self._graph.pose(earlier) @ expected
+                off[2] = wrap_angle(float(off[2]))
+                noise = covariance + np.diag(np.square(EDGE))
+                fits = float(off @ np.linalg.solve(noise, off)) < GATE
                 predicted = query.is_predicted and fits
                 if predicted or (verified.is_observed and verified.agreement >= ALONE):
-                    self.counts["loops_verified"] += 1
                     query.found.append(verified._replace(is_predicted=predicted))
         return found.lookups
-
-    def _is_expected(self, edge: LoopEdge, expected: Pose2, covariance: Floats) -> bool:
-        """Whether a match is where it was expected, as far as the covariance says."""
-        there = self._graph.pose(edge.earlier)
-        off = np.array(there @ edge.pose) - np.array(there @ expected)
-        off[2] = wrap_angle(float(off[2]))
-        noise = covariance + np.diag(np.square(EDGE))
-        return float(off @ np.linalg.solve(noise, off)) < GATE
 
     def _verified(
         self, edge: LoopEdge, there: LocalMap, here: LocalMap, spread: Floats
@@ -217,22 +210,19 @@ class LoopDetector:
         best = self._best(query)
         if best is not None and not self._hypothesis:
             if best.is_predicted:
-                return self._believe([best.edge])
+                return [best.edge]
             self._checked = [query.later]
         if best is not None and best.is_observed and (best.is_predicted or not self._hypothesis):
             self._hypothesis.append(best)
         path = self._graph.path[[found.edge.later for found in self._hypothesis]]
         enough = len(path) >= CONFIRMED and np.ptp(path) >= CONFIRMED * SPACING
         if enough and np.mean([found.agreement for found in self._hypothesis]) >= ALONE:
-            return self._believe([found.edge for found in self._hypothesis])
+            loops = [found.edge for found in self._hypothesis]
+            self._hypothesis = []
+            return loops
         if len(self._checked) - len(path) >= REFUTED:
             self._hypothesis = []
         return []
-
-    def _believe(self, loops: list[LoopEdge]) -> list[LoopEdge]:
-        self._hypothesis, self._checked = [], []
-        self.counts["loops"] += len(loops)
-        return loops
 
     def _best(self, query: Query) -> Verified | None:
         """The best match, if none elsewhere is nearly as good."""

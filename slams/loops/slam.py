@@ -102,8 +102,7 @@ class Looped:
             self._scans.append((-1, pose))
         else:
             self._follow(scan, pose)
-            if self._is_due(pose):
-                self._add(scan, pose)
+            self._add(scan, pose)
             self._scans.append((self.graph.n - 1, self._at.between(pose)))
             if self.graph.n > 0:
                 pose = self._work(scan, pose)
@@ -132,11 +131,10 @@ class Looped:
     def report(self) -> dict[str, Any]:
         """The algorithm's counts, and those of loops.
 
-        `keyframes` of the graph, `loop_searches` in local maps, `loops_verified` by a match in both
-        directions, `loops` believed, maps `redrawn`.
+        `keyframes` of the graph, `loops` closed, maps `redrawn`.
         """
-        counts = {"keyframes": self.graph.n, "redrawn": self._redrawn}
-        return self.slam.report() | counts | self._detector.counts
+        counts = {"keyframes": self.graph.n, "loops": len(self.graph.loops)}
+        return self.slam.report() | counts | {"redrawn": self._redrawn}
 
     def __getattr__(self, name: str) -> Any:
         """The algorithm's, if it has it and it is one of `PASSED`."""
@@ -181,21 +179,19 @@ class Looped:
         along = c * c * xx + 2.0 * c * s * xy + s * s * yy
         return np.array((along, xx + yy - along, turn))
 
-    def _is_due(self, pose: Pose2) -> bool:
-        step, p = self._at.between(pose), self.params
-        far = math.hypot(step.x, step.y) >= p.keyframe_distance
-        return self.graph.n == 0 or far or abs(step.theta) >= p.keyframe_rotation
-
     def _add(self, scan: Scan, pose: Pose2) -> None:
-        """A keyframe; its step is as uncertain as its distance and the covariance meanwhile say.
+        """A keyframe, if due; its step is as uncertain as distance and covariance meanwhile say.
 
         A scan with few end points is none.
         """
+        step, p = self._at.between(pose), self.params
+        distance = math.hypot(step.x, step.y)
+        far = distance >= p.keyframe_distance or abs(step.theta) >= p.keyframe_rotation
+        if self.graph.n > 0 and not far:
+            return
         key = keyframe(scan, self._twist(scan, pose))
         if key.ends.shape[1] < MIN_ENDS:
             return
-        step, p = self._at.between(pose), self.params
-        distance = math.hypot(step.x, step.y)
         noise = np.array(STEP_NOISE) ** 2
         noise[:2] += p.drift**2 * distance + self._jumps
         noise[2] += p.heading_drift**2 * (distance + abs(step.theta))
