@@ -24,7 +24,6 @@ VIEW = 4.0  # m between two poses that see the same walls: a local map is drawn 
 LOCAL_SPACING = 0.9  # m of path between two of them
 GATE = 30.0  # squared Mahalanobis distance of a loop from the graph, at most; drift has blunders
 DEVIATIONS = 3.0  # of the graph's covariance that are searched
-LOOKUPS = 4_000_000  # of cells for one scan: 10 ms
 MIN_SCORE = 0.6  # likelihood of a match that is verified
 MIN_AGREEMENT = 0.3  # inliers less conflicts, in each direction
 ALONE = 0.7  # the mean of both, of a match that nothing predicted, and of a hypothesis
@@ -65,7 +64,7 @@ class Query(NamedTuple):
 
 
 class LoopDetector:
-    """Finds loops in a graph, some candidates for each call of `work`.
+    """Finds loops in a graph, one candidate for each call of `work`.
 
     Args:
         graph: poses of the keyframes.
@@ -81,15 +80,13 @@ class LoopDetector:
         self._searched = 0.0  # path at the last query
 
     def work(self) -> list[LoopEdge]:
-        """Match with the next candidates; returns the loops that are believed now."""
+        """Match with the next candidate; returns the loops that are believed now."""
         if self._query is None:
             self._query = self._begin()
         query = self._query
         if query is None:
             return []
-        lookups = 0
-        while query.candidates and lookups < LOOKUPS:
-            lookups += self._try(query, *query.candidates.pop(0))
+        self._try(query, *query.candidates.pop(0))
         if query.candidates:
             return []
         self._query = None
@@ -146,8 +143,8 @@ class LoopDetector:
         candidates = [(k, graph.pose(k).between(pose), covariance)]
         return Query(later, self._local_map(later), candidates, [], True)
 
-    def _try(self, query: Query, earlier: int, expected: Pose2, covariance: Floats) -> int:
-        """Search the keyframe in the local map of another, and verify; lookups that it took."""
+    def _try(self, query: Query, earlier: int, expected: Pose2, covariance: Floats) -> None:
+        """Search the keyframe in the local map of another, and verify."""
         there = self._local_map(earlier)
         found = there.search(
             self._keyframes[query.later].ends, _window(expected, covariance), MIN_SCORE
@@ -164,7 +161,6 @@ class LoopDetector:
                 predicted = query.is_predicted and fits
                 if predicted or (verified.is_observed and verified.agreement >= ALONE):
                     query.found.append(verified._replace(is_predicted=predicted))
-        return found.lookups
 
     def _verified(
         self, edge: LoopEdge, there: LocalMap, here: LocalMap, spread: Floats

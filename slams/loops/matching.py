@@ -47,13 +47,12 @@ class Keyframe(NamedTuple):
 class Found(NamedTuple):
     """The best pose of a search and its score 0..1.
 
-    `spread` (2, 2) [m^2] of the poses that score nearly as well; how many cells were looked up.
+    `spread` (2, 2) [m^2] of the poses that score nearly as well.
     """
 
     pose: Pose2
     score: float
     spread: Floats
-    lookups: int
 
 
 def read(scan: Scan, twist: Pose2) -> tuple[EndPoints, Pose2]:
@@ -95,12 +94,12 @@ class LocalMap:
 
     def search(self, ends: Floats, window: Window, enough: float) -> Found:
         """The best pose of a window for end points (2, n) [m]; `enough`: a score it must have."""
-        poses, lookups = search(self._lookup, ends, window, enough, ALIKE)
+        poses, _ = search(self._lookup, ends, window, enough, ALIKE)
         if len(poses) == 0:
-            return Found(window.middle, 0.0, np.zeros((2, 2)), lookups)
+            return Found(window.middle, 0.0, np.zeros((2, 2)))
         top = poses[0]
         off = poses[poses[:, 3] > top[3] - ALIKE, :2] - top[:2]
-        return Found(Pose2(*top[:3].tolist()), float(top[3]), off.T @ off / len(off), lookups)
+        return Found(Pose2(*top[:3].tolist()), float(top[3]), off.T @ off / len(off))
 
     def fit(self, points: EndPoints, start: Pose2) -> Match:
         """Gauss-Newton on the lines of the local map, from a pose good to a cell."""

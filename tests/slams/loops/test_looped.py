@@ -187,7 +187,7 @@ def test_a_hypothesis_that_nothing_confirms_is_dropped():
     detector = LoopDetector(graph, keys, loop_path=10.0)
     edge = LoopEdge(0, 40, Pose2(0.0, 0.0, 0.0), np.diag((1e3, 1e3, 1e4)))
     detector._hypothesis, detector._checked = [Verified(edge, 0.8, True)], [40]
-    missed = Found(IDENTITY, 0.0, np.zeros((2, 2)), 1000)
+    missed = Found(IDENTITY, 0.0, np.zeros((2, 2)))
     detector._local_map = lambda middle: SimpleNamespace(search=lambda *_: missed)
     for _ in range(2 * REFUTED):
         assert detector.work() == []
