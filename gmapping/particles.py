@@ -36,8 +36,8 @@ class Particles:
     """Robot poses (n, 3) with log weights, each at the end of a history of its own.
 
     `log_w` has grown since the last resampling, `lifetime` since the start; `best` is the one that
-    is reported, `lineage` how often another history was. Histories are one tree: nodes know their
-    parent. ours: if `steady`, the one that is reported lives on, in place of a twin.
+    is reported. Histories are one tree: nodes know their parent. ours: if `steady`, the one that is
+    reported lives on, in place of a twin.
     """
 
     def __init__(self, n: int, steady: bool = False) -> None:
@@ -47,7 +47,7 @@ class Particles:
         self.lifetime = np.zeros(n)
         self.w = np.full(n, 1.0 / n)
         self.n_eff = float(n)
-        self.best = self.lineage = 0
+        self.best = 0
         self._leaves = np.full(n, -1, np.int64)
         self._parents: list[NDArray[np.int64]] = []
         self._nodes: list[Floats] = []
@@ -58,11 +58,7 @@ class Particles:
     @property
     def best_pose(self) -> Pose2:
         """Pose of the particle that is reported."""
-        return self.pose(self.best)
-
-    def pose(self, particle: int) -> Pose2:
-        """Pose of one particle."""
-        x, y, theta = self.poses[particle].tolist()
+        x, y, theta = self.poses[self.best].tolist()
         return Pose2(x, y, float(wrap_angle(theta)))
 
     def move(self, steps: Floats) -> None:
@@ -116,12 +112,6 @@ class Particles:
         self.w = np.full(len(self), 1.0 / len(self))
         children = np.flatnonzero(ancestors == self.best)
         self.best = int(children[0]) if len(children) else int(np.argmax(self.lifetime))
-        self.lineage += len(children) == 0
-
-    def report(self, leader: int) -> None:
-        """Another particle is the one that is reported."""
-        self.lineage += leader != self.best
-        self.best = leader
 
     def leader(self) -> int:
         """The particle of greatest lifetime weight; the reported one if none leads it."""

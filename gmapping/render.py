@@ -81,24 +81,15 @@ class Renderer:
         self._add(scan, Pose2(*pose.tolist()), 1)
         self._n_final += 1
 
-    def follow(self, history: Floats, most: int | None = None) -> bool:
-        """Draw the kept scans at the poses (k, 3) of a history; newest first, `most` of them anew.
+    def snapshot(self, history: Floats) -> Callable[[], OccupancyGrid]:
+        """A function that draws the map at the poses (k, 3) of a history as it stands now.
 
-        Returns whether all of them are drawn so.
+        Occupancy of the cells, from hits and visits; 0.5 is the original's threshold.
         """
         poses = history[self._n_final :]
-        moved = np.flatnonzero((poses != self._drawn[: len(poses)]).any(axis=1))[::-1]
-        for k in moved[:most].tolist():
+        moved = np.flatnonzero((poses != self._drawn[: len(poses)]).any(axis=1))
+        for k in moved.tolist():
             self._move(k, Pose2(*poses[k].tolist()))
-        return most is None or len(moved) <= most
-
-    def grid(self, history: Floats) -> OccupancyGrid:
-        """Occupancy of the cells, from hits and visits; 0.5 is the original's threshold."""
-        return self.snapshot(history)()
-
-    def snapshot(self, history: Floats) -> Callable[[], OccupancyGrid]:
-        """A function that draws the map at a history's poses as it stands now."""
-        self.follow(history)
         part = self._part(*self._low.tolist(), *(self._high + 1).tolist())
         hits, visits = (cells.copy() for cells in part[:2])
         return lambda: self._shares(hits, visits, part[2])

@@ -24,7 +24,6 @@ SELDOM = 0.5  # m of way between two looks for a loop
 SCANS = 20  # old scans that are looked at
 DRIFT = np.diag((0.33, 0.33, 0.03)) ** 2  # m, m, rad: of the way around a loop; 3 deviations
 WINDOWS = 0.25, 0.5, 1.0  # of the drift that is searched: the nearer place is the likelier one
-REDRAWN = 15  # keyframes drawn anew with one, once another particle is reported: 30 ms at 80 m
 
 Matcher = SurfaceMatcher | EndPointMatcher
 
@@ -34,7 +33,6 @@ class ReportedMap:
 
     def __init__(self, matcher: Matcher, particles: Particles, picture: Renderer) -> None:
         self._matcher, self._particles, self._picture = matcher, particles, picture
-        self._drawn = 0  # lineage of the history in the picture
         self._ways: list[float] = []  # [m] driven at each keyframe
         self._looked = 0.0  # [m] driven at the last look for a loop
 
@@ -83,12 +81,6 @@ class ReportedMap:
         return Revisit(found, seen_then)
 
     def insert(self, ray: Ray, way: float) -> None:
-        """Draw a keyframe where the reported particle is; after another has been reported, more."""
-        particles = self._particles
-        x, y, theta = particles.poses[particles.best].tolist()
+        """Draw a keyframe where the reported particle is."""
         self._ways.append(way)
-        self._picture.keep(ray, Pose2(x, y, theta))
-        if particles.lineage != self._drawn:
-            history = particles.history(particles.best)
-            if self._picture.follow(history, REDRAWN):
-                self._drawn = particles.lineage
+        self._picture.keep(ray, self._particles.best_pose)

@@ -112,7 +112,7 @@ class GMapping(HasEstimator):
 
     def map(self) -> OccupancyGrid:
         """The reported particle's map, drawn from its history of keyframes."""
-        return self._renderer.grid(self.trajectory())
+        return self.snapshot()()
 
     def snapshot(self) -> Callable[[], OccupancyGrid]:
         """A function that draws the map as it stands now, while updates go on."""
@@ -201,7 +201,7 @@ class GMapping(HasEstimator):
         leader = particles.best if self.params.refine else particles.leader()
         self._counts["switched"] += leader != particles.best
         self._counts["closed"] += bool(closes[leader])
-        particles.report(leader)
+        particles.best = leader
         self._estimator.correct(particles.best_pose)
         return particles.best_pose
 

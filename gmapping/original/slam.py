@@ -70,7 +70,7 @@ class Original:
 
     def map(self) -> OccupancyGrid:
         """The best particle's map, drawn from its history of keyframes."""
-        return self._renderer.grid(self.trajectory())
+        return self._renderer.snapshot(self.trajectory())()
 
     def trajectory(self) -> Floats:
         """The best particle's poses (k, 3) x, y [m], theta [rad] at the keyframes."""

@@ -234,18 +234,6 @@ def test_resampled_particles_go_on_with_pose_and_map_of_their_ancestor():
     references_add_up(slam.tiles)
 
 
-def test_the_lineage_tells_whether_the_reported_history_has_become_another():
-    particles = Particles(4)
-    particles.remember()
-    particles.follow(np.array([1, 0, 0, 2]))
-    assert (particles.best, particles.lineage) == (1, 0)
-    particles.report(1)
-    assert particles.lineage == 0
-    particles.report(2)
-    particles.follow(np.array([1, 1, 3, 3]))
-    assert particles.lineage == 2
-
-
 def test_the_papers_filter_reports_the_leader_whether_or_not_it_has_closed_a_loop():
     _, scans = drive(10)
     slam, poses = run(scans, "paper", n_particles=2)

@@ -29,7 +29,7 @@ def drawn(rays, poses):
     renderer = Renderer(EDGE, 0.25)
     for ray in rays:
         renderer.keep(ray)
-    return renderer.grid(poses)
+    return renderer.snapshot(poses)()
 
 
 def same(a, b):
@@ -46,7 +46,7 @@ def test_what_is_final_is_as_if_it_was_kept(kept):
     for ray in rays[first:]:
         renderer.keep(ray)
     for _ in range(2):
-        same(renderer.grid(poses), drawn(rays, poses))
+        same(renderer.snapshot(poses)(), drawn(rays, poses))
 
 
 def test_the_original_with_the_laser_alone_keeps_no_scan():
@@ -65,17 +65,13 @@ def test_the_original_with_the_laser_alone_keeps_no_scan():
     assert grid.origin[0] < Pose2(*trajectory[-1]).x < grid.origin[0] + grid.p.shape[1] * 0.05
 
 
-def test_only_scans_whose_pose_has_changed_are_drawn_anew_newest_first():
+def test_scans_whose_pose_has_changed_are_drawn_anew_and_no_longer_where_they_were():
     renderer, rays, poses = Renderer(EDGE, 0.25), scans(30), history(30)
     for ray, pose in zip(rays, poses, strict=True):
         renderer.keep(ray, Pose2(*pose.tolist()))
-    assert renderer.follow(poses, 0)
     other = poses.copy()
     other[20:] += 0.3
-    assert not renderer.follow(other, 4)
-    half = np.vstack([poses[:26], other[26:]])
-    assert renderer.follow(half, 0) and renderer.follow(other, 6)
-    a, b = renderer.grid(other), drawn(rays, other)
+    a, b = renderer.snapshot(other)(), drawn(rays, other)
     assert np.nansum(a.p) == pytest.approx(np.nansum(b.p))
 
 
