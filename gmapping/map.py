@@ -36,7 +36,6 @@ class TileMap:
         most = MOST_POINTERS * CELLS // (n_particles * layers)
         self.extent = GridBounds(min(max_cells, most), resolution)
         self._room = Room(min(max_cells, most), resolution, SIDE)
-        self._peak = 0
         self.tiles = Tiles(
             cells=zeros((max_tiles + 1, CELLS, depth), np.float32),
             tables=self._tables(n_particles, layers),
@@ -54,32 +53,10 @@ class TileMap:
         return len(self.tiles.references) - 1 - int(self.tiles.free[0])
 
     @property
-    def touched(self) -> NDArray[np.int32]:
-        """The tables (ny, nx, particles, layers) of all tiles that were ever written to, a view."""
-        x0, y0, x1, y1 = self.tiles.window.tolist()
-        x, y = self.tiles.corner_x, self.tiles.corner_y
-        return self.tiles.tables[y0 - y : y1 + 1 - y, x0 - x : x1 + 1 - x]
-
-    @property
-    def peak(self) -> int:
-        """Most tiles that were ever in use before a resampling, or now."""
-        return max(self._peak, self.used)
-
-    @property
-    def shared(self) -> float:
-        """Share of the particles' tiles that is stored elsewhere already."""
-        pointers = int(np.count_nonzero(self.touched))
-        return 1.0 - self.used / pointers if pointers else 0.0
-
-    @property
     def counts(self) -> dict[str, Any]:
         """What the maps take, and where they might not grow, for a report."""
-        tiles = {
-            "particles": self.tiles.tables.shape[2],
-            "tiles": self.used,
-            "tiles_peak": self.peak,
-        }
-        return tiles | {"tiles_shared": round(self.shared, 3)} | self.extent.counts
+        tiles = {"particles": self.tiles.tables.shape[2], "tiles": self.used}
+        return tiles | self.extent.counts
 
     def admits(self, pose: Pose2, far: float) -> bool:
         """Whether the maps may grow to what is at most `far` [m] away from `pose`."""
@@ -109,5 +86,4 @@ class TileMap:
 
     def inherit(self, ancestors: NDArray[np.int64]) -> None:
         """Hand every particle its ancestor's map, without copying tiles; ancestors keep theirs."""
-        self._peak = self.peak
         inherit(self.tiles, ancestors)

@@ -78,9 +78,7 @@ class Original:
 
     def report(self) -> dict[str, Any]:
         """Counts, and what the particles' maps take."""
-        tiles = {"tiles": self.tiles.used, "tiles_peak": self.tiles.peak}
-        shared = {"tiles_shared": round(self.tiles.shared, 3), "particles": len(self.particles)}
-        return self._counts | self._motion.used | tiles | shared | self.tiles.extent.counts
+        return self._counts | self._motion.used | self.tiles.counts
 
     def _move(self, step: Step) -> None:
         way = step.pose if step.measured else IDENTITY

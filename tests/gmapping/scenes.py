@@ -116,8 +116,15 @@ def matcher_of(*poses, **changes):
     return matcher
 
 
+def touched(maps):
+    """The tables (ny, nx, particles, layers) of all tiles that were ever written to, a view."""
+    tiles, (x0, y0, x1, y1) = maps.tiles, maps.tiles.window.tolist()
+    x, y = tiles.corner_x, tiles.corner_y
+    return tiles.tables[y0 - y : y1 + 1 - y, x0 - x : x1 + 1 - x]
+
+
 def references_add_up(tiles):
-    used = tiles.touched[tiles.touched > 0].astype(int)
+    used = touched(tiles)[touched(tiles) > 0].astype(int)
     pointers, tiles = np.bincount(used, minlength=len(tiles.tiles.references)), tiles.tiles
     np.testing.assert_array_equal(pointers, tiles.references)
     free = tiles.free[1 : tiles.free[0] + 1]

@@ -20,6 +20,7 @@ from tests.gmapping.scenes import (
     references_add_up,
     run,
     surface_of,
+    touched,
 )
 
 
@@ -82,10 +83,11 @@ def test_writing_to_one_particle_never_shows_in_another():
     surface = surface_of(IDENTITY)
     tiles = mapped(surface, n=3)
     tiles.inherit(np.array([0, 0, 2]))
-    assert tiles.shared == pytest.approx(1 / 3)
-    before = [tiles.tiles.cells[tiles.touched[:, :, i]] for i in range(3)]
+    pointers = np.count_nonzero(touched(tiles))
+    assert tiles.used == pytest.approx(2 / 3 * pointers)
+    before = [tiles.tiles.cells[touched(tiles)[:, :, i]] for i in range(3)]
     insert(tiles.tiles, np.array([[0.01, 0.0, 0.0]]), surface, SPLAT)  # particle 0 alone
-    after = [tiles.tiles.cells[tiles.touched[:, :, i]] for i in range(3)]
+    after = [tiles.tiles.cells[touched(tiles)[:, :, i]] for i in range(3)]
     assert not np.array_equal(before[0], after[0])
     np.testing.assert_array_equal(before[1], after[1])
     np.testing.assert_array_equal(before[2], after[2])
@@ -101,7 +103,7 @@ def test_what_nobody_points_at_is_zero_and_takes_no_room_in_a_state():
     maps.inherit(np.zeros(2, np.int64))
     freed = maps.tiles.free[maps.tiles.free[0]]
     assert freed == slot and not maps.tiles.cells[freed].any()
-    assert maps.tiles.cells[maps.touched[:, :, 1].max()].min() == 1.0
+    assert maps.tiles.cells[touched(maps)[:, :, 1].max()].min() == 1.0
 
 
 def test_nothing_leaks_in_two_thousand_resamplings():
@@ -121,15 +123,15 @@ def test_nothing_leaks_in_two_thousand_resamplings():
 
 def test_memory_is_bounded_by_sharing_one_map():
     (truth, scans), params = drive(60), GMappingParams(n_particles=6, max_tiles=200)
-    assert run(scans, n_particles=6)[0].report()["tiles_peak"] > 200
+    assert run(scans, n_particles=6)[0].report()["tiles"] > 200
     slam, poses, shared = GMapping(params), [], False
     for scan in scans:
         poses.append(slam.update(scan))
         if slam.report()["collapsed"] and not shared:
-            tables, shared = slam.tiles.touched, True
+            tables, shared = touched(slam.tiles), True
             assert (tables == tables[:, :, :1]).all()
             references_add_up(slam.tiles)
-    assert shared and slam.report()["tiles_peak"] <= 200
+    assert shared and slam.report()["tiles"] <= 200
     assert position_error(np.array(poses), truth).max() < 0.05
 
 
@@ -223,14 +225,14 @@ def test_particles_spread_as_the_pose_becomes_less_certain():
 
 def test_resampled_particles_go_on_with_pose_and_map_of_their_ancestor():
     slam, _ = run(drive(20)[1], n_particles=4, spread=1.0)
-    pose, table = slam.particles.poses[1].copy(), slam.tiles.touched[:, :, 1].copy()
-    assert not np.array_equal(table, slam.tiles.touched[:, :, 2])
+    pose, table = slam.particles.poses[1].copy(), touched(slam.tiles)[:, :, 1].copy()
+    assert not np.array_equal(table, touched(slam.tiles)[:, :, 2])
     slam.particles.weigh(np.array([-90.0, 0.0, -90.0, -90.0]), 1.0)
     slam.particles.best = 1
     slam._follow(slam.particles.draw_ancestors(0.5))
     np.testing.assert_array_equal(slam.particles.poses, np.tile(pose, (4, 1)))
     for i in range(4):
-        np.testing.assert_array_equal(slam.tiles.touched[:, :, i], table)
+        np.testing.assert_array_equal(touched(slam.tiles)[:, :, i], table)
     references_add_up(slam.tiles)
 
 
