@@ -4,33 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.render_kernels import COARSE, Counts, draw
-from slams.cells import Room, move, zeros
+from slams.cells import Room, move, observed, zeros
 from slams.frontend.correlative import Lookup
 from slams.grid_bounds import DEFAULT_MAX_CELLS, Box
 from slams.types import Floats, OccupancyGrid, Pose2
 
-Ints = NDArray[np.int32]
+Keyframe = Floats | NDArray[np.float32]
 
 FULL = 1 << COARSE  # cells to the edge of a coarse one
 SURE = 3.0  # hits from which a coarse cell is a wall
-
-
-class Ray(NamedTuple):
-    """End points (n, 2 or more) x, y [m] of a scan and the laser (1, 2), in the base frame."""
-
-    points: Floats | NDArray[np.float32]
-    sensor: Floats
-
-    def seen_from(self, pose: Pose2) -> tuple[Floats, Floats]:
-        """Both in the frame that `pose` stands in."""
-        points = self.points[:, :2].astype(np.float64)
-        return pose.transform(points), pose.transform(self.sensor)
 
 
 def walls(counts: Counts) -> Lookup:
@@ -44,7 +31,8 @@ def walls(counts: Counts) -> Lookup:
 class Renderer:
     """Keeps the keyframes, and draws them at the poses that a particle's history gives them.
 
-    A scan whose pose has changed is taken back and drawn anew; `counts` has what is drawn now.
+    A keyframe is (n + 1, 2) x, y [m] in the base frame: end points of a scan, then the laser. One
+    whose pose has changed is taken back and drawn anew; `counts` has what is drawn now.
 
     Args:
         resolution: edge of a cell [m].
@@ -58,52 +46,39 @@ class Renderer:
         self._power = math.log(0.5) / math.log(occupied)
         self._room = Room(max_cells, resolution, 1 << COARSE)
         self._low, self._high = np.zeros((2, 2), np.int64)  # cells that were needed, both included
-        self._scans: list[Ray] = []
-        self._drawn = np.empty((64, 3))  # where each of them is drawn; nan: nowhere yet
-        self._n_final = 0  # scans that are drawn for good
+        self._scans: list[Keyframe] = []
+        self._drawn = np.empty((64, 3))  # where each of them is drawn
         self.counts = self._empty(resolution)
 
-    def keep(self, scan: Ray, pose: Pose2 | None = None) -> None:
-        """Keep a keyframe; it is drawn at once if it has a pose."""
+    def keep(self, scan: Keyframe, pose: Pose2) -> None:
+        """Keep a keyframe, and draw it at a pose."""
         k = len(self._scans)
         if k == len(self._drawn):
             self._drawn = np.concatenate([self._drawn, np.empty_like(self._drawn)])
         self._scans.append(scan)
-        self._drawn[k] = np.nan
-        if pose is not None:
-            self._move(k, pose)
-
-    def draw(self, scan: Ray, pose: Floats) -> None:
-        """Draw a keyframe for good, at a pose (3,) that no resampling can change; before any kept.
-
-        Nothing of it is kept.
-        """
-        self._add(scan, Pose2(*pose.tolist()), 1)
-        self._n_final += 1
+        self._drawn[k] = pose
+        self._add(scan, pose, 1)
 
     def snapshot(self, history: Floats) -> Callable[[], OccupancyGrid]:
         """A function that draws the map at the poses (k, 3) of a history as it stands now.
 
         Occupancy of the cells, from hits and visits; 0.5 is the original's threshold.
         """
-        poses = history[self._n_final :]
-        moved = np.flatnonzero((poses != self._drawn[: len(poses)]).any(axis=1))
-        for k in moved.tolist():
-            self._move(k, Pose2(*poses[k].tolist()))
-        part = self._part(*self._low.tolist(), *(self._high + 1).tolist())
-        hits, visits = (cells.copy() for cells in part[:2])
-        return lambda: self._shares(hits, visits, part[2])
+        before = self._drawn[: len(history)]
+        for k in np.flatnonzero((history != before).any(axis=1)).tolist():
+            self._add(self._scans[k], Pose2(*before[k].tolist()), -1)
+            self._add(self._scans[k], Pose2(*history[k].tolist()), 1)
+        before[:] = history
+        (x0, y0), (x1, y1) = (cell - self._corner for cell in (self._low, self._high + 1))
+        part = self._part((slice(int(y0), int(y1)), slice(int(x0), int(x1))))
+        part = part._replace(hits=part.hits.copy(), visits=part.visits.copy())
+        unknown = np.full((1, 1), np.nan, np.float32)
+        nothing = OccupancyGrid(unknown, self.counts.resolution, (0.0, 0.0))
+        return lambda: self._shares(part) or nothing
 
     def cut(self, box: Box) -> OccupancyGrid | None:
         """The part in a box of what is drawn now, None if nothing was observed there."""
-        rows, columns = self._room.window(box)
-        x0, y0 = self._room.x0, self._room.y0
-        low = np.maximum(self._low, (columns.start + x0, rows.start + y0))
-        high = np.minimum(self._high + 1, (columns.stop + x0, rows.stop + y0))
-        if (low >= high).any():
-            return None
-        grid = self._shares(*self._part(*low.tolist(), *high.tolist()))
-        return None if np.isnan(grid.p).all() else grid
+        return self._shares(self._part(self._room.window(box)))
 
     def drawn_near(self, pose: Pose2, radius: float, end: int) -> list[int]:
         """Numbers of those of the first `end` kept scans that are drawn within a radius [m]."""
@@ -114,8 +89,10 @@ class Renderer:
     def only(self, scans: list[int]) -> Counts:
         """What some kept scans alone have seen, from where they are drawn."""
         drawn, edge = self._drawn, self.counts.resolution
-        rays = [self._scans[k].seen_from(Pose2(*drawn[k].tolist())) for k in scans]
-        ends = np.concatenate([part for ray in rays for part in ray])
+        seen = [
+            Pose2(*drawn[k].tolist()).transform(self._scans[k].astype(np.float64)) for k in scans
+        ]
+        ends = np.concatenate(seen)
         low = np.floor(ends.min(axis=0) / edge).astype(np.int64) >> COARSE
         high = np.ceil(ends.max(axis=0) / edge).astype(np.int64) >> COARSE
         width, height = (high - low + 2).tolist()
@@ -123,8 +100,8 @@ class Renderer:
         coarse = np.zeros((height, width), np.int32)
         x0, y0 = (low << COARSE).tolist()
         counts = Counts(hits, visits, coarse, x0, y0, edge)
-        for points, sensor in rays:
-            draw(points, sensor[0], counts, 1)
+        for scan in seen:
+            draw(scan, counts, 1)
         return counts
 
     def lookup(self) -> Lookup:
@@ -143,38 +120,34 @@ class Renderer:
     def _corner(self) -> NDArray[np.int64]:
         return np.array((self._room.x0, self._room.y0))
 
-    def _part(self, x0: int, y0: int, x1: int, y1: int) -> tuple[Ints, Ints, tuple[int, int]]:
-        """Hits and visits of the cells from x0, y0 up to before x1, y1, and the first of them."""
-        u, v = self._corner.tolist()
-        window = np.s_[y0 - v : y1 - v, x0 - u : x1 - u]
-        return self.counts.hits[window], self.counts.visits[window], (x0, y0)
+    def _part(self, window: tuple[slice, slice]) -> Counts:
+        """Hits and visits in some rows and columns."""
+        (rows, columns), counts = window, self.counts
+        x0, y0 = counts.x0 + columns.start, counts.y0 + rows.start
+        hits, visits = counts.hits[window], counts.visits[window]
+        return counts._replace(hits=hits, visits=visits, x0=x0, y0=y0)
 
-    def _shares(self, hits: Ints, visits: Ints, first: tuple[int, int]) -> OccupancyGrid:
-        """The map of a part."""
-        edge = self.counts.resolution
+    def _shares(self, part: Counts) -> OccupancyGrid | None:
+        """The map of a part, cut to what was observed; None if nothing was."""
+        height, width = part.visits.shape
+        window = slice(part.y0, part.y0 + height), slice(part.x0, part.x0 + width)
+        found = observed(part.visits > 0, window, (0.0, 0.0), part.resolution)
+        if found is None:
+            return None
+        (rows, columns), corner = found
         with np.errstate(invalid="ignore"):
-            shares = hits / visits
-        corner = (first[0] - 0.5) * edge, (first[1] - 0.5) * edge
-        return OccupancyGrid((shares**self._power).astype(np.float32), edge, corner)
+            shares = part.hits[rows, columns] / part.visits[rows, columns]
+        return OccupancyGrid((shares**self._power).astype(np.float32), part.resolution, corner)
 
-    def _move(self, k: int, pose: Pose2) -> None:
-        """Draw a kept scan at a pose, and no longer where it was."""
-        ray, before = self._scans[k], Pose2(*self._drawn[k].tolist())
-        if not math.isnan(before.x):
-            self._add(ray, before, -1)
-        self._add(ray, pose, 1)
-        self._drawn[k] = pose
-
-    def _add(self, ray: Ray, pose: Pose2, times: int) -> None:
-        points, sensor = ray.seen_from(pose)
-        edge, ends = self.counts.resolution, np.concatenate([points, sensor])
+    def _add(self, scan: Keyframe, pose: Pose2, times: int) -> None:
+        edge, ends = self.counts.resolution, pose.transform(scan.astype(np.float64))
         low, high = ends.min(axis=0), ends.max(axis=0)
         self._low = np.minimum(self._low, np.floor(low / edge + 0.5).astype(np.int64))
         self._high = np.maximum(self._high, np.floor(high / edge + 0.5).astype(np.int64))
         added = self._room.reach(Box(*(low - edge).tolist(), *(high + edge).tolist()))
         if added is not None:
             self._grow(*added)
-        draw(points, sensor[0], self.counts, times)
+        draw(ends, self.counts, times)
 
     def _empty(self, resolution: float) -> Counts:
         shape = self._room.height, self._room.width

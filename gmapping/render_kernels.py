@@ -42,18 +42,18 @@ def is_free(counts: Counts, x: float, y: float) -> bool:
 
 
 @njit
-def draw(points: Floats, sensor: Floats, counts: Counts, times: int) -> None:
+def draw(scan: Floats, counts: Counts, times: int) -> None:
     """Count for every cell how often a beam ended in it and how often one came by.
 
     [Grisetti07] original code, map of the best particle; Bresenham's line.
-    points (n, 2), sensor (2,) m in the map; `times` 1, or -1 to take back what was drawn.
+    scan (n + 1, 2) m in the map: end points, and last the laser; `times` 1, or -1 to take back what
+    was drawn.
     """
     edge, hits, visits = counts.resolution, counts.hits, counts.visits
-    sx, sy = cell_of(sensor[0], edge) - counts.x0, cell_of(sensor[1], edge) - counts.y0
+    sx, sy = cell_of(scan[-1, 0], edge) - counts.x0, cell_of(scan[-1, 1], edge) - counts.y0
     height, width = visits.shape
-    for i in range(points.shape[0]):
-        ex = cell_of(points[i, 0], edge) - counts.x0
-        ey = cell_of(points[i, 1], edge) - counts.y0
+    for i in range(scan.shape[0] - 1):
+        ex, ey = cell_of(scan[i, 0], edge) - counts.x0, cell_of(scan[i, 1], edge) - counts.y0
         x, y = sx, sy
         dx, dy = abs(ex - sx), abs(ey - sy)
         step_x, step_y = (1 if ex > sx else -1), (1 if ey > sy else -1)

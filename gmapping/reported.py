@@ -10,7 +10,7 @@ import numpy as np
 from gmapping.end_points import EndPointMatcher
 from gmapping.match import OLD, Revisit
 from gmapping.particles import Particles
-from gmapping.render import Ray, Renderer, walls
+from gmapping.render import Keyframe, Renderer, walls
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
 from slams.frontend.correlative import Lookup, search, window_of
@@ -80,7 +80,7 @@ class ReportedMap:
             found.append(at._replace(x=at.x - along * seen.x, y=at.y - along * seen.y))
         return Revisit(found, seen_then)
 
-    def insert(self, ray: Ray, way: float) -> None:
+    def insert(self, scan: Keyframe, way: float) -> None:
         """Draw a keyframe where the reported particle is."""
         self._ways.append(way)
-        self._picture.keep(ray, self._particles.best_pose)
+        self._picture.keep(scan, self._particles.best_pose)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmapping.params import GMappingParams
-from gmapping.render import Ray
 from gmapping.scan_kernels import pieces
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, Pose2, Scan
@@ -51,7 +51,6 @@ class View(EndPoints):
         beams[:] = (beam + surface) / (beam / beams + surface)
 
     @property
-    def ray(self) -> Ray:
-        """A copy of the pieces' x, y [m] and where the laser is, for the picture of the map."""
-        ends = self.pieces[:, :2].astype(np.float32)
-        return Ray(ends, np.array([[self.mount.x, self.mount.y]]))
+    def ray(self) -> NDArray[np.float32]:
+        """The pieces' x, y [m], and last where the laser is (k + 1, 2), for the map's picture."""
+        return np.vstack([self.pieces[:, :2], self.mount[:2]]).astype(np.float32)

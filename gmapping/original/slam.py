@@ -26,7 +26,7 @@ from gmapping.original.motion import Motion, Step
 from gmapping.original.params import OriginalParams
 from gmapping.original.scan import EndPoints
 from gmapping.particles import Particles
-from gmapping.render import Ray, Renderer
+from gmapping.render import Renderer
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
@@ -63,7 +63,8 @@ class Original:
             self._counts["rejected"] += 1
         elif self._due(step) and self.tiles.admits(self.pose, _farthest(points)):
             self._filter(points)
-            self._keep(Ray(self._rays(scan, step).copy(), np.array([scan.laser.mount[:2]])))
+            scan_and_laser = np.vstack([self._rays(scan, step), scan.laser.mount[:2]])
+            self._renderer.keep(scan_and_laser, self.pose)
         self._counts["scans"] += 1
         self._motion.learn(before.between(self.pose))
         return self.pose
@@ -110,13 +111,6 @@ class Original:
         self.particles.remember()
         self.pose = self.particles.best_pose
         self._way = self._turn = 0.0
-
-    def _keep(self, scan: Ray) -> None:
-        """A keyframe for the map; nothing is left to choose for a particle that is alone."""
-        if len(self.particles) == 1:
-            self._renderer.draw(scan, self.particles.poses[0])
-        else:
-            self._renderer.keep(scan)
 
     def _insert(self, points: Floats) -> None:
         self.tiles.cover(*self.particles.extent(_farthest(points)))

@@ -180,12 +180,12 @@ def test_the_reported_particle_stays_at_its_peak_and_the_others_are_drawn():
 def test_beams_clear_what_they_cross_and_mark_their_end():
     hits, visits, walls = (np.zeros(shape, np.int32) for shape in ((3, 7), (3, 7), (1, 2)))
     counts = Counts(hits, visits, walls, 0, 0, 0.05)
-    ends, sensor = np.array([[0.30, 0.05], [0.0, 0.10]]), np.array([0.0, 0.05])
-    draw(ends, sensor, counts, 1)
+    scan = np.array([[0.30, 0.05], [0.0, 0.10], [0.0, 0.05]])
+    draw(scan, counts, 1)
     np.testing.assert_array_equal(visits, [[0] * 7, [2, 1, 1, 1, 1, 1, 1], [1] + [0] * 6])
     np.testing.assert_array_equal(hits, [[0] * 7, [0] * 6 + [1], [1] + [0] * 6])
     np.testing.assert_array_equal(walls, [[1, 1]])
-    draw(ends, sensor, counts, -1)
+    draw(scan, counts, -1)
     assert not (hits.any() or visits.any() or walls.any())
 
 
