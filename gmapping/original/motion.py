@@ -10,8 +10,8 @@ import numpy as np
 from gmapping.original.params import OriginalParams
 from slams.types import IDENTITY, Floats, Pose2, Scan, wrap_angle
 
-LONGEST = 1.0  # s between two scans, for the check of odometry and the time of a sweep
-FASTEST = 10.0  # m/s; a faster odometry has jumped
+LONGEST = 1.0  # s between two scans, for the time of a sweep
+FARTHEST = 10.0  # m between two scans; an odometry that goes farther has jumped
 USUAL = 0.1  # share of a scan in the mean interval
 ACROSS = 0.3  # share of a motion's noise along one axis that the other axis gets
 
@@ -25,14 +25,11 @@ class Step(NamedTuple):
 
 
 class Motion:
-    """Odometry and gyro, whichever a scan brings and the mode allows."""
+    """Odometry and gyro, whichever a scan brings."""
 
     def __init__(self, params: OriginalParams) -> None:
-        mode = params.odometry
         self.used = {"odometry": 0, "gyro": 0, "odometry_jumps": 0}
         self._params = params
-        self._wheels = mode in ("auto", "odometry", "odometry+gyro")
-        self._gyro = mode in ("auto", "gyro", "odometry+gyro")
         self._last: Scan | None = None
         self._moved = IDENTITY
         self._period = 0.0
@@ -41,15 +38,15 @@ class Motion:
         """The motion since the scan before."""
         last, self._last = self._last, scan
         if last is None:
-            return Step(IDENTITY, 0.0, self._reads(scan))
+            return Step(IDENTITY, 0.0, scan.odometry is not None or scan.yaw is not None)
         seconds = self._elapsed(scan.t - last.t)
-        wheels, turn = self._odometry(last, scan, seconds), self._turn(last, scan)
-        pose = self._moved if wheels is None else wheels
-        if turn is not None:
-            pose = Pose2(pose.x, pose.y, turn)
-        self.used["odometry"] += wheels is not None
-        self.used["gyro"] += turn is not None
-        return Step(pose, seconds, wheels is not None or turn is not None)
+        wheels = self._odometry(last, scan)
+        pose, measured = wheels or self._moved, wheels is not None
+        self.used["odometry"] += measured
+        if last.yaw is not None and scan.yaw is not None:
+            pose, measured = pose._replace(theta=float(wrap_angle(scan.yaw - last.yaw))), True
+            self.used["gyro"] += 1
+        return Step(pose, seconds, measured)
 
     def learn(self, moved: Pose2) -> None:
         """Keep the motion that was found, for scans with a gyro alone."""
@@ -68,27 +65,17 @@ class Motion:
             ]
         )
 
-    def _reads(self, scan: Scan) -> bool:
-        wheels = self._wheels and scan.odometry is not None
-        return wheels or (self._gyro and scan.yaw is not None)
-
     def _elapsed(self, seconds: float) -> float:
         """Time since the last scan [s], at least the usual one: stamps come late or jump back."""
         seconds = min(max(seconds, 0.0), LONGEST)
         self._period += USUAL * (seconds - self._period) if self._period else seconds
         return max(seconds, self._period)
 
-    def _odometry(self, last: Scan, scan: Scan, seconds: float) -> Pose2 | None:
-        if not self._wheels or last.odometry is None or scan.odometry is None:
+    def _odometry(self, last: Scan, scan: Scan) -> Pose2 | None:
+        if last.odometry is None or scan.odometry is None:
             return None
         step = last.odometry.between(scan.odometry)
-        if math.hypot(step.x, step.y) <= FASTEST * max(seconds, LONGEST):
+        if math.hypot(step.x, step.y) <= FARTHEST:
             return step
         self.used["odometry_jumps"] += 1
         return None
-
-    def _turn(self, last: Scan, scan: Scan) -> float | None:
-        if not self._gyro or last.yaw is None or scan.yaw is None:
-            return None
-        turn = float(wrap_angle(scan.yaw - last.yaw))
-        return turn if math.isfinite(turn) else None

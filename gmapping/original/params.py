@@ -23,13 +23,6 @@ class OriginalParams(Params):
         laser: {"deskew": True, "beam_offset": 0.0} for laser in ("rplidar-a1", "lds01", "lds02")
     }
 
-    odometry: str = param(
-        "auto",
-        "1",
-        "what predicts the motion: auto takes what a scan brings",
-        source="original code: odometry; gyro: ours",
-        choices=("auto", "odometry", "odometry+gyro", "gyro", "none"),
-    )
     n_particles: int = param(
         30, "1", "number of particles", source=ORIGINAL, low=1, high=20_000, ros=("particles",)
     )
