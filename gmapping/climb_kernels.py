@@ -68,16 +68,6 @@ def distances(
     return total, close
 
 
-@njit(inner=True, borrows=True)
-def log_prior(pose: Floats, mean: Floats, information: Floats) -> float:
-    """Log of what is believed of a pose before the scan, by Student's law as in `add_prior`. ours.
-
-    pose, mean (3,); information (3, 3).
-    """
-    off = offset(Pose2(pose[0], pose[1], pose[2]), Pose2(mean[0], mean[1], mean[2]))
-    return -unlikely(square_of(information, off))
-
-
 @njit
 def log_posterior(
     tiles: Tiles,
@@ -91,9 +81,11 @@ def log_posterior(
 ) -> float:
     """Log of likelihood x prior of a pose; where it does not exceed `floor`, anything below that.
 
-    [Grisetti07] the target of the improved proposal. pose, mean (3,); information (3, 3).
+    [Grisetti07] the target of the improved proposal; ours: the prior by Student's law as in
+    `add_prior`. pose, mean (3,); information (3, 3).
     """
-    prior = log_prior(pose, mean, information)
+    off = offset(Pose2(pose[0], pose[1], pose[2]), Pose2(mean[0], mean[1], mean[2]))
+    prior = -unlikely(square_of(information, off))
     most = 2.0 * (prior - floor) / field.worth
     if most <= 0.0:
         return floor

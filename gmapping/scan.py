@@ -14,7 +14,7 @@ SURFACE_ERROR = 0.005  # m: what the beams of one piece share, as walls are not 
 
 
 class View(EndPoints):
-    """The pieces of surface of the scan at hand; the buffers serve every scan.
+    """The pieces of surface of the scan at hand.
 
     `pieces` (k, 5): x, y [m], nx, ny in the base frame at the middle of the sweep, and the weight:
     as many independent beams; `beams` of all of them together.
@@ -25,17 +25,14 @@ class View(EndPoints):
 
     def __init__(self, params: GMappingParams) -> None:
         super().__init__(params)
-        self._buffer = np.zeros((0, 5))
-        self.pieces, self.beams = self._buffer, 0.0
+        self.pieces, self.beams = np.zeros((0, 5)), 0.0
 
     def take(self, scan: Scan, velocity: Pose2) -> View:
         """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
         super().take(scan, velocity)
-        if self.n > len(self._buffer):
-            self._buffer = np.zeros((self.n, 5))
-        grain = self.params.grain
-        n = pieces(self.points, self.normals, self.n, self.mount, grain, self._buffer)
-        self.pieces = self._buffer[:n]
+        out, grain = np.zeros((self.n, 5)), self.params.grain
+        n = pieces(self.points, self.normals, self.n, self.mount, grain, out)
+        self.pieces = out[:n]
         self._weigh(self.pieces[:, 4])
         self.beams = float(self.pieces[:, 4].sum())
         if n == 0:

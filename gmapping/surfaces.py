@@ -66,12 +66,17 @@ class SurfaceMatcher:
         blind = _unseen(view, float(means[0, 2]))
         peaks -= (peaks - means) @ blind
         full, closes = how.width**2 * view.beams, np.zeros(n, np.bool_)
+        tiles = self.tiles.tiles
         for place in revisit.poses:
             owners = np.flatnonzero(out[:, 6] < KNOWN * full)
             others = np.tile(np.array(place), (len(owners), 1))
             prior = kernels.Prior(others.copy(), np.tile(REVISITED, (len(owners), 1, 1)))
             h2, out2 = self._climb(view, owners, prior, how, others)
-            agreed = out2[:, 6] - how.width**2 * self._conflicts(view, owners, others, revisit.seen)
+            conflicts = [
+                kernels.evaluate(tiles, owner, view.pieces, at, how.width, revisit.seen)[1]
+                for owner, at in zip(owners.tolist(), others, strict=True)
+            ]  # beams that end in the particles' maps where long ago beams came by
+            agreed = out2[:, 6] - how.width**2 * np.array(conflicts)
             there = agreed > np.maximum(out[owners, 6] + GAIN * full, FOUND * full)
             moved = owners[there]
             peaks[moved], h[moved], out[moved] = others[there], h2[there], out2[there]
@@ -97,17 +102,6 @@ class SurfaceMatcher:
         found = kernels.evaluate(self.tiles.tiles, owner, view.pieces, at, width, seen)
         return found[0] / view.beams, found[1] / view.beams
 
-    def _conflicts(
-        self, view: View, owners: NDArray[np.int64], poses: Floats, seen: Counts
-    ) -> Floats:
-        """Beams (k,) that end in the particles' maps where long ago beams came by."""
-        tiles, width = self.tiles.tiles, self._width(view)
-        at = zip(owners, poses, strict=True)
-        found = [
-            kernels.evaluate(tiles, owner, view.pieces, pose, width, seen)[1] for owner, pose in at
-        ]
-        return np.array(found)
-
     def _variance(self, view: View) -> float:
         """Of the distance of a beam [m^2].
 
@@ -126,7 +120,8 @@ class SurfaceMatcher:
         p = self._params
         width = self._width(view)
         wide, wait = max(p.band * p.resolution, width), 0
-        if _least(information) * width**2 < 1.0:  # else the start is as near as that
+        known = np.linalg.eigvalsh(information[:2, :2])  # of a place, in its two main directions
+        if known[0] * width**2 < 1.0:  # else the start is as near as that
             wait = p.steps - 1 - math.ceil(math.log2(wide / width))
         return Climb(wide, width, p.steps, self._variance(view), self._way - OLD, wait)
 
@@ -149,12 +144,6 @@ def _heading(pieces: Floats) -> float:
     lengths = np.where(gaps < WALL, gaps, 0.0)
     alike = np.exp(FOCUS * (np.cos(4.0 * (facing[:-1, None] - HEADINGS)) - 1.0))
     return float(HEADINGS[np.argmax(lengths @ alike)])
-
-
-def _least(information: Floats) -> float:
-    """The least that is known of a place in any direction [1/m^2], by information (3, 3)."""
-    (xx, xy, _), (_, yy, _), _ = information.tolist()
-    return float(0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy))
 
 
 def _unseen(view: View, theta: float) -> Floats:

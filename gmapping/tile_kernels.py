@@ -82,25 +82,21 @@ def own_slot(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
     if old > 0:
         tiles.references[old] -= 1
     else:
-        touch(tiles.window, ix >> BITS, iy >> BITS)
+        x, y, window = ix >> BITS, iy >> BITS, tiles.window
+        window[0], window[1] = min(window[0], x), min(window[1], y)
+        window[2], window[3] = max(window[2], x), max(window[3], y)
     for k in range(CELLS):  # loops: assigning slices takes numba seconds to compile
         for j in range(tiles.cells.shape[2]):
             tiles.cells[new, k, j] = tiles.cells[old, k, j] if old > 0 else 0.0
     return new
 
 
-@njit(inner=True, borrows=True)
-def touch(window: NDArray[np.int64], x: int, y: int) -> None:
-    """Let a window (4,) reach to a tile. ours."""
-    window[0], window[1] = min(window[0], x), min(window[1], y)
-    window[2], window[3] = max(window[2], x), max(window[3], y)
-
-
 @njit
 def inherit(tiles: Tiles, ancestors: NDArray[np.int64]) -> None:
     """Hand every particle the map of its ancestor, which keeps its own; unused slots become free.
 
-    ours: tables are copied, tiles only counted, and those of the past both have in common.
+    ours: tables are copied, tiles only counted, and those of the past both have in common. Free
+    slots are made zero: what is zero takes no room in a saved state.
     """
     _, _, n, layers = tiles.tables.shape
     for y in range(tiles.window[1], tiles.window[3] + 1):
@@ -119,17 +115,12 @@ def inherit(tiles: Tiles, ancestors: NDArray[np.int64]) -> None:
                     here[particle, layer] = new
                     if new > 0:
                         tiles.references[new] += 1
-                    if slot > 0:
-                        release(tiles, slot)
-
-
-@njit(inner=True, borrows=True)
-def release(tiles: Tiles, slot: int) -> None:
-    """One table less points at a slot. ours: what is zero takes no room in a saved state."""
-    tiles.references[slot] -= 1
-    if tiles.references[slot] == 0:
-        tiles.free[0] += 1
-        tiles.free[tiles.free[0]] = slot
-        for k in range(CELLS):
-            for j in range(tiles.cells.shape[2]):
-                tiles.cells[slot, k, j] = 0.0
+                    if slot == 0:
+                        continue
+                    tiles.references[slot] -= 1
+                    if tiles.references[slot] == 0:
+                        tiles.free[0] += 1
+                        tiles.free[tiles.free[0]] = slot
+                        for k in range(CELLS):
+                            for j in range(tiles.cells.shape[2]):
+                                tiles.cells[slot, k, j] = 0.0
