@@ -10,17 +10,14 @@ import numpy as np
 from gmapping.original.params import OriginalParams
 from slams.types import IDENTITY, Floats, Pose2, Scan, wrap_angle
 
-LONGEST = 1.0  # s between two scans, for the time of a sweep
 FARTHEST = 10.0  # m between two scans; an odometry that goes farther has jumped
-USUAL = 0.1  # share of a scan in the mean interval
 ACROSS = 0.3  # share of a motion's noise along one axis that the other axis gets
 
 
 class Step(NamedTuple):
-    """Motion `pose` of the base in `seconds`, and whether odometry or a gyro has `measured` it."""
+    """Motion `pose` of the base, and whether odometry or a gyro has `measured` it."""
 
     pose: Pose2
-    seconds: float
     measured: bool
 
 
@@ -32,21 +29,19 @@ class Motion:
         self._params = params
         self._last: Scan | None = None
         self._moved = IDENTITY
-        self._period = 0.0
 
     def step(self, scan: Scan) -> Step:
         """The motion since the scan before."""
         last, self._last = self._last, scan
         if last is None:
-            return Step(IDENTITY, 0.0, scan.odometry is not None or scan.yaw is not None)
-        seconds = self._elapsed(scan.t - last.t)
+            return Step(IDENTITY, scan.odometry is not None or scan.yaw is not None)
         wheels = self._odometry(last, scan)
         pose, measured = wheels or self._moved, wheels is not None
         self.used["odometry"] += measured
         if last.yaw is not None and scan.yaw is not None:
             pose, measured = pose._replace(theta=float(wrap_angle(scan.yaw - last.yaw))), True
             self.used["gyro"] += 1
-        return Step(pose, seconds, measured)
+        return Step(pose, measured)
 
     def learn(self, moved: Pose2) -> None:
         """Keep the motion that was found, for scans with a gyro alone."""
@@ -64,12 +59,6 @@ class Motion:
                 p.turn_per_turn * turn + p.turn_per_way * math.hypot(x, y),
             ]
         )
-
-    def _elapsed(self, seconds: float) -> float:
-        """Time since the last scan [s], at least the usual one: stamps come late or jump back."""
-        seconds = min(max(seconds, 0.0), LONGEST)
-        self._period += USUAL * (seconds - self._period) if self._period else seconds
-        return max(seconds, self._period)
 
     def _odometry(self, last: Scan, scan: Scan) -> Pose2 | None:
         if last.odometry is None or scan.odometry is None:

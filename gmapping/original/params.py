@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from gmapping.ros import ORIGINAL as ROS_NAMES
 from slams.grid_bounds import max_cells
@@ -18,10 +17,6 @@ class OriginalParams(Params):
     """gmapping's own parameters and values, as slam_gmapping sets them."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
-    # Sweeps of 0.2 s: deskewing halves the error.
-    SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        laser: {"deskew": True, "beam_offset": 0.0} for laser in ("rplidar-a1", "lds01", "lds02")
-    }
 
     n_particles: int = param(
         30, "1", "number of particles", source=ORIGINAL, low=1, high=20_000, ros=("particles",)
@@ -80,12 +75,6 @@ class OriginalParams(Params):
         source=ORIGINAL,
         low=0.0,
         ros=("stt",),
-    )
-    deskew: bool = param(
-        False,
-        "1",
-        "take the motion during a scan out of it",
-        source="original code; true: ours, for lasers at 5 Hz",
     )
     beam_offset: float = param(
         -0.5,

@@ -58,12 +58,12 @@ class Original:
             self._move(step)  # 1
         elif not step.measured:
             self._populate(1)  # without odometry there is no noise
-        points = self._points(scan, step)
+        points = self._points(scan)
         if len(points) == 0:
             self._counts["rejected"] += 1
         elif self._due(step) and self.tiles.admits(self.pose, _farthest(points)):
             self._filter(points)
-            scan_and_laser = np.vstack([self._rays(scan, step), scan.laser.mount[:2]])
+            scan_and_laser = np.vstack([self._rays(scan), scan.laser.mount[:2]])
             self._renderer.keep(scan_and_laser, self.pose)
         self._counts["scans"] += 1
         self._motion.learn(before.between(self.pose))
