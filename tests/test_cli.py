@@ -51,7 +51,7 @@ def test_run_writes_everything_and_says_so(log_file, tmp_path):
     assert summary["parameters"]["resolution"] == 0.05
     assert summary["versions"]["numba"]
     assert summary["errors"]["per_update"]["translation_m"]["mean"] < 0.005
-    t, poses = trajectory.read(out / "trajectory.csv")
+    t, poses = trajectory.read(out / "trajectory.tum")
     assert (len(t), poses.shape) == (60, (60, 3))
     assert yaml.safe_load((out / "map.yaml").read_text())["free_thresh"] == 0.196
     assert cv2.imread(str(out / "map.png")).std() > 10.0

@@ -16,6 +16,7 @@ from scipy.sparse import bsr_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
+from slams.loops.graph_kernels import propagate
 from slams.types import Floats, Pose2, wrap_angle
 
 LEVER = 10.0  # m a radian counts for
@@ -93,15 +94,12 @@ class PoseGraph:
         by_pair = np.argsort(pairs, kind="stable")
         found = np.searchsorted(pairs[by_pair], (earlier * n + later)[is_loop])
         added[is_loop] = noise[by_pair[found]]
-        R, J = np.zeros((n - 1, 3, 3)), np.tile(np.eye(3), (n - 1, 1, 1))
+        R = np.zeros((n - 1, 3, 3))
         R[:, 0, 0] = R[:, 1, 1] = np.cos(self.poses[earlier, 2])
         R[:, 1, 0] = np.sin(self.poses[earlier, 2])
         R[:, 0, 1], R[:, 2, 2] = -R[:, 1, 0], 1.0
-        J[:, :2, 2] = (self.poses[order, :2] - self.poses[before, :2])[:, ::-1] * (-1.0, 1.0)
-        added = R @ added @ R.transpose(0, 2, 1)
         out = np.zeros((n, 3, 3))
-        for k, last, lever, more in zip(order, before, J, added, strict=True):
-            out[k] = lever @ out[last] @ lever.T + more
+        propagate(self.poses, order, before, R @ added @ R.transpose(0, 2, 1), out)
         return out
 
     def iterate(self) -> float:

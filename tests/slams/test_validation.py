@@ -40,9 +40,9 @@ def test_ranges_beyond_float32_are_nothing_seen(value, tmp_path):
 
 def test_a_truth_from_another_file_is_looked_at_too(tmp_path):
     path = changed(tmp_path / "log.npz")
-    (tmp_path / "truth.csv").write_text("t,x,y,theta\n0,0,0,0\n1,1e300,0,0\n")
+    (tmp_path / "truth.tum").write_text("0 0 0 0 0 0 0 1\n1 1e300 0 0 0 0 0 1\n")
     with pytest.raises(ValueError, match=r"truth: got values as great as 1e[+]300"):
-        slams.load(path, truth=str(tmp_path / "truth.csv"))
+        slams.load(path, truth=str(tmp_path / "truth.tum"))
 
 
 def test_a_log_made_in_python_is_looked_at_too():
