@@ -36,7 +36,6 @@ BEGIN_BEAMS = 10  # end points that a map begins with
 DEAD_RECKONING, FRAGMENT = 1.0, 3.0
 AGAINST = 2.0  # beams in new ground that one in conflict outweighs
 IN_CONFLICT = 0.05  # share of the beams: more are not noise, but people, dust, or the floor
-CONFIRMING = 2.0  # times as long while a place that was found by relocalization is confirmed
 
 
 class PoseEstimator:
@@ -222,8 +221,7 @@ class PoseEstimator:
 
     def _maps_unmatched(self) -> bool:
         """Whether unmatched scans enter the map: else a robot in new ground never matches."""
-        wait = DEAD_RECKONING if self._by_wheels else FRAGMENT
-        return self._unmatched > (CONFIRMING * wait if self._relocalizer.confirming else wait)
+        return self._unmatched > (DEAD_RECKONING if self._by_wheels else FRAGMENT)
 
     def _relocalize(self, grid: MatchedMap) -> None:
         """Global localization in the map; a pose that wheels contradict is none."""

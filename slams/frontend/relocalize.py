@@ -36,11 +36,6 @@ class Relocalizer:
         self._enabled = enabled
         self.reset()
 
-    @property
-    def confirming(self) -> bool:
-        """Whether a place was found that the next scans have to confirm."""
-        return self._localizer is not None and bool(self._localizer.candidates)
-
     def reset(self) -> None:
         """The pose is known again: forget everything."""
         self._localizer: GlobalLocalizer | None = None
