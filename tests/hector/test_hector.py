@@ -149,15 +149,6 @@ def test_insertion_equals_its_twin_in_every_octant(turn, kernels):
 
 
 @both_maps
-def test_a_cell_crossed_and_hit_in_one_scan_is_exactly_occupied(kernels):
-    for points in ([[2.0, 4.0], [0.0, 0.0]], [[4.0, 2.0], [0.0, 0.0]]):
-        grid = level(5, 6, 1.0)
-        kernels.insert(grid, np.array(points), 2, IDENTITY, IDENTITY, 1, UPDATE)
-        assert grid.log_odds[0, 2] == pytest.approx(OCCUPIED)
-        assert grid.log_odds[0, 1] == pytest.approx(FREE)
-
-
-@both_maps
 def test_log_odds_stop_at_the_ceiling_and_scans_add_up(kernels):
     grid = level(5, 6, 1.0)
     for number in range(1, 40):
