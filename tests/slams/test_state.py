@@ -141,12 +141,6 @@ def test_what_is_no_data_is_refused_by_name(bad):
         Writer("tests").node([bad], "it")
 
 
-def test_what_no_state_can_hold_leaves_no_file(tmp_path):
-    with pytest.raises(TypeError, match=r"kiss cannot be saved: slam\._new is of the class"):
-        save(new("kiss"), tmp_path / "k")
-    assert list(tmp_path.iterdir()) == []
-
-
 def rewritten(source, target, change):
     """A copy of a state with its head changed."""
     with np.load(source) as archive:
@@ -263,7 +257,7 @@ def test_the_old_state_stays_whole_when_saving_fails(kept, tmp_path, monkeypatch
     path = tmp_path / "x.state"
     shutil.copy(kept, path)
     with monkeypatch.context() as patch:
-        patch.setattr("slams.state.store.json.dumps", lambda *a, **k: 1 / 0)
+        patch.setattr("zipfile.ZipFile.writestr", lambda *a, **k: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             save(new("hector"), path)
     assert path.read_bytes() == kept.read_bytes()
