@@ -13,7 +13,6 @@ from slams import run
 from slams.formats.occupancy import write_map
 from slams.localize import Localizer, Localizes, MapIndex, open_map, prepare
 from slams.localize.distance_map import DistanceMap
-from slams.localize.hooks import check_localizes
 from slams.localize.source import find_start, pose_of, start_at
 from slams.localize.virtual import build, ranges_at, scans_of, stations
 from slams.params import Params
@@ -138,11 +137,6 @@ def test_covariances_turn_with_the_frame(room):
     fake.covariance = np.diag([4.0, 1.0, 0.5])
     turned = Localizer(fake, room, START, Pose2(3.0, 1.0, math.pi / 2)).covariance
     assert turned == pytest.approx(np.diag([1.0, 4.0, 0.5]), abs=1e-12)
-
-
-def test_who_offers_no_hooks_is_refused():
-    with pytest.raises(TypeError, match="odometry cannot localize in a map that is given"):
-        check_localizes(find("odometry").cls(Params()), "odometry")
 
 
 def prepared(label, room):

@@ -1,15 +1,12 @@
 """Launch and parameter files of the originals, taken over by their ROS names."""
 
-import json
 import math
 
 import pytest
 
-from slams import run
 from slams.registry import BASELINES, BUILT_IN, find
 from slams.ros import ros_params
 from slams.ros.launch import read_node
-from tests.rooms import drive
 
 ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
 
@@ -282,20 +279,6 @@ def test_a_file_that_changes_nothing_is_refused(tmp_path):
             take("gmapping", *paths)
         assert str(caught.value).startswith(f"{frames}: ")
         assert "(base_frame)" in str(caught.value)
-
-
-def test_what_was_done_stands_in_the_summary(tmp_path):
-    drive(n=5).save(tmp_path / "room.npz")
-    given = wrote(tmp_path, f"{LOADED}base_frame: base\n", "p.yaml")
-    out = ["--out", str(tmp_path / "out"), "-q"]
-    arguments = ["gmapping", str(tmp_path / "room.npz"), *out]
-    assert run.main([*arguments, "--ros-params", str(given)]) == 0
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["ros_params"]["files"] == [str(given)]
-    fates = {fate["name"]: fate["fate"] for fate in summary["ros_params"]["parameters"]}
-    assert (fates["particles"], fates["base_frame"]) == ("mapped", "ignored")
-    assert run.main([*arguments, "--force"]) == 0
-    assert "ros_params" not in json.loads((tmp_path / "out" / "summary.json").read_text())
 
 
 # launch files as they are found in the wild
