@@ -22,17 +22,6 @@ from tests.rooms import drive
 GRID = OccupancyGrid(np.array([[0.9, 0.1, np.nan], [0.5, 0.0, 1.0]], np.float32), 0.05, (-1.0, 2.0))
 
 
-def test_tum_is_read_by_evo(tmp_path):
-    file_interface = pytest.importorskip("evo.tools.file_interface")
-    t, poses = np.array([10.0, 10.1]), np.array([[1.0, 2.0, 0.5], [-1.0, 0.5, -3.0]])
-    trajectory.write_tum(tmp_path / "t.tum", t, poses)
-    read = file_interface.read_tum_trajectory_file(tmp_path / "t.tum")
-    assert read.timestamps == pytest.approx(t)
-    assert read.positions_xyz[:, :2] == pytest.approx(poses[:, :2])
-    yaw = [np.arctan2(T[1, 0], T[0, 0]) for T in read.poses_se3]
-    assert yaw == pytest.approx(poses[:, 2], abs=1e-7)
-
-
 def test_map_server_pair_reads_back_to_the_same_cells(tmp_path):
     occupancy.write_map(tmp_path, GRID)
     entries = yaml.safe_load((tmp_path / "map.yaml").read_text())
@@ -136,6 +125,7 @@ def test_trinary_maps(tmp_path):
     same(cells(a_map(tmp_path, [[0, 254], [205, 100]])), [[np.nan, np.nan], [1, 0]])
     same(cells(a_map(tmp_path, [[0, 254, 50]], negate=1)), [[0, 1, np.nan]])
     same(cells(a_map(tmp_path, [[30, 128, 220]])), [[1, np.nan, 0]])  # as cartographer has them
+    same(cells(a_map(tmp_path, [[[0, 0, 255], [255, 255, 255]]])), [[1, 0]])  # colors are averaged
 
 
 HEADS = {
@@ -157,10 +147,6 @@ def test_maps_that_other_programs_save(program, tmp_path):
     grid = occupancy.read_map(tmp_path / "map.yaml")
     same(grid.p, [[1, 0, np.nan]] * 2)
     assert (grid.resolution, grid.origin) == (0.05, (-1.5, -2.0))
-
-
-def test_colors_are_averaged(tmp_path):
-    same(cells(a_map(tmp_path, [[[0, 0, 255], [255, 255, 255]]])), [[1, 0]])
 
 
 @pytest.mark.parametrize("negate", [0, 1])

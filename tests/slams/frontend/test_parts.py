@@ -309,19 +309,13 @@ def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
 
 
 @pytest.mark.parametrize(("wheels", "state"), [(True, "predicted"), (False, "lost")])
-def test_wheels_keep_a_robot_in_a_crowd_from_being_lost(wheels, state):
+def test_after_a_contradiction_what_explains_half_has_to_stand_for_seconds(wheels, state):
+    """Wheels keep the robot from being lost meanwhile, as in a crowd."""
     robot = Standing(wheels)
     robot.take(10, 1.0, 0.0)
     assert robot.take(20, 0.0, 1.0).state == state
-
-
-@pytest.mark.parametrize("wheels", [True, False])
-def test_after_a_contradiction_what_explains_half_has_to_stand_for_seconds(wheels):
-    robot = Standing(wheels)
-    robot.take(10, 1.0, 0.0)
-    robot.take(20, 0.0, 1.0)
     found = robot.take(50, 0.5, 0.0)  # CONFIRMED of full agreement: 6 s
-    assert found.state == ("predicted" if wheels else "lost") and not found.maps
+    assert found.state == state and not found.maps
     found = robot.take(20, 0.5, 0.0)
     assert found.state == "matched" and found.maps
 
