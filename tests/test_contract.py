@@ -3,16 +3,11 @@
 import pytest
 
 from slams.contract import CLAUSES
-from slams.registry import find, names
-
-LABELS = [
-    f"{name}@{preset}" if preset != "default" else name
-    for name in names()
-    for preset in find(name).cls.Params.presets()
-]
+from slams.registry import find
+from tests.rooms import labels
 
 
 @pytest.mark.parametrize("clause", CLAUSES)
-@pytest.mark.parametrize("label", LABELS)
+@pytest.mark.parametrize("label", labels())
 def test_the_contract(label, clause):
     CLAUSES[clause](find(label))

@@ -6,7 +6,7 @@ import pytest
 
 from slams import run
 from slams.__main__ import main
-from tests.rooms import drive
+from tests.rooms import command, drive
 
 ROS = "map_resolution: 0.1\nmap_multi_res_levels: 2\nmap_frame: map\nlaser_max_dist: 12.0\n"
 
@@ -16,10 +16,6 @@ def ros(tmp_path):
     path = tmp_path / "ros.yaml"
     path.write_text(ROS)
     return path
-
-
-def command(*arguments):
-    return run.main([str(argument) for argument in arguments])
 
 
 def shown(capsys, *arguments):

@@ -10,11 +10,10 @@ from crsm.map_kernels import Grid, Update, blacken, darkness, strokes, whiten
 from crsm.rays_kernels import leverage
 from crsm.scan import LEAST_RAYS, ScanReader
 from slams.jit import njit
-from slams.registry import find
 from slams.types import IDENTITY, Pose2, Scan
 from tests.crsm import naive
 from tests.crsm.room import LASER, Parameters, drive, noisy_view, reader_of
-from tests.rooms import laser, scan_at
+from tests.rooms import laser, made, scan_at
 
 RULE = Update(0.3, 100.0, 0.035, 0.6)
 
@@ -185,7 +184,6 @@ def test_a_single_short_beam_does_not_tear_a_wall():
 @pytest.mark.parametrize(("preset", "grey"), [("crsm", -1.0 / 3.0), ("crsm@paper", -1.0)])
 def test_the_paper_believes_one_beam_that_a_cell_is_free(preset, grey):
     """The default weighs in that nothing was known of it."""
-    entry = find(preset)
-    slam = entry.cls(entry.params())
+    slam = made(preset)
     slam.update(scan_at(IDENTITY, laser(361)))
     assert slam._map.levels[0].grey.min() == pytest.approx(grey, abs=1e-6)

@@ -7,26 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slams import run
 from slams.formats.npz import write_npz
-from slams.registry import find, names
+from slams.registry import find
 from slams.state import load_state, read_state, save
 from slams.state.tree import Reader, Writer
 from slams.types import Laser, Pose2, Scan
-from tests.rooms import drive, laser
+from tests.rooms import command, drive, labels, laser, made
 
 SCANS, CUTS = 30, (1, 11, 20)
-LABELS = [
-    label
-    for name in names()
-    if name != "kiss"
-    for label in (name, *(f"{name}@{p}" for p in find(name).cls.Params.presets()[1:]))
-]
-
-
-def new(label):
-    entry = find(label)
-    return entry.cls(entry.params())
+LABELS = [label for label in labels() if label.partition("@")[0] != "kiss"]
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +27,7 @@ def scans():
 def kept(tmp_path_factory, scans):
     """A state of hector after a few scans; tests change copies of it."""
     path = tmp_path_factory.mktemp("state") / "hector.state"
-    slam = new("hector")
+    slam = made("hector")
     for scan in scans[:5]:
         slam.update(scan)
     save(slam, path, {"t": 1.5})
@@ -47,7 +36,7 @@ def kept(tmp_path_factory, scans):
 
 @pytest.mark.parametrize("label", LABELS)
 def test_going_on_equals_never_having_stopped(label, scans, tmp_path):
-    slam, poses = new(label), []
+    slam, poses = made(label), []
     for i, scan in enumerate(scans):
         if i in CUTS:
             save(slam, tmp_path / f"{i}")
@@ -63,7 +52,7 @@ def test_going_on_equals_never_having_stopped(label, scans, tmp_path):
 
 
 def test_saving_twice_gives_the_same_file(scans, tmp_path):
-    slam = new("gmapping")
+    slam = made("gmapping")
     for scan in scans[:3]:
         slam.update(scan)
     save(slam, tmp_path / "a")
@@ -259,7 +248,7 @@ def test_the_old_state_stays_whole_when_saving_fails(kept, tmp_path, monkeypatch
     with monkeypatch.context() as patch:
         patch.setattr("zipfile.ZipFile.writestr", lambda *a, **k: 1 / 0)
         with pytest.raises(ZeroDivisionError):
-            save(new("hector"), path)
+            save(made("hector"), path)
     assert path.read_bytes() == kept.read_bytes()
     assert [p.name for p in tmp_path.iterdir()] == ["x.state"]
     assert read_state(path).beside == {"t": 1.5}
@@ -268,10 +257,6 @@ def test_the_old_state_stays_whole_when_saving_fails(kept, tmp_path, monkeypatch
 def rows(folder):
     lines = (folder / "trajectory.tum").read_text().splitlines()
     return [line for line in lines if not line.startswith("#")]
-
-
-def command(*arguments):
-    return run.main([str(argument) for argument in arguments])
 
 
 def test_a_run_goes_on_where_another_stopped(tmp_path, capsys):

@@ -125,7 +125,8 @@ def test_trinary_maps(tmp_path):
     same(cells(a_map(tmp_path, [[0, 254], [205, 100]])), [[np.nan, np.nan], [1, 0]])
     same(cells(a_map(tmp_path, [[0, 254, 50]], negate=1)), [[0, 1, np.nan]])
     same(cells(a_map(tmp_path, [[30, 128, 220]])), [[1, np.nan, 0]])  # as cartographer has them
-    same(cells(a_map(tmp_path, [[[0, 0, 255], [255, 255, 255]]])), [[1, 0]])  # colors are averaged
+    colors = [[[0, 0, 255], [0, 255, 255], [255, 255, 255]]]  # are averaged
+    same(cells(a_map(tmp_path, colors)), [[1, np.nan, 0]])
 
 
 HEADS = {

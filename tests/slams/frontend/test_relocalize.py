@@ -3,8 +3,6 @@
 import copy
 import math
 import pickle
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -19,7 +17,7 @@ from slams.localize.map_index import Candidate, MapIndex, Search, Work, end_poin
 from slams.test_world import odd_scans
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 from tests.floors import ALIKE, grid_of
-from tests.places import ROOT
+from tests.processes import python
 from tests.rooms import ROOM, box, calls, laser, scan_at
 
 LIDAR = laser(541, range_max=30.0)
@@ -347,4 +345,4 @@ def test_the_same_input_gives_the_same_output_also_from_a_copy(room):
 
 def test_scipy_is_not_imported():
     code = "import sys, slams.frontend.relocalize; sys.exit('scipy.ndimage' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
+    assert python("-c", code).returncode == 0

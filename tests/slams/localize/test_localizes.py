@@ -9,27 +9,34 @@ import numpy as np
 import pytest
 
 import slams
-from slams import run
 from slams.formats.occupancy import write_map
 from slams.localize import Localizer, Localizes, MapIndex, open_map, prepare
 from slams.localize.distance_map import DistanceMap
 from slams.localize.source import find_start, pose_of, start_at
 from slams.localize.virtual import build, ranges_at, scans_of, stations
 from slams.params import Params
-from slams.registry import find, names
+from slams.registry import find
 from slams.state import save
 from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
 from tests.floors import START, grid_of, seen, truth
 from tests.places import ROOT
-from tests.rooms import ROOM, box, cast, drive, laser, mirrored, off_the_walls, scan_at, way
+from tests.rooms import (
+    ROOM,
+    box,
+    cast,
+    command,
+    drive,
+    labels,
+    laser,
+    made,
+    mirrored,
+    off_the_walls,
+    scan_at,
+    way,
+)
 from tests.wheels import Drifting
 
-OFFERING = [
-    label
-    for name in names()
-    for label in (name, *(f"{name}@{p}" for p in find(name).cls.Params.presets()[1:]))
-    if isinstance(find(label).cls(find(label).params()), Localizes)
-]
+OFFERING = [label for label in labels() if isinstance(made(label), Localizes)]
 
 
 @pytest.fixture(scope="module")
@@ -140,8 +147,7 @@ def test_covariances_turn_with_the_frame(room):
 
 
 def prepared(label, room):
-    entry = find(label)
-    slam = entry.cls(entry.params())
+    slam = made(label)
     assert slam.frozen is False
     return slam, build(slam, room.distances)
 
@@ -174,10 +180,6 @@ def files(tmp_path, log):
     write_map(tmp_path, grid_of(ROOM))
     log.save(tmp_path / "room.npz")
     return tmp_path
-
-
-def command(*arguments):
-    return run.main([str(argument) for argument in arguments])
 
 
 def errors(folder):
@@ -218,8 +220,7 @@ def test_a_run_begins_at_the_scan_that_is_found(files, log, capsys):
 
 def test_a_run_localizes_in_a_state_of_its_own_or_of_another(files, log):
     for label in ("hector", "tsd"):
-        entry = find(label)
-        slam = entry.cls(entry.params())
+        slam = made(label)
         for scan in log:
             slam.update(scan)
         save(slam, files / label)

@@ -4,11 +4,10 @@ import math
 
 import pytest
 
-from slams.registry import BASELINES, BUILT_IN, find
+from slams.registry import find
 from slams.ros import ros_params
 from slams.ros.launch import read_node
-
-ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
+from tests.rooms import ALGORITHMS
 
 HECTOR_LAUNCH = """<?xml version="1.0"?>
 <launch>
