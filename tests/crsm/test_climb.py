@@ -9,7 +9,7 @@ from bench.sim.degrade import degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from crsm import match_kernels
-from crsm.map_kernels import Update, blacken
+from crsm.map_kernels import blacken
 from crsm.match_kernels import Expected, climb, fitness, score
 from crsm.matcher import FINEST, FIRST, LONGEST, MEMORY, ROUGH, Matcher
 from slams.frontend.motion_filter import Prediction
@@ -17,7 +17,7 @@ from slams.jit import njit
 from slams.scan.end_points import gap
 from slams.types import IDENTITY, Pose2
 from tests.crsm.room import Parameters, mapped, noisy_view
-from tests.crsm.test_map import blank, darkness_at, wall
+from tests.crsm.test_map import RULE, blank, darkness_at, wall
 from tests.rooms import calls, made
 
 LOOSE = Expected(0.0, 0.0, 0.0, np.eye(3), 1e-6)
@@ -36,7 +36,7 @@ def score_at(grid, ends, prior, pose):
 
 def one_wall():
     grid, ends = blank(), wall(0.0, 1.0)
-    blacken(grid, ends, len(ends), IDENTITY, 1, tuple(Update(0.3, 100.0, 0.035, 0.6)))
+    blacken(grid, ends, len(ends), IDENTITY, 1, tuple(RULE))
     return grid
 
 

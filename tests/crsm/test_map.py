@@ -115,18 +115,6 @@ def test_darkness_has_its_ridge_on_the_wall_wherever_in_the_cells_it_is(angle, o
     assert (np.diff(dark)[: len(dark) // 3] > 0).all()  # there is a way up from afar
 
 
-@pytest.mark.parametrize("between", [0.1, 0.15])
-def test_two_faces_of_a_thin_wall_each_have_their_ridge(between):
-    grid, distances = blank(), np.arange(0.9, 1.25, 0.002)
-    for mark, off in enumerate((1.0, 1.0 + between) * 5, 1):
-        ends = wall(0.0, off)
-        blacken(grid, ends, len(ends), IDENTITY, mark, tuple(RULE))
-    dark = np.array([darkness_at(grid, d, 0.0) for d in distances])
-    for off in (1.0, 1.0 + between):
-        near = np.abs(distances - off) < 0.04
-        assert distances[near][np.argmax(dark[near])] == pytest.approx(off, abs=0.01)
-
-
 def test_a_building_that_begins_at_the_start_is_not_moved(monkeypatch):
     grid, view = GreyMap(Parameters()), reader_of(scan_at(IDENTITY, LASER))
     before = grid.levels[0].grey

@@ -224,24 +224,6 @@ def test_whatever_stands_in_a_file_is_read_or_refused_in_one_sentence(kept, tmp_
     assert all(text.startswith(str(path)) and "\n" not in text for text in said)
 
 
-def test_a_damaged_file_is_refused_in_one_sentence(kept, tmp_path):
-    data, rng = kept.read_bytes(), np.random.default_rng(0)
-    path = tmp_path / "x.state"
-    cuts = [data[:n] for n in (0, 3, 100, len(data) // 2, len(data) - 1)]
-    flips = []
-    for at in rng.integers(0, len(data), 60).tolist():
-        flips.append(data[:at] + bytes([data[at] ^ (1 << (at % 8))]) + data[at + 1 :])
-    said, whole = [], load_state(kept)
-    for case in [*cuts, *flips, b"just text", b"PK\x03\x04 not quite"]:
-        path.write_bytes(case)
-        try:  # some bits of a zip mean nothing: how far back the zeros are that are repeated
-            np.testing.assert_array_equal(load_state(path).map().p, whole.map().p)
-        except ValueError as error:
-            said.append(str(error))
-    assert all(text.startswith(str(path)) and "\n" not in text for text in said)
-    assert len(said) >= 50
-
-
 def test_the_old_state_stays_whole_when_saving_fails(kept, tmp_path, monkeypatch):
     path = tmp_path / "x.state"
     shutil.copy(kept, path)
