@@ -100,21 +100,6 @@ def test_darkness_is_the_spline_of_the_cells_around():
     assert darkness_at(grid, -2.6, 0.0) == darkness_at(grid, 0.0, 99.0) == 0.0  # beyond the map
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.4, 1.2])
-@pytest.mark.parametrize("off", [1.0, 1.013, 1.029])
-def test_darkness_has_its_ridge_on_the_wall_wherever_in_the_cells_it_is(angle, off):
-    grid, ends = blank(), wall(angle, off)
-    blacken(grid, ends, len(ends), IDENTITY, 1, tuple(RULE))
-    normal = np.array([math.cos(angle), math.sin(angle)])
-    distances = off + np.arange(-0.1, 0.1001, 0.002)
-    along = np.linspace(-0.5, 0.5, 21)[:, None] * (-normal[1], normal[0])
-    dark = [np.mean([darkness_at(grid, *(d * normal + a)) for a in along]) for d in distances]
-    assert distances[int(np.argmax(dark))] == pytest.approx(off, abs=0.005)
-    assert 0.7 < max(dark) < 1.0
-    assert dark[0] < 0.1
-    assert (np.diff(dark)[: len(dark) // 3] > 0).all()  # there is a way up from afar
-
-
 def test_a_building_that_begins_at_the_start_is_not_moved(monkeypatch):
     grid, view = GreyMap(Parameters()), reader_of(scan_at(IDENTITY, LASER))
     before = grid.levels[0].grey

@@ -15,9 +15,10 @@ from hector.original.map import Pyramid
 from hector.original.motion import Motion
 from slams.geometry import Prior
 from slams.scan import scan_kernels
-from slams.types import IDENTITY, Pose2, Scan
+from slams.types import IDENTITY, Pose2
 from tests.hector import naive
 from tests.rooms import laser, scan_at
+from tests.slams.frontend.test_filter import scan as stamped
 
 FREE, OCCUPIED = math.log(0.4 / 0.6), math.log(0.9 / 0.1)
 UPDATE = Update(FREE, OCCUPIED, 50.0, math.exp(FREE))
@@ -175,10 +176,6 @@ def test_the_originals_map_does_not_grow_and_halves_from_level_to_level():
     assert [grid.resolution for grid in slam._map.levels] == [0.05, 0.1, 0.2]
 
 
-def stamped(t, odometry=None, yaw=None):
-    return Scan(t, np.zeros(1, np.float32), laser(1), odometry, yaw)
-
-
 def test_prediction_by_velocity_odometry_gyro_or_not_at_all():
     for source, odometry, yaw, expected in (
         ("last", None, None, (1.0, 0.0, 0.0)),
@@ -203,17 +200,12 @@ def test_prediction_by_velocity_odometry_gyro_or_not_at_all():
 
 
 def test_prediction_scales_with_the_interval_until_stamps_prove_ragged():
-    motion, pose = Motion("auto"), IDENTITY
-    for k, t in enumerate((0.0, 0.1, 0.2)):
-        motion.predict(pose, stamped(t))
-        pose = Pose2(0.1 * k, 0.0, 0.0)
-        motion.moved(pose, stamped(t))
-    assert motion.predict(pose, stamped(0.4)).x == pytest.approx(0.4)
-    motion, pose = Motion("auto"), IDENTITY
-    t = 0.0
-    for k in range(30):
-        t += 0.05 if k % 2 else 0.35
-        motion.predict(pose, stamped(t))
-        pose = Pose2(0.1 * k, 0.0, 0.0)
-        motion.moved(pose, stamped(t))
-    assert motion.predict(pose, stamped(t + 0.35)).x == pytest.approx(pose.x + 0.1)
+    steady, ragged = 0.1 * np.arange(3), np.cumsum(15 * [0.35, 0.05])
+    for stamps, later, step in ((steady, 0.2, 0.2), (ragged, 0.35, 0.1)):
+        motion, pose = Motion("auto"), IDENTITY
+        for k, t in enumerate(stamps.tolist()):
+            motion.predict(pose, stamped(t))
+            pose = Pose2(0.1 * k, 0.0, 0.0)
+            motion.moved(pose, stamped(t))
+        found = motion.predict(pose, stamped(t + later)).x
+        assert found - pose.x == pytest.approx(step)

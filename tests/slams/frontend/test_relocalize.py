@@ -285,12 +285,6 @@ def test_a_room_that_the_map_does_not_have_is_searched_ever_more_seldom(room):
     assert pauses[-1] == pytest.approx(8.0, abs=1.0)
 
 
-def test_switched_off_nothing_is_drawn(room):
-    draw = Map(room)
-    assert run(standing(20), draw, relocalizer=Relocalizer(False))[0] is None
-    assert draw.boxes == []
-
-
 def test_a_scan_with_few_valid_beams_waits_and_motion_goes_on(room):
     drive = driving(60, HERE, Pose2(0.0, 0.0, 0.05))
     dark = np.full(541, np.nan, np.float32)
