@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,6 @@ from slams.registry import find
 from slams.state import save
 from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
 from tests.floors import START, grid_of, seen, truth
-from tests.places import ROOT
 from tests.rooms import (
     ROOM,
     box,
@@ -34,6 +32,7 @@ from tests.rooms import (
     scan_at,
     way,
 )
+from tests.test_readme_code import block
 from tests.wheels import Drifting
 
 OFFERING = [label for label in labels() if isinstance(made(label), Localizes)]
@@ -263,14 +262,12 @@ def test_what_does_not_fit_is_refused_in_one_sentence(files, capsys):
             pose_of(text)
 
 
-@pytest.mark.parametrize("word", ["load_state(folder", "GlobalLocalizer(slam.map())", "LiveSlam("])
+@pytest.mark.parametrize("word", ["load_state(folder", "GlobalLocalizer(slam.map())", "map=state"])
 def test_the_code_of_the_page_about_maps_runs(word):
-    page = (ROOT / "docs" / "maps.md").read_text(encoding="utf-8")
-    code = next(b for b in re.findall(r"```python\n(.*?)```", page, re.S) if word in b)
-    exec(code, scope := {"slams": slams})
+    exec(block(word), scope := {"slams": slams})
     if "GlobalLocalizer" in word:
         assert math.hypot(*scope["found"].pose[:2]) < 0.1
-    elif "LiveSlam" in word:
+    elif "map=" in word:
         apart = np.array(scope["estimate"].pose) - np.array(scope["on"].last.pose)
         assert scope["estimate"].found and np.abs(apart).max() < 0.05
     else:
