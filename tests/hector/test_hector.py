@@ -162,8 +162,9 @@ def test_log_odds_stop_at_the_ceiling_and_scans_add_up(kernels):
 def test_beams_that_leave_the_grid_are_skipped_whole(kernels):
     grid = level(5, 5, 1.0)
     kernels.insert(grid, column(9.0, 0.0), 1, IDENTITY, IDENTITY, 1, UPDATE)
-    kernels.insert(grid, column(1.0, 0.0), 1, Pose2(-9.0, 0.0, 0.0), IDENTITY, 2, UPDATE)
-    kernels.insert(grid, column(0.2, 0.0), 1, IDENTITY, IDENTITY, 3, UPDATE)
+    kernels.insert(grid, column(11.0, 0.0), 1, Pose2(-9.0, 0.0, 0.0), IDENTITY, 2, UPDATE)
+    near = np.array([[9.0, 0.2], [0.0, 0.0]])  # ends where it begins, behind one that leaves
+    kernels.insert(grid, near, 2, IDENTITY, IDENTITY, 3, UPDATE)
     assert not grid.log_odds.any()
 
 
