@@ -18,14 +18,6 @@ def mirrored(segments):
     return segments * np.array([1.0, -1.0, 1.0, -1.0])
 
 
-def off_the_walls(points):
-    """Distance of each point (n, 2) to the nearest wall of the room."""
-    p, e = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
-    along = ((points[:, None] - p) * e).sum(axis=2) / (e * e).sum(axis=1)
-    foot = p + np.clip(along, 0.0, 1.0)[..., None] * e
-    return np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1)
-
-
 def labels():
     """Every algorithm with each of its presets."""
     of = {name: find(name).cls.Params.presets()[1:] for name in names()}

@@ -11,20 +11,10 @@ from slams.frontend.correlative import search, window_of
 from slams.grid_bounds import Box
 from slams.player import replay
 from slams.types import IDENTITY, Pose2
-from tests.rooms import (
-    ALGORITHMS,
-    CORRIDOR,
-    ORIGINALS,
-    ROOM,
-    box,
-    drive,
-    laser,
-    made,
-    mirrored,
-    scan_at,
-)
+from tests.rooms import ALGORITHMS, CORRIDOR, ROOM, box, drive, laser, made, mirrored, scan_at
 
 PAPERS = [f"{name}@paper" for name in ALGORITHMS]
+ORIGINALS = [f"{name}@original" for name in ALGORITHMS]
 MOUNT = Pose2(0.2, -0.1, 0.7)
 # turned, so that walls cross their cells at all places
 CORNERS = Pose2(0.0, 0.0, 0.1).transform(np.array([s[:2] for s in box(-2.5, -2.0, 3.0, 2.5)]))
