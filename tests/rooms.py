@@ -4,10 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from slams.registry import BASELINES, BUILT_IN, find
+from slams import run
+from slams.registry import BASELINES, BUILT_IN, find, names
 from slams.test_world import ROOM, box, cast, drive, laser, scan_at, way  # noqa: F401
 
 ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
+ORIGINALS = [f"{name}@original" for name in ALGORITHMS]
 LIDAR = laser(181)
 CORRIDOR = np.array([(-50.0, -1.0, 50.0, -1.0), (-50.0, 1.0, 50.0, 1.0)])
 
@@ -16,12 +18,15 @@ def mirrored(segments):
     return segments * np.array([1.0, -1.0, 1.0, -1.0])
 
 
-def off_the_walls(points):
-    """Distance of each point (n, 2) to the nearest wall of the room."""
-    p, e = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
-    along = ((points[:, None] - p) * e).sum(axis=2) / (e * e).sum(axis=1)
-    foot = p + np.clip(along, 0.0, 1.0)[..., None] * e
-    return np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1)
+def labels():
+    """Every algorithm with each of its presets."""
+    of = {name: find(name).cls.Params.presets()[1:] for name in names()}
+    return [label for name in of for label in (name, *(f"{name}@{preset}" for preset in of[name]))]
+
+
+def command(*arguments):
+    """The exit code of `slams run`."""
+    return run.main([str(argument) for argument in arguments])
 
 
 def made(label, **changes):

@@ -40,7 +40,7 @@ run hector room.npz --resume-state room.npz | not a state: no head;
 run hector room.npz --resume-state . | is a directory
 run hector room.npz --save-state no/x | no such folder
 run hector room.npz --save-state . | is a folder
-run kiss room.npz --save-state k | kiss cannot be saved
+run kiss room.npz --save-state k | kiss cannot be saved: slam._new is of the class
 info none.log | no such file
 info text.yaml | not an npz file
 check | required: algorithm

@@ -12,8 +12,8 @@ import pytest
 import slams.frontend
 from bench.sim.sensors import SENSORS
 from slams.params import FARTHEST, GREATEST, LASERS, MOST, SEEDS, Params, bounds
-from slams.registry import BUILT_IN, find
-from tests.rooms import ALGORITHMS
+from slams.registry import find
+from tests.rooms import ALGORITHMS, ORIGINALS
 
 # that an algorithm reserves with all counts at their greatest and cells at their least
 MOST_GB = 5.0
@@ -21,8 +21,7 @@ MOST_STEPS = 10_000  # of anything that a scan waits for, or that is waited for 
 # crsm@original draws so many steps, of 40 rays each; many particles make each map smaller
 CHEAP = {"iterations": 1_000_000, "n_particles": 20_000}
 SIZES = {"map_size", "side", "max_tiles", "max_cells"}  # cells and tiles: memory, tested below
-LABELS = [f"{name}{preset}" for name in BUILT_IN for preset in ("", "@original")]
-LABELS = [label for label in LABELS if label.partition("@")[0] not in ("odometry", "kiss")]
+LABELS = [*ALGORITHMS, *ORIGINALS]
 
 
 def classes():

@@ -6,7 +6,7 @@ import pytest
 
 from slams import run
 from slams.__main__ import main
-from tests.rooms import drive
+from tests.rooms import command, drive
 
 ROS = "map_resolution: 0.1\nmap_multi_res_levels: 2\nmap_frame: map\nlaser_max_dist: 12.0\n"
 
@@ -16,10 +16,6 @@ def ros(tmp_path):
     path = tmp_path / "ros.yaml"
     path.write_text(ROS)
     return path
-
-
-def command(*arguments):
-    return run.main([str(argument) for argument in arguments])
 
 
 def shown(capsys, *arguments):
@@ -64,9 +60,15 @@ def test_what_became_of_each_parameter_goes_to_stderr(capsys, tmp_path, ros):
     assert printed.err.startswith("hector_mapping -> hector: 3 mapped, 1 ignored\n")
     assert "  map_resolution = 0.1: resolution = 0.1 [m]\n" in printed.err
     assert "hector_mapping" not in printed.out
-    assert json.loads((out / "summary.json").read_text())["parameters"]["resolution"] == 0.1
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["parameters"]["resolution"] == 0.1
+    assert summary["ros_params"]["files"] == [str(ros)]
+    fates = {fate["name"]: fate["fate"] for fate in summary["ros_params"]["parameters"]}
+    assert (fates["map_resolution"], fates["map_frame"]) == ("mapped", "ignored")
     assert command("hector", log, "--out", out, "--ros-params", ros, "-q", "--force") == 0
     assert capsys.readouterr().err == ""
+    assert command("hector", log, "--out", out, "-q", "--force") == 0
+    assert "ros_params" not in json.loads((out / "summary.json").read_text())
 
 
 @pytest.fixture

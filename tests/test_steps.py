@@ -5,7 +5,7 @@ import pytest
 
 from slams.frontend.estimator import BEGIN_BEAMS
 from slams.types import Pose2, Scan
-from tests.rooms import LIDAR, calls, laser, scan_at, settled, still
+from tests.rooms import LIDAR, calls, laser, scan_at, settled
 
 pytestmark = pytest.mark.parametrize("name", ["hector", "tsd", "crsm"])
 
@@ -32,14 +32,6 @@ def test_the_pose_that_is_returned_is_that_of_a_sweeps_first_beam(name):
 def test_at_rest_the_map_is_entered_by_the_first_scans_alone(name):
     first = 1 if name == "tsd" else 10
     assert [settled(name, n).report()["inserted"] for n in (first, 20)] == [first, first]
-
-
-def test_a_given_pose_is_entered_unless_the_map_is_frozen(name):
-    slam = settled(name, 11)
-    for frozen, more in ((True, 0), (False, 1)):
-        before, slam.frozen = slam.report()["inserted"], frozen
-        slam.insert_at(still(11), Pose2(1.0, 0.0, 0.0))
-        assert slam.report()["inserted"] == before + more
 
 
 @pytest.mark.parametrize(("ends", "begins"), [(BEGIN_BEAMS - 1, False), (BEGIN_BEAMS, True)])

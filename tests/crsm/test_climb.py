@@ -9,7 +9,7 @@ from bench.sim.degrade import degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from crsm import match_kernels
-from crsm.map_kernels import Update, blacken
+from crsm.map_kernels import blacken
 from crsm.match_kernels import Expected, climb, fitness, score
 from crsm.matcher import FINEST, FIRST, LONGEST, MEMORY, ROUGH, Matcher
 from slams.frontend.motion_filter import Prediction
@@ -17,8 +17,8 @@ from slams.jit import njit
 from slams.scan.end_points import gap
 from slams.types import IDENTITY, Pose2
 from tests.crsm.room import Parameters, mapped, noisy_view
-from tests.crsm.test_map import blank, darkness_at, wall
-from tests.rooms import calls, made, settled, still
+from tests.crsm.test_map import RULE, blank, darkness_at, wall
+from tests.rooms import calls, made
 
 LOOSE = Expected(0.0, 0.0, 0.0, np.eye(3), 1e-6)
 OFF = Pose2(0.33, -0.3, 0.4)
@@ -36,7 +36,7 @@ def score_at(grid, ends, prior, pose):
 
 def one_wall():
     grid, ends = blank(), wall(0.0, 1.0)
-    blacken(grid, ends, len(ends), IDENTITY, 1, tuple(Update(0.3, 100.0, 0.035, 0.6)))
+    blacken(grid, ends, len(ends), IDENTITY, 1, tuple(RULE))
     return grid
 
 
@@ -117,14 +117,6 @@ def test_a_fit_to_lines_follows_a_rough_climb_and_weighs_it(monkeypatch):
     assert not rough.seen.any()
     seen = view.information(found.pose.theta) * found.share
     assert found.seen == pytest.approx(seen)
-
-
-def test_the_climb_alone_keeps_no_lines_and_fits_nothing(monkeypatch):
-    slam = settled("crsm", 12, refine=False)
-    assert slam._map.lines.surface.slot.max() == 0
-    fitted = calls(monkeypatch, slam._map.lines, "fit")
-    slam.update(still(12))
-    assert not fitted and slam.state == "matched"
 
 
 @pytest.mark.parametrize("kind", ["stall=3", "jitter=50"])

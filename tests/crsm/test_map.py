@@ -10,11 +10,10 @@ from crsm.map_kernels import Grid, Update, blacken, darkness, strokes, whiten
 from crsm.rays_kernels import leverage
 from crsm.scan import LEAST_RAYS, ScanReader
 from slams.jit import njit
-from slams.registry import find
 from slams.types import IDENTITY, Pose2, Scan
 from tests.crsm import naive
 from tests.crsm.room import LASER, Parameters, drive, noisy_view, reader_of
-from tests.rooms import laser, scan_at
+from tests.rooms import laser, made, scan_at
 
 RULE = Update(0.3, 100.0, 0.035, 0.6)
 
@@ -101,33 +100,6 @@ def test_darkness_is_the_spline_of_the_cells_around():
     assert darkness_at(grid, -2.6, 0.0) == darkness_at(grid, 0.0, 99.0) == 0.0  # beyond the map
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.4, 1.2])
-@pytest.mark.parametrize("off", [1.0, 1.013, 1.029])
-def test_darkness_has_its_ridge_on_the_wall_wherever_in_the_cells_it_is(angle, off):
-    grid, ends = blank(), wall(angle, off)
-    blacken(grid, ends, len(ends), IDENTITY, 1, tuple(RULE))
-    normal = np.array([math.cos(angle), math.sin(angle)])
-    distances = off + np.arange(-0.1, 0.1001, 0.002)
-    along = np.linspace(-0.5, 0.5, 21)[:, None] * (-normal[1], normal[0])
-    dark = [np.mean([darkness_at(grid, *(d * normal + a)) for a in along]) for d in distances]
-    assert distances[int(np.argmax(dark))] == pytest.approx(off, abs=0.005)
-    assert 0.7 < max(dark) < 1.0
-    assert dark[0] < 0.1
-    assert (np.diff(dark)[: len(dark) // 3] > 0).all()  # there is a way up from afar
-
-
-@pytest.mark.parametrize("between", [0.1, 0.15])
-def test_two_faces_of_a_thin_wall_each_have_their_ridge(between):
-    grid, distances = blank(), np.arange(0.9, 1.25, 0.002)
-    for mark, off in enumerate((1.0, 1.0 + between) * 5, 1):
-        ends = wall(0.0, off)
-        blacken(grid, ends, len(ends), IDENTITY, mark, tuple(RULE))
-    dark = np.array([darkness_at(grid, d, 0.0) for d in distances])
-    for off in (1.0, 1.0 + between):
-        near = np.abs(distances - off) < 0.04
-        assert distances[near][np.argmax(dark[near])] == pytest.approx(off, abs=0.01)
-
-
 def test_a_building_that_begins_at_the_start_is_not_moved(monkeypatch):
     grid, view = GreyMap(Parameters()), reader_of(scan_at(IDENTITY, LASER))
     before = grid.levels[0].grey
@@ -185,7 +157,6 @@ def test_a_single_short_beam_does_not_tear_a_wall():
 @pytest.mark.parametrize(("preset", "grey"), [("crsm", -1.0 / 3.0), ("crsm@paper", -1.0)])
 def test_the_paper_believes_one_beam_that_a_cell_is_free(preset, grey):
     """The default weighs in that nothing was known of it."""
-    entry = find(preset)
-    slam = entry.cls(entry.params())
+    slam = made(preset)
     slam.update(scan_at(IDENTITY, laser(361)))
     assert slam._map.levels[0].grey.min() == pytest.approx(grey, abs=1e-6)

@@ -12,10 +12,10 @@ from numpy.lib.array_utils import byte_bounds
 from slams.cells import PAGE, PAGEMAP, Room, filled, given_pages, move, zeros
 from slams.grid_bounds import MAX_UNSEEN_DISTANCE, Box, GridBounds
 from slams.player import WARM_UP_SCANS, replay, warm_up
-from slams.registry import BUILT_IN, find
+from slams.registry import find
 from slams.scanlog import Track
 from slams.summary import as_text, summarize
-from tests.rooms import drive
+from tests.rooms import ALGORITHMS, ORIGINALS, drive
 
 needs_pagemap = pytest.mark.skipif(
     not PAGEMAP.exists(), reason="only Linux tells which pages it gave"
@@ -128,8 +128,7 @@ def test_a_map_that_outgrows_its_room_is_the_same_in_a_larger_one(name, monkeypa
     np.testing.assert_allclose(one.p, other.p, atol=1e-3)
 
 
-LABELS = [f"{name}{preset}" for name in BUILT_IN for preset in ("", "@original")]
-LABELS = [label for label in LABELS if not label.startswith(("odometry", "kiss"))]
+LABELS = [*ALGORITHMS, *ORIGINALS]
 GROWING = [label for label in LABELS if "max_cells" in find(label).params().specs()]
 
 

@@ -14,6 +14,7 @@ from slams.params import Params
 from slams.ros.launch import read_node
 from tests.bags import MUCH, cheaply_refused
 from tests.rooms import drive
+from tests.slams.ros.test_ros_params import KNOWN, NODE, NODES
 
 ROOM, HUGE = 8 << 20, 96 << 20  # bytes
 
@@ -118,8 +119,6 @@ def test_recordings_unpack_to_fifty_times_their_size_and_no_more():
         packed.check_growth("a.gz", 1 << 20, (50 << 20) + 1)
 
 
-NODES, KNOWN = ("gmapping", "slam_gmapping"), ("delta", "particles")
-NODE = '<node pkg="gmapping" type="slam_gmapping" name="s">{}</node>'
 LONG = f'<arg name="a" default="{"x" * 100_000}"/>'
 
 

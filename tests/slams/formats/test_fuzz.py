@@ -12,7 +12,9 @@ from slams import convert
 from slams.formats import occupancy, trajectory
 from slams.registry import find
 from slams.ros import ros_params
+from slams.state import load_state, save
 from tests import bags
+from tests.rooms import settled
 from tests.slams.formats.test_text import FLASER, HEADER, RAW, ROBOT
 from tests.slams.ros.test_ros_params import HECTOR_LAUNCH, TREES
 
@@ -127,6 +129,15 @@ def test_damaged_metadata_of_a_folder(tmp_path):
     path = bags.write(tmp_path, "folder-mcap", bag) / "metadata.yaml"
     whole = path.read_bytes()  # of which the library takes long to read the yaml
     check(lambda path, _: slams.load(path.parent), path, whole, CASES // 4)
+
+
+def test_damaged_states(tmp_path):
+    def read(path, _):  # some bits of a zip mean nothing
+        np.testing.assert_array_equal(load_state(path).map().p, slam.map().p)
+
+    slam = settled("hector", 3)
+    save(slam, tmp_path / "whole")
+    check(read, tmp_path / "x.state", (tmp_path / "whole").read_bytes(), CASES // 8)
 
 
 def test_damaged_trajectories(tmp_path):

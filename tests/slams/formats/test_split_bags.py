@@ -114,11 +114,13 @@ def test_options_stand_anywhere(words, tmp_path):
     assert len((tmp_path / "out" / "trajectory.tum").read_text().splitlines()) == 4
 
 
-def test_the_result_names_frames_as_the_log_does(tmp_path):
+def test_the_result_names_frames_as_the_log_does(tmp_path, capsys):
     log = bags.write(tmp_path, "bag", part(0, 12, True))
     out = tmp_path / "out"
-    assert run.main(["odometry", str(log), "--mcap", "--out", str(out), "-q"]) == 0
+    assert run.main(["odometry", str(log), "--mcap", "--out", str(out)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].count("result.mcap") == 1
     found = messages(out / "result.mcap")
+    assert len(found["/scan"]) == 12
     assert found["/scan"][0][1].header.frame_id == "base_scan"
     (moving,) = found["/tf"][0][1].transforms
     assert (moving.header.frame_id, moving.child_frame_id) == ("map", "base_footprint")

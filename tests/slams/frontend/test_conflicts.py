@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slams.registry import find
 from slams.test_world import box, cast, laser
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import ALGORITHMS, made
@@ -22,8 +21,7 @@ def read(slam, share):
 
 @pytest.mark.parametrize("name", ["hector", "tsd", "crsm"])
 def test_one_scan_makes_no_cell_free_and_three_do(name):
-    entry = find(name)
-    slam = entry.cls(entry.params())
+    slam = made(name)
     for number in (1, 2, 3):
         slam._map.insert(read(slam, 1.0), IDENTITY)
         inliers, conflicts = slam._map.evaluate(read(slam, 0.7), IDENTITY)
@@ -39,16 +37,14 @@ def test_one_scan_makes_no_cell_free_and_three_do(name):
 )
 def test_ends_count_as_far_as_the_laser_reaches(name, ends):
     """A wall 50 m off is matched by: on a campus there is nothing nearer. The papers' end at 30."""
-    entry = find(name)
-    slam = entry.cls(entry.params())
+    slam = made(name)
     far = replace(SPARSE, range_max=80.0)
     ranges = cast(np.array(box(-50.0, -50.0, 50.0, 50.0)), IDENTITY, far)
     assert slam._scan.take(Scan(0.0, ranges, far), IDENTITY).n == ends
 
 
 def test_a_rough_surface_whose_normals_are_not_those_of_the_map_is_no_conflict():
-    entry = find("tsd")
-    slam = entry.cls(entry.params())
+    slam = made("tsd")
     for _ in range(3):
         slam._map.insert(read(slam, 1.0), IDENTITY)
     scan = read(slam, 1.0)

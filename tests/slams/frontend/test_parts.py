@@ -132,6 +132,13 @@ def test_a_search_stays_in_its_window(half):
     assert 0.9 * half - 0.2 < found < half + max(0.2, 0.8 * half)
 
 
+SURE = Prediction(IDENTITY, 400.0 * np.eye(3), np.eye(3) / 400.0, IDENTITY, 0.1)
+
+
+def here():
+    return EndPoints(ScanParams()).take(room_at(IDENTITY, LIDAR), IDENTITY)
+
+
 def test_where_all_is_alike_a_search_looks_near_the_prior():
     class Uniform:
         def lookup(self):
@@ -144,12 +151,9 @@ def test_where_all_is_alike_a_search_looks_near_the_prior():
         starts.append(start)
         return [Match(start)]
 
-    starts, points = [], EndPoints(ScanParams())
-    points.take(room_at(IDENTITY, LIDAR), IDENTITY)
-    prior = Prediction(IDENTITY, 400.0 * np.eye(3), np.eye(3) / 400.0, IDENTITY, 0.1)
-    first = Match(Pose2(0.3, 0.0, 0.0))
-    best = best_around(first, points, Uniform(), prior, rematch)
-    distances = [round(prior.distance(start), 9) for start in starts]
+    starts = []
+    best = best_around(Match(Pose2(0.3, 0.0, 0.0)), here(), Uniform(), SURE, rematch)
+    distances = [round(SURE.distance(start), 9) for start in starts]
     assert distances == sorted(distances) and distances[0] == 0.0
     assert best.match.pose == starts[0]
 
@@ -165,10 +169,8 @@ def test_a_search_reaches_as_far_as_a_late_scan_may_be(turned, found):
         def evaluate(self, points, pose):
             return (1.0 if abs(pose.theta - true.theta) < 0.1 else 0.1), 0.0
 
-    true, points = Pose2(0.0, 0.0, turned), EndPoints(ScanParams())
-    points.take(room_at(IDENTITY, LIDAR), IDENTITY)
-    prior = Prediction(IDENTITY, 400.0 * np.eye(3), np.eye(3) / 400.0, IDENTITY, 0.1)
-    best = best_around(Match(IDENTITY), points, Walls(), prior, lambda _, start, __: [Match(start)])
+    true = Pose2(0.0, 0.0, turned)
+    best = best_around(Match(IDENTITY), here(), Walls(), SURE, lambda _, start, __: [Match(start)])
     assert (abs(best.match.pose.theta - turned) < 0.1) == found
 
 
@@ -309,19 +311,13 @@ def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
 
 
 @pytest.mark.parametrize(("wheels", "state"), [(True, "predicted"), (False, "lost")])
-def test_wheels_keep_a_robot_in_a_crowd_from_being_lost(wheels, state):
+def test_after_a_contradiction_what_explains_half_has_to_stand_for_seconds(wheels, state):
+    """Wheels keep the robot from being lost meanwhile, as in a crowd."""
     robot = Standing(wheels)
     robot.take(10, 1.0, 0.0)
     assert robot.take(20, 0.0, 1.0).state == state
-
-
-@pytest.mark.parametrize("wheels", [True, False])
-def test_after_a_contradiction_what_explains_half_has_to_stand_for_seconds(wheels):
-    robot = Standing(wheels)
-    robot.take(10, 1.0, 0.0)
-    robot.take(20, 0.0, 1.0)
     found = robot.take(50, 0.5, 0.0)  # CONFIRMED of full agreement: 6 s
-    assert found.state == ("predicted" if wheels else "lost") and not found.maps
+    assert found.state == state and not found.maps
     found = robot.take(20, 0.5, 0.0)
     assert found.state == "matched" and found.maps
 

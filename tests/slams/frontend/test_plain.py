@@ -2,19 +2,12 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from slams.frontend.params import FrontendParams
 from slams.frontend.plain import PlainEstimator
-from slams.types import Laser, Pose2, Scan
-
-LASER = Laser(-1.0, 0.5, 5, 0.1, 30.0)
-RANGES = np.ones(5, np.float32)
-
-
-def scan(t, odometry=None, yaw=None):
-    return Scan(t, RANGES, LASER, odometry, yaw)
+from slams.types import Pose2
+from tests.slams.frontend.test_filter import scan
 
 
 def test_the_start_is_the_last_pose_moved_by_the_wheels():

@@ -2,35 +2,27 @@
 
 import json
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import slams
-from slams import run
 from slams.formats.occupancy import write_map
 from slams.localize import Localizer, Localizes, MapIndex, open_map, prepare
 from slams.localize.distance_map import DistanceMap
-from slams.localize.hooks import check_localizes
 from slams.localize.source import find_start, pose_of, start_at
 from slams.localize.virtual import build, ranges_at, scans_of, stations
 from slams.params import Params
-from slams.registry import find, names
+from slams.registry import find
 from slams.state import save
 from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
 from tests.floors import START, grid_of, seen, truth
-from tests.places import ROOT
-from tests.rooms import ROOM, box, cast, drive, laser, mirrored, off_the_walls, scan_at, way
+from tests.rooms import ROOM, box, cast, command, drive, labels, laser, made, mirrored, scan_at, way
+from tests.test_readme_code import block
 from tests.wheels import Drifting
 
-OFFERING = [
-    label
-    for name in names()
-    for label in (name, *(f"{name}@{p}" for p in find(name).cls.Params.presets()[1:]))
-    if isinstance(find(label).cls(find(label).params()), Localizes)
-]
+OFFERING = [label for label in labels() if isinstance(made(label), Localizes)]
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +36,14 @@ def log():
     lidar = laser(361)
     whole = drive(n=40, lidar=lidar)
     return replace(whole, ranges=seen(40, lidar), truth=None, meta={"name": "room"})
+
+
+def off_the_walls(points):
+    """Distance of each point (n, 2) to the nearest wall of the room."""
+    p, e = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
+    along = ((points[:, None] - p) * e).sum(axis=2) / (e * e).sum(axis=1)
+    foot = p + np.clip(along, 0.0, 1.0)[..., None] * e
+    return np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1)
 
 
 def test_virtual_ranges_are_those_of_the_walls(room):
@@ -140,14 +140,8 @@ def test_covariances_turn_with_the_frame(room):
     assert turned == pytest.approx(np.diag([1.0, 4.0, 0.5]), abs=1e-12)
 
 
-def test_who_offers_no_hooks_is_refused():
-    with pytest.raises(TypeError, match="odometry cannot localize in a map that is given"):
-        check_localizes(find("odometry").cls(Params()), "odometry")
-
-
 def prepared(label, room):
-    entry = find(label)
-    slam = entry.cls(entry.params())
+    slam = made(label)
     assert slam.frozen is False
     return slam, build(slam, room.distances)
 
@@ -180,10 +174,6 @@ def files(tmp_path, log):
     write_map(tmp_path, grid_of(ROOM))
     log.save(tmp_path / "room.npz")
     return tmp_path
-
-
-def command(*arguments):
-    return run.main([str(argument) for argument in arguments])
 
 
 def errors(folder):
@@ -224,8 +214,7 @@ def test_a_run_begins_at_the_scan_that_is_found(files, log, capsys):
 
 def test_a_run_localizes_in_a_state_of_its_own_or_of_another(files, log):
     for label in ("hector", "tsd"):
-        entry = find(label)
-        slam = entry.cls(entry.params())
+        slam = made(label)
         for scan in log:
             slam.update(scan)
         save(slam, files / label)
@@ -268,14 +257,12 @@ def test_what_does_not_fit_is_refused_in_one_sentence(files, capsys):
             pose_of(text)
 
 
-@pytest.mark.parametrize("word", ["load_state(folder", "GlobalLocalizer(slam.map())", "LiveSlam("])
+@pytest.mark.parametrize("word", ["load_state(folder", "GlobalLocalizer(slam.map())", "map=state"])
 def test_the_code_of_the_page_about_maps_runs(word):
-    page = (ROOT / "docs" / "maps.md").read_text(encoding="utf-8")
-    code = next(b for b in re.findall(r"```python\n(.*?)```", page, re.S) if word in b)
-    exec(code, scope := {"slams": slams})
+    exec(block(word), scope := {"slams": slams})
     if "GlobalLocalizer" in word:
         assert math.hypot(*scope["found"].pose[:2]) < 0.1
-    elif "LiveSlam" in word:
+    elif "map=" in word:
         apart = np.array(scope["estimate"].pose) - np.array(scope["on"].last.pose)
         assert scope["estimate"].found and np.abs(apart).max() < 0.05
     else:
