@@ -46,12 +46,6 @@ def cast_ray(image, corner, cell, origin, direction, far):
     return math.nan
 
 
-def nearest(points, query, reach):
-    """Index of the nearest point within reach, -1 when there is none."""
-    d = np.hypot(*(points - query).T)
-    return int(d.argmin()) if d.min() <= reach else -1
-
-
 def pdf_score(image, corner, cell, points, motion, pose, z_random):
     """Product of 1 - (1 - zrand) |tsd| over all points, zrand where unknown."""
     placed = (Pose2(*pose) @ Pose2(*motion)).transform(points)

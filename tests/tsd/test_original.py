@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from slams.types import IDENTITY, Pose2
 from tests.rooms import box, cast, drive, laser, scan_at
@@ -13,8 +14,8 @@ from tests.tsd.cases import error, original
 from tsd.original import Original, OriginalParams
 from tsd.original.map import TsdGrid, zero_crossings
 from tsd.original.map_kernels import cast_rays
-from tsd.original.match_kernels import Buckets, Links, fill_buckets, nearest, pair_up
-from tsd.original.ransac_kernels import score_pdf
+from tsd.original.match_kernels import closed_form, move, score_pdf
+from tsd.original.registration import reciprocal_pairs
 from tsd.original.scan_kernels import Sensor, mask_scan, oriented_normals
 
 
@@ -66,22 +67,6 @@ def test_mask_drops_short_jumps_and_nan():
     mask_scan(ranges, sensor, 0.26, math.radians(3), out, mask)
     assert mask.tolist() == [True, True, False, True, True, False, False, False, True]
     assert math.isinf(out[5]) and out[6] == 0.0
-
-
-def test_nearest_equals_the_naive_twin():
-    rng = np.random.default_rng(0)
-    points = rng.uniform(-3, 4, (200, 2))
-    buckets = Buckets(
-        np.zeros((64, 64), np.int32), np.zeros(200, np.int64), points, np.zeros(3), 0.05
-    )
-    fill_buckets(buckets, 200)
-    for query in rng.uniform(-4, 5, (300, 2)):
-        for hint in (-1, 7):
-            found, d2, _ = nearest(buckets, query[0], query[1], 0.4, hint)
-            twin = naive_tsd.nearest(points, query, 0.4)
-            assert found == twin
-            if twin >= 0:
-                assert math.sqrt(d2) == pytest.approx(np.hypot(*(points[twin] - query)))
 
 
 def test_score_equals_the_naive_twin(pushed):
@@ -147,25 +132,23 @@ def test_published_grid_grows_only_when_it_may(grows):
     assert (slam.map().p.shape[0] > 64) == grows
 
 
-def test_pairs_equal_the_naive_twin_while_the_scene_moves():
+def test_pairs_equal_the_naive_twin():
     rng = np.random.default_rng(4)
     model = rng.uniform(-2, 2, (300, 2))
     scene = model[rng.permutation(300)[:250]] + rng.normal(0.0, 0.03, (250, 2))
-    buckets = Buckets(
-        np.zeros((64, 64), np.int32), np.zeros(300, np.int64), model, np.zeros(3), 0.05
-    )
-    fill_buckets(buckets, 300)
-    links = Links(
-        np.full(250, -1), np.full(300, -1), np.zeros(300), np.full(250, -1.0), np.zeros((250, 2))
-    )
-    searched = 0
-    for gate in (0.4, 0.3, 0.2, 0.1, 0.05):
-        before = links.at.copy()
-        pair_up(buckets, scene, 250, gate**2, links)
-        searched += int((links.at != before).any(axis=1).sum())
-        assert np.array_equal(links.partner, naive_tsd.matched_pairs(model, scene, gate))
-        scene = Pose2(0.004, -0.003, 0.002).transform(scene)
-    assert searched < 4 * 250  # most keep their nearest
+    for gate in (0.4, 0.1, 0.05):
+        paired, partners = reciprocal_pairs(KDTree(model), scene, gate)
+        found = np.full(300, -1)
+        found[paired] = partners
+        assert np.array_equal(found, naive_tsd.matched_pairs(model, scene, gate))
+
+
+def test_the_closed_form_is_the_motion_between_pairs():
+    motion, scene = Pose2(0.3, -0.2, 0.4), np.random.default_rng(0).uniform(-3, 4, (50, 2))
+    moved = scene.copy()
+    move(moved, motion)
+    assert moved == pytest.approx(motion.transform(scene))
+    assert closed_form(moved, scene) == pytest.approx(motion)
 
 
 def test_rays_jump_over_free_space_without_missing_anything():

@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from slams.types import Floats, Pose2
 from tsd.original.map_kernels import Grid, cast_rays
-from tsd.original.match_kernels import Buckets, Gate, Links, fill_buckets, icp, move
+from tsd.original.match_kernels import Scans, closed_form, move, ransac_tsd
 from tsd.original.params import OriginalParams
-from tsd.original.ransac_kernels import Scans, ransac_tsd
 from tsd.original.scan import View
-from tsd.original.scan_kernels import compact, oriented_normals
+from tsd.original.scan_kernels import Ints, oriented_normals
 
-BUCKET = 0.08  # least edge of the buckets for nearest neighbors [m]
-MOST_BUCKETS = 256  # along an axis
 ALL = 0.99  # a share of points from which on all are kept
-
-
-class Match(NamedTuple):
-    """A step of the laser: whether the program accepts it, share of the points with a partner."""
-
-    step: Pose2
-    good: bool
-    quality: float
-
-
-NO_MATCH = Match(Pose2(0.0, 0.0, 0.0), False, 0.0)
 
 
 class Registration:
@@ -42,36 +29,38 @@ class Registration:
     def __init__(self, params: OriginalParams, rng: np.random.Generator, view: View) -> None:
         n = view.laser.n_beams
         self._params, self._rng, self._view = params, rng, view
-        self._gate = Gate(params.icp_iterations, params.widest_gate, params.narrowest_gate)
         self._model, self._model_mask = np.zeros((n, 2)), np.zeros(n, np.bool_)
         self._scene_phi, self._model_phi = np.zeros(n), np.zeros(n)
-        self._beam_of_model = np.zeros(n, np.int64)
-        self._links = Links(
-            np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n), np.zeros((n, 2))
-        )
-        self._buckets = Buckets(
-            np.zeros((MOST_BUCKETS, MOST_BUCKETS), np.int32),
-            np.zeros(n, np.int64),
-            np.zeros((n, 2)),
-            np.zeros(3),
-            BUCKET,
-        )
 
-    def register(self, grid: Grid, pose: Floats) -> Match:
-        """The step from `pose` (3,) of the laser, from where the model scan is cast."""
+    def register(self, grid: Grid, pose: Floats) -> Pose2 | None:
+        """The step from `pose` (3,) of the laser, where the model scan is cast; None if refused."""
         view, model, mask = self._view, self._model, self._model_mask
         if cast_rays(grid, pose, view.sensor, model, mask) == 0:
-            return NO_MATCH
-        n_model = compact(model, mask, self._buckets.points, self._beam_of_model)
-        fill_buckets(self._buckets, n_model)
-        motion = self._pre_register(grid, pose)
-        points, n = view.found, view.n_found
-        move(points, n, *motion.tolist())
-        pairs = icp(self._buckets, n_model, points, n, self._gate, self._links, motion)
-        turn = abs(float(np.sin(motion[2])))
-        p = self._params
-        plausible = np.hypot(*motion[:2]) <= p.max_translation and turn <= np.sin(p.max_rotation)
-        return Match(Pose2(*motion.tolist()), bool(plausible), pairs / max(n, 1))
+            return None
+        start = Pose2(*self._pre_register(grid, pose).tolist())
+        step, p = self._icp(model[mask], view.scene[view.valid], start), self._params
+        turn = abs(math.sin(step.theta))
+        plausible = math.hypot(step.x, step.y) <= p.max_translation
+        return step if plausible and turn <= math.sin(p.max_rotation) else None
+
+    def _icp(self, model: Floats, scene: Floats, motion: Pose2) -> Pose2:
+        """Fixed number of rounds of pairing and closed form of points (n, 2), from a start.
+
+        Original code: the gate shrinks by a ratio meant for distances but applied to squares.
+        """
+        p, tree = self._params, KDTree(model)
+        gate2, floor = p.widest_gate**2, p.narrowest_gate**2
+        ratio = (p.narrowest_gate / p.widest_gate) ** (1.0 / max(p.icp_iterations - 11, 1))
+        move(scene, motion)
+        for _ in range(p.icp_iterations):
+            paired, partners = reciprocal_pairs(tree, scene, math.sqrt(gate2))
+            if len(paired) <= 2:
+                break
+            step = Pose2(*closed_form(model[paired], scene[partners]))
+            move(scene, step)
+            motion = step @ motion
+            gate2 = max(gate2 * ratio, floor)
+        return motion
 
     def _pre_register(self, grid: Grid, pose: Floats) -> Floats:
         """Start of the ICP: the best random hypothesis, or no motion."""
@@ -88,7 +77,7 @@ class Registration:
         p, rng, view = self._params, self._rng, self._view
         oriented_normals(self._model, self._model_mask, self._model_phi)
         oriented_normals(view.scene, view.valid, self._scene_phi)
-        share = p.scene_points / max(view.n_found, 1)
+        share = p.scene_points / max(int(view.valid.sum()), 1)
         drawn = rng.random(len(view.mask)) < share if share < ALL else True
         kept = view.valid & drawn & np.isfinite(self._scene_phi)
         model = np.flatnonzero(np.isfinite(self._model_phi))
@@ -100,3 +89,15 @@ class Registration:
             self._model, self._model_phi, view.scene, self._scene_phi, kept, trials, span, p.phi_max
         )
         return scans, np.ascontiguousarray(control)
+
+
+def reciprocal_pairs(tree: KDTree, scene: Floats, gate: float) -> tuple[Ints, Ints]:
+    """Indices of model points, and for each the closest scene point that has it as nearest.
+
+    Original code: nearest neighbor, distance gate [m] and "reciprocal" filter.
+    """
+    found = tree.query(scene, distance_upper_bound=gate)
+    distance, nearest = (np.asarray(of_each) for of_each in found)
+    closest_first = np.argsort(distance, kind="stable")[: np.isfinite(distance).sum()]
+    paired, first = np.unique(nearest[closest_first], return_index=True)
+    return paired, closest_first[first]

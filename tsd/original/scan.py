@@ -6,7 +6,7 @@ import numpy as np
 
 from slams.types import Laser, Scan
 from tsd.original.params import OriginalParams
-from tsd.original.scan_kernels import Sensor, compact, mask_scan
+from tsd.original.scan_kernels import Sensor, mask_scan
 
 NO_STEP = 1e-6  # between the beams of a laser that has one [rad]
 LEAST_RANGE = 0.001  # m
@@ -16,8 +16,7 @@ class View:
     """Buffers for the scans of one laser; clockwise ones are turned around.
 
     `ranges` (n,) [m] and `mask` (n,) as the program has them, `valid` (n,) where there is a point;
-    `scene` (n, 2) [m] the points in the laser's frame, 0 where there is none, `found` (n_found, 2)
-    the valid ones.
+    `scene` (n, 2) [m] the points in the laser's frame, 0 where there is none.
     """
 
     def __init__(self, params: OriginalParams, laser: Laser) -> None:
@@ -34,11 +33,9 @@ class View:
         )
         self.ranges, self.mask = np.zeros(n), np.zeros(n, np.bool_)
         self.valid = np.zeros(n, np.bool_)
-        self.scene, self.found = np.zeros((n, 2)), np.zeros((n, 2))
-        self.n_found = 0
+        self.scene = np.zeros((n, 2))
         self._params = params
         self._directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        self._beams = np.zeros(n, np.int64)
 
     def look(self, scan: Scan) -> int:
         """Mask the scan and place its points; returns how many there are."""
@@ -48,5 +45,4 @@ class View:
             self.ranges[:], self.mask[:] = self.ranges[::-1].copy(), self.mask[::-1].copy()
         self.valid = self.mask & np.isfinite(self.ranges)
         self.scene[:] = np.where(self.valid, self.ranges, 0.0)[:, None] * self._directions
-        self.n_found = compact(self.scene, self.valid, self.found, self._beams)
-        return self.n_found
+        return int(self.valid.sum())

@@ -60,19 +60,6 @@ def mask_scan(
 
 
 @njit
-def compact(points: Floats, mask: Mask, out_points: Floats, out_index: Ints) -> int:
-    """The valid points, one after the other, and where they stood. Returns how many. ours."""
-    count = 0
-    for i in range(mask.shape[0]):
-        if mask[i]:
-            out_points[count, 0] = points[i, 0]
-            out_points[count, 1] = points[i, 1]
-            out_index[count] = i
-            count += 1
-    return count
-
-
-@njit
 def oriented_normals(points: Floats, mask: Mask, out_phi: Floats) -> None:
     """Direction of the normal [rad] at every beam, nan where the surface is no line.
 

@@ -35,7 +35,6 @@ class Original:
 
     def __init__(self, params: OriginalParams) -> None:
         self.params = params
-        self.quality = 0.0
         self._rng = np.random.default_rng(params.seed)
         self._grid = TsdGrid(
             params.cell, params.truncation, 2**params.map_size, params.grows, params.max_cells
@@ -74,15 +73,14 @@ class Original:
 
     def _register(self, view: View, registration: Registration) -> None:
         mount = view.laser.mount
-        match = registration.register(self._grid.kernel, np.array(self._pose @ mount))  # 2
-        if not match.good:  # 3
+        step = registration.register(self._grid.kernel, np.array(self._pose @ mount))  # 2
+        if step is None:  # 3
             self._counts["rejected"] += 1
             self._lost += 1
             return
         self._counts["recovered"] += self._lost > 0
         self._lost = 0
-        self.quality = match.quality
-        self._pose = self._pose @ (mount @ match.step @ mount.inverse())
+        self._pose = self._pose @ (mount @ step @ mount.inverse())
         if self._moved():
             self._push(view)  # 4
 
