@@ -16,6 +16,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from bench.judge.metrics import class_shares
+from bench.report.labels import write_names
 from bench.report.palette import UNKNOWN, Look, shade
 from bench.report.pareto import Point, front
 from slams.types import Floats, OccupancyGrid, Pose2
@@ -84,14 +85,15 @@ def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
     axes.set(xscale="log", yscale="log", xlabel="CPU per scan [ms]", ylabel="mean error [mm]")
     places = {point.name: (point.cpu_ms, max(point.error_mm, LEAST_ERROR)) for point in points}
     for point in points:
-        marker, color = "x" if point.lost else "o", looks[point.name].color
-        axes.plot(*places[point.name], marker, color=color, label=point.name)
+        marker = "x" if point.lost else "o"
+        axes.plot(*places[point.name], marker, color=looks[point.name].color)
     best = np.array([places[point.name] for point in front(points)]).reshape(-1, 2)
     axes.plot(*best.T, color="0.5", linewidth=0.8)
+    axes.margins(0.18)
     plain_numbers(axes.xaxis)
     plain_numbers(axes.yaxis)
     axes.grid(visible=True, which="both", alpha=0.25)
-    axes.legend(fontsize=8 if len(points) <= MOST_NAMES else 6)
+    write_names(axes, places, looks)
 
 
 def map_panel(

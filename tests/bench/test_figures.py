@@ -57,17 +57,22 @@ def test_classes_are_round_and_never_wider_than_the_papers(reach, most, width):
     assert figures.class_width([np.full(10, reach)] * 3, most) == pytest.approx(width)
 
 
-def test_costs_have_a_mark_in_the_color_of_each_name_and_a_line_along_the_front(drawn):
-    points = [Point("a", 1.0, 5.0, 0), Point("b", 2.0, 1.0, 0), Point("gone", 3.0, 9.0, 1)]
-    looks = palette.looks([point.name for point in points])
-    figures.save_overview({}, "", points, looks, "nowhere")
-    (axes,) = drawn[-1].axes
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == [*looks]
-    *marks, front = axes.lines
-    assert [(mark.get_marker(), mark.get_color()) for mark in marks] == [
-        *((marker, looks[name].color) for marker, name in (("o", "a"), ("o", "b"), ("x", "gone"))),
-    ]
-    assert front.get_xdata().tolist() == [1.0, 2.0]
+@pytest.mark.parametrize("step", [0.02, 0.1, 0.4])
+def test_a_name_covers_no_point_and_no_other_name(drawn, step):
+    """A cloud, a row and a column of points of the ten names of the default comparison."""
+    names = [f"gmapping@paper {k}" for k in range(10)]
+    way = np.random.default_rng(0).uniform(0.0, 1.0, (10, 2))
+    for at in (way, way * (1.0, 0.0), way * (0.0, 1.0)):
+        points = [Point(n, *10.0 ** (step * 10 * a), False) for n, a in zip(names, at, strict=True)]
+        figures.save_overview({}, "", points, palette.looks(names), "nowhere")
+        (axes,) = drawn[-1].axes
+        assert sorted(text.get_text() for text in axes.texts) == names
+        drawn[-1].draw_without_rendering()
+        places = axes.transData.transform([(p.cpu_ms, p.error_mm) for p in points])
+        boxes = [text.get_window_extent() for text in axes.texts]
+        for box in boxes:
+            assert not any(box.contains(*place) for place in places)
+            assert box.count_overlaps(boxes) == 1, "itself"
 
 
 def axes():
