@@ -16,7 +16,16 @@ from slams.types import Floats, OccupancyGrid, Pose2
 
 Keyframe = Floats | NDArray[np.float32]
 
+FULL = 1 << COARSE  # cells to the edge of a coarse one
 SURE = 3.0  # hits from which a coarse cell is a wall
+
+
+def walls(counts: Counts) -> Lookup:
+    """Where beams ended, in cells twice as wide, for correlative search."""
+    edge, (height, width) = counts.resolution, counts.hits.shape
+    pairs = counts.hits.reshape(height // 2, 2, width // 2, 2)
+    likelihood = np.asarray(pairs.any(axis=(1, 3)), np.float32)
+    return Lookup(likelihood, (counts.x0 + 0.5) * edge, (counts.y0 + 0.5) * edge, 2.0 * edge)
 
 
 class Renderer:
@@ -34,7 +43,7 @@ class Renderer:
     def __init__(
         self, resolution: float, occupied: float, max_cells: int = DEFAULT_MAX_CELLS
     ) -> None:
-        self._occupied, self._power = occupied, math.log(0.5) / math.log(occupied)
+        self._power = math.log(0.5) / math.log(occupied)
         self._room = Room(max_cells, resolution, 1 << COARSE)
         self._low, self._high = np.zeros((2, 2), np.int64)  # cells that were needed, both included
         self._scans: list[Keyframe] = []
@@ -77,12 +86,23 @@ class Renderer:
         near: list[int] = np.flatnonzero(away < radius).tolist()
         return near
 
-    def only(self, scans: list[int]) -> Renderer:
-        """The picture of some kept scans alone, from where they are drawn."""
-        other = Renderer(self.counts.resolution, self._occupied)
-        for k in scans:
-            other.keep(self._scans[k], Pose2(*self._drawn[k].tolist()))
-        return other
+    def only(self, scans: list[int]) -> Counts:
+        """What some kept scans alone have seen, from where they are drawn."""
+        drawn, edge = self._drawn, self.counts.resolution
+        seen = [
+            Pose2(*drawn[k].tolist()).transform(self._scans[k].astype(np.float64)) for k in scans
+        ]
+        ends = np.concatenate(seen)
+        low = np.floor(ends.min(axis=0) / edge).astype(np.int64) >> COARSE
+        high = np.ceil(ends.max(axis=0) / edge).astype(np.int64) >> COARSE
+        width, height = (high - low + 2).tolist()
+        hits, visits = np.zeros((2, height * FULL, width * FULL), np.int32)
+        coarse = np.zeros((height, width), np.int32)
+        x0, y0 = (low << COARSE).tolist()
+        counts = Counts(hits, visits, coarse, x0, y0, edge)
+        for scan in seen:
+            draw(scan, counts, 1)
+        return counts
 
     def lookup(self) -> Lookup:
         """Likelihood of walls in coarse cells, for correlative search."""

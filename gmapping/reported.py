@@ -10,7 +10,7 @@ import numpy as np
 from gmapping.end_points import EndPointMatcher
 from gmapping.match import OLD, Revisit
 from gmapping.particles import Particles
-from gmapping.render import Keyframe, Renderer
+from gmapping.render import Keyframe, Renderer, walls
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
 from slams.frontend.correlative import Lookup, search, window_of
@@ -69,7 +69,7 @@ class ReportedMap:
         if not old:
             return Revisit([], self._picture.counts)
         seen_then = self._picture.only(old[:: 1 + len(old) // SCANS])
-        lookup = seen_then.lookup()
+        lookup = walls(seen_then)
         ends, found = points.pieces[:, :2].T, []
         seen, drift = of_scan(points, pose.theta), DRIFT + self._particles.spread()
         for share in WINDOWS:
@@ -78,7 +78,7 @@ class ReportedMap:
             x, y = at.x - pose.x, at.y - pose.y
             along = (1.0 - seen.share) * (seen.x * x + seen.y * y)
             found.append(at._replace(x=at.x - along * seen.x, y=at.y - along * seen.y))
-        return Revisit(found, seen_then.counts)
+        return Revisit(found, seen_then)
 
     def insert(self, scan: Keyframe, way: float) -> None:
         """Draw a keyframe where the reported particle is."""
