@@ -78,9 +78,9 @@ class LocalMap:
     """
 
     def __init__(self, keyframes: Sequence[Keyframe], poses: Sequence[Pose2]) -> None:
-        self.keyframes, self.poses = keyframes, poses
         import cv2
 
+        self.keyframes, self.poses = keyframes, poses
         ends = [pose.transform(k.ends.T).T for pose, k in zip(poses, keyframes, strict=True)]
         every = np.ascontiguousarray(np.concatenate(ends, axis=1))
         low, high = every.min(axis=1) - 2.0 * CELL, every.max(axis=1) + 2.0 * CELL
@@ -138,7 +138,7 @@ def visible(points: Floats, scan: Scan) -> tuple[NDArray[np.bool_], NDArray[np.b
     low, high = (np.append(of.reduce(beams), math.nan) for of in (np.fmin, np.fmax))
     turn = np.copysign(1.0, laser.angle_increment) * (np.arctan2(y, x) - laser.angle_min)
     beam = (turn % (2.0 * math.pi) / abs(laser.angle_increment) + 0.5).astype(int)
-    low, high = (side[np.minimum(beam, laser.n_beams)] for side in (low, high))
+    low, high = (side[np.minimum(beam, len(scan.ranges))] for side in (low, high))
     r = np.sqrt(x * x + y * y)
     near = TOLERANCE + abs(laser.angle_increment) * r
     seen = (low < laser.range_max) & (low - near <= r) & (r <= high + near)

@@ -9,10 +9,10 @@ from scipy.optimize import least_squares
 from slams.frontend.correlative import Window
 from slams.loops.detector import _information
 from slams.loops.graph import LoopEdge, PoseGraph
-from slams.loops.matching import LocalMap, keyframe, observed, read
+from slams.loops.matching import BESIDE, TOLERANCE, LocalMap, keyframe, observed, read, visible
 from slams.refine.lines import Match
 from slams.test_world import drive, laser, scan_at
-from slams.types import IDENTITY, Pose2, wrap_angle
+from slams.types import IDENTITY, Laser, Pose2, Scan, wrap_angle
 
 VARIANCES = np.array((0.02, 0.01, 0.005)) ** 2
 INFORMATION = np.diag((1e3, 1e3, 1e4))
@@ -120,6 +120,41 @@ def test_what_is_seen_through_is_charged():
     assert right > 0.9
     assert place.agreement(0.6 * ends, true) < 0.0  # walls in front of walls
     assert place.agreement(1.5 * ends, true) < 0.3  # hidden behind walls: neither for nor against
+
+
+@pytest.mark.parametrize("step", [0.1, -0.1])
+def test_what_a_scan_has_seen_and_seen_through_by_hand(step):
+    """Seven beams to one side: a wall 4 m off, then one 2 m off, no return, and nothing known."""
+    ranges = np.array([4.0, 4.0, 4.0, 2.0, math.inf, math.nan], np.float32)
+    scan = Scan(0.0, ranges, Laser(0.0, step, 7, 0.1, 10.0))  # cut short: a beam is missing
+    cases = [  # beam, range [m], seen, seen through; a tenth of the range and TOLERANCE are slack
+        (1, 4.0 + 0.3 + TOLERANCE, True, False),
+        (1, 4.0 - 0.3 - TOLERANCE, True, False),
+        (1, 4.0 - 0.4 - TOLERANCE, False, True),
+        (1, 4.0 + 0.6 + TOLERANCE, False, False),  # hidden
+        (2, 3.0, True, False),  # between the two walls
+        (2, 1.0, False, True),
+        (3, 2.0, True, False),
+        (4, 3.0, True, False),  # between the near wall and no return
+        (6, 1.0, False, False),  # the beam that is missing
+        (20, 4.0, False, False),  # outside of the fan
+        (-20, 4.0, False, False),
+    ]
+    at = [(r * math.cos(k * step), r * math.sin(k * step)) for k, r, *_ in cases]
+    seen, through = visible(np.array(at), scan)
+    assert seen.tolist() == [case[2] for case in cases]
+    assert through.tolist() == [case[3] for case in cases]
+
+
+def test_a_cell_beside_that_of_a_wall_is_less_likely():
+    key = keyframe(scan_at(IDENTITY, laser(61)), IDENTITY)
+    likelihood = LocalMap([key], [IDENTITY])._lookup.likelihood
+    walls = np.argwhere(likelihood == 1.0)
+    for iy, ix in walls.tolist():
+        assert (likelihood[iy - 1 : iy + 2, ix - 1 : ix + 2] >= np.float32(BESIDE)).all()
+    off = np.abs(np.argwhere(likelihood > 0.0)[:, None] - walls).max(axis=2).min(axis=1)
+    assert off.max() == 1
+    assert set(np.unique(likelihood).tolist()) == {0.0, float(np.float32(BESIDE)), 1.0}
 
 
 def test_a_corridor_is_observed_across_only():
