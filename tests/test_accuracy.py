@@ -98,7 +98,7 @@ def test_an_original_drives_as_its_program_does(name, shared_data):
     assert np.hypot(*poses[:, :2].T).max() > 0.1  # it has left the start
     for reference in references:
         path = shared_data(f"reference/robocup/{reference}.csv.gz")
-        expected = np.loadtxt(path, delimiter=",", usecols=(1, 2, 3), max_rows=len(poses))
+        expected = np.loadtxt(path, delimiter=",", usecols=(1, 2, 3))[: len(poses)]
         off.append(np.abs(poses - expected).max())
     assert min(off) < least and max(off) < most
 
