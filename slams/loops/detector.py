@@ -108,16 +108,15 @@ class LoopDetector:
         covariances = graph.uncertainty(later)[old]
         away = np.hypot(*(graph.poses[old, :2] - graph.poses[later, :2]).T)
         deviation = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
-        candidates: list[tuple[int, Pose2, Floats]] = []
         free = away < VIEW + DEVIATIONS * deviation
+        candidates: list[tuple[int, Pose2, Floats]] = []
         certain = False
-        for k in np.argsort(away, kind="stable").tolist():
-            if free[k]:
-                free &= np.abs(graph.path[old] - graph.path[old[k]]) > VIEW
-                certain = not candidates and deviation[k] < CERTAIN
-                candidates.append((int(old[k]), graph.step(int(old[k]), later), covariances[k]))
-            if certain:
-                break
+        while free.any() and not certain:
+            k = int(np.argmin(np.where(free, away, np.inf)))
+            certain = not candidates and deviation[k] < CERTAIN
+            candidates.append((int(old[k]), graph.step(int(old[k]), later), covariances[k]))
+            x, y, turn = (graph.poses[old] - graph.poses[old[k]]).T
+            free &= (np.hypot(x, y) > VIEW) | (np.cos(turn) < 0.0)
         return Query(later, self._local_map(later), candidates, [], certain) if candidates else None
 
     def _predicted(self) -> Query | None:
@@ -126,6 +125,7 @@ class LoopDetector:
         ahead = np.flatnonzero(path >= path[max(self._checked)] + SPACING)
         ahead = ahead[path[ahead] <= path[-1] - VIEW]
         behind = np.flatnonzero(path <= path[min(self._checked)] - SPACING)
+        behind = behind[path[behind] > self._loop_path]  # something is older
         if ahead.size:
             later = int(ahead[0])
         elif behind.size and path[self._checked[0]] - path[behind[-1]] < VIEW:

@@ -13,7 +13,7 @@ from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from slams import metrics
 from slams.loops import LoopEdge, PoseGraph
-from slams.loops.detector import REFUTED, LoopDetector, Verified
+from slams.loops.detector import REFUTED, VIEW, LoopDetector, Verified
 from slams.loops.matching import Found, keyframe
 from slams.loops.slam import MOVED, Redraw, looped
 from slams.player import replay
@@ -171,17 +171,54 @@ def test_a_redraw_whose_keyframes_have_moved_is_outdated():
     assert redraw.is_outdated(graph)
 
 
-def test_a_hypothesis_that_nothing_confirms_is_dropped():
-    """A place that looks alike once is not believed, and the search goes on afterwards."""
+def detector_of(steps, variances=1e-3, loop_path=10.0):
+    """A detector over keyframes a step behind each other, whose scans are found nowhere."""
     graph = PoseGraph()
-    for k in range(60):
-        graph.append(Pose2(0.5, 0.0, 0.0) if k else IDENTITY, np.full(3, 1e-3))
-    keys = [keyframe(still(float(k), IDENTITY), IDENTITY) for k in range(60)]
-    detector = LoopDetector(graph, keys, loop_path=10.0)
-    edge = LoopEdge(0, 40, Pose2(0.0, 0.0, 0.0), np.diag((1e3, 1e3, 1e4)))
-    detector._hypothesis, detector._checked = [Verified(edge, 0.8, True)], [40]
+    for step in steps:
+        graph.append(step, np.full(3, variances))
+    keys = [keyframe(still(float(k), IDENTITY), IDENTITY) for k in range(graph.n)]
+    detector = LoopDetector(graph, keys, loop_path)
     missed = Found(IDENTITY, 0.0, np.zeros((2, 2)))
     detector._local_map = lambda middle: SimpleNamespace(search=lambda *_: missed)
+    return detector, graph
+
+
+def straight(n):
+    return [IDENTITY, *[Pose2(0.5, 0.0, 0.0)] * (n - 1)]
+
+
+def suppose(detector, later):
+    edge = LoopEdge(0, later, IDENTITY, np.diag((1e3, 1e3, 1e4)))
+    detector._hypothesis, detector._checked = [Verified(edge, 0.8, True)], [later]
+
+
+def test_a_hypothesis_that_nothing_confirms_is_dropped():
+    """A place that looks alike once is not believed, and the search goes on afterwards."""
+    detector, _ = detector_of(straight(60))
+    suppose(detector, 40)
     for _ in range(2 * REFUTED):
         assert detector.work() == []
     assert not detector._hypothesis
+
+
+def test_a_hypothesis_waits_where_nothing_is_old_enough():
+    """The keyframes ahead see too little yet, and those behind have no place before theirs."""
+    detector, _ = detector_of(straight(30))
+    suppose(detector, 22)
+    assert detector.work() == []
+    assert detector._hypothesis and detector._checked == [22]
+
+
+def test_a_place_has_one_candidate_for_each_direction():
+    """Four times along 12 m, to and fro: a laser sees other walls on the way back."""
+    about = Pose2(0.5, 0.0, math.pi)
+    steps = [*straight(24), about, *straight(24)[1:]]
+    detector, graph = detector_of([*steps, about, *steps[1:]], variances=0.02)
+    query = detector._begin()
+    ahead = np.array([graph.poses[k] for k, *_ in query.candidates])
+    for heading in (1.0, -1.0):
+        places = np.sort(ahead[np.cos(ahead[:, 2]) * heading > 0.0, 0])
+        assert len(places) >= 2 and np.diff(places).min() > VIEW
+        same = graph.poses[graph.path < graph.path[query.later] - 10.0]
+        same = same[np.cos(same[:, 2]) * heading > 0.0, 0]
+        assert np.abs(same[:, None] - places).min(axis=1).max() <= VIEW
