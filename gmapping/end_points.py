@@ -11,9 +11,9 @@ from gmapping import climb_kernels as kernels
 from gmapping.climb_kernels import Field
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
 from gmapping.map import TileMap
-from gmapping.match import Proposals, Revisit
 from gmapping.match_kernels import Prior as Priors
 from gmapping.params import GMappingParams
+from gmapping.particles import Proposals
 from gmapping.render_kernels import Counts
 from gmapping.scan import View
 from slams.geometry import Prior
@@ -46,7 +46,7 @@ class EndPointMatcher:
         return Match(pose, share, 1.0 / self._field(view).worth, seen)
 
     def propose(
-        self, view: View, means: Floats, information: Floats, revisit: Revisit
+        self, view: View, means: Floats, information: Floats, places: list[Pose2], seen: Counts
     ) -> Proposals:
         """[Grisetti07] improved proposal, mean, covariance and weight of samples at the peak."""
         poses = means.copy()
@@ -63,10 +63,9 @@ class EndPointMatcher:
         """Write the scan into the particles' maps, at these poses; False if there was no room."""
         return insert_ends(self.tiles.tiles, poses, view.pieces, self._params.cap) == 0
 
-    def evaluate(self, view: View, owner: int, pose: Pose2, seen: Counts) -> tuple[float, float]:
-        """Shares of the beams that are inliers in one map, and that end where `seen` is free."""
-        found = kernels.evaluate(self.tiles.tiles, owner, view.pieces, np.array(pose), seen)
-        return found[0] / view.beams, found[1] / view.beams
+    def evaluate(self, view: View, owner: int, pose: Floats, seen: Counts) -> tuple[float, float]:
+        """Beams that are inliers in one map, and that end where `seen` is free; pose (3,)."""
+        return kernels.evaluate(self.tiles.tiles, owner, view.pieces, pose, seen)
 
     def _gaussians(
         self, view: View, owners: NDArray[np.int64], prior: Priors, poses: Floats

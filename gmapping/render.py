@@ -80,12 +80,6 @@ class Renderer:
         """The part in a box of what is drawn now, None if nothing was observed there."""
         return self._shares(self._part(self._room.window(box)))
 
-    def drawn_near(self, pose: Pose2, radius: float, end: int) -> list[int]:
-        """Numbers of those of the first `end` kept scans that are drawn within a radius [m]."""
-        away = np.hypot(*(self._drawn[: min(end, len(self._scans)), :2] - np.array(pose[:2])).T)
-        near: list[int] = np.flatnonzero(away < radius).tolist()
-        return near
-
     def only(self, scans: list[int]) -> Counts:
         """What some kept scans alone have seen, from where they are drawn."""
         drawn, edge = self._drawn, self.counts.resolution

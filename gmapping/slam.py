@@ -31,10 +31,8 @@ from numpy.typing import NDArray
 
 from gmapping.end_points import EndPointMatcher
 from gmapping.map import TileMap
-from gmapping.match import Proposals
 from gmapping.params import GMappingParams
-from gmapping.particles import Particles
-from gmapping.render import Renderer
+from gmapping.particles import Particles, Proposals
 from gmapping.reported import Matcher, ReportedMap
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
@@ -65,8 +63,7 @@ class GMapping(HasEstimator):
         self.frozen = False
         self.particles = Particles(p.n_particles, steady=p.refine)
         self._matcher: Matcher = SurfaceMatcher(p) if p.refine else EndPointMatcher(p)
-        self._renderer = Renderer(p.resolution, p.occupied, p.max_cells)
-        self._map = ReportedMap(self._matcher, self.particles, self._renderer)
+        self._map = ReportedMap(p, self._matcher, self.particles)
         self._view = View(p)
         self._estimator = estimator_for(p, motion_model=True)  # [Grisetti07] eq. 9
         self._keyframes = Keyframes(p.linear_update, p.angular_update, p.settle)
@@ -105,7 +102,7 @@ class GMapping(HasEstimator):
     def adopt(self, other: GMapping, pose: Pose2) -> None:
         """Go on in the map of another instance, at `pose` in it, moving as before."""
         self.particles, self._keyframes = other.particles, other._keyframes
-        self._matcher, self._renderer, self._map = other._matcher, other._renderer, other._map
+        self._matcher, self._map = other._matcher, other._map
         self.particles.poses[:] = pose
         self._key = pose
         self._estimator.correct(pose)
@@ -116,7 +113,7 @@ class GMapping(HasEstimator):
 
     def snapshot(self) -> Callable[[], OccupancyGrid]:
         """A function that draws the map as it stands now, while updates go on."""
-        return self._renderer.snapshot(self.trajectory())
+        return self._map.snapshot(self.trajectory())
 
     def trajectory(self) -> Floats:
         """The reported particle's poses (k, 3) x, y [m], theta [rad] at the keyframes."""
@@ -165,10 +162,9 @@ class GMapping(HasEstimator):
             proposals = Proposals(particles.poses.copy(), factors, *none)
         else:
             way_so_far = self._way + math.hypot(way.x, way.y)
-            revisit = self._map.revisited(view, pose, way_so_far)
-            proposals = self._matcher.propose(view, particles.poses, information, revisit)
-        normals = self._rng.standard_normal((n, 3))
-        particles.draw(proposals.peaks, proposals.factors, self.params.spread * normals)
+            revisited = self._map.revisited(view, pose, way_so_far)
+            proposals = self._matcher.propose(view, particles.poses, information, *revisited)
+        particles.draw(proposals, self.params.spread * self._rng.standard_normal((n, 3)))
         if self.params.refine and not proposals.closes[particles.best]:
             particles.poses[particles.best] = pose
         particles.weigh(proposals.log_w, 1.0)

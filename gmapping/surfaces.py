@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from gmapping import match_kernels as kernels
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
-from gmapping.match import OLD, Proposals, Revisit
 from gmapping.match_kernels import Climb
 from gmapping.params import GMappingParams
+from gmapping.particles import Proposals
 from gmapping.render_kernels import Counts
 from gmapping.scan import View
 from slams.frontend.degeneracy import of_scan
@@ -20,6 +20,7 @@ from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
 
+OLD = 15.0  # m of way after which a surface is old: no robot sees a room that long without a loop
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 CHANCE, EXPLAINED = 0.3, 0.9  # share of the beams that parallel walls explain anywhere; all
 KNOWN = 0.5  # share on old ground from which a particle looks no further
@@ -50,7 +51,7 @@ class SurfaceMatcher:
         return Match(pose, float(out[0, 4]) / view.beams, variance, h[0] / variance)
 
     def propose(
-        self, view: View, means: Floats, information: Floats, revisit: Revisit
+        self, view: View, means: Floats, information: Floats, places: list[Pose2], seen: Counts
     ) -> Proposals:
         """[Grisetti07] improved proposal; ours: Laplace's at the peak instead of a fit to samples.
 
@@ -58,7 +59,8 @@ class SurfaceMatcher:
         the same walls. The weight is the likelihood of the beams on old ground: where a particle
         has just come from its scan fits whatever the way before, and chance alone would choose, as
         it would among the parallel walls of a building.
-        Particles whose old ground agrees more with the scan at a place of `revisit` go there.
+        Particles go to one of the `places` if their old ground agrees more with the scan there;
+        what ends where beams came by long ago, as `seen` then, counts against it.
         """
         n, peaks, how = len(means), means.copy(), self._how(view, information[0])
         prior, every = kernels.Prior(means, information), np.arange(n)
@@ -66,16 +68,13 @@ class SurfaceMatcher:
         blind = _unseen(view, float(means[0, 2]))
         peaks -= (peaks - means) @ blind
         full, closes = how.width**2 * view.beams, np.zeros(n, np.bool_)
-        tiles = self.tiles.tiles
-        for place in revisit.poses:
+        for place in places:
             owners = np.flatnonzero(out[:, 6] < KNOWN * full)
             others = np.tile(np.array(place), (len(owners), 1))
             prior = kernels.Prior(others.copy(), np.tile(REVISITED, (len(owners), 1, 1)))
             h2, out2 = self._climb(view, owners, prior, how, others)
-            conflicts = [
-                kernels.evaluate(tiles, owner, view.pieces, at, how.width, revisit.seen)[1]
-                for owner, at in zip(owners.tolist(), others, strict=True)
-            ]  # beams that end in the particles' maps where long ago beams came by
+            on = zip(owners.tolist(), others, strict=True)
+            conflicts = [self.evaluate(view, owner, at, seen)[1] for owner, at in on]
             agreed = out2[:, 6] - how.width**2 * np.array(conflicts)
             there = agreed > np.maximum(out[owners, 6] + GAIN * full, FOUND * full)
             moved = owners[there]
@@ -96,11 +95,10 @@ class SurfaceMatcher:
         splat = Splat(p.band, p.cap, way, laser.x, laser.y)
         return insert(self.tiles.tiles, poses, view.pieces, splat) == 0
 
-    def evaluate(self, view: View, owner: int, pose: Pose2, seen: Counts) -> tuple[float, float]:
-        """Shares of the beams that are inliers in one map, and that end where `seen` is free."""
-        width, at = self._width(view), np.array(pose)
-        found = kernels.evaluate(self.tiles.tiles, owner, view.pieces, at, width, seen)
-        return found[0] / view.beams, found[1] / view.beams
+    def evaluate(self, view: View, owner: int, pose: Floats, seen: Counts) -> tuple[float, float]:
+        """Beams that are inliers in one map, and that end where `seen` is free; pose (3,)."""
+        width = self._width(view)
+        return kernels.evaluate(self.tiles.tiles, owner, view.pieces, pose, width, seen)
 
     def _variance(self, view: View) -> float:
         """Of the distance of a beam [m^2].

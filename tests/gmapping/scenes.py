@@ -7,7 +7,6 @@ import numpy as np
 from gmapping import GMappingParams
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
-from gmapping.match import Revisit
 from gmapping.match_kernels import Climb, Prior, linearize, register
 from gmapping.original.match_kernels import ClimbModel
 from gmapping.render import Renderer
@@ -31,7 +30,7 @@ ROOM = np.array(  # segments x0, y0, x1, y1 [m]
 )
 SPLAT = Splat(2, 100.0, 1.001)  # a way that cells can't keep to the last bit
 HOW = Climb(0.1, 0.03, 12, 0.02**2, 0.0)  # nothing is old
-NOWHERE = Revisit([], Renderer(0.05, 0.25).counts)
+NOWHERE = [], Renderer(0.05, 0.25).counts
 CLIMB = ClimbModel(0.05, 0.075, 0.05, 0.05, 5, 0.5, 0.0)
 
 

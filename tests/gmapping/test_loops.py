@@ -7,10 +7,9 @@ import pytest
 
 from gmapping import GMappingParams
 from gmapping.map_kernels import facing
-from gmapping.match import OLD, Revisit
 from gmapping.particles import staying
 from gmapping.render import Renderer
-from gmapping.surfaces import CHANCE, EXPLAINED, PLACES, SurfaceMatcher, _heading
+from gmapping.surfaces import CHANCE, EXPLAINED, OLD, PLACES, SurfaceMatcher, _heading
 from slams.test_world import box, cast, laser, scan_at
 from slams.types import IDENTITY, Laser, Pose2, Scan
 from tests.gmapping.scenes import (
@@ -105,7 +104,7 @@ def test_particles_go_where_ground_of_old_agrees_more_with_a_scan(way, place, fr
         view.pieces[:half, :2] *= 0.6
     apart, sure = np.array([[0.55, -0.5, 0.05]]), 1e6 * np.eye(3)[None]
     matcher._way = way
-    found = matcher.propose(view, apart, sure, Revisit([place], counts))
+    found = matcher.propose(view, apart, sure, [place], counts)
     assert found.closes.tolist() == [closes]
     np.testing.assert_allclose(found.peaks, 0.0 if closes else apart, atol=0.02)
 
@@ -115,9 +114,9 @@ def test_only_ground_of_old_weighs_a_particle_and_no_more_than_parallel_walls_ex
     matcher, view = matcher_of(*poses), view_of(IDENTITY, quietest=0.01)
     sure, at = np.tile(4e7 * np.eye(3), (2, 1, 1)), np.zeros((2, 3))
     matcher.insert(view, poses, YOUNGER)
-    np.testing.assert_array_equal(matcher.propose(view, at, sure, NOWHERE).log_w, 0.0)
+    np.testing.assert_array_equal(matcher.propose(view, at, sure, *NOWHERE).log_w, 0.0)
     matcher.insert(view, poses, OLDER)
-    found, p = matcher.propose(view, at, sure, NOWHERE), matcher._params
+    found, p = matcher.propose(view, at, sure, *NOWHERE), matcher._params
     width, tiles = p.width, matcher.tiles.tiles
     full = width**2 * view.beams
     spared = linearized(tiles, found.peaks[0], view.pieces, width, 1.0 + 0.1)[5]

@@ -8,7 +8,7 @@ import pytest
 from gmapping import GMapping, GMappingParams
 from gmapping.map import TileMap
 from gmapping.map_kernels import insert
-from gmapping.particles import Particles, normalize, staying, systematic
+from gmapping.particles import Particles, Proposals, normalize, staying, systematic
 from gmapping.render_kernels import Counts, draw
 from gmapping.tile_kernels import own_slot
 from slams.types import IDENTITY, Pose2
@@ -142,7 +142,8 @@ def test_draws_are_from_the_gaussians():
         np.random.default_rng(1).standard_normal((3, 3)),
     )
     particles = Particles(3)
-    particles.draw(peaks, np.tile(L, (3, 1, 1)), normals)
+    proposals = Proposals(peaks, np.tile(L, (3, 1, 1)), np.zeros(3), np.zeros(3, np.bool_))
+    particles.draw(proposals, normals)
     off = particles.poses - peaks
     np.testing.assert_allclose(off @ L, normals)  # L^T off = normals: covariance (L L^T)^-1
 

@@ -157,7 +157,7 @@ def test_a_proposal_keeps_the_way_along_a_bare_corridor():
     matcher.tiles.cover(np.full(2, -10.0), np.full(2, 10.0))
     assert matcher.insert(view, np.zeros((1, 3)), 1.0)
     known = np.diag([4.0, 4.0, 400.0])
-    found = matcher.propose(view, np.array([[-0.3, 0.04, 0.0]]), known[None], NOWHERE)
+    found = matcher.propose(view, np.array([[-0.3, 0.04, 0.0]]), known[None], *NOWHERE)
     assert found.peaks[0, 0] == pytest.approx(-0.3, abs=0.02) and abs(found.peaks[0, 1]) < 0.02
     covariance = np.linalg.inv(found.factors[0] @ found.factors[0].T)
     assert math.sqrt(covariance[0, 0]) > 0.4 and math.sqrt(covariance[1, 1]) < 0.02
@@ -250,7 +250,7 @@ def test_cells_know_the_way_at_which_they_were_first_seen_and_whether_since_agai
 
 def test_a_proposal_has_the_information_of_scan_and_way():
     matcher, view, known = matcher_of(IDENTITY), view_of(IDENTITY), np.diag([400.0, 300.0, 900.0])
-    found = matcher.propose(view, np.zeros((1, 3)), known[None], NOWHERE)
+    found = matcher.propose(view, np.zeros((1, 3)), known[None], *NOWHERE)
     h = linearized(matcher.tiles.tiles, found.peaks[0], view.pieces, GMappingParams().width)[0]
     worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
     information = found.factors[0] @ found.factors[0].T
