@@ -157,7 +157,7 @@ class GMapping(HasEstimator):
         information = self._information(way)
         n = len(particles)
         if self._estimator.match is None:
-            factors = np.asarray(np.linalg.cholesky(information), np.float64)
+            factors = np.tile(np.linalg.cholesky(information), (n, 1, 1))
             none = np.zeros(n), np.zeros(n, np.bool_)
             proposals = Proposals(particles.poses.copy(), factors, *none)
         else:
@@ -171,7 +171,7 @@ class GMapping(HasEstimator):
         return proposals.closes
 
     def _information(self, way: Pose2) -> Floats:
-        """Of particles after a tracked way: (n, 3, 3) [1/m^2, 1/(m rad), 1/rad^2].
+        """Of a particle after a tracked way: (3, 3) [1/m^2, 1/(m rad), 1/rad^2].
 
         One noise for all of it, whatever the rate of the scans, and what the pose has become less
         certain by: along a corridor, or where scans were not matched.
@@ -183,7 +183,7 @@ class GMapping(HasEstimator):
         if np.isfinite(now).all():
             lost, axes = np.linalg.eigh(now - self._known)
             covariance += (axes * np.maximum(lost, 0.0)) @ axes.T
-        return np.tile(np.linalg.inv(covariance), (len(self.particles), 1, 1))
+        return np.asarray(np.linalg.inv(covariance), np.float64)
 
     def _elect(self, pose: Pose2, closes: NDArray[np.bool_]) -> Pose2:
         """Step c: the pose of the particle that is reported.

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmapping import match_kernels as kernels
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
-from gmapping.match_kernels import Climb
+from gmapping.match_kernels import Climb, Posterior
 from gmapping.params import GMappingParams
 from gmapping.particles import Proposals
 from gmapping.render_kernels import Counts
@@ -43,8 +42,9 @@ class SurfaceMatcher:
     def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
         """The peak near `start` in the map of one particle."""
         how, poses = self._how(view, prior.information), np.array([start])
-        means = kernels.Prior(np.array([prior.pose]), prior.information[None])
-        h, out = self._climb(view, np.array([owner]), means, how, poses)
+        owners, means = np.array([owner]), np.array([prior.pose])
+        of = Posterior(self.tiles.tiles, owners, view.pieces, means, prior.information)
+        h, out = _climb(of, how, poses)
         variance = max(float(out[0, 5]), view.noise**2)
         x, y, theta = poses[0].tolist()
         pose = Pose2(x, y, float(wrap_angle(theta)))
@@ -62,23 +62,23 @@ class SurfaceMatcher:
         Particles go to one of the `places` if their old ground agrees more with the scan there;
         what ends where beams came by long ago, as `seen` then, counts against it.
         """
-        n, peaks, how = len(means), means.copy(), self._how(view, information[0])
-        prior, every = kernels.Prior(means, information), np.arange(n)
-        h, out = self._climb(view, every, prior, how, peaks)
+        n, peaks, how = len(means), means.copy(), self._how(view, information)
+        of = Posterior(self.tiles.tiles, np.arange(n), view.pieces, means, information)
+        h, out = _climb(of, how, peaks)
         blind = _unseen(view, float(means[0, 2]))
         peaks -= (peaks - means) @ blind
         full, closes = how.width**2 * view.beams, np.zeros(n, np.bool_)
         for place in places:
             owners = np.flatnonzero(out[:, 6] < KNOWN * full)
             others = np.tile(np.array(place), (len(owners), 1))
-            prior = kernels.Prior(others.copy(), np.tile(REVISITED, (len(owners), 1, 1)))
-            h2, out2 = self._climb(view, owners, prior, how, others)
+            there = of._replace(owners=owners, means=others.copy(), information=REVISITED)
+            h2, out2 = _climb(there, how, others)
             on = zip(owners.tolist(), others, strict=True)
             conflicts = [self.evaluate(view, owner, at, seen)[1] for owner, at in on]
             agreed = out2[:, 6] - how.width**2 * np.array(conflicts)
-            there = agreed > np.maximum(out[owners, 6] + GAIN * full, FOUND * full)
-            moved = owners[there]
-            peaks[moved], h[moved], out[moved] = others[there], h2[there], out2[there]
+            better = agreed > np.maximum(out[owners, 6] + GAIN * full, FOUND * full)
+            moved = owners[better]
+            peaks[moved], h[moved], out[moved] = others[better], h2[better], out2[better]
             closes[moved] = True
         worth, sees = self._worth(view), np.eye(3) - blind
         h = sees @ h @ sees
@@ -123,13 +123,12 @@ class SurfaceMatcher:
             wait = p.steps - 1 - math.ceil(math.log2(wide / width))
         return Climb(wide, width, p.steps, self._variance(view), self._way - OLD, wait)
 
-    def _climb(
-        self, view: View, owners: NDArray[np.int64], prior: kernels.Prior, how: Climb, poses: Floats
-    ) -> tuple[Floats, Floats]:
-        """Poses (k, 3) climb to their peaks in place; information (k, 3, 3), out (k, 7) there."""
-        h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
-        kernels.register(self.tiles.tiles, owners, view.pieces, prior, how, poses, h, out)
-        return h, out
+
+def _climb(of: Posterior, how: Climb, poses: Floats) -> tuple[Floats, Floats]:
+    """Poses (k, 3) climb to their peaks in place; information (k, 3, 3), out (k, 7) there."""
+    h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
+    kernels.register(of, how, poses, h, out)
+    return h, out
 
 
 def _heading(pieces: Floats) -> float:
