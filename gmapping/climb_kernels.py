@@ -169,19 +169,13 @@ def sample(of: Posterior, field: Field, poses: Floats, out_covariance: Floats, o
 
 
 @njit
-def inliers(tiles: Tiles, owner: int, ends: Floats, pose: Floats) -> float:
-    """Beams of a scan that end less than a cell's edge from a mean hit, at a pose (3,). ours."""
-    edge = tiles.resolution
-    return distances(tiles, owner, pose, ends, edge, math.inf, edge)[1]
-
-
-@njit
 def evaluate(
     tiles: Tiles, owner: int, ends: Floats, pose: Floats, seen: Counts
 ) -> tuple[float, float]:
     """Beams of a scan that are inliers at a pose (3,), and that are in conflict with the map.
 
-    ours: a conflict is an end where beams came by and nothing is known to stand. ends (n, 5).
+    ours: an inlier ends less than a cell's edge from a mean hit, a conflict where beams came by and
+    nothing is known to stand. ends (n, 5).
     """
     conflicts = 0.0
     c, s, edge = math.cos(pose[2]), math.sin(pose[2]), tiles.resolution
@@ -193,4 +187,4 @@ def evaluate(
         known = slot > 0 and tiles.cells[slot, inside_tile(ix, iy), 5] > 0.0
         if not known and is_free(seen, x, y):
             conflicts += ends[i, 4]
-    return inliers(tiles, owner, ends, pose), conflicts
+    return distances(tiles, owner, pose, ends, edge, math.inf, edge)[1], conflicts

@@ -13,14 +13,16 @@ from gmapping.map import TileMap
 from gmapping.match_kernels import Posterior
 from gmapping.params import GMappingParams
 from gmapping.particles import Proposals
+from gmapping.render import blank
 from gmapping.render_kernels import Counts
 from gmapping.scan import View
-from slams.geometry import Prior
+from slams.frontend.motion_filter import Prediction
 from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
 
 CLIMB_STEP = 0.01, 0.005  # m, rad: the first, below the deviation of most peaks
 CLIMB_HALVINGS = 3  # of it: the last step is 1.25 mm
+UNSEEN = blank((0, 0), (0, 0), 1.0)  # nothing is known to be free
 
 
 class EndPointMatcher:
@@ -31,7 +33,7 @@ class EndPointMatcher:
         self._cell = params.resolution / math.sqrt(12.0)  # m, how far a mean hit is off
         self.tiles = TileMap(p.n_particles, 1, p.resolution, p.max_tiles, p.max_cells, HIT_DEPTH)
 
-    def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
+    def match(self, view: View, owner: int, prior: Prediction, start: Pose2) -> Match:
         """The mean of the samples around the peak near `start`, in the map of one particle."""
         poses, means, owners = np.array([start]), np.array([prior.pose]), np.array([owner])
         of = Posterior(self.tiles.tiles, owners, view.pieces, means, prior.information)
@@ -40,7 +42,7 @@ class EndPointMatcher:
             alone = of._replace(means=poses, information=np.zeros((3, 3)))
             covariance, _ = self._gaussians(view, alone, poses.copy())
         x, y, theta = poses[0].tolist()
-        share = kernels.inliers(self.tiles.tiles, owner, view.pieces, poses[0]) / view.beams
+        share = self.evaluate(view, owner, poses[0], UNSEEN)[0] / view.beams
         pose, seen = Pose2(x, y, float(wrap_angle(theta))), np.linalg.inv(covariance[0])
         return Match(pose, share, 1.0 / self._field(view).worth, seen)
 

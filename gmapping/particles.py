@@ -91,10 +91,6 @@ class Particles:
         covariance: Floats = off.T @ off / len(off)
         return covariance
 
-    def extent(self, far: float) -> tuple[Floats, Floats]:
-        """Lowest and highest x, y [m] of what is at most `far` [m] away from a particle."""
-        return self.poses[:, :2].min(axis=0) - far, self.poses[:, :2].max(axis=0) + far
-
     def weigh(self, log_w: Floats, temper: float) -> None:
         """Multiply the weights by the likelihood of a scan."""
         self.log_w += log_w

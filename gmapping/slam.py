@@ -30,7 +30,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.end_points import EndPointMatcher
-from gmapping.map import TileMap
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles, Proposals
 from gmapping.reported import Matcher, ReportedMap
@@ -40,7 +39,6 @@ from slams.frontend.confident import HasEstimator
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
 from slams.frontend.plain import estimator_for
-from slams.geometry import Prior
 from slams.params import Params
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
@@ -53,7 +51,7 @@ COUNTS = "posed inserted resampled switched collapsed closed"
 class GMapping(HasEstimator):
     """The particle filter; see the module for the steps.
 
-    `frozen`: nothing enters the map; `particles` and `tiles` the filter's state.
+    `frozen`: nothing enters the map; `particles` and their maps, `tiles`, are the filter's state.
     """
 
     Params: ClassVar[type[Params]] = GMappingParams
@@ -63,6 +61,7 @@ class GMapping(HasEstimator):
         self.frozen = False
         self.particles = Particles(p.n_particles, steady=p.refine)
         self._matcher: Matcher = SurfaceMatcher(p) if p.refine else EndPointMatcher(p)
+        self.tiles = self._matcher.tiles
         self._map = ReportedMap(p, self._matcher, self.particles)
         self._view = View(p)
         self._estimator = estimator_for(p, motion_model=True)  # [Grisetti07] eq. 9
@@ -71,11 +70,6 @@ class GMapping(HasEstimator):
         self._known = self._estimator.covariance  # of the pose there
         self._rng = np.random.default_rng(p.seed)
         self._counts = dict.fromkeys(COUNTS.split(), 0)
-
-    @property
-    def tiles(self) -> TileMap:
-        """The maps of all particles."""
-        return self._matcher.tiles
 
     def update(self, scan: Scan) -> Pose2:
         """Match the scan to the reported map; at a keyframe run the filter. Returns T_map_base."""
@@ -102,7 +96,7 @@ class GMapping(HasEstimator):
     def adopt(self, other: GMapping, pose: Pose2) -> None:
         """Go on in the map of another instance, at `pose` in it, moving as before."""
         self.particles, self._keyframes = other.particles, other._keyframes
-        self._matcher, self._map = other._matcher, other._map
+        self._matcher, self._map, self.tiles = other._matcher, other._map, other.tiles
         self.particles.poses[:] = pose
         self._key = pose
         self._estimator.correct(pose)
@@ -129,8 +123,7 @@ class GMapping(HasEstimator):
         view = cast(View, points)
         if self._map.empty or view.n == 0:
             return [Match(start)]
-        expected = Prior(prior.pose, prior.information)
-        return [self._matcher.match(view, self.particles.best, expected, start)]
+        return [self._matcher.match(view, self.particles.best, prior, start)]
 
     def _filter(self, view: View, pose: Pose2) -> Pose2:
         """Step 6; returns the pose of the particle that is reported then."""
@@ -204,7 +197,7 @@ class GMapping(HasEstimator):
     def _insert(self, view: View, pose: Pose2) -> None:
         if self.frozen or view.n == 0 or not self.tiles.admits(pose, view.far):
             return
-        self.tiles.cover(*self.particles.extent(view.far))
+        self.tiles.cover(self.particles.poses, view.far)
         step = self._key.between(pose)
         self._way += math.hypot(step.x, step.y) + STEP
         if not self._matcher.insert(view, self.particles.poses, self._way):

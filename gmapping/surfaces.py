@@ -15,7 +15,7 @@ from gmapping.particles import Proposals
 from gmapping.render_kernels import Counts
 from gmapping.scan import View
 from slams.frontend.degeneracy import of_scan
-from slams.geometry import Prior
+from slams.frontend.motion_filter import Prediction
 from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
 
@@ -39,7 +39,7 @@ class SurfaceMatcher:
         self.tiles = TileMap(p.n_particles, LAYERS, p.resolution, p.max_tiles, p.max_cells, DEPTH)
         self._way = 0.0
 
-    def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
+    def match(self, view: View, owner: int, prior: Prediction, start: Pose2) -> Match:
         """The peak near `start` in the map of one particle."""
         how, poses = self._how(view, prior.information), np.array([start])
         owners, means = np.array([owner]), np.array([prior.pose])

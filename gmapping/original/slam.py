@@ -42,7 +42,7 @@ class Original:
         self.quality = 1.0
         self._rng = np.random.default_rng(params.seed)
         self._motion = Motion(params)
-        self._renderer = Renderer(params.resolution, params.occupied)
+        self._renderer = Renderer(params.resolution, params.occupied, params.max_cells)
         self._way = self._turn = math.inf
         names = ("scans", "inserted", "rejected", "resampled", "switched", "collapsed", "failed")
         self._counts = dict.fromkeys(names, 0)
@@ -110,7 +110,7 @@ class Original:
         self._way = self._turn = 0.0
 
     def _insert(self, points: Floats, far: float) -> None:
-        self.tiles.cover(*self.particles.extent(far))
+        self.tiles.cover(self.particles.poses, far)
         if not self.tiles.insert(points, self.particles.poses):  # all go on from the best one
             self._follow(np.full(len(self.particles), self.particles.best), "collapsed")
         self._counts["inserted"] += 1

@@ -78,7 +78,7 @@ OLDER, YOUNGER = 1.0 + OLD + 0.1, 1.0 + OLD - 0.1  # m driven; the map is of the
 
 def seen(view):
     """Counts of what beams came by and ended at, from 0."""
-    renderer = Renderer(0.05, 0.25)
+    renderer = Renderer(0.05, 0.25, 1 << 20)
     for _ in range(3):
         renderer.keep(view.ray, IDENTITY)
     return renderer.counts

@@ -96,7 +96,7 @@ def test_writing_to_one_particle_never_shows_in_another():
 
 def test_what_nobody_points_at_is_zero_and_takes_no_room_in_a_state():
     maps = TileMap(2, 1, 0.05, 50)
-    maps.cover(np.array([0.0, 0.0]), np.array([1.0, 1.0]))
+    maps.cover(np.full((1, 3), 0.5), 0.5)
     for particle in (0, 1):
         slot = own_slot(maps.tiles, particle, 0, 3, 3)
         maps.tiles.cells[slot] = 1.0 + particle

@@ -97,7 +97,7 @@ def cells_along(gap, turned=0.0, sees=(0.0, 0.0), far=2.0, behind=0.0):
     The two beside it are so far `behind`, their normals `turned`; the laser `sees` from there.
     """
     maps = TileMap(1, LAYERS, 0.05, 200, depth=DEPTH)
-    maps.cover(np.array([-5.0, -5.0]), np.array([5.0, 5.0]))
+    maps.cover(np.zeros((1, 3)), 5.0)
     c, s = -math.cos(turned), math.sin(turned)
     x = far + behind
     wall = np.array([[x, -gap, c, s, 0.0], [far, 0.0, -1.0, 0.0, 1.0], [x, gap, c, s, 0.0]])
@@ -153,7 +153,7 @@ def test_a_proposal_keeps_the_way_along_a_bare_corridor():
     scan = seen(IDENTITY, laser=laser, walls=CORRIDOR, rng=np.random.default_rng(1), noise=0.02)
     params = GMappingParams(n_particles=1, max_tiles=5000, max_range=8.0)
     matcher, view = SurfaceMatcher(params), View(params).take(scan, IDENTITY)
-    matcher.tiles.cover(np.full(2, -10.0), np.full(2, 10.0))
+    matcher.tiles.cover(np.zeros((1, 3)), 10.0)
     assert matcher.insert(view, np.zeros((1, 3)), 1.0)
     known = np.diag([4.0, 4.0, 400.0])
     found = matcher.propose(view, np.array([[-0.3, 0.04, 0.0]]), known, *NOWHERE)
