@@ -39,13 +39,13 @@ class Field(NamedTuple):
 
 @njit(fastmath=FAST, inner=True, borrows=True)  # sums may be regrouped
 def distances(
-    tiles: Tiles, particle: int, pose: Floats, ends: Floats, soft: float, most: float, near: float
+    tiles: Tiles, particle: int, pose: Floats, ends: Floats, soft: float, most: float
 ) -> tuple[float, float]:
-    """Sum of the end points' squared distances [m^2] from the nearest mean hits; how many are near.
+    """Sum of end points' squared distances [m^2] from the nearest mean hits; beams within `soft`.
 
     [Grisetti07] beam end point model; ours: a distance beyond `soft` [m] counts less (Geman and
     McClure), one without a hit near as `soft`. Given up beyond `most` [m^2].
-    pose (3,); ends (n, 5) x, y [m], two unused, beams; `near` [m].
+    pose (3,); ends (n, 5) x, y [m], two unused, beams.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     edge, k2, total, close = tiles.resolution, soft * soft, 0.0, 0.0
@@ -60,7 +60,7 @@ def distances(
             if cell[5] > 0.0:
                 square = (x - cell[3]) ** 2 + (y - cell[4]) ** 2
         total += beams * (k2 * square / (k2 + square) if square >= 0.0 else k2)
-        if 0.0 <= square < near * near:
+        if 0.0 <= square < k2:
             close += beams
         if total > most:
             break
@@ -80,7 +80,7 @@ def log_posterior(of: Posterior, field: Field, k: int, pose: Floats, floor: floa
     most = 2.0 * (prior - floor) / field.worth
     if most <= 0.0:
         return floor
-    total, _ = distances(of.tiles, of.owners[k], pose, of.pieces, field.soft, most, 0.0)
+    total, _ = distances(of.tiles, of.owners[k], pose, of.pieces, field.soft, most)
     return prior - 0.5 * field.worth * total
 
 
@@ -187,4 +187,4 @@ def evaluate(
         known = slot > 0 and tiles.cells[slot, inside_tile(ix, iy), 5] > 0.0
         if not known and is_free(seen, x, y):
             conflicts += ends[i, 4]
-    return distances(tiles, owner, pose, ends, edge, math.inf, edge)[1], conflicts
+    return distances(tiles, owner, pose, ends, edge, math.inf)[1], conflicts

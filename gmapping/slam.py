@@ -115,8 +115,7 @@ class GMapping(HasEstimator):
 
     def report(self) -> dict[str, Any]:
         """Counts of scans, and what the particles' maps take."""
-        counts = self._counts | self._estimator.counts | self.tiles.counts
-        return counts | self._view.counts
+        return self._counts | self._estimator.counts | self.tiles.counts | self._view.counts
 
     def _match(self, points: EndPoints, start: Pose2, prior: Prediction) -> list[Match]:
         """Steps 3 and 4 from a start."""

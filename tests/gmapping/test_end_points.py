@@ -75,12 +75,12 @@ def test_every_cell_knows_the_nearest_mean_hit_around_it():
 def test_distances_are_those_to_mean_hits_and_what_has_none_is_charged_in_full():
     tiles, far = tiles_of(ends_of([[1.0, 0.0]])), ends_of([[5.0, 5.0]], beams=3.0)
     near = ends_of([[1.01, 0.02]], beams=2.0)
-    total, close = distances(tiles, 0, np.zeros(3), near, 0.1, math.inf, EDGE)
+    total, close = distances(tiles, 0, np.zeros(3), near, 0.1, math.inf)
     assert total == pytest.approx(2.0 * 0.01 * 5e-4 / (0.01 + 5e-4), rel=1e-4) and close == 2.0
-    moved = distances(tiles, 0, np.array([-0.01, -0.02, 0.0]), near, 0.1, math.inf, EDGE)
+    moved = distances(tiles, 0, np.array([-0.01, -0.02, 0.0]), near, 0.1, math.inf)
     assert moved[0] == pytest.approx(0.0, abs=1e-9)
-    assert distances(tiles, 0, np.zeros(3), far, 0.1, math.inf, EDGE) == (pytest.approx(0.03), 0.0)
-    assert distances(tiles, 0, np.zeros(3), near, 0.1, math.inf, 0.02)[1] == 0.0
+    assert distances(tiles, 0, np.zeros(3), far, 0.1, math.inf) == (pytest.approx(0.03), 0.0)
+    assert distances(tiles, 0, np.zeros(3), near, 0.02, math.inf)[1] == 0.0
 
 
 def test_a_posterior_is_prior_and_likelihood_and_given_up_below_a_floor():
@@ -88,7 +88,7 @@ def test_a_posterior_is_prior_and_likelihood_and_given_up_below_a_floor():
     tiles, mean, known = tiles_of(ends), np.array([0.02, 0.0, 0.01]), np.diag([1e3, 2e3, 3e3])
     off = THERE - mean
     prior = -0.5 * (geometry.FREEDOM + 3.0) * math.log1p(off @ known @ off / geometry.FREEDOM)
-    total, _ = distances(tiles, 0, THERE, ends, FIELD.soft, math.inf, 0.0)
+    total, _ = distances(tiles, 0, THERE, ends, FIELD.soft, math.inf)
     exact = prior - 0.5 * FIELD.worth * total
     args = posterior(tiles, ends, [mean], known), FIELD, 0, THERE
     assert log_posterior(*args, -math.inf) == pytest.approx(exact)
