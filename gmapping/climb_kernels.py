@@ -6,9 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmapping.match_kernels import Prior
+from gmapping.match_kernels import Posterior
 from gmapping.render_kernels import Counts, is_free
 from gmapping.tile_kernels import Tiles, cell_of, inside_tile, slot_of
 from slams.geometry import offset, square_of, unlikely
@@ -40,13 +39,13 @@ class Field(NamedTuple):
 
 @njit(fastmath=FAST, inner=True, borrows=True)  # sums may be regrouped
 def distances(
-    tiles: Tiles, particle: int, pose: Floats, ends: Floats, soft: float, most: float, near: float
+    tiles: Tiles, particle: int, pose: Floats, ends: Floats, soft: float, most: float
 ) -> tuple[float, float]:
-    """Sum of the end points' squared distances [m^2] from the nearest mean hits; how many are near.
+    """Sum of end points' squared distances [m^2] from the nearest mean hits; beams within `soft`.
 
     [Grisetti07] beam end point model; ours: a distance beyond `soft` [m] counts less (Geman and
     McClure), one without a hit near as `soft`. Given up beyond `most` [m^2].
-    pose (3,); ends (n, 5) x, y [m], two unused, beams; `near` [m].
+    pose (3,); ends (n, 5) x, y [m], two unused, beams.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     edge, k2, total, close = tiles.resolution, soft * soft, 0.0, 0.0
@@ -61,7 +60,7 @@ def distances(
             if cell[5] > 0.0:
                 square = (x - cell[3]) ** 2 + (y - cell[4]) ** 2
         total += beams * (k2 * square / (k2 + square) if square >= 0.0 else k2)
-        if 0.0 <= square < near * near:
+        if 0.0 <= square < k2:
             close += beams
         if total > most:
             break
@@ -69,48 +68,32 @@ def distances(
 
 
 @njit
-def log_posterior(
-    tiles: Tiles,
-    particle: int,
-    pose: Floats,
-    ends: Floats,
-    field: Field,
-    mean: Floats,
-    information: Floats,
-    floor: float,
-) -> float:
+def log_posterior(of: Posterior, field: Field, k: int, pose: Floats, floor: float) -> float:
     """Log of likelihood x prior of a pose; where it does not exceed `floor`, anything below that.
 
     [Grisetti07] the target of the improved proposal; ours: the prior by Student's law as in
-    `add_prior`. pose, mean (3,); information (3, 3).
+    `add_prior`. pose (3,), the k-th.
     """
+    mean = of.means[k]
     off = offset(Pose2(pose[0], pose[1], pose[2]), Pose2(mean[0], mean[1], mean[2]))
-    prior = -unlikely(square_of(information, off))
+    prior = -unlikely(square_of(of.information, off))
     most = 2.0 * (prior - floor) / field.worth
     if most <= 0.0:
         return floor
-    total, _ = distances(tiles, particle, pose, ends, field.soft, most, 0.0)
+    total, _ = distances(of.tiles, of.owners[k], pose, of.pieces, field.soft, most)
     return prior - 0.5 * field.worth * total
 
 
 @njit
-def climb(
-    tiles: Tiles,
-    owners: NDArray[np.int64],
-    ends: Floats,
-    field: Field,
-    prior: Prior,
-    poses: Floats,
-    out: Floats,
-) -> None:
+def climb(of: Posterior, field: Field, poses: Floats, out: Floats) -> None:
     """Move to a better one of six neighbors; where none is, halve the step.
 
-    [Grisetti07] scan matching in front of the proposal; ours: with the prior. owners (k,) the
-    particle in whose map; poses (k, 3) starts in, peaks out; out (k,) the log posterior there.
+    [Grisetti07] scan matching in front of the proposal; ours: with the prior. poses (k, 3) starts
+    in, peaks out; out (k,) the log posterior there.
     """
     for k in range(poses.shape[0]):
-        pose, mean, information = poses[k], prior.poses[k], prior.information[k]
-        best = log_posterior(tiles, owners[k], pose, ends, field, mean, information, -math.inf)
+        pose = poses[k]
+        best = log_posterior(of, field, k, pose, -math.inf)
         way, turn, halvings = field.way, field.turn, 0
         while halvings <= field.halvings:
             moved = False
@@ -119,7 +102,7 @@ def climb(
                 before = pose[axis]
                 step = turn if axis == 2 else way
                 pose[axis] = before + (step if move & 1 else -step)
-                value = log_posterior(tiles, owners[k], pose, ends, field, mean, information, best)
+                value = log_posterior(of, field, k, pose, best)
                 if value > best + GAIN:
                     best, moved = value, True
                 else:
@@ -130,31 +113,20 @@ def climb(
 
 
 @njit
-def widths(
-    tiles: Tiles,
-    particle: int,
-    peak: Floats,
-    ends: Floats,
-    field: Field,
-    mean: Floats,
-    information: Floats,
-    reach: Floats,
-) -> None:
+def widths(of: Posterior, field: Field, k: int, peak: Floats, reach: Floats) -> None:
     """How far from a peak the log posterior has dropped by `DROP`, along x, y, theta.
 
-    ours: in place of the paper's fixed interval. peak, mean (3,); information (3, 3); reach (3,)
-    [m, m, rad] a guess in, that out.
+    ours: in place of the paper's fixed interval. peak (3,) of the k-th pose; reach (3,) [m, m, rad]
+    a guess in, that out.
     """
     trial = peak.copy()
-    best = log_posterior(tiles, particle, trial, ends, field, mean, information, -math.inf)
+    best = log_posterior(of, field, k, trial, -math.inf)
     for axis in range(3):
         for _ in range(LOOKS):
             drop = best
             for side in (-1.0, 1.0):
                 trial[axis] = peak[axis] + side * reach[axis]
-                drop -= 0.5 * log_posterior(
-                    tiles, particle, trial, ends, field, mean, information, -math.inf
-                )
+                drop -= 0.5 * log_posterior(of, field, k, trial, -math.inf)
             drop = max(drop, DROP / (WIDER * WIDER))
             if CLOSE * drop > DROP and drop < CLOSE * DROP:
                 break
@@ -163,16 +135,7 @@ def widths(
 
 
 @njit
-def sample(
-    tiles: Tiles,
-    owners: NDArray[np.int64],
-    ends: Floats,
-    field: Field,
-    prior: Prior,
-    poses: Floats,
-    out_covariance: Floats,
-    out: Floats,
-) -> None:
+def sample(of: Posterior, field: Field, poses: Floats, out_covariance: Floats, out: Floats) -> None:
     """The Gaussian of 27 samples around each peak, weighed by likelihood x prior.
 
     [Grisetti07] improved proposal: mean, covariance and eta, the sum of the weights. ours: the
@@ -183,15 +146,13 @@ def sample(
     reach = np.array((field.way, field.way, field.turn))  # of one particle the guess for the next
     for k in range(poses.shape[0]):
         pose, square = poses[k], out_covariance[k]
-        known, information = prior.poses[k], prior.information[k]
-        widths(tiles, owners[k], pose, ends, field, known, information, reach)
+        widths(of, field, k, pose, reach)
         total, mean[0], mean[1], mean[2] = 0.0, 0.0, 0.0, 0.0
         for number in range(27):
             off = (number // 9 - 1.0, number // 3 % 3 - 1.0, number % 3 - 1.0)
             for i in range(3):
                 trial[i] = pose[i] + off[i] * reach[i]
-            faint = out[k] - FAINT
-            value = log_posterior(tiles, owners[k], trial, ends, field, known, information, faint)
+            value = log_posterior(of, field, k, trial, out[k] - FAINT)
             weight = math.exp(min(value - out[k], BETTER))
             total += weight
             for i in range(3):
@@ -208,19 +169,13 @@ def sample(
 
 
 @njit
-def inliers(tiles: Tiles, owner: int, ends: Floats, pose: Floats) -> float:
-    """Beams of a scan that end less than a cell's edge from a mean hit, at a pose (3,). ours."""
-    edge = tiles.resolution
-    return distances(tiles, owner, pose, ends, edge, math.inf, edge)[1]
-
-
-@njit
 def evaluate(
     tiles: Tiles, owner: int, ends: Floats, pose: Floats, seen: Counts
 ) -> tuple[float, float]:
     """Beams of a scan that are inliers at a pose (3,), and that are in conflict with the map.
 
-    ours: a conflict is an end where beams came by and nothing is known to stand. ends (n, 5).
+    ours: an inlier ends less than a cell's edge from a mean hit, a conflict where beams came by and
+    nothing is known to stand. ends (n, 5).
     """
     conflicts = 0.0
     c, s, edge = math.cos(pose[2]), math.sin(pose[2]), tiles.resolution
@@ -232,4 +187,4 @@ def evaluate(
         known = slot > 0 and tiles.cells[slot, inside_tile(ix, iy), 5] > 0.0
         if not known and is_free(seen, x, y):
             conflicts += ends[i, 4]
-    return inliers(tiles, owner, ends, pose), conflicts
+    return distances(tiles, owner, pose, ends, edge, math.inf)[1], conflicts

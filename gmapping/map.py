@@ -66,8 +66,9 @@ class TileMap:
         """Tell layers apart by walls that face `heading` [rad] and its right angles."""
         self.tiles = self.tiles._replace(axis_x=math.cos(heading), axis_y=math.sin(heading))
 
-    def cover(self, low: Floats, high: Floats) -> None:
-        """Let the tables reach from `low` to `high`, (x, y) [m] each, if they may grow so far."""
+    def cover(self, poses: Floats, far: float) -> None:
+        """Let the tables reach `far` [m] around all poses (n, 3), if they may grow so far."""
+        low, high = poses[:, :2].min(axis=0) - far, poses[:, :2].max(axis=0) + far
         if not self.extent.admits(Box(*low.tolist(), *high.tolist())):
             return
         edge, old = self.tiles.resolution, self.tiles.tables

@@ -19,10 +19,18 @@ SETTLED = 0.1  # of the width: a longer step is not the last one at it
 STILL = 1e-5  # a step [m, rad] below which the peak is found
 
 
-class Prior(NamedTuple):
-    """What is believed of poses before the scan: means (k, 3), information (k, 3, 3)."""
+class Posterior(NamedTuple):
+    """Likelihood x prior of k poses, each in the map of a particle.
 
-    poses: Floats
+    `owners` (k,) the particles; `pieces` (n, 5) of the scan: x, y [m], nx, ny in the base frame,
+    beams; before it poses have the `means` (k, 3) and all the same `information` (3, 3) [1/m^2,
+    1/(m rad), 1/rad^2].
+    """
+
+    tiles: Tiles
+    owners: NDArray[np.int64]
+    pieces: Floats
+    means: Floats
     information: Floats
 
 
@@ -45,22 +53,16 @@ class Climb(NamedTuple):
 
 @njit(fastmath=FAST, inner=True, borrows=True)  # sums may be regrouped
 def linearize(
-    tiles: Tiles,
-    particle: int,
-    pose: Floats,
-    surface: Floats,
-    width: float,
-    old: float,
-    out_h: Floats,
-    out: Floats,
+    of: Posterior, k: int, pose: Floats, width: float, old: float, out_h: Floats, out: Floats
 ) -> None:
     """Normal equations of the distances between a scan and a map, robustly weighted.
 
     ours: residual r = distance of the point from the mean line of its cell, Geman-McClure weights
-    of scale `width` [m]. pose (3,); surface (n, 5); out_h (3, 3) J^T W J; out (7,): -J^T W r (3),
+    of scale `width` [m]. pose (3,), the k-th; out_h (3, 3) J^T W J; out (7,): -J^T W r (3),
     the cost [m^2], how many beams lie within `width`, their mean square distance [m^2], and what of
     the cost surfaces have spared that were first seen before the way `old` [m].
     """
+    tiles, particle, surface = of.tiles, of.owners[k], of.pieces
     c, s = math.cos(pose[2]), math.sin(pose[2])
     edge, k2 = tiles.resolution, width * width
     hxx = hxy = hxt = hyy = hyt = htt = gx = gy = gt = cost = close = total = squares = spared = 0.0
@@ -102,34 +104,24 @@ def linearize(
 
 
 @njit
-def register(
-    tiles: Tiles,
-    owners: NDArray[np.int64],
-    surface: Floats,
-    prior: Prior,
-    how: Climb,
-    poses: Floats,
-    out_h: Floats,
-    out: Floats,
-) -> None:
+def register(of: Posterior, how: Climb, poses: Floats, out_h: Floats, out: Floats) -> None:
     """Climb from every start to a peak of likelihood x prior by Gauss-Newton.
 
     [Grisetti07] scan matcher in front of the improved proposal; ours: Gauss-Newton in place of a
     hill climb, and a prior with heavy tails. Distances count as outliers sooner only where the pose
     has settled, or has had time to: walls beside fit wherever along them the robot is, and would
-    call the few hits at a corridor's end outliers before they have moved it. owners (k,) the
-    particle in whose map; poses (k, 3) starts in, peaks out; out_h (k, 3, 3), out (k, 7) of
-    `linearize` at the last step.
+    call the few hits at a corridor's end outliers before they have moved it. poses (k, 3) starts
+    in, peaks out; out_h (k, 3, 3), out (k, 7) of `linearize` at the last step.
     """
     step, both = np.empty(3), np.empty((3, 3))
     for k in range(poses.shape[0]):
         pose, h, g = poses[k], out_h[k], out[k]
-        mean = Pose2(prior.poses[k, 0], prior.poses[k, 1], prior.poses[k, 2])
+        mean = Pose2(of.means[k, 0], of.means[k, 1], of.means[k, 2])
         width = how.wide
         for number in range(how.steps):
-            linearize(tiles, owners[k], pose, surface, width, how.old, h, g)
+            linearize(of, k, pose, width, how.old, h, g)
             off = offset(Pose2(pose[0], pose[1], pose[2]), mean)
-            add_prior(h, prior.information[k], how.variance, off, both, g)
+            add_prior(h, of.information, how.variance, off, both, g)
             if not solve3(both, g, step):
                 break
             for i in range(3):

@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from slams.types import Floats, Pose2, wrap_angle
+
+
+class Proposals(NamedTuple):
+    """The Gaussians that particles are drawn from, and what they make of the weights.
+
+    Peaks (n, 3), lower triangles L (n, 3, 3) of their information L L^T, log weights (n,), and
+    which of them (n,) are where the robot was long ago: a loop closes.
+    """
+
+    peaks: Floats
+    factors: Floats
+    log_w: Floats
+    closes: NDArray[np.bool_]
 
 
 def normalize(log_w: Floats, temper: float) -> tuple[Floats, float]:
@@ -76,23 +91,16 @@ class Particles:
         covariance: Floats = off.T @ off / len(off)
         return covariance
 
-    def extent(self, far: float) -> tuple[Floats, Floats]:
-        """Lowest and highest x, y [m] of what is at most `far` [m] away from a particle."""
-        return self.poses[:, :2].min(axis=0) - far, self.poses[:, :2].max(axis=0) + far
-
     def weigh(self, log_w: Floats, temper: float) -> None:
         """Multiply the weights by the likelihood of a scan."""
         self.log_w += log_w
         self.lifetime += log_w - log_w.max()
         self.w, self.n_eff = normalize(self.log_w, temper)
 
-    def draw(self, peaks: Floats, factors: Floats, normals: Floats) -> None:
-        """Go to draws from Gaussians, by standard normals (n, 3).
-
-        Their peaks (n, 3), and lower triangles L (n, 3, 3) of their information L L^T.
-        """
-        off = np.linalg.solve(factors.transpose(0, 2, 1), normals[..., None])[..., 0]
-        self.poses[:] = peaks + off
+    def draw(self, proposals: Proposals, normals: Floats) -> None:
+        """Go to draws from the proposals, by standard normals (n, 3)."""
+        upper = proposals.factors.transpose(0, 2, 1)
+        self.poses[:] = proposals.peaks + np.linalg.solve(upper, normals[..., None])[..., 0]
         self.poses[:, 2] = wrap_angle(self.poses[:, 2])
 
     def draw_ancestors(self, u: float) -> NDArray[np.int64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,20 @@ from numpy.typing import NDArray
 from gmapping.render_kernels import COARSE, Counts, draw
 from slams.cells import Room, move, observed, zeros
 from slams.frontend.correlative import Lookup
-from slams.grid_bounds import DEFAULT_MAX_CELLS, Box
+from slams.grid_bounds import Box
 from slams.types import Floats, OccupancyGrid, Pose2
 
 Keyframe = Floats | NDArray[np.float32]
 
-FULL = 1 << COARSE  # cells to the edge of a coarse one
 SURE = 3.0  # hits from which a coarse cell is a wall
+
+
+def blank(first: Sequence[int], size: Sequence[int], resolution: float) -> Counts:
+    """Counts of cells that no beam came by, from that of index x, y on; `size` along x, y."""
+    (x0, y0), (width, height) = first, size
+    shapes = (height, width), (height, width), (height >> COARSE, width >> COARSE)
+    hits, visits, walls = (zeros(shape, np.int32) for shape in shapes)
+    return Counts(hits, visits, walls, x0, y0, resolution)
 
 
 def walls(counts: Counts) -> Lookup:
@@ -40,9 +47,7 @@ class Renderer:
         max_cells: of the map.
     """
 
-    def __init__(
-        self, resolution: float, occupied: float, max_cells: int = DEFAULT_MAX_CELLS
-    ) -> None:
+    def __init__(self, resolution: float, occupied: float, max_cells: int) -> None:
         self._power = math.log(0.5) / math.log(occupied)
         self._room = Room(max_cells, resolution, 1 << COARSE)
         self._low, self._high = np.zeros((2, 2), np.int64)  # cells that were needed, both included
@@ -80,12 +85,6 @@ class Renderer:
         """The part in a box of what is drawn now, None if nothing was observed there."""
         return self._shares(self._part(self._room.window(box)))
 
-    def drawn_near(self, pose: Pose2, radius: float, end: int) -> list[int]:
-        """Numbers of those of the first `end` kept scans that are drawn within a radius [m]."""
-        away = np.hypot(*(self._drawn[: min(end, len(self._scans)), :2] - np.array(pose[:2])).T)
-        near: list[int] = np.flatnonzero(away < radius).tolist()
-        return near
-
     def only(self, scans: list[int]) -> Counts:
         """What some kept scans alone have seen, from where they are drawn."""
         drawn, edge = self._drawn, self.counts.resolution
@@ -95,11 +94,7 @@ class Renderer:
         ends = np.concatenate(seen)
         low = np.floor(ends.min(axis=0) / edge).astype(np.int64) >> COARSE
         high = np.ceil(ends.max(axis=0) / edge).astype(np.int64) >> COARSE
-        width, height = (high - low + 2).tolist()
-        hits, visits = np.zeros((2, height * FULL, width * FULL), np.int32)
-        coarse = np.zeros((height, width), np.int32)
-        x0, y0 = (low << COARSE).tolist()
-        counts = Counts(hits, visits, coarse, x0, y0, edge)
+        counts = blank((low << COARSE).tolist(), ((high - low + 2) << COARSE).tolist(), edge)
         for scan in seen:
             draw(scan, counts, 1)
         return counts
@@ -150,10 +145,8 @@ class Renderer:
         draw(ends, self.counts, times)
 
     def _empty(self, resolution: float) -> Counts:
-        shape = self._room.height, self._room.width
-        coarse = shape[0] >> COARSE, shape[1] >> COARSE
-        arrays = zeros(shape, np.int32), zeros(shape, np.int32), zeros(coarse, np.int32)
-        return Counts(*arrays, self._room.x0, self._room.y0, resolution)
+        room = self._room
+        return blank((room.x0, room.y0), (room.width, room.height), resolution)
 
     def _grow(self, below: int, left: int) -> None:
         old, self.counts = self.counts, self._empty(self.counts.resolution)

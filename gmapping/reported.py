@@ -8,16 +8,16 @@ from typing import cast
 import numpy as np
 
 from gmapping.end_points import EndPointMatcher
-from gmapping.match import OLD, Revisit
+from gmapping.params import GMappingParams
 from gmapping.particles import Particles
 from gmapping.render import Keyframe, Renderer, walls
+from gmapping.render_kernels import Counts
 from gmapping.scan import View
-from gmapping.surfaces import SurfaceMatcher
-from slams.frontend.correlative import Lookup, search, window_of
+from gmapping.surfaces import OLD, SurfaceMatcher
+from slams.frontend.correlative import search, window_of
 from slams.frontend.degeneracy import of_scan
-from slams.grid_bounds import Box
 from slams.scan.end_points import EndPoints
-from slams.types import OccupancyGrid, Pose2
+from slams.types import Pose2
 
 NEAR = 3.0  # m from where the robot was then: what it saw there, it sees from here
 SELDOM = 0.5  # m of way between two looks for a loop
@@ -28,11 +28,12 @@ WINDOWS = 0.25, 0.5, 1.0  # of the drift that is searched: the nearer place is t
 Matcher = SurfaceMatcher | EndPointMatcher
 
 
-class ReportedMap:
+class ReportedMap(Renderer):
     """Surfaces or hits of its tiles, and the picture of its history for what was seen free."""
 
-    def __init__(self, matcher: Matcher, particles: Particles, picture: Renderer) -> None:
-        self._matcher, self._particles, self._picture = matcher, particles, picture
+    def __init__(self, params: GMappingParams, matcher: Matcher, particles: Particles) -> None:
+        super().__init__(params.resolution, params.occupied, params.max_cells)
+        self._matcher, self._particles = matcher, particles
         self._ways: list[float] = []  # [m] driven at each keyframe
         self._looked = 0.0  # [m] driven at the last look for a loop
 
@@ -43,32 +44,25 @@ class ReportedMap:
 
     def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
         """Shares of the beams that are inliers at a pose, and that are in conflict with the map."""
-        view = cast(View, points)
-        return self._matcher.evaluate(view, self._particles.best, pose, self._picture.counts)
+        view, owner = cast(View, points), self._particles.best
+        found = self._matcher.evaluate(view, owner, np.array(pose), self.counts)
+        return found[0] / view.beams, found[1] / view.beams
 
-    def lookup(self) -> Lookup:
-        """A coarse likelihood of walls, for correlative search."""
-        return self._picture.lookup()
-
-    def cut(self, box: Box) -> OccupancyGrid | None:
-        """The part of the map in a box, None if nothing was observed there."""
-        return self._picture.cut(box)
-
-    def revisited(self, points: View, pose: Pose2, way: float) -> Revisit:
+    def revisited(self, points: View, pose: Pose2, way: float) -> tuple[list[Pose2], Counts]:
         """Where the robot may be on ground that it left long ago, nearest first; mostly nowhere.
 
         The best poses of correlative searches in wider and wider windows among keyframes that are
         `OLD` behind, `way` [m] from the start; along a corridor that hides how far along it is,
-        only across.
+        only across. And what those keyframes have seen.
         """
         if way - self._looked < SELDOM:
-            return Revisit([], self._picture.counts)
+            return [], self.counts
         self._looked = way
-        end = bisect.bisect_left(self._ways, way - OLD)
-        old = self._picture.drawn_near(pose, NEAR, end)
+        then = self._drawn[: bisect.bisect_left(self._ways, way - OLD), :2]
+        old = np.flatnonzero(np.hypot(*(then - np.array(pose[:2])).T) < NEAR).tolist()
         if not old:
-            return Revisit([], self._picture.counts)
-        seen_then = self._picture.only(old[:: 1 + len(old) // SCANS])
+            return [], self.counts
+        seen_then = self.only(old[:: 1 + len(old) // SCANS])
         lookup = walls(seen_then)
         ends, found = points.pieces[:, :2].T, []
         seen, drift = of_scan(points, pose.theta), DRIFT + self._particles.spread()
@@ -78,9 +72,9 @@ class ReportedMap:
             x, y = at.x - pose.x, at.y - pose.y
             along = (1.0 - seen.share) * (seen.x * x + seen.y * y)
             found.append(at._replace(x=at.x - along * seen.x, y=at.y - along * seen.y))
-        return Revisit(found, seen_then)
+        return found, seen_then
 
     def insert(self, scan: Keyframe, way: float) -> None:
         """Draw a keyframe where the reported particle is."""
         self._ways.append(way)
-        self._picture.keep(scan, self._particles.best_pose)
+        self.keep(scan, self._particles.best_pose)

@@ -30,11 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.end_points import EndPointMatcher
-from gmapping.map import TileMap
-from gmapping.match import Proposals
 from gmapping.params import GMappingParams
-from gmapping.particles import Particles
-from gmapping.render import Renderer
+from gmapping.particles import Particles, Proposals
 from gmapping.reported import Matcher, ReportedMap
 from gmapping.scan import View
 from gmapping.surfaces import SurfaceMatcher
@@ -42,7 +39,6 @@ from slams.frontend.confident import HasEstimator
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
 from slams.frontend.plain import estimator_for
-from slams.geometry import Prior
 from slams.params import Params
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
@@ -55,7 +51,7 @@ COUNTS = "posed inserted resampled switched collapsed closed"
 class GMapping(HasEstimator):
     """The particle filter; see the module for the steps.
 
-    `frozen`: nothing enters the map; `particles` and `tiles` the filter's state.
+    `frozen`: nothing enters the map; `particles` and their maps, `tiles`, are the filter's state.
     """
 
     Params: ClassVar[type[Params]] = GMappingParams
@@ -65,8 +61,8 @@ class GMapping(HasEstimator):
         self.frozen = False
         self.particles = Particles(p.n_particles, steady=p.refine)
         self._matcher: Matcher = SurfaceMatcher(p) if p.refine else EndPointMatcher(p)
-        self._renderer = Renderer(p.resolution, p.occupied, p.max_cells)
-        self._map = ReportedMap(self._matcher, self.particles, self._renderer)
+        self.tiles = self._matcher.tiles
+        self._map = ReportedMap(p, self._matcher, self.particles)
         self._view = View(p)
         self._estimator = estimator_for(p, motion_model=True)  # [Grisetti07] eq. 9
         self._keyframes = Keyframes(p.linear_update, p.angular_update, p.settle)
@@ -74,11 +70,6 @@ class GMapping(HasEstimator):
         self._known = self._estimator.covariance  # of the pose there
         self._rng = np.random.default_rng(p.seed)
         self._counts = dict.fromkeys(COUNTS.split(), 0)
-
-    @property
-    def tiles(self) -> TileMap:
-        """The maps of all particles."""
-        return self._matcher.tiles
 
     def update(self, scan: Scan) -> Pose2:
         """Match the scan to the reported map; at a keyframe run the filter. Returns T_map_base."""
@@ -105,7 +96,7 @@ class GMapping(HasEstimator):
     def adopt(self, other: GMapping, pose: Pose2) -> None:
         """Go on in the map of another instance, at `pose` in it, moving as before."""
         self.particles, self._keyframes = other.particles, other._keyframes
-        self._matcher, self._renderer, self._map = other._matcher, other._renderer, other._map
+        self._matcher, self._map, self.tiles = other._matcher, other._map, other.tiles
         self.particles.poses[:] = pose
         self._key = pose
         self._estimator.correct(pose)
@@ -116,7 +107,7 @@ class GMapping(HasEstimator):
 
     def snapshot(self) -> Callable[[], OccupancyGrid]:
         """A function that draws the map as it stands now, while updates go on."""
-        return self._renderer.snapshot(self.trajectory())
+        return self._map.snapshot(self.trajectory())
 
     def trajectory(self) -> Floats:
         """The reported particle's poses (k, 3) x, y [m], theta [rad] at the keyframes."""
@@ -124,16 +115,14 @@ class GMapping(HasEstimator):
 
     def report(self) -> dict[str, Any]:
         """Counts of scans, and what the particles' maps take."""
-        counts = self._counts | self._estimator.counts | self.tiles.counts
-        return counts | self._view.counts
+        return self._counts | self._estimator.counts | self.tiles.counts | self._view.counts
 
     def _match(self, points: EndPoints, start: Pose2, prior: Prediction) -> list[Match]:
         """Steps 3 and 4 from a start."""
         view = cast(View, points)
         if self._map.empty or view.n == 0:
             return [Match(start)]
-        expected = Prior(prior.pose, prior.information)
-        return [self._matcher.match(view, self.particles.best, expected, start)]
+        return [self._matcher.match(view, self.particles.best, prior, start)]
 
     def _filter(self, view: View, pose: Pose2) -> Pose2:
         """Step 6; returns the pose of the particle that is reported then."""
@@ -160,22 +149,21 @@ class GMapping(HasEstimator):
         information = self._information(way)
         n = len(particles)
         if self._estimator.match is None:
-            factors = np.asarray(np.linalg.cholesky(information), np.float64)
+            factors = np.tile(np.linalg.cholesky(information), (n, 1, 1))
             none = np.zeros(n), np.zeros(n, np.bool_)
             proposals = Proposals(particles.poses.copy(), factors, *none)
         else:
             way_so_far = self._way + math.hypot(way.x, way.y)
-            revisit = self._map.revisited(view, pose, way_so_far)
-            proposals = self._matcher.propose(view, particles.poses, information, revisit)
-        normals = self._rng.standard_normal((n, 3))
-        particles.draw(proposals.peaks, proposals.factors, self.params.spread * normals)
+            revisited = self._map.revisited(view, pose, way_so_far)
+            proposals = self._matcher.propose(view, particles.poses, information, *revisited)
+        particles.draw(proposals, self.params.spread * self._rng.standard_normal((n, 3)))
         if self.params.refine and not proposals.closes[particles.best]:
             particles.poses[particles.best] = pose
         particles.weigh(proposals.log_w, 1.0)
         return proposals.closes
 
     def _information(self, way: Pose2) -> Floats:
-        """Of particles after a tracked way: (n, 3, 3) [1/m^2, 1/(m rad), 1/rad^2].
+        """Of a particle after a tracked way: (3, 3) [1/m^2, 1/(m rad), 1/rad^2].
 
         One noise for all of it, whatever the rate of the scans, and what the pose has become less
         certain by: along a corridor, or where scans were not matched.
@@ -187,7 +175,7 @@ class GMapping(HasEstimator):
         if np.isfinite(now).all():
             lost, axes = np.linalg.eigh(now - self._known)
             covariance += (axes * np.maximum(lost, 0.0)) @ axes.T
-        return np.tile(np.linalg.inv(covariance), (len(self.particles), 1, 1))
+        return np.asarray(np.linalg.inv(covariance), np.float64)
 
     def _elect(self, pose: Pose2, closes: NDArray[np.bool_]) -> Pose2:
         """Step c: the pose of the particle that is reported.
@@ -208,7 +196,7 @@ class GMapping(HasEstimator):
     def _insert(self, view: View, pose: Pose2) -> None:
         if self.frozen or view.n == 0 or not self.tiles.admits(pose, view.far):
             return
-        self.tiles.cover(*self.particles.extent(view.far))
+        self.tiles.cover(self.particles.poses, view.far)
         step = self._key.between(pose)
         self._way += math.hypot(step.x, step.y) + STEP
         if not self._matcher.insert(view, self.particles.poses, self._way):

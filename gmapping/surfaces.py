@@ -5,21 +5,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmapping import match_kernels as kernels
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
-from gmapping.match import OLD, Proposals, Revisit
-from gmapping.match_kernels import Climb
+from gmapping.match_kernels import Climb, Posterior
 from gmapping.params import GMappingParams
+from gmapping.particles import Proposals
 from gmapping.render_kernels import Counts
 from gmapping.scan import View
 from slams.frontend.degeneracy import of_scan
-from slams.geometry import Prior
+from slams.frontend.motion_filter import Prediction
 from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
 
+OLD = 15.0  # m of way after which a surface is old: no robot sees a room that long without a loop
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 CHANCE, EXPLAINED = 0.3, 0.9  # share of the beams that parallel walls explain anywhere; all
 KNOWN = 0.5  # share on old ground from which a particle looks no further
@@ -39,18 +39,19 @@ class SurfaceMatcher:
         self.tiles = TileMap(p.n_particles, LAYERS, p.resolution, p.max_tiles, p.max_cells, DEPTH)
         self._way = 0.0
 
-    def match(self, view: View, owner: int, prior: Prior, start: Pose2) -> Match:
+    def match(self, view: View, owner: int, prior: Prediction, start: Pose2) -> Match:
         """The peak near `start` in the map of one particle."""
         how, poses = self._how(view, prior.information), np.array([start])
-        means = kernels.Prior(np.array([prior.pose]), prior.information[None])
-        h, out = self._climb(view, np.array([owner]), means, how, poses)
+        owners, means = np.array([owner]), np.array([prior.pose])
+        of = Posterior(self.tiles.tiles, owners, view.pieces, means, prior.information)
+        h, out = _climb(of, how, poses)
         variance = max(float(out[0, 5]), view.noise**2)
         x, y, theta = poses[0].tolist()
         pose = Pose2(x, y, float(wrap_angle(theta)))
         return Match(pose, float(out[0, 4]) / view.beams, variance, h[0] / variance)
 
     def propose(
-        self, view: View, means: Floats, information: Floats, revisit: Revisit
+        self, view: View, means: Floats, information: Floats, places: list[Pose2], seen: Counts
     ) -> Proposals:
         """[Grisetti07] improved proposal; ours: Laplace's at the peak instead of a fit to samples.
 
@@ -58,28 +59,26 @@ class SurfaceMatcher:
         the same walls. The weight is the likelihood of the beams on old ground: where a particle
         has just come from its scan fits whatever the way before, and chance alone would choose, as
         it would among the parallel walls of a building.
-        Particles whose old ground agrees more with the scan at a place of `revisit` go there.
+        Particles go to one of the `places` if their old ground agrees more with the scan there;
+        what ends where beams came by long ago, as `seen` then, counts against it.
         """
-        n, peaks, how = len(means), means.copy(), self._how(view, information[0])
-        prior, every = kernels.Prior(means, information), np.arange(n)
-        h, out = self._climb(view, every, prior, how, peaks)
+        n, peaks, how = len(means), means.copy(), self._how(view, information)
+        of = Posterior(self.tiles.tiles, np.arange(n), view.pieces, means, information)
+        h, out = _climb(of, how, peaks)
         blind = _unseen(view, float(means[0, 2]))
         peaks -= (peaks - means) @ blind
         full, closes = how.width**2 * view.beams, np.zeros(n, np.bool_)
-        tiles = self.tiles.tiles
-        for place in revisit.poses:
+        for place in places:
             owners = np.flatnonzero(out[:, 6] < KNOWN * full)
             others = np.tile(np.array(place), (len(owners), 1))
-            prior = kernels.Prior(others.copy(), np.tile(REVISITED, (len(owners), 1, 1)))
-            h2, out2 = self._climb(view, owners, prior, how, others)
-            conflicts = [
-                kernels.evaluate(tiles, owner, view.pieces, at, how.width, revisit.seen)[1]
-                for owner, at in zip(owners.tolist(), others, strict=True)
-            ]  # beams that end in the particles' maps where long ago beams came by
+            there = of._replace(owners=owners, means=others.copy(), information=REVISITED)
+            h2, out2 = _climb(there, how, others)
+            on = zip(owners.tolist(), others, strict=True)
+            conflicts = [self.evaluate(view, owner, at, seen)[1] for owner, at in on]
             agreed = out2[:, 6] - how.width**2 * np.array(conflicts)
-            there = agreed > np.maximum(out[owners, 6] + GAIN * full, FOUND * full)
-            moved = owners[there]
-            peaks[moved], h[moved], out[moved] = others[there], h2[there], out2[there]
+            better = agreed > np.maximum(out[owners, 6] + GAIN * full, FOUND * full)
+            moved = owners[better]
+            peaks[moved], h[moved], out[moved] = others[better], h2[better], out2[better]
             closes[moved] = True
         worth, sees = self._worth(view), np.eye(3) - blind
         h = sees @ h @ sees
@@ -96,11 +95,10 @@ class SurfaceMatcher:
         splat = Splat(p.band, p.cap, way, laser.x, laser.y)
         return insert(self.tiles.tiles, poses, view.pieces, splat) == 0
 
-    def evaluate(self, view: View, owner: int, pose: Pose2, seen: Counts) -> tuple[float, float]:
-        """Shares of the beams that are inliers in one map, and that end where `seen` is free."""
-        width, at = self._width(view), np.array(pose)
-        found = kernels.evaluate(self.tiles.tiles, owner, view.pieces, at, width, seen)
-        return found[0] / view.beams, found[1] / view.beams
+    def evaluate(self, view: View, owner: int, pose: Floats, seen: Counts) -> tuple[float, float]:
+        """Beams that are inliers in one map, and that end where `seen` is free; pose (3,)."""
+        width = self._width(view)
+        return kernels.evaluate(self.tiles.tiles, owner, view.pieces, pose, width, seen)
 
     def _variance(self, view: View) -> float:
         """Of the distance of a beam [m^2].
@@ -125,13 +123,12 @@ class SurfaceMatcher:
             wait = p.steps - 1 - math.ceil(math.log2(wide / width))
         return Climb(wide, width, p.steps, self._variance(view), self._way - OLD, wait)
 
-    def _climb(
-        self, view: View, owners: NDArray[np.int64], prior: kernels.Prior, how: Climb, poses: Floats
-    ) -> tuple[Floats, Floats]:
-        """Poses (k, 3) climb to their peaks in place; information (k, 3, 3), out (k, 7) there."""
-        h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
-        kernels.register(self.tiles.tiles, owners, view.pieces, prior, how, poses, h, out)
-        return h, out
+
+def _climb(of: Posterior, how: Climb, poses: Floats) -> tuple[Floats, Floats]:
+    """Poses (k, 3) climb to their peaks in place; information (k, 3, 3), out (k, 7) there."""
+    h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
+    kernels.register(of, how, poses, h, out)
+    return h, out
 
 
 def _heading(pieces: Floats) -> float:

@@ -79,15 +79,15 @@ def own_slot(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
     tiles.free[0] -= 1
     tiles.references[new] = 1
     tiles.tables[ty, tx, particle, layer] = new
-    if old > 0:
-        tiles.references[old] -= 1
-    else:
+    if old == 0:  # free slots are zero
         x, y, window = ix >> BITS, iy >> BITS, tiles.window
         window[0], window[1] = min(window[0], x), min(window[1], y)
         window[2], window[3] = max(window[2], x), max(window[3], y)
+        return new
+    tiles.references[old] -= 1
     for k in range(CELLS):  # loops: assigning slices takes numba seconds to compile
         for j in range(tiles.cells.shape[2]):
-            tiles.cells[new, k, j] = tiles.cells[old, k, j] if old > 0 else 0.0
+            tiles.cells[new, k, j] = tiles.cells[old, k, j]
     return new
 
 

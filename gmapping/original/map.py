@@ -17,7 +17,6 @@ class HitMap(TileMap):
     def __init__(self, params: OriginalParams, n_particles: int) -> None:
         tiles = params.max_tiles, params.max_cells
         super().__init__(n_particles, 1, params.resolution, *tiles)
-        self._minimum_score = params.minimum_score
         self._model = ClimbModel(
             params.score_sigma,
             params.likelihood_sigma,
@@ -25,12 +24,13 @@ class HitMap(TileMap):
             params.angular_step,
             params.iterations,
             params.missed,
+            params.minimum_score,
         )
 
     def match(self, points: Floats, poses: Floats) -> tuple[Floats, int]:
         """Move every pose to the peak of its score; log likelihoods there, how many failed."""
         log_w = np.zeros(len(poses))
-        failed = climb_all(self.tiles, points, self._model, self._minimum_score, poses, log_w)
+        failed = climb_all(self.tiles, points, self._model, poses, log_w)
         return log_w, failed
 
     def insert(self, points: Floats, poses: Floats) -> bool:

@@ -17,7 +17,7 @@ def insert_hits(tiles: Tiles, poses: Floats, points: Floats) -> int:
     """Add every end point to the cell it falls into, in every particle's map.
 
     [Grisetti07] original code: end points only, no free space. poses (particles, 3) m, rad;
-    points (n, 3) m in the base frame; returns how many cells had no room.
+    points (n, 2) m in the base frame; returns how many cells had no room.
     """
     lacking = 0
     for particle in range(poses.shape[0]):

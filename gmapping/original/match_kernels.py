@@ -6,18 +6,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmapping.tile_kernels import BITS, Tiles, cell_of, inside_tile
+from gmapping.tile_kernels import BITS, Tiles, cell_of, inside_tile, slot_of
 from slams.jit import njit
 from slams.types import Floats
 
 NONE = math.inf
-
-Cells = NDArray[np.float32]
-
-Table = NDArray[np.int32]
-
 MOVES = ((1, 0, 0), (-1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1))
 
 
@@ -26,7 +20,7 @@ class ClimbModel(NamedTuple):
 
     `sigma`, `lsigma` [m^2] divide squared distances in score and likelihood; `lstep` [m], `astep`
     [rad] first step of the climb; `iterations` halvings of it; `missed` [m^2] squared distance
-    charged to a beam without a hit near.
+    charged to a beam without a hit near; `minimum_score` that a match has to exceed.
     """
 
     sigma: float
@@ -35,35 +29,33 @@ class ClimbModel(NamedTuple):
     astep: float
     iterations: int
     missed: float
+    minimum_score: float
 
 
-@njit(inner=True)
-def nearest(cells: Cells, table: Table, ix: int, iy: int, x: float, y: float) -> float:
+@njit(inner=True, borrows=True)
+def nearest(tiles: Tiles, particle: int, ix: int, iy: int, x: float, y: float) -> float:
     """Squared distance [m^2] to the nearest mean of hits in the 3 x 3 cells around, inf if none.
 
-    [Grisetti07] original code; ours: only cells a neighborhood mask names are looked at.
-    table (ny, nx) slots of one particle; ix, iy the point's cell counted from table[0, 0].
+    [Grisetti07] original code; ours: only cells a neighborhood mask names are looked at. ix, iy
+    the cell of the point x, y [m].
     """
-    tx, ty = ix >> BITS, iy >> BITS
-    if tx < 0 or ty < 0 or ty >= table.shape[0] or tx >= table.shape[1]:
-        return NONE
-    slot = table[ty, tx]
-    if slot == 0:
-        return NONE
-    mask = int(cells[slot, inside_tile(ix, iy), 3])
-    best = NONE
+    home, best = slot_of(tiles, particle, 0, ix, iy), NONE
+    if home == 0:
+        return best
+    mask = int(tiles.cells[home, inside_tile(ix, iy), 3])
     for bit in range(9):
         if mask & (1 << bit) == 0:
             continue
         jx, jy = ix + bit // 3 - 1, iy + bit % 3 - 1
-        other = table[jy >> BITS, jx >> BITS]
-        k = inside_tile(jx, jy)
-        dx, dy = x - cells[other, k, 0], y - cells[other, k, 1]
+        slot, k = home, inside_tile(jx, jy)
+        if jx >> BITS != ix >> BITS or jy >> BITS != iy >> BITS:  # few are in another tile
+            slot = slot_of(tiles, particle, 0, jx, jy)
+        dx, dy = x - tiles.cells[slot, k, 0], y - tiles.cells[slot, k, 1]
         best = min(best, dx * dx + dy * dy)
     return best
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def decay(u: float) -> float:
     """exp(-u) = cosh u - sinh u; for small u by their series, within 1e-9.
 
@@ -77,17 +69,15 @@ def decay(u: float) -> float:
     return cosh - sinh
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def score(
     tiles: Tiles, particle: int, pose: Floats, points: Floats, sigma: float, floor: float
 ) -> float:
     """Sum over beams of exp(-d^2 / sigma), d to the nearest mean of hits.
 
     [Grisetti07] original code. Given up, with what it has, once `floor` cannot be
-    exceeded (ours, same result of the climb). pose (3,), points (n, 3).
+    exceeded (ours, same result of the climb). pose (3,), points (n, 2).
     """
-    cells, table = tiles.cells, tiles.tables[:, :, particle, 0]
-    first_x, first_y = tiles.corner_x << BITS, tiles.corner_y << BITS
     c, s = math.cos(pose[2]), math.sin(pose[2])
     total, left, x0, y0 = 0.0, points.shape[0], pose[0], pose[1]
     per_cell, per_sigma = 1.0 / tiles.resolution, 1.0 / sigma
@@ -97,32 +87,28 @@ def score(
         left -= 1
         x = x0 + c * points[i, 0] - s * points[i, 1]
         y = y0 + s * points[i, 0] + c * points[i, 1]
-        ix = math.floor(x * per_cell + 0.5) - first_x
-        iy = math.floor(y * per_cell + 0.5) - first_y
-        d2 = nearest(cells, table, ix, iy, x, y)
+        ix, iy = math.floor(x * per_cell + 0.5), math.floor(y * per_cell + 0.5)
+        d2 = nearest(tiles, particle, ix, iy, x, y)
         if d2 < NONE:
             total += decay(d2 * per_sigma)
     return total
 
 
-@njit(inner=True)
+@njit(inner=True, borrows=True)
 def log_likelihood(
     tiles: Tiles, particle: int, pose: Floats, points: Floats, model: ClimbModel
 ) -> float:
     """Log likelihood of a scan: -d^2 / lsigma a beam, -missed / lsigma where nothing is near.
 
-    [Grisetti07] original code. pose (3,), points (n, 3).
+    [Grisetti07] original code. pose (3,), points (n, 2).
     """
-    cells, table = tiles.cells, tiles.tables[:, :, particle, 0]
-    first_x, first_y = tiles.corner_x << BITS, tiles.corner_y << BITS
     c, s = math.cos(pose[2]), math.sin(pose[2])
     total = 0.0
     for i in range(points.shape[0]):
         x = pose[0] + c * points[i, 0] - s * points[i, 1]
         y = pose[1] + s * points[i, 0] + c * points[i, 1]
-        ix = cell_of(x, tiles.resolution) - first_x
-        iy = cell_of(y, tiles.resolution) - first_y
-        d2 = nearest(cells, table, ix, iy, x, y)
+        ix, iy = cell_of(x, tiles.resolution), cell_of(y, tiles.resolution)
+        d2 = nearest(tiles, particle, ix, iy, x, y)
         total -= d2 if d2 < NONE else model.missed
     return total / model.lsigma
 
@@ -133,7 +119,7 @@ def hill_climb(
 ) -> float:
     """Move to the best of six neighbors; halve the step where none is better; returns the score.
 
-    [Grisetti07] original code. points (n, 3); pose (3,) start in, peak out.
+    [Grisetti07] original code. points (n, 2); pose (3,) start in, peak out.
     """
     trial, start = np.empty(3), np.empty(3)
     current = score(tiles, particle, pose, points, model.sigma, -1.0)
@@ -160,17 +146,12 @@ def hill_climb(
 
 @njit
 def climb_all(
-    tiles: Tiles,
-    points: Floats,
-    model: ClimbModel,
-    minimum_score: float,
-    poses: Floats,
-    out_log_w: Floats,
+    tiles: Tiles, points: Floats, model: ClimbModel, poses: Floats, out_log_w: Floats
 ) -> int:
     """Match every particle to its own map and weigh it; returns how many matches failed.
 
     [Grisetti07] original code: the pose becomes the peak, no draw around it; where
-    the score does not exceed `minimum_score` the motion's pose stays. points (n, 3); poses
+    the score is `minimum_score` at most the motion's pose stays. points (n, 2); poses
     (particles, 3) in and out; out_log_w (particles,).
     """
     pose = np.empty(3)
@@ -178,7 +159,7 @@ def climb_all(
     for i in range(poses.shape[0]):
         for j in range(3):
             pose[j] = poses[i, j]
-        if hill_climb(tiles, i, points, model, pose) > minimum_score:
+        if hill_climb(tiles, i, points, model, pose) > model.minimum_score:
             for j in range(3):
                 poses[i, j] = pose[j]
         else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,13 +11,6 @@ from slams.types import IDENTITY, Floats, Pose2, Scan, wrap_angle
 
 FARTHEST = 10.0  # m between two scans; an odometry that goes farther has jumped
 ACROSS = 0.3  # share of a motion's noise along one axis that the other axis gets
-
-
-class Step(NamedTuple):
-    """Motion `pose` of the base, and whether odometry or a gyro has `measured` it."""
-
-    pose: Pose2
-    measured: bool
 
 
 class Motion:
@@ -30,18 +22,18 @@ class Motion:
         self._last: Scan | None = None
         self._moved = IDENTITY
 
-    def step(self, scan: Scan) -> Step:
-        """The motion since the scan before."""
+    def step(self, scan: Scan) -> Pose2 | None:
+        """The motion since the scan before; None if neither odometry nor gyro has measured it."""
         last, self._last = self._last, scan
         if last is None:
-            return Step(IDENTITY, scan.odometry is not None or scan.yaw is not None)
-        wheels = self._odometry(last, scan)
-        pose, measured = wheels or self._moved, wheels is not None
-        self.used["odometry"] += measured
+            return None if scan.odometry is None and scan.yaw is None else IDENTITY
+        step = self._odometry(last, scan)
+        self.used["odometry"] += step is not None
         if last.yaw is not None and scan.yaw is not None:
-            pose, measured = pose._replace(theta=float(wrap_angle(scan.yaw - last.yaw))), True
+            turn = float(wrap_angle(scan.yaw - last.yaw))
+            step = (step or self._moved)._replace(theta=turn)
             self.used["gyro"] += 1
-        return Step(pose, measured)
+        return step
 
     def learn(self, moved: Pose2) -> None:
         """Keep the motion that was found, for scans with a gyro alone."""

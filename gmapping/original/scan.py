@@ -1,38 +1,24 @@
-"""EndPoints: the end points of a scan, with the program's angles or the true ones."""
+"""End points of a scan, with the program's angles or the true ones."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from gmapping.original.params import OriginalParams
-from gmapping.original.scan_kernels import end_points
-from slams.types import Floats, Laser, Scan
+from slams.scan import scan_kernels as kernels
+from slams.types import Floats, Scan
 
 
-class EndPoints:
-    """Turns ranges into points of the base frame; buffers are kept from scan to scan.
+def end_points(scan: Scan, offset: float, longest: float) -> tuple[Floats, float]:
+    """Points (n, 2) x, y [m] of the base frame, and how far away the farthest is [m].
 
-    `offset` is by how many beam widths the beams are turned.
+    `offset` is by how many beam widths the beams are turned; ranges from `longest` [m] on are none.
     """
-
-    def __init__(self, params: OriginalParams, offset: float) -> None:
-        self._params = params
-        self._offset = offset
-        self._laser: Laser | None = None
-        self._directions = np.zeros((0, 2))
-        self._buffer = np.zeros((0, 2))
-
-    def __call__(self, scan: Scan) -> Floats:
-        """Points (n, 2) x, y [m], valid until the next call."""
-        laser = scan.laser
-        if laser is not self._laser:
-            self._aim(laser)
-        limits = laser.range_min, min(laser.range_max, self._params.max_range)
-        out = self._buffer
-        return out[: end_points(scan.ranges, self._directions, laser.mount, limits, out)]
-
-    def _aim(self, laser: Laser) -> None:
-        angles = laser.angles + self._offset * abs(laser.angle_increment)
-        self._laser = laser
-        self._directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        self._buffer = np.zeros((laser.n_beams, 2))
+    laser = scan.laser
+    angles = laser.angles + offset * abs(laser.angle_increment)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    near = math.nextafter(laser.range_min, -math.inf)  # the program takes range_min itself, too
+    limits, out = kernels.Limits(near, min(laser.range_max, longest)), np.empty((3, laser.n_beams))
+    n, far = kernels.end_points(scan.ranges, directions, laser.mount, limits, out)
+    return np.ascontiguousarray(out[:2, :n].T), far

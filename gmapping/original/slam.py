@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.original.map import HitMap
-from gmapping.original.motion import Motion, Step
+from gmapping.original.motion import Motion
 from gmapping.original.params import OriginalParams
-from gmapping.original.scan import EndPoints
+from gmapping.original.scan import end_points
 from gmapping.particles import Particles
 from gmapping.render import Renderer
 from slams.params import Params
@@ -42,9 +42,7 @@ class Original:
         self.quality = 1.0
         self._rng = np.random.default_rng(params.seed)
         self._motion = Motion(params)
-        self._points = EndPoints(params, params.beam_offset)
-        self._renderer = Renderer(params.resolution, params.occupied)
-        self._rays = EndPoints(params, 0.0)
+        self._renderer = Renderer(params.resolution, params.occupied, params.max_cells)
         self._way = self._turn = math.inf
         names = ("scans", "inserted", "rejected", "resampled", "switched", "collapsed", "failed")
         self._counts = dict.fromkeys(names, 0)
@@ -52,19 +50,19 @@ class Original:
 
     def update(self, scan: Scan) -> Pose2:
         """Take the next scan; return the best particle's pose, between keyframes by odometry."""
-        before = self.pose
+        before, p = self.pose, self.params
         step = self._motion.step(scan)
         if self._counts["scans"] > 0:
-            self._move(step)  # 1
-        elif not step.measured:
+            self._move(step or IDENTITY)  # 1
+        elif step is None:
             self._populate(1)  # without odometry there is no noise
-        points = self._points(scan)
+        points, far = end_points(scan, p.beam_offset, p.max_range)
         if len(points) == 0:
             self._counts["rejected"] += 1
-        elif self._due(step) and self.tiles.admits(self.pose, _farthest(points)):
-            self._filter(points)
-            scan_and_laser = np.vstack([self._rays(scan), scan.laser.mount[:2]])
-            self._renderer.keep(scan_and_laser, self.pose)
+        elif self._due(step) and self.tiles.admits(self.pose, far):
+            self._filter(points, far)
+            rays, _ = end_points(scan, 0.0, p.max_range)
+            self._renderer.keep(np.vstack([rays, scan.laser.mount[:2]]), self.pose)
         self._counts["scans"] += 1
         self._motion.learn(before.between(self.pose))
         return self.pose
@@ -81,20 +79,19 @@ class Original:
         """Counts, and what the particles' maps take."""
         return self._counts | self._motion.used | self.tiles.counts
 
-    def _move(self, step: Step) -> None:
-        way = step.pose if step.measured else IDENTITY
+    def _move(self, way: Pose2) -> None:
         draws = self._rng.standard_normal((len(self.particles), 3))
         self.particles.move(np.array(way) + draws * self._motion.noise(way))
         self._way += math.hypot(way.x, way.y)
         self._turn += abs(way.theta)
         self.pose = self.pose @ way
 
-    def _due(self, step: Step) -> bool:
+    def _due(self, step: Pose2 | None) -> bool:
         """Whether the odometry has gone far enough; without odometry every scan is a keyframe."""
         far = self._way >= self.params.linear_update
-        return far or self._turn >= self.params.angular_update or not step.measured
+        return far or self._turn >= self.params.angular_update or step is None
 
-    def _filter(self, points: Floats) -> None:
+    def _filter(self, points: Floats, far: float) -> None:
         if self._counts["inserted"] == 0:
             self.particles.poses[:] = self.pose
         else:
@@ -107,13 +104,13 @@ class Original:
             leader = self.particles.leader()  # 5
             self._counts["switched"] += leader != self.particles.best
             self.particles.best = leader
-        self._insert(points)  # 4
+        self._insert(points, far)  # 4
         self.particles.remember()
         self.pose = self.particles.best_pose
         self._way = self._turn = 0.0
 
-    def _insert(self, points: Floats) -> None:
-        self.tiles.cover(*self.particles.extent(_farthest(points)))
+    def _insert(self, points: Floats, far: float) -> None:
+        self.tiles.cover(self.particles.poses, far)
         if not self.tiles.insert(points, self.particles.poses):  # all go on from the best one
             self._follow(np.full(len(self.particles), self.particles.best), "collapsed")
         self._counts["inserted"] += 1
@@ -126,8 +123,3 @@ class Original:
     def _populate(self, n_particles: int) -> None:
         self.particles = Particles(n_particles)
         self.tiles = HitMap(self.params, n_particles)
-
-
-def _farthest(points: Floats) -> float:
-    """The greatest distance [m] of points (n, 2 or more) from the base."""
-    return float(np.hypot(points[:, 0], points[:, 1]).max())

@@ -7,8 +7,7 @@ import numpy as np
 from gmapping import GMappingParams
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
-from gmapping.match import Revisit
-from gmapping.match_kernels import Climb, Prior, linearize, register
+from gmapping.match_kernels import Climb, Posterior, linearize, register
 from gmapping.original.match_kernels import ClimbModel
 from gmapping.render import Renderer
 from gmapping.scan import View
@@ -31,8 +30,8 @@ ROOM = np.array(  # segments x0, y0, x1, y1 [m]
 )
 SPLAT = Splat(2, 100.0, 1.001)  # a way that cells can't keep to the last bit
 HOW = Climb(0.1, 0.03, 12, 0.02**2, 0.0)  # nothing is old
-NOWHERE = Revisit([], Renderer(0.05, 0.25).counts)
-CLIMB = ClimbModel(0.05, 0.075, 0.05, 0.05, 5, 0.5)
+NOWHERE = [], Renderer(0.05, 0.25, 1 << 20).counts
+CLIMB = ClimbModel(0.05, 0.075, 0.05, 0.05, 5, 0.5, 0.0)
 
 
 def seen(pose, laser=LASER, walls=ROOM, **known):
@@ -92,20 +91,22 @@ def mapped(surface, pose=(0.0, 0.0, 0.0), n=1):
 def linearized(tiles, pose, surface, width=0.1, old=0.0):
     """H (3, 3), gradient (3,), cost, beams close by, square distance, what old surfaces spared."""
     h, out = np.zeros((3, 3)), np.zeros(7)
-    linearize(tiles, 0, np.array(pose, float), surface, width, old, h, out)
+    linearize(posterior(tiles, surface), 0, np.array(pose, float), width, old, h, out)
     return h, -out[:3], *out[3:]
 
 
-def climb(tiles, surface, prior, starts, how=HOW, owners=(0,)):
+def posterior(tiles, pieces, means=((0.0, 0.0, 0.0),), information=0.0, owners=(0,)):
+    """`information` (3, 3) of the means, or one number: of x, y and theta each."""
+    known = information * np.eye(3) if np.ndim(information) == 0 else np.array(information, float)
+    return Posterior(tiles, np.array(owners), pieces, np.array(means, float), known)
+
+
+def climb(of, starts, how=HOW):
     """Peaks (k, 3), information (k, 3, 3) and `linearize`'s numbers (k, 7) there."""
     poses = np.array(starts, float)
     h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
-    register(tiles, np.array(owners), surface, prior, how, poses, h, out)
+    register(of, how, poses, h, out)
     return poses, h, out
-
-
-def one(pose, information):
-    return Prior(np.array(pose, float)[None], information * np.eye(3)[None])
 
 
 def matcher_of(*poses, **changes):

@@ -10,11 +10,10 @@ from gmapping.climb_kernels import Field, climb, distances, log_posterior, sampl
 from gmapping.end_points import EndPointMatcher
 from gmapping.hit_kernels import HIT_DEPTH, insert_ends
 from gmapping.map import TileMap
-from gmapping.match_kernels import Prior
 from gmapping.tile_kernels import cell_of, inside_tile, slot_of
 from slams import geometry
 from slams.types import IDENTITY, Pose2
-from tests.gmapping.scenes import drive, position_error, run, surface_of, view_of
+from tests.gmapping.scenes import drive, position_error, posterior, run, surface_of, view_of
 
 EDGE = 0.05
 FIELD = Field(4000.0, 0.1, 0.01, 0.005, 3)
@@ -41,12 +40,11 @@ def cell(tiles, x, y, particle=0):
 
 def matched(tiles, ends, start, information, field=FIELD, mean=(0.0, 0.0, 0.0)):
     """Peak (3,), log posterior there, mean (3,), covariance (3, 3), log eta."""
-    prior = Prior(np.array([mean], float), np.array([information], float))
-    poses, owners = np.array([start], float), np.zeros(1, np.int64)
+    of, poses = posterior(tiles, ends, [mean], information), np.array([start], float)
     value, covariance = np.zeros(1), np.zeros((1, 3, 3))
-    climb(tiles, owners, ends, field, prior, poses, value)
+    climb(of, field, poses, value)
     peak, best = poses[0].copy(), value[0]
-    sample(tiles, owners, ends, field, prior, poses, covariance, value)
+    sample(of, field, poses, covariance, value)
     return peak, best, poses[0], covariance[0], value[0]
 
 
@@ -77,12 +75,12 @@ def test_every_cell_knows_the_nearest_mean_hit_around_it():
 def test_distances_are_those_to_mean_hits_and_what_has_none_is_charged_in_full():
     tiles, far = tiles_of(ends_of([[1.0, 0.0]])), ends_of([[5.0, 5.0]], beams=3.0)
     near = ends_of([[1.01, 0.02]], beams=2.0)
-    total, close = distances(tiles, 0, np.zeros(3), near, 0.1, math.inf, EDGE)
+    total, close = distances(tiles, 0, np.zeros(3), near, 0.1, math.inf)
     assert total == pytest.approx(2.0 * 0.01 * 5e-4 / (0.01 + 5e-4), rel=1e-4) and close == 2.0
-    moved = distances(tiles, 0, np.array([-0.01, -0.02, 0.0]), near, 0.1, math.inf, EDGE)
+    moved = distances(tiles, 0, np.array([-0.01, -0.02, 0.0]), near, 0.1, math.inf)
     assert moved[0] == pytest.approx(0.0, abs=1e-9)
-    assert distances(tiles, 0, np.zeros(3), far, 0.1, math.inf, EDGE) == (pytest.approx(0.03), 0.0)
-    assert distances(tiles, 0, np.zeros(3), near, 0.1, math.inf, 0.02)[1] == 0.0
+    assert distances(tiles, 0, np.zeros(3), far, 0.1, math.inf) == (pytest.approx(0.03), 0.0)
+    assert distances(tiles, 0, np.zeros(3), near, 0.02, math.inf)[1] == 0.0
 
 
 def test_a_posterior_is_prior_and_likelihood_and_given_up_below_a_floor():
@@ -90,9 +88,9 @@ def test_a_posterior_is_prior_and_likelihood_and_given_up_below_a_floor():
     tiles, mean, known = tiles_of(ends), np.array([0.02, 0.0, 0.01]), np.diag([1e3, 2e3, 3e3])
     off = THERE - mean
     prior = -0.5 * (geometry.FREEDOM + 3.0) * math.log1p(off @ known @ off / geometry.FREEDOM)
-    total, _ = distances(tiles, 0, THERE, ends, FIELD.soft, math.inf, 0.0)
+    total, _ = distances(tiles, 0, THERE, ends, FIELD.soft, math.inf)
     exact = prior - 0.5 * FIELD.worth * total
-    args = tiles, 0, THERE, ends, FIELD, mean, known
+    args = posterior(tiles, ends, [mean], known), FIELD, 0, THERE
     assert log_posterior(*args, -math.inf) == pytest.approx(exact)
     assert log_posterior(*args, exact - 1.0) == pytest.approx(exact)
     assert log_posterior(*args, exact + 1.0) <= exact + 1.0
@@ -165,26 +163,22 @@ def test_the_nearest_mean_moves_with_the_cell_it_is_of():
 def test_each_particle_climbs_in_its_own_map():
     ends = surface_of(IDENTITY)
     tiles = tiles_of(ends, 2, [[0.0, 0.0, 0.0], [0.01, -0.01, 0.0]])
-    prior = Prior(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
     poses, value = np.zeros((2, 3)), np.zeros(2)
-    climb(tiles, np.array([1, 0]), ends, FIELD, prior, poses, value)
+    climb(posterior(tiles, ends, np.zeros((2, 3)), 1.0, (1, 0)), FIELD, poses, value)
     np.testing.assert_allclose(poses, [[0.01, -0.01, 0.0], [0.0, 0.0, 0.0]], atol=1.3e-3)
 
 
 def test_samples_tell_the_curvature_of_the_posterior():
     ends, known = surface_of(IDENTITY), np.diag([1e4, 1e4, 1e4])
     tiles = tiles_of(ends)
+    of = posterior(tiles, ends, [np.zeros(3)], known)
     field = FIELD._replace(worth=20.0)  # so wide that no cell's border is felt
     peak, best, _, covariance, eta = matched(tiles, ends, np.zeros(3), known, field)
     for axis in range(3):
         off = np.zeros(3)
         off[axis] = math.sqrt(1.0 / np.linalg.inv(covariance)[axis, axis])
-        drop = best - np.mean(
-            [
-                log_posterior(tiles, 0, peak + s * off, ends, field, np.zeros(3), known, -math.inf)
-                for s in (-1.0, 1.0)
-            ]
-        )
+        sides = [log_posterior(of, field, 0, peak + s * off, -math.inf) for s in (-1.0, 1.0)]
+        drop = best - np.mean(sides)
         assert drop == pytest.approx(0.5, abs=0.3)
     volume = 0.5 * math.log(np.linalg.det(2.0 * math.pi * covariance))
     assert eta - best == pytest.approx(volume, abs=0.2)  # Laplace's, but for lattice and tails

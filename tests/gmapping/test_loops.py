@@ -7,10 +7,9 @@ import pytest
 
 from gmapping import GMappingParams
 from gmapping.map_kernels import facing
-from gmapping.match import OLD, Revisit
 from gmapping.particles import staying
 from gmapping.render import Renderer
-from gmapping.surfaces import CHANCE, EXPLAINED, PLACES, SurfaceMatcher, _heading
+from gmapping.surfaces import CHANCE, EXPLAINED, OLD, PLACES, SurfaceMatcher, _heading
 from slams.test_world import box, cast, laser, scan_at
 from slams.types import IDENTITY, Laser, Pose2, Scan
 from tests.gmapping.scenes import (
@@ -20,7 +19,7 @@ from tests.gmapping.scenes import (
     linearized,
     mapped,
     matcher_of,
-    one,
+    posterior,
     run,
     surface_of,
     view_of,
@@ -79,7 +78,7 @@ OLDER, YOUNGER = 1.0 + OLD + 0.1, 1.0 + OLD - 0.1  # m driven; the map is of the
 
 def seen(view):
     """Counts of what beams came by and ended at, from 0."""
-    renderer = Renderer(0.05, 0.25)
+    renderer = Renderer(0.05, 0.25, 1 << 20)
     for _ in range(3):
         renderer.keep(view.ray, IDENTITY)
     return renderer.counts
@@ -103,9 +102,9 @@ def test_particles_go_where_ground_of_old_agrees_more_with_a_scan(way, place, fr
     if free:  # as if people stood there now
         half = len(view.pieces) // 2
         view.pieces[:half, :2] *= 0.6
-    apart, sure = np.array([[0.55, -0.5, 0.05]]), 1e6 * np.eye(3)[None]
+    apart, sure = np.array([[0.55, -0.5, 0.05]]), 1e6 * np.eye(3)
     matcher._way = way
-    found = matcher.propose(view, apart, sure, Revisit([place], counts))
+    found = matcher.propose(view, apart, sure, [place], counts)
     assert found.closes.tolist() == [closes]
     np.testing.assert_allclose(found.peaks, 0.0 if closes else apart, atol=0.02)
 
@@ -113,11 +112,11 @@ def test_particles_go_where_ground_of_old_agrees_more_with_a_scan(way, place, fr
 def test_only_ground_of_old_weighs_a_particle_and_no_more_than_parallel_walls_explain():
     poses = np.array([[0.0, 0.0, 0.0], [0.06, 0.0, 0.0]])
     matcher, view = matcher_of(*poses), view_of(IDENTITY, quietest=0.01)
-    sure, at = np.tile(4e7 * np.eye(3), (2, 1, 1)), np.zeros((2, 3))
+    sure, at = 4e7 * np.eye(3), np.zeros((2, 3))
     matcher.insert(view, poses, YOUNGER)
-    np.testing.assert_array_equal(matcher.propose(view, at, sure, NOWHERE).log_w, 0.0)
+    np.testing.assert_array_equal(matcher.propose(view, at, sure, *NOWHERE).log_w, 0.0)
     matcher.insert(view, poses, OLDER)
-    found, p = matcher.propose(view, at, sure, NOWHERE), matcher._params
+    found, p = matcher.propose(view, at, sure, *NOWHERE), matcher._params
     width, tiles = p.width, matcher.tiles.tiles
     full = width**2 * view.beams
     spared = linearized(tiles, found.peaks[0], view.pieces, width, 1.0 + 0.1)[5]
@@ -187,10 +186,9 @@ def test_layers_are_told_apart_by_the_walls_of_the_first_scan():
 def test_few_hits_at_the_end_of_a_corridor_are_no_outliers_before_they_have_moved_the_pose():
     walls = np.array([[-50.0, 1.0, 50.0, 1.0], [50.0, -1.0, -50.0, -1.0], [5.0, -0.15, 5.0, 0.15]])
     surface = surface_of(IDENTITY, Laser(-math.pi / 2, math.radians(1.0), 181, 0.1, 6.0), walls)
-    start = (0.11, 0.0, 0.0)
-    poses, _, _ = climb(
-        mapped(surface).tiles, surface, one(start, 100.0), [start], HOW._replace(wait=5)
-    )
+    start = [(0.11, 0.0, 0.0)]
+    of = posterior(mapped(surface).tiles, surface, start, 100.0)
+    poses, _, _ = climb(of, start, HOW._replace(wait=5))
     assert abs(poses[0, 0]) < 0.03
 
 
@@ -219,5 +217,6 @@ def test_where_none_is_to_wait_the_scale_falls_at_every_step():
     """So that what they cost can be compared."""
     surface, elsewhere = surface_of(IDENTITY), (60.0, 0.0, 0.0)
     how = HOW._replace(steps=2)  # wide at the first one, which is long, half as wide at the second
-    out = climb(mapped(surface).tiles, surface, one((50.0, 0.0, 0.0), 1.0), [elsewhere], how)[2]
+    of = posterior(mapped(surface).tiles, surface, [(50.0, 0.0, 0.0)], 1.0)
+    out = climb(of, [elsewhere], how)[2]
     assert out[0, 3] == pytest.approx(surface[:, 4].sum() * (0.5 * how.wide) ** 2)

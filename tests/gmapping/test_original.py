@@ -6,9 +6,8 @@ import pytest
 from gmapping.original import Original, OriginalParams
 from gmapping.original.map import HitMap
 from gmapping.original.match_kernels import hill_climb, log_likelihood, score
-from gmapping.original.motion import Step as OriginalStep
-from gmapping.original.scan import EndPoints as OriginalPoints
-from slams.types import IDENTITY, Pose2
+from gmapping.original.scan import end_points
+from slams.types import IDENTITY, Laser, Pose2, Scan
 from tests.gmapping import naive
 from tests.gmapping.scenes import CLIMB, LASER, seen
 
@@ -44,31 +43,42 @@ def test_the_climb_stops_at_the_finest_step_and_never_gets_worse(hits):
 
 def test_motion_noise_has_the_originals_moments():
     slam = Original(OriginalParams(n_particles=20_000, seed=5))
-    step, particles = OriginalStep(Pose2(0.5, -0.2, 0.3), True), slam.particles
+    step, particles = Pose2(0.5, -0.2, 0.3), slam.particles
     slam._move(step)
-    assert slam.pose == IDENTITY @ step.pose
+    assert slam.pose == IDENTITY @ step
     expected = [
         0.1 * (0.5 + 0.06) + 0.03,
         0.1 * (0.2 + 0.15) + 0.03,
         0.06 + 0.2 * math.hypot(0.5, 0.2),
     ]
-    np.testing.assert_allclose(particles.poses.mean(axis=0), step.pose, atol=0.004)
+    np.testing.assert_allclose(particles.poses.mean(axis=0), step, atol=0.004)
     np.testing.assert_allclose(particles.poses.std(axis=0), expected, rtol=0.03)
 
 
 def test_the_originals_beams_are_half_a_beam_off_and_not_those_of_its_picture():
-    scan = seen(IDENTITY)
-    off, true = (OriginalPoints(OriginalParams(), offset)(scan) for offset in (-0.5, 0.0))
+    scan, params = seen(IDENTITY), OriginalParams(n_particles=1, max_tiles=500)
+    (off, far), (true, _) = (end_points(scan, offset, params.max_range) for offset in (-0.5, 0.0))
     turned = np.arctan2(off[:, 1], off[:, 0]) - np.arctan2(true[:, 1], true[:, 0])
     np.testing.assert_allclose(turned, -0.5 * LASER.angle_increment, atol=1e-9)
     np.testing.assert_allclose(true, scan.ranges[:, None] * LASER.directions, atol=1e-6)
-    slam = Original(OriginalParams())
+    assert far == pytest.approx(scan.ranges.max())
+    slam, maps = Original(params), HitMap(params, 1)
     slam.update(scan)
-    np.testing.assert_array_equal(slam._rays(scan), true)
-    np.testing.assert_array_equal(slam._points(scan), off)
+    assert maps.insert(off, np.zeros((1, 3)))
+    np.testing.assert_array_equal(slam.tiles.tiles.cells, maps.tiles.cells)
+    np.testing.assert_array_equal(slam._renderer._scans[0][:-1], true)
+
+
+def test_a_range_counts_from_range_min_up_to_below_the_longest():
+    ranges = np.array([0.1, 0.09, 2.0, 30.0, 29.0, np.inf, np.nan], np.float32)
+    laser = Laser(0.0, 0.1, 7, float(ranges[0]), 30.0)
+    points, far = end_points(Scan(0.0, ranges, laser), 0.0, 80.0)
+    np.testing.assert_allclose(np.hypot(*points.T), [0.1, 2.0, 29.0], rtol=1e-6)
+    assert far == pytest.approx(29.0)
+    assert len(end_points(Scan(0.0, ranges, laser), 0.0, 2.0)[0]) == 1
 
 
 def test_a_robot_at_rest_gets_no_noise_from_the_original():
     slam = Original(OriginalParams(n_particles=10))
-    slam._move(OriginalStep(IDENTITY, True))
+    slam._move(IDENTITY)
     assert not slam.particles.poses.any()

@@ -22,7 +22,7 @@ def history(n, seed=1):
 
 
 def drawn(scans, poses):
-    renderer = Renderer(EDGE, 0.25)
+    renderer = Renderer(EDGE, 0.25, 1 << 20)
     for scan, pose in zip(scans, poses, strict=True):
         renderer.keep(scan, Pose2(*pose.tolist()))
     return renderer
@@ -42,7 +42,7 @@ def test_scans_whose_pose_has_changed_are_drawn_anew_and_no_longer_where_they_we
 
 
 def test_a_snapshot_stays_as_it_is_and_a_part_is_cut_to_what_was_observed():
-    renderer, poses = Renderer(EDGE, 0.25), np.zeros((1, 3))
+    renderer, poses = Renderer(EDGE, 0.25, 1 << 20), np.zeros((1, 3))
     assert np.isnan(renderer.snapshot(poses[:0])().p).all()
     assert renderer.cut(Box.around(0.0, 0.0, 5.0)) is None
     renderer.keep(np.array([[1.0, 0.0], [0.0, 0.0]]), IDENTITY)

@@ -6,7 +6,6 @@ import pytest
 from gmapping import GMappingParams
 from gmapping.map import TileMap
 from gmapping.map_kernels import DEPTH, LAYERS, ONCE, insert, place_of
-from gmapping.match_kernels import Prior
 from gmapping.scan import SURFACE_ERROR, View
 from gmapping.surfaces import SurfaceMatcher
 from gmapping.tile_kernels import slot_of
@@ -22,8 +21,8 @@ from tests.gmapping.scenes import (
     linearized,
     mapped,
     matcher_of,
-    one,
     pieces_of,
+    posterior,
     run,
     seen,
     surface_of,
@@ -69,10 +68,11 @@ def test_one_step_weighs_scan_and_prior_as_by_hand():
     surface, start = surface_of(IDENTITY), np.array([0.02, 0.01, -0.01])
     tiles = mapped(surface).tiles
     known = np.array([[40.0, 3.0, 5.0], [3.0, 30.0, 2.0], [5.0, 2.0, 20.0]])
-    prior = Prior(np.array([[0.1, -0.2, 0.3]]), known[None])
-    poses, _, _ = climb(tiles, surface, prior, [start], HOW._replace(steps=1, wide=0.03))
+    mean = np.array([0.1, -0.2, 0.3])
+    of = posterior(tiles, surface, [mean], known)
+    poses, _, _ = climb(of, [start], HOW._replace(steps=1, wide=0.03))
     h, gradient, *_ = linearized(tiles, start, surface, 0.03)
-    off = prior.poses[0] - start
+    off = mean - start
     w = HOW.variance * (geometry.FREEDOM + 3.0) / (geometry.FREEDOM + off @ known @ off)
     step = np.linalg.solve(h + w * known, w * known @ off - gradient)
     np.testing.assert_allclose(poses[0], start + step, atol=1e-12)
@@ -83,11 +83,10 @@ def test_many_starts_climb_as_each_alone_in_the_map_of_its_owner():
     surface = surface_of(IDENTITY)
     insert(tiles, np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.2]]), surface, SPLAT)
     starts = np.array([[0.52, 0.03, 0.01], [-0.03, 0.02, 0.01]])
-    prior = Prior(starts, np.tile(np.eye(3), (2, 1, 1)))
-    poses, _, out = climb(tiles, surface, prior, starts, owners=(1, 0))
+    poses, _, out = climb(posterior(tiles, surface, starts, 1.0, (1, 0)), starts)
     np.testing.assert_allclose(poses, [[0.5, 0, 0], [0, 0, 0]], atol=2e-3)
     for k, owner in enumerate((1, 0)):
-        alone = climb(tiles, surface, one(starts[k], 1.0), starts[[k]], owners=(owner,))
+        alone = climb(posterior(tiles, surface, starts[[k]], 1.0, (owner,)), starts[[k]])
         np.testing.assert_array_equal(alone[0][0], poses[k])
         np.testing.assert_array_equal(alone[2][0], out[k])
 
@@ -98,7 +97,7 @@ def cells_along(gap, turned=0.0, sees=(0.0, 0.0), far=2.0, behind=0.0):
     The two beside it are so far `behind`, their normals `turned`; the laser `sees` from there.
     """
     maps = TileMap(1, LAYERS, 0.05, 200, depth=DEPTH)
-    maps.cover(np.array([-5.0, -5.0]), np.array([5.0, 5.0]))
+    maps.cover(np.zeros((1, 3)), 5.0)
     c, s = -math.cos(turned), math.sin(turned)
     x = far + behind
     wall = np.array([[x, -gap, c, s, 0.0], [far, 0.0, -1.0, 0.0, 1.0], [x, gap, c, s, 0.0]])
@@ -154,10 +153,10 @@ def test_a_proposal_keeps_the_way_along_a_bare_corridor():
     scan = seen(IDENTITY, laser=laser, walls=CORRIDOR, rng=np.random.default_rng(1), noise=0.02)
     params = GMappingParams(n_particles=1, max_tiles=5000, max_range=8.0)
     matcher, view = SurfaceMatcher(params), View(params).take(scan, IDENTITY)
-    matcher.tiles.cover(np.full(2, -10.0), np.full(2, 10.0))
+    matcher.tiles.cover(np.zeros((1, 3)), 10.0)
     assert matcher.insert(view, np.zeros((1, 3)), 1.0)
     known = np.diag([4.0, 4.0, 400.0])
-    found = matcher.propose(view, np.array([[-0.3, 0.04, 0.0]]), known[None], NOWHERE)
+    found = matcher.propose(view, np.array([[-0.3, 0.04, 0.0]]), known, *NOWHERE)
     assert found.peaks[0, 0] == pytest.approx(-0.3, abs=0.02) and abs(found.peaks[0, 1]) < 0.02
     covariance = np.linalg.inv(found.factors[0] @ found.factors[0].T)
     assert math.sqrt(covariance[0, 0]) > 0.4 and math.sqrt(covariance[1, 1]) < 0.02
@@ -250,7 +249,7 @@ def test_cells_know_the_way_at_which_they_were_first_seen_and_whether_since_agai
 
 def test_a_proposal_has_the_information_of_scan_and_way():
     matcher, view, known = matcher_of(IDENTITY), view_of(IDENTITY), np.diag([400.0, 300.0, 900.0])
-    found = matcher.propose(view, np.zeros((1, 3)), known[None], NOWHERE)
+    found = matcher.propose(view, np.zeros((1, 3)), known, *NOWHERE)
     h = linearized(matcher.tiles.tiles, found.peaks[0], view.pieces, GMappingParams().width)[0]
     worth = min(1.0, GMappingParams().independent / view.beams) / GMappingParams().range_noise ** 2
     information = found.factors[0] @ found.factors[0].T
