@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from slams.__main__ import main
+from slams.formats.occupancy import write_map
 from slams.formats.trajectory import write_tum
 from slams.state import save
+from tests.floors import grid_of
 from tests.rooms import drive, rewritten, settled
+from tests.slams.live.commands import environment
 
 # a command, what is wrong with it, and a part of the sentence
 LINES = """
@@ -41,6 +44,13 @@ run hector room.npz --resume-state . | is a directory
 run hector room.npz --save-state no/x | no such folder
 run hector room.npz --save-state . | is a folder
 run kiss room.npz --save-state k | kiss cannot be saved: slam._new is of the class
+run hector room.npz --localize bad.yaml | no such picture as none.pgm
+run hector room.npz --localize room.npz | not a state
+run odometry room.npz --localize map.yaml | odometry cannot localize in a map that is given
+run hector room.npz --localize map.yaml --start=1,2,nan | --start
+run hector room.npz --localize map.yaml --start=a,b,c | --start
+run hector room.npz --localize map.yaml --start= | --start
+convert room.npz | OUT.npz
 info none.log | no such file
 info text.yaml | not an npz file
 check | required: algorithm
@@ -122,6 +132,17 @@ simulate s.npz --size 8 --clearance 3 | no room to drive
 simulate s.npz --size 8 --picture arena.doc | ends in .png
 simulate s.txt --size 8 | ends in .npz
 simulate nowhere/s.npz --size 8 | no such folder
+live hectro | did you mean 'hector'
+live odometry --domain-id 300 | domain: got 300, expected 0 to 232
+live odometry --map-every -1 | --map-every: got -1, expected 0 s or
+live odometry --record a.bag | expected a name that ends in .mcap
+live hector --map m --map-every 9 | --map-every: got --localize
+play nothing.npz | nothing.npz: no such file
+play room.npz --no-odometry --odom none | --no-odometry: got --odom
+play room.npz --rate 0 | --rate: got 0
+play room.npz --wait-for-subscriber nan | got nan, expected 0 s or more
+play room.npz --remap scan | --remap: got 'scan', expected /FROM:=/TO
+play room.npz --remap /a:=/b | --remap: /a is no topic here
 """
 
 
@@ -139,12 +160,18 @@ def folder(tmp_path_factory):
     for name, rows, later in (("good", 60, 0.0), ("one", 1, 0.0), ("away", 60, 1e6)):
         write_tum(folder / f"{name}.tum", log.t[:rows] + later, log.truth_at(log.t)[:rows])
     save(settled("hector", 3), folder / "hector.state")
+    write_map(folder, grid_of())
+    (folder / "bad.yaml").write_text("image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
     return folder
 
 
 @pytest.mark.parametrize("line", LINES.strip().splitlines())
 def test_it_is_one_sentence_and_exit_2(line, folder, monkeypatch, capsys):
     words, sentence = line.split(" | ")
+    if words.startswith(("live", "play")):
+        pytest.importorskip("cyclonedds", reason="needs the extra live")
+    for name, value in environment().items():
+        monkeypatch.setenv(name, value)
     monkeypatch.chdir(folder)
     before = sorted(Path().rglob("*"))
     assert main(shlex.split(words)) == 2
