@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from slams.types import OccupancyGrid, Pose2
-from tests.rooms import ROOM, box, scan_at, way
+from tests.rooms import ROOM, box, moved, scan_at, way
 
 CELL, MARGIN = 0.05, 0.5
 START = Pose2(0.3, -0.2, 0.4)  # of a way in the map of the room
@@ -28,7 +28,7 @@ def grid_of(segments=ROOM, inside=(0.0, 0.0), cell=CELL):
 
 def truth(n=40):
     """The poses (n, 3) of a way that begins at START."""
-    return np.array([START @ Pose2(*pose) for pose in way(n, 0.05)])
+    return moved(START, way(n, 0.05))
 
 
 def seen(n, lidar):

@@ -7,11 +7,17 @@ import numpy as np
 from slams import run
 from slams.registry import BASELINES, BUILT_IN, find, names
 from slams.test_world import ROOM, box, cast, drive, laser, scan_at, way  # noqa: F401
+from slams.types import Pose2
 
 ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
 ORIGINALS = [f"{name}@original" for name in ALGORITHMS]
 LIDAR = laser(181)
 CORRIDOR = np.array([(-50.0, -1.0, 50.0, -1.0), (-50.0, 1.0, 50.0, 1.0)])
+
+
+def moved(motion, poses):
+    """Poses (n, 3) as they are in a frame in which theirs lies at `motion`."""
+    return np.array([motion @ Pose2(*pose) for pose in poses.tolist()])
 
 
 def mirrored(segments):

@@ -78,12 +78,6 @@ def test_options_change_the_run(log_file, tmp_path, capsys):
     assert "hector@original on room: 10 scans" in capsys.readouterr().out
 
 
-def test_quiet_says_nothing(log_file, tmp_path, capsys):
-    assert slams_run.main(["odometry", str(log_file), "--out", str(tmp_path / "q"), "-q"]) == 0
-    captured = capsys.readouterr()
-    assert captured.out == captured.err == ""
-
-
 @pytest.mark.parametrize("out", ["f", "f/deep/out", None])
 def test_an_output_that_is_a_file_is_refused_before_the_run(
     out, log_file, tmp_path, capsys, monkeypatch

@@ -15,26 +15,31 @@ from tests.rooms import ALGORITHMS, CORRIDOR, ROOM, box, drive, laser, made, mir
 
 PAPERS = [f"{name}@paper" for name in ALGORITHMS]
 ORIGINALS = [f"{name}@original" for name in ALGORITHMS]
-MOUNT = Pose2(0.2, -0.1, 0.7)
 # turned, so that walls cross their cells at all places
 CORNERS = Pose2(0.0, 0.0, 0.1).transform(np.array([s[:2] for s in box(-2.5, -2.0, 3.0, 2.5)]))
 WALLS = np.array([(*a, *b) for a, b in zip(CORNERS, np.roll(CORNERS, -1, axis=0), strict=True)])
 each = pytest.mark.parametrize("name", ALGORITHMS)
 
 
+LIDAR, MOUNTED = laser(361), laser(361, mount=Pose2(0.2, -0.1, 0.7))
+CLOCKWISE = dataclasses.replace(
+    LIDAR, angle_min=-LIDAR.angle_min, angle_increment=-LIDAR.angle_increment
+)
+
+
 @pytest.mark.parametrize(
-    ("segments", "mount", "motion"),
+    ("segments", "lidar", "motion"),
     [
-        (ROOM, IDENTITY, Pose2(0.04, 0.02, 0.03)),
-        (ROOM, MOUNT, Pose2(-0.05, -0.01, -0.02)),
-        (mirrored(ROOM), MOUNT, Pose2(0.04, -0.02, -0.03)),
-        (ROOM, IDENTITY, Pose2(-0.15, 0.1, 0.08)),
+        (ROOM, LIDAR, Pose2(0.04, 0.02, 0.03)),
+        (ROOM, MOUNTED, Pose2(-0.05, -0.01, -0.02)),
+        (mirrored(ROOM), MOUNTED, Pose2(0.04, -0.02, -0.03)),
+        (ROOM, LIDAR, Pose2(-0.15, 0.1, 0.08)),
+        (ROOM, CLOCKWISE, Pose2(0.04, 0.02, 0.03)),
     ],
-    ids=["", "mounted", "mirrored", "large"],
+    ids=["", "mounted", "mirrored", "large", "clockwise"],
 )
 @each
-def test_a_known_step_is_found_there_and_back(name, segments, mount, motion):
-    lidar = laser(361, mount=mount)
+def test_a_known_step_is_found_there_and_back(name, segments, lidar, motion):
     for base in (IDENTITY, motion):
         slam, there = made(name), IDENTITY if base == motion else motion
         slam.update(scan_at(base, lidar, segments))

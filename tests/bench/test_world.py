@@ -83,32 +83,12 @@ def test_grid_is_the_true_map():
     assert (grid.resolution, grid.origin) == (CELL, (1.0, 2.0))
 
 
-def write_map(folder, pixels, head):
-    cv2.imwrite(str(folder / "map.pgm"), np.array(pixels, np.uint8))
-    (folder / "map.yaml").write_text(f"image: map.pgm\n{head}")
-    return folder / "map.yaml"
-
-
-HEAD = """resolution: 0.1
-origin: [-1.0, 2.0, 0.0]
-negate: {}
-occupied_thresh: 0.65
-free_thresh: 0.196
-"""
-PIXELS = [[0, 254, 205], [254, 254, 80]]
-
-
-def test_map_server_map(tmp_path):
-    world = read_world(write_map(tmp_path, PIXELS, HEAD.format(0)))
-    np.testing.assert_array_equal(world.occupied, [[0, 0, 1], [1, 0, 0]])
-    np.testing.assert_array_equal(world.unknown, [[0, 0, 0], [0, 0, 1]])
-    assert (world.resolution, world.origin) == (0.1, (-1.0, 2.0))
-
-
 def test_picture(tmp_path):
-    write_map(tmp_path, PIXELS, "")
+    pixels = np.array([[0, 254, 205], [254, 254, 80]], np.uint8)
+    cv2.imwrite(str(tmp_path / "map.pgm"), pixels)
     world = read_world(tmp_path / "map.pgm", 0.03)
     np.testing.assert_array_equal(world.occupied, [[0, 0, 1], [1, 0, 0]])
+    np.testing.assert_array_equal(world.unknown, [[0, 0, 0], [0, 0, 1]])
     with pytest.raises(ValueError, match="--resolution"):
         read_world(tmp_path / "map.pgm")
 
