@@ -22,9 +22,9 @@ run hector cut.npz | damaged, cut short
 run hector keys.npz | keys: got no ranges
 run hector nan.npz | stamps that are not finite
 run hector . | is a directory
-run hectr room.npz | did you mean 'hector'
-run hector@old room.npz | no preset 'old'
-run hector room.npz --set level=2 | did you mean 'levels'
+run hectr room.npz | unknown algorithm 'hectr'; did you mean 'hector'
+run hector@old room.npz | hector has no preset 'old'; expected one of default
+run hector room.npz --set level=2 | unknown parameter 'level'; did you mean 'levels'
 run hector room.npz --set levels | expected KEY=VALUE
 run hector room.npz --set levels=0 | expected 1 to 6
 run hector room.npz --params text.yaml | unknown parameter 'nothing'
@@ -55,6 +55,7 @@ info none.log | no such file
 info text.yaml | not an npz file
 check | required: algorithm
 check hecter | did you mean 'hector'
+check slams.baselines:None_ | algorithm 'slams.baselines:None_'
 compare none.npz | none.npz: no such file
 compare --algorithms nobody | unknown algorithm 'nobody'
 compare --jobs 0 | --jobs: got 0
@@ -68,6 +69,7 @@ compare --ros-params hector@original=f | got 'hector@original', expected one tha
 compare --ros-params hector=none.yaml | none.yaml: no such file
 compare --ros-params kiss=none.yaml | Kiss has no original in ROS
 compare --seed -1 | parameter 'seed': got -1
+compare --algorithms hector:resolutoin=0.1 | did you mean 'resolution'
 compare --algorithms tsd --seed x | parameter 'seed': got 'x', expected int
 compare --algorithms tsd --seed tsd:x | parameter 'seed'
 compare --algorithms tsd --seed hector:1 | of one that is compared: tsd

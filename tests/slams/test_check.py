@@ -200,6 +200,3 @@ def test_the_command(tmp_path):
     assert "mine:Preset@bad\n" in bad.stdout
     assert "  FAILED  1 the first pose is the origin: the first pose is (1.0, 0.0" in bad.stdout
     assert run("mine:Preset@default").returncode == 0
-    none = run("mine:None_")
-    assert (none.returncode, none.stdout) == (2, "")
-    assert none.stderr.startswith("slams check: algorithm 'mine:None_'")
