@@ -78,9 +78,9 @@ def calls(monkeypatch, owner, name):
     return made
 
 
-def settled(label, n, **changes):
+def settled(label, n, odometry=None, **changes):
     """An algorithm after `n` scans of a robot that stands still."""
     slam = made(label, **changes)
     for k in range(n):
-        slam.update(still(k))
+        slam.update(still(k, odometry=odometry))
     return slam

@@ -10,7 +10,7 @@ from slams import metrics
 from slams.frontend.correlative import search, window_of
 from slams.grid_bounds import Box
 from slams.player import replay
-from slams.types import IDENTITY, Pose2
+from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import ALGORITHMS, CORRIDOR, ROOM, box, drive, laser, made, mirrored, scan_at
 
 PAPERS = [f"{name}@paper" for name in ALGORITHMS]
@@ -237,3 +237,38 @@ def test_walls_stand_where_they_are_and_not_half_a_cell_beside(name):
     iy, ix = np.nonzero(grid.p > 0.5)
     centers = np.stack([ix + 0.5, iy + 0.5], axis=1) * grid.resolution + np.array(grid.origin)
     assert np.abs(offsets(centers)).max() < 0.2 * grid.resolution
+
+
+# carried elsewhere in its own map
+
+FAN = laser(541)
+FIRST, THERE = Pose2(-3.0, 1.0, 0.0), Pose2(1.5, -2.0, 2.0)
+
+
+def noisy(k, pose, wheels=None):
+    noise = np.random.default_rng(k)
+    return scan_at(pose, FAN, ROOM, 0.01, noise, t=0.1 * k, odometry=wheels)
+
+
+@each
+def test_a_robot_that_was_carried_in_the_dark_is_found_again_if_that_is_wanted(name):
+    both = made(name), made(name, relocate=False)
+    for k in range(110):
+        scan = noisy(k, FIRST @ Pose2(0.05 * k, 0.0, 0.0) if k < 30 else THERE)
+        if 30 <= k < 45:
+            scan = Scan(scan.t, np.full(541, np.nan, np.float32), FAN)
+        found = [slam.update(scan) for slam in both]
+    assert [slam.report()["relocalized"] for slam in both] == [1, 0]
+    assert found[0] == pytest.approx(FIRST.between(THERE), abs=0.03)
+    assert both[0].state == "matched"
+
+
+@each
+def test_wheels_that_the_map_refutes_do_not_hold_a_lifted_robot(name):
+    slam, wheels, step, pose = made(name), IDENTITY, Pose2(0.05, 0.0, 0.02), FIRST
+    for k in range(120):
+        slam.update(noisy(k, pose, wheels))
+        wheels = wheels @ step  # does not see that the robot is lifted
+        pose = THERE if k == 40 else pose @ step
+    assert slam.report()["relocalized"] == 1
+    assert slam.update(noisy(120, pose)) == pytest.approx(FIRST.between(pose), abs=0.05)
