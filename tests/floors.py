@@ -4,9 +4,10 @@ import cv2
 import numpy as np
 
 from slams.types import OccupancyGrid, Pose2
-from tests.rooms import ROOM, box, moved, scan_at, way
+from tests.rooms import ROOM, box, laser, moved, scan_at, way
 
 CELL, MARGIN = 0.05, 0.5
+LIDAR = laser(541)
 START = Pose2(0.3, -0.2, 0.4)  # of a way in the map of the room
 
 
@@ -24,6 +25,10 @@ def grid_of(segments=ROOM, inside=(0.0, 0.0), cell=CELL):
     iy, ix = int((inside[1] - low[1]) / cell), int((inside[0] - low[0]) / cell)
     p = np.where(walls > 0, 1.0, np.where(part == part[iy, ix], 0.0, np.nan))
     return OccupancyGrid(p.astype(np.float32), cell, (float(low[0]), float(low[1])))
+
+
+def noisy(pose, seed=0, lidar=LIDAR, segments=ROOM, **more):
+    return scan_at(pose, lidar, segments, 0.01, np.random.default_rng(seed), **more)
 
 
 def truth(n=40):

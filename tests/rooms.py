@@ -5,13 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 
 from slams import run
+from slams.geometry import Prior
 from slams.registry import BASELINES, BUILT_IN, find, names
 from slams.test_world import ROOM, box, cast, drive, laser, scan_at, way  # noqa: F401
-from slams.types import Pose2
+from slams.types import IDENTITY, Pose2
 
 ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
 ORIGINALS = [f"{name}@original" for name in ALGORITHMS]
 LIDAR = laser(181)
+NOTHING = Prior(IDENTITY, np.zeros((3, 3)))  # is known before a scan
 CORRIDOR = np.array([(-50.0, -1.0, 50.0, -1.0), (-50.0, 1.0, 50.0, 1.0)])
 
 

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slams.geometry import inverse3, solve3
 from slams.geometry import wrap_angle as compiled
 from slams.params import Params, param
 from slams.types import IDENTITY, Laser, Pose2, Scan, wrap_angle
@@ -182,3 +183,22 @@ def test_odometry_and_heading_that_are_no_numbers_were_not_measured():
             assert scan.yaw is None
     scan = Scan(0.0, ranges, lidar, Pose2(1.0, 2.0, 3.0), 0.5)
     assert (scan.odometry, scan.yaw) == (Pose2(1.0, 2.0, 3.0), 0.5)
+
+
+def test_solve3_solves_and_refuses_what_is_singular():
+    rng, out = np.random.default_rng(0), np.zeros(3)
+    A = rng.normal(size=(3, 3))
+    H, b = A @ A.T + 0.1 * np.eye(3), rng.normal(size=3)
+    assert solve3(H, b, out)
+    assert out == pytest.approx(np.linalg.solve(H, b))
+    for singular in (np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0]), np.ones((3, 3))):
+        assert not solve3(singular, b, out)
+    assert not solve3(np.full((3, 3), np.nan), b, out)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_inverse_equals_numpys(seed):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(0.0, 1.0, (3, 3))
+    A = root @ root.T + np.diag([0.1, 10.0, 1.0])
+    assert inverse3(A) == pytest.approx(np.linalg.inv(A), rel=1e-9)

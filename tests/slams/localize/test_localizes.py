@@ -26,11 +26,6 @@ OFFERING = [label for label in labels() if isinstance(made(label), Localizes)]
 
 
 @pytest.fixture(scope="module")
-def room():
-    return MapIndex(grid_of(ROOM))
-
-
-@pytest.fixture(scope="module")
 def log():
     """A drive of `way`, its truth in the map's frame, that begins at START."""
     lidar = laser(361)
