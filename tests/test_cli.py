@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from bench import compare
 from slams import run as slams_run
 from slams.formats import trajectory
 from slams.scanlog import load_npz
@@ -172,8 +173,6 @@ def test_compare_goes_on_when_an_algorithm_raises_or_dies(log_file, tmp_path, mo
 
 
 def test_compare_with_relations_and_without_truth(log_file, tmp_path, capsys):
-    from bench import compare
-
     rewritten(log_file, tmp_path / "l.npz", truth=None, truth_t=None)
     t = load_npz(log_file).t
     lines = [f"{t[k]:.6f} {t[k + 20]:.6f} 0 0 0 0 0 0" for k in range(10)]
@@ -189,8 +188,6 @@ def test_compare_with_relations_and_without_truth(log_file, tmp_path, capsys):
 
 
 def test_compare_takes_the_files_of_ros_nodes(log_file, tmp_path, capsys):
-    from bench import compare
-
     for name, text in (
         ("a=1.yaml", "map_resolution: 0.1\nmap_frame: map\nlaser_max_dist: 12.0\n"),
         ("b.yaml", "map_resolution: 0.2\n"),
@@ -223,8 +220,6 @@ def test_compare_takes_the_files_of_ros_nodes(log_file, tmp_path, capsys):
 
 
 def test_compare_survives_a_log_of_one_scan_and_a_truth_beside_it(log_file, tmp_path, capsys):
-    from bench import compare
-
     rewritten(log_file, tmp_path / "beside.npz", truth_t=load_npz(log_file).t + 1e6)
     for log, sentence in (
         (tmp_path / "beside.npz", "note: the truth covers 0 of 60 scans"),

@@ -98,6 +98,11 @@ def with_map(p, x=-0.1):
     return but(map=lambda self: grid)
 
 
+NoReport = but(report=lambda self: None)
+NoCounts = but(report=lambda self: {})
+NoPose = but(update=lambda self, scan: None)
+NoFrame = but(update=lambda self, scan: scan.odometry or self.pose)
+Numbers = but(update=lambda self, scan: (0.0, 0.0, 0.0))
 NoMap = with_map(np.zeros((0, 0), np.float32))
 
 
@@ -146,27 +151,15 @@ def test_a_good_one_passes():
 @pytest.mark.parametrize(
     ("cls", "number", "sentence"),
     [
-        (but(report=lambda self: None), "0", "report() before the first scan is not a dict"),
-        (
-            but(update=lambda self, scan: scan.odometry or self.pose),
-            "1",
-            "the first pose is (3.0, -2.0, 0.5)",
-        ),
+        (NoReport, "0", "report() before the first scan is not a dict"),
+        (NoFrame, "1", "the first pose is (3.0, -2.0, 0.5)"),
         (Nan, "2", "the pose is (nan, 0.0, 0.0) [scans: nothing but inf later]"),
         (Raises, "2", "IndexError: index 100 is out of bounds"),
-        (but(update=lambda self, scan: None), "1", "update returned None, expected a Pose2"),
-        (
-            but(update=lambda self, scan: (0.0, 0.0, 0.0)),
-            "1",
-            "update returned (0.0, 0.0, 0.0), expected a Pose2",
-        ),
+        (NoPose, "1", "update returned None, expected a Pose2"),
+        (Numbers, "1", "update returned (0.0, 0.0, 0.0), expected a Pose2"),
         (Writes, "3", "the ranges of a scan changed"),
         (Chance, "4", "scan 1 of the same log got ("),
-        (
-            but(report=lambda self: {}),
-            "5",
-            "report()['odometry'] is None after scans without odometry",
-        ),
+        (NoCounts, "5", "report()['odometry'] is None after scans without odometry"),
         (Shares, "6", "a second instance changed the poses of the first"),
         (OdomFrame, "7", "another odom frame moves a pose by"),
         (OneLaser, "8", "raised ValueError: 361 beams (test_check.py:"),

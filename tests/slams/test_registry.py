@@ -2,6 +2,7 @@
 
 import sys
 import types
+from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
@@ -94,8 +95,6 @@ def test_what_is_not_an_algorithm_is_refused(outsider, name, error, sentence):
 
 
 def test_an_entry_point_is_found_and_does_not_shadow_a_built_in(outsider, monkeypatch):
-    from importlib.metadata import EntryPoint
-
     points = [
         EntryPoint("mine", "outsider:Mine", registry.GROUP),
         EntryPoint("hector", "outsider:Mine", registry.GROUP),

@@ -1,5 +1,7 @@
 """Logs of two lasers: the file, the runs, a laser that dies."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,8 +42,6 @@ def test_the_file_keeps_lasers_and_whose_scan_is_whose(log, tmp_path):
 
 
 def test_rows_of_lasers_with_fewer_beams_are_cut(log):
-    from dataclasses import replace
-
     narrow = replace(log.others[0], n_beams=5)
     scans = list(replace(log, others=(narrow,)))
     assert len(scans[0].ranges) == log.laser.n_beams and len(scans[1].ranges) == 5

@@ -1,6 +1,7 @@
 """Numbers that no robot records: said and refused at the door, or survived; never a warning."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -110,8 +111,6 @@ def test_a_gyro_that_cannot_be_is_not_believed(live):
 
 
 def test_a_scan_made_in_python_passes_the_same_door(live):
-    from dataclasses import replace
-
     good = scan_at((0.05, 0.0, 0.0), t=0.1, odometry=Pose2(0.05, 0.0, 0.0), yaw=0.0)
     for wrong, sentence in (
         (replace(good, t=1e300), "stamps as great as"),

@@ -12,6 +12,8 @@ import pytest
 
 import slams
 from slams import convert, info
+from slams.formats.bag import open_bag
+from slams.formats.bag_salvage import salvaged
 from slams.types import Pose2
 from tests import bags
 from tests.bags import refused
@@ -410,9 +412,6 @@ def test_a_folder_without_metadata(kind, tmp_path):
 
 @pytest.mark.parametrize("kind", bags.KINDS[:5])
 def test_the_linear_reader_finds_all_that_the_library_finds(kind, tmp_path):
-    from slams.formats.bag import open_bag
-    from slams.formats.bag_salvage import salvaged
-
     path = bags.write(tmp_path, kind, drive)
     names = ["/scan", "/odom", "/imu", "/tf_static"]
     found = salvaged(path, kind.partition("-")[0])

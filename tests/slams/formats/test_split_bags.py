@@ -7,7 +7,9 @@ import pytest
 
 import slams
 from slams import convert, run
+from slams.formats.mcap import frames_of
 from tests import bags
+from tests.rooms import drive
 from tests.slams.formats.test_mcap import messages
 
 T = 1e9 + 0.1 * np.arange(12)
@@ -78,8 +80,6 @@ def test_a_file_without_the_static_transforms_of_its_drive_is_refused(tmp_path):
 def test_files_that_are_not_of_one_log(names, sentence, tmp_path):
     split(tmp_path, "bag")
     split(tmp_path / "two", "mcap")
-    from tests.rooms import drive
-
     drive(n=3).save(tmp_path / "room.npz")
     with pytest.raises((ValueError, OSError), match=sentence):
         slams.load([tmp_path / name for name in names])
@@ -136,6 +136,4 @@ def test_the_result_names_frames_as_the_log_does(tmp_path, capsys):
     ],
 )
 def test_frames_never_make_a_circle(source, frames):
-    from slams.formats.mcap import frames_of
-
     assert frames_of({"source": source}) == frames

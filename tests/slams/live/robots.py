@@ -7,6 +7,7 @@ import numpy as np
 import slams
 from slams import LiveSlam
 from slams.formats.bag import IMU, ODOMETRY, SCAN, TF, Record
+from slams.formats.frames import yaw_of
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live import node
@@ -154,6 +155,10 @@ def turned_over(message):
     q = message.transforms[0].transform.rotation
     q.x, q.y, q.z, q.w = q.w, q.z, 0.0, 0.0
     return message
+
+
+def planar(where, rotation):
+    return Pose2(where.x, where.y, yaw_of(rotation))
 
 
 def close(a, b):

@@ -10,6 +10,7 @@ import pytest
 import slams
 from slams import LiveSlam, Pose2, run
 from slams.formats.occupancy import write_map
+from slams.live import __main__ as command
 from slams.live.options import renamed
 from slams.live.robot import Robot
 from slams.live.slam import MAX_RESUME_GAP
@@ -211,8 +212,6 @@ def test_what_does_not_fit_is_refused(folder, tmp_path):
     ],
 )
 def test_a_node_refuses_as_a_run_does(arguments, sentence, folder, monkeypatch, capsys):
-    from slams.live import __main__ as command
-
     monkeypatch.chdir(folder)
     monkeypatch.setattr(command, "transport_of", lambda *_: Bus().transport())
     for main, log in ((command.main, []), (run.main, ["placed.npz"])):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from slams.formats.bag import SCAN, TF
-from slams.formats.frames import yaw_of
 from slams.formats.ros_maker import UNKNOWN, percent
 from slams.live import node
 from slams.live.options import NodeOptions, Quality
@@ -20,14 +19,10 @@ from tests.slams.live.robots import (
     Stand,
     close,
     mounted,
+    planar,
     robot_log,
     turned_over,
 )
-
-
-def pose_of(message):
-    where = message.transforms[0].transform
-    return Pose2(where.translation.x, where.translation.y, yaw_of(where.rotation))
 
 
 @pytest.mark.parametrize("algorithm", ["hector", "crsm"])
@@ -57,9 +52,10 @@ def test_the_transform_joins_map_and_odometry_and_the_pose_is_the_algorithms(mon
         edge = tf.transforms[0]
         assert (edge.header.frame_id, edge.child_frame_id) == ("map", "odom")
         assert seconds(edge.header.stamp) == pytest.approx(t + 0.1, abs=1e-6)
-        assert close(pose_of(tf) @ stand.node.buffer.odometry_at(t), pose)
-        at = said.pose.pose
-        assert close((at.position.x, at.position.y, yaw_of(at.orientation)), pose)
+        shift, at = edge.transform, said.pose.pose
+        odom = planar(shift.translation, shift.rotation)
+        assert close(odom @ stand.node.buffer.odometry_at(t), pose)
+        assert close(planar(at.position, at.orientation), pose)
         assert said.header.frame_id == "map"
     covariance = posed[-1].pose.covariance.reshape(6, 6)
     assert np.array_equal(

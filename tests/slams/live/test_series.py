@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import slams
-from slams.formats.frames import yaw_of
 from slams.live import series
 from slams.live.estimate import LATE_IN_A_ROW
 from slams.live.options import renamed
@@ -18,6 +17,7 @@ from slams.track import MAX_ATTITUDE_GAP, Track
 from slams.types import Pose2, wrap_angle
 from tests.rooms import drive, laser
 from tests.slams.live.bus import Bus
+from tests.slams.live.robots import planar
 
 
 def test_poses_and_headings_are_bit_for_bit_those_of_the_recorded_track():
@@ -105,9 +105,7 @@ def test_a_scan_is_sent_when_its_last_beam_is_measured_and_odometry_when_it_is(s
     assert first == other == pytest.approx(0.2)  # stamped with the first beam
     assert scan.time_increment == pytest.approx(0.005)
     at, edge = said.pose.pose, moved.transforms[0]
-    assert (at.position.x, at.position.y, yaw_of(at.orientation)) == pytest.approx(
-        sweeping.odom.values[2]
-    )
+    assert planar(at.position, at.orientation) == pytest.approx(sweeping.odom.values[2])
     assert edge.transform.translation.x == at.position.x
     assert (edge.header.frame_id, edge.child_frame_id) == ("odom", said.child_frame_id)
     assert bus.sent("/imu")[2].angular_velocity.z == pytest.approx(sweeping.yaw_rate.values[2])
