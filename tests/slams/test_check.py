@@ -8,32 +8,15 @@ import numpy as np
 import pytest
 
 from slams import contract
-from slams.params import Params, param
+from slams.baselines import BaselineParams, Odometry
+from slams.params import param
 from slams.registry import Entry
-from slams.types import OccupancyGrid, Pose2
+from slams.types import IDENTITY, OccupancyGrid, Pose2
 from tests.processes import python
 
 
-class Good:
-    """Odometry behind the whole contract."""
-
-    Params = Params
-
-    def __init__(self, params):
-        self.pose, self.last, self.used = Pose2(0.0, 0.0, 0.0), None, 0
-
-    def update(self, scan):
-        now = scan.odometry if scan.odometry and np.isfinite(scan.odometry).all() else self.last
-        if self.last is not None and now is not None:
-            self.pose, self.used = self.pose @ self.last.between(now), self.used + 1
-        self.last = now
-        return self.pose
-
-    def map(self):
-        return OccupancyGrid(np.zeros((2, 2), np.float32), 0.1, (-0.1, -0.1))
-
-    def report(self):
-        return {"odometry": self.used}
+class Good(Odometry):
+    """Keeps the whole contract."""
 
 
 def but(**changes):
@@ -77,7 +60,7 @@ class Shares(Good):
 class OdomFrame(Good):
     def update(self, scan):
         pose = super().update(scan)
-        if not self.used:
+        if not self.report()["odometry"]:
             return pose
         return Pose2(scan.odometry.x if scan.odometry else 0.0, 0.0, 0.0)
 
@@ -101,7 +84,7 @@ def with_map(p, x=-0.1):
 NoReport = but(report=lambda self: None)
 NoCounts = but(report=lambda self: {})
 NoPose = but(update=lambda self, scan: None)
-NoFrame = but(update=lambda self, scan: scan.odometry or self.pose)
+NoFrame = but(update=lambda self, scan: scan.odometry or IDENTITY)
 Numbers = but(update=lambda self, scan: (0.0, 0.0, 0.0))
 NoMap = with_map(np.zeros((0, 0), np.float32))
 
@@ -120,7 +103,7 @@ class NoMapOfNothing(Good):
 
 
 @dataclass(frozen=True)
-class TwoParams(Params):
+class TwoParams(BaselineParams):
     PRESETS = {"bad": {"wrong": True}}
 
     wrong: bool = param(False, "1", "whether it is wrong", source="ours: a test")

@@ -13,7 +13,7 @@ from slams.player import replay
 from slams.registry import find
 from slams.scanlog import load_npz
 from slams.summary import as_text, summarize, truth_errors
-from tests.rooms import rewritten
+from tests.rooms import made, rewritten
 
 FOUR = ("hector", "tsd", "crsm", "gmapping")
 
@@ -24,9 +24,7 @@ def log():
 
 
 def run_of(name, log):
-    entry = find(name)
-    params = entry.params()
-    return replay(entry.cls(params), log.select(odometry=False)), params
+    return replay(made(name), log.select(odometry=False)), find(name).params()
 
 
 def test_the_file_keeps_lasers_and_whose_scan_is_whose(log, tmp_path):

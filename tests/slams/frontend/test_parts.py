@@ -131,24 +131,26 @@ def test_a_search_stays_in_its_window(half):
 SURE = Prediction(IDENTITY, 400.0 * np.eye(3), np.eye(3) / 400.0, IDENTITY, 0.1)
 
 
+class Map:
+    """A map that is searched by a lookup, and explains a share of a scan."""
+
+    def __init__(self, lookup, share):
+        self.lookup, self.evaluate = lambda: lookup, lambda *at: (share(*at), 0.0)
+
+
 def here():
     return EndPoints(ScanParams()).take(room_at(IDENTITY, LIDAR), IDENTITY)
 
 
 def test_where_all_is_alike_a_search_looks_near_the_prior():
-    class Uniform:
-        def lookup(self):
-            return Lookup(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2)
-
-        def evaluate(self, points, pose):
-            return 0.5, 0.0
+    uniform = Map(Lookup(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2), lambda *_: 0.5)
 
     def rematch(points, start, prior):
         starts.append(start)
         return [Match(start)]
 
     starts = []
-    best = best_around(Match(Pose2(0.3, 0.0, 0.0)), here(), Uniform(), SURE, rematch)
+    best = best_around(Match(Pose2(0.3, 0.0, 0.0)), here(), uniform, SURE, rematch)
     distances = [round(SURE.distance(start), 9) for start in starts]
     assert distances == sorted(distances) and distances[0] == 0.0
     assert best.match.pose == starts[0]
@@ -160,16 +162,10 @@ def test_where_all_is_alike_a_search_looks_near_the_prior():
 )
 def test_a_search_reaches_as_far_as_a_late_scan_may_be(aside, turned, found):
     """However sure the prior is: here of five centimeters and a twentieth of a radian."""
-
-    class Walls:
-        def lookup(self):
-            return LocalMap([keyframe(room_at(IDENTITY, LIDAR), IDENTITY)], [true])._lookup
-
-        def evaluate(self, points, pose):
-            return (1.0 if gap(points, pose, true) < 0.3 else 0.1), 0.0
-
     true = Pose2(aside, 0.0, turned)
-    best = best_around(Match(IDENTITY), here(), Walls(), SURE, lambda _, start, __: [Match(start)])
+    lookup = LocalMap([keyframe(room_at(IDENTITY, LIDAR), IDENTITY)], [true])._lookup
+    walls = Map(lookup, lambda points, pose: 1.0 if gap(points, pose, true) < 0.3 else 0.1)
+    best = best_around(Match(IDENTITY), here(), walls, SURE, lambda _, start, __: [Match(start)])
     assert (gap(here(), best.match.pose, true) < 0.3) == found
 
 
