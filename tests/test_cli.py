@@ -110,15 +110,6 @@ def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):
     assert summary["report"]["empty"] == 3
 
 
-def test_interrupt_is_130(monkeypatch, log_file, capsys):
-    def stop(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(slams_run, "_replayed", stop)
-    assert slams_run.main(["hector", str(log_file)]) == 130
-    assert capsys.readouterr().err == "slams run: interrupted\n"
-
-
 def test_compare_on_given_logs(log_file, tmp_path):
     names = ["hector", "hector@original", "odometry", "kiss"]
     done = command(
