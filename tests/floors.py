@@ -27,6 +27,12 @@ def grid_of(segments=ROOM, inside=(0.0, 0.0), cell=CELL):
     return OccupancyGrid(p.astype(np.float32), cell, (float(low[0]), float(low[1])))
 
 
+def is_wall(grid, x, y):
+    """Whether a cell within one of (x, y) is occupied."""
+    ix, iy = ((np.array([x, y]) - grid.origin) / grid.resolution).astype(int)
+    return bool(np.nanmax(grid.p[iy - 1 : iy + 2, ix - 1 : ix + 2]) > 0.5)
+
+
 def noisy(pose, seed=0, lidar=LIDAR, segments=ROOM, **more):
     return scan_at(pose, lidar, segments, 0.01, np.random.default_rng(seed), **more)
 

@@ -11,7 +11,7 @@ from slams.frontend.correlative import search, window_of
 from slams.grid_bounds import Box
 from slams.player import replay
 from slams.types import IDENTITY, Pose2, Scan
-from tests.floors import noisy
+from tests.floors import is_wall, noisy
 from tests.rooms import ALGORITHMS, CORRIDOR, ROOM, box, drive, laser, made, mirrored, scan_at
 
 PAPERS = [f"{name}@paper" for name in ALGORITHMS]
@@ -157,12 +157,6 @@ def test_the_map_says_what_fits_and_where_there_are_walls_to_search(label):
     ends, spread = points.points[:, : points.n], np.diag([0.04, 0.04, 0.01])
     poses, _ = search(lookup, ends, window_of(wrong, spread))
     assert poses[0, :3] == pytest.approx(pose, abs=1.5 * lookup.resolution)
-
-
-def is_wall(grid, x, y):
-    """Whether a cell within one of (x, y) is occupied."""
-    ix, iy = (int((v - first) / grid.resolution) for v, first in zip((x, y), grid.origin))  # noqa: B905
-    return bool(np.nanmax(grid.p[iy - 1 : iy + 2, ix - 1 : ix + 2]) > 0.5)
 
 
 @each

@@ -15,6 +15,7 @@ from bench.run import pool
 from bench.run.store import Store
 from bench.run.work import Task, perform, run_all
 from tests.bench import toy_runs
+from tests.bench.test_store import files
 from tests.places import ROOT
 from tests.processes import ends, in_session, processes_of, signal_group, signal_one
 from tests.rooms import drive
@@ -32,11 +33,7 @@ def toys(count, seconds=0.0, **where):
 
 def results(folder):
     """Bytes of every result, what they cost left out."""
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in Path(folder).rglob("*.json")
-        if not path.name.endswith(".cost.json")
-    }
+    return {name: of for name, of in files(folder).items() if not name.endswith(".cost.json")}
 
 
 def do(tasks, store, jobs=1):

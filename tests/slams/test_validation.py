@@ -72,7 +72,6 @@ def push(live, t, x=0.0, **changes):
         (math.nan, {}, "stamps that are not finite"),
         (math.inf, {}, "stamps that are not finite"),
         (0.1, {"range_max": 1e9}, "range_min, range_max: got"),
-        (0.1, {"range_max": 1e300}, "range_min, range_max: got"),
         (0.1, {"range_max": 0.0}, r"range_min, range_max: got \(0.1, 0.0\)"),
         (0.1, {"range_max": math.inf}, "the laser's geometry: got .*inf.*, expected finite"),
         (0.1, {"angle_min": 1e300}, "angle_min: got"),

@@ -1,6 +1,10 @@
-"""Robots for tests: nodes on a network in memory, fed by the player or message by message."""
+"""Robots for tests: nodes on a network in memory, fed by the player or message by message.
+
+What is sent arrives at once, in the thread that sends it.
+"""
 
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -19,7 +23,6 @@ from slams.player import replay
 from slams.scanlog import Track
 from slams.types import Pose2
 from tests.rooms import drive, laser, scan_at, way
-from tests.slams.live.bus import Bus
 
 LASER = laser(91)
 MOUNT = Pose2(0.2, -0.05, 0.3)
@@ -36,6 +39,59 @@ def robot_log(n=40, first=0.0, gyro=True):
     wheels = Track(t + 100.0, poses)
     yaw_rate, name = rate if gyro else None, {"name": "robot"}
     return slams.ScanLog(log.t + 100.0, log.ranges, log.laser, wheels, None, yaw_rate, name)
+
+
+class Bus:
+    """Topics that several transports share; `sent` gives all messages of a topic, decoded."""
+
+    def __init__(self):
+        self.types, self.callbacks, self.kept, self.raw = {}, {}, {}, {}
+
+    def transport(self):
+        return BusTransport(self)
+
+    def sent(self, topic):
+        return [store().deserialize_cdr(d, self.types[topic]) for d in self.raw.get(topic, [])]
+
+    def publish(self, topic, msgtype, message, quality=Quality.RELIABLE):
+        self.transport().advertise(topic, msgtype, quality).publish(
+            bytes(store().serialize_cdr(message, msgtype))
+        )
+
+
+class BusTransport:
+    def __init__(self, bus):
+        self.bus, self.wanted = bus, []
+        self.closed = False
+
+    def subscribe(self, topic, msgtype, quality, callback):
+        self.wanted.append((topic, msgtype, callback))
+
+    def advertise(self, topic, msgtype, quality):
+        bus = self.bus
+        bus.types[topic] = msgtype
+
+        def publish(data):
+            bus.raw.setdefault(topic, []).append(data)
+            if quality is Quality.LATCHED:
+                bus.kept[topic] = data
+            for kind, callback in bus.callbacks.get(topic, []):
+                if kind == msgtype:
+                    callback(Record(topic, msgtype, len(bus.raw[topic]), data))
+
+        return SimpleNamespace(publish=publish, subscribers=1)
+
+    def listen(self):
+        for topic, msgtype, callback in self.wanted:
+            self.bus.callbacks.setdefault(topic, []).append((msgtype, callback))
+            if topic in self.bus.kept:
+                callback(Record(topic, msgtype, 0, self.bus.kept[topic]))
+
+    def published(self, msgtype):
+        return sorted(topic for topic, kind in self.bus.types.items() if kind == msgtype)
+
+    def close(self):
+        self.closed = True
 
 
 class Ending:

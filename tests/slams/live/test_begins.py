@@ -17,9 +17,8 @@ from slams.live.slam import MAX_RESUME_GAP
 from slams.types import IDENTITY
 from tests.floors import START, grid_of, seen, truth
 from tests.rooms import ROOM, box, cast, laser, scan_at
-from tests.slams.live.bus import Bus
 from tests.slams.live.commands import PATIENCE, started
-from tests.slams.live.robots import Stand, robot_log
+from tests.slams.live.robots import Bus, Stand, robot_log
 
 
 def placed_log(n=24, rate=4.0):

@@ -16,8 +16,7 @@ from slams.ros.stamps import seconds
 from slams.track import MAX_ATTITUDE_GAP, Track
 from slams.types import Pose2, wrap_angle
 from tests.rooms import drive, laser
-from tests.slams.live.bus import Bus
-from tests.slams.live.robots import planar
+from tests.slams.live.robots import Bus, planar
 
 
 def test_poses_and_headings_are_bit_for_bit_those_of_the_recorded_track():
