@@ -13,8 +13,7 @@ from bench.sim.degrade import CATALOG, degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
 from slams.scanlog import ScanLog, Track
-from slams.test_world import way
-from tests.rooms import ROOM, cast, drive, laser
+from tests.rooms import ROOM, cast, drive, laser, way
 
 
 @cache

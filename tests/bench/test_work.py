@@ -154,6 +154,7 @@ def test_ctrl_c_is_for_the_parent_to_decide():
 
 # killed, interrupted, ended
 
+PATIENCE = 60.0  # s, for what happens in moments on a machine with nothing else to do
 DRIVER = """
 import sys
 from bench.run import pool
@@ -188,6 +189,22 @@ def driver(folder, count, seconds, log, who=0, jobs=2, then="pass"):
 def begun(log):
     """Who began what in which process: (who, pid, n) each."""
     return [tuple(map(int, line.split())) for line in log.read_text().splitlines()]
+
+
+def wait_for(what, process):
+    deadline = time.monotonic() + PATIENCE
+    while not what():
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def ended(process, send, number, within=PATIENCE):
+    """Sends it a signal; its exit code and last words, when none of its processes is left."""
+    send(process, number)
+    _, said = process.communicate(timeout=within)
+    assert ends(processes_of(process.pid), within)
+    return process.returncode, said
 
 
 def test_killed_at_any_instant_and_started_again_it_ends_with_the_same_bytes(tmp_path, undisturbed):
@@ -237,13 +254,10 @@ def test_whatever_ends_it_leaves_no_process_behind(tmp_path, send, number):
     log = tmp_path / "log"
     log.touch()
     process = driver(tmp_path / "store", 4, 60.0, log)
-    while len(begun(log)) < 2:
-        time.sleep(0.01)
-    send(process, number)
-    _, said = process.communicate(timeout=10.0)
-    assert process.returncode == -number
+    wait_for(lambda: len(begun(log)) >= 2, process)
+    returned, said = ended(process, send, number, 10.0)
+    assert returned == -number
     assert "Process SpawnProcess" not in said  # the workers do not join in with tracebacks
-    assert ends(processes_of(process.pid))
     assert results(tmp_path / "store") == {}
 
 
@@ -260,8 +274,6 @@ def test_an_exception_nobody_catches_does_not_wait_for_the_others(tmp_path):
 
 
 # a command that is ended: nothing is half-written
-
-PATIENCE = 60.0  # s, for what happens in moments on a machine with nothing else to do
 
 PLUGIN = """
 import time
@@ -290,22 +302,6 @@ def started(*words, folder):
     path = os.pathsep.join([str(ROOT), str(folder)])
     command = [sys.executable, "-m", *words]
     return in_session(command, cwd=folder, env=os.environ | {"PYTHONPATH": path})
-
-
-def wait_for(what, process):
-    deadline = time.monotonic() + PATIENCE
-    while not what():
-        assert process.poll() is None, process.communicate()[1]
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
-def ended(process, send, number):
-    """Sends it a signal; its exit code and last words, when none of its processes is left."""
-    send(process, number)
-    _, said = process.communicate(timeout=PATIENCE)
-    assert ends(processes_of(process.pid), PATIENCE)
-    return process.returncode, said
 
 
 def test_a_comparison_that_is_ended_leaves_nothing(tmp_path):

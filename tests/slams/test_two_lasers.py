@@ -13,9 +13,7 @@ from slams.player import replay
 from slams.registry import find
 from slams.scanlog import load_npz
 from slams.summary import as_text, summarize, truth_errors
-from tests.rooms import made, rewritten
-
-FOUR = ("hector", "tsd", "crsm", "gmapping")
+from tests.rooms import ALGORITHMS, made, rewritten
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +60,7 @@ def test_a_broken_table_is_one_sentence(log, tmp_path, changes, says):
         load_npz(path)
 
 
-@pytest.mark.parametrize("name", FOUR)
+@pytest.mark.parametrize("name", ALGORITHMS)
 def test_every_algorithm_maps_by_both_and_tells_of_a_rear_laser_that_dies(name, log):
     run, params = run_of(name, log)
     assert truth_errors(run, log)["ate_m"] < 0.02 and not run.says_lost.any()

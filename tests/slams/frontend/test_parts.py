@@ -19,10 +19,8 @@ from slams.loops.matching import LocalMap, keyframe
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints, gap
 from slams.scan.params import ScanParams
-from slams.test_world import scan_at
 from slams.types import IDENTITY, Pose2
-from tests.rooms import CORRIDOR, LIDAR, ROOM
-from tests.rooms import scan_at as room_at
+from tests.rooms import CORRIDOR, LIDAR, ROOM, scan_at
 
 
 def intervals(stamps, **how):
@@ -139,7 +137,7 @@ class Map:
 
 
 def here():
-    return EndPoints(ScanParams()).take(room_at(IDENTITY, LIDAR), IDENTITY)
+    return EndPoints(ScanParams()).take(scan_at(IDENTITY, LIDAR), IDENTITY)
 
 
 def test_where_all_is_alike_a_search_looks_near_the_prior():
@@ -163,7 +161,7 @@ def test_where_all_is_alike_a_search_looks_near_the_prior():
 def test_a_search_reaches_as_far_as_a_late_scan_may_be(aside, turned, found):
     """However sure the prior is: here of five centimeters and a twentieth of a radian."""
     true = Pose2(aside, 0.0, turned)
-    lookup = LocalMap([keyframe(room_at(IDENTITY, LIDAR), IDENTITY)], [true])._lookup
+    lookup = LocalMap([keyframe(scan_at(IDENTITY, LIDAR), IDENTITY)], [true])._lookup
     walls = Map(lookup, lambda points, pose: 1.0 if gap(points, pose, true) < 0.3 else 0.1)
     best = best_around(Match(IDENTITY), here(), walls, SURE, lambda _, start, __: [Match(start)])
     assert (gap(here(), best.match.pose, true) < 0.3) == found
@@ -233,7 +231,7 @@ class Standing:
         """So many scans, each with a match at `pose` of information `seen`."""
         self.shares = inliers, conflicts
         for _ in range(count):
-            scan = room_at(IDENTITY, LIDAR, self._walls, t=0.1 * self._k, odometry=self._wheels)
+            scan = scan_at(IDENTITY, LIDAR, self._walls, t=0.1 * self._k, odometry=self._wheels)
             points = self._reader.take(scan, self.estimator.predict(scan).twist)
             match = Match(pose, seen=np.diag(seen))
             self.estimator.decide(points, [match], self, lambda *_: [])
