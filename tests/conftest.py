@@ -10,6 +10,17 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of
 import pytest  # noqa: E402
 
 from tests.places import SHARED  # noqa: E402
+from tests.processes import close_sessions  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def _as_before():
+    """Commands change what signals do, and no process outlives the test that started it."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    close_sessions()
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def pytest_collection_modifyitems(items):

@@ -4,9 +4,10 @@ import cv2
 import numpy as np
 
 from slams.types import OccupancyGrid, Pose2
-from tests.rooms import ROOM, box, scan_at, way
+from tests.rooms import ROOM, box, laser, moved, scan_at, way
 
 CELL, MARGIN = 0.05, 0.5
+LIDAR = laser(541)
 START = Pose2(0.3, -0.2, 0.4)  # of a way in the map of the room
 
 
@@ -26,9 +27,19 @@ def grid_of(segments=ROOM, inside=(0.0, 0.0), cell=CELL):
     return OccupancyGrid(p.astype(np.float32), cell, (float(low[0]), float(low[1])))
 
 
+def is_wall(grid, x, y):
+    """Whether a cell within one of (x, y) is occupied."""
+    ix, iy = ((np.array([x, y]) - grid.origin) / grid.resolution).astype(int)
+    return bool(np.nanmax(grid.p[iy - 1 : iy + 2, ix - 1 : ix + 2]) > 0.5)
+
+
+def noisy(pose, seed=0, lidar=LIDAR, segments=ROOM, **more):
+    return scan_at(pose, lidar, segments, 0.01, np.random.default_rng(seed), **more)
+
+
 def truth(n=40):
     """The poses (n, 3) of a way that begins at START."""
-    return np.array([START @ Pose2(*pose) for pose in way(n, 0.05)])
+    return moved(START, way(n, 0.05))
 
 
 def seen(n, lidar):

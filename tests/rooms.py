@@ -5,13 +5,21 @@ from types import SimpleNamespace
 import numpy as np
 
 from slams import run
+from slams.geometry import Prior
 from slams.registry import BASELINES, BUILT_IN, find, names
 from slams.test_world import ROOM, box, cast, drive, laser, scan_at, way  # noqa: F401
+from slams.types import IDENTITY, Pose2
 
 ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]
 ORIGINALS = [f"{name}@original" for name in ALGORITHMS]
 LIDAR = laser(181)
+NOTHING = Prior(IDENTITY, np.zeros((3, 3)))  # is known before a scan
 CORRIDOR = np.array([(-50.0, -1.0, 50.0, -1.0), (-50.0, 1.0, 50.0, 1.0)])
+
+
+def moved(motion, poses):
+    """Poses (n, 3) as they are in a frame in which theirs lies at `motion`."""
+    return np.array([motion @ Pose2(*pose) for pose in poses.tolist()])
 
 
 def mirrored(segments):
@@ -72,9 +80,9 @@ def calls(monkeypatch, owner, name):
     return made
 
 
-def settled(label, n, **changes):
+def settled(label, n, odometry=None, **changes):
     """An algorithm after `n` scans of a robot that stands still."""
     slam = made(label, **changes)
     for k in range(n):
-        slam.update(still(k))
+        slam.update(still(k, odometry=odometry))
     return slam

@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from slams.__main__ import main
+from slams.formats.occupancy import write_map
 from slams.formats.trajectory import write_tum
 from slams.state import save
+from tests.floors import grid_of
 from tests.rooms import drive, rewritten, settled
+from tests.slams.live.commands import environment
 
 # a command, what is wrong with it, and a part of the sentence
 LINES = """
@@ -19,9 +22,9 @@ run hector cut.npz | damaged, cut short
 run hector keys.npz | keys: got no ranges
 run hector nan.npz | stamps that are not finite
 run hector . | is a directory
-run hectr room.npz | did you mean 'hector'
-run hector@old room.npz | no preset 'old'
-run hector room.npz --set level=2 | did you mean 'levels'
+run hectr room.npz | unknown algorithm 'hectr'; did you mean 'hector'
+run hector@old room.npz | hector has no preset 'old'; expected one of default
+run hector room.npz --set level=2 | unknown parameter 'level'; did you mean 'levels'
 run hector room.npz --set levels | expected KEY=VALUE
 run hector room.npz --set levels=0 | expected 1 to 6
 run hector room.npz --params text.yaml | unknown parameter 'nothing'
@@ -41,10 +44,18 @@ run hector room.npz --resume-state . | is a directory
 run hector room.npz --save-state no/x | no such folder
 run hector room.npz --save-state . | is a folder
 run kiss room.npz --save-state k | kiss cannot be saved: slam._new is of the class
+run hector room.npz --localize bad.yaml | no such picture as none.pgm
+run hector room.npz --localize room.npz | not a state
+run odometry room.npz --localize map.yaml | odometry cannot localize in a map that is given
+run hector room.npz --localize map.yaml --start=1,2,nan | --start
+run hector room.npz --localize map.yaml --start=a,b,c | --start
+run hector room.npz --localize map.yaml --start= | --start
+convert room.npz | OUT.npz
 info none.log | no such file
 info text.yaml | not an npz file
 check | required: algorithm
 check hecter | did you mean 'hector'
+check slams.baselines:None_ | algorithm 'slams.baselines:None_'
 compare none.npz | none.npz: no such file
 compare --algorithms nobody | unknown algorithm 'nobody'
 compare --jobs 0 | --jobs: got 0
@@ -58,6 +69,7 @@ compare --ros-params hector@original=f | got 'hector@original', expected one tha
 compare --ros-params hector=none.yaml | none.yaml: no such file
 compare --ros-params kiss=none.yaml | Kiss has no original in ROS
 compare --seed -1 | parameter 'seed': got -1
+compare --algorithms hector:resolutoin=0.1 | did you mean 'resolution'
 compare --algorithms tsd --seed x | parameter 'seed': got 'x', expected int
 compare --algorithms tsd --seed tsd:x | parameter 'seed'
 compare --algorithms tsd --seed hector:1 | of one that is compared: tsd
@@ -122,6 +134,17 @@ simulate s.npz --size 8 --clearance 3 | no room to drive
 simulate s.npz --size 8 --picture arena.doc | ends in .png
 simulate s.txt --size 8 | ends in .npz
 simulate nowhere/s.npz --size 8 | no such folder
+live hectro | did you mean 'hector'
+live odometry --domain-id 300 | domain: got 300, expected 0 to 232
+live odometry --map-every -1 | --map-every: got -1, expected 0 s or
+live odometry --record a.bag | expected a name that ends in .mcap
+live hector --map m --map-every 9 | --map-every: got --localize
+play nothing.npz | nothing.npz: no such file
+play room.npz --no-odometry --odom none | --no-odometry: got --odom
+play room.npz --rate 0 | --rate: got 0
+play room.npz --wait-for-subscriber nan | got nan, expected 0 s or more
+play room.npz --remap scan | --remap: got 'scan', expected /FROM:=/TO
+play room.npz --remap /a:=/b | --remap: /a is no topic here
 """
 
 
@@ -139,12 +162,18 @@ def folder(tmp_path_factory):
     for name, rows, later in (("good", 60, 0.0), ("one", 1, 0.0), ("away", 60, 1e6)):
         write_tum(folder / f"{name}.tum", log.t[:rows] + later, log.truth_at(log.t)[:rows])
     save(settled("hector", 3), folder / "hector.state")
+    write_map(folder, grid_of())
+    (folder / "bad.yaml").write_text("image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
     return folder
 
 
 @pytest.mark.parametrize("line", LINES.strip().splitlines())
 def test_it_is_one_sentence_and_exit_2(line, folder, monkeypatch, capsys):
     words, sentence = line.split(" | ")
+    if words.startswith(("live", "play")):
+        pytest.importorskip("cyclonedds", reason="needs the extra live")
+    for name, value in environment().items():
+        monkeypatch.setenv(name, value)
     monkeypatch.chdir(folder)
     before = sorted(Path().rglob("*"))
     assert main(shlex.split(words)) == 2

@@ -1,4 +1,4 @@
-"""No value of a parameter that is let pass takes all memory or hangs: every class is walked."""
+"""Parameters, every class of them: what they tell, and that no value takes all memory or hangs."""
 
 import importlib
 import mmap
@@ -49,8 +49,10 @@ def test_all_classes_are_walked():
 
 
 @pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: f"{cls.__module__}.{cls.__name__}")
-def test_every_number_has_bounds_and_every_count_its_own(cls):
+def test_every_parameter_tells_what_it_is_and_every_number_its_bounds(cls):
     kinds, specs = typing.get_type_hints(cls), cls.specs()
+    for name, spec in specs.items():
+        assert spec.unit and len(spec.meaning) > 5 and len(spec.source) >= 4, name
     for name, (low, high) in bounds(cls).items():
         assert low < high <= SEEDS, name
         if kinds[name] is int and name != "seed":

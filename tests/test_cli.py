@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from bench import compare
 from slams import run as slams_run
 from slams.formats import trajectory
 from slams.scanlog import load_npz
@@ -78,12 +79,6 @@ def test_options_change_the_run(log_file, tmp_path, capsys):
     assert "hector@original on room: 10 scans" in capsys.readouterr().out
 
 
-def test_quiet_says_nothing(log_file, tmp_path, capsys):
-    assert slams_run.main(["odometry", str(log_file), "--out", str(tmp_path / "q"), "-q"]) == 0
-    captured = capsys.readouterr()
-    assert captured.out == captured.err == ""
-
-
 @pytest.mark.parametrize("out", ["f", "f/deep/out", None])
 def test_an_output_that_is_a_file_is_refused_before_the_run(
     out, log_file, tmp_path, capsys, monkeypatch
@@ -113,15 +108,6 @@ def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):
     summary = json.loads((out / "summary.json").read_text())
     assert summary["errors"]["end_m"] < 0.02
     assert summary["report"]["empty"] == 3
-
-
-def test_interrupt_is_130(monkeypatch, log_file, capsys):
-    def stop(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(slams_run, "_replayed", stop)
-    assert slams_run.main(["hector", str(log_file)]) == 130
-    assert capsys.readouterr().err == "slams run: interrupted\n"
 
 
 def test_compare_on_given_logs(log_file, tmp_path):
@@ -178,8 +164,6 @@ def test_compare_goes_on_when_an_algorithm_raises_or_dies(log_file, tmp_path, mo
 
 
 def test_compare_with_relations_and_without_truth(log_file, tmp_path, capsys):
-    from bench import compare
-
     rewritten(log_file, tmp_path / "l.npz", truth=None, truth_t=None)
     t = load_npz(log_file).t
     lines = [f"{t[k]:.6f} {t[k + 20]:.6f} 0 0 0 0 0 0" for k in range(10)]
@@ -195,8 +179,6 @@ def test_compare_with_relations_and_without_truth(log_file, tmp_path, capsys):
 
 
 def test_compare_takes_the_files_of_ros_nodes(log_file, tmp_path, capsys):
-    from bench import compare
-
     for name, text in (
         ("a=1.yaml", "map_resolution: 0.1\nmap_frame: map\nlaser_max_dist: 12.0\n"),
         ("b.yaml", "map_resolution: 0.2\n"),
@@ -229,8 +211,6 @@ def test_compare_takes_the_files_of_ros_nodes(log_file, tmp_path, capsys):
 
 
 def test_compare_survives_a_log_of_one_scan_and_a_truth_beside_it(log_file, tmp_path, capsys):
-    from bench import compare
-
     rewritten(log_file, tmp_path / "beside.npz", truth_t=load_npz(log_file).t + 1e6)
     for log, sentence in (
         (tmp_path / "beside.npz", "note: the truth covers 0 of 60 scans"),

@@ -10,7 +10,8 @@ from slams import metrics
 from slams.frontend.correlative import search, window_of
 from slams.grid_bounds import Box
 from slams.player import replay
-from slams.types import IDENTITY, Pose2
+from slams.types import IDENTITY, Pose2, Scan
+from tests.floors import is_wall, noisy
 from tests.rooms import ALGORITHMS, CORRIDOR, ROOM, box, drive, laser, made, mirrored, scan_at
 
 PAPERS = [f"{name}@paper" for name in ALGORITHMS]
@@ -40,6 +41,16 @@ def test_a_known_step_is_found_there_and_back(name, segments, mount, motion):
         slam.update(scan_at(base, lidar, segments))
         found = slam.update(scan_at(there, lidar, segments, t=0.1))
         assert found == pytest.approx(base.between(there), abs=2e-3)
+
+
+@each
+def test_a_laser_that_turns_the_other_way_gives_the_same_poses(name):
+    log = drive(n=25)
+    last, step = float(log.laser.angles[-1]), log.laser.angle_increment
+    clockwise = dataclasses.replace(log.laser, angle_min=last, angle_increment=-step)
+    turned = dataclasses.replace(log, ranges=log.ranges[:, ::-1].copy(), laser=clockwise)
+    one, other = (replay(made(name), scans).poses for scans in (log, turned))
+    assert np.abs(one - other).max() < 2e-3
 
 
 @pytest.mark.parametrize("label", [*ALGORITHMS, *PAPERS])
@@ -148,12 +159,6 @@ def test_the_map_says_what_fits_and_where_there_are_walls_to_search(label):
     assert poses[0, :3] == pytest.approx(pose, abs=1.5 * lookup.resolution)
 
 
-def is_wall(grid, x, y):
-    """Whether a cell within one of (x, y) is occupied."""
-    ix, iy = (int((v - first) / grid.resolution) for v, first in zip((x, y), grid.origin))  # noqa: B905
-    return bool(np.nanmax(grid.p[iy - 1 : iy + 2, ix - 1 : ix + 2]) > 0.5)
-
-
 @each
 def test_a_wall_that_went_away_is_erased(name):
     room, wall = np.array(box(-3.0, -3.0, 3.0, 3.0)), np.array([(1.0, -0.5, 1.0, 0.5)])
@@ -232,3 +237,33 @@ def test_walls_stand_where_they_are_and_not_half_a_cell_beside(name):
     iy, ix = np.nonzero(grid.p > 0.5)
     centers = np.stack([ix + 0.5, iy + 0.5], axis=1) * grid.resolution + np.array(grid.origin)
     assert np.abs(offsets(centers)).max() < 0.2 * grid.resolution
+
+
+# carried elsewhere in its own map
+
+FIRST, THERE = Pose2(-3.0, 1.0, 0.0), Pose2(1.5, -2.0, 2.0)
+
+
+@each
+def test_a_robot_that_was_carried_in_the_dark_is_found_again_if_that_is_wanted(name):
+    both = made(name), made(name, relocate=False)
+    for k in range(110):
+        pose = FIRST @ Pose2(0.05 * k, 0.0, 0.0) if k < 30 else THERE
+        scan = noisy(pose, k, t=0.1 * k)
+        if 30 <= k < 45:
+            scan = Scan(scan.t, np.full(541, np.nan, np.float32), scan.laser)
+        found = [slam.update(scan) for slam in both]
+    assert [slam.report()["relocalized"] for slam in both] == [1, 0]
+    assert found[0] == pytest.approx(FIRST.between(THERE), abs=0.03)
+    assert both[0].state == "matched"
+
+
+@each
+def test_wheels_that_the_map_refutes_do_not_hold_a_lifted_robot(name):
+    slam, wheels, step, pose = made(name), IDENTITY, Pose2(0.05, 0.0, 0.02), FIRST
+    for k in range(120):
+        slam.update(noisy(pose, k, t=0.1 * k, odometry=wheels))
+        wheels = wheels @ step  # does not see that the robot is lifted
+        pose = THERE if k == 40 else pose @ step
+    assert slam.report()["relocalized"] == 1
+    assert slam.update(noisy(pose, 120, t=12.0)) == pytest.approx(FIRST.between(pose), abs=0.05)

@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
-from tests.fuzz.families import FAMILIES
+from tests.wrong_numbers import FAMILIES
 
 ROOM = 300_000  # kB that all cases of a test may take
 CASES = {"npz": 450, "live": 350, "bag": 200}

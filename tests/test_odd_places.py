@@ -14,6 +14,7 @@ import slams
 from slams.scanlog import ScanLog
 from tests import bags
 from tests.places import ROOT
+from tests.processes import python
 from tests.rooms import drive
 
 TORN = os.fsdecode(b"a\xff")  # a name that is not UTF-8
@@ -67,10 +68,10 @@ def test_results_on_a_full_disk(log, tmp_path):
     assert list((tmp_path / "results").iterdir()) == []
 
 
-def test_matplotlib_says_nothing_where_there_is_no_home(tmp_path):
+def test_matplotlib_says_nothing_where_there_is_no_home(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
-    home = {"HOME": str(tmp_path / "file" / "none")}
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(("XDG", "MPL"))}
+    for name in [name for name in os.environ if name.startswith(("XDG", "MPL"))]:
+        monkeypatch.delenv(name)
     code = (
         "from slams import cli\n"
         "def plot():\n"
@@ -78,9 +79,7 @@ def test_matplotlib_says_nothing_where_there_is_no_home(tmp_path):
         "    return 0\n"
         "cli.run_command('x', plot)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, env=kept | home, capture_output=True, text=True
-    )
+    done = python("-c", code, HOME=str(tmp_path / "file" / "none"))
     assert (done.returncode, done.stderr) == (0, "")
 
 

@@ -14,12 +14,8 @@ from slams.player import replay
 from slams.registry import find
 from slams.summary import truth_errors
 from tests import bags
-from tests.places import ROOT
 from tests.rooms import drive
-
-README = "\n".join(
-    path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/*.md"))
-)
+from tests.test_readme import README
 
 
 def block(word):
@@ -43,7 +39,7 @@ def test_from_a_bag_to_a_map_in_ten_lines(tmp_path, monkeypatch):
 
 
 def test_the_example_of_live_slam_works():
-    exec(block("live.push_scan("), scope := {})
+    exec(block("live.push_scan(Scan("), scope := {})
     assert scope["estimate"].used
     assert not scope["estimate"].lost
     assert np.allclose(scope["estimate"].pose, 0.0, atol=1e-3)

@@ -1,16 +1,7 @@
-"""No process outlives the test that started it, and few are started."""
-
 import pytest
 
 from bench.run import pool
 from tests.bench import toy_runs
-from tests.processes import close_sessions
-
-
-@pytest.fixture(autouse=True)
-def _no_orphans():
-    yield
-    close_sessions()
 
 
 @pytest.fixture(scope="module")

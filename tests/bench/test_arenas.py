@@ -16,6 +16,7 @@ from bench.sim.routes import Routes
 from bench.sim.setting import ARENAS, Setting
 from bench.sim.simulation import build_arena, simulate, world_of
 from slams.metrics import driven
+from tests.rooms import calls
 
 CASES = [(name, seed) for name in ARENAS for seed in range(3)]
 DRIVES = {"rescue": (60.0, 0.5), "office": (150.0, 1.0), "hall": (60.0, 0.5), "ring": (260.0, 0.5)}
@@ -176,15 +177,12 @@ def test_ways_over_regions_are_nearly_the_best():
 def test_a_large_world_is_planned_by_looking_around_only(monkeypatch):
     """The search of a leg takes the nodes near it, whatever the size of the world."""
     world = arena("office", 0, 60.0, 0.05)
-    searched, steps = [], Regions._steps
-    monkeypatch.setattr(
-        Regions, "_steps", lambda self, nodes: (searched.append(len(nodes)), steps(self, nodes))[1]
-    )
+    searched = calls(monkeypatch, Regions, "_steps")
     large = Routes(world, 0.4)
     assert large.large and large.part.sum() > 400_000
     way = large.way(150.0, np.random.default_rng(0))
     assert len(large.places.points) < 8000 and len(searched) > 5
-    assert np.median(searched) < 0.05 * large.part.sum()
+    assert np.median([len(nodes) for _, nodes in searched]) < 0.05 * large.part.sum()
     assert world.clearance[world.cells_of(way)].min() > 0.3
     np.testing.assert_array_equal(way, Routes(world, 0.4).way(150.0, np.random.default_rng(0)))
 

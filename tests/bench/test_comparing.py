@@ -49,8 +49,6 @@ def test_a_variant_is_a_row_with_its_own_settings():
     outcome = replayed(words[2], log, Choice(params=params))
     assert outcome.row["algorithm"] == words[2]
     assert outcome.grid.resolution == 0.1
-    with pytest.raises(LookupError, match="resolutoin"):
-        choice_of("--algorithms", "hector:resolutoin=0.1")
 
 
 def test_the_last_seed_for_all_counts():

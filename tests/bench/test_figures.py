@@ -7,6 +7,7 @@ from urllib.parse import unquote
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from bench import results
 from bench.report import figures, palette
@@ -76,8 +77,6 @@ def test_a_name_covers_no_point_and_no_other_name(drawn, step):
 
 
 def axes():
-    from matplotlib.figure import Figure
-
     return Figure().subplots()
 
 

@@ -17,15 +17,10 @@ from slams.metrics import between
 from slams.scanlog import Track
 from tests import bags
 from tests.bench.compared import compared
-from tests.rooms import drive
+from tests.rooms import drive, moved
 
 pytestmark = pytest.mark.usefixtures("here")
 OTHER = Pose2(3.0, -2.0, 0.7)  # where the map frame of another program lies
-
-
-def moved(pose, poses):
-    """Poses (n, 3) seen from where `pose` is the origin: pose @ each."""
-    return np.array([pose @ Pose2(*p) for p in poses.tolist()])
 
 
 def precise_tum(path, t, poses):
@@ -43,11 +38,11 @@ def log():
 
 @pytest.fixture(scope="module")
 def estimate(log):
-    """What some program found at every third scan: the truth, a little off."""
-    truth = log.truth_at(log.t)[::3]
+    """What some program found at every other scan: the truth, a little off."""
+    truth = log.truth_at(log.t)[::2]
     rng = np.random.default_rng(4)
     steps = rng.normal(0.0, (0.01, 0.01, 0.004), truth.shape)
-    return Track(log.t[::3], moved(OTHER, truth + steps))
+    return Track(log.t[::2], moved(OTHER, truth + steps))
 
 
 def test_errors_of_a_tum_file_are_those_of_evo(log, estimate, tmp_path):
@@ -65,11 +60,12 @@ def test_errors_of_a_tum_file_are_those_of_evo(log, estimate, tmp_path):
     other = files.read_tum_trajectory_file(tmp_path / "other.tum")
     truth, other = sync.associate_trajectories(truth, other, max_diff=1e-6)
     relations = evo.PoseRelation.translation_part, evo.PoseRelation.rotation_angle_rad
-    ours = found.errors["update"]
-    for relation, values in zip(relations, (ours.se2_translation, ours.orientation), strict=True):
-        rpe = evo.RPE(relation, 1, evo.Unit.frames, all_pairs=True)
-        rpe.process_data((truth, other))
-        assert values == pytest.approx(rpe.error, abs=1e-9)
+    for span, frames in (("update", 1), ("1 s", 10)):
+        ours = found.errors[span].se2_translation, found.errors[span].orientation
+        for relation, values in zip(relations, ours, strict=True):
+            rpe = evo.RPE(relation, frames, evo.Unit.frames, all_pairs=True)
+            rpe.process_data((truth, other))
+            assert values == pytest.approx(rpe.error, abs=1e-9)
     ape = evo.APE(evo.PoseRelation.translation_part)
     other.align(truth)
     ape.process_data((truth, other))

@@ -18,6 +18,7 @@ from bench.sim.simulation import simulate, world_of
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World
 from slams import load
+from slams.formats.occupancy import write_map
 from slams.types import Pose2, wrap_angle
 from tests.processes import python
 
@@ -183,19 +184,9 @@ def test_world_comes_back_from_a_saved_log(tmp_path):
     assert world_of(dataclasses.replace(saved, meta={"name": "other"})) is None
 
 
-def map_of(folder):
-    world = world_of(log_of())
-    shade = np.where(world.occupied, 0, np.where(world.unknown, 205, 254)).astype(np.uint8)
-    cv2.imwrite(str(folder / "arena.pgm"), shade[::-1])
-    (folder / "arena.yaml").write_text(
-        f"image: arena.pgm\nresolution: {world.resolution}\norigin: {[*world.origin, 0.0]}\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
-    )
-    return folder / "arena.yaml"
-
-
 def test_a_map_is_driven_through_and_found_again_until_it_changes(tmp_path):
-    path = map_of(tmp_path)
+    write_map(tmp_path, world_of(log_of()).grid())
+    path = tmp_path / "map.yaml"
     log = simulate(dataclasses.replace(SHORT, arena=str(path)))
     np.testing.assert_array_equal(log.truth.values, log_of().truth.values)
     assert world_of(log).fingerprint == world_of(log_of()).fingerprint

@@ -15,8 +15,10 @@ from bench.run import pool
 from bench.run.store import Store
 from bench.run.work import Task, perform, run_all
 from tests.bench import toy_runs
+from tests.bench.test_store import files
 from tests.places import ROOT
 from tests.processes import ends, in_session, processes_of, signal_group, signal_one
+from tests.rooms import drive
 
 TOY = ("tests.bench.toy_runs",)
 
@@ -31,11 +33,7 @@ def toys(count, seconds=0.0, **where):
 
 def results(folder):
     """Bytes of every result, what they cost left out."""
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in Path(folder).rglob("*.json")
-        if not path.name.endswith(".cost.json")
-    }
+    return {name: of for name, of in files(folder).items() if not name.endswith(".cost.json")}
 
 
 def do(tasks, store, jobs=1):
@@ -156,6 +154,7 @@ def test_ctrl_c_is_for_the_parent_to_decide():
 
 # killed, interrupted, ended
 
+PATIENCE = 60.0  # s, for what happens in moments on a machine with nothing else to do
 DRIVER = """
 import sys
 from bench.run import pool
@@ -190,6 +189,22 @@ def driver(folder, count, seconds, log, who=0, jobs=2, then="pass"):
 def begun(log):
     """Who began what in which process: (who, pid, n) each."""
     return [tuple(map(int, line.split())) for line in log.read_text().splitlines()]
+
+
+def wait_for(what, process):
+    deadline = time.monotonic() + PATIENCE
+    while not what():
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def ended(process, send, number, within=PATIENCE):
+    """Sends it a signal; its exit code and last words, when none of its processes is left."""
+    send(process, number)
+    _, said = process.communicate(timeout=within)
+    assert ends(processes_of(process.pid), within)
+    return process.returncode, said
 
 
 def test_killed_at_any_instant_and_started_again_it_ends_with_the_same_bytes(tmp_path, undisturbed):
@@ -239,13 +254,10 @@ def test_whatever_ends_it_leaves_no_process_behind(tmp_path, send, number):
     log = tmp_path / "log"
     log.touch()
     process = driver(tmp_path / "store", 4, 60.0, log)
-    while len(begun(log)) < 2:
-        time.sleep(0.01)
-    send(process, number)
-    _, said = process.communicate(timeout=10.0)
-    assert process.returncode == -number
+    wait_for(lambda: len(begun(log)) >= 2, process)
+    returned, said = ended(process, send, number, 10.0)
+    assert returned == -number
     assert "Process SpawnProcess" not in said  # the workers do not join in with tracebacks
-    assert ends(processes_of(process.pid))
     assert results(tmp_path / "store") == {}
 
 
@@ -259,3 +271,54 @@ def test_an_exception_nobody_catches_does_not_wait_for_the_others(tmp_path):
     assert said.rstrip().endswith("ValueError: mine")
     assert ends(processes_of(process.pid))
     assert len(results(tmp_path / "store")) == 1
+
+
+# a command that is ended: nothing is half-written
+
+PLUGIN = """
+import time
+from pathlib import Path
+from slams.baselines import Odometry
+
+HERE = Path(__file__).parent
+
+class Quick(Odometry):
+    def __init__(self, params):
+        super().__init__(params)
+        with (HERE / "begun").open("a") as file:
+            file.write("quick\\n")
+
+class Stuck(Odometry):
+    def update(self, scan):
+        (HERE / "stuck").touch()
+        while not (HERE / "free").exists():
+            time.sleep(0.01)
+        return super().update(scan)
+"""
+
+
+def started(*words, folder):
+    """A command in a session of its own, with this source tree and the folder's modules."""
+    path = os.pathsep.join([str(ROOT), str(folder)])
+    command = [sys.executable, "-m", *words]
+    return in_session(command, cwd=folder, env=os.environ | {"PYTHONPATH": path})
+
+
+def test_a_comparison_that_is_ended_leaves_nothing(tmp_path):
+    """Ended by SIGTERM, then by Ctrl-C, in the midst of a run."""
+    (tmp_path / "plugin.py").write_text(PLUGIN)
+    drive(n=8).save(tmp_path / "room.npz")
+    words = ["bench.compare", "room.npz", "--out", "out", "--jobs", "2", "--algorithms"]
+    words += ["plugin:Quick", "plugin:Stuck"]
+    for send, number, code, word in (
+        (signal_one, signal.SIGTERM, 143, "terminated"),
+        (signal_group, signal.SIGINT, 130, "interrupted"),
+    ):
+        (tmp_path / "stuck").unlink(missing_ok=True)
+        process = started(*words, folder=tmp_path)
+        wait_for((tmp_path / "stuck").exists, process)
+        returned, said = ended(process, send, number)
+        assert (returned, said.splitlines()[-1]) == (code, f"slams compare: {word}")
+        assert "Traceback" not in said
+        assert list(tmp_path.glob(".*.part")) == []
+        assert not (tmp_path / "out").exists()

@@ -13,7 +13,6 @@ from hector.original import match_kernels as original_match
 from hector.original import scan_kernels as original_scan
 from hector.original.map import Pyramid
 from hector.original.motion import Motion
-from slams.geometry import Prior
 from slams.scan import scan_kernels
 from slams.types import IDENTITY, Pose2
 from tests.hector import naive
@@ -22,7 +21,6 @@ from tests.slams.frontend.test_filter import scan as stamped
 
 FREE, OCCUPIED = math.log(0.4 / 0.6), math.log(0.9 / 0.1)
 UPDATE = Update(FREE, OCCUPIED, 50.0, math.exp(FREE))
-NOTHING = Prior(IDENTITY, np.zeros((3, 3)))  # is known before the scan
 both_maps = pytest.mark.parametrize("kernels", [map_kernels, original_map])
 
 

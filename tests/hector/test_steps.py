@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hector import Hector, HectorParams, match_kernels
+from hector import HectorParams, match_kernels
 from hector.map import BLUR, FINE, ROUGH, LogOddsPyramid
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from slams.geometry import Prior
@@ -15,7 +15,7 @@ from slams.scan import scan_kernels
 from slams.scan.end_points import EndPoints, gap
 from slams.scan.scan_kernels import DENSE, Grain
 from slams.types import IDENTITY, Pose2
-from tests.rooms import drive, laser, scan_at, settled
+from tests.rooms import NOTHING, calls, drive, laser, made, scan_at, settled
 
 
 def test_one_step_of_gauss_newton_is_damped_and_limited():
@@ -23,14 +23,13 @@ def test_one_step_of_gauss_newton_is_damped_and_limited():
     level, points, start = slam._map.levels[0], slam._scan, Pose2(0.03, -0.02, 0.01)
     H, b = np.zeros((3, 3)), np.zeros(3)
     normal_equations(level, points.points, points.n, 1, start, H, b)
-    nothing = Prior(IDENTITY, np.zeros((3, 3)))
     for damping in (0.0, 0.5):
         one = Solver(1, 9.0, 9.0, 0.0, damping, 1)
-        pose, _, _ = gauss_newton(level, points.points, points.n, start, nothing, one, 0.0 * H)
+        pose, _, _ = gauss_newton(level, points.points, points.n, start, NOTHING, one, 0.0 * H)
         step = np.linalg.solve(H + damping * np.diag(np.diag(H)), b)
         assert np.array(pose) - np.array(start) == pytest.approx(step, rel=1e-6)
     short = Solver(1, 0.5 * np.hypot(*step[:2]), 0.5 * abs(step[2]), 0.0, damping, 1)
-    pose, _, _ = gauss_newton(level, points.points, points.n, start, nothing, short, 0.0 * H)
+    pose, _, _ = gauss_newton(level, points.points, points.n, start, NOTHING, short, 0.0 * H)
     assert np.array(pose) - np.array(start) == pytest.approx(0.5 * step, rel=1e-6)
 
 
@@ -82,12 +81,10 @@ def test_a_normal_is_shared_within_a_part_of_its_window():
 
 @pytest.mark.parametrize(("rate", "looks"), [(10.0, 40), (40.0, 10)])
 def test_noise_is_measured_every_tenth_of_a_second(rate, looks, monkeypatch):
-    slam, learned = Hector(HectorParams()), []
+    slam = made("hector")
     first, *scans = drive(n=41, rate=rate)
     slam.update(first)
-    noise = slam._scan._noise
-    learn = noise.learn
-    monkeypatch.setattr(noise, "learn", lambda *given: learned.append(given) or learn(*given))
+    learned = calls(monkeypatch, slam._scan._noise, "learn")
     for scan in scans:
         slam.update(scan)
     assert len(learned) == pytest.approx(looks, abs=1)

@@ -2,8 +2,6 @@
 
 import os
 import shutil
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import NamedTuple
@@ -27,8 +25,9 @@ ASK = "import os, kernel; kernel.doubled(1); print(os.environ.get('NUMBA_CACHE_D
 
 
 @pytest.fixture
-def read_only(tmp_path):
+def read_only(tmp_path, monkeypatch):
     """A copy of the package in which no file can be made, as in a system's site-packages."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     package = tmp_path / "site" / "slams"
     shutil.copytree(ROOT / "slams", package, ignore=shutil.ignore_patterns("__pycache__"))
     (package / "__pycache__").write_text("stands in the way, for root, too")
@@ -39,10 +38,7 @@ def read_only(tmp_path):
 def cache_of(install, temp):
     """The folder that a process of this install keeps its kernels in."""
     temp.mkdir(exist_ok=True)
-    env = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | {"TMPDIR": str(temp)}
-    done = subprocess.run(
-        [sys.executable, "-B", "-c", ASK], cwd=install, env=env, capture_output=True, text=True
-    )
+    done = python("-B", "-c", ASK, cwd=install, TMPDIR=str(temp))
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 

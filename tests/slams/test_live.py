@@ -14,7 +14,7 @@ from slams.registry import BUILT_IN, find
 from slams.ros.stamps import seconds
 from slams.types import Attitude
 from tests.processes import python
-from tests.rooms import ROOM, drive, fields_of, laser, push_fields, scan_at
+from tests.rooms import ROOM, drive, fields_of, laser, made, push_fields, scan_at
 
 
 def push(live, scan, **more):
@@ -35,8 +35,7 @@ def log():
 
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_pushes_give_the_poses_of_a_replay(name, log):
-    entry = find(name)
-    slam = entry.cls(entry.params())
+    slam = made(name)
     live = LiveSlam(name, warm_up=False)
     for scan in log.select(12):
         estimate = push(live, scan)

@@ -161,7 +161,6 @@ def test_a_log_that_begins_late_keeps_tracks_of_other_rates(tmp_path):
         ({"t": 1e9 * T}, "a scan every 1e[+]08 s, expected seconds"),
         ({"t": 1e300 * T}, "stamps as great as 2e[+]299, expected seconds"),
         ({"range_max": 1e9}, r"range_min, range_max: got \(0.1, 1000000000.0\)"),
-        ({"range_max": np.finfo(np.float64).max}, "range_min, range_max"),
         ({"mount": [1e9, 0.0, 0.0]}, "mount: got .*, expected at most 100 m from the base"),
         ({"mount": [0.0, 0.0, 1e300]}, "mount: got"),
         ({"angle_min": 1e300}, "angle_min: got 1e[+]300, expected radians"),
@@ -179,15 +178,6 @@ def test_a_bad_log_is_refused_in_one_sentence(tmp_path, changes, sentence):
         load(written(tmp_path, **changes))
     assert "\n" not in str(caught.value)
     assert "log.npz" in str(caught.value)
-
-
-def test_a_truncated_file_is_refused_wherever_it_is_cut(tmp_path):
-    whole = written(tmp_path).read_bytes()
-    cut = tmp_path / "cut.npz"
-    for size in range(0, len(whole), 97):
-        cut.write_bytes(whole[:size])
-        with pytest.raises(ValueError, match=r"cut\.npz: "):
-            load(cut)
 
 
 def test_other_files_are_refused(tmp_path):

@@ -12,7 +12,7 @@ from slams.registry import create
 from slams.scanlog import ScanLog, Track
 from slams.summary import Span, as_json, as_text, cost, span_pairs, summarize, truth_errors
 from slams.types import Pose2
-from tests.rooms import laser
+from tests.rooms import laser, moved
 
 T = np.arange(20) * 0.5
 
@@ -61,8 +61,7 @@ def test_costs_by_hand():
 
 
 def test_errors_against_the_truth_by_hand():
-    moved = Pose2(4.0, -3.0, 1.0)  # another frame
-    truth = np.array([moved @ Pose2(*pose) for pose in poses_of()])
+    truth = moved(Pose2(4.0, -3.0, 1.0), poses_of())  # another frame
     estimate = poses_of(off=0.1)
     estimate[-1, 0] += 0.4
     errors = truth_errors(run_of(estimate), log_of(truth))

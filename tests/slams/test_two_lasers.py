@@ -1,5 +1,7 @@
 """Logs of two lasers: the file, the runs, a laser that dies."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,9 +13,7 @@ from slams.player import replay
 from slams.registry import find
 from slams.scanlog import load_npz
 from slams.summary import as_text, summarize, truth_errors
-from tests.rooms import rewritten
-
-FOUR = ("hector", "tsd", "crsm", "gmapping")
+from tests.rooms import ALGORITHMS, made, rewritten
 
 
 @pytest.fixture(scope="module")
@@ -22,9 +22,7 @@ def log():
 
 
 def run_of(name, log):
-    entry = find(name)
-    params = entry.params()
-    return replay(entry.cls(params), log.select(odometry=False)), params
+    return replay(made(name), log.select(odometry=False)), find(name).params()
 
 
 def test_the_file_keeps_lasers_and_whose_scan_is_whose(log, tmp_path):
@@ -40,8 +38,6 @@ def test_the_file_keeps_lasers_and_whose_scan_is_whose(log, tmp_path):
 
 
 def test_rows_of_lasers_with_fewer_beams_are_cut(log):
-    from dataclasses import replace
-
     narrow = replace(log.others[0], n_beams=5)
     scans = list(replace(log, others=(narrow,)))
     assert len(scans[0].ranges) == log.laser.n_beams and len(scans[1].ranges) == 5
@@ -64,7 +60,7 @@ def test_a_broken_table_is_one_sentence(log, tmp_path, changes, says):
         load_npz(path)
 
 
-@pytest.mark.parametrize("name", FOUR)
+@pytest.mark.parametrize("name", ALGORITHMS)
 def test_every_algorithm_maps_by_both_and_tells_of_a_rear_laser_that_dies(name, log):
     run, params = run_of(name, log)
     assert truth_errors(run, log)["ate_m"] < 0.02 and not run.says_lost.any()

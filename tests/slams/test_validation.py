@@ -1,6 +1,7 @@
 """Numbers that no robot records: said and refused at the door, or survived; never a warning."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +9,7 @@ import pytest
 import slams
 from slams import LiveSlam, Pose2
 from slams.scanlog import ScanLog, Track
-from slams.test_world import scan_at
-from tests.rooms import drive, fields_of, push_fields, rewritten
+from tests.rooms import drive, fields_of, push_fields, rewritten, scan_at
 
 LIVE = "hector"
 
@@ -69,9 +69,7 @@ def push(live, t, x=0.0, **changes):
         (1e300, {}, "stamp: got stamps as great as 1e[+]300"),
         (1.7e18, {}, "they look like nanoseconds"),
         (math.nan, {}, "stamps that are not finite"),
-        (math.inf, {}, "stamps that are not finite"),
         (0.1, {"range_max": 1e9}, "range_min, range_max: got"),
-        (0.1, {"range_max": 1e300}, "range_min, range_max: got"),
         (0.1, {"range_max": 0.0}, r"range_min, range_max: got \(0.1, 0.0\)"),
         (0.1, {"range_max": math.inf}, "the laser's geometry: got .*inf.*, expected finite"),
         (0.1, {"angle_min": 1e300}, "angle_min: got"),
@@ -110,8 +108,6 @@ def test_a_gyro_that_cannot_be_is_not_believed(live):
 
 
 def test_a_scan_made_in_python_passes_the_same_door(live):
-    from dataclasses import replace
-
     good = scan_at((0.05, 0.0, 0.0), t=0.1, odometry=Pose2(0.05, 0.0, 0.0), yaw=0.0)
     for wrong, sentence in (
         (replace(good, t=1e300), "stamps as great as"),

@@ -35,13 +35,6 @@ def field_at(slam, x, y, normal):
     return read_field(slam._map.kernel, facing(*normal), x, y)
 
 
-def occupied(slam, x, y):
-    grid = slam.map()
-    ix = int((x - grid.origin[0]) / grid.resolution)
-    iy = int((y - grid.origin[1]) / grid.resolution)
-    return bool(np.nanmax(grid.p[iy - 1 : iy + 2, ix - 1 : ix + 2]) > 0.5)
-
-
 def scanned(n=10, **changes):
     """A default that has seen a drive, and the last scan's elements."""
     slam = default(**changes)

@@ -8,6 +8,7 @@ import pytest
 from slams.grid_bounds import Box
 from slams.scan.end_points import EndPoints
 from slams.types import Pose2
+from tests.floors import is_wall
 from tests.rooms import box, drive, laser, scan_at
 from tests.tsd import naive as naive_tsd
 from tests.tsd.cases import (
@@ -17,7 +18,6 @@ from tests.tsd.cases import (
     error,
     field_at,
     field_of,
-    occupied,
     original,
     scanned,
 )
@@ -142,7 +142,7 @@ def test_walls_of_the_map_are_thin_and_nothing_else_is_occupied():
     assert np.nanmin(grid.p) < 0.05
     seen = next(iter(drive(n=1, noise=0.0, segments=room)))
     ends = seen.ranges[:, None] * seen.laser.directions
-    covered = np.mean([occupied(slam, x, y) for x, y in ends])
+    covered = np.mean([is_wall(grid, x, y) for x, y in ends])
     assert covered > 0.98
     assert len(ix) < 400  # the outline is 19.4 m, 388 cells, and not all of it is seen
 
@@ -171,8 +171,8 @@ def test_the_map_shows_the_room(make):
     for scan in drive(n=25, gyro=False):
         slam.update(scan)
     x0, y0, _ = -1 * np.array(drive(n=1).truth_at(np.zeros(1))[0])
-    assert occupied(slam, 5.0 + x0, y0) and occupied(slam, x0, -3.0 + y0)
     grid = slam.map()
+    assert is_wall(grid, 5.0 + x0, y0) and is_wall(grid, x0, -3.0 + y0)
     ix, iy = (np.array([0.5, 0.5]) - grid.origin) / grid.resolution
     assert grid.p[int(iy), int(ix)] < 0.5
 

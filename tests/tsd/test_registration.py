@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from slams.geometry import FREEDOM, Prior
+from slams.geometry import FREEDOM
 from slams.types import IDENTITY, Pose2
-from tests.rooms import box, laser, scan_at
+from tests.rooms import NOTHING, box, laser, scan_at
 from tests.tsd import naive as naive_tsd
 from tests.tsd.cases import default, error, scanned
 from tsd.icp_kernels import IcpRule, find_pair, sum_pairs
@@ -16,8 +16,6 @@ from tsd.match_kernels import FLAT, MatchRule, accumulate, align
 from tsd.model_kernels import Fan, Model, cast_rays
 from tsd.ransac_kernels import AGAINST, PairRule, score_pose, try_pairs
 from tsd.registration import ENOUGH, ROUGHLY, SLOPPY
-
-NOTHING = Prior(IDENTITY, np.zeros((3, 3)))
 
 
 def test_pose_score_equals_the_naive_twin_and_stops_when_it_cannot_win():

@@ -105,10 +105,7 @@ def test_a_wall_that_is_seen_aslant_goes_on_from_its_first_hit_and_to_its_last()
     wall, before, behind = [(5.0, 1.0), (7.0, 1.0), (11.0, 1.0)], (3.0, 2.0), (4.0, 9.0)
     assert firsts([before, *wall]) == [0, 1, 1, 1]
     assert firsts([*wall, behind]) == [0, 0, 0, 3]
-
-
-def test_hits_far_apart_that_are_not_in_line_are_no_surface():
-    assert firsts([(5.0, 1.0), (7.0, 1.5), (11.0, 1.0)]) == [0, 1, 2]
+    assert firsts([(5.0, 1.0), (7.0, 1.5), (11.0, 1.0)]) == [0, 1, 2]  # not in line: no surface
 
 
 def test_a_hit_alone_between_far_beams_has_no_normal():

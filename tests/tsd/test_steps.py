@@ -9,7 +9,7 @@ import pytest
 from slams.geometry import Prior
 from slams.refine.lines import Match
 from slams.types import IDENTITY, Pose2
-from tests.rooms import CORRIDOR, box, calls, laser, scan_at, still
+from tests.rooms import CORRIDOR, NOTHING, box, calls, laser, scan_at, still
 from tests.rooms import settled as after
 from tests.tsd.cases import PILLARS, default
 from tsd.registration import UNSURE
@@ -81,12 +81,11 @@ def test_ransac_is_only_of_the_prediction(monkeypatch):
 @pytest.mark.parametrize(("least", "posed"), [(0.8, True), (1.0, False)])
 def test_too_few_pairs_are_no_pose(least, posed):
     slam = settled(5, min_known=least)
-    nothing = Prior(IDENTITY, np.zeros((3, 3)))
     start = Pose2(0.01, 0.0, 0.0)
-    found = slam._registration.icp(slam._scan, start, nothing)
+    found = slam._registration.icp(slam._scan, start, NOTHING)
     assert (found.share > 0.9 and found.pose != start) == posed
     away = Pose2(30.0, 0.0, 0.0)
-    assert slam._registration.icp(slam._scan, away, nothing).pose == away
+    assert slam._registration.icp(slam._scan, away, NOTHING).pose == away
 
 
 def test_things_that_moved_are_left_out_as_the_gate_closes():
@@ -94,8 +93,7 @@ def test_things_that_moved_are_left_out_as_the_gate_closes():
     elements = slam._scan.elements[: slam._scan.count]
     moved = np.arange(len(elements)) % 10 == 0
     elements[moved, :2] += 0.3 * elements[moved, 2:4]  # toward the laser
-    nothing = Prior(IDENTITY, np.zeros((3, 3)))
-    found = slam._registration.icp(slam._scan, IDENTITY, nothing)
+    found = slam._registration.icp(slam._scan, IDENTITY, NOTHING)
     assert math.hypot(found.pose.x, found.pose.y) < 1e-3
 
 
@@ -147,7 +145,7 @@ def test_the_gate_of_a_noisy_laser_is_wider(monkeypatch):
     monkeypatch.setattr("tsd.registration.icp", lambda *args: rules.append(args[5]) or (0, 0, 0))
     for noise in (0.01, 0.03):
         monkeypatch.setattr(type(slam._scan), "noise", noise)
-        slam._registration.icp(slam._scan, IDENTITY, Prior(IDENTITY, np.zeros((3, 3))))
+        slam._registration.icp(slam._scan, IDENTITY, NOTHING)
     assert [rule.narrowest for rule in rules] == pytest.approx([0.05, 0.09])
 
 

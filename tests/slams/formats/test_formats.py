@@ -131,8 +131,6 @@ def test_trinary_maps(tmp_path):
 HEADS = {
     "slam_toolbox": "image: map.pgm\nmode: trinary\nresolution: 0.05\norigin: [-1.5, -2, 0]\n"
     "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n",
-    "cartographer": "image: map.pgm\nresolution: 0.050000\norigin: [-1.500000, -2.000000, 0.0]\n"
-    "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
     "map_saver": "image: {folder}/map.pgm\nresolution: 0.050000\n"
     "origin: [-1.500000, -2.000000, 0.000000]\nnegate: 0\noccupied_thresh: 0.65\n"
     "free_thresh: 0.196\n\n",

@@ -2,10 +2,8 @@
 
 import gzip
 
-import cv2
 import numpy as np
 import pytest
-import yaml
 
 import slams
 from slams import convert
@@ -13,6 +11,7 @@ from slams.formats import occupancy, trajectory
 from slams.registry import find
 from slams.ros import ros_params
 from slams.state import load_state, save
+from slams.types import OccupancyGrid
 from tests import bags
 from tests.rooms import settled
 from tests.slams.formats.test_text import FLASER, HEADER, RAW, ROBOT
@@ -149,13 +148,12 @@ def test_damaged_trajectories(tmp_path):
     check(read, tmp_path / "t", (tmp_path / "whole").read_bytes())
 
 
-@pytest.mark.parametrize("part", ["m.yaml", "m.pgm"])
+@pytest.mark.parametrize("part", ["map.yaml", "map.pgm"])
 def test_damaged_maps(part, tmp_path):
-    cv2.imwrite(str(tmp_path / "m.pgm"), np.full((3, 4), 205, np.uint8))
-    entries = {"image": "m.pgm", "resolution": 0.05, "origin": [0.0, 0.0, 0.0], "negate": 0}
-    (tmp_path / "m.yaml").write_text(yaml.safe_dump(entries))
+    unknown = np.full((3, 4), np.nan, np.float32)
+    occupancy.write_map(tmp_path, OccupancyGrid(unknown, 0.05, (0.0, 0.0)))
     path = tmp_path / part
-    check(lambda *_: occupancy.read_map(tmp_path / "m.yaml"), path, path.read_bytes())
+    check(lambda *_: occupancy.read_map(tmp_path / "map.yaml"), path, path.read_bytes())
 
 
 @pytest.mark.parametrize("kind", PARAMETERS)

@@ -1,7 +1,6 @@
 """result.mcap read back by the rosbags library and by evo; the maps of map_server."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from slams import run
 from slams.formats import mcap, trajectory
 from slams.types import Laser, OccupancyGrid, Pose2
 from tests import bags
-from tests.rooms import drive
 
 GRID = OccupancyGrid(
     np.array([[0.878, 0.1, np.nan], [0.5, 0.0, 1.0]], np.float32), 0.05, (-1.0, 2.0)
@@ -128,18 +126,3 @@ def test_run_takes_a_bag_and_says_what_it_assumed(tmp_path, capsys):
     assert "no transform" in summary["meta"]["notes"][0]
     assert run.main(["odometry", str(path), "--out", str(tmp_path / "p"), "-q"]) == 0
     assert capsys.readouterr().err == ""
-
-
-@pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
-def test_every_algorithm_takes_a_laser_that_turns_the_other_way(name):
-    log = drive(n=25)
-    laser = log.laser
-    reverse = replace(
-        log,
-        ranges=log.ranges[:, ::-1].copy(),
-        laser=replace(
-            laser, angle_min=float(laser.angles[-1]), angle_increment=-laser.angle_increment
-        ),
-    )
-    one, other = (slams.replay(slams.create(name), scans).poses for scans in (log, reverse))
-    assert np.abs(one - other).max() < 2e-3

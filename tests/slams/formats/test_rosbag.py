@@ -12,6 +12,8 @@ import pytest
 
 import slams
 from slams import convert, info
+from slams.formats.bag import open_bag
+from slams.formats.bag_salvage import salvaged
 from slams.types import Pose2
 from tests import bags
 from tests.bags import refused
@@ -28,11 +30,22 @@ def ranges(n=N, beams=BEAMS):
     return np.random.default_rng(0).uniform(0.5, 20.0, (n, beams)).astype(np.float32)
 
 
+def each(topic, message):
+    """A message at every stamp, made of the maker, its number and its stamp."""
+    return lambda make: [(topic, t, message(make, i, t)) for i, t in enumerate(T)]
+
+
+def fixed(*edges):
+    return lambda make: [("/tf_static", T[0], make.tf(T[0], *edges))]
+
+
+def together(*parts):
+    return lambda make: [message for part in parts for message in part(make)]
+
+
 def drive(make):
     """Scans, odometry, gyro, a true pose and the mount; received 30 ms late."""
-    messages = [
-        ("/tf_static", T[0], make.tf(T[0], MOUNT, ("base_link", "imu", (0, 0, 0), 0.0, 0.0)))
-    ]
+    messages = fixed(MOUNT, ("base_link", "imu", (0, 0, 0), 0.0, 0.0))(make)
     for t, row, pose in zip(T, ranges(), WAY, strict=True):
         messages += [
             ("/scan", t + 0.03, make.scan(t, row)),
@@ -84,13 +97,9 @@ def test_lasers_that_are_all_asked_for_are_one_log(kind, tmp_path, capsys):
         ("base_link", "front", (0.2, 0.0, 0.1), 0.0, 0.0),
         ("base_link", "rear", (-0.2, 0.0, 0.1), 3.0, 0.0),
     ]
-
-    def messages(make):
-        front = [("/front", t, make.scan(t, ranges()[0], "front")) for t in T]
-        rear = [("/rear", t, make.scan(t + 0.04, ranges()[1][:9], "rear")) for t in T]
-        return [("/tf_static", T[0], make.tf(T[0], *mounts)), *front, *rear]
-
-    path = bags.write(tmp_path, kind, messages)
+    front = each("/front", lambda make, _, t: make.scan(t, ranges()[0], "front"))
+    rear = each("/rear", lambda make, _, t: make.scan(t + 0.04, ranges()[1][:9], "rear"))
+    path = bags.write(tmp_path, kind, together(fixed(*mounts), front, rear))
     log = slams.load(path, scan_topic="front", more_scan_topics=("/rear",))
     scans = list(log)
     assert [len(scan.ranges) for scan in scans] == [31, 9] * len(T)
@@ -104,17 +113,11 @@ def test_lasers_that_are_all_asked_for_are_one_log(kind, tmp_path, capsys):
     assert slams.load(path, scan_topic="rear").meta["source"]["scans"] == "/rear"
 
 
-def two_odometries(make):
-    more = [("/wheels", t, make.odometry(t, *pose)) for t, pose in zip(T, 2 * WAY, strict=True)]
-    return drive(make) + more
-
-
-def two_gyros(make):
-    return drive(make) + [("/imu2", t, make.imu(t, (0.0, 0.0, 0.7))) for t in T]
-
-
-def mocap(make):
-    return scans_on("/scan")(make) + [("/mocap", t, make.posed(t, 0.0, 0.0, 0.0)) for t in T]
+wheels = each("/wheels", lambda make, i, t: make.odometry(t, *(2.0 * WAY[i])))
+two_odometries = together(drive, wheels)
+two_gyros = together(drive, each("/imu2", lambda make, _, t: make.imu(t, (0.0, 0.0, 0.7))))
+poses = each("/mocap", lambda make, _, t: make.posed(t, 0.0, 0.0, 0.0))
+mocap = together(scans_on("/scan"), poses)
 
 
 def test_what_is_left_open_is_chosen(tmp_path):
@@ -134,18 +137,11 @@ def test_what_is_left_open_is_chosen(tmp_path):
 
 def tree(*static, moving=(), old=False):
     """Scans with transforms: static ones once, moving ones at each scan, as functions of i."""
-
-    def messages(make):
-        every = [("/scan", t, make.scan(t, ranges()[0])) for t in T]
-        if static:
-            every.append(("/tf_static", T[0], make.tf(T[0], *static)))
-        for i, t in enumerate(T):
-            items = [item(i) for item in moving]
-            if items:
-                every.append(("/tf", t, make.tf(t, *items, old=old)))
-        return every
-
-    return messages
+    parts = [scans_on("/scan")] + ([fixed(*static)] if static else [])
+    if moving:
+        edges = each("/tf", lambda make, i, t: make.tf(t, *(edge(i) for edge in moving), old=old))
+        parts.append(edges)
+    return together(*parts)
 
 
 def moves(parent, child):
@@ -155,11 +151,8 @@ def moves(parent, child):
 @pytest.mark.parametrize("level", ["base_stabilized", "base_footprint"])
 def test_without_imu_roll_and_pitch_come_from_tf(level, tmp_path):
     tilts = [lambda i: (level, "base_link", (0.0, 0.0, 0.0), 0.0, 0.01 * i), moves("odom", level)]
-
-    def messages(make):
-        wheels = [("/odom", t, make.odometry(t, *pose)) for t, pose in zip(T, WAY, strict=True)]
-        return [*wheels, *tree(MOUNT, moving=tilts)(make)]
-
+    wheels = each("/odom", lambda make, i, t: make.odometry(t, *WAY[i]))
+    messages = together(wheels, tree(MOUNT, moving=tilts))
     for kind in ("bag", "mcap"):
         attitude = slams.load(bags.write(tmp_path, kind, messages)).attitude
         assert attitude.t == pytest.approx(T)
@@ -200,9 +193,8 @@ LASERS = scans_on("/front", "/rear")
 BOTH = {"scan_topic": "/scan", "more_scan_topics": ("/rear",)}
 
 
-def unplaced(make):
-    rear = [("/rear", t, make.scan(t, ranges()[0], "rear")) for t in T]
-    return tree(MOUNT)(make) + rear
+rear = each("/rear", lambda make, _, t: make.scan(t, ranges()[0], "rear"))
+unplaced = together(tree(MOUNT), rear)
 
 
 REFUSED = [
@@ -249,12 +241,9 @@ def test_odometry_and_mount_from_moving_transforms(kind, old, tmp_path):
 
 
 def test_odometry_of_another_frame_is_carried_to_the_base(tmp_path):
-    def messages(make):
-        wheels = make.tf(T[0], ("base_link", "wheels", (-0.5, 0, 0), 0.0, 0.0))
-        poses = [("/w", t, make.odometry(t, 0.0, 0.0, 0.1, "wheels")) for t in T]
-        return [*drive(make), ("/tf_static", T[0], wheels), *poses]
-
-    path = bags.write(tmp_path, "mcap", messages)
+    edge = fixed(("base_link", "wheels", (-0.5, 0, 0), 0.0, 0.0))
+    wheels = each("/w", lambda make, _, t: make.odometry(t, 0.0, 0.0, 0.1, "wheels"))
+    path = bags.write(tmp_path, "mcap", together(drive, edge, wheels))
     log = slams.load(path, odom="/w", base_frame="base_link")
     expected = Pose2(0.0, 0.0, 0.1) @ Pose2(0.5, 0.0, 0.0)
     assert log.odometry_at_scans()[3] == pytest.approx(expected)
@@ -274,14 +263,10 @@ def test_a_point_stays_where_it_is_however_the_laser_hangs(reverse, roll, tmp_pa
     step = -0.05 if reverse else 0.05
     row = np.full(41, np.inf)
     row[7] = distance
-
-    def messages(make):
-        angles = (direction - 7 * step, step)
-        mount = ("base_link", "laser", (*place, 0.3), yaw, roll)
-        scans = [("/scan", t, make.scan(t, row, angles=angles)) for t in T]
-        return [*scans, ("/tf_static", T[0], make.tf(T[0], mount))]
-
-    log = slams.load(bags.write(tmp_path, "bag", messages))
+    angles = (direction - 7 * step, step)
+    mount = fixed(("base_link", "laser", (*place, 0.3), yaw, roll))
+    scans = each("/scan", lambda make, _, t: make.scan(t, row, angles=angles))
+    log = slams.load(bags.write(tmp_path, "bag", together(scans, mount)))
     hit = log.laser.directions[7] * log.ranges[0, 7]
     assert log.laser.mount.transform(hit[None])[0] == pytest.approx(point, abs=1e-5)
     assert log.notes == ()
@@ -289,51 +274,39 @@ def test_a_point_stays_where_it_is_however_the_laser_hangs(reverse, roll, tmp_pa
 
 @pytest.mark.parametrize(("roll", "sign"), [(0.0, 1.0), (math.pi, -1.0)])
 def test_the_gyro_turns_about_the_upright_axis(roll, sign, tmp_path):
-    def messages(make):
-        gyro = ("base_link", "imu", (0.0, 0.0, 0.1), 0.3, roll)
-        items = [(("/imu"), t, make.imu(t, (0.0, 0.0, 0.4 + i))) for i, t in enumerate(T)]
-        return [*tree(MOUNT, gyro)(make), *items]
-
-    log = slams.load(bags.write(tmp_path, "mcap", messages))
+    gyro = ("base_link", "imu", (0.0, 0.0, 0.1), 0.3, roll)
+    rates = each("/imu", lambda make, i, t: make.imu(t, (0.0, 0.0, 0.4 + i)))
+    log = slams.load(bags.write(tmp_path, "mcap", together(tree(MOUNT, gyro), rates)))
     assert log.yaw_rate.values == pytest.approx(sign * (0.4 + np.arange(N)))
 
 
 @pytest.mark.parametrize("kind", ["bag", "mcap", "db3"])
 def test_an_orientation_is_the_attitude_of_the_base(kind, tmp_path):
     """The IMU looks backward, so that what rolls it to the left rolls the base to the right."""
-
-    def messages(make):
-        gyro = ("base_link", "imu", (0.0, 0.0, 0.1), math.pi, 0.0)
-        items = [("/imu", t, make.imu(t, (0.0,) * 3, roll=0.01 * i)) for i, t in enumerate(T)]
-        return [*tree(MOUNT, gyro)(make), *items]
-
-    log = slams.load(bags.write(tmp_path, kind, messages))
+    gyro = ("base_link", "imu", (0.0, 0.0, 0.1), math.pi, 0.0)
+    rolls = each("/imu", lambda make, i, t: make.imu(t, (0.0,) * 3, roll=0.01 * i))
+    log = slams.load(bags.write(tmp_path, kind, together(tree(MOUNT, gyro), rolls)))
     assert log.attitude.values[:, 0] == pytest.approx(-0.01 * np.arange(N), abs=1e-9)
     assert log.attitude.values[:, 1] == pytest.approx(np.zeros(N), abs=1e-9)
     assert log.laser.mount_z == pytest.approx(MOUNT[2][2])
 
 
 def test_a_gyro_that_gives_no_rates_is_left_out(tmp_path):
-    def messages(make):
-        return tree(MOUNT)(make) + [("/imu", t, make.imu(t, (0, 0, 0), given=False)) for t in T]
-
-    assert slams.load(bags.write(tmp_path, "mcap", messages)).yaw_rate is None
+    bare = each("/imu", lambda make, _, t: make.imu(t, (0, 0, 0), given=False))
+    path = bags.write(tmp_path, "mcap", together(tree(MOUNT), bare))
+    assert slams.load(path).yaw_rate is None
 
 
 def test_changing_beams_are_brought_to_the_most_common(tmp_path):
     angles = np.linspace(-math.pi, math.pi, 360, endpoint=False)
     distance = 5.0 + np.cos(angles)
 
-    def messages(make):
-        every = []
-        for i, t in enumerate(T):
-            n, first = (350, 0.0) if i % 4 == 3 else (360, -math.pi)
-            step = 2.0 * math.pi / n
-            row = 5.0 + np.cos(first + step * np.arange(n))
-            every.append(("/scan", t, make.scan(t, row, angles=(first, step))))
-        return every
+    def scan(make, i, t):
+        n, first = (350, 0.0) if i % 4 == 3 else (360, -math.pi)
+        step = 2.0 * math.pi / n
+        return make.scan(t, 5.0 + np.cos(first + step * np.arange(n)), angles=(first, step))
 
-    log = slams.load(bags.write(tmp_path, "bag", messages))
+    log = slams.load(bags.write(tmp_path, "bag", each("/scan", scan)))
     assert log.ranges.shape == (N, 360)
     assert "3 of 12 scans have other beams and are resampled to the most common 360" in log.notes
     assert log.ranges[0] == pytest.approx(distance, abs=1e-5)
@@ -343,30 +316,26 @@ def test_changing_beams_are_brought_to_the_most_common(tmp_path):
 def test_other_beams_give_the_nearest_reading_and_none_where_there_is_none(tmp_path):
     row = np.arange(1.0, 11.0)
 
-    def messages(make):
-        every = [("/scan", t, make.scan(t, row, angles=(-0.5, 0.1))) for t in T]
-        shifted = make.scan(T[-1] + 1, row[:8], angles=(-0.26, 0.1))
-        return [*every, ("/scan", T[-1] + 1, shifted)]
+    def scan(make, i, t):
+        shifted = i == N - 1
+        return make.scan(t, row[:8] if shifted else row, angles=(-0.26 if shifted else -0.5, 0.1))
 
-    last = slams.load(bags.write(tmp_path, "bag", messages)).ranges[-1]
+    last = slams.load(bags.write(tmp_path, "bag", each("/scan", scan))).ranges[-1]
     assert np.isnan(last[:2]).all()  # -0.26 is nearest to -0.3
     assert last[2:].tolist() == row[:8].tolist()
 
 
 def test_the_first_echo_counts_and_none_is_nothing_seen(tmp_path):
-    def messages(make):
-        return [("/echoes", t, make.echoes(t, [[2.0, 3.0], [], [4.0]])) for t in T]
-
-    log = slams.load(bags.write(tmp_path, "mcap", messages))
+    echoes = each("/echoes", lambda make, _, t: make.echoes(t, [[2.0, 3.0], [], [4.0]]))
+    log = slams.load(bags.write(tmp_path, "mcap", echoes))
     assert log.ranges[0].tolist() == [2.0, math.inf, 4.0]
 
 
 def scans(**more):
-    return lambda make: [("/scan", t, make.scan(t, [1.0] * 31, **more)) for t in T]
+    return each("/scan", lambda make, _, t: make.scan(t, [1.0] * 31, **more))
 
 
-def first_empty(make):
-    return [("/scan", t, make.scan(t, [1.0] * 3 if t > T[0] else [])) for t in T]
+first_empty = each("/scan", lambda make, i, t: make.scan(t, [1.0] * 3 if i else []))
 
 
 @pytest.mark.parametrize(
@@ -374,7 +343,7 @@ def first_empty(make):
     [
         (scans_on("/scan"), "no transform from a base to the laser's frame 'laser'"),
         (tree((*MOUNT[:4], math.radians(30.0))), "the laser is tilted by 30 degrees"),
-        (lambda make: [("/scan", t, make.scan(0.0, [1.0])) for t in T], "the times of recording"),
+        (each("/scan", lambda make, *_: make.scan(0.0, [1.0])), "the times of recording"),
         (scans(beam=0.1), "does not fit a scan every 0.1 s; scans are taken as instantaneous"),
         (scans(limits=(0.1, 0.0)), "range_max is 0; 1.00 m are taken instead"),
         (scans(limits=(0.1, 1e9)), "are taken instead"),
@@ -443,9 +412,6 @@ def test_a_folder_without_metadata(kind, tmp_path):
 
 @pytest.mark.parametrize("kind", bags.KINDS[:5])
 def test_the_linear_reader_finds_all_that_the_library_finds(kind, tmp_path):
-    from slams.formats.bag import open_bag
-    from slams.formats.bag_salvage import salvaged
-
     path = bags.write(tmp_path, kind, drive)
     names = ["/scan", "/odom", "/imu", "/tf_static"]
     found = salvaged(path, kind.partition("-")[0])
@@ -494,10 +460,9 @@ def test_packed_and_old_bags_are_refused_with_the_way_out(content, command, tmp_
 
 
 def test_a_topic_without_a_name_is_none(tmp_path):
-    def messages(make):
-        return [*scans_on("/scan")(make), ("", T[0], make.odometry(T[0], 0, 0, 0))]
-
-    path = bags.write(tmp_path, "bag", messages)  # which the library cannot read
+    nameless = each("", lambda make, _, t: make.odometry(t, 0, 0, 0))
+    path = bags.write(tmp_path, "bag", together(scans_on("/scan"), nameless))
+    # which the library cannot read
     assert slams.load(path, salvage=True).odom is None
 
 

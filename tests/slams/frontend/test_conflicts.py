@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slams.test_world import box, cast, laser
 from slams.types import IDENTITY, Pose2, Scan
-from tests.rooms import ALGORITHMS, made
+from tests.rooms import ALGORITHMS, box, cast, laser, made
 
 HALL = np.array(box(-14.0, -14.0, 14.0, 14.0))
 SPARSE = laser(181, math.pi)

@@ -1,20 +1,22 @@
 """What wheels, stamps and single matches are worth to the front end."""
 
+import math
+
 import numpy as np
 import pytest
 
-from hector import Hector, HectorParams
 from slams.frontend import update_kernels
 from slams.frontend.degeneracy import ALL
 from slams.frontend.estimator import DEAD_RECKONING
 from slams.frontend.filter_kernels import DRIFT, N
 from slams.frontend.motion_filter import MotionFilter
 from slams.frontend.params import FrontendParams
+from slams.frontend.plain import PlainEstimator
 from slams.frontend.ranking import Candidate
 from slams.frontend.wheels import WheelSteps
 from slams.refine.lines import Match
 from slams.types import IDENTITY, Pose2
-from tests.rooms import LIDAR, scan_at
+from tests.rooms import LIDAR, made, scan_at, settled, still
 from tests.slams.frontend.test_filter import SHARP, scan
 
 
@@ -89,9 +91,7 @@ def test_late_stamps_widen_the_prior_by_the_way_that_is_driven_meanwhile():
 
 def test_against_wheels_a_good_match_is_taken_only_where_a_robot_gets_in_half_a_second():
     for turn, state in ((0.35, "matched"), (1.3, "predicted")):
-        slam = Hector(HectorParams())
-        for k in range(30):
-            slam.update(scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, odometry=IDENTITY))
+        slam = settled("hector", 30, odometry=IDENTITY)
         turned = Pose2(0.0, 0.0, turn)  # wheels that slipped, once
         for k in range(30, 35):
             pose = slam.update(scan_at(turned, LIDAR, t=0.1 * k, odometry=IDENTITY))
@@ -102,7 +102,7 @@ def test_against_wheels_a_good_match_is_taken_only_where_a_robot_gets_in_half_a_
 @pytest.mark.parametrize("wheels", [True, False])
 def test_a_scan_that_was_kept_back_shows_where_the_robot_was(wheels):
     """And the next one where it is; its velocity is none of a robot that jumped."""
-    slam = Hector(HectorParams())
+    slam = made("hector")
     way = [Pose2(0.05 * k, 0.0, 0.01 * k) for k in range(60)]
     for k in range(60):
         taken = way[k - 16 if k == 50 else k]
@@ -119,13 +119,41 @@ def test_a_score_is_what_scan_and_prior_say():
 
 @pytest.mark.parametrize(("shares", "maps"), [((0.0, 0.2), True), ((0.05, 0.45), False)])
 def test_where_nothing_matches_new_ground_enters_the_map(shares, maps, monkeypatch):
-    slam = Hector(HectorParams())
-    for k in range(5):
-        slam.update(scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, odometry=IDENTITY))
+    slam = settled("hector", 5, odometry=IDENTITY)
     monkeypatch.setattr(slam._map, "evaluate", lambda points, pose: shares)
     slam._estimator._usual = 1.0
     for k in range(5, 20):
-        slam.update(scan_at((0.0, 0.0, 0.0), LIDAR, t=0.1 * k, odometry=IDENTITY))
+        slam.update(still(k, odometry=IDENTITY))
         seconds = 0.1 * (k - 4)
         if abs(seconds - DEAD_RECKONING) > 0.05:
             assert slam._estimator.maps == (maps and seconds > DEAD_RECKONING)
+
+
+# where a paper's match starts
+
+
+def test_the_start_is_the_last_pose_moved_by_the_wheels():
+    estimator = PlainEstimator(FrontendParams())
+    estimator.predict(scan(0.0, Pose2(5.0, 0.0, math.pi / 2)))
+    prior = estimator.predict(scan(0.2, Pose2(5.0, 0.3, math.pi / 2 + 0.1)))
+    assert prior.pose == pytest.approx((0.3, 0.0, 0.1))
+    assert not prior.information.any()
+
+
+@pytest.mark.parametrize("wrong", [Pose2(0.1, 0.0, 1.5), Pose2(-40.0, 0.0, 0.0)])
+def test_wheels_that_jump_are_not_followed(wrong):
+    """The driver began anew, or a message is broken: the last step is made once more."""
+    estimator = PlainEstimator(FrontendParams(), motion_model=True)
+    estimator.predict(scan(0.0, Pose2(0.0, 0.0, 0.0)))
+    before = estimator.predict(scan(0.2, Pose2(0.1, 0.0, 0.0)))
+    after = estimator.predict(scan(0.4, Pose2(0.1, 0.0, 0.0) @ wrong))
+    assert after.pose == pytest.approx((0.2, 0.0, 0.0))
+    assert after.information[2, 2] < before.information[2, 2]
+    assert estimator.counts["odometry"] == 1
+
+
+def test_stamps_that_jitter_make_no_jump_of_a_step():
+    estimator = PlainEstimator(FrontendParams())
+    estimator.predict(scan(0.0, Pose2(0.0, 0.0, 0.0)))
+    prior = estimator.predict(scan(0.01, Pose2(0.3, 0.0, 0.0)))
+    assert prior.pose == pytest.approx((0.3, 0.0, 0.0))

@@ -1,12 +1,10 @@
 """The live commands as a user starts them, on loopback, in a domain of this process."""
 
 import os
-import subprocess
 import sys
 
-import pytest
-
 from tests.places import ROOT
+from tests.processes import in_session
 
 DOMAIN = 1 + os.getpid() % 100  # beyond, DDS would take ports that programs get by chance
 PATIENCE = 30.0  # [s] for a machine that is busy
@@ -23,28 +21,5 @@ def environment():
     }
 
 
-def command(module, *arguments, folder):
-    return subprocess.Popen(
-        [sys.executable, "-m", module, *map(str, arguments)],
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-@pytest.fixture
-def started():
-    """Starts commands, and ends those that are left."""
-    running = []
-
-    def start(*arguments, **more):
-        running.append(command(*arguments, **more))
-        return running[-1]
-
-    yield start
-    for process in running:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
+def started(module, *arguments, folder):
+    return in_session([sys.executable, "-m", module, *arguments], cwd=folder, env=environment())

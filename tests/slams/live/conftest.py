@@ -1,16 +1,9 @@
-import signal
-
 import pytest
 
-from tests.slams.live.commands import started
-
-__all__ = ["started"]
+from tests.slams.live.robots import mounted
 
 
-@pytest.fixture(autouse=True)
-def handlers():
-    """The commands change what Ctrl-C and SIGTERM do."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
+@pytest.fixture
+def stand(monkeypatch):
+    """A node on a bus of its own, its laser placed by tf."""
+    return mounted(monkeypatch)

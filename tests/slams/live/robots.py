@@ -1,12 +1,17 @@
-"""Robots for tests: nodes on a network in memory, fed by the player or message by message."""
+"""Robots for tests: nodes on a network in memory, fed by the player or message by message.
+
+What is sent arrives at once, in the thread that sends it.
+"""
 
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 
 import slams
 from slams import LiveSlam
 from slams.formats.bag import IMU, ODOMETRY, SCAN, TF, Record
+from slams.formats.frames import yaw_of
 from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live import node
@@ -15,12 +20,78 @@ from slams.live.options import NodeOptions, Quality, renamed
 from slams.live.recorder import Recorder
 from slams.live.robot import Robot
 from slams.player import replay
+from slams.scanlog import Track
 from slams.types import Pose2
-from tests.rooms import laser, scan_at
-from tests.slams.live.bus import Bus
+from tests.rooms import drive, laser, scan_at, way
 
 LASER = laser(91)
 MOUNT = Pose2(0.2, -0.05, 0.3)
+
+
+def robot_log(n=40, first=0.0, gyro=True):
+    """Scans at 10 Hz, odometry at 30 from `first` [s], a gyro at 100, on stamps of their own."""
+    log = drive(n=n, rate=10.0, lidar=laser(181, mount=MOUNT))
+    t = np.arange(first, log.t[-1] + 0.2, 1.0 / 30.0) + 0.003
+    poses = way(len(t), 1.0 / 30.0) + np.array([5.0, 1.0, 3.1])  # headings pass pi
+    poses[:, 2] = slams.types.wrap_angle(poses[:, 2])
+    turning = np.arange(0.0, log.t[-1] + 0.2, 0.01)
+    rate = Track(turning + 100.0, np.gradient(0.8 * np.sin(0.245 * turning), turning) + 0.001)
+    wheels = Track(t + 100.0, poses)
+    yaw_rate, name = rate if gyro else None, {"name": "robot"}
+    return slams.ScanLog(log.t + 100.0, log.ranges, log.laser, wheels, None, yaw_rate, name)
+
+
+class Bus:
+    """Topics that several transports share; `sent` gives all messages of a topic, decoded."""
+
+    def __init__(self):
+        self.types, self.callbacks, self.kept, self.raw = {}, {}, {}, {}
+
+    def transport(self):
+        return BusTransport(self)
+
+    def sent(self, topic):
+        return [store().deserialize_cdr(d, self.types[topic]) for d in self.raw.get(topic, [])]
+
+    def publish(self, topic, msgtype, message, quality=Quality.RELIABLE):
+        self.transport().advertise(topic, msgtype, quality).publish(
+            bytes(store().serialize_cdr(message, msgtype))
+        )
+
+
+class BusTransport:
+    def __init__(self, bus):
+        self.bus, self.wanted = bus, []
+        self.closed = False
+
+    def subscribe(self, topic, msgtype, quality, callback):
+        self.wanted.append((topic, msgtype, callback))
+
+    def advertise(self, topic, msgtype, quality):
+        bus = self.bus
+        bus.types[topic] = msgtype
+
+        def publish(data):
+            bus.raw.setdefault(topic, []).append(data)
+            if quality is Quality.LATCHED:
+                bus.kept[topic] = data
+            for kind, callback in bus.callbacks.get(topic, []):
+                if kind == msgtype:
+                    callback(Record(topic, msgtype, len(bus.raw[topic]), data))
+
+        return SimpleNamespace(publish=publish, subscribers=1)
+
+    def listen(self):
+        for topic, msgtype, callback in self.wanted:
+            self.bus.callbacks.setdefault(topic, []).append((msgtype, callback))
+            if topic in self.bus.kept:
+                callback(Record(topic, msgtype, 0, self.bus.kept[topic]))
+
+    def published(self, msgtype):
+        return sorted(topic for topic, kind in self.bus.types.items() if kind == msgtype)
+
+    def close(self):
+        self.closed = True
 
 
 class Ending:
@@ -140,6 +211,10 @@ def turned_over(message):
     q = message.transforms[0].transform.rotation
     q.x, q.y, q.z, q.w = q.w, q.z, 0.0, 0.0
     return message
+
+
+def planar(where, rotation):
+    return Pose2(where.x, where.y, yaw_of(rotation))
 
 
 def close(a, b):

@@ -10,25 +10,15 @@ import pytest
 import slams
 from slams import LiveSlam, Pose2, run
 from slams.formats.occupancy import write_map
+from slams.live import __main__ as command
 from slams.live.options import renamed
 from slams.live.robot import Robot
 from slams.live.slam import MAX_RESUME_GAP
-from slams.scanlog import Track
 from slams.types import IDENTITY
 from tests.floors import START, grid_of, seen, truth
-from tests.rooms import ROOM, box, cast, drive, laser, scan_at, way
-from tests.slams.live.bus import Bus
-from tests.slams.live.commands import PATIENCE
-from tests.slams.live.robots import Stand
-
-
-def robot_log(n=30):
-    """Scans at 10 Hz with odometry at 30, stamped on its own."""
-    log = drive(n=n, rate=10.0, lidar=laser(181, mount=Pose2(0.1, 0.0, 0.2)))
-    t = np.arange(-0.1, log.t[-1] + 0.2, 1.0 / 30.0) + 0.003
-    return slams.ScanLog(
-        log.t + 1.0, log.ranges, log.laser, Track(t + 1.0, way(len(t), 1.0 / 30.0))
-    )
+from tests.rooms import ROOM, box, cast, laser, scan_at
+from tests.slams.live.commands import PATIENCE, started
+from tests.slams.live.robots import Bus, Stand, robot_log
 
 
 def placed_log(n=24, rate=4.0):
@@ -54,7 +44,7 @@ def driven(stand, robot, moments):
 def test_going_on_from_a_state_equals_never_having_stopped(algorithm, monkeypatch, tmp_path):
     def stand_of(**begin):
         bus = Bus()
-        robot = Robot(robot_log(), bus.transport(), renamed())
+        robot = Robot(robot_log(30, -0.1, gyro=False), bus.transport(), renamed())
         return Stand(monkeypatch, algorithm, bus=bus, begin=begin), robot
 
     stand, robot = stand_of()
@@ -221,8 +211,6 @@ def test_what_does_not_fit_is_refused(folder, tmp_path):
     ],
 )
 def test_a_node_refuses_as_a_run_does(arguments, sentence, folder, monkeypatch, capsys):
-    from slams.live import __main__ as command
-
     monkeypatch.chdir(folder)
     monkeypatch.setattr(command, "transport_of", lambda *_: Bus().transport())
     for main, log in ((command.main, []), (run.main, ["placed.npz"])):
@@ -231,7 +219,7 @@ def test_a_node_refuses_as_a_run_does(arguments, sentence, folder, monkeypatch, 
         assert sentence in error and error.count("\n") == 1
 
 
-def test_states_and_maps_over_the_network(folder, started, tmp_path):
+def test_states_and_maps_over_the_network(folder, tmp_path):
     pytest.importorskip("cyclonedds", reason="needs the extra live")
     log, state = placed_log(), tmp_path / "room.state"
     log.rows(slice(None, 12)).save(tmp_path / "first.npz")

@@ -15,7 +15,7 @@ from slams.live.options import MAP, STATUS, TYPES, Quality
 from slams.player import replay
 from slams.types import OccupancyGrid, Pose2
 from tests.rooms import drive, laser
-from tests.slams.live.commands import DOMAIN, PATIENCE, environment
+from tests.slams.live.commands import DOMAIN, PATIENCE, started
 
 transport = pytest.importorskip("slams.live.transport", reason="needs the extra live")
 
@@ -65,14 +65,20 @@ def test_names_are_ros_2s():
     assert transport.type_name(SCAN) == "sensor_msgs::msg::dds_::LaserScan_"
 
 
+def joined(sender, receiver, topic, msgtype):
+    """An outlet of a sender, and what a receiver gets of it."""
+    got = []
+    receiver.subscribe(topic, msgtype, Quality.RELIABLE, got.append)
+    outlet = sender.advertise(topic, msgtype, Quality.RELIABLE)
+    receiver.listen()
+    until(lambda: outlet.subscribers)
+    return outlet, got
+
+
 @pytest.mark.parametrize("msgtype", TYPES)
 def test_every_message_arrives_byte_by_byte(msgtype, transports):
     data = packed(msgtype)
-    sender, receiver, got = transports(), transports(), []
-    receiver.subscribe("/topic", msgtype, Quality.RELIABLE, got.append)
-    outlet = sender.advertise("/topic", msgtype, Quality.RELIABLE)
-    receiver.listen()
-    until(lambda: outlet.subscribers)
+    outlet, got = joined(transports(), transports(), "/topic", msgtype)
     outlet.publish(data)
     until(lambda: got)
     assert got[0].data[: len(data)] == data
@@ -130,15 +136,11 @@ def test_a_map_stays_for_who_comes_later_and_a_scan_does_not(transports):
 
 
 def test_messages_of_ones_own_do_not_come_back(transports):
-    first, other, mine, its = transports(), transports(), [], []
-    data = packed(TF)
+    first, mine = transports(), []
     first.subscribe("/tf", TF, Quality.RELIABLE, mine.append)
-    other.subscribe("/tf", TF, Quality.RELIABLE, its.append)
-    outlet = first.advertise("/tf", TF, Quality.RELIABLE)
     first.listen()
-    other.listen()
-    until(lambda: outlet.subscribers)
-    outlet.publish(data)
+    outlet, its = joined(first, transports(), "/tf", TF)
+    outlet.publish(packed(TF))
     until(lambda: its)
     assert mine == []
 
@@ -171,7 +173,7 @@ def turtlebot(n=25):
     return slams.ScanLog(log.t, log.ranges, log.laser, fine.odom, None, None, {"name": "tb"})
 
 
-def test_a_run_of_the_recording_gives_the_poses_of_the_robot(transports, started, tmp_path):
+def test_a_run_of_the_recording_gives_the_poses_of_the_robot(transports, tmp_path):
     turtlebot().save(tmp_path / "tb.npz")
     watcher, maps, moves = transports(), [], []
     watcher.subscribe("/map", MAP, Quality.LATCHED, maps.append)
@@ -211,7 +213,7 @@ def to_odom(record):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_ended_before_the_first_scan(number, started, tmp_path):
+def test_ended_before_the_first_scan(number, tmp_path):
     live = started("slams.live", "odometry", "--record", "seen.mcap", folder=tmp_path)
     assert "ready" in live.stderr.readline()
     live.send_signal(number)
@@ -219,36 +221,3 @@ def test_ended_before_the_first_scan(number, started, tmp_path):
     assert live.returncode == 1
     assert error == "slams live: ended before the first scan; nothing is written\n"
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("line", "sentence"),
-    [
-        ("live hectro", "did you mean 'hector'"),
-        ("live odometry --domain-id 300", "domain: got 300, expected 0 to 232"),
-        ("live odometry --map-every -1", "--map-every: got -1, expected 0 s or"),
-        ("live odometry --record a.bag", "expected a name that ends in .mcap"),
-        ("live hector --map m --map-every 9", "--map-every: got --localize"),
-        ("play nothing.npz", "nothing.npz: no such file"),
-        ("play room.npz --no-odometry --odom none", "--no-odometry: got --odom"),
-        ("play room.npz --rate 0", "--rate: got 0"),
-        ("play room.npz --wait-for-subscriber nan", "got nan, expected 0 s or more"),
-        ("play room.npz --remap scan", "--remap: got 'scan', expected /FROM:=/TO"),
-        ("play room.npz --remap /a:=/b", "--remap: /a is no topic here"),
-    ],
-)
-def test_what_is_wrong_on_the_command_line_is_one_sentence(
-    line, sentence, tmp_path, monkeypatch, capsys
-):
-    from slams import play
-    from slams.live import __main__ as live
-
-    drive(n=3).save(tmp_path / "room.npz")
-    monkeypatch.chdir(tmp_path)
-    for name, value in environment().items():
-        monkeypatch.setenv(name, value)
-    command, *arguments = line.split()
-    assert {"live": live.main, "play": play.main}[command](arguments) == 2
-    error = capsys.readouterr().err
-    assert sentence in error
-    assert error.count("\n") == 1

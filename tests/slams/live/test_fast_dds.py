@@ -13,7 +13,7 @@ from slams.formats.ros_maker import Maker
 from slams.formats.ros_store import store
 from slams.live.options import MAP
 from tests.rooms import laser, scan_at
-from tests.slams.live.commands import DOMAIN, PATIENCE
+from tests.slams.live.commands import DOMAIN, PATIENCE, started
 
 pytest.importorskip("cyclonedds", reason="needs the extra live")
 
@@ -39,11 +39,7 @@ def peer(tmp_path):
     return program
 
 
-def test_a_robot_with_fast_dds_is_mapped_and_gets_map_pose_and_transform(
-    peer,
-    started,
-    tmp_path,
-):
+def test_a_robot_with_fast_dds_is_mapped_and_gets_map_pose_and_transform(peer, tmp_path):
     scan = scan_at((0.0, 0.0, 0.0), laser(91))
     message = Maker().scan(0, "laser", scan.laser, scan.ranges, 0.1)
     (tmp_path / "scan.cdr").write_bytes(bytes(store().serialize_cdr(message, SCAN)))

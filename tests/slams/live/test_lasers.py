@@ -202,8 +202,7 @@ def test_a_constant_orientation_is_no_attitude(monkeypatch):
     assert stand.node.buffer.yaw_at(1.0) is not None
 
 
-def test_a_robot_that_stands_still_keeps_its_attitude(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_a_robot_that_stands_still_keeps_its_attitude(stand):
     for t in (0.0, 0.1):
         stand.bus.publish("/tf", TF, message := tilted(t))
     for k in range(2 * FEW):
@@ -214,8 +213,7 @@ def test_a_robot_that_stands_still_keeps_its_attitude(monkeypatch):
     assert stand.node.buffer.attitude_at(0.5) == pytest.approx(true(0.1))
 
 
-def test_nothing_is_known_in_a_gap(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_nothing_is_known_in_a_gap(stand):
     for t in (0.0, 0.1, 0.2, 1.2, 1.3):
         stand.bus.publish("/tf", TF, tilted(t))
     stand.scan(0.05)
@@ -225,8 +223,7 @@ def test_nothing_is_known_in_a_gap(monkeypatch):
     assert at(0.7) is None and at(1.4) is None
 
 
-def test_odometry_of_the_level_frame_is_that_of_the_tilting_base(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_odometry_of_the_level_frame_is_that_of_the_tilting_base(stand):
     for k in range(12):
         stand.bus.publish("/tf", TF, tilted(0.1 * k, parent="base_footprint"))
         stand.moved(0.1 * k, (0.1 * k, 0.0, 0.0), child="base_footprint")

@@ -7,14 +7,13 @@ import pytest
 
 import slams
 from slams import LiveSlam, metrics
-from slams.formats.frames import yaw_of
 from slams.live.__main__ import write_results
 from slams.live.publisher import MapThread
 from slams.ros.stamps import seconds
 from slams.types import Pose2
 from tests.rooms import drive
 from tests.slams.live.commands import PATIENCE
-from tests.slams.live.robots import Stand, close
+from tests.slams.live.robots import Stand, close, planar
 from tests.slams.loops.test_looped import around
 
 
@@ -69,10 +68,6 @@ def test_a_snapshot_is_not_touched_by_later_scans(name):
 
 
 DRIFTING = "tests.wheels:Drifting+loops"
-
-
-def planar(where, rotation):
-    return Pose2(where.x, where.y, yaw_of(rotation))
 
 
 @pytest.fixture(scope="module")

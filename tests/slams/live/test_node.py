@@ -5,42 +5,24 @@ import math
 import numpy as np
 import pytest
 
-import slams
 from slams.formats.bag import SCAN, TF
-from slams.formats.frames import yaw_of
 from slams.formats.ros_maker import UNKNOWN, percent
 from slams.live import node
 from slams.live.options import NodeOptions, Quality
 from slams.live.recorder import Recorder
 from slams.ros.stamps import seconds
-from slams.scanlog import Track
 from slams.types import Pose2
-from tests.rooms import drive, laser, way
-from tests.slams.live.robots import LASER, MOUNT, Ending, Stand, close, mounted, turned_over
-
-
-def robot_log(n=40, **more):
-    """Scans at 10 Hz, odometry at 30, a gyro at 100, each with stamps of its own."""
-    log = drive(n=n, rate=10.0, lidar=laser(181, mount=MOUNT, **more))
-    t = np.arange(0.0, log.t[-1] + 0.2, 1.0 / 30.0) + 0.003
-    poses = way(len(t), 1.0 / 30.0) + np.array([5.0, 1.0, 3.1])  # headings pass pi
-    poses[:, 2] = slams.types.wrap_angle(poses[:, 2])
-    gyro_t = np.arange(0.0, log.t[-1] + 0.2, 0.01)
-    gyro = Track(gyro_t, np.gradient(0.8 * np.sin(0.245 * gyro_t), gyro_t) + 0.001)
-    return slams.ScanLog(
-        log.t + 100.0,
-        log.ranges,
-        log.laser,
-        Track(t + 100.0, poses),
-        None,
-        Track(gyro_t + 100.0, gyro.values),
-        {"name": "robot"},
-    )
-
-
-def pose_of(message):
-    where = message.transforms[0].transform
-    return Pose2(where.translation.x, where.translation.y, yaw_of(where.rotation))
+from tests.slams.live.robots import (
+    LASER,
+    MOUNT,
+    Ending,
+    Stand,
+    close,
+    mounted,
+    planar,
+    robot_log,
+    turned_over,
+)
 
 
 @pytest.mark.parametrize("algorithm", ["hector", "crsm"])
@@ -70,9 +52,10 @@ def test_the_transform_joins_map_and_odometry_and_the_pose_is_the_algorithms(mon
         edge = tf.transforms[0]
         assert (edge.header.frame_id, edge.child_frame_id) == ("map", "odom")
         assert seconds(edge.header.stamp) == pytest.approx(t + 0.1, abs=1e-6)
-        assert close(pose_of(tf) @ stand.node.buffer.odometry_at(t), pose)
-        at = said.pose.pose
-        assert close((at.position.x, at.position.y, yaw_of(at.orientation)), pose)
+        shift, at = edge.transform, said.pose.pose
+        odom = planar(shift.translation, shift.rotation)
+        assert close(odom @ stand.node.buffer.odometry_at(t), pose)
+        assert close(planar(at.position, at.orientation), pose)
         assert said.header.frame_id == "map"
     covariance = posed[-1].pose.covariance.reshape(6, 6)
     assert np.array_equal(
@@ -155,8 +138,7 @@ def test_odometry_of_another_frame_is_carried_to_the_base(monkeypatch):
     assert close(stand.node.buffer.odometry_at(1.0), (0.0, 1.0, 0.5 * math.pi))
 
 
-def test_odometry_that_comes_after_its_scan_is_waited_for(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_odometry_that_comes_after_its_scan_is_waited_for(stand, monkeypatch):
     stand.odometry(0.0, (0.0, 0.0, 0.0))
     stand.scan(1.0)
     stand.start()
@@ -172,8 +154,7 @@ def test_odometry_that_comes_after_its_scan_is_waited_for(monkeypatch):
     assert stand.node.drive.estimate.map_to_odom is not None
 
 
-def test_a_scan_goes_without_odometry_that_does_not_come(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_a_scan_goes_without_odometry_that_does_not_come(stand):
     stand.odometry(0.0, (0.0, 0.0, 0.0))
     stand.scan(1.0)
     stand.start_and_drive()
@@ -201,26 +182,23 @@ def test_scans_are_waited_for_with_the_topics_there_are(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("base", "sentence"),
+    ("base", "said", "frames"),
     [
-        ("robot", "no fixed way from robot to the laser's frame laser; frames: base_link, camera"),
-        (None, "no fixed way from a base to the laser's frame laser; frames: base_link, camera"),
+        ("robot", "robot", "base_link, camera"),
+        (None, "a base", "base_link, camera"),
+        ("robot", "robot", "none"),  # a base that was named
     ],
 )
-def test_a_frame_that_is_not_in_tf_is_waited_for(base, sentence, monkeypatch):
+def test_a_frame_that_is_not_in_tf_is_waited_for(base, said, frames, monkeypatch):
     stand = Stand(monkeypatch, base_frame=base)
-    stand.tf(("base_link", "camera", MOUNT))
+    if frames != "none":
+        stand.tf(("base_link", "camera", MOUNT))
     stand.scan(0.0)
+    sentence = f"no fixed way from {said} to the laser's frame laser; frames: {frames}"
     assert sentence in waits(stand, monkeypatch)[-1]
     stand.start(Ending(100, lambda: stand.tf((base or "base_link", "laser", MOUNT))))
     stand.drive()
     assert stand.node.report()["base_frame"] == (base or "base_link")
-
-
-def test_without_tf_a_base_that_was_named_is_waited_for(monkeypatch):
-    stand = Stand(monkeypatch, base_frame="robot")
-    stand.scan(0.0)
-    assert "from robot to the laser's frame laser; frames: none" in waits(stand, monkeypatch)[-1]
 
 
 def test_without_tf_the_laser_is_the_base(monkeypatch):
@@ -231,8 +209,7 @@ def test_without_tf_the_laser_is_the_base(monkeypatch):
     assert stand.bus.sent("/tf")[0].transforms[0].child_frame_id == "laser"
 
 
-def test_what_is_assumed_of_the_laser_is_told_once(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_what_is_assumed_of_the_laser_is_told_once(stand):
     limitless = stand.make.scan(0, "laser", LASER, np.full(91, 2.0, np.float32), 0.1)
     limitless.range_max = 0.0
     stand.bus.publish("/scan", SCAN, limitless)
@@ -246,9 +223,8 @@ def test_what_is_assumed_of_the_laser_is_told_once(monkeypatch):
     assert sum("no transform to the gyro's frame 'somewhere'" in said for said in stand.said) == 1
 
 
-def test_what_waits_while_frames_are_sought_is_not_left_out(monkeypatch):
+def test_what_waits_while_frames_are_sought_is_not_left_out(stand, monkeypatch):
     monkeypatch.setattr(node, "MAX_WAITING", 2)
-    stand = mounted(monkeypatch)
     for k in range(10):
         stand.scan(0.1 * k)
     stand.start_and_drive()
@@ -262,8 +238,7 @@ def test_what_waits_while_frames_are_sought_is_not_left_out(monkeypatch):
     assert any(said.startswith("8 scans left out so far") for said in stand.said)
 
 
-def test_odd_messages_are_left_out_and_said_once(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_odd_messages_are_left_out_and_said_once(stand):
     stand.scan(0.0)
     stand.start()
     broken = stand.bus.transport().advertise("/scan", SCAN, Quality.SENSOR)
@@ -283,8 +258,7 @@ def test_odd_messages_are_left_out_and_said_once(monkeypatch):
     assert any("two lasers on one topic" in said for said in stand.said)
 
 
-def test_a_laser_that_begins_with_empty_scans_is_waited_for(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_a_laser_that_begins_with_empty_scans_is_waited_for(stand):
     empty = stand.make.scan(0, "", LASER, np.zeros(0, np.float32), 0.1)
     stand.bus.publish("/scan", SCAN, empty)
     stand.scan(0.1)
@@ -293,8 +267,7 @@ def test_a_laser_that_begins_with_empty_scans_is_waited_for(monkeypatch):
     assert "a scan of /scan has no beams or no directions; such scans are left out" in stand.said
 
 
-def test_a_network_that_takes_nothing_does_not_stop_the_robot(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_a_network_that_takes_nothing_does_not_stop_the_robot(stand):
     stand.scan(0.0)
     stand.start()
 

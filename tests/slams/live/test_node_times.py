@@ -7,12 +7,22 @@ import pytest
 
 from slams.live import diagnostics, node
 from slams.live.estimate import LATE_IN_A_ROW
-from tests.slams.live.robots import Ending, mounted
+from tests.slams.live.robots import Ending
+
+
+def driven(stand, stamps):
+    """The node after odometry and a scan of each of these stamps."""
+    for n, t in enumerate(stamps):
+        stand.odometry(t, (0.01 * n, 0.0, 0.0))
+        stand.scan(t)
+        if n == 0:
+            stand.start()
+        stand.drive()
+    return stand.node
 
 
 @pytest.mark.parametrize(("settling", "source"), [(60.0, None), (0.0, "tf")])
-def test_odometry_and_tf_have_some_time_to_begin(settling, source, monkeypatch):
-    stand = mounted(monkeypatch)
+def test_odometry_and_tf_have_some_time_to_begin(settling, source, stand, monkeypatch):
     monkeypatch.setattr(node, "SETTLING_TIME", settling)
     stand.moved(0.0, (0.0, 0.0, 0.0))
     stand.scan(0.0)
@@ -20,25 +30,18 @@ def test_odometry_and_tf_have_some_time_to_begin(settling, source, monkeypatch):
     assert stand.node.buffer.source == source
 
 
-def test_a_clock_that_is_set_back_is_followed_with_its_odometry(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_a_clock_that_is_set_back_is_followed_with_its_odometry(stand):
     stamps = [100.0 + 0.1 * k for k in range(5)] + [3.0 + 0.1 * k for k in range(20)]
-    for n, t in enumerate(stamps):
-        stand.odometry(t, (0.01 * n, 0.0, 0.0))
-        stand.scan(t)
-        if n == 0:
-            stand.start()
-        stand.drive()
-    report = stand.node.report()
+    node = driven(stand, stamps)
+    report = node.report()
     assert (report["clock_set_back"], report["late"]) == (1, LATE_IN_A_ROW + 1)
-    assert stand.node.drive.t[5:] == pytest.approx(stamps[5 + LATE_IN_A_ROW :])
-    assert stand.node.drive.estimate.map_to_odom is not None
-    x = np.array(stand.node.drive.poses)[:, 0]
+    assert node.drive.t[5:] == pytest.approx(stamps[5 + LATE_IN_A_ROW :])
+    assert node.drive.estimate.map_to_odom is not None
+    x = np.array(node.drive.poses)[:, 0]
     assert np.diff(x[5:])[1:] == pytest.approx(0.01)
 
 
-def test_a_laser_that_is_plugged_in_again_is_mapped_on(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_a_laser_that_is_plugged_in_again_is_mapped_on(stand, monkeypatch):
     stand.scan(0.0)
     stand.start_and_drive()
     real = time.monotonic
@@ -52,8 +55,7 @@ def test_a_laser_that_is_plugged_in_again_is_mapped_on(monkeypatch):
     assert len(stand.node.drive.t) == 2
 
 
-def test_delays_are_of_scans_that_waited_for_nothing_but_the_algorithm(monkeypatch):
-    stand = mounted(monkeypatch)
+def test_delays_are_of_scans_that_waited_for_nothing_but_the_algorithm(stand):
     for k in range(4):
         stand.scan(0.1 * k)
     stand.start_and_drive()
@@ -63,12 +65,6 @@ def test_delays_are_of_scans_that_waited_for_nothing_but_the_algorithm(monkeypat
     assert len(stand.node.drive.t) == 5 and len(stand.node.drive.delays) == 1
 
 
-def test_a_clock_that_jumps_ahead_goes_on_there(monkeypatch):
-    stand = mounted(monkeypatch)
-    for n, t in enumerate([0.0, 0.1, 5000.0, 5000.1]):
-        stand.odometry(t, (0.01 * n, 0.0, 0.0))
-        stand.scan(t)
-        if n == 0:
-            stand.start()
-        stand.drive()
-    assert stand.node.drive.t == [0.0, 0.1, 5000.0, 5000.1]
+def test_a_clock_that_jumps_ahead_goes_on_there(stand):
+    stamps = [0.0, 0.1, 5000.0, 5000.1]
+    assert driven(stand, stamps).drive.t == stamps

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 import slams
-from slams.formats.frames import yaw_of
 from slams.live import series
 from slams.live.estimate import LATE_IN_A_ROW
 from slams.live.options import renamed
 from slams.live.robot import Robot
 from slams.live.series import IntegralSeries, PoseSeries, Series
+from slams.ros.stamps import seconds
 from slams.track import MAX_ATTITUDE_GAP, Track
 from slams.types import Pose2, wrap_angle
 from tests.rooms import drive, laser
-from tests.slams.live.bus import Bus
+from tests.slams.live.robots import Bus, planar
 
 
 def test_poses_and_headings_are_bit_for_bit_those_of_the_recorded_track():
@@ -82,10 +82,6 @@ def test_nobody_waits_for_what_has_fallen_silent(monkeypatch):
     assert not line.holds_up(1.5)
 
 
-def seconds(message):
-    return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-
-
 @pytest.fixture
 def sweeping():
     return drive(n=4, rate=10.0, lidar=laser(11, time_increment=0.005))
@@ -104,12 +100,11 @@ def test_a_scan_is_sent_when_its_last_beam_is_measured_and_odometry_when_it_is(s
     assert order[:4] == first
     assert len(order) == 12
     scan, said, moved = (bus.sent(topic)[2] for topic in ("/scan", "/odom", "/tf"))
-    assert seconds(scan) == seconds(said) == pytest.approx(0.2)  # stamped with the first beam
+    first, other = (seconds(message.header.stamp) for message in (scan, said))
+    assert first == other == pytest.approx(0.2)  # stamped with the first beam
     assert scan.time_increment == pytest.approx(0.005)
     at, edge = said.pose.pose, moved.transforms[0]
-    assert (at.position.x, at.position.y, yaw_of(at.orientation)) == pytest.approx(
-        sweeping.odom.values[2]
-    )
+    assert planar(at.position, at.orientation) == pytest.approx(sweeping.odom.values[2])
     assert edge.transform.translation.x == at.position.x
     assert (edge.header.frame_id, edge.child_frame_id) == ("odom", said.child_frame_id)
     assert bus.sent("/imu")[2].angular_velocity.z == pytest.approx(sweeping.yaw_rate.values[2])
@@ -121,7 +116,8 @@ def test_stamps_that_ros_cannot_hold_begin_at_zero(sweeping):
     robot = Robot(early, bus.transport(), renamed(["/scan:=/front/scan"]))
     for moment in robot.moments:
         robot.send(moment)
-    assert [seconds(scan) for scan in bus.sent("/front/scan")] == pytest.approx([0, 0.1, 0.2, 0.3])
+    stamps = [seconds(scan.header.stamp) for scan in bus.sent("/front/scan")]
+    assert stamps == pytest.approx([0, 0.1, 0.2, 0.3])
     assert set(bus.raw) == {"/front/scan", "/tf_static"}
 
 

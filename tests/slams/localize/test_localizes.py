@@ -11,7 +11,7 @@ import slams
 from slams.formats.occupancy import write_map
 from slams.localize import Localizer, Localizes, MapIndex, open_map, prepare
 from slams.localize.distance_map import DistanceMap
-from slams.localize.source import find_start, pose_of, start_at
+from slams.localize.source import find_start, start_at
 from slams.localize.virtual import build, ranges_at, scans_of, stations
 from slams.params import Params
 from slams.registry import find
@@ -23,11 +23,6 @@ from tests.test_readme_code import block
 from tests.wheels import Drifting
 
 OFFERING = [label for label in labels() if isinstance(made(label), Localizes)]
-
-
-@pytest.fixture(scope="module")
-def room():
-    return MapIndex(grid_of(ROOM))
 
 
 @pytest.fixture(scope="module")
@@ -176,28 +171,25 @@ def files(tmp_path, log):
     return tmp_path
 
 
+def localized(files, log, *more):
+    """The exit code of hector in the map of this folder."""
+    there = ("--localize", files / "map.yaml", "--out", files / "o", "--force")
+    return command("hector", files / log, *there, *more)
+
+
 def errors(folder):
     rows = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1)
     return np.hypot(*(rows[:, 1:3] - truth()[-len(rows) :, :2]).T)
 
 
 def test_a_run_localizes_in_a_map_of_map_server(files, capsys):
-    there = (
-        "hector",
-        files / "room.npz",
-        "--localize",
-        files / "map.yaml",
-        "--out",
-        files / "o",
-        "--force",
-    )
-    assert command(*there) == 0
+    assert localized(files, "room.npz") == 0
     said = capsys.readouterr().err
     assert "note: found at 0.3" in said and "explained) by scan 0 of 40" in said
     assert errors(files / "o").max() < 0.05 and len(errors(files / "o")) == 40
     report = json.loads((files / "o" / "summary.json").read_text())["report"]
     assert report["explained"] > 0.9
-    assert command(*there, "--start=0.35,-0.2,0.4", "--limit", "9") == 0
+    assert localized(files, "room.npz", "--start=0.35,-0.2,0.4", "--limit", "9") == 0
     assert "% of the scan explained" in capsys.readouterr().err
     assert len(errors(files / "o")) == 9
 
@@ -206,8 +198,7 @@ def test_a_run_begins_at_the_scan_that_is_found(files, log, capsys):
     ranges = log.ranges.copy()
     ranges[:3] = np.nan
     type(log)(log.t, ranges, log.laser).save(files / "late.npz")
-    there = ("--localize", files / "map.yaml", "--out", files / "o", "--force")
-    assert command("hector", files / "late.npz", *there) == 0
+    assert localized(files, "late.npz") == 0
     assert "by scan 3 of 40" in capsys.readouterr().err
     assert len(errors(files / "o")) == 37 and errors(files / "o").max() < 0.05
 
@@ -237,24 +228,7 @@ def test_what_is_never_sure_ends_with_the_likely_places(files, log):
         find_start(MapIndex(grid_of(square)), still)
     write_map(files, grid_of(square))
     still.save(files / "still.npz")
-    assert command("hector", files / "still.npz", "--localize", files / "map.yaml", "-q") == 1
-
-
-def test_what_does_not_fit_is_refused_in_one_sentence(files, capsys):
-    log, there = files / "room.npz", ["--localize", files / "map.yaml"]
-    (files / "bad.yaml").write_text("image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
-    for arguments, sentence in (
-        (["hector", log, "--localize", files / "bad.yaml"], "no such picture as none.pgm"),
-        (["hector", log, "--localize", log], "not a state"),
-        (["odometry", log, *there], "odometry cannot localize in a map that is given"),
-    ):
-        assert command(*arguments, "--out", files / "out") == 2
-        captured = capsys.readouterr()
-        assert sentence in captured.err and captured.err.count("\n") == 1
-    assert not (files / "out").exists()
-    for text in ("1,2,nan", "a,b,c", ""):
-        with pytest.raises(ValueError, match="--start"):
-            pose_of(text)
+    assert localized(files, "still.npz", "-q") == 1
 
 
 @pytest.mark.parametrize("word", ["load_state(folder", "GlobalLocalizer(slam.map())", "map=state"])

@@ -23,10 +23,8 @@ HERE, THERE = Pose2(0.0, 0.0, 0.0), Pose2(5.0, 1.0, 0.0)
 class Guide(MapIndex):
     """An index that takes every pose for right, `drift` further on; it counts the searches."""
 
-    score = 0.9
-
-    def __init__(self, *poses, drift=IDENTITY):
-        self.poses, self.drift, self.searches = poses, drift, 0
+    def __init__(self, *poses, drift=IDENTITY, score=0.9):
+        self.poses, self.drift, self.score, self.searches = poses, drift, score, 0
 
     def prepare(self, work):
         return True
@@ -88,8 +86,7 @@ def test_the_map_is_searched_again_after_a_way_or_a_turn(guided, odometry, searc
 def test_standing_still_the_map_is_searched_again_only_where_it_does_not_explain(
     guided, score, searches
 ):
-    guide = Guide(HERE, THERE)
-    guide.score = score
+    guide = Guide(HERE, THERE, score=score)
     localizer = GlobalLocalizer(guide)
     for t in (0.0, 0.5 * SEARCH_TIME, 0.95 * SEARCH_TIME):
         localizer.add(stamped(t))
@@ -130,9 +127,7 @@ def test_probabilities_stay_between_searches_and_count_in_the_next(guided):
 
 def test_a_pose_that_the_map_does_not_explain_is_not_found_however_alone(guided):
     for score, failed in ((0.9, False), (0.4, True)):
-        guide = Guide(HERE)
-        guide.score = score
-        localizer = GlobalLocalizer(guide)
+        localizer = GlobalLocalizer(Guide(HERE, score=score))
         assert (localizer.add(stamped(0.0)) is None) == failed == localizer.failed
         assert [c.pose for c in localizer.candidates] == [HERE]
 

@@ -12,13 +12,12 @@ from slams.refine.params import RefineParams
 from slams.refine.surface_kernels import Hits, Splat, add_scan, add_to_cell, spread
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Pose2
-from tests.rooms import laser, scan_at
+from tests.rooms import NOTHING, laser, scan_at
 
 LIDAR = laser(721)
 SIZE, CELL = 240, 0.05
 FIRST = (-6.0, -6.0)
 FREE = -0.5
-NOTHING = Prior(IDENTITY, np.zeros((3, 3)))
 
 
 def blank(**changes):

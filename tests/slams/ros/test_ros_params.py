@@ -159,7 +159,6 @@ def test_what_another_file_says_is_noted(tmp_path):
         ),
         ("gmapping", "throttle_scans: 3", "refused throttle_scans: 3 .say --every"),
         ("tsd", "robot_nbr: 2", "one robot, one laser"),
-        ("kiss", "delta: 1", "Kiss has no original in ROS"),
         ("gmapping", "particles: many", "gmapping: particles = many: parameter 'n_particles': got"),
         ("gmapping", "delta: 99", "delta = 99: parameter 'resolution': got 99.0, expected 0.01"),
         ("tsd@original", "registration_mode: 1", "expected one of 0, 3"),
