@@ -180,6 +180,15 @@ def test_a_bad_log_is_refused_in_one_sentence(tmp_path, changes, sentence):
     assert "log.npz" in str(caught.value)
 
 
+def test_a_truncated_file_is_refused_wherever_it_is_cut(tmp_path):
+    whole = written(tmp_path).read_bytes()
+    cut = tmp_path / "cut.npz"
+    for size in range(0, len(whole), 97):
+        cut.write_bytes(whole[:size])
+        with pytest.raises(ValueError, match=r"cut\.npz: "):
+            load(cut)
+
+
 def test_other_files_are_refused(tmp_path):
     path = tmp_path / "x.npz"
     path.write_bytes(pickle.dumps([1, 2, 3]))

@@ -7,7 +7,7 @@ from tests.places import ROOT
 from tests.processes import in_session
 
 DOMAIN = 1 + os.getpid() % 100  # beyond, DDS would take ports that programs get by chance
-PATIENCE = 30.0  # [s] for a machine that is busy
+PATIENCE = 60.0  # [s] for a machine that is busy
 
 
 def environment():
