@@ -76,6 +76,16 @@ def test_few_scans_a_second_are_enough(name):
     assert run.report["searched"] == run.report["predicted"] == 0
 
 
+@pytest.mark.parametrize("turn", [0.8, 2.0, 3.0])
+@each
+def test_the_second_scan_is_found_however_far_the_robot_turned_meanwhile(name, turn):
+    """At one scan a second nothing is known of the motion yet, nor what a match explains usually."""
+    slam, step = made(name), Pose2(0.3, 0.0, turn)
+    for k, pose in enumerate((FIRST, FIRST @ step)):
+        found = slam.update(noisy(pose, k, t=float(k)))
+    assert found == pytest.approx(step, abs=5e-3)
+
+
 @each
 def test_wheels_and_gyro_are_used_only_if_wanted(name):
     for wheels, gyro in ((True, False), (False, True)):

@@ -56,7 +56,7 @@ class PoseEstimator:
         self._filter = MotionFilter(params)
         self._pose = self._filter.pose
         self._prior = self._filter.prediction()
-        self._usual = 0.0  # agreement of the matches so far
+        self._usual = 1.0  # agreement of the matches so far
         self._unmatched = 0.0  # s since the last match
         self._by_wheels = True  # all that time
         self._new_ground = 0.0  # s, all that time: share of beams in new ground less in conflict
@@ -167,7 +167,7 @@ class PoseEstimator:
         else:
             seen = self._observed(points, match)
             self._pose = self._filter.update(match.pose, match.seen, seen)
-        share = min(1.0, self._prior.dt / MEMORY) if self._usual > 0.0 else 1.0
+        share = min(1.0, self._prior.dt / MEMORY)
         if self._is_usual(best):
             self._unconfirmed = 0.0
         elif self._unconfirmed <= 0.0 and (self._lost or self._refuted):
