@@ -79,7 +79,7 @@ def test_few_scans_a_second_are_enough(name):
 @pytest.mark.parametrize("turn", [0.8, 2.0, 3.0])
 @each
 def test_the_second_scan_is_found_however_far_the_robot_turned_meanwhile(name, turn):
-    """At one scan a second nothing is known of the motion yet, nor what a match explains usually."""
+    """At one scan a second neither motion nor what a match usually explains is known."""
     slam, step = made(name), Pose2(0.3, 0.0, turn)
     for k, pose in enumerate((FIRST, FIRST @ step)):
         found = slam.update(noisy(pose, k, t=float(k)))

@@ -5,17 +5,21 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import replace
 
+import numpy as np
+
 from slams.localize.hooks import Localizes
 from slams.params import Params
-from slams.types import IDENTITY, Slam
+from slams.types import IDENTITY, Scan, Slam
 
 
 def warm_up(slam_class: type[Slam], params: Params) -> None:
     """Give throw-away instances scans of a room: at rest, moving, as a sweep, lost, and placed.
 
-    The room is looked for in its map, too: else the first robot that is lost would wait for that.
+    The room is looked for in its map, and a loop is closed in it, too: else the first robot that is
+    lost, or comes back, would wait for that.
     """
     from slams.localize.global_localizer import GlobalLocalizer
+    from slams.loops import Looped
     from slams.test_world import drive, laser, scan_at
 
     for increment, measured in ((0.0, True), (5e-4, False)):
@@ -28,3 +32,21 @@ def warm_up(slam_class: type[Slam], params: Params) -> None:
             GlobalLocalizer(slam.map()).add(scan_at((0.0, 0.0, 0.0), lidar, t=2.1))
         if isinstance(slam, Localizes):
             slam.insert_at(scan_at((0.0, 0.0, 0.0), lidar, t=2.2), IDENTITY)
+        if isinstance(slam, Looped):
+            _loop(scan_at((0.0, 0.0, 0.0), lidar, t=2.3))
+
+
+def _loop(scan: Scan) -> None:
+    from slams.frontend.correlative import Window
+    from slams.loops import PoseGraph
+    from slams.loops.matching import LocalMap, keyframe, read
+
+    key, graph = keyframe(scan, IDENTITY), PoseGraph()
+    for _ in range(2):
+        graph.append(IDENTITY, np.ones(3))
+    graph.uncertainty(0)
+    graph.iterate()
+    there = LocalMap([key], [IDENTITY])
+    there.search(key.ends, Window(IDENTITY, 1.0, 0.1), 0.0)
+    there.fit(read(scan, IDENTITY)[0], IDENTITY)
+    there.agreement(key.ends, IDENTITY)

@@ -187,16 +187,20 @@ def test_mount_sensor_and_parameters_reach_the_algorithm():
 
 
 COLD = """
-from slams.jit import CompileClock
+import math
 from slams import LiveSlam
-from tests.rooms import drive, fields_of, laser, push_fields
-live = LiveSlam("hector")
+from slams.jit import CompileClock
+from tests.rooms import drive, fields_of, laser, push_fields, scan_at
+live = LiveSlam("tsd+loops", loop_path=4.0)
+to_and_fro = [(2.0 * math.sin(0.2 * k), 0.0, 0.0) for k in range(60)]
+scans = [scan_at(pose, t=0.2 * k, odometry=pose) for k, pose in enumerate(to_and_fro)]
 with CompileClock() as clock:
-    for scan in (*drive(n=12), *drive(n=6, rate=5.0, lidar=laser(91, time_increment=5e-4))):
-        later = 9.0 * (scan.laser.n_beams == 91)
+    for scan in (*scans, *drive(n=6, rate=5.0, lidar=laser(91, time_increment=5e-4))):
+        later = 13.0 * (scan.laser.n_beams == 91)
         push_fields(live, **(fields_of(scan) | {"stamp": scan.t + later, "yaw": scan.yaw}))
     live.map()
-assert live.report()["scans"] == 18
+report = live.report()
+assert report["scans"] == 66 and report["algorithm"]["loops"] > 0
 print(clock.seconds)
 """
 
