@@ -27,6 +27,7 @@ ACCEPTED = 0.3  # score of a match that stands by itself, beyond the gate
 USUAL = 0.85  # of the usual score; less is doubtful
 MEMORY = 0.5  # s over which a score is usual
 GATE = 49.0  # squared Mahalanobis distance from the prior that one scan cannot prove
+CONTRADICTED = 9.0  # the same, from which match and prediction contradict each other
 REFUSED = 1.5  # times the variances after a good match beyond the gate: it may be a blunder of ours
 LOST_XY, LOST_HEADING = 0.5, 0.3  # m, rad: deviation of a pose that holds no map together
 CONFIRMED = 3.0  # s after the robot was lost, times agreement over the usual: a match has to stand
@@ -122,6 +123,9 @@ class PoseEstimator:
     def _accepts(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
         if self._unconfirmed > 0.0 and self._is_usual(best):
             return True
+        is_doubtful = best.conflicts > IN_CONFLICT and best.distance > CONTRADICTED
+        if is_doubtful and self._lead(best, points, grid) <= 0.0:
+            return False  # in a crowd or in smoke any pose explains as much
         if best.distance > GATE and not self._is_near(best, points, grid):
             if best.score >= ACCEPTED:
                 self._filter.widen(REFUSED)
@@ -133,15 +137,15 @@ class PoseEstimator:
 
         Along what is not observed every place is as good.
         """
-        if best.seconds > LATENCY or not (self._is_usual(best) or self._leads(best, points, grid)):
+        leads = min(best.score, self._lead(best, points, grid)) >= ACCEPTED
+        if best.seconds > LATENCY or not (self._is_usual(best) or leads):
             return False
         return best.seconds <= self._prior.dt or self._observed(points, best.match).share > 0.0
 
-    def _leads(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
-        """Whether a match explains a scan so much better that the prediction must be wrong."""
+    def _lead(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> float:
+        """How much better a match explains a scan than the prediction does."""
         inliers, conflicts = grid.evaluate(points, self.pose)
-        lead = best.score - (inliers - conflicts)
-        return min(best.score, lead) >= ACCEPTED
+        return best.score - (inliers - conflicts)
 
     def _observed(self, points: EndPoints, match: Match) -> Observability:
         if not self._p.degeneracy:
