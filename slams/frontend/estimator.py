@@ -124,8 +124,8 @@ class PoseEstimator:
         if self._unconfirmed > 0.0 and self._is_usual(best):
             return True
         is_doubtful = best.conflicts > IN_CONFLICT and best.distance > CONTRADICTED
-        if is_doubtful and self._lead(best, points, grid) <= 0.0:
-            return False  # in a crowd or in smoke any pose explains as much
+        if is_doubtful and min(best.score, self._lead(best, points, grid)) <= 0.0:
+            return False  # in a crowd or in smoke any pose explains as much, or as little
         if best.distance > GATE and not self._is_near(best, points, grid):
             if best.score >= ACCEPTED:
                 self._filter.widen(REFUSED)

@@ -85,6 +85,7 @@ class Grid:
     [
         ((0.6, 0.2), (0.6, 0.2), "predicted"),  # among people, any pose does as well
         ((0.6, 0.2), (0.4, 0.3), "matched"),
+        ((0.25, 0.22), (0.1, 0.5), "predicted"),  # more than the prediction, and yet nothing
         ((0.6, 0.0), (0.6, 0.0), "matched"),  # along a corridor that is empty
     ],
 )
