@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from slams.frontend.degeneracy import ALL, Observability, of_information, of_scan
+from slams.frontend.filter_kernels import CONTRADICTED
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
 from slams.frontend.ranking import (
@@ -27,7 +28,6 @@ ACCEPTED = 0.3  # score of a match that stands by itself, beyond the gate
 USUAL = 0.85  # of the usual score; less is doubtful
 MEMORY = 0.5  # s over which a score is usual
 GATE = 49.0  # squared Mahalanobis distance from the prior that one scan cannot prove
-CONTRADICTED = 9.0  # the same, from which match and prediction contradict each other
 REFUSED = 1.5  # times the variances after a good match beyond the gate: it may be a blunder of ours
 LOST_XY, LOST_HEADING = 0.5, 0.3  # m, rad: deviation of a pose that holds no map together
 CONFIRMED = 3.0  # s after the robot was lost, times agreement over the usual: a match has to stand
@@ -124,7 +124,7 @@ class PoseEstimator:
         if self._unconfirmed > 0.0 and self._is_usual(best):
             return True
         is_doubtful = best.conflicts > IN_CONFLICT and best.distance > CONTRADICTED
-        if is_doubtful and min(best.score, self._lead(best, points, grid)) <= 0.0:
+        if is_doubtful and not self._leads(0.0, best, points, grid):
             return False  # in a crowd or in smoke any pose explains as much, or as little
         if best.distance > GATE and not self._is_near(best, points, grid):
             if best.score >= ACCEPTED:
@@ -137,15 +137,18 @@ class PoseEstimator:
 
         Along what is not observed every place is as good.
         """
-        leads = min(best.score, self._lead(best, points, grid)) >= ACCEPTED
-        if best.seconds > LATENCY or not (self._is_usual(best) or leads):
+        if best.seconds > LATENCY:
+            return False
+        if not self._is_usual(best) and not self._leads(ACCEPTED, best, points, grid):
             return False
         return best.seconds <= self._prior.dt or self._observed(points, best.match).share > 0.0
 
-    def _lead(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> float:
-        """How much better a match explains a scan than the prediction does."""
+    def _leads(self, by: float, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
+        """Whether the score of a match is above `by`, and so much above the prediction's."""
+        if best.score <= by:
+            return False
         inliers, conflicts = grid.evaluate(points, self.pose)
-        return best.score - (inliers - conflicts)
+        return best.score - (inliers - conflicts) > by
 
     def _observed(self, points: EndPoints, match: Match) -> Observability:
         if not self._p.degeneracy:

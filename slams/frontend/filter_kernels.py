@@ -29,7 +29,7 @@ POSE, STEP, TWIST, SCALE, BIAS, DRIFT = 0, 3, 6, 9, 11, 12
 # rows of the readings of one step: wheels' distance, sideways, rotation; gyro's rotation
 VALID, VALUE, VARIANCE, USED = 0, 1, 2, 3  # its own variance, and the one that was used
 GYRO = 3
-GATE = 9.0  # NIS beyond which a reading and the prediction contradict each other
+CONTRADICTED = 9.0  # NIS beyond which a reading and the prediction contradict each other
 FLOOR = 1e-10  # m^2, rad^2, ...: added to every variance, above rounding of the largest
 ROUNDING = 1e-13  # of a variance: what is left of it after the others must be more
 FARTHEST = 1e4  # m^2, variance of a pose that may be anywhere: it grows no more
@@ -176,7 +176,7 @@ def widen(P: Floats, i: int, square: float, readings: Floats, room: Floats) -> N
     `square` of the residual; room[2] the reading's row H.
     """
     nis = square / (times(P, room[2], room) + readings[i, USED])
-    if nis > GATE:
+    if nis > CONTRADICTED:
         factor = (FREEDOM + min(nis, LARGEST)) / (FREEDOM + 1.0)
         axis = 2 if i == GYRO else i
         scale_rows(P, STEP + axis, STEP + axis + 1, math.sqrt(factor))

@@ -9,7 +9,7 @@ import numpy as np
 
 from slams.localize.hooks import Localizes
 from slams.params import Params
-from slams.types import IDENTITY, Scan, Slam
+from slams.types import IDENTITY, Corrected, Scan, Slam
 
 
 def warm_up(slam_class: type[Slam], params: Params) -> None:
@@ -19,7 +19,6 @@ def warm_up(slam_class: type[Slam], params: Params) -> None:
     lost, or comes back, would wait for that.
     """
     from slams.localize.global_localizer import GlobalLocalizer
-    from slams.loops import Looped
     from slams.test_world import drive, laser, scan_at
 
     for increment, measured in ((0.0, True), (5e-4, False)):
@@ -32,7 +31,7 @@ def warm_up(slam_class: type[Slam], params: Params) -> None:
             GlobalLocalizer(slam.map()).add(scan_at((0.0, 0.0, 0.0), lidar, t=2.1))
         if isinstance(slam, Localizes):
             slam.insert_at(scan_at((0.0, 0.0, 0.0), lidar, t=2.2), IDENTITY)
-        if isinstance(slam, Looped):
+        if isinstance(slam, Corrected):
             _loop(scan_at((0.0, 0.0, 0.0), lidar, t=2.3))
 
 
