@@ -21,34 +21,9 @@ MAX_LASERS = 8  # of one robot, distinguished by mount; more are a mistake
 
 @dataclass(frozen=True)
 class Spec:
-    """What is known of one parameter beside its value."""
+    """What is known of one parameter beside its value.
 
-    unit: str
-    meaning: str
-    source: str
-    low: float | None = None
-    high: float | None = None
-    choices: tuple[str, ...] = ()
-    ros: tuple[str, ...] = ()
-    switch: bool = False
-
-
-def param(
-    default: Any,
-    unit: str,
-    meaning: str,
-    *,
-    source: str,
-    low: float | None = None,
-    high: float | None = None,
-    choices: Sequence[str] = (),
-    ros: Sequence[str] = (),
-    switch: bool = False,
-) -> Any:
-    """Declare one field of a `Params` class.
-
-    Args:
-        default: the value when nothing else is said.
+    Attributes:
         unit: one of `UNITS`; "1" for counts, ratios, switches and names.
         meaning: one line for `--show-params` and the README.
         source: paper table or section, "original code", or "ours: reason".
@@ -59,11 +34,29 @@ def param(
         ros: names of the same parameter in the original ROS package.
         switch: whether it turns a mechanism on and off: what `bench.ablation` tries without.
     """
+
+    unit: str
+    meaning: str
+    source: str
+    low: float | None = None
+    high: float | None = None
+    choices: Sequence[str] = ()
+    ros: Sequence[str] = ()
+    switch: bool = False
+
+    def bounds(self, kind: type) -> tuple[float, float]:
+        """Least and greatest value of a number; not declared: what any run could still hold."""
+        most = MOST if kind is int else FARTHEST if self.unit == "m" else GREATEST
+        return -most if self.low is None else self.low, most if self.high is None else self.high
+
+
+def param(default: Any, unit: str, meaning: str, *, source: str, **more: Any) -> Any:
+    """Declare one field of a `Params` class: its default, and as in `Spec` what is known of it."""
     if unit not in UNITS:
         raise ValueError(f"unit {unit!r} is not one of {', '.join(UNITS)}")
-    if switch and not isinstance(default, bool):
+    spec = Spec(unit, meaning, source, **more)
+    if spec.switch and not isinstance(default, bool):
         raise ValueError(f"switch: got the default {default!r}, expected True or False")
-    spec = Spec(unit, meaning, source, low, high, tuple(choices), tuple(ros), switch)
     return dataclasses.field(default=default, metadata={"spec": spec})
 
 
@@ -231,35 +224,16 @@ def _checked(field: dataclasses.Field[Any], kind: type, value: Any) -> Any:
     try:
         value = _converted(kind, value)
     except (TypeError, ValueError):
-        raise ValueError(
-            f"parameter {field.name!r}: got {value!r}, expected {kind.__name__} [{spec.unit}]"
-        ) from None
-    if spec.choices and value not in spec.choices:
-        raise ValueError(
-            f"parameter {field.name!r}: got {value!r}, expected one of {', '.join(spec.choices)}"
-        )
-    if not isinstance(value, str):
-        low, high = _bounds(spec, kind)
-        if not low <= value <= high:
-            limits = f"{low:g} to {high:g} [{spec.unit}]"
-            raise ValueError(f"parameter {field.name!r}: got {value!r}, expected {limits}")
-    return value
-
-
-def _bounds(spec: Spec, kind: type) -> tuple[float, float]:
-    """Least and greatest value; where none is declared, what any run could still hold."""
-    most = MOST if kind is int else FARTHEST if spec.unit == "m" else GREATEST
-    return (
-        -most if spec.low is None else spec.low,
-        most if spec.high is None else spec.high,
-    )
-
-
-def bounds(params: type[Params]) -> dict[str, tuple[float, float]]:
-    """Least and greatest value of every parameter that is a number."""
-    kinds = typing.get_type_hints(params)
-    numbers = {name: spec for name, spec in params.specs().items() if kinds[name] in (int, float)}
-    return {name: _bounds(spec, kinds[name]) for name, spec in numbers.items()}
+        expected = f"{kind.__name__} [{spec.unit}]"
+    else:
+        low, high = spec.bounds(kind)
+        if spec.choices and value not in spec.choices:
+            expected = f"one of {', '.join(spec.choices)}"
+        elif kind is not str and not low <= value <= high:
+            expected = f"{low:g} to {high:g} [{spec.unit}]"
+        else:
+            return value
+    raise ValueError(f"parameter {field.name!r}: got {value!r}, expected {expected}")
 
 
 def _converted(kind: type, value: Any) -> Any:

@@ -11,7 +11,7 @@ import pytest
 
 import slams.frontend
 from bench.sim.sensors import SENSORS
-from slams.params import FARTHEST, GREATEST, LASERS, MOST, SEEDS, Params, bounds
+from slams.params import FARTHEST, GREATEST, LASERS, MOST, SEEDS, Params
 from slams.registry import find
 from tests.rooms import ALGORITHMS, ORIGINALS
 
@@ -37,6 +37,13 @@ def classes():
     ours = {"slams", "hector", "tsd", "crsm", "gmapping"}
     found = [cls for cls in below(Params) if cls.__module__.partition(".")[0] in ours]
     return sorted(found, key=lambda cls: (cls.__module__, cls.__qualname__))
+
+
+def bounds(cls):
+    """Least and greatest value of every parameter that is a number."""
+    kinds = typing.get_type_hints(cls)
+    numbers = {name: spec for name, spec in cls.specs().items() if kinds[name] in (int, float)}
+    return {name: spec.bounds(kinds[name]) for name, spec in numbers.items()}
 
 
 CLASSES = classes()
