@@ -5,12 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slams import cli
-from slams.setup import add_state_options, prepare
 
 if TYPE_CHECKING:
     from slams.params import Params
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
     from slams.registry import Entry
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
-    from slams.types import Floats, OccupancyGrid, Slam
+    from slams.types import Floats, OccupancyGrid, Pose2, Slam
 
 PROGRAM = "slams run"
 SUMMARY = "summary.json"
@@ -52,6 +50,43 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
+def add_state_options(parser: argparse.ArgumentParser) -> None:
+    """Give a command the options of saved states and of fixed maps."""
+    group = parser.add_argument_group("states and maps")
+    group.add_argument(
+        "--save-state", metavar="FILE", help="save the algorithm's state to FILE at the end"
+    )
+    group.add_argument("--resume-state", metavar="FILE", help="continue from a saved state")
+    group.add_argument(
+        "--localize",
+        "--map",
+        metavar="MAP",
+        help="localize in MAP, a saved state or a map.yaml, and leave it unchanged",
+    )
+    group.add_argument(
+        "--start",
+        metavar="X,Y,THETA",
+        help="first pose in MAP [m, rad], as --start=-1,2,0.5 (default: global localization)",
+    )
+
+
+def given_start(arguments: argparse.Namespace) -> Pose2 | None:
+    """The pose of `--start`, once the options of states and maps fit together.
+
+    Raises:
+        ValueError: they do not.
+    """
+    from slams.localize.source import pose_of
+
+    if arguments.start and not arguments.localize:
+        raise ValueError("--start: got a place without a map; expected --localize MAP, too")
+    for name in ("resume_state", "save_state"):
+        if arguments.localize and getattr(arguments, name):
+            option = f"--{name.replace('_', '-')}"
+            raise ValueError(f"--localize leaves the map as it is: got {option}, too")
+    return None if arguments.start is None else pose_of(arguments.start)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     return cli.run_command(PROGRAM, lambda: _command(parser().parse_intermixed_args(argv)))
@@ -62,8 +97,10 @@ def _command(arguments: argparse.Namespace) -> int:
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
-    slam, log, folder, notes = cli.refusing(lambda: prepare(entry, params, arguments, PROGRAM))
+    slam, log, folder, notes = cli.refusing(lambda: _prepared(entry, params, arguments))
     cli.show_notes(PROGRAM, [*log.notes, *notes], arguments.quiet)
+    from slams.summary import as_text, summarize
+
     params = getattr(slam, "params", params)
     run, start_up_s = _replayed(slam, entry, params, log, arguments)
     if arguments.save_state:
@@ -71,13 +108,16 @@ def _command(arguments: argparse.Namespace) -> int:
 
         state, last = arguments.save_state, float(log.t[-1])
         cli.refusing(lambda: save_after(slam, state, last, log.ranges[-1]))
-    text = cli.refusing(
-        lambda: write_results(
-            folder, entry, params, log, slam, run, start_up_s, mcap=arguments.mcap, ros=ros
-        )
-    )
+    summary = summarize(run, log, entry.label, params, start_up_s)
+    if ros is not None:
+        from slams.ros import ros_params
+
+        summary["ros_params"] = ros_params.record(ros)
+    path, bag = (run.t, run.poses, run.corrected), log if arguments.mcap else None
+    cli.refusing(lambda: write_drive(folder, slam.map(), path, summary, bag))
     if not arguments.quiet:
-        sys.stdout.write(f"{text}\n{folder}/: {', '.join(files_of_run(folder))}\n")
+        files = ", ".join(files_of_run(folder))
+        sys.stdout.write(f"{as_text(summary)}\n{folder}/: {files}\n")
     return 0
 
 
@@ -118,43 +158,12 @@ def parameter_table(params: Params) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_results(
-    folder: Path,
-    entry: Entry,
-    params: Params,
-    log: ScanLog,
-    slam: Slam,
-    run: Run,
-    start_up_s: float,
-    mcap: bool = False,
-    ros: Taken | None = None,
-) -> str:
-    """Write all files of a run to `folder`, whole or not at all; returns the summary as text."""
-    from slams.summary import as_text, summarize
-
-    summary = summarize(run, log, entry.label, params, start_up_s)
-    if ros is not None:
-        from slams.ros import ros_params
-
-        summary["ros_params"] = ros_params.record(ros)
-    grid = slam.map()
-
-    def _add(partial: Path) -> None:
-        if mcap:
-            from slams.formats.mcap import write_mcap  # only here, for it loads the bag library
-
-            write_mcap(partial / "result.mcap", log, run.poses, grid)
-
-    write_drive(folder, grid, (run.t, run.poses, run.corrected), summary, _add)
-    return as_text(summary)
-
-
 def write_drive(
     folder: Path,
     grid: OccupancyGrid,
     path: tuple[Floats, Floats, Floats | None],
     summary: dict[str, Any],
-    add: Callable[[Path], None] = lambda partial: None,
+    mcap: ScanLog | None = None,
 ) -> None:
     """Write map, trajectory and summary of a log or of a robot, whole or not at all.
 
@@ -164,7 +173,7 @@ def write_drive(
         path: stamps (n,) [s], poses (n, 3) as they were known at the time, and poses as closed
             loops left them, or None.
         summary: gets the names of the `files`.
-        add: writes more files to the folder that it is given.
+        mcap: the log of the poses, if `result.mcap` is to be written, too.
 
     Raises:
         OSError: they cannot be written.
@@ -181,7 +190,10 @@ def write_drive(
         occupancy.write_map(partial, grid)
         shown = poses if corrected is None else corrected
         occupancy.write_image(partial / "map.png", occupancy.picture(grid, shown))
-        add(partial)
+        if mcap is not None:
+            from slams.formats.mcap import write_mcap  # only here, for it loads the bag library
+
+            write_mcap(partial / "result.mcap", mcap, poses, grid)
         summary["files"] = sorted([*(path.name for path in partial.iterdir()), SUMMARY])
         (partial / SUMMARY).write_text(as_json(summary), encoding="utf-8")
 
@@ -193,6 +205,82 @@ def files_of_run(folder: Path) -> list[str]:
     except (OSError, ValueError, LookupError, TypeError):
         return []
     return [name for name in names if isinstance(name, str) and Path(name).name == name]
+
+
+def _prepared(
+    entry: Entry, params: Params, arguments: argparse.Namespace
+) -> tuple[Slam, ScanLog, Path, list[str]]:
+    """The algorithm before its first scan, its scans, the folder of results, notes for the user.
+
+    What cannot be read or written is refused before the run.
+
+    Raises:
+        LookupError, OSError, TypeError, ValueError: one sentence about what the user gave.
+    """
+    from slams.formats.source import load
+
+    if not arguments.log:
+        raise ValueError(f"no log given; expected {PROGRAM} {arguments.algorithm} scans.npz")
+    options = cli.log_options(arguments)
+    folder = _folder(entry.label, arguments)
+    whole = load(arguments.log, options)
+    slam, log, notes = _slam_and_rest(entry, params, whole, arguments)
+    if arguments.save_state:
+        from slams.state import store
+
+        store.check_target(arguments.save_state, slam)
+    log = log.select(arguments.limit, arguments.every, not arguments.no_odometry)
+    return slam, log, folder, notes
+
+
+def _folder(label: str, arguments: argparse.Namespace) -> Path:
+    """Where the results go, named after the log's file; nothing is overwritten unasked.
+
+    A state that is resumed and saved under one name is one that grows: that is asked for.
+    """
+    from slams.formats.files import check_folder, check_new
+    from slams.formats.packed import name_of
+
+    name = f"{name_of(Path(arguments.log[0]))}-{label.replace(':', '.')}"
+    folder = Path(arguments.out or f"results/{name}")
+    check_folder(folder)
+    check_new(folder, arguments.force)
+    save = arguments.save_state
+    if save and save != arguments.resume_state and Path(save).is_file():
+        check_new(save, arguments.force)
+    return folder
+
+
+def _slam_and_rest(
+    entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
+) -> tuple[Slam, ScanLog, list[str]]:
+    """The algorithm, and the scans of the log that its state has not got."""
+    if arguments.localize or arguments.start:
+        return _localizing(entry, params, log, arguments)
+    if not arguments.resume_state:
+        return entry.cls(params), log, []
+    from slams.state import store
+
+    state = store.resume(arguments.resume_state, entry, params)
+    rest, known = store.rest_of(log, state.beside, arguments.every)
+    notes = [f"goes on at scan {known} of {len(log)}"] if known else []
+    return state.slam, rest, notes
+
+
+def _localizing(
+    entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
+) -> tuple[Slam, ScanLog, list[str]]:
+    """The algorithm in a fixed map, and the log from the scan whose pose is known."""
+    from slams.localize import source
+
+    start, notes = given_start(arguments), list[str]()
+    ready = source.prepare(entry, params, source.open_map(arguments.localize, notes))
+    seen = log if not arguments.no_odometry else log.select(odometry=False)
+    if start is not None:
+        found = source.start_at(ready.map_index, seen, start)
+    else:
+        found = source.find_start(ready.map_index, seen)
+    return ready.at(found.pose), log.rows(slice(found.scan, None)), [*notes, found.note]
 
 
 def _replayed(

@@ -13,8 +13,14 @@ from typing import TYPE_CHECKING
 from slams import cli
 from slams.live.network import add_network_options, transport_of
 from slams.live.options import add_node_options, node_options
-from slams.run import chosen, files_of_run, parameter_table, write_drive
-from slams.setup import add_state_options, given_start
+from slams.run import (
+    add_state_options,
+    chosen,
+    files_of_run,
+    given_start,
+    parameter_table,
+    write_drive,
+)
 
 if TYPE_CHECKING:
     from slams.live.diagnostics import Terminal
