@@ -66,24 +66,18 @@ def given_pages(low: int, high: int) -> NDArray[np.bool_]:
 
 
 def filled(array: Array) -> list[tuple[int, int]]:
-    """Spans of a contiguous array's bytes, first and end, outside of which all are zero."""
-    low, high = byte_bounds(array)
+    """Spans of a contiguous array's bytes, first and end, outside of which all are zero.
+
+    They are of whole blocks as large as pages, counted from the array's first byte.
+    """
     data, n = array.reshape(-1).view(np.uint8), -(-array.nbytes // PAGE)
-    some = np.zeros(n, np.bool_)  # blocks as large as pages, but from the array's first byte on
-    for page, count in runs(given_pages(low, high)):
-        first = (low // PAGE + page) * PAGE - low
-        for block, more in _blocks_with(data, max(first // PAGE, 0), -(-first // PAGE) + count):
-            some[block : block + more] = True
-    return [(a * PAGE, min((a + m) * PAGE, array.nbytes)) for a, m in runs(some)]
-
-
-def _blocks_with(data: NDArray[np.uint8], first: int, end: int) -> list[tuple[int, int]]:
-    """Runs of blocks of bytes with something else than zeros in them, from one to another."""
-    part = data[first * PAGE : end * PAGE]
-    whole = len(part) // PAGE
-    some = part[: whole * PAGE].reshape(whole, PAGE).any(axis=1)
-    rest = part[whole * PAGE :].any(keepdims=True)
-    return [(first + a, n) for a, n in runs(np.concatenate([some, rest]))]
+    given, spans = np.append(given_pages(*byte_bounds(array)), False), []
+    for first, count in runs(given[:n] | given[1 : n + 1]):  # a block lies in two pages at most
+        part = data[first * PAGE : (first + count) * PAGE]
+        some = np.logical_or.reduceat(part, np.arange(0, len(part), PAGE))
+        blocks = [(first + k, first + k + more) for k, more in runs(some)]
+        spans += [(PAGE * low, min(PAGE * high, array.nbytes)) for low, high in blocks]
+    return spans
 
 
 class Room:
@@ -175,6 +169,5 @@ def move(source: Array, target: Array, below: int, left: int) -> None:
     """Copy rows of cells into a larger array of zeros; what was never touched stays so there."""
     size = source.strides[0]
     for row in sorted({k for a, b in filled(source) for k in range(a // size, -(-b // size))}):
-        touched = source[row].reshape(source.shape[1], -1).any(axis=1)
-        for first, n in runs(np.asarray(touched)):
-            target[below + row, left + first : left + first + n] = source[row, first : first + n]
+        columns = np.flatnonzero(source[row].reshape(source.shape[1], -1).any(axis=1))
+        target[below + row, left + columns] = source[row, columns]
