@@ -29,14 +29,11 @@ class Make(Maker):
     """Messages of one ROS generation; angles in radians, stamps in seconds."""
 
     def __init__(self, store):
-        self.store, self.types = store, store.types
-
-    def of(self, name, *fields):
-        return self.types[name](*fields)
+        self.store = store
 
     def _header(self, stamp, frame):
-        fields = (self._time(stamp), frame)
-        return self.of("std_msgs/msg/Header", *(fields if self.store is ROS2 else (0, *fields)))
+        fields = super()._header(stamp, frame)
+        return fields if self.store is ROS2 else (0, *fields)
 
     def quaternion(self, yaw, roll=0.0):
         """Roll about x first, then yaw about z."""
@@ -72,7 +69,7 @@ class Make(Maker):
         message = super().imu(ns(t), rates[2], frame)
         message.orientation_covariance[0] = 0.0
         message.orientation = self.quaternion(0.0, roll)
-        message.angular_velocity = self._vector(*rates)
+        message.angular_velocity = self.of("geometry_msgs/msg/Vector3", *rates)
         message.angular_velocity_covariance[0] = 0.0 if given else -1.0
         message.linear_acceleration.z = 9.81
         return message
