@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from slams.formats.options import DamagedError
-from slams.formats.ros_store import store
 
 SCAN = "sensor_msgs/msg/LaserScan"
 ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
@@ -138,6 +137,14 @@ def damaged(path: Path, kind: str, reason: str) -> DamagedError:
     return DamagedError(
         f"{path}: cut short or damaged ({reason}); {REPAIR[kind]}, --salvage reads what is whole"
     )
+
+
+@cache
+def store() -> Any:
+    """Definitions, classes and CDR of the ROS 2 messages; the standard ones never changed."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_HUMBLE)
 
 
 @cache

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
 
-from slams.formats.ros_store import store
+from slams.formats.bag import store
 
 
 class McapFile:

@@ -9,10 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slams.formats.attitude import ImuAttitude, Inertial, headings
-from slams.formats.bag import IMU, ODOMETRY, TF, Record
+from slams.formats.bag import IMU, ODOMETRY, TF, Record, store
 from slams.formats.frames import Transforms, attitudes_of, bare, planar
 from slams.formats.ros_messages import READ
-from slams.formats.ros_store import store
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.stamps import seconds
 from slams.track import MAX_ATTITUDE_GAP

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from slams.formats.bag import SCAN, Record
-from slams.formats.ros_store import prepare
+from slams.formats.bag import SCAN, Record, store
 from slams.formats.topics import some
 from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
@@ -74,7 +73,8 @@ class Node:
     def __init__(
         self, live: LiveSlam, transport: Transport, options: NodeOptions, say: Say
     ) -> None:
-        prepare(TYPES)
+        for msgtype in TYPES:  # what packs and unpacks it is made when first used: 20 ms each
+            store().get_msgdef(msgtype)
         self.live, self.transport, self.options = live, transport, options
         self.drive = Drive()
         self.buffer = SensorBuffer(options.base_frame, options.odom_frame, options.odometry)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from slams import metrics
+from slams.formats.bag import store
 from slams.formats.ros_maker import Maker
-from slams.formats.ros_store import store
 from slams.live.estimate import STATES, Estimate
 from slams.live.options import TOPICS, NodeOptions
 from slams.live.slam import LiveSlam

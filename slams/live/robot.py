@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from slams.formats.bag import store
 from slams.formats.mcap import LAST_STAMP, frames_of
 from slams.formats.ros_maker import Maker
-from slams.formats.ros_store import store
 from slams.live.options import TOPICS, Quality
 from slams.scanlog import ScanLog
 from slams.types import Pose2

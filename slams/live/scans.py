@@ -8,10 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from slams.formats.bag import SCAN, Record
+from slams.formats.bag import SCAN, Record, store
 from slams.formats.frames import bare
 from slams.formats.ros_messages import READ
-from slams.formats.ros_store import store
 from slams.formats.sweep import Sweep, common, same_directions, usable
 from slams.live.buffer import Mounted
 from slams.ros.stamps import seconds

@@ -22,8 +22,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from slams.formats.bag import Record
-from slams.formats.ros_store import fields
+from slams.formats.bag import Record, store
 from slams.live.options import Callback, Quality
 
 DEPTH = {Quality.SENSOR: 5, Quality.RELIABLE: 100, Quality.LATCHED: 1}  # as ROS's profiles keep
@@ -170,7 +169,7 @@ def type_name(msgtype: str) -> str:
 @cache
 def packed(msgtype: str) -> Any:
     """The DDS type whose samples hold a message's bytes in `cdr`."""
-    members = {name: _member(kind, what) for name, (kind, what) in fields(msgtype)}
+    members = {name: _member(kind) for name, kind in store().fielddefs[msgtype][1]}
     name = msgtype.rpartition("/")[2]
     kind: Any = make_idl_struct(name, type_name(msgtype), members, dataclassify=False)
     kind.serialize = lambda self, **_: self.cdr
@@ -185,13 +184,15 @@ def _of_bytes(kind: Any, data: bytes) -> Any:
     return made
 
 
-def _member(kind: str, what: Any) -> Any:
-    if kind == "name":
+def _member(kind: Any) -> Any:
+    """The DDS type of a field, of that in the library's words."""
+    what = kind[1]
+    if kind[0].name == "NAME":
         return packed(what)
-    if kind == "base":
+    if kind[0].name == "BASE":
         plain = {"bool": bool, "string": str, "byte": types.uint8}
-        return plain.get(what) or getattr(types, what)
-    (inner, of), length = what
-    if kind == "array":
-        return types.array[_member(inner, of), length]
-    return types.sequence[(_member(inner, of), *([length] if length else []))]
+        return plain.get(what[0]) or getattr(types, what[0])
+    of, length = _member(what[0]), what[1]
+    if kind[0].name == "ARRAY":
+        return types.array[of, length]
+    return types.sequence[(of, *([length] if length else []))]

@@ -10,10 +10,9 @@ import numpy as np
 
 import slams
 from slams import LiveSlam
-from slams.formats.bag import IMU, ODOMETRY, SCAN, TF, Record
+from slams.formats.bag import IMU, ODOMETRY, SCAN, TF, Record, store
 from slams.formats.frames import yaw_of
 from slams.formats.ros_maker import Maker
-from slams.formats.ros_store import store
 from slams.live import node
 from slams.live.node import Node
 from slams.live.options import NodeOptions, Quality, renamed

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import slams
-from slams.formats.bag import PATH, POSE_COV, SCAN, TF
+from slams.formats.bag import PATH, POSE_COV, SCAN, TF, store
 from slams.formats.ros_maker import Maker
-from slams.formats.ros_store import store
 from slams.live.options import MAP, STATUS, TYPES, Quality
 from slams.player import replay
 from slams.types import OccupancyGrid, Pose2

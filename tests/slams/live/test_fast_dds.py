@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slams.formats.bag import POSE_COV, SCAN, TF
+from slams.formats.bag import POSE_COV, SCAN, TF, store
 from slams.formats.ros_maker import Maker
-from slams.formats.ros_store import store
 from slams.live.options import MAP
 from tests.rooms import laser, scan_at
 from tests.slams.live.commands import DOMAIN, PATIENCE, started
