@@ -20,8 +20,7 @@ def between(a: Floats, b: Floats) -> Floats:
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
     d = b - a
     columns = (c * d[:, 0] + s * d[:, 1], c * d[:, 1] - s * d[:, 0], wrap_angle(d[:, 2]))
-    steps: Floats = np.stack(columns, axis=1)
-    return steps
+    return np.stack(columns, axis=1)
 
 
 def from_first(poses: Floats) -> Floats:
@@ -92,8 +91,7 @@ def ate(estimate: Floats, truth: Floats) -> float:
 def driven(poses: Floats) -> Floats:
     """Meters driven (n,) along the path through the positions until each pose."""
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    reached: Floats = np.concatenate([[0.0], np.cumsum(steps)])
-    return reached
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def path_length(poses: Floats) -> float:

@@ -59,5 +59,4 @@ class Track:
 
 
 def _between(t: Floats, stamps: Floats, values: Floats) -> Floats:
-    found: Floats = np.interp(t, stamps, values, left=np.nan, right=np.nan)
-    return found
+    return np.interp(t, stamps, values, left=np.nan, right=np.nan)

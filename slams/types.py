@@ -129,16 +129,12 @@ class Laser:
     @cached_property
     def angles(self) -> Floats:
         """Direction of each beam (n_beams,) [rad] in the laser frame."""
-        angles: Floats = self.angle_min + self.angle_increment * np.arange(
-            self.n_beams, dtype=float
-        )
-        return angles
+        return self.angle_min + self.angle_increment * np.arange(self.n_beams, dtype=float)
 
     @cached_property
     def directions(self) -> Floats:
         """Unit vector (n_beams, 2) of each beam in the laser frame."""
-        columns: Floats = np.stack([np.cos(self.angles), np.sin(self.angles)], axis=1)
-        return columns
+        return np.stack([np.cos(self.angles), np.sin(self.angles)], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,12 +156,10 @@ class Scan:
     attitude: Attitude | None = None
 
     def __post_init__(self) -> None:
-        if self.odometry is not None and not all(map(math.isfinite, self.odometry)):
-            object.__setattr__(self, "odometry", None)
-        if self.yaw is not None and not math.isfinite(self.yaw):
-            object.__setattr__(self, "yaw", None)
-        if self.attitude is not None and not all(map(math.isfinite, self.attitude)):
-            object.__setattr__(self, "attitude", None)
+        for name in ("odometry", "yaw", "attitude"):
+            value = getattr(self, name)
+            if value is not None and not np.isfinite(value).all():
+                object.__setattr__(self, name, None)
 
 
 @dataclass(frozen=True)
@@ -209,44 +203,35 @@ class Slam(Protocol):
 
     def update(self, scan: Scan) -> Pose2:
         """Take the next scan; return the base's pose in the map, T_map_base."""
-        ...
 
     def map(self) -> OccupancyGrid:
         """The map as it stands now."""
-        ...
 
     def report(self) -> dict[str, Any]:
         """Counts of what happened so far (inserted, rejected, lost, ...)."""
-        ...
 
 
 @runtime_checkable
 class Confident(Protocol):
-    """An algorithm that says after each update how its pose came about and how good it is.
-
-    Attributes:
-        state: "matched", the map explains the scan; "predicted", it does not, and the pose is the
-            prediction; "lost", nothing was matched for a second and no wheels hold the pose to 0.5
-            m and 0.3 rad (then nothing enters the map), or along a corridor scans leave the place
-            open by more than that (the map goes on). `report()["lost"]` counts such scans.
-        quality: share of the scan that the map explains, 0..1.
-        covariance: of the pose against the map, (3, 3) [m, rad]; inf where unknown, never 0.
-    """
+    """An algorithm that says after each update how its pose came about and how good it is."""
 
     @property
     def state(self) -> State:
-        """How the last pose came about."""
-        ...
+        """How the last pose came about.
+
+        "matched": the map explains the scan; "predicted": it does not, and the pose is the
+        prediction; "lost": nothing was matched for a second and no wheels hold the pose to 0.5 m
+        and 0.3 rad (then nothing enters the map), or along a corridor scans leave the place open
+        by more than that (the map goes on). `report()["lost"]` counts such scans.
+        """
 
     @property
     def quality(self) -> float:
-        """Share of the last scan that the map explains."""
-        ...
+        """Share of the last scan that the map explains, 0..1."""
 
     @property
     def covariance(self) -> Floats:
-        """Of the last pose against the map."""
-        ...
+        """Of the last pose against the map, (3, 3) [m, rad]; inf where unknown, never 0."""
 
 
 @runtime_checkable
@@ -255,4 +240,3 @@ class Corrected(Protocol):
 
     def corrected(self) -> Floats:
         """Poses (n, 3) of all scans so far, as they are known now."""
-        ...
