@@ -60,12 +60,15 @@ def tracks_of(
 class ImuAttitude:
     """Attitude and turn rate of the base from its IMU: by orientation, else gyro and accelerometer.
 
+    These two by a complementary filter [Mahony08]: the gyro, held by the accelerometer.
+
     Args:
         turned: (3, 3), from the IMU's axes to the base's; None: not known, the IMU is upright.
     """
 
     def __init__(self, turned: Floats | None) -> None:
-        self._turned, self._gravity = turned, GravityFilter()
+        self._turned = turned
+        self._up, self._last = np.zeros(3), math.nan  # the vertical in the IMU's axes; its stamp
 
     def push(self, measured: Inertial) -> tuple[float, float, float, float]:
         """Take a message.
@@ -78,10 +81,26 @@ class ImuAttitude:
         if math.isfinite(measured.orientation[0]):
             up = up_of(np.array([measured.orientation]))
         else:
-            up = self._gravity.push(measured)[None]
+            up = self._filtered(measured)[None]
         roll, pitch = roll_and_pitch(rotated(up, self._turned))[0].tolist()
         rates = rotated(np.array([measured.rates]), self._turned)[0]
         return measured.sent, vertical_rate(rates, roll, pitch), roll, pitch
+
+    def _filtered(self, row: Inertial) -> Floats:
+        """The vertical (3,) in the IMU's axes after a message; nan where unknown."""
+        up, force, rates = self._up, np.array(row.acceleration), np.array(row.rates)
+        size = math.sqrt(float(force @ force))
+        rests = abs(size - GRAVITY) < DISTURBED
+        dt = 0.0 if math.isnan(self._last) else min(max(row.sent - self._last, 0.0), SETTLING)
+        self._last = row.sent
+        if up.any() and np.isfinite(rates).all():
+            up = up - np.cross(rates, up) * dt
+        if rests:
+            up = up + (force / size - up) * (dt / SETTLING if up.any() else 1.0)
+        if not up.any():
+            return np.full(3, np.nan)
+        self._up = up / math.sqrt(float(up @ up))
+        return self._up
 
 
 def rotated(vectors: Floats, matrix: Floats) -> Floats:
@@ -119,26 +138,3 @@ def headings(orientation: Floats) -> Floats:
     x, y, z, w = orientation.T
     found: Floats = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
     return found
-
-
-class GravityFilter:
-    """The vertical by a complementary filter [Mahony08]: gyro, held by the accelerometer."""
-
-    def __init__(self) -> None:
-        self._up, self._last = np.zeros(3), math.nan
-
-    def push(self, row: Inertial) -> Floats:
-        """The vertical (3,) in the IMU's axes after a message; nan where unknown."""
-        up, force, rates = self._up, np.array(row.acceleration), np.array(row.rates)
-        size = math.sqrt(float(force @ force))
-        rests = abs(size - GRAVITY) < DISTURBED
-        dt = 0.0 if math.isnan(self._last) else min(max(row.sent - self._last, 0.0), SETTLING)
-        self._last = row.sent
-        if up.any() and np.isfinite(rates).all():
-            up = up - np.cross(rates, up) * dt
-        if rests:
-            up = up + (force / size - up) * (dt / SETTLING if up.any() else 1.0)
-        if not up.any():
-            return np.full(3, np.nan)
-        self._up = up / math.sqrt(float(up @ up))
-        return self._up

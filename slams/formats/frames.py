@@ -61,11 +61,20 @@ class Transforms:
             found.append(edge[0])
         return found
 
-    def fixed(self, base: str, frame: str) -> Floats | None:
-        """The frame in base, 4 x 4, if they are rigidly fixed to each other."""
+    def fixed(self, base: str | None, frame: str | None) -> Floats | None:
+        """The frame in base, 4 x 4, if both are known and rigidly fixed to each other."""
+        if base is None or frame is None:
+            return None
         up, over = self._to_root(frame), self._to_root(base)
         shared = next((name for name in up if name in over), None)
         return None if shared is None else np.linalg.inv(over[shared]) @ up[shared]
+
+    def imu_axes(self, base: str | None, frame: str, notes: list[str]) -> Floats | None:
+        """From the axes of an IMU to the base's, (3, 3); None, noted, where tf lacks its frame."""
+        matrix = self.fixed(base, frame)
+        if matrix is None:
+            notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
+        return None if matrix is None else matrix[:3, :3]
 
     def base_of(self, laser: str, moving: str | None) -> str | None:
         """The frame that poses are of, by what the laser is fixed to; None where that is open.

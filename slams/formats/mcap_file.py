@@ -51,28 +51,19 @@ class McapFile:
         """Store a message that is CDR already."""
         self._writer.write(self._connections[topic], stamp, data)
 
-    def close(self) -> None:
-        """Finish the file and give it its name."""
-        try:
+    def close(self, keep: bool = True) -> None:
+        """Finish the file and give it its name, or leave nothing of it."""
+        again = () if keep else (Exception,)  # whatever went wrong before may go wrong again
+        with self._folder, suppress(*again):
             self._writer.close()
-            next(Path(self._folder.name).rglob("*.mcap")).replace(self.path)
-        finally:
-            self._folder.cleanup()
+            if keep:
+                next(Path(self._folder.name).rglob("*.mcap")).replace(self.path)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
-        if kind is None:
-            self.close()
-        else:
-            self.abandon()
-
-    def abandon(self) -> None:
-        """Leave nothing of the file."""
-        with suppress(Exception):  # whatever went wrong before may go wrong again
-            self._writer.close()
-        self._folder.cleanup()
+        self.close(keep=kind is None)
 
 
 def _qos(kept: bool) -> Any:

@@ -250,9 +250,5 @@ class Recording:
         topic = self.roles.imu
         if topic is None:
             return None, self.tree.attitude(self.base)
-        frame = self.messages.frame(topic)
-        matrix = self.tree.fixed(self.base, frame)
-        if matrix is None:
-            self.notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
-        turned = None if matrix is None else matrix[:3, :3]
+        turned = self.tree.imu_axes(self.base, self.messages.frame(topic), self.notes)
         return tracks_of(*self.messages.inertial(topic), turned)

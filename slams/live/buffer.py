@@ -15,7 +15,7 @@ from slams.formats.ros_messages import READ
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.stamps import seconds
 from slams.track import MAX_ATTITUDE_GAP
-from slams.types import IDENTITY, Attitude, Floats, Pose2
+from slams.types import IDENTITY, Attitude, Pose2
 
 MAX_EARLY_READINGS = 4000  # of the gyro, kept until the base is known: 20 s at 200 Hz
 FEW = 20  # transforms kept of each that moves: enough to see that it does
@@ -85,7 +85,7 @@ class SensorBuffer:
         with self._changed:
             moving = None if self._settled else self._frame_of_odometry(laser)
             base = self.base or self.tree.base_of(laser, moving)
-            matrix = self._fixed(base, laser)
+            matrix = self.tree.fixed(base, laser)
             if base is None or matrix is None:
                 return None
             self.base = base
@@ -162,10 +162,9 @@ class SensorBuffer:
             self.source, self._odometry = "tf", self._moving[moving]
         elif self._wanted in ("auto", "topic"):
             self.source, self._odometry = "topic", self._of_topic
-        if moving is not None and moving != self.base:
-            matrix = self._fixed(moving, self.base)
-            if matrix is not None:
-                self._to_base = planar(matrix, "the base", self.notes)[0]
+        matrix = self.tree.fixed(moving, self.base)
+        if matrix is not None and moving != self.base:
+            self._to_base = planar(matrix, "the base", self.notes)[0]
         if not self._early and self.base is not None:  # else the IMU has the attitude
             self._attitude = self._tilting.setdefault(self.base, self._attitude)
         self._settled = True
@@ -177,19 +176,9 @@ class SensorBuffer:
         if not self._settled:
             return
         for frame, measured in self._early:
-            self._imu = self._imu or self._imu_of(frame)
+            if self._imu is None:
+                self._imu = ImuAttitude(self.tree.imu_axes(self.base, frame, self.notes))
             t, rate, roll, pitch = self._imu.push(measured)
             self._gyro.push(t, rate)
             self._attitude.push(t, roll, pitch)
         self._early.clear()
-
-    def _imu_of(self, frame: str) -> ImuAttitude:
-        """What reads the IMU of a frame; where tf lacks it, which is noted, as upright."""
-        matrix = self._fixed(self.base, frame)
-        if matrix is None:
-            self.notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
-        return ImuAttitude(None if matrix is None else matrix[:3, :3])
-
-    def _fixed(self, base: str | None, frame: str | None) -> Floats | None:
-        """A frame in a base, 4 x 4, if both are known and fixed to each other."""
-        return None if base is None or frame is None else self.tree.fixed(base, frame)

@@ -39,11 +39,8 @@ class Recorder:
             OSError: some of it could not be written; then there is no file.
         """
         self._writing.shutdown()
-        if keep and self._failed is None:
-            self._file.close()
-            return
-        self._file.abandon()
-        if keep:
+        self._file.close(keep and self._failed is None)
+        if keep and self._failed is not None:
             raise OSError(f"{self._file.path}: not recorded: {self._failed}") from self._failed
 
     def _write(self, topic: str, received: int, data: bytes) -> None:
