@@ -107,14 +107,14 @@ def write_ahead(database: Path) -> Path | None:
     return log if log.is_file() and log.stat().st_size else None
 
 
-def joined(path: Path, bags: Sequence[Bag]) -> Bag:
-    """The files of one recording, the first at `path`, as one bag.
+def joined(bags: Sequence[Bag]) -> Bag:
+    """The files of one recording as one bag.
 
     Raises:
         ValueError: some are of ROS 1 and some of ROS 2.
     """
     if len({bag.ros1 for bag in bags}) > 1:
-        raise ValueError(f"{path}: some of the files are of ROS 1 and of ROS 2 the others")
+        raise ValueError("some of the files are of ROS 1 and of ROS 2 the others")
 
     def _records(names: Collection[str]) -> Iterator[Record]:
         each = (bag.records(names) for bag in bags)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 
 @dataclass(frozen=True)
@@ -27,3 +30,14 @@ class SourceOptions:
 
 class DamagedError(ValueError):
     """The file is cut short or corrupt; what is whole in it can perhaps be salvaged."""
+
+
+@contextmanager
+def named(path: Path) -> Iterator[None]:
+    """While a file is read: the sentence in which it is refused begins with its name."""
+    try:
+        yield
+    except ValueError as error:
+        if type(error) not in (ValueError, DamagedError) or str(error).startswith(str(path)):
+            raise
+        raise type(error)(f"{path}: {error}") from error

@@ -12,10 +12,10 @@ from slams.formats.attitude import tracks_of
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, Bag, Topic, joined, open_bag
 from slams.formats.frames import Transforms, bare, moved, planar
 from slams.formats.kind import kind_of
-from slams.formats.options import DamagedError, SourceOptions
+from slams.formats.options import DamagedError, SourceOptions, named
 from slams.formats.packed import name_of
 from slams.formats.ros_messages import Messages
-from slams.formats.sweep import Fan, common, merged, usable
+from slams.formats.sweep import Fan, Sweep, common, merged, usable
 from slams.formats.topics import Topics, listed, some
 from slams.scanlog import ScanLog, Track
 from slams.types import IDENTITY, Pose2
@@ -33,21 +33,22 @@ def read(paths: Sequence[Path], options: SourceOptions, work: Callable[[Recordin
         ValueError: it is damaged, or lacks what is sought; the sentence says what to do.
     """
     path, files = paths[0], [(path, kind_of(path)) for path in paths]
-    try:
-        with ExitStack() as opened:
+    with named(path), ExitStack() as opened:
+        try:
             bags = [opened.enter_context(open_bag(*file)) for file in files]
-            return work(Recording(*files[0], joined(path, bags), options))
-    except DamagedError as error:
-        if not options.salvage:
-            raise
-        from slams.formats.bag_salvage import salvaged  # loads every decompressor
+            return work(Recording(*files[0], joined(bags), options))
+        except DamagedError as error:
+            if not options.salvage:
+                raise
+            from slams.formats.bag_salvage import salvaged  # loads every decompressor
 
-        bag = joined(path, [salvaged(*file) for file in files])
-        if not bag.topics:
-            raise DamagedError(f"{path}: nothing in it can be salvaged") from error
-        recording = Recording(*files[0], bag, options)
-        recording.notes.append(str(error).partition("; ")[0].removeprefix(f"{path}: "))
-        return work(recording)
+            opened.close()
+            bag = joined([salvaged(*file) for file in files])
+            if not bag.topics:
+                raise DamagedError("nothing in it can be salvaged") from error
+            recording = Recording(*files[0], bag, options)
+            recording.notes.append(str(error).partition("; ")[0].removeprefix(f"{path}: "))
+            return work(recording)
 
 
 class Recording:
@@ -56,8 +57,8 @@ class Recording:
     def __init__(self, path: Path, kind: str, bag: Bag, options: SourceOptions) -> None:
         self.path, self.kind, self.options = path, kind, options
         self.notes: list[str] = []
-        self.topics = Topics(path, bag.topics, options, self.notes)
-        self.messages = Messages(path, bag, options.salvage)
+        self.topics = Topics(bag.topics, options, self.notes)
+        self.messages = Messages(bag, options.salvage)
         self.tree = self.messages.transforms
 
     def log(self) -> ScanLog:
@@ -100,11 +101,11 @@ class Recording:
         """
         self._collect()
         track, source = self._truth()
-        broken = self.messages.broken(source or "")
-        if track is None or broken:
+        sent = len(self.messages.rows[source or ""])  # none of a frame
+        broken = sent - (len(track.t) if track else 0)
+        if track is None or broken > 0:
             what = f"{broken} poses are not finite" if broken else "there are no poses"
-            name = self.options.truth
-            raise ValueError(f"{self.path}: {name}: {what}; expected a trajectory")
+            raise ValueError(f"{self.options.truth}: {what}; expected a trajectory")
         return track
 
     def contents(self) -> tuple[list[Topic], Transforms]:
@@ -128,13 +129,14 @@ class Recording:
 
     def _fan(self, topic: str, tilts: bool) -> Fan:
         """The scans of a topic; how high the laser sits matters to a robot that tilts."""
-        sweeps = self.messages.sweeps(topic)
+        each = zip(*self.messages.series(topic), strict=True)
+        sweeps = [Sweep(float(t), *values) for t, values in each]
         good = [sweep for sweep in sweeps if usable(sweep.geometry)]
         if len(good) < len(sweeps):
             left_out = len(sweeps) - len(good)
             self.notes.append(f"{left_out} scans without beams or angles are left out")
         if not good:
-            raise ValueError(f"{self.path}: no scan of {topic} has beams")
+            raise ValueError(f"no scan of {topic} has beams")
         if self.messages.unstamped(topic):
             self.notes.append("scans have no stamps; the times of recording stand in")
         mount, flipped, height = self._mount(self.messages.frame(topic))
@@ -149,8 +151,8 @@ class Recording:
         if wanted is not None:
             if self.tree.fixed(wanted, laser) is None:
                 raise ValueError(
-                    f"{self.path}: --base-frame: {wanted} is not fixed to the laser's frame "
-                    f"{laser}; frames: {some(self.tree.frames)}"
+                    f"--base-frame: {wanted} is not fixed to the laser's frame {laser}; frames: "
+                    f"{some(self.tree.frames)}"
                 )
             return bare(wanted)
         above = self.tree.ancestors(laser)
@@ -158,8 +160,8 @@ class Recording:
         base = self.tree.base_of(laser, odom)
         if base is None and len(above) > 2:
             raise ValueError(
-                f"{self.path}: the laser's frame {laser} hangs on {len(above) - 1} frames, "
-                f"--base-frame picks one: {some(above[1:])}"
+                f"the laser's frame {laser} hangs on {len(above) - 1} frames, --base-frame picks "
+                f"one: {some(above[1:])}"
             )
         return base or above[-1]
 
@@ -170,8 +172,8 @@ class Recording:
             return *planar(matrix, "the laser", self.notes), float(matrix[2, 3])
         if laser != self.laser:
             raise ValueError(
-                f"{self.path}: a further laser's frame {laser} is not fixed to {self.base}; "
-                f"frames: {some(self.tree.frames)}"
+                f"a further laser's frame {laser} is not fixed to {self.base}; frames: "
+                f"{some(self.tree.frames)}"
             )
         self._check_laser_frame()
         self.notes.append(
@@ -188,9 +190,9 @@ class Recording:
         frames, laser = self.tree.frames, self.laser
         if frames and laser not in frames and self.options.base_frame is None:
             raise ValueError(
-                f"{self.path}: no way from the frames of its transforms ({some(frames)}) to the "
-                f"laser's, {laser}: where it is mounted stands in /tf_static, of a split bag in "
-                f"the first file; give all files, or --base-frame {laser} takes it as the base"
+                f"no way from the frames of its transforms ({some(frames)}) to the laser's, "
+                f"{laser}: where it is mounted stands in /tf_static, of a split bag in the first "
+                f"file; give all files, or --base-frame {laser} takes it as the base"
             )
 
     # tracks
@@ -200,10 +202,8 @@ class Recording:
         if self.roles.odom is None and wanted is None:
             frames = [frame for frame in self._above() if "odom" in frame.lower()]
             if len(frames) > 1:
-                raise ValueError(
-                    f"{self.path}: {len(frames)} odometry frames, --odom picks one (or none): "
-                    f"{some(frames)}"
-                )
+                what = f"{len(frames)} odometry frames, --odom picks one (or none)"
+                raise ValueError(f"{what}: {some(frames)}")
             wanted = frames[0] if frames else "none"
         return self._poses(self.roles.odom, wanted)
 
@@ -212,7 +212,7 @@ class Recording:
         wanted, topic, frames = self.options.truth, self.roles.truth, self.tree.frames
         if topic is None and (wanted and bare(wanted)) not in (None, "none", *frames):
             raise ValueError(
-                f"{self.path}: {wanted!r} is no topic, frame or file; topics: "
+                f"{wanted!r} is no topic, frame or file; topics: "
                 f"{listed(self.topics.of(POSES))}; frames: {some(frames)}"
             )
         return self._poses(topic, wanted)
@@ -223,7 +223,13 @@ class Recording:
             return self._at_base(topic), topic
         if frame is None or frame == "none":
             return None, None
-        return self._moving(frame), f"tf {frame}"
+        track = self.tree.moving(frame, self.base)
+        if track is None:
+            raise ValueError(
+                f"{frame!r} is no topic and no frame above {self.base}; such frames: "
+                f"{some(self._above())}"
+            )
+        return track, f"tf {frame}"
 
     def _at_base(self, topic: str) -> Track | None:
         """A topic's poses, carried from the frame they are of to the base."""
@@ -236,19 +242,10 @@ class Recording:
     def _above(self) -> list[str]:
         return self.tree.ancestors(self.base, rigid=False)[1:]
 
-    def _moving(self, frame: str) -> Track:
-        track = self.tree.moving(frame, self.base)
-        if track is None:
-            raise ValueError(
-                f"{self.path}: {frame!r} is no topic and no frame above {self.base}; "
-                f"such frames: {some(self._above())}"
-            )
-        return track
-
     def _inertial(self) -> tuple[Track | None, Track | None]:
         """Turn rate about the vertical, roll and pitch of the base: by the IMU, else by tf."""
         topic = self.roles.imu
         if topic is None:
             return None, self.tree.attitude(self.base)
         turned = self.tree.imu_axes(self.base, self.messages.frame(topic), self.notes)
-        return tracks_of(*self.messages.inertial(topic), turned)
+        return tracks_of(*self.messages.series(topic), turned)

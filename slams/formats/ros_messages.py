@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slams.formats.attitude import Inertial, inertial
+from slams.formats.attitude import inertial
 from slams.formats.bag import (
     ECHOES,
     IMU,
@@ -27,7 +25,6 @@ from slams.formats.bag import (
 )
 from slams.formats.frames import Transforms, bare, yaw_of
 from slams.formats.options import DamagedError
-from slams.formats.sweep import Sweep
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Laser, Ranges
@@ -51,11 +48,11 @@ class Messages:
     `bad` counts messages that cannot be read, where that is no error because one is `salvaging`.
     """
 
-    def __init__(self, path: Path, bag: Bag, salvaging: bool) -> None:
+    def __init__(self, bag: Bag, salvaging: bool) -> None:
         self.rows: dict[str, list[Row]] = defaultdict(list)
         self.transforms = Transforms()
         self.bad = 0
-        self._path, self._bag, self._salvaging = path, bag, salvaging
+        self._bag, self._salvaging = bag, salvaging
 
     def collect(self, types: Mapping[str, Collection[str]]) -> None:
         """Take the transforms, and the messages of topics, each of these types.
@@ -76,19 +73,18 @@ class Messages:
             self._read(record)
 
     def _read(self, record: Record) -> None:
-        path, ros1 = self._path, self._bag.ros1
+        ros1 = self._bag.ros1
         if record.data.startswith(ZSTD) and not ros1:  # no message begins like this
             raise ValueError(
-                f"{path}: its messages are compressed, which only the metadata.yaml beside it "
-                "tells; give the folder of the bag"
+                "its messages are compressed, which only the metadata.yaml beside it tells; give "
+                "the folder of the bag"
             )
         try:
             message = decoder(ros1)(record.data, record.msgtype)
         except Exception as error:  # the library's parsers raise what they stumble over
             if not self._salvaging:
-                raise DamagedError(
-                    f"{path}: a message of {record.topic} cannot be read; --salvage leaves it out"
-                ) from error
+                what = f"a message of {record.topic} cannot be read; --salvage leaves it out"
+                raise DamagedError(what) from error
             self.bad += 1
             return
         if record.msgtype in TFS:
@@ -101,26 +97,19 @@ class Messages:
         frames = Counter(row.frame for row in self.rows[topic])
         return bare(frames.most_common(1)[0][0]) if frames else ""
 
-    def sweeps(self, topic: str) -> list[Sweep]:
-        """A laser's sweeps."""
+    def series(self, topic: str) -> tuple[Floats, list[Any]]:
+        """Stamps (n,) [s] of a topic's messages, and what each says."""
         rows = self.rows[topic]
-        stamps = _stamps(rows).tolist()
-        return [Sweep(t, *row.values) for t, row in zip(stamps, rows, strict=True)]
-
-    def inertial(self, topic: str) -> tuple[Floats, list[Inertial]]:
-        """Stamps (n,) [s] of an IMU, and what it measured then."""
-        rows = self.rows[topic]
-        return _stamps(rows), [row.values for row in rows]
+        sent = np.array([row.sent for row in rows], np.float64)
+        stamps = sent if sent.any() else np.array([row.received for row in rows], np.float64)
+        return stamps, [row.values for row in rows]
 
     def track(self, topic: str) -> Track | None:
         """Poses over time; what is not finite is left out."""
-        rows = self.rows[topic]
-        values, whole = _numbers(rows)
-        return Track(_stamps(rows)[whole], values[whole]) if whole.any() else None
-
-    def broken(self, topic: str) -> int:
-        """How many messages of a topic `track` leaves out."""
-        return int((~_numbers(self.rows[topic])[1]).sum())
+        stamps, rows = self.series(topic)
+        values: Floats = np.array(rows, np.float64).reshape(-1, 3)
+        whole = np.all(np.abs(values) < FAR, axis=1)
+        return Track(stamps[whole], values[whole]) if whole.any() else None
 
     def unstamped(self, topic: str) -> bool:
         """Whether no header of the topic has a stamp, so that the time of receiving stands in."""
@@ -136,29 +125,12 @@ def _rows(record: Record, message: Any) -> list[Row]:
     return [Row(seconds(message.header.stamp), received, frame, values)]
 
 
-def _numbers(rows: list[Row]) -> tuple[Floats, NDArray[np.bool_]]:
-    """The values (n, 3) of rows, and which of them can be."""
-    values: Floats = np.array([row.values for row in rows], np.float64).reshape(-1, 3)
-    whole: NDArray[np.bool_] = np.all(np.abs(values) < FAR, axis=1)
-    return values, whole
-
-
-def _stamps(rows: list[Row]) -> Floats:
-    sent = np.array([row.sent for row in rows], np.float64)
-    return sent if sent.any() else np.array([row.received for row in rows], np.float64)
-
-
-def _scan(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
-    return _sweep(message, np.array(message.ranges, np.float32))
-
-
-def _echoes(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
-    """The first echo of each beam; none means nothing up to range_max."""
-    first = [e.echoes[0] if len(e.echoes) else math.inf for e in message.ranges]
-    return _sweep(message, np.array(first, np.float32))
-
-
-def _sweep(message: Any, ranges: Ranges) -> tuple[str, tuple[Ranges, Laser]]:
+def _sweep(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
+    """Of several echoes the first of each beam; none means nothing up to range_max."""
+    found = message.ranges
+    if message.__msgtype__ == ECHOES:
+        found = [beam.echoes[0] if len(beam.echoes) else math.inf for beam in found]
+    ranges = np.array(found, np.float32)
     geometry = Laser(
         float(message.angle_min),
         float(message.angle_increment),
@@ -170,18 +142,14 @@ def _sweep(message: Any, ranges: Ranges) -> tuple[str, tuple[Ranges, Laser]]:
     return message.header.frame_id, (ranges, geometry)
 
 
-def _odometry(message: Any) -> tuple[str, list[float]]:
-    return message.child_frame_id, _pose(message.pose.pose)
-
-
 def _pose(pose: Any) -> list[float]:
     return [pose.position.x, pose.position.y, yaw_of(pose.orientation)]
 
 
 READ: dict[str, Callable[[Any], tuple[str, Any]]] = {
-    SCAN: _scan,
-    ECHOES: _echoes,
-    ODOMETRY: _odometry,
+    SCAN: _sweep,
+    ECHOES: _sweep,
+    ODOMETRY: lambda message: (message.child_frame_id, _pose(message.pose.pose)),
     IMU: lambda message: (message.header.frame_id, inertial(message)),
     POSE: lambda message: ("", _pose(message.pose)),
     POSE_COV: lambda message: ("", _pose(message.pose.pose)),

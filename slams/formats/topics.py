@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TRUTHS, Topic
@@ -26,10 +25,8 @@ class Roles(NamedTuple):
 class Topics:
     """The topics of a bag that have messages; `notes` are for the user."""
 
-    def __init__(
-        self, path: Path, topics: Iterable[Topic], options: SourceOptions, notes: list[str]
-    ) -> None:
-        self.path, self.options, self.notes = path, options, notes
+    def __init__(self, topics: Iterable[Topic], options: SourceOptions, notes: list[str]) -> None:
+        self.options, self.notes = options, notes
         self.found = [topic for topic in topics if topic.messages and topic.name]
 
     def roles(self) -> Roles:
@@ -57,8 +54,8 @@ class Topics:
         if not found:
             names = [f"{topic.name} ({topic.msgtype}, {topic.messages})" for topic in self.found]
             raise ValueError(
-                f"{self.path}: no laser scans; expected sensor_msgs/LaserScan or "
-                f"MultiEchoLaserScan; its topics: {some(names)}"
+                "no laser scans; expected sensor_msgs/LaserScan or MultiEchoLaserScan; its topics: "
+                f"{some(names)}"
             )
         self._expect_one("laser scan topics", "--scan-topic picks one", found)
         return (found[0].name,)
@@ -99,14 +96,12 @@ class Topics:
     def _named(self, wanted: str, found: Sequence[Topic], flag: str, what: str) -> str:
         name = match(wanted, found)
         if name is None:
-            raise ValueError(
-                f"{self.path}: {flag}: no {what} on {wanted}; there are: {listed(found)}"
-            )
+            raise ValueError(f"{flag}: no {what} on {wanted}; there are: {listed(found)}")
         return name
 
     def _expect_one(self, what: str, way_out: str, found: Sequence[Topic]) -> None:
         if len(found) > 1:
-            raise ValueError(f"{self.path}: {len(found)} {what}, {way_out}: {listed(found)}")
+            raise ValueError(f"{len(found)} {what}, {way_out}: {listed(found)}")
 
 
 def match(wanted: str, found: Sequence[Topic]) -> str | None:
