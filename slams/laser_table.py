@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from slams.validation import MOST_BEAMS, expect
 
 COLUMNS = (
     *("n_beams", "angle_min", "angle_increment", "range_min", "range_max", "time_increment"),
-    *("x", "y", "yaw", "mount_z", "height"),
+    *("mount.x", "mount.y", "mount.theta", "mount_z", "height"),
 )
 FORMAT, OF_SEVERAL = "scanlog-1", "scanlog-2"
 REQUIRED = ("t", "ranges", "angle_min", "angle_increment", "range_min", "range_max")
@@ -26,15 +27,7 @@ MIN_SILENT_INTERVALS = 10.0
 
 def to_table(lasers: Sequence[Laser]) -> Floats:
     """A row of `COLUMNS` for each laser; height is nan where it is not known."""
-    rows = [
-        (
-            *(laser.n_beams, laser.angle_min, laser.angle_increment),
-            *(laser.range_min, laser.range_max, laser.time_increment),
-            *(*laser.mount, laser.mount_z, np.nan if laser.height is None else laser.height),
-        )
-        for laser in lasers
-    ]
-    return np.array(rows, np.float64).reshape(-1, len(COLUMNS))
+    return np.array([attrgetter(*COLUMNS)(laser) for laser in lasers], np.float64)
 
 
 def from_table(table: Floats) -> tuple[Laser, ...]:
@@ -52,7 +45,7 @@ def from_table(table: Floats) -> tuple[Laser, ...]:
 def _laser(row: dict[str, float]) -> Laser:
     n, height = row.pop("n_beams"), row.pop("height")
     expect(n == n // 1 and 1 <= n <= MOST_BEAMS, "lasers", f"{n} beams", "a number of beams")
-    mount = Pose2(row.pop("x"), row.pop("y"), row.pop("yaw"))
+    mount = Pose2(*(row.pop(f"mount.{name}") for name in Pose2._fields))
     known = None if height != height else height
     return Laser(n_beams=int(n), mount=mount, height=known, **row)
 

@@ -28,8 +28,11 @@ class Span(NamedTuple):
 
 
 SPANS = (Span("update"), Span("1 s", seconds=1.0), Span("10 s", seconds=10.0))
-# what a report may count that its user must know of, and what to do
-UNMAPPED = {
+# what a summary or its report may count that the user must know of, and what to do
+NOTED = {
+    "stamps_back": "stamps jump back (the order in the log rules)",
+    "scans_without_attitude": "scans have no attitude: taken as level",
+    "scans_without_return": "scans have no return at all",
     "too_far": "scans not entered into the map: where the robot cannot have driven to",
     "too_large": "scans not entered into the map: it has reached max_cells (--set max_cells=N)",
     "attitude_beyond": "scans whose attitude no robot survives: not used, is the IMU overhead?",
@@ -70,7 +73,8 @@ def summarize(
         spans: over what relative errors are taken.
     """
     duration = float(run.t.max() - run.t.min())
-    spent = cost(run.seconds, duration)
+    spent, attitudes = cost(run.seconds, duration), log.attitude_at_scans()
+    level = np.zeros((0, 2)) if attitudes is None else attitudes  # without any nothing is missed
     return {
         "algorithm": label,
         "log": log.name,
@@ -79,7 +83,7 @@ def summarize(
         "duration_s": duration,
         "path_length_m": metrics.path_length(run.final),
         "stamps_back": log.stamp_jumps,
-        "scans_without_attitude": _without_attitude(log),
+        "scans_without_attitude": int((~np.isfinite(level).all(axis=1)).sum()),
         "lasers": len(log.lasers),
         "silent_lasers": silent_lasers(log.t, log.numbers, len(log.lasers)),
         "scans_without_return": int((~np.isfinite(log.ranges).any(axis=1)).sum()),
@@ -95,12 +99,6 @@ def summarize(
         "versions": versions(),
         "machine": f"{platform.machine()} {platform.system()}",
     }
-
-
-def _without_attitude(log: ScanLog) -> int:
-    """How many scans lack one in a log that has attitudes."""
-    attitudes = log.attitude_at_scans()
-    return 0 if attitudes is None else int((~np.isfinite(attitudes).all(axis=1)).sum())
 
 
 def cost(seconds: Floats, duration: float) -> dict[str, float]:
@@ -170,7 +168,8 @@ def versions(libraries: Sequence[str] = LIBRARIES) -> dict[str, str]:
 
 def as_json(summary: dict[str, Any]) -> str:
     """The summary as strict JSON: what is not finite becomes null."""
-    return json.dumps(_finite(summary), indent=2, allow_nan=False) + "\n"
+    text = json.dumps(summary, default=np.generic.item)
+    return json.dumps(json.loads(text, parse_constant=lambda _: None), indent=2) + "\n"
 
 
 def as_text(summary: dict[str, Any]) -> str:
@@ -199,19 +198,13 @@ def as_text(summary: dict[str, Any]) -> str:
 
 
 def _odd_scans(summary: dict[str, Any]) -> list[str]:
-    notes = []
-    if summary["stamps_back"]:
-        notes.append(f"{summary['stamps_back']} stamps jump back (the order in the log rules)")
-    if summary["scans_without_attitude"]:
-        notes.append(f"{summary['scans_without_attitude']} scans have no attitude: taken as level")
+    report = summary["report"]
+    counts = report | summary
+    notes = [f"{counts[key]} {words}" for key, words in NOTED.items() if counts.get(key)]
     notes += [
         f"laser {laser['laser']} fell silent after {laser['last_s']:.1f} s"
         for laser in summary["silent_lasers"]
     ]
-    if summary["scans_without_return"]:
-        notes.append(f"{summary['scans_without_return']} scans have no return at all")
-    report = summary["report"]
-    notes += [f"{report[key]} {words}" for key, words in UNMAPPED.items() if report.get(key)]
     if report.get("in_conflict", 0) > CONFLICTING * summary["scans"]:
         causes = "people or dust" if report.get("leveled") else "people, dust, or a tilting laser"
         notes.append(f"{report['in_conflict']} scans end where the map is free: {causes}")
@@ -248,15 +241,3 @@ def moments(values: Floats) -> dict[str, float]:
         "min": float(values.min()),
         "max": float(values.max()),
     }
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
