@@ -51,16 +51,27 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
     """
     notes: list[str] = []
     text = text_of(path)
-    message = _chosen(path, text, options.scan_topic)
+    message = _chosen(text, options.scan_topic)
     lines = Lines(message)
-    bad = _parse(path, text, lines, options.salvage)
+    bad = _parse(text, lines, options.salvage)
     if bad:
         notes.append(f"{bad} lines are not whole and left out")
     if not lines.sweeps:
-        raise ValueError(f"{path}: no {message} line is whole")
+        raise ValueError(f"no {message} line is whole")
     if "\nNEFF " in text:
         notes.append("NEFF lines: the poses of this log are the result of another SLAM")
-    return _log(path, lines, options, notes)
+    t, ranges, laser = common(lines.sweeps, _mount(lines, notes), False, notes)
+    odom, odometry = _odometry(t, lines, options.odom)
+    source = {"format": "CARMEN", "file": path.name, "scans": message, "odometry": odometry}
+    return ScanLog(
+        t,
+        ranges,
+        replace(laser, range_max=_no_return(ranges, laser)),
+        odom=odom,
+        truth=_track(lines.truth),
+        meta={"name": name_of(path), "source": source},
+        notes=tuple(notes),
+    )
 
 
 def laser_messages(text: str) -> dict[str, int]:
@@ -69,21 +80,21 @@ def laser_messages(text: str) -> dict[str, int]:
     return {word: n for word, n in words.items() if LASER.match(word)}
 
 
-def _chosen(path: Path, text: str, wanted: str | None) -> str:
+def _chosen(text: str, wanted: str | None) -> str:
     """The laser message to read: the one asked for, else the front laser, else the only one."""
     counts = laser_messages(text)
     found = ", ".join(f"{name} ({n})" for name, n in sorted(counts.items())) or "none"
     if wanted is not None and wanted not in counts:
-        raise ValueError(f"{path}: no {wanted} lines; its laser messages: {found}")
+        raise ValueError(f"no {wanted} lines; its laser messages: {found}")
     if not counts:
-        raise ValueError(f"{path}: no laser lines; expected FLASER, RAWLASER1 or ROBOTLASER1")
+        raise ValueError("no laser lines; expected FLASER, RAWLASER1 or ROBOTLASER1")
     front = [name for name in FRONT if name in counts]
     if wanted is None and not front and len(counts) > 1:
-        raise ValueError(f"{path}: {len(counts)} lasers, --scan-topic picks one: {found}")
+        raise ValueError(f"{len(counts)} lasers, --scan-topic picks one: {found}")
     return wanted or (front or list(counts))[0]
 
 
-def _parse(path: Path, text: str, lines: Lines, salvage: bool) -> int:
+def _parse(text: str, lines: Lines, salvage: bool) -> int:
     """Go through all lines; the number of those that are not whole."""
     bad = 0
     for number, line in enumerate(text.split("\n"), 1):
@@ -95,10 +106,8 @@ def _parse(path: Path, text: str, lines: Lines, salvage: bool) -> int:
             take(words)
         except (ValueError, IndexError, OverflowError) as error:
             if not salvage:
-                hint = "--salvage leaves such lines out"
-                raise DamagedError(
-                    f"{path}: line {number} ({words[0]}) is not whole; {hint}"
-                ) from error
+                what = f"line {number} ({words[0]}) is not whole; --salvage leaves such lines out"
+                raise DamagedError(what) from error
             bad += 1
     return bad
 
@@ -134,35 +143,38 @@ class Lines:
             self.params[words[1]] = words[2]
 
     def _old_laser(self, words: list[str]) -> None:
-        """FLASER n r1..rn laser pose, robot pose."""
+        """FLASER n r1..rn laser pose, robot pose.
+
+        The lines do not tell the angles: the parameters do, or else 180 degrees it is.
+        """
         n = int(words[1])
         _expect(n >= 1 and len(words) == 2 + n + 6 + N_TAIL_WORDS)
-        poses = _numbers(words[2 + n : 8 + n])
-        self._take(words, words[2 : 2 + n], self._old_geometry(n), poses)
-
-    def _old_geometry(self, n: int) -> Laser:
-        """The lines do not tell the angles: the parameters do, or else 180 degrees it is."""
         usual = 180.0 / max(n - n % 2, 1)  # as a SICK's 180, 181, 360 or 361
         step = self.number("laser_front_laser_resolution", usual)
         if step * (n - 1) > 360.0:  # the parameter is of another laser
             step = usual
         first = -90.0 if step == usual else -0.5 * step * (n - 1)
         high = self.number("robot_front_laser_max", RANGE_MAX)
-        return Laser(math.radians(first), math.radians(step), n, RANGE_MIN, high)
+        geometry = Laser(math.radians(first), math.radians(step), n, RANGE_MIN, high)
+        self._take(words, words[2 : 2 + n], geometry, _numbers(words[2 + n : 8 + n]))
 
     def _new_laser(self, words: list[str]) -> None:
-        """RAWLASERn and ROBOTLASERn; the number of words tells what stands at their end."""
+        """RAWLASERn and ROBOTLASERn; the number of words tells what stands at their end.
+
+        That are remissions, or none, and in a ROBOTLASERn the poses of laser and robot.
+        """
         n = int(words[8])
         _expect(n >= 1 and len(words) >= 9 + n + N_TAIL_WORDS)
-        poses = _end_poses(words[9 + n : -N_TAIL_WORDS], 11 if words[0].startswith("ROBOT") else 0)
-        self._take(words, words[9 : 9 + n], self._new_geometry(n, _numbers(words[2:6])), poses)
-
-    def _new_geometry(self, n: int, numbers: list[float]) -> Laser:
-        first, fov, step, high = numbers
+        rest, numbers = words[9 + n : -N_TAIL_WORDS], 11 if words[0].startswith("ROBOT") else 0
+        if len(rest) != numbers:
+            remissions = int(rest[0])
+            _expect(remissions >= 0 and len(rest) == 1 + remissions + numbers)
+        poses = _numbers(rest[len(rest) - numbers :][:6])
+        first, fov, step, high = _numbers(words[2:6])
         even = fov / (n - 1) if n > 1 else step
         if step <= 0.0 or abs(step - even) * n < 1e-3:  # six decimals are few for a step
             step = even
-        return Laser(first, step, n, RANGE_MIN, high)
+        self._take(words, words[9 : 9 + n], Laser(first, step, n, RANGE_MIN, high), poses)
 
     def _take(
         self, words: list[str], readings: list[str], geometry: Laser, poses: list[float]
@@ -173,14 +185,6 @@ class Lines:
         self.sweeps.append(Sweep(_stamp(words), ranges, geometry))
         if poses:
             self.poses.append((Pose2(*poses[:3]), Pose2(*poses[3:])))
-
-
-def _end_poses(rest: list[str], numbers: int) -> list[float]:
-    """Laser and robot pose behind the readings, where remissions may stand before them."""
-    if len(rest) != numbers:
-        remissions = int(rest[0])
-        _expect(remissions >= 0 and len(rest) == 1 + remissions + numbers)
-    return _numbers(rest[len(rest) - numbers :][:6])
 
 
 def _pose_row(words: list[str]) -> list[float]:
@@ -206,22 +210,6 @@ def _expect(whole: bool) -> None:
         raise ValueError("the line is not whole")
 
 
-def _log(path: Path, lines: Lines, options: SourceOptions, notes: list[str]) -> ScanLog:
-    mount = _mount(lines, notes)
-    t, ranges, laser = common(lines.sweeps, mount, False, notes)
-    odom, odometry = _odometry(path, t, lines, options.odom)
-    source = {"format": "CARMEN", "file": path.name, "scans": lines.message, "odometry": odometry}
-    return ScanLog(
-        t,
-        ranges,
-        replace(laser, range_max=_no_return(ranges, laser)),
-        odom=odom,
-        truth=_track(lines.truth),
-        meta={"name": name_of(path), "source": source},
-        notes=tuple(notes),
-    )
-
-
 def _mount(lines: Lines, notes: list[str]) -> Pose2:
     """The laser on the robot: its pose seen from the robot's, where that stays the same."""
     seen = [robot.between(laser) for laser, robot in lines.poses]
@@ -236,9 +224,7 @@ def _mount(lines: Lines, notes: list[str]) -> Pose2:
     return middle
 
 
-def _odometry(
-    path: Path, t: Floats, lines: Lines, wanted: str | None
-) -> tuple[Track | None, str | None]:
+def _odometry(t: Floats, lines: Lines, wanted: str | None) -> tuple[Track | None, str | None]:
     """The robot's poses in the laser lines, else the ODOM lines; and where they are from."""
     found: dict[str, Track | None] = {}
     if lines.poses:
@@ -246,7 +232,7 @@ def _odometry(
     if lines.odom:
         found["ODOM"] = _track(lines.odom)
     if wanted not in (None, "none", *found):
-        raise ValueError(f"{path}: no odometry {wanted}; it has {', '.join(found) or 'none'}")
+        raise ValueError(f"no odometry {wanted}; it has {', '.join(found) or 'none'}")
     name = next(iter(found), "none") if wanted is None else wanted
     return found.get(name), None if name == "none" else name
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from slams.formats import carmen, recording, trajectory
 from slams.formats.kind import BAGS, kind_of
-from slams.formats.options import SourceOptions
+from slams.formats.options import SourceOptions, named
 from slams.scanlog import ScanLog, load_npz
 from slams.validation import expect
 
@@ -49,14 +49,11 @@ def load(
             raise ValueError(f"{item}: {empty}not an npz file, a ROS bag or a CARMEN log")
         if len(paths) > 1 and its_kind not in BAGS:
             raise ValueError(f"{item}: is no bag; of several files only bags make one log")
-    kind = kinds[0]
-    try:
+    kind, one = kinds[0], f"one: {paths[0]} is no bag"
+    expect(kind in BAGS or not options.more_scan_topics, "--scan-topic", "several", one)
+    with named(paths[0]):
         log = _with_truth(paths, kind, options)
         pace = _pace(log)
-    except ValueError as error:  # of a log's numbers: without its name
-        if type(error) is not ValueError or str(paths[0]) in str(error):
-            raise
-        raise ValueError(f"{paths[0]}: {error}") from error
     return _noted(log, [*log.notes, *_left_aside(kind, options), *_uncovered(log), *pace])
 
 
@@ -75,15 +72,11 @@ def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog
 
 
 def _read(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
-    path = paths[0]
     if kind in BAGS:
         return recording.read(paths, options, recording.Recording.log)
-    expect(not options.more_scan_topics, "--scan-topic", "several", f"one: {path} is no bag")
-    return _read_npz(path, options) if kind == "npz" else carmen.read(path, options)
-
-
-def _read_npz(path: Path, options: SourceOptions) -> ScanLog:
-    log = load_npz(path)
+    if kind == "carmen":
+        return carmen.read(paths[0], options)
+    log = load_npz(paths[0])
     choices = {"odom": options.odom, "yaw_rate": options.imu}
     hidden: dict[str, Any] = {key: None for key, choice in choices.items() if choice == "none"}
     return replace(log, **hidden) if hidden else log
