@@ -14,13 +14,11 @@ from slams import cli
 if TYPE_CHECKING:
     from slams.registry import Entry
 
-PROGRAM = "slams check"
-
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams check",
         description="Check that an algorithm keeps the contract of slams.types.Slam.",
         epilog="Prints a line per clause; exit code 0 if all hold, 1 if not.",
     )
@@ -30,11 +28,6 @@ def parser() -> argparse.ArgumentParser:
         help="name, name@preset or module:Class; without @preset every preset is checked",
     )
     return p
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
 
 
 def _command(arguments: argparse.Namespace) -> int:
@@ -61,6 +54,8 @@ def _all(label: str) -> list[Entry]:
     others = [] if "@" in label else entry.cls.Params.presets()[1:]
     return [entry, *(find(f"{label}@{preset}") for preset in others)]
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -84,6 +84,18 @@ def run_command(program: str, command: Callable[[], int]) -> int:
         return _say(program, "terminated", TERMINATED)
 
 
+def main_of(
+    parser: Callable[[], argparse.ArgumentParser], command: Callable[[argparse.Namespace], int]
+) -> Callable[..., int]:
+    """The `main` of a command: runs it with the words behind its name; returns its exit code."""
+
+    def main(argv: list[str] | None = None) -> int:
+        made = parser()
+        return run_command(made.prog, lambda: command(made.parse_intermixed_args(argv)))
+
+    return main
+
+
 def _terminate(*_: object) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     raise TerminatedError

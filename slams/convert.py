@@ -30,11 +30,6 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_intermixed_args(argv)))
-
-
 def _command(arguments: argparse.Namespace) -> int:
     from slams.formats.source import load
 
@@ -56,6 +51,8 @@ def _check_name(out: Path, force: bool) -> None:
     check_file(out)
     check_new(out, force)
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())

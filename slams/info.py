@@ -20,14 +20,13 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog, Track
     from slams.types import Floats, Laser
 
-PROGRAM = "slams info"
 GAP = 3.0  # periods without a message that count as a gap: two in a row are missing
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams info",
         description="Print what a recorded log contains, what the commands will assume where it "
         "leaves something open, and which commands can use it.",
     )
@@ -38,11 +37,6 @@ def parser() -> argparse.ArgumentParser:
     )
     cli.add_log_options(p)
     return p
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
 
 
 def _command(arguments: argparse.Namespace) -> int:
@@ -194,6 +188,8 @@ def _uses(log: ScanLog) -> Iterator[str]:
     )
     yield f"usable by: slams run, play, convert, {more}"
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -46,11 +46,6 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
-
-
 def _command(arguments: argparse.Namespace) -> int:
     log = cli.refusing(lambda: _log(arguments))
     cli.show_notes(PROGRAM, log.notes, arguments.quiet)
@@ -100,6 +95,8 @@ def _play(
     ending.wait(LINGER)
     return sent
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -87,11 +87,6 @@ def given_start(arguments: argparse.Namespace) -> Pose2 | None:
     return None if arguments.start is None else pose_of(arguments.start)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_intermixed_args(argv)))
-
-
 def _command(arguments: argparse.Namespace) -> int:
     entry, params, ros = cli.refusing(lambda: chosen(arguments))
     if arguments.show_params:
@@ -291,6 +286,8 @@ def _replayed(
     start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
     return replay(slam, cli.progress(log, len(log), entry.label, arguments.quiet)), start_up_s
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())
