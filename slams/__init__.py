@@ -34,25 +34,18 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_HOME = {
-    "Estimate": "live.estimate",
-    "LiveSlam": "live.slam",
-    "Params": "params",
-    "param": "params",
-    "create": "registry",
-    "find": "registry",
-    "names": "registry",
-    "Run": "player",
-    "replay": "player",
-    "ScanLog": "scanlog",
-    "load": "formats.source",
-    "load_state": "state",
-    "Laser": "types",
-    "OccupancyGrid": "types",
-    "Pose2": "types",
-    "Scan": "types",
-    "Slam": "types",
+_NAMES = {
+    "formats.source": "load",
+    "live.estimate": "Estimate",
+    "live.slam": "LiveSlam",
+    "params": "Params param",
+    "player": "Run replay",
+    "registry": "create find names",
+    "scanlog": "ScanLog",
+    "state": "load_state",
+    "types": "Laser OccupancyGrid Pose2 Scan Slam",
 }
+_HOME = {name: module for module, text in _NAMES.items() for name in text.split()}
 
 __all__ = [*_HOME]
 
@@ -60,7 +53,5 @@ __all__ = [*_HOME]
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'slams' has no attribute {name!r}")
-    module = import_module(f"slams.{_HOME[name]}")
-    value = getattr(module, name)
-    globals()[name] = value
+    value = globals()[name] = getattr(import_module(f"slams.{_HOME[name]}"), name)
     return value

@@ -47,12 +47,15 @@ def laser(
     return Laser(-0.5 * fov, step, n_beams, 0.1, range_max, mount, time_increment)
 
 
-def cast(segments: Floats, pose: Sequence[float] | Floats, lidar: Laser) -> Floats:
-    """Exact ranges of one instantaneous scan from the base pose; inf where nothing is hit."""
-    sensor = Pose2(*pose) @ lidar.mount
-    angles = lidar.angles + sensor.theta
+def cast(segments: Floats, poses: Sequence[float] | Floats, lidar: Laser) -> Floats:
+    """Exact ranges of one scan from the base pose (3,), or that of each beam (n_beams, 3).
+
+    inf where nothing is hit.
+    """
+    sensors = np.array([Pose2(*pose) @ lidar.mount for pose in np.atleast_2d(poses)])
+    angles = lidar.angles + sensors[:, 2]
     d = np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None, :]
-    a = segments[None, :, :2] - np.array([sensor.x, sensor.y])
+    a = segments[None, :, :2] - sensors[:, None, :2]
     e = (segments[:, 2:] - segments[:, :2])[None]
     with np.errstate(divide="ignore", invalid="ignore"):
         cross = d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0]
@@ -105,29 +108,18 @@ def drive(
     rng = np.random.default_rng(seed)
     lidar = lidar or laser()
     t = np.arange(n) / rate
-    poses = way(n, 1.0 / rate)
-    if lidar.time_increment:
-        ranges = _swept(t, rate, lidar, segments)
-    else:
-        ranges = np.array([cast(segments, pose, lidar) for pose in poses])
+    poses = seen_from = way(n, 1.0 / rate)
+    if lidar.time_increment:  # beams are measured one after the other on the way
+        b = lidar.n_beams
+        stamps = t[:, None] + lidar.time_increment * np.arange(b)
+        samples = np.rint(stamps * rate * b).astype(int)
+        seen_from = way(n * b, 1.0 / (rate * b))[np.minimum(samples, n * b - 1)]
+    ranges = np.array([cast(segments, scan, lidar) for scan in seen_from])
     noisy = (ranges + rng.normal(0.0, noise, ranges.shape)).astype(np.float32)
     odom = Track(t, _drifting(poses, rng)) if odometry else None
     rate_of_turn = np.gradient(poses[:, 2], t) if n > 1 else np.zeros(1)
     yaw_rate = Track(t, rate_of_turn + 0.001) if gyro else None
     return ScanLog(t, noisy, lidar, odom, Track(t, poses), yaw_rate, {"name": "room"})
-
-
-def _swept(t: Floats, rate: float, lidar: Laser, segments: Floats) -> Floats:
-    """Ranges (n, b) of beams that are measured one after the other on the way."""
-    n, b = len(t), lidar.n_beams
-    fine = way(n * b, 1.0 / (rate * b))
-    ranges = np.empty((n, b))
-    for i in range(n):
-        for k in range(b):
-            sample = round((t[i] + k * lidar.time_increment) * rate * b)
-            one = Laser(lidar.angles[k], 0.0, 1, 0.1, 30.0, lidar.mount)
-            ranges[i, k] = cast(segments, fine[min(sample, len(fine) - 1)], one)[0]
-    return ranges
 
 
 def _drifting(poses: Floats, rng: np.random.Generator) -> Floats:
