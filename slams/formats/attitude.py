@@ -79,11 +79,12 @@ class ImuAttitude:
         if self._turned is None:
             return measured.sent, measured.rates[2], math.nan, math.nan
         if math.isfinite(measured.orientation[0]):
-            up = up_of(np.array([measured.orientation]))
+            up = up_of(np.array([measured.orientation]))[0]
         else:
-            up = self._filtered(measured)[None]
-        roll, pitch = roll_and_pitch(rotated(up, self._turned))[0].tolist()
-        rates = rotated(np.array([measured.rates]), self._turned)[0]
+            up = self._filtered(measured)
+        # plain sums: those of @ are not the same, bit for bit, on every machine
+        of_base, rates = ((self._turned * one).sum(axis=1) for one in (up, measured.rates))
+        roll, pitch = roll_and_pitch(of_base[None])[0].tolist()
         return measured.sent, vertical_rate(rates, roll, pitch), roll, pitch
 
     def _filtered(self, row: Inertial) -> Floats:
@@ -101,12 +102,6 @@ class ImuAttitude:
             return np.full(3, np.nan)
         self._up = up / math.sqrt(float(up @ up))
         return self._up
-
-
-def rotated(vectors: Floats, matrix: Floats) -> Floats:
-    """Vectors (n, 3) turned by a matrix (3, 3)."""
-    x, y, z = vectors.T
-    return np.column_stack([row[0] * x + row[1] * y + row[2] * z for row in matrix])
 
 
 def roll_and_pitch(up: Floats) -> Floats:

@@ -105,8 +105,7 @@ class Transforms:
         t = tracks[clock].t
         poses = np.zeros((len(t), 3))
         for k, track in enumerate(tracks):
-            step = track.poses_at(t) if k in alive else np.tile(track.values[0], (len(t), 1))
-            poses = _composed(poses, step)
+            poses = composed(poses, track.poses_at(t) if k in alive else track.values[:1])
         covered = np.isfinite(poses).all(axis=1)
         return Track(t[covered], poses[covered]) if covered.any() else None
 
@@ -167,14 +166,8 @@ def yaw_of(q: Any) -> float:
     return math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
 
 
-def moved(track: Track, step: Pose2) -> Track:
-    """The same track of a frame that is fixed at `step` in the first one."""
-    steps = np.tile(np.array(step), (len(track.t), 1))
-    return Track(track.t, _composed(track.values, steps))
-
-
-def _composed(a: Floats, b: Floats) -> Floats:
-    """Poses a @ b (n, 3), row by row."""
+def composed(a: Floats, b: Floats) -> Floats:
+    """Poses a @ b (n, 3), row by row; b may be a single one (1, 3)."""
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
     x = a[:, 0] + c * b[:, 0] - s * b[:, 1]
     y = a[:, 1] + s * b[:, 0] + c * b[:, 1]

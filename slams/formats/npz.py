@@ -34,21 +34,16 @@ def read_npz(path: Path, names: Iterable[str] | None = None, most: int = 0) -> A
             if size > most:
                 check_growth(path, os.fstat(file.fileno()).st_size, size)
             return {name: archive[name] for name in found}
-    except OSError as error:
-        if error.strerror and error.filename:  # else a place outside of the file
-            raise type(error)(f"{path}: {error.strerror.lower()}; expected an npz file") from error
-        raise _damaged(path, error) from error
     except MemoryError as error:
         raise ValueError(f"{path}: needs more memory than there is ({error})") from error
     except Exception as error:  # zipfile, its decompressors and numpy raise what they stumble over
         if isinstance(error, ValueError) and str(error).startswith(str(path)):
             raise
-        raise _damaged(path, error) from error
-
-
-def _damaged(path: Path, error: Exception) -> ValueError:
-    reason = " ".join(str(error).split())[:200]
-    return ValueError(f"{path}: damaged, cut short or no npz ({reason}); copy it again")
+        if isinstance(error, OSError) and error.strerror and error.filename:
+            raise type(error)(f"{path}: {error.strerror.lower()}; expected an npz file") from error
+        reason = " ".join(str(error).split())[:200]  # also of a place outside of the file
+        what = f"{path}: damaged, cut short or no npz ({reason}); copy it again"
+        raise ValueError(what) from error
 
 
 def write_npz(path: Path, arrays: dict[str, Any], level: int = 1) -> None:

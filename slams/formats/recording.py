@@ -8,9 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from slams.formats.attitude import tracks_of
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, Bag, Topic, joined, open_bag
-from slams.formats.frames import Transforms, bare, moved, planar
+from slams.formats.frames import Transforms, bare, composed, planar
 from slams.formats.kind import kind_of
 from slams.formats.options import DamagedError, SourceOptions, named
 from slams.formats.packed import name_of
@@ -218,9 +220,17 @@ class Recording:
         return self._poses(topic, wanted)
 
     def _poses(self, topic: str | None, frame: str | None) -> tuple[Track | None, str | None]:
-        """The base's poses on a topic, else in a frame; and where they are from."""
+        """The base's poses on a topic, else in a frame; and where they are from.
+
+        Poses of another frame that is fixed to the base are carried to it.
+        """
         if topic is not None:
-            return self._at_base(topic), topic
+            track, its_frame = self.messages.track(topic), self.messages.frame(topic)
+            matrix = self.tree.fixed(its_frame, self.base)
+            if track is None or matrix is None or its_frame == self.base:
+                return track, topic
+            step = np.array([planar(matrix, "the base", self.notes)[0]])
+            return Track(track.t, composed(track.values, step)), topic
         if frame is None or frame == "none":
             return None, None
         track = self.tree.moving(frame, self.base)
@@ -230,14 +240,6 @@ class Recording:
                 f"{some(self._above())}"
             )
         return track, f"tf {frame}"
-
-    def _at_base(self, topic: str) -> Track | None:
-        """A topic's poses, carried from the frame they are of to the base."""
-        track = self.messages.track(topic)
-        matrix = self.tree.fixed(self.messages.frame(topic), self.base)
-        if track is None or matrix is None or self.messages.frame(topic) == self.base:
-            return track
-        return moved(track, planar(matrix, "the base", self.notes)[0])
 
     def _above(self) -> list[str]:
         return self.tree.ancestors(self.base, rigid=False)[1:]

@@ -51,14 +51,14 @@ class Topics:
             fits = len(set(names)) == len(names) <= MAX_LASERS
             expect(fits, "--scan-topic", names, f"up to {MAX_LASERS} different topics")
             return tuple(names)
-        if not found:
+        name = self._only(found, "laser scan topics", "--scan-topic picks one")
+        if name is None:
             names = [f"{topic.name} ({topic.msgtype}, {topic.messages})" for topic in self.found]
             raise ValueError(
                 "no laser scans; expected sensor_msgs/LaserScan or MultiEchoLaserScan; its topics: "
                 f"{some(names)}"
             )
-        self._expect_one("laser scan topics", "--scan-topic picks one", found)
-        return (found[0].name,)
+        return (name,)
 
     def _truth_topic(self) -> str | None:
         """The topic asked for, if it is one; else the only one that calls itself truth."""
@@ -77,8 +77,7 @@ class Topics:
         if wanted is not None:
             return match(wanted, found)
         found = [topic for topic in found if topic.name != truth]
-        self._expect_one("odometry topics", "--odom picks one (or none)", found)
-        return found[0].name if found else None
+        return self._only(found, "odometry topics", "--odom picks one (or none)")
 
     def _imu_topic(self) -> str | None:
         """The topic asked for or the only one; the gyro is no need, so several are none."""
@@ -99,9 +98,10 @@ class Topics:
             raise ValueError(f"{flag}: no {what} on {wanted}; there are: {listed(found)}")
         return name
 
-    def _expect_one(self, what: str, way_out: str, found: Sequence[Topic]) -> None:
+    def _only(self, found: Sequence[Topic], what: str, way_out: str) -> str | None:
         if len(found) > 1:
             raise ValueError(f"{len(found)} {what}, {way_out}: {listed(found)}")
+        return found[0].name if found else None
 
 
 def match(wanted: str, found: Sequence[Topic]) -> str | None:

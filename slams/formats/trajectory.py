@@ -70,7 +70,9 @@ def read_trajectory(
     if is_file(name):
         return _in_order(name, read_track(Path(name), options.salvage))
     if log_path is None or kind_of(Path(log_path)) not in BAGS:
-        raise _no_such(name, log_path)
+        what = "a directory without a bag" if Path(name).is_dir() else "no such file"
+        log = "without a bag there are" if log_path is None else f"{log_path} is no bag, it has"
+        raise FileNotFoundError(f"{name}: {what}; {log} no topics and frames")
     options = replace(options, truth=name, imu="none")
     track = recording.read([Path(log_path)], options, recording.Recording.track)
     return _in_order(f"{log_path}: {name}", track)
@@ -121,7 +123,10 @@ def read(path: str | Path) -> tuple[Floats, Floats]:
         raise ValueError(f"{path}: not lines of {TUM} ({error})") from error
     if table.shape[1] != len(TUM.split()):
         raise ValueError(f"{path}: got {table.shape[1]} columns, expected {TUM}")
-    poses = np.column_stack([table[:, 1:3], _heading(table[:, 4:])])
+    with np.errstate(over="ignore", invalid="ignore"):
+        is_rotation = np.linalg.norm(table[:, 4:], axis=1) > MIN_QUATERNION_NORM
+        heading = np.where(is_rotation, headings(table[:, 4:]), np.nan)
+    poses = np.column_stack([table[:, 1:3], heading])
     broken = int((~np.isfinite(np.column_stack([table[:, 0], poses]))).any(axis=1).sum())
     if broken:
         raise ValueError(
@@ -129,13 +134,6 @@ def read(path: str | Path) -> tuple[Floats, Floats]:
             "numbers"
         )
     return table[:, 0], poses
-
-
-def _heading(rotations: Floats) -> Floats:
-    """Heading (n,) of quaternions (n, 4) of any length; nan where one is no rotation."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        is_rotation = np.linalg.norm(rotations, axis=1) > MIN_QUATERNION_NORM
-        return np.where(is_rotation, headings(rotations), np.nan)
 
 
 def _in_order(what: str, track: Track) -> Track:
@@ -152,9 +150,3 @@ def _in_order(what: str, track: Track) -> Track:
             f"{what}: got {len(track.t)} poses at one stamp ({t[0]:.6g} s), expected a trajectory"
         )
     return Track(t, track.values[first])
-
-
-def _no_such(name: str, log_path: str | Path | None) -> FileNotFoundError:
-    what = "a directory without a bag" if Path(name).is_dir() else "no such file"
-    log = "without a bag there are" if log_path is None else f"{log_path} is no bag, it has"
-    return FileNotFoundError(f"{name}: {what}; {log} no topics and frames")
