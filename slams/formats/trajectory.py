@@ -14,6 +14,7 @@ from slams.formats.options import SourceOptions
 from slams.formats.packed import text_of
 from slams.scanlog import Track
 from slams.types import Floats
+from slams.validation import expect
 
 TUM = "t x y z qx qy qz qw"  # columns [s, m]
 MAX_DISORDER = 0.1  # share of stamps before the one ahead of them that is still a recording
@@ -86,8 +87,7 @@ def read_track(path: Path, salvage: bool = False) -> Track:
         ValueError: it is none of them; the sentence says what was found.
     """
     kind = kind_of(path)
-    if kind == "npz":
-        raise ValueError(f"{path}: got an npz file, expected a trajectory: TUM or a bag")
+    expect(kind != "npz", f"{path}", "an npz file", "a trajectory: TUM or a bag")
     if kind not in BAGS:
         return Track(*read(path))
     options = SourceOptions(odom="none", imu="none", truth="/pose", salvage=salvage)
@@ -115,14 +115,13 @@ def read(path: str | Path) -> tuple[Floats, Floats]:
     """
     lines = [line.strip() for line in text_of(Path(path)).split("\n")]
     rows = [line for line in lines if line and line[0] != "#"]
-    if not rows:
-        raise ValueError(f"{path}: got no poses, expected a trajectory")
+    expect(len(rows) > 0, f"{path}", "no poses", "a trajectory")
     try:
         table: Floats = np.loadtxt(rows, ndmin=2)
     except ValueError as error:
         raise ValueError(f"{path}: not lines of {TUM} ({error})") from error
-    if table.shape[1] != len(TUM.split()):
-        raise ValueError(f"{path}: got {table.shape[1]} columns, expected {TUM}")
+    columns = table.shape[1]
+    expect(columns == len(TUM.split()), f"{path}", f"{columns} columns", TUM)
     with np.errstate(over="ignore", invalid="ignore"):
         is_rotation = np.linalg.norm(table[:, 4:], axis=1) > MIN_QUATERNION_NORM
         heading = np.where(is_rotation, headings(table[:, 4:]), np.nan)
@@ -145,8 +144,6 @@ def _in_order(what: str, track: Track) -> Track:
             "poses in the order of time"
         )
     t, first = np.unique(track.t, return_index=True)
-    if len(t) < 2:
-        raise ValueError(
-            f"{what}: got {len(track.t)} poses at one stamp ({t[0]:.6g} s), expected a trajectory"
-        )
+    got = f"{len(track.t)} poses at one stamp ({t[0]:.6g} s)"
+    expect(len(t) > 1, what, got, "a trajectory")
     return Track(t, track.values[first])

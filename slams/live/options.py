@@ -11,6 +11,7 @@ from typing import Any
 
 from slams.formats.bag import IMU, ODOMETRY, PATH, POSE_COV, SCAN, TF, Record
 from slams.params import MAX_LASERS
+from slams.validation import expect
 
 MAP, STATUS = "nav_msgs/msg/OccupancyGrid", "diagnostic_msgs/msg/DiagnosticArray"
 Callback = Callable[[Record], None]
@@ -47,8 +48,8 @@ def renamed(remap: Sequence[str] = ()) -> dict[str, str]:
     names = {name: name for name in TOPICS}
     for text in remap:
         old, between, new = text.partition(":=")
-        if not (between and new.startswith("/")):
-            raise ValueError(f"--remap: got {text!r}, expected /FROM:=/TO")
+        fits = bool(between) and new.startswith("/")
+        expect(fits, "--remap", repr(text), "/FROM:=/TO")
         if old not in names:
             raise ValueError(f"--remap: {old} is no topic here; there are {', '.join(names)}")
         names[old] = new
@@ -85,14 +86,12 @@ class NodeOptions:
 
     def __post_init__(self) -> None:
         for option in fields(self):
-            value = getattr(self, option.name)
-            if option.type == "float" and not 0.0 <= value < math.inf:
-                raise ValueError(f"{_flag(option)}: got {value:g}, expected 0 s or more")
-        if not len(set(self.scans)) == len(self.scans) <= MAX_LASERS:
-            got = ", ".join(self.scans)
-            raise ValueError(
-                f"--scan-topic: got {got}, expected up to {MAX_LASERS} different topics"
-            )
+            if option.type == "float":
+                value = getattr(self, option.name)
+                expect(0.0 <= value < math.inf, _flag(option), f"{value:g}", "0 s or more")
+        fits = len(set(self.scans)) == len(self.scans) <= MAX_LASERS
+        most = f"up to {MAX_LASERS} different topics"
+        expect(fits, "--scan-topic", ", ".join(self.scans), most)
 
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:
