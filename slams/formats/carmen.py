@@ -23,7 +23,7 @@ import numpy as np
 
 from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.packed import name_of, text_of
-from slams.formats.sweep import Sweep, common, usable
+from slams.formats.sweep import Mounted, Sweep, common, usable
 from slams.scanlog import ScanLog, Track
 from slams.types import Floats, Laser, Pose2, Ranges
 from slams.validation import FAR, LATEST
@@ -60,7 +60,7 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
         raise ValueError(f"no {message} line is whole")
     if "\nNEFF " in text:
         notes.append("NEFF lines: the poses of this log are the result of another SLAM")
-    t, ranges, laser = common(lines.sweeps, _mount(lines, notes), False, notes)
+    t, ranges, laser = common(lines.sweeps, Mounted(_mount(lines, notes)), notes)
     odom, odometry = _odometry(t, lines, options.odom)
     source = {"format": "CARMEN", "file": path.name, "scans": message, "odometry": odometry}
     return ScanLog(

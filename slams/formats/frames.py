@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from slams.formats.attitude import headings, roll_and_pitch, up_of
+from slams.formats.sweep import Mounted
 from slams.ros.stamps import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Pose2, wrap_angle
@@ -151,14 +152,15 @@ def attitudes_of(rows: list[Row]) -> Floats:
     return roll_and_pitch(up_of(np.array(rows)[:, 4:]))
 
 
-def planar(matrix: Floats, what: str, notes: list[str]) -> tuple[Pose2, bool]:
-    """A pose in space as one in the plane, and whether it stands on its head."""
+def planar(matrix: Floats, what: str, notes: list[str]) -> Mounted:
+    """A pose in space as one in the plane, whether it stands on its head, and its height."""
     upright = float(np.clip(matrix[2, 2], -1.0, 1.0))
     tilt = min(math.acos(upright), math.pi - math.acos(upright))
     if tilt > MAX_TILT:
         notes.append(f"{what} is tilted by {math.degrees(tilt):.0f} degrees; it is taken as level")
     yaw = math.atan2(matrix[1, 0], matrix[0, 0])
-    return Pose2(float(matrix[0, 3]), float(matrix[1, 3]), yaw), upright < 0.0
+    x, y, z = matrix[:3, 3].tolist()
+    return Mounted(Pose2(x, y, yaw), upright < 0.0, z)
 
 
 def yaw_of(q: Any) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,10 +16,10 @@ from slams.formats.kind import kind_of
 from slams.formats.options import DamagedError, SourceOptions, named
 from slams.formats.packed import name_of
 from slams.formats.ros_messages import Messages
-from slams.formats.sweep import Fan, Sweep, common, merged, usable
+from slams.formats.sweep import Fan, Mounted, Sweep, common, merged, usable
 from slams.formats.topics import Topics, listed, some
 from slams.scanlog import ScanLog, Track
-from slams.types import IDENTITY, Pose2
+from slams.types import IDENTITY
 
 T = TypeVar("T")
 
@@ -141,9 +140,8 @@ class Recording:
             raise ValueError(f"no scan of {topic} has beams")
         if self.messages.unstamped(topic):
             self.notes.append("scans have no stamps; the times of recording stand in")
-        mount, flipped, height = self._mount(self.messages.frame(topic))
-        fan = common(good, mount, flipped, self.notes)
-        return fan._replace(laser=replace(fan.laser, mount_z=height)) if tilts else fan
+        mounted = self._mounted(self.messages.frame(topic))
+        return common(good, mounted if tilts else mounted._replace(z=0.0), self.notes)
 
     # frames
 
@@ -167,11 +165,11 @@ class Recording:
             )
         return base or above[-1]
 
-    def _mount(self, laser: str) -> tuple[Pose2, bool, float]:
-        """A laser in the base, whether it is upside down, and its height."""
+    def _mounted(self, laser: str) -> Mounted:
+        """Where a laser sits in the base."""
         matrix = self.tree.fixed(self.base, laser)
         if matrix is not None and self.base != laser:
-            return *planar(matrix, "the laser", self.notes), float(matrix[2, 3])
+            return planar(matrix, "the laser", self.notes)
         if laser != self.laser:
             raise ValueError(
                 f"a further laser's frame {laser} is not fixed to {self.base}; frames: "
@@ -182,7 +180,7 @@ class Recording:
             f"no transform from a base to the laser's frame '{laser}'; the laser is taken as the "
             "base"
         )
-        return IDENTITY, False, 0.0
+        return Mounted(IDENTITY)
 
     def _check_laser_frame(self) -> None:
         """Refuse transforms that leave the laser out: it may hang upside down for all we know.
@@ -229,7 +227,7 @@ class Recording:
             matrix = self.tree.fixed(its_frame, self.base)
             if track is None or matrix is None or its_frame == self.base:
                 return track, topic
-            step = np.array([planar(matrix, "the base", self.notes)[0]])
+            step = np.array([planar(matrix, "the base", self.notes).mount])
             return Track(track.t, composed(track.values, step)), topic
         if frame is None or frame == "none":
             return None, None

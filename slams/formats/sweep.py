@@ -34,6 +34,14 @@ class Sweep(NamedTuple):
     geometry: Laser
 
 
+class Mounted(NamedTuple):
+    """Where a laser sits: its pose in the base, whether it is upside down, its height z [m]."""
+
+    mount: Pose2
+    flipped: bool = False
+    z: float = 0.0
+
+
 class Fan(NamedTuple):
     """All sweeps of one laser: stamps (n,) [s], ranges (n, b) [m], its geometry and mount."""
 
@@ -58,11 +66,11 @@ def merged(fans: Sequence[Fan]) -> tuple[Floats, Ranges, NDArray[np.intp] | None
     return t[order], np.concatenate(wide)[order], np.repeat(np.arange(len(fans)), sizes)[order]
 
 
-def common(sweeps: Sequence[Sweep], mount: Pose2, flipped: bool, notes: list[str]) -> Fan:
+def common(sweeps: Sequence[Sweep], mounted: Mounted, notes: list[str]) -> Fan:
     """All sweeps, in the most common geometry.
 
     A sweep of another geometry gives each direction its nearest reading, at most half a step away.
-    `flipped` is a laser mounted upside down: its beams turn the other way round.
+    The beams of a laser that is mounted upside down turn the other way round.
     """
     geometry = _most_common(sweeps)
     rows, changed = np.empty((len(sweeps), geometry.n_beams), np.float32), 0
@@ -79,14 +87,15 @@ def common(sweeps: Sequence[Sweep], mount: Pose2, flipped: bool, notes: list[str
         )
     t = np.array([sweep.t for sweep in sweeps])
     range_min, range_max = _limits(geometry, rows, notes)
-    sign = -1.0 if flipped else 1.0
+    sign = -1.0 if mounted.flipped else 1.0
     laser = replace(
         geometry,
         angle_min=sign * geometry.angle_min,
         angle_increment=sign * geometry.angle_increment,
         range_min=range_min,
         range_max=range_max,
-        mount=mount,
+        mount=mounted.mount,
+        mount_z=mounted.z,
         time_increment=_time_increment(geometry, t, notes),
     )
     return Fan(t, rows, laser)

@@ -50,11 +50,6 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
-
-
 def _command(arguments: argparse.Namespace) -> int:
     entry, params, _ = cli.refusing(lambda: chosen(arguments))
     if arguments.show_params:
@@ -143,6 +138,8 @@ def _ending() -> threading.Event:
         signal.signal(number, end)
     return ending
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())

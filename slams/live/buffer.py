@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from slams.formats.attitude import ImuAttitude, Inertial, headings
 from slams.formats.bag import IMU, ODOMETRY, TF, Record, store
 from slams.formats.frames import Transforms, attitudes_of, bare, planar
 from slams.formats.ros_messages import READ
+from slams.formats.sweep import Mounted
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.stamps import seconds
 from slams.track import MAX_ATTITUDE_GAP
@@ -19,14 +20,6 @@ from slams.types import IDENTITY, Attitude, Pose2
 
 MAX_EARLY_READINGS = 4000  # of the gyro, kept until the base is known: 20 s at 200 Hz
 FEW = 20  # transforms kept of each that moves: enough to see that it does
-
-
-class Mounted(NamedTuple):
-    """Where the laser sits: its pose in the base, whether it is upside down, its height z [m]."""
-
-    mount: Pose2
-    flipped: bool
-    z: float = 0.0
 
 
 class SensorBuffer:
@@ -91,10 +84,7 @@ class SensorBuffer:
             self.base = base
             if not self._settled:
                 self._choose(moving)
-            if base == laser:
-                return Mounted(IDENTITY, False)
-            mount, flipped = planar(matrix, "the laser", self.notes)
-            return Mounted(mount, flipped, float(matrix[2, 3]))
+            return Mounted(IDENTITY) if base == laser else planar(matrix, "the laser", self.notes)
 
     def wait_for(self, t: float, until: float) -> None:
         """Let odometry and gyro catch up with a stamp, until a time of `time.monotonic` at most."""
@@ -164,7 +154,7 @@ class SensorBuffer:
             self.source, self._odometry = "topic", self._of_topic
         matrix = self.tree.fixed(moving, self.base)
         if matrix is not None and moving != self.base:
-            self._to_base = planar(matrix, "the base", self.notes)[0]
+            self._to_base = planar(matrix, "the base", self.notes).mount
         if not self._early and self.base is not None:  # else the IMU has the attitude
             self._attitude = self._tilting.setdefault(self.base, self._attitude)
         self._settled = True

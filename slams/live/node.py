@@ -87,7 +87,10 @@ class Node:
         self._topics = options.scans
         self.scans = Scans(self._topics, self.buffer.mounted, MAX_EARLY_SCANS, options.wait)
         self._ready_at = math.inf
-        self._subscribe()
+        for topic in self._topics:
+            self._subscribe(topic, "/scan", self.scans.put)
+        for name in ("/tf", "/tf_static", "/odom", *(["/imu"] if options.imu else [])):
+            self._subscribe(options.names[name], name, self.buffer.take)
 
     def start(self, ending: threading.Event) -> None:
         """Wait for the first scan and for the frames, as long as it takes."""
@@ -103,7 +106,7 @@ class Node:
                 return
             if time.monotonic() - said_at >= PERIOD:
                 said_at = time.monotonic()
-                self._say(self._why_no_scan() if first is None else self._why_no_mount(first))
+                self._say(self._awaited(first))
             ending.wait(POLL_PERIOD)
 
     def run(self, ending: threading.Event, show_status: Callable[[], None]) -> None:
@@ -160,15 +163,10 @@ class Node:
 
     # network
 
-    def _subscribe(self) -> None:
-        for topic in self._topics:
-            self._hear(topic, "/scan", self.scans.put)
-        for name in ("/tf", "/tf_static", "/odom", *(["/imu"] if self.options.imu else [])):
-            self._hear(self.options.names[name], name, self.buffer.take)
+    def _subscribe(self, topic: str, usual: str, callback: Callback) -> None:
+        """Have messages of a topic taken and recorded."""
 
-    def _hear(self, topic: str, usual: str, callback: Callback) -> None:
         def both(record: Record) -> None:
-            """Take a message and record it."""
             callback(record)
             self._record(topic, record.received, record.data)
 
@@ -188,8 +186,14 @@ class Node:
 
     # start
 
-    def _why_no_scan(self) -> str:
-        """What is waited for, and the topics where there are scans, as far as the network knows."""
+    def _awaited(self, first: Arrived | None) -> str:
+        """What is waited for: a scan, or tf for the first; and the topics or frames there are."""
+        if first is not None:
+            base, laser = self.buffer.base or "a base", first.frame
+            return (
+                f"waiting for tf: no fixed way from {base} to the laser's frame {laser}; frames: "
+                f"{some(self.buffer.tree.frames)} (--base-frame {laser} takes it as the base)"
+            )
         text = (
             f"waiting for scans on {', '.join(self._topics)}; topics with a publisher of {SCAN}: "
             f"{some(self.transport.published(SCAN))} (--scan-topic takes another)"
@@ -212,14 +216,6 @@ class Node:
                 "later, start again)"
             )
         return False
-
-    def _why_no_mount(self, first: Arrived) -> str:
-        """What of tf is waited for, and the frames there are."""
-        base, laser = self.buffer.base or "a base", first.frame
-        return (
-            f"waiting for tf: no fixed way from {base} to the laser's frame {laser}; frames: "
-            f"{some(self.buffer.tree.frames)} (--base-frame {laser} takes it as the base)"
-        )
 
     # scans
 

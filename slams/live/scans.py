@@ -5,14 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 from slams.formats.bag import SCAN, Record, store
 from slams.formats.frames import bare
 from slams.formats.ros_messages import READ
-from slams.formats.sweep import Sweep, common, same_directions, usable
-from slams.live.buffer import Mounted
+from slams.formats.sweep import Mounted, Sweep, common, same_directions, usable
 from slams.ros.stamps import seconds
 from slams.types import Laser
 from slams.validation import check_laser
@@ -63,7 +61,7 @@ class Scans:
         self._waiting: list[Arrived] = []
         self._last: dict[str, Arrived] = {}
         self._lasers: dict[str, MountedLaser] = {}
-        self._odd: dict[str, None] = {}  # sentences
+        self.notes: list[str] = []  # what is assumed of the lasers, and which scans are left out
         self._changed = threading.Condition()
 
     def __len__(self) -> int:
@@ -102,7 +100,7 @@ class Scans:
         if topic not in self._lasers:
             mounted = self._mounted(self._last[topic].frame)
             if mounted is not None:
-                self._lasers[topic] = MountedLaser(mounted)
+                self._lasers[topic] = MountedLaser(mounted, self.notes)
         return topic in self._lasers
 
     def take(self, timeout: float) -> Arrived | None:
@@ -120,15 +118,11 @@ class Scans:
             self._leave_out(error)
             return None
 
-    @property
-    def notes(self) -> list[str]:
-        """What is assumed of the lasers, and which scans are left out."""
-        assumed = [note for laser in self._lasers.values() for note in laser.notes]
-        return assumed + list(self._odd)
-
     def _leave_out(self, error: ValueError) -> None:
         self.counts["unreadable"] += 1
-        self._odd[f"{error}; such scans are left out"] = None
+        note = f"{error}; such scans are left out"
+        if note not in self.notes:
+            self.notes.append(note)
 
     def _next(self) -> Arrived | None:
         while self._waiting and not self.is_placed(self._waiting[0].topic):
@@ -169,9 +163,8 @@ def _arrived(record: Record) -> Arrived:
 class MountedLaser:
     """Gives every sweep its laser, the same object as long as the beams stay where they are."""
 
-    def __init__(self, mounted: Mounted) -> None:
-        self.notes: list[str] = []
-        self._mounted = mounted
+    def __init__(self, mounted: Mounted, notes: list[str]) -> None:
+        self._mounted, self._notes = mounted, notes
         self._laser: Laser | None = None
         self._sweeps: list[Sweep] = []  # of one geometry: the first one, and the second
 
@@ -181,8 +174,7 @@ class MountedLaser:
             self._sweeps = []
         if len(self._sweeps) < 2:  # with a second scan the time between two is known
             self._sweeps.append(sweep)
-            mount, flipped, z = self._mounted
-            laser = replace(common(self._sweeps, mount, flipped, self.notes)[2], mount_z=z)
+            laser = common(self._sweeps, self._mounted, self._notes).laser
             if laser != self._laser:
                 self._laser = laser
         assert self._laser is not None
