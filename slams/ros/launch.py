@@ -11,12 +11,11 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from slams.formats import yaml_file
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
 
 MAX_DEPTH = 50  # groups in each other; launch files have one or two
 MOST_FILLED = 1 << 20  # characters that substitutions put into a launch file
@@ -49,21 +48,17 @@ def read_node(path: str | Path, nodes: Iterable[str], known: Iterable[str]) -> N
         ValueError: it is neither, or has no such node, or several.
     """
     path = Path(path)
-    text = _text(path)
+    if path.suffix == ".py":
+        raise ValueError(
+            f"{path}: a Python launch file is a program; give the YAML file with its parameters"
+        )
+    text = yaml_file.read_text(path)
     try:
         if text.lstrip().startswith("<"):
             return _of_launch(text, path, set(nodes))
         return _of_yaml(text, path, set(nodes), set(known))
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply for a parameter file") from None
-
-
-def _text(path: Path) -> str:
-    if path.suffix == ".py":
-        raise ValueError(
-            f"{path}: a Python launch file is a program; give the YAML file with its parameters"
-        )
-    return yaml_file.read_text(path)
 
 
 def _of_yaml(text: str, path: Path, nodes: set[str], known: set[str]) -> NodeParameters:
@@ -100,7 +95,11 @@ def _group(names: tuple[str, ...]) -> tuple[str, ...]:
 
 def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
     launch = _Launch(path, nodes)
-    launch.walk(_parsed_xml(text, path), {}, ())
+    try:
+        root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_Tree()))
+    except ElementTree.ParseError as error:
+        raise ValueError(f"{path}: not a launch file ({error})") from error
+    launch.walk(root, {}, ())
     if len(launch.found) > 1:
         raise ValueError(
             f"{path}: {len(launch.found)} nodes of {', '.join(sorted(nodes))}; keep one"
@@ -115,21 +114,11 @@ def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
     return NodeParameters(by_name(outside, path) | inside, launch.notes, launch.missing)
 
 
-def _parsed_xml(text: str, path: Path) -> Element:
-    """The root; a file that declares entities is refused before they could grow."""
-    from xml.etree import ElementTree
-    from xml.parsers import expat
+class _Tree(ElementTree.TreeBuilder):
+    """Builds the tree of a file; one that declares entities is refused before they could grow."""
 
-    def _refuse(*_: object) -> None:
-        raise ValueError(f"{path}: a launch file has no <!DOCTYPE ...>")
-
-    checker = expat.ParserCreate()
-    checker.StartDoctypeDeclHandler = _refuse
-    try:
-        checker.Parse(text.encode("utf-8"), True)
-        return ElementTree.fromstring(text)
-    except (expat.ExpatError, ElementTree.ParseError) as error:
-        raise ValueError(f"{path}: not a launch file ({error})") from error
+    def doctype(self, *_: object) -> None:
+        raise ElementTree.ParseError("those have no <!DOCTYPE ...>")
 
 
 class _Launch:
@@ -195,7 +184,11 @@ class _Launch:
             self.notes.append(f"command {self._filled(command, args)!r} is not run")
             return []
         if file:
-            self._another(self._filled(file, args), inside)
+            name = self._filled(file, args)
+            if inside:
+                self.missing.append(name)
+            else:
+                self.notes.append(f"{name} is another file; give it, too, if it matters")
             return []
         if element.tag == "param" and "name" in element.attrib:
             value = self._filled(element.get("value", ""), args)
@@ -208,13 +201,6 @@ class _Launch:
         if isinstance(content, dict):
             return [((*names, *leaf), value) for leaf, value in leaves_of(content)]
         return [(names, content)] if names else []
-
-    def _another(self, name: str, inside: bool) -> None:
-        """Note a parameter file that is loaded."""
-        if inside:
-            self.missing.append(name)
-        else:
-            self.notes.append(f"{name} is another file; give it, too, if it matters")
 
     def _enabled(self, element: Element, args: dict[str, str]) -> bool:
         for key, wanted in (("if", True), ("unless", False)):

@@ -11,12 +11,10 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from slams.params import Params, RosNames
 from slams.ros.launch import NodeParameters, read_node
-
-P = TypeVar("P", bound=Params)
 
 PLUMBING = re.compile(
     r"(^|_)(frames?|topics?|pub|publish(er)?|tf|freq(uency)?|period|interval|queue|service|debug|"
@@ -71,7 +69,8 @@ def take(params: Params, paths: Iterable[str | Path], preset: str = "default") -
     if preset == "original":
         mapping.assume(names.defaults)
     notes = [note for node in found for note in node.notes]
-    return Taken(mapping.result(), mapping.fates, notes, files)
+    changed, fates = mapping.result()
+    return Taken(changed, fates, notes, files)
 
 
 def record(taken: Taken) -> dict[str, Any]:
@@ -173,26 +172,33 @@ class _Mapping:
     """Changes of the parameters, collected name by name."""
 
     def __init__(self, params: Params, names: RosNames, original: bool) -> None:
-        self.fates: list[Fate] = []
         self._params = params
         self._names = names
         self._original = original
         self._fields = _fields(params)
-        self._given: dict[str, tuple[str, Any]] = {}  # field -> ROS name, value
+        self._given: dict[str, Fate] = {}  # by the field that the name is mapped to
+        self._ignored: list[Fate] = []
         self._used: set[str] = set()
 
     def take(self, name: str, value: Any, fate: str = "mapped") -> None:
-        """Let one name of the file find its field, or say why not."""
+        """Let one name of the file find its field, or say why not.
+
+        Of two names for one field the one listed last at the field is the stronger.
+        """
         reason = self._reason_to_ignore(name, value)
         if reason:
-            self.fates.append(Fate(name, value, "ignored", reason))
+            self._ignored.append(Fate(name, value, "ignored", reason))
             return
         self._used.add(name)
         field = self._fields[name]
+        order = self._params.specs()[field].ros
+        rivals = [Fate(name, value, fate, field)]
         if field in self._given:
-            name, value = self._overruled(field, name, value)
-        self._given[field] = (name, value)
-        self.fates.append(Fate(name, value, fate, field))
+            rivals.append(self._given[field])
+        *weaker, best = sorted(rivals, key=lambda rival: order.index(rival.name))
+        self._given[field] = best
+        why = f"{best.name} says it"
+        self._ignored += [other._replace(fate="ignored", text=why) for other in weaker]
 
     def check_use(self, path: str, names: Iterable[str]) -> None:
         """Refuse a file that changes nothing: it is not the one that was meant."""
@@ -208,19 +214,21 @@ class _Mapping:
             if self._fields[name] not in self._given:
                 self.take(name, value, "assumed")
 
-    def result(self) -> Params:
-        """The parameters; sizes in cells are converted with the new cell."""
-        cell = self._names.cell
-        order = sorted(self._given, key=lambda field: field != cell)
-        params = self._params
-        for field in order:
-            name, value = self._given[field]
+    def result(self) -> tuple[Params, list[Fate]]:
+        """The parameters, sizes in cells converted with the new cell, and the fate of each name."""
+        params, cell = self._params, self._names.cell
+        for field in sorted(self._given, key=lambda field: field != cell):
+            name, value, *_ = self._given[field]
             try:
                 params = params.replace(**{field: self._converted(params, name, value)})
             except ValueError as error:
                 raise ValueError(f"{self._names.package}: {name} = {value}: {error}") from error
-        self.fates = [self._said(fate, params) for fate in self.fates]
-        return params
+        specs = params.specs()
+        mapped = [
+            fate._replace(text=f"{field} = {getattr(params, field)} [{specs[field].unit}]")
+            for field, fate in self._given.items()
+        ]
+        return params, mapped + self._ignored
 
     def _reason_to_ignore(self, name: str, value: Any) -> str:
         names = self._names
@@ -240,16 +248,6 @@ class _Mapping:
         hint = f"; did you mean {near[0]}?" if near else ""
         return f"not a known parameter of {names.package}{hint}"
 
-    def _overruled(self, field: str, name: str, value: Any) -> tuple[str, Any]:
-        """Of two names for one field the one listed last at the field is the stronger."""
-        order = self._params.specs()[field].ros
-        other, other_value = self._given[field]
-        if order.index(name) > order.index(other):
-            name, value, other, other_value = other, other_value, name, value
-        self.fates = [f for f in self.fates if f.name not in (name, other)]
-        self.fates.append(Fate(name, value, "ignored", f"{other} says it"))
-        return other, other_value
-
     def _converted(self, params: Params, name: str, value: Any) -> Any:
         if isinstance(value, str) and "$(" in value:
             raise ValueError("the file leaves it to roslaunch; write the value")
@@ -261,22 +259,12 @@ class _Mapping:
         unit = self._names.units.get(name)
         if unit is None:
             return value
-        return _in_our_unit(value, unit, getattr(params, self._names.cell, 1.0))
-
-    def _said(self, fate: Fate, params: Params) -> Fate:
-        if fate.fate == "ignored":
-            return fate
-        unit = params.specs()[fate.text].unit
-        return fate._replace(text=f"{fate.text} = {getattr(params, fate.text)} [{unit}]")
-
-
-def _in_our_unit(value: Any, unit: str, cell: float) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ValueError("expected a number") from None
-    if unit == "cell":
-        return number * cell
-    if unit == "sin":
-        return math.asin(min(max(number, -1.0), 1.0))
-    return math.radians(number)
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            raise ValueError("expected a number") from None
+        if unit == "cell":
+            return number * getattr(params, self._names.cell, 1.0)
+        if unit == "sin":
+            return math.asin(min(max(number, -1.0), 1.0))
+        return math.radians(number)
