@@ -13,8 +13,8 @@ from slams.live.estimate import LOST
 from slams.localize.global_localizer import GlobalLocalizer
 from slams.localize.localizer import Localizer
 from slams.localize.map_index import Work
-from slams.localize.source import Given, Prepared, open_map, prepare
-from slams.params import Params
+from slams.localize.source import Given, open_map, prepare
+from slams.params import Params as Parameters  # the class has a Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
 if TYPE_CHECKING:
@@ -28,17 +28,38 @@ class InGivenMap:
     same scans. Before, they are the likeliest place's, `found` is False, and `state` "lost".
     `explained` is the share of the last scan's beams that the map explains there, 0..1.
 
+    Slow preparations are done in the constructor, before the scans come.
+
     Args:
-        ready: the algorithm with the map.
-        start: about where the base is at the first scan; None seeks it.
+        entry: the algorithm.
+        params: its parameters.
+        given: the map.
+        start: about where the base is at the first scan, x, y [m], theta [rad]; None seeks it.
         notes: gets a sentence about where it was found.
+
+    Raises:
+        OSError, TypeError, ValueError: as `open_map` and `prepare`.
     """
 
-    Params: ClassVar[type[Params]] = Params
+    Params: ClassVar[type[Parameters]] = Parameters
 
-    def __init__(self, ready: Prepared, start: Pose2 | None, notes: list[str]) -> None:
-        self._ready, self._start, self._notes = ready, start, notes
-        self._global = GlobalLocalizer(ready.map_index)
+    def __init__(
+        self,
+        entry: Entry,
+        params: Parameters,
+        given: str | Path | OccupancyGrid,
+        start: Sequence[float] | None,
+        notes: list[str],
+    ) -> None:
+        if isinstance(given, OccupancyGrid):
+            whole = Given(given, None, "")
+        else:
+            whole = open_map(given, notes)
+        self._ready, self._notes = prepare(entry, params, whole), notes
+        self._start = None if start is None else Pose2(*map(float, start))
+        if start is None:
+            self._ready.map_index.prepare(Work())
+        self._global = GlobalLocalizer(self._ready.map_index)
         self._localizer: Localizer | None = None
         self._sought = 0
         self.state: Any = LOST
@@ -89,27 +110,3 @@ class InGivenMap:
             pose, note = found.pose, f"found at {found} after {self._sought} scans"
         self._notes.append(note)
         return self._ready.at(pose)
-
-
-def in_given_map(
-    entry: Entry,
-    params: Params,
-    given: str | Path | OccupancyGrid | None,
-    start: Sequence[float] | None,
-    notes: list[str],
-) -> InGivenMap | None:
-    """An algorithm in a map, if there is one; slow preparations are done before the scans come.
-
-    Raises:
-        OSError, TypeError, ValueError: as `open_map` and `prepare`; or a start without a map.
-    """
-    if given is None:
-        if start is not None:
-            raise ValueError("map_start: got a place without a map; expected map, too")
-        return None
-    whole = Given(given, None, "") if isinstance(given, OccupancyGrid) else open_map(given, notes)
-    ready = prepare(entry, params, whole)
-    place = None if start is None else Pose2(*map(float, start))
-    if place is None:
-        ready.map_index.prepare(Work())
-    return InGivenMap(ready, place, notes)

@@ -128,16 +128,12 @@ class MapThread(threading.Thread):
 
     def run(self) -> None:
         """Draw until the end, and once more then."""
-        while not self._ending.wait(self._every):
-            self._draw()
-        self._draw()
-
-    def _draw(self) -> None:
-        stamp = self.stamp
-        if stamp == self._published:
-            return
-        try:
-            self._publish(stamp, self._live.map())
-        except Exception as error:  # the node reports it: scans go on
-            self.failures.add(f"the map is not published: {error}")
-        self._published = stamp
+        ended = False
+        while not ended:
+            ended, stamp = self._ending.wait(self._every), self.stamp
+            if stamp != self._published:
+                try:
+                    self._publish(stamp, self._live.map())
+                except Exception as error:  # the node reports it: scans go on
+                    self.failures.add(f"the map is not published: {error}")
+                self._published = stamp

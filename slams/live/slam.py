@@ -17,7 +17,7 @@ import numpy as np
 
 from slams.laser_table import rep117
 from slams.live.estimate import LATE_IN_A_ROW, LOST, MATCHED, STATES, Estimate
-from slams.live.given_map import in_given_map
+from slams.live.given_map import InGivenMap
 from slams.live.warm_up import warm_up as warm_up_kernels
 from slams.registry import find
 from slams.ros.stamps import seconds
@@ -89,7 +89,10 @@ class LiveSlam:
         if map is not None and state is not None:
             raise ValueError("map: stays as it is; got a state to go on from, too")
         self.notes: list[str] = []
-        given = in_given_map(entry, self.params, map, map_start, self.notes)
+        if map is None and map_start is not None:
+            raise ValueError("map_start: got a place without a map; expected map, too")
+        start = map_start
+        given = None if map is None else InGivenMap(entry, self.params, map, start, self.notes)
         self.given = None if given is None else given.map()
         saved = None if state is None else resume(state, entry, self.params)
         self._saved_at = None if saved is None else saved.beside.get("t")

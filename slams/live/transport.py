@@ -54,7 +54,15 @@ class Transport:
     def __init__(self, domain: int = 0, localhost: bool = False) -> None:
         if not 0 <= domain <= MAX_DOMAIN:
             raise ValueError(f"domain: got {domain}, expected 0 to {MAX_DOMAIN}")
-        self._participant: Any = _participant(domain, localhost)
+        try:
+            if localhost and "CYCLONEDDS_URI" not in os.environ and domain not in _domains:
+                _domains[domain] = Domain(domain, LOOPBACK)
+            self._participant: Any = DomainParticipant(domain)
+        except core.DDSException as error:
+            raise ValueError(
+                f"DDS cannot enter domain {domain} ({error}); is there a network, and does "
+                "CYCLONEDDS_URI, where it is set, name one of its interfaces?"
+            ) from error
         self._readers: dict[str, tuple[Any, str, Callback]] = {}
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._receive, name="dds", daemon=True)
@@ -133,18 +141,6 @@ class Publisher:
     def subscribers(self) -> int:
         """How many subscribe to it now."""
         return len(self._writer.get_matched_subscriptions())
-
-
-def _participant(domain: int, localhost: bool) -> Any:
-    try:
-        if localhost and "CYCLONEDDS_URI" not in os.environ and domain not in _domains:
-            _domains[domain] = Domain(domain, LOOPBACK)
-        return DomainParticipant(domain)
-    except core.DDSException as error:
-        raise ValueError(
-            f"DDS cannot enter domain {domain} ({error}); is there a network, and does "
-            "CYCLONEDDS_URI, where it is set, name one of its interfaces?"
-        ) from error
 
 
 def _qos(quality: Quality, depth: int) -> Any:
