@@ -195,11 +195,6 @@ def add_output_options(parser: argparse.ArgumentParser, out: str) -> None:
     )
 
 
-def add_force_option(parser: argparse.ArgumentParser) -> None:
-    """Give a command `--force`; without it nothing that exists is overwritten."""
-    parser.add_argument("--force", action="store_true", help="replace files that exist")
-
-
 def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Give a command the options of what to take from a recorded log."""
     group = parser.add_argument_group(

@@ -25,7 +25,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("out", type=Path, metavar="OUT.npz", help="the scan log to write")
     p.add_argument("-q", "--quiet", action="store_true", help="print errors only")
-    cli.add_force_option(p)
+    p.add_argument("--force", action="store_true", help="replace files that exist")
     cli.add_log_options(p)
     return p
 

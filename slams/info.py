@@ -54,15 +54,18 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
         ValueError: it is no log, or damaged; one sentence.
     """
     from slams.formats.bag import SCANS
+    from slams.formats.carmen import laser_messages
     from slams.formats.kind import BAGS, kind_of
     from slams.formats.options import DamagedError
+    from slams.formats.packed import text_of
     from slams.formats.recording import Recording, read
     from slams.formats.source import load
 
     kinds = [kind_of(path) for path in paths]
     if not all(kind in BAGS for kind in kinds):
         if kinds == ["carmen"]:
-            yield from _of_carmen(paths[0])
+            for name, lines in laser_messages(text_of(paths[0])).items():
+                yield f"  {name}  {lines} lines"
         yield from _of_log(load(paths, options))
         return
     topics, transforms = read(paths, options, Recording.contents)
@@ -89,15 +92,6 @@ def _of_bag(path: Path, topics: list[Topic], transforms: Transforms) -> Iterator
     for edge, samples in transforms.samples.items():
         moves = "fixed" if transforms.is_fixed(edge) else f"moves, {len(samples)} stamps"
         yield f"  frame {edge[1]} in {edge[0]}: {moves}"
-
-
-def _of_carmen(path: Path) -> Iterator[str]:
-    """Laser messages with how many lines they have."""
-    from slams.formats.carmen import laser_messages
-    from slams.formats.packed import text_of
-
-    for name, lines in laser_messages(text_of(path)).items():
-        yield f"  {name}  {lines} lines"
 
 
 def _of_log(log: ScanLog) -> Iterator[str]:

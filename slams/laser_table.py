@@ -71,21 +71,17 @@ def silent_lasers(t: Floats, laser_of: NDArray[np.int64], count: int) -> list[di
 def lasers(data: dict[str, Any], n_beams: int, version: str) -> dict[str, Any]:
     """Fields of a log about its lasers, from the arrays of its file."""
     if version == FORMAT:
-        return {"laser": _laser_of(data, n_beams)}
+        mount = numbers(data, "mount", 1) if "mount" in data else np.zeros(3)
+        expect(mount.shape == (3,), "mount", mount.shape, "(3,)")
+        keys = (*REQUIRED[2:], "time_increment", *HEIGHTS)
+        known = {key: float(numbers(data, key, 0)) for key in keys if key in data}
+        return {"laser": Laser(n_beams=n_beams, mount=Pose2(*mount.tolist()), **known)}
     laser, *others = from_table(numbers(data, "lasers", 2))
     rows = numbers(data, "laser", 1)
     with np.errstate(invalid="ignore"):
         whole = rows.astype(np.int64)
     expect(bool((whole == rows).all()), "laser", "broken numbers", "rows of `lasers`")
     return {"laser": laser, "others": tuple(others), "laser_of": whole}
-
-
-def _laser_of(data: dict[str, Any], n_beams: int) -> Laser:
-    mount = numbers(data, "mount", 1) if "mount" in data else np.zeros(3)
-    expect(mount.shape == (3,), "mount", mount.shape, "(3,)")
-    keys = (*REQUIRED[2:], "time_increment", *HEIGHTS)
-    scalars = {key: float(numbers(data, key, 0)) for key in keys if key in data}
-    return Laser(n_beams=n_beams, mount=Pose2(*mount.tolist()), **scalars)
 
 
 def numbers(data: dict[str, Any], key: str, ndim: int) -> Floats:

@@ -53,8 +53,8 @@ def pairs_over_time(t: Floats, span: float) -> tuple[Indices, Indices]:
     ordered = t[order]
     step = float(np.median(np.diff(ordered))) if len(t) > 1 else 0.0
     tolerance = min(0.25 * span, 0.51 * step)
-    right = np.clip(np.searchsorted(ordered, ordered + span), 1, max(len(t) - 1, 1))
-    right = np.minimum(right, len(t) - 1)
+    last = len(t) - 1
+    right = np.clip(np.searchsorted(ordered, ordered + span), min(1, last), last)
     left = np.maximum(right - 1, 0)
     miss_left = np.abs(ordered[left] - ordered - span)
     miss_right = np.abs(ordered[right] - ordered - span)

@@ -69,9 +69,13 @@ def replay(
             lost.append(int(slam.report().get("lost", 0)))
             if watch is not None:
                 watch(scan, pose)
+    trajectory = np.array(poses, np.float64).reshape(-1, 3)
+    bad = np.flatnonzero(~np.isfinite(trajectory).all(axis=1))
+    if bad.size:
+        raise RuntimeError(f"{type(slam).__name__} returned {poses[bad[0]]} for scan {bad[0]}")
     return Run(
         np.array(t),
-        _finite(slam, poses),
+        trajectory,
         np.maximum(seconds, 0.0),
         compiling.seconds,
         slam.report(),
@@ -101,11 +105,3 @@ def warm_up(slam_class: type[Slam], params: Params, scans: Iterable[Scan]) -> fl
     for scan in scans:
         slam.update(scan)
     return time.process_time() - start
-
-
-def _finite(slam: Slam, poses: list[Pose2]) -> Floats:
-    trajectory = np.array(poses, dtype=np.float64).reshape(-1, 3)
-    bad = np.flatnonzero(~np.isfinite(trajectory).all(axis=1))
-    if bad.size:
-        raise RuntimeError(f"{type(slam).__name__} returned {poses[bad[0]]} for scan {bad[0]}")
-    return trajectory

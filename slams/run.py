@@ -39,7 +39,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--out", metavar="DIR", help="folder of the results (default: results/<log>-<algorithm>)"
     )
-    cli.add_force_option(p)
+    p.add_argument("--force", action="store_true", help="replace files that exist")
     cli.add_selection_options(p)
     p.add_argument(
         "--mcap", action="store_true", help="also write result.mcap for Foxglove, rerun, RViz, evo"

@@ -195,8 +195,8 @@ class ScanLog:
 
     def save(self, path: str | Path) -> None:
         """Write "scanlog-1"; same log, same bytes. A temporary name is renamed when complete."""
-        arrays: dict[str, Any] = {"format": OF_SEVERAL if self.others else FORMAT, "t": self.t}
-        arrays["ranges"] = np.asarray(self.ranges, np.float32)
+        kind = OF_SEVERAL if self.others else FORMAT
+        arrays: dict[str, Any] = {"format": kind, "t": self.t, "ranges": self.ranges}
         meta = {"meta": json.dumps(self.meta, sort_keys=True)}
         if self.others:
             arrays |= meta | {"laser": self.numbers, "lasers": to_table(self.lasers)}
