@@ -29,17 +29,11 @@ from slams.types import Floats, Laser, Pose2, Ranges
 from slams.validation import FAR, LATEST
 
 LASER = re.compile(r"(FLASER|RLASER|RAWLASER\d|ROBOTLASER\d)$")
-WORD = re.compile(r"^(PARAM|SYNC|ODOM|TRUEPOS|FLASER|RLASER|(RAW|ROBOT)LASER\d)[ \t]", re.M)
 FRONT = ("ROBOTLASER1", "FLASER", "RAWLASER1")  # one laser's; the first tells most
 N_TAIL_WORDS = 3
 RANGE_MIN, RANGE_MAX = 0.1, 81.0  # of a SICK, where no line tells it
 RIGID_TOLERANCE = 2e-3  # [m, rad] that a laser on its robot seems to move by rounding
 NO_RETURN_FREQUENCY = 10  # times as frequent as any reading near it: the code for "nothing seen"
-
-
-def is_carmen(text: str) -> bool:
-    """Whether the start of a file has lines of CARMEN messages."""
-    return WORD.search(text) is not None and "\0" not in text
 
 
 def read(path: Path, options: SourceOptions) -> ScanLog:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
-from slams.formats import carmen
 from slams.formats.packed import GZIP, unpacked
 
 HEAD_SIZE = 1 << 16  # bytes that tell the kind
@@ -14,6 +14,7 @@ MAGIC = {
     b"\x89MCAP0\r\n": "mcap",
     b"SQLite format 3\0": "db3",
 }
+CARMEN = re.compile(r"^(PARAM|SYNC|ODOM|TRUEPOS|FLASER|RLASER|(RAW|ROBOT)LASER\d)[ \t]", re.M)
 BAGS = ("bag", "mcap", "db3", "folder")
 OLD_BAG = b"#ROS"
 UNPACK_COMMANDS = {b"\x28\xb5\x2f\xfd": "zstd -d", b"BZh": "bunzip2", b"\xfd7zXZ\0": "unxz"}
@@ -41,7 +42,8 @@ def kind_of(path: Path) -> str:
         raise ValueError(f"{path}: compressed as a whole; unpack it first: {command} {path.name}")
     if kind is None and head.startswith(OLD_BAG):
         raise ValueError(f"{path}: a bag of a version before 2.0; 'rosbag fix' makes a new one")
-    return kind or ("carmen" if carmen.is_carmen(head.decode("latin-1")) else "other")
+    is_carmen = CARMEN.search(head.decode("latin-1")) and b"\0" not in head
+    return kind or ("carmen" if is_carmen else "other")
 
 
 def is_bag_folder(path: Path) -> bool:

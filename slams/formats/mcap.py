@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from slams.formats.bag import store
 from slams.formats.mcap_file import McapFile
 from slams.formats.ros_maker import Maker
 from slams.scanlog import ScanLog
@@ -44,19 +45,23 @@ def write_mcap(path: str | Path, log: ScanLog, poses: Floats, grid: OccupancyGri
     make, stamps = Maker(), stamps_of(log.t)
     base, laser = frames_of(log.meta)
     with McapFile(path, TYPES, ONCE) as file:
-        file.write("/map", stamps[0], make.grid(stamps[0], grid, MAP))
-        file.write("/path", stamps[0], make.path(stamps, poses, MAP))
+
+        def put(topic: str, stamp: int, message: Any) -> None:
+            file.write(topic, stamp, store().serialize_cdr(message, TYPES[topic]))
+
+        put("/map", stamps[0], make.grid(stamps[0], grid, MAP))
+        put("/path", stamps[0], make.path(stamps, poses, MAP))
         mount = make.transforms(stamps[0], [(base, laser, log.laser.mount)])
-        file.write("/tf_static", stamps[0], mount)
+        put("/tf_static", stamps[0], mount)
         each = zip(stamps, poses.tolist(), log.ranges, log.numbers, strict=True)
         for stamp, row, ranges, number in each:
             pose = Pose2(*row)
-            file.write("/tf", stamp, make.transforms(stamp, [(MAP, base, pose)]))
-            file.write("/pose", stamp, make.pose(stamp, pose, MAP))
+            put("/tf", stamp, make.transforms(stamp, [(MAP, base, pose)]))
+            put("/pose", stamp, make.pose(stamp, pose, MAP))
             if number == 0:  # the laser of the transform
                 seen = ranges[: log.laser.n_beams]
                 scan = make.scan(stamp, laser, log.laser, seen, log.scan_period)
-                file.write("/scan", stamp, scan)
+                put("/scan", stamp, scan)
 
 
 def frames_of(meta: dict[str, Any]) -> tuple[str, str]:

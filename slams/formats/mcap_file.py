@@ -26,7 +26,7 @@ class McapFile:
     def __init__(self, path: str | Path, types: Mapping[str, str], kept: Collection[str]) -> None:
         from rosbags.rosbag2 import StoragePlugin, Writer
 
-        self.path, self.types = Path(path), dict(types)
+        self.path = Path(path)
         prefix = f".{self.path.name}."
         self._folder = tempfile.TemporaryDirectory(prefix=prefix, dir=self.path.parent)
         bag = Path(self._folder.name) / "bag"
@@ -37,18 +37,14 @@ class McapFile:
                 topic: self._writer.add_connection(
                     topic, kind, typestore=store(), offered_qos_profiles=[_qos(topic in kept)]
                 )
-                for topic, kind in self.types.items()
+                for topic, kind in types.items()
             }
         except BaseException:
             self._folder.cleanup()
             raise
 
-    def write(self, topic: str, stamp: int, message: Any) -> None:
-        """Store a message at a time [ns]."""
-        self.write_raw(topic, stamp, store().serialize_cdr(message, self.types[topic]))
-
-    def write_raw(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
-        """Store a message that is CDR already."""
+    def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
+        """Store a message, as CDR, at a time [ns]."""
         self._writer.write(self._connections[topic], stamp, data)
 
     def close(self, keep: bool = True) -> None:

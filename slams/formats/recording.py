@@ -138,7 +138,7 @@ class Recording:
             self.notes.append(f"{left_out} scans without beams or angles are left out")
         if not good:
             raise ValueError(f"no scan of {topic} has beams")
-        if self.messages.unstamped(topic):
+        if not any(row.sent for row in self.messages.rows[topic]):
             self.notes.append("scans have no stamps; the times of recording stand in")
         mounted = self._mounted(self.messages.frame(topic))
         return common(good, mounted if tilts else mounted._replace(z=0.0), self.notes)
@@ -166,7 +166,10 @@ class Recording:
         return base or above[-1]
 
     def _mounted(self, laser: str) -> Mounted:
-        """Where a laser sits in the base."""
+        """Where a laser sits in the base.
+
+        Transforms that leave it out are refused: it may hang upside down for all we know.
+        """
         matrix = self.tree.fixed(self.base, laser)
         if matrix is not None and self.base != laser:
             return planar(matrix, "the laser", self.notes)
@@ -175,25 +178,19 @@ class Recording:
                 f"a further laser's frame {laser} is not fixed to {self.base}; frames: "
                 f"{some(self.tree.frames)}"
             )
-        self._check_laser_frame()
-        self.notes.append(
-            f"no transform from a base to the laser's frame '{laser}'; the laser is taken as the "
-            "base"
-        )
-        return Mounted(IDENTITY)
-
-    def _check_laser_frame(self) -> None:
-        """Refuse transforms that leave the laser out: it may hang upside down for all we know.
-
-        So it is with the second file of a split ROS 1 bag; static transforms are in the first.
-        """
-        frames, laser = self.tree.frames, self.laser
+        frames = self.tree.frames
         if frames and laser not in frames and self.options.base_frame is None:
+            # so it is with the second file of a split ROS 1 bag: static transforms are in the first
             raise ValueError(
                 f"no way from the frames of its transforms ({some(frames)}) to the laser's, "
                 f"{laser}: where it is mounted stands in /tf_static, of a split bag in the first "
                 f"file; give all files, or --base-frame {laser} takes it as the base"
             )
+        self.notes.append(
+            f"no transform from a base to the laser's frame '{laser}'; the laser is taken as the "
+            "base"
+        )
+        return Mounted(IDENTITY)
 
     # tracks
 

@@ -98,7 +98,10 @@ class Messages:
         return bare(frames.most_common(1)[0][0]) if frames else ""
 
     def series(self, topic: str) -> tuple[Floats, list[Any]]:
-        """Stamps (n,) [s] of a topic's messages, and what each says."""
+        """Stamps (n,) [s] of a topic's messages, and what each says.
+
+        Where no header has a stamp, the time of receiving stands in.
+        """
         rows = self.rows[topic]
         sent = np.array([row.sent for row in rows], np.float64)
         stamps = sent if sent.any() else np.array([row.received for row in rows], np.float64)
@@ -110,10 +113,6 @@ class Messages:
         values: Floats = np.array(rows, np.float64).reshape(-1, 3)
         whole = np.all(np.abs(values) < FAR, axis=1)
         return Track(stamps[whole], values[whole]) if whole.any() else None
-
-    def unstamped(self, topic: str) -> bool:
-        """Whether no header of the topic has a stamp, so that the time of receiving stands in."""
-        return not any(row.sent for row in self.rows[topic])
 
 
 def _rows(record: Record, message: Any) -> list[Row]:

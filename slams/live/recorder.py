@@ -47,6 +47,6 @@ class Recorder:
         """Write a message, unless an earlier one failed."""
         try:
             if self._failed is None:
-                self._file.write_raw(topic, received, data)
+                self._file.write(topic, received, data)
         except Exception as error:  # the library raises its own and the disk's
             self._failed = error
