@@ -17,7 +17,7 @@ from slams.formats.options import DamagedError, SourceOptions, named
 from slams.formats.packed import name_of
 from slams.formats.ros_messages import Messages
 from slams.formats.sweep import Fan, Mounted, Sweep, common, merged, usable
-from slams.formats.topics import Topics, listed, some
+from slams.formats.topics import Roles, listed, some
 from slams.scanlog import ScanLog, Track
 from slams.types import IDENTITY
 
@@ -58,7 +58,7 @@ class Recording:
     def __init__(self, path: Path, kind: str, bag: Bag, options: SourceOptions) -> None:
         self.path, self.kind, self.options = path, kind, options
         self.notes: list[str] = []
-        self.topics = Topics(bag.topics, options, self.notes)
+        self.found = [topic for topic in bag.topics if topic.messages and topic.name]
         self.messages = Messages(bag, options.salvage)
         self.tree = self.messages.transforms
 
@@ -112,18 +112,17 @@ class Recording:
     def contents(self) -> tuple[list[Topic], Transforms]:
         """The topics that have messages, and all transforms."""
         self.messages.collect({})
-        return self.topics.found, self.tree
+        return self.found, self.tree
 
     # messages
 
     def _collect(self) -> None:
         """Read what the roles ask for, and find the base."""
-        self.roles = self.topics.roles()
-        scans, odom, imu, truth = self.roles
-        poses = {odom: (ODOMETRY,), imu: (IMU,), truth: POSES}
+        self.roles = roles = Roles(self.found, self.options, self.notes)
+        poses = {roles.odom: (ODOMETRY,), roles.imu: (IMU,), roles.truth: POSES}
         wanted: dict[str, Collection[str]] = {name: kinds for name, kinds in poses.items() if name}
-        self.messages.collect(wanted | dict.fromkeys(scans, SCANS))
-        self.laser = self.messages.frame(scans[0])
+        self.messages.collect(wanted | dict.fromkeys(roles.scans, SCANS))
+        self.laser = self.messages.frame(roles.scans[0])
         if self.messages.bad:
             self.notes.append(f"{self.messages.bad} messages cannot be read and are left out")
         self.base = self._base_frame()
@@ -210,7 +209,7 @@ class Recording:
         if topic is None and (wanted and bare(wanted)) not in (None, "none", *frames):
             raise ValueError(
                 f"{wanted!r} is no topic, frame or file; topics: "
-                f"{listed(self.topics.of(POSES))}; frames: {some(frames)}"
+                f"{listed(self.roles.of(POSES))}; frames: {some(frames)}"
             )
         return self._poses(topic, wanted)
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Collection, Sequence
 
 from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TRUTHS, Topic
 from slams.formats.options import SourceOptions
@@ -13,31 +12,24 @@ from slams.validation import expect
 MAX_LISTED_NAMES = 12  # names that a sentence lists
 
 
-class Roles(NamedTuple):
-    """Topics by what they are taken for."""
+class Roles:
+    """Topics by what they are taken for: `scans`, and `odom`, `imu` and `truth`, or None.
 
-    scans: tuple[str, ...]
-    odom: str | None
-    imu: str | None
-    truth: str | None
+    Args:
+        found: the topics that have messages.
+        options: what the user chooses.
+        notes: get what the user should know.
 
+    Raises:
+        ValueError: there are no scans, or a choice is left open.
+    """
 
-class Topics:
-    """The topics of a bag that have messages; `notes` are for the user."""
-
-    def __init__(self, topics: Iterable[Topic], options: SourceOptions, notes: list[str]) -> None:
-        self.options, self.notes = options, notes
-        self.found = [topic for topic in topics if topic.messages and topic.name]
-
-    def roles(self) -> Roles:
-        """What is taken for what.
-
-        Raises:
-            ValueError: there are no scans, or a choice is left open.
-        """
-        scans = self._scan_topics()
-        truth = self._truth_topic()
-        return Roles(scans, self._odom_topic(truth), self._imu_topic(), truth)
+    def __init__(self, found: Sequence[Topic], options: SourceOptions, notes: list[str]) -> None:
+        self.found, self.options, self.notes = found, options, notes
+        self.scans = self._scan_topics()
+        self.truth = self._truth_topic()
+        self.odom = self._odom_topic()
+        self.imu = self._imu_topic()
 
     def of(self, types: Collection[str]) -> list[Topic]:
         """Topics of these message types."""
@@ -71,12 +63,12 @@ class Topics:
         self.notes.append(f"{named[0]} is taken as the truth (--truth none does without)")
         return named[0]
 
-    def _odom_topic(self, truth: str | None) -> str | None:
+    def _odom_topic(self) -> str | None:
         """The topic asked for, if it is one; else the only one."""
         found, wanted = self.of((ODOMETRY,)), self.options.odom
         if wanted is not None:
             return match(wanted, found)
-        found = [topic for topic in found if topic.name != truth]
+        found = [topic for topic in found if topic.name != self.truth]
         return self._only(found, "odometry topics", "--odom picks one (or none)")
 
     def _imu_topic(self) -> str | None:
