@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
 
 from slams import cli
-
-if TYPE_CHECKING:
-    from slams.registry import Entry
+from slams.registry import Entry, find
 
 
 def parser() -> argparse.ArgumentParser:
@@ -48,8 +45,6 @@ def _command(arguments: argparse.Namespace) -> int:
 
 def _all(label: str) -> list[Entry]:
     """Every preset of a label that names none."""
-    from slams.registry import find
-
     entry = find(label)
     others = [] if "@" in label else entry.cls.Params.presets()[1:]
     return [entry, *(find(f"{label}@{preset}") for preset in others)]

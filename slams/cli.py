@@ -11,11 +11,13 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
-if TYPE_CHECKING:
-    from slams.formats.options import SourceOptions
+from slams.formats.options import SourceOptions
+from slams.params import LASERS
+from slams.registry import names
 
 T = TypeVar("T")
 
@@ -134,9 +136,6 @@ def _reach_own_modules() -> None:
 
 def add_algorithm_options(parser: argparse.ArgumentParser) -> None:
     """Give a command the algorithm and the options of its parameters, for `slams.run.chosen`."""
-    from slams.params import LASERS
-    from slams.registry import names
-
     known = f"one of {', '.join(names())}; name@preset; or module:Class"
     parser.add_argument("algorithm", help=known)
     parser.add_argument(
@@ -230,10 +229,6 @@ def log_options(arguments: argparse.Namespace) -> SourceOptions:
     Raises:
         ValueError: they choose an odometry that is ignored.
     """
-    from dataclasses import fields
-
-    from slams.formats.options import SourceOptions
-
     if getattr(arguments, "no_odometry", False) and (arguments.odom or arguments.imu):
         raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
     given = {f.name: getattr(arguments, f.name, None) for f in fields(SourceOptions)}

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from slams import cli
+from slams.formats.files import check_file, check_new
 from slams.info import described
 
 PROGRAM = "slams convert"
@@ -44,8 +45,6 @@ def _command(arguments: argparse.Namespace) -> int:
 
 def _check_name(out: Path, force: bool) -> None:
     """Complain before the work, not after it."""
-    from slams.formats.files import check_file, check_new
-
     if out.suffix != ".npz":
         raise ValueError(f"{out}: expected a name that ends in .npz")
     check_file(out)

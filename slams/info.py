@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slams import cli
+from slams.formats.options import DamagedError, SourceOptions
+from slams.formats.packed import text_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from slams.formats.bag import Topic
     from slams.formats.frames import Transforms
-    from slams.formats.options import SourceOptions
     from slams.scanlog import ScanLog, Track
     from slams.types import Floats, Laser
 
@@ -56,8 +57,6 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
     from slams.formats.bag import SCANS
     from slams.formats.carmen import laser_messages
     from slams.formats.kind import BAGS, kind_of
-    from slams.formats.options import DamagedError
-    from slams.formats.packed import text_of
     from slams.formats.recording import Recording, read
     from slams.formats.source import load
 

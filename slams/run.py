@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slams import cli
+from slams.formats import files
+from slams.formats.packed import name_of
+from slams.params import Params
+from slams.registry import Entry, find
 
 if TYPE_CHECKING:
-    from slams.params import Params
     from slams.player import Run
-    from slams.registry import Entry
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
     from slams.types import Floats, OccupancyGrid, Pose2, Slam
@@ -111,8 +113,8 @@ def _command(arguments: argparse.Namespace) -> int:
     path, bag = (run.t, run.poses, run.corrected), log if arguments.mcap else None
     cli.refusing(lambda: write_drive(folder, slam.map(), path, summary, bag))
     if not arguments.quiet:
-        files = ", ".join(files_of_run(folder))
-        sys.stdout.write(f"{as_text(summary)}\n{folder}/: {files}\n")
+        written = ", ".join(files_of_run(folder))
+        sys.stdout.write(f"{as_text(summary)}\n{folder}/: {written}\n")
     return 0
 
 
@@ -121,8 +123,6 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
 
     Defaults < preset < sensor < ROS files < YAML file < --set < --seed.
     """
-    from slams.registry import find
-
     entry, ros = find(arguments.algorithm), None
     params = entry.params()
     if arguments.sensor:
@@ -173,7 +173,7 @@ def write_drive(
     Raises:
         OSError: they cannot be written.
     """
-    from slams.formats import files, occupancy, trajectory
+    from slams.formats import occupancy, trajectory
     from slams.summary import as_json
 
     t, poses, corrected = path
@@ -233,16 +233,13 @@ def _folder(label: str, arguments: argparse.Namespace) -> Path:
 
     A state that is resumed and saved under one name is one that grows: that is asked for.
     """
-    from slams.formats.files import check_folder, check_new
-    from slams.formats.packed import name_of
-
     name = f"{name_of(Path(arguments.log[0]))}-{label.replace(':', '.')}"
     folder = Path(arguments.out or f"results/{name}")
-    check_folder(folder)
-    check_new(folder, arguments.force)
+    files.check_folder(folder)
+    files.check_new(folder, arguments.force)
     save = arguments.save_state
     if save and save != arguments.resume_state and Path(save).is_file():
-        check_new(save, arguments.force)
+        files.check_new(save, arguments.force)
     return folder
 
 

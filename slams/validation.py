@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from slams.types import Floats, Laser
+if TYPE_CHECKING:
+    from slams.types import Floats, Laser
 
 LATEST = 2.0**32  # [s] all that a ROS time holds: until the year 2106
 FAR = 1e7  # [m, rad, rad/s] nothing drives so far, UTM coordinates included, or turns so fast
@@ -35,8 +34,8 @@ def check_stamps(what: str, t: Floats) -> None:
     Raises:
         ValueError: the sentence names the unit that they look like.
     """
-    expect(bool(np.isfinite(t).all()), what, "stamps that are not finite", "seconds")
-    latest = float(np.abs(t).max())
+    expect(bool((abs(t) < math.inf).all()), what, "stamps that are not finite", "seconds")
+    latest = float(abs(t).max())
     fits = [(n, per) for n, per in PER_SECOND.items() if LATELY < latest / per < LATEST]
     hint = f" (they look like {fits[0][0]}: divide by {fits[0][1]:g})" if fits else ""
     expect(latest < LATEST, what, f"stamps as great as {latest:g}", f"seconds{hint}")
@@ -48,9 +47,9 @@ def check_track(what: str, t: Floats, values: Floats) -> None:
     Raises:
         ValueError: a value is not finite, or one or a stamp is too great.
     """
-    expect(bool(np.isfinite(values).all()), what, "values that are not finite", "numbers")
+    expect(bool((abs(values) < math.inf).all()), what, "values that are not finite", "numbers")
     check_stamps(f"{what}_t", t)
-    greatest = float(np.abs(values).max())
+    greatest = float(abs(values).max())
     expect(greatest < FAR, what, f"values as great as {greatest:g}", f"less than {FAR:g}")
 
 
