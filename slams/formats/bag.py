@@ -19,6 +19,7 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
 POSE_COV = "geometry_msgs/msg/PoseWithCovarianceStamped"
 PATH = "nav_msgs/msg/Path"
+MAP = "nav_msgs/msg/OccupancyGrid"
 TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 SCANS, TRUTHS, TFS = (SCAN, ECHOES), (ODOMETRY, POSE, POSE_COV), (TF, OLD_TF)
 POSES = (*TRUTHS, PATH)

@@ -1,4 +1,4 @@
-"""result.mcap: a run as a ROS 2 bag of one file, for Foxglove, rerun, RViz, evo, ros2 bag play.
+"""Bags of ROS 2 in one file; result.mcap is a run for Foxglove, rerun, RViz, evo, ros2 bag play.
 
 /map        nav_msgs/OccupancyGrid            the final map, once, at the first stamp
 /path       nav_msgs/Path                     the whole way, once, at the first stamp
@@ -10,27 +10,28 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from slams.formats.bag import store
-from slams.formats.mcap_file import McapFile
+from slams.formats.bag import MAP, PATH, POSE, SCAN, TF, store
 from slams.formats.ros_maker import Maker
 from slams.scanlog import ScanLog
 from slams.types import Floats, OccupancyGrid, Pose2
 
-MAP, BASE, LASER = "map", "base_link", "laser"
+MAP_FRAME, BASE, LASER = "map", "base_link", "laser"
 LAST_STAMP = 2.0**31  # [s], as much as a ROS time holds
-ONCE = ("/map", "/path", "/tf_static")  # kept for later subscribers, as live nodes do
-TYPES = {
-    "/map": "nav_msgs/msg/OccupancyGrid",
-    "/path": "nav_msgs/msg/Path",
-    "/tf_static": "tf2_msgs/msg/TFMessage",
-    "/tf": "tf2_msgs/msg/TFMessage",
-    "/pose": "geometry_msgs/msg/PoseStamped",
-    "/scan": "sensor_msgs/msg/LaserScan",
+TOPICS = {  # types, and whether the last message stays for later subscribers
+    "/map": (MAP, True),
+    "/path": (PATH, True),
+    "/tf_static": (TF, True),
+    "/tf": (TF, False),
+    "/pose": (POSE, False),
+    "/scan": (SCAN, False),
 }
 
 
@@ -44,24 +45,94 @@ def write_mcap(path: str | Path, log: ScanLog, poses: Floats, grid: OccupancyGri
     """
     make, stamps = Maker(), stamps_of(log.t)
     base, laser = frames_of(log.meta)
-    with McapFile(path, TYPES, ONCE) as file:
+    with McapFile(path, TOPICS) as file:
 
         def put(topic: str, stamp: int, message: Any) -> None:
-            file.write(topic, stamp, store().serialize_cdr(message, TYPES[topic]))
+            file.write(topic, stamp, store().serialize_cdr(message, TOPICS[topic][0]))
 
-        put("/map", stamps[0], make.grid(stamps[0], grid, MAP))
-        put("/path", stamps[0], make.path(stamps, poses, MAP))
+        put("/map", stamps[0], make.grid(stamps[0], grid, MAP_FRAME))
+        put("/path", stamps[0], make.path(stamps, poses, MAP_FRAME))
         mount = make.transforms(stamps[0], [(base, laser, log.laser.mount)])
         put("/tf_static", stamps[0], mount)
         each = zip(stamps, poses.tolist(), log.ranges, log.numbers, strict=True)
         for stamp, row, ranges, number in each:
             pose = Pose2(*row)
-            put("/tf", stamp, make.transforms(stamp, [(MAP, base, pose)]))
-            put("/pose", stamp, make.pose(stamp, pose, MAP))
+            put("/tf", stamp, make.transforms(stamp, [(MAP_FRAME, base, pose)]))
+            put("/pose", stamp, make.pose(stamp, pose, MAP_FRAME))
             if number == 0:  # the laser of the transform
                 seen = ranges[: log.laser.n_beams]
                 scan = make.scan(stamp, laser, log.laser, seen, log.scan_period)
                 put("/scan", stamp, scan)
+
+
+class McapFile:
+    """A ROS 2 bag of one file; as a context: renamed when it ends without an error.
+
+    Args:
+        path: of the file.
+        topics: message type of each, and whether its last message stays for later subscribers, as
+            live nodes have it.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+
+    def __init__(self, path: str | Path, topics: Mapping[str, tuple[str, bool]]) -> None:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+
+        self.path = Path(path)
+        prefix = f".{self.path.name}."
+        self._folder = tempfile.TemporaryDirectory(prefix=prefix, dir=self.path.parent)
+        bag = Path(self._folder.name) / "bag"
+        try:
+            self._writer: Any = Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP)
+            self._writer.open()
+            self._connections = {
+                topic: self._writer.add_connection(
+                    topic, kind, typestore=store(), offered_qos_profiles=[_qos(stays)]
+                )
+                for topic, (kind, stays) in topics.items()
+            }
+        except BaseException:
+            self._folder.cleanup()
+            raise
+
+    def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
+        """Store a message, as CDR, at a time [ns]."""
+        self._writer.write(self._connections[topic], stamp, data)
+
+    def close(self, keep: bool = True) -> None:
+        """Finish the file and give it its name, or leave nothing of it."""
+        again = () if keep else (Exception,)  # whatever went wrong before may go wrong again
+        with self._folder, suppress(*again):
+            self._writer.close()
+            if keep:
+                next(Path(self._folder.name).rglob("*.mcap")).replace(self.path)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        self.close(keep=kind is None)
+
+
+def _qos(kept: bool) -> Any:
+    """Reliable; what is sent once stays for later subscribers."""
+    from rosbags import interfaces
+
+    forever = interfaces.QosTime(sec=2147483647, nsec=4294967295)
+    durability = interfaces.QosDurability
+    return interfaces.Qos(
+        history=interfaces.QosHistory.KEEP_LAST,
+        depth=1 if kept else 10,
+        reliability=interfaces.QosReliability.RELIABLE,
+        durability=durability.TRANSIENT_LOCAL if kept else durability.VOLATILE,
+        deadline=forever,
+        lifespan=forever,
+        liveliness=interfaces.QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=forever,
+        avoid_ros_namespace_conventions=False,
+    )
 
 
 def frames_of(meta: dict[str, Any]) -> tuple[str, str]:
@@ -76,7 +147,7 @@ def frames_of(meta: dict[str, Any]) -> tuple[str, str]:
 
 
 def _frame(name: Any, usual: str) -> str:
-    return name if isinstance(name, str) and name and name != MAP else usual
+    return name if isinstance(name, str) and name and name != MAP_FRAME else usual
 
 
 def stamps_of(t: Floats) -> list[int]:

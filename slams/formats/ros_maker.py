@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.formats.bag import IMU, ODOMETRY, PATH, POSE, POSE_COV, SCAN, TF, store
+from slams.formats.bag import IMU, MAP, ODOMETRY, PATH, POSE, POSE_COV, SCAN, TF, store
 from slams.types import Floats, Laser, OccupancyGrid, Pose2, Ranges
 
 UNKNOWN = 1e6  # [m^2, rad^2] a variance that says nothing, as robot_localization writes it
@@ -35,7 +35,7 @@ class Maker:
         ny, nx = grid.p.shape
         info = _time(stamp), grid.resolution, nx, ny, _pose(Pose2(*grid.origin, 0.0))
         header = self._header(stamp, frame)
-        return self.of("nav_msgs/msg/OccupancyGrid", header, info, percent(grid))
+        return self.of(MAP, header, info, percent(grid))
 
     def path(self, stamps: list[int], poses: Floats, frame: str) -> Any:
         """All poses."""

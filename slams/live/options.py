@@ -9,11 +9,11 @@ from dataclasses import Field, dataclass, field, fields
 from enum import Enum
 from typing import Any
 
-from slams.formats.bag import IMU, ODOMETRY, PATH, POSE_COV, SCAN, TF, Record
+from slams.formats.bag import IMU, MAP, ODOMETRY, PATH, POSE_COV, SCAN, TF, Record
 from slams.params import MAX_LASERS
 from slams.validation import expect
 
-MAP, STATUS = "nav_msgs/msg/OccupancyGrid", "diagnostic_msgs/msg/DiagnosticArray"
+STATUS = "diagnostic_msgs/msg/DiagnosticArray"
 Callback = Callable[[Record], None]
 
 

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from slams.formats.bag import SCAN
-from slams.formats.mcap_file import McapFile
+from slams.formats.mcap import McapFile
 from slams.live.options import TOPICS, NodeOptions, Quality
 
 
@@ -22,9 +22,12 @@ class Recorder:
         if Path(path).suffix != ".mcap":
             raise ValueError(f"--record: got {path}, expected a name that ends in .mcap")
         names = options.names
-        types = {names[name]: msgtype for name, (msgtype, _) in TOPICS.items() if name != "/scan"}
-        kept = [names[name] for name, (_, how) in TOPICS.items() if how is Quality.LATCHED]
-        self._file = McapFile(path, dict.fromkeys(options.scans, SCAN) | types, kept)
+        others = {
+            names[name]: (msgtype, how is Quality.LATCHED)
+            for name, (msgtype, how) in TOPICS.items()
+            if name != "/scan"
+        }
+        self._file = McapFile(path, dict.fromkeys(options.scans, (SCAN, False)) | others)
         self._failed: Exception | None = None
         self._writing = ThreadPoolExecutor(1, "recorder")
 
