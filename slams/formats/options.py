@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,11 +33,12 @@ class DamagedError(ValueError):
 
 
 @contextmanager
-def named(path: Path) -> Iterator[None]:
-    """While a file is read: the sentence in which it is refused begins with its name."""
+def named(paths: Sequence[Path]) -> Iterator[None]:
+    """While files of one log are read: the sentence of a refusal begins with the name of one."""
     try:
         yield
     except ValueError as error:
-        if type(error) not in (ValueError, DamagedError) or str(error).startswith(str(path)):
+        has_name = str(error).startswith(tuple(map(str, paths)))
+        if has_name or type(error) not in (ValueError, DamagedError):
             raise
-        raise type(error)(f"{path}: {error}") from error
+        raise type(error)(f"{paths[0]}: {error}") from error

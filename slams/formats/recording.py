@@ -34,16 +34,16 @@ def read(paths: Sequence[Path], options: SourceOptions, work: Callable[[Recordin
         ValueError: it is damaged, or lacks what is sought; the sentence says what to do.
     """
     path, files = paths[0], [(path, kind_of(path)) for path in paths]
-    with named(path), ExitStack() as opened:
+    with named(paths):
         try:
-            bags = [opened.enter_context(open_bag(*file)) for file in files]
-            return work(Recording(*files[0], joined(bags), options))
+            with ExitStack() as opened:
+                bags = [opened.enter_context(open_bag(*file)) for file in files]
+                return work(Recording(*files[0], joined(bags), options))
         except DamagedError as error:
             if not options.salvage:
                 raise
             from slams.formats.bag_salvage import salvaged  # loads every decompressor
 
-            opened.close()
             bag = joined([salvaged(*file) for file in files])
             if not bag.topics:
                 raise DamagedError("nothing in it can be salvaged") from error

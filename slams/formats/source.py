@@ -51,7 +51,7 @@ def load(
             raise ValueError(f"{item}: is no bag; of several files only bags make one log")
     kind, one = kinds[0], f"one: {paths[0]} is no bag"
     expect(kind in BAGS or not options.more_scan_topics, "--scan-topic", "several", one)
-    with named(paths[0]):
+    with named(paths):
         log = _with_truth(paths, kind, options)
         pace = _pace(log)
     return _noted(log, [*log.notes, *_left_aside(kind, options), *_uncovered(log), *pace])
