@@ -18,6 +18,7 @@ from typing import Any, NoReturn, TypeVar
 from slams.formats.options import SourceOptions
 from slams.params import LASERS
 from slams.registry import names
+from slams.validation import expect
 
 T = TypeVar("T")
 
@@ -244,8 +245,7 @@ def assignment(text: str) -> tuple[str, str]:
         ValueError: it has no "=".
     """
     key, equals, value = text.partition("=")
-    if not equals:
-        raise ValueError(f"--set: got {text!r}, expected KEY=VALUE")
+    expect(bool(equals), "--set", repr(text), "KEY=VALUE")
     return key.strip(), value.strip()
 
 

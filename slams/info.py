@@ -102,7 +102,15 @@ def _of_log(log: ScanLog) -> Iterator[str]:
         yield f"frames: poses are of {source['base_frame']}"
     yield from _timing(log)
     yield from (f"assumed: {note}" for note in log.notes)
-    yield from _uses(log)
+    if len(log.lasers) > 1:
+        yield "usable by: slams run, convert"
+    elif log.truth:
+        yield "usable by: slams run, play, convert, compare, sweep"
+    else:
+        yield (
+            "usable by: slams run, play, convert, compare with --relations or --truth, sweep with "
+            "--truth"
+        )
 
 
 def described(log: ScanLog) -> str:
@@ -169,17 +177,6 @@ def _timing(log: ScanLog) -> Iterator[str]:
     empty = int((~np.isfinite(log.ranges).any(axis=1)).sum())
     if empty:
         yield f"{empty} scans have no return at all"
-
-
-def _uses(log: ScanLog) -> Iterator[str]:
-    """Which commands take the log; without a truth two of them need one."""
-    if len(log.lasers) > 1:
-        yield "usable by: slams run, convert"
-        return
-    more = (
-        "compare, sweep" if log.truth else "compare with --relations or --truth, sweep with --truth"
-    )
-    yield f"usable by: slams run, play, convert, {more}"
 
 
 main = cli.main_of(parser, _command)

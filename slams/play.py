@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from slams import cli
 from slams.live.network import add_network_options, transport_of
 from slams.live.options import renamed
+from slams.validation import expect
 
 if TYPE_CHECKING:
     from slams.live.transport import Transport
@@ -65,11 +66,9 @@ def _command(arguments: argparse.Namespace) -> int:
 def _log(arguments: argparse.Namespace) -> ScanLog:
     from slams.formats.source import load
 
-    wait = arguments.wait_for_subscriber
-    if not 0.0 <= wait < math.inf:
-        raise ValueError(f"--wait-for-subscriber: got {wait:g}, expected 0 s or more")
-    if not 0.0 < arguments.rate < math.inf:
-        raise ValueError(f"--rate: got {arguments.rate:g}, expected a number greater than 0")
+    wait, rate = arguments.wait_for_subscriber, arguments.rate
+    expect(0.0 <= wait < math.inf, "--wait-for-subscriber", f"{wait:g}", "0 s or more")
+    expect(0.0 < rate < math.inf, "--rate", f"{rate:g}", "a number greater than 0")
     log = load(arguments.log, cli.log_options(arguments)).of_one_laser()
     return log.select(arguments.limit, 1, not arguments.no_odometry)
 
