@@ -89,8 +89,14 @@ class Messages:
             return
         if record.msgtype in TFS:
             self.transforms.add(message, record.topic.endswith("static"))
+            return
+        received, rows = 1e-9 * record.received, self.rows[record.topic]
+        if record.msgtype == PATH:  # of which each pose is a row
+            for one in message.poses:
+                rows.append(Row(seconds(one.header.stamp), received, "", _pose(one.pose)))
         else:
-            self.rows[record.topic] += _rows(record, message)
+            frame, values = READ[record.msgtype](message)
+            rows.append(Row(seconds(message.header.stamp), received, frame, values))
 
     def frame(self, topic: str) -> str:
         """The frame that most messages of a topic name."""
@@ -113,15 +119,6 @@ class Messages:
         values: Floats = np.array(rows, np.float64).reshape(-1, 3)
         whole = np.all(np.abs(values) < FAR, axis=1)
         return Track(stamps[whole], values[whole]) if whole.any() else None
-
-
-def _rows(record: Record, message: Any) -> list[Row]:
-    """What a message says: one row, but of a path one for each pose."""
-    received = 1e-9 * record.received
-    if record.msgtype == PATH:
-        return [Row(seconds(p.header.stamp), received, "", _pose(p.pose)) for p in message.poses]
-    frame, values = READ[record.msgtype](message)
-    return [Row(seconds(message.header.stamp), received, frame, values)]
 
 
 def _sweep(message: Any) -> tuple[str, tuple[Ranges, Laser]]:

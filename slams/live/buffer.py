@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from typing import Any
@@ -86,30 +87,23 @@ class SensorBuffer:
                 self._choose(moving)
             return Mounted(IDENTITY) if base == laser else planar(matrix, "the laser", self.notes)
 
-    def wait_for(self, t: float, until: float) -> None:
-        """Let odometry and gyro catch up with a stamp, until a time of `time.monotonic` at most."""
+    def at(
+        self, t: float, until: float = -math.inf
+    ) -> tuple[Pose2 | None, float | None, Attitude | None]:
+        """The base in the odometry's frame, the heading by the gyro, the attitude at a stamp.
+
+        None is what was not measured. All may catch up with the stamp until a time of
+        `time.monotonic`. The attitude is by the IMU, or by tf.
+        """
         with self._changed:
             sources = [self._gyro, self._attitude, self._odometry or self._gyro]
             left = max(0.0, until - time.monotonic())
             self._changed.wait_for(lambda: not any(one.holds_up(t) for one in sources), left)
-
-    def odometry_at(self, t: float) -> Pose2 | None:
-        """The base in the odometry's frame at a stamp; None where it was not measured."""
-        with self._changed:
             pose = None if self._odometry is None else self._odometry.pose_at(t)
-        return pose if pose is None or self._to_base is None else pose @ self._to_base
-
-    def yaw_at(self, t: float) -> float | None:
-        """The heading by the gyro at a stamp; None where it was not measured."""
-        with self._changed:
-            row = self._gyro.at(t)
-        return None if row is None else row[0]
-
-    def attitude_at(self, t: float) -> Attitude | None:
-        """The base's attitude by the IMU, or by tf, at a stamp; None where it was not measured."""
-        with self._changed:
-            row = self._attitude.at(t)
-        return None if row is None else Attitude(*row)
+            yaw, tilt = self._gyro.at(t), self._attitude.at(t)
+        if pose is not None and self._to_base is not None:
+            pose = pose @ self._to_base
+        return pose, None if yaw is None else yaw[0], None if tilt is None else Attitude(*tilt)
 
     @property
     def has_odometry(self) -> bool:

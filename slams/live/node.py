@@ -221,14 +221,12 @@ class Node:
 
     def _push(self, scan: Arrived) -> None:
         """From a scan to its pose, out on the network."""
-        laser, t = self.scans.laser(scan), scan.t
+        laser, t = self.scans.laser(scan), scan.sweep.t
         if laser is None:
             return
-        self.buffer.wait_for(t, scan.at + self.options.wait)
-        odometry = self.buffer.odometry_at(t)
+        odometry, yaw, attitude = self.buffer.at(t, scan.at + self.options.wait)
         self.drive.no_odometry += odometry is None and self.buffer.has_odometry
         used = None if self.options.odometry == "none" else odometry
-        yaw, attitude = self.buffer.yaw_at(t), self.buffer.attitude_at(t)
         estimate = self.live.push_scan(Scan(t, scan.sweep.ranges, laser, used, yaw, attitude))
         if not estimate.used:
             return

@@ -28,11 +28,6 @@ class Arrived(NamedTuple):
     sweep: Sweep
     at: float
 
-    @property
-    def t(self) -> float:
-        """The stamp [s]."""
-        return self.sweep.t
-
 
 class Scans:
     """Scans that wait, each topic's of one laser; given out by their stamps.
@@ -84,7 +79,7 @@ class Scans:
             self._last[scan.topic] = scan
             self._waiting.append(scan)
             if len(self._topics) > 1:
-                self._waiting.sort(key=lambda one: (one.t, self._topics.index(one.topic)))
+                self._waiting.sort(key=lambda one: (one.sweep.t, self._topics.index(one.topic)))
             while len(self._waiting) > self.size:
                 del self._waiting[0]
                 self.counts["dropped"] += 1
@@ -135,7 +130,7 @@ class Scans:
     def _has_to_wait(self, scan: Arrived, now: float) -> bool:
         """Whether another laser has not come as far yet."""
         return now - scan.at < self.wait and any(
-            last.t < scan.t
+            last.sweep.t < scan.sweep.t
             for topic, last in self._last.items()
             if topic != scan.topic and now - last.at < MAX_SILENCE and self.is_placed(topic)
         )

@@ -77,7 +77,7 @@ class Clock:
     def taken(self):
         found = []
         while (scan := self.scans.take(0.0)) is not None:
-            found.append((round(scan.t, 6), scan.topic))
+            found.append((round(scan.sweep.t, 6), scan.topic))
         return found
 
 
@@ -198,8 +198,8 @@ def test_a_constant_orientation_is_no_attitude(monkeypatch):
         stand.bus.publish("/imu", IMU, imu(same))
     stand.scan(1.0)
     stand.start()
-    assert stand.node.buffer.attitude_at(1.0) is None
-    assert stand.node.buffer.yaw_at(1.0) is not None
+    _, yaw, attitude = stand.node.buffer.at(1.0)
+    assert attitude is None and yaw is not None
 
 
 def test_a_robot_that_stands_still_keeps_its_attitude(stand):
@@ -210,7 +210,8 @@ def test_a_robot_that_stands_still_keeps_its_attitude(stand):
         stand.bus.publish("/tf", TF, message)
     stand.scan(0.05)
     stand.start()
-    assert stand.node.buffer.attitude_at(0.5) == pytest.approx(true(0.1))
+    _, _, attitude = stand.node.buffer.at(0.5)
+    assert attitude == pytest.approx(true(0.1))
 
 
 def test_nothing_is_known_in_a_gap(stand):
@@ -218,9 +219,9 @@ def test_nothing_is_known_in_a_gap(stand):
         stand.bus.publish("/tf", TF, tilted(t))
     stand.scan(0.05)
     stand.start()
-    at = stand.node.buffer.attitude_at
-    assert at(0.1) == pytest.approx(true(0.1)) and isinstance(at(1.25), Attitude)
-    assert at(0.7) is None and at(1.4) is None
+    at = [stand.node.buffer.at(t)[2] for t in (0.1, 1.25, 0.7, 1.4)]
+    assert at[0] == pytest.approx(true(0.1)) and isinstance(at[1], Attitude)
+    assert at[2:] == [None, None]
 
 
 def test_odometry_of_the_level_frame_is_that_of_the_tilting_base(stand):
@@ -230,5 +231,6 @@ def test_odometry_of_the_level_frame_is_that_of_the_tilting_base(stand):
     stand.scan(1.05)
     stand.start_and_drive()
     assert stand.node.report()["odometry"] == "tf"
-    assert stand.node.buffer.odometry_at(1.05) == pytest.approx((1.05, 0.0, 0.0))
+    odometry, _, _ = stand.node.buffer.at(1.05)
+    assert odometry == pytest.approx((1.05, 0.0, 0.0))
     assert stand.node.report()["base_frame"] == "base_link"

@@ -54,7 +54,7 @@ def test_the_transform_joins_map_and_odometry_and_the_pose_is_the_algorithms(mon
         assert seconds(edge.header.stamp) == pytest.approx(t + 0.1, abs=1e-6)
         shift, at = edge.transform, said.pose.pose
         odom = planar(shift.translation, shift.rotation)
-        assert close(odom @ stand.node.buffer.odometry_at(t), pose)
+        assert close(odom @ stand.node.buffer.at(t)[0], pose)
         assert close(planar(at.position, at.orientation), pose)
         assert said.header.frame_id == "map"
     covariance = posed[-1].pose.covariance.reshape(6, 6)
@@ -135,7 +135,7 @@ def test_odometry_of_another_frame_is_carried_to_the_base(monkeypatch):
         stand.odometry(t, (0.0, 0.0, 0.5 * math.pi), child="footprint")
     stand.scan(1.0)
     stand.start()
-    assert close(stand.node.buffer.odometry_at(1.0), (0.0, 1.0, 0.5 * math.pi))
+    assert close(stand.node.buffer.at(1.0)[0], (0.0, 1.0, 0.5 * math.pi))
 
 
 def test_odometry_that_comes_after_its_scan_is_waited_for(stand, monkeypatch):
