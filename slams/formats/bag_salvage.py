@@ -19,9 +19,8 @@ from rosbags.rosbag2 import storage_mcap as mcap
 from rosbags.typesys.msg import normalize_msgtype
 
 from slams.formats.bag import KNOWN, Bag, Record, summed, write_ahead
+from slams.formats.kind import MAGIC
 
-HEADER1 = len(b"#ROSBAG V2.0\n")
-HEADER2 = len(b"\x89MCAP0\r\n")
 SCHEMA2, CHANNEL2, MESSAGE2, CHUNK2 = 3, 4, 5, 6  # op codes of mcap
 RECORD2 = struct.Struct("<Bq")  # op code and length of an mcap record
 
@@ -53,7 +52,7 @@ def _found(path: Path, kind: str) -> Found:
     elif path.stat().st_size:  # an empty file cannot be mapped
         with path.open("rb") as stored:  # mapped, it gives no more than it has, whatever is asked
             data = mmap.mmap(stored.fileno(), 0, access=mmap.ACCESS_READ)
-            data.seek(HEADER1 if kind == "bag" else HEADER2)
+            data.seek(len(MAGIC[kind]))
             yield from _ros1(data, {}) if kind == "bag" else _mcap(data, {}, {})
 
 

@@ -9,10 +9,10 @@ from slams.formats.packed import GZIP, unpacked
 
 HEAD_SIZE = 1 << 16  # bytes that tell the kind
 MAGIC = {
-    b"PK": "npz",
-    b"#ROSBAG V2.0\n": "bag",
-    b"\x89MCAP0\r\n": "mcap",
-    b"SQLite format 3\0": "db3",
+    "npz": b"PK",
+    "bag": b"#ROSBAG V2.0\n",
+    "mcap": b"\x89MCAP0\r\n",
+    "db3": b"SQLite format 3\0",
 }
 CARMEN = re.compile(r"^(PARAM|SYNC|ODOM|TRUEPOS|FLASER|RLASER|(RAW|ROBOT)LASER\d)[ \t]", re.M)
 BAGS = ("bag", "mcap", "db3", "folder")
@@ -33,11 +33,11 @@ def kind_of(path: Path) -> str:
         raise ValueError(f"{path}: is a directory without a ROS 2 bag (metadata.yaml, .mcap, .db3)")
     with path.open("rb") as file:
         head = file.read(HEAD_SIZE)
-    kind = next((kind for magic, kind in MAGIC.items() if head.startswith(magic)), None)
+    kind = next((kind for kind, magic in MAGIC.items() if head.startswith(magic)), None)
     command = next((c for magic, c in UNPACK_COMMANDS.items() if head.startswith(magic)), None)
     if head.startswith(GZIP):
         head = unpacked(head, HEAD_SIZE)[0]
-        command = "gunzip" if head.startswith(tuple(MAGIC)) else None
+        command = "gunzip" if head.startswith(tuple(MAGIC.values())) else None
     if command is not None:
         raise ValueError(f"{path}: compressed as a whole; unpack it first: {command} {path.name}")
     if kind is None and head.startswith(OLD_BAG):
