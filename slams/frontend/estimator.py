@@ -130,6 +130,8 @@ class PoseEstimator:
             if best.score >= ACCEPTED:
                 self._filter.widen(REFUSED)
             return False
+        if self._lost and best.score < ACCEPTED and not self._is_usual(best):
+            return False  # in so wide a prior chance explains a little of any scan
         return best.agreement > 0.0  # more of the beams are for it than against it
 
     def _is_near(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:

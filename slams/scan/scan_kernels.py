@@ -14,6 +14,8 @@ from slams.types import Floats, Pose2, Ranges
 Points = NDArray[np.float64]
 
 DENSE = 8  # part of half a window that a normal may be beside its beam
+BESIDE, COMPANY = 4, 2  # beams to either side, and how many of them make a surface with one
+POST = 0.15  # m: nothing thinner is a surface
 
 
 class Limits(NamedTuple):
@@ -149,26 +151,27 @@ def beyond_chords(
 def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, out: Points) -> int:
     """Leave out end points that have no company, in place; how many are left. `out` is room.
 
-    ours: rain, mixed pixels and faults are one beam each, a surface is several. Company is another
-    end point among the two beams to either side within `slack` [m] and four beams' spacing, or
-    both neighbors' line within `slack` along the beam. Where beams are farther apart than half of
-    `slack`, a post is one beam, too. points, out (3, >= n).
+    ours: rain, smoke, mixed pixels and faults are one beam each, a surface is several. Company are
+    two end points among the four to either side within `slack` [m] and four times the spacing of
+    these beams: in smoke one is there by chance. Where a post has fewer beams than that, all stay.
+    points, out (3, >= n).
     """
-    lone = 0
+    lone, before = 0, False
     for i in range(n):
-        if i > 0 and square_gap(points, i, i - 1) < slack * slack:  # most: no root for them
+        behind = i + 1 < n and square_gap(points, i, i + 1) < slack * slack
+        company = before and behind  # most: no root for them
+        before = behind
+        if company:
             continue
+        first, end = max(i - BESIDE, 0), min(i + BESIDE + 1, n)
         rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
-        spacing = step * math.sqrt(rx * rx + ry * ry)
+        beams = (points[2, end - 1] - points[2, first]) / max(end - 1 - first, 1)
+        spacing = beams * step * math.sqrt(rx * rx + ry * ry)
         gap = slack + 4.0 * spacing
-        company = spacing > 0.5 * slack
-        for k in (i - 1, i + 1, i - 2, i + 2):
-            if company:
-                break
-            company = 0 <= k < n and square_gap(points, i, k) < gap * gap
-        if 0 < i < n - 1 and not company:
-            company = abs(beyond_chord(points, i - 1, i, i + 1, mount)) < slack
-        if not company:
+        near = 0
+        for k in range(first, end):
+            near += k != i and square_gap(points, i, k) < gap * gap
+        if near < COMPANY and (COMPANY + 1) * spacing < POST:
             out[0, lone] = i
             lone += 1
     kept = int(out[0, 0]) if lone > 0 else n

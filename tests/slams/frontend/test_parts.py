@@ -275,6 +275,15 @@ def test_inside_the_gate_a_match_is_taken_if_more_beams_are_for_it_than_against(
     assert taken.pose.x == pytest.approx(x, abs=0.005)
 
 
+@pytest.mark.parametrize(("for_it", "taken"), [(0.25, False), (0.35, True)])
+def test_a_lost_robot_takes_no_match_that_chance_may_explain(for_it, taken):
+    robot = Standing(wheels=False)
+    robot.take(10, 1.0, 0.0)
+    assert robot.take(20, 0.0, 1.0).state == "lost"
+    found = robot.take(1, for_it, 0.0, Pose2(0.1, 0.0, 0.0))
+    assert (found.match is not None) == taken
+
+
 def test_what_a_match_observes_by_tilted_normals_alone_stays_open():
     """Its scans see a room, but the lines that they lie on face one way, but for their error."""
     deviation = []
