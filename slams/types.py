@@ -158,7 +158,8 @@ class Scan:
     def __post_init__(self) -> None:
         for name in ("odometry", "yaw", "attitude"):
             value = getattr(self, name)
-            if value is not None and not np.isfinite(value).all():
+            numbers = (value,) if name == "yaw" else value
+            if value is not None and not all(map(math.isfinite, numbers)):
                 object.__setattr__(self, name, None)
 
 

@@ -39,8 +39,17 @@ class Maker:
 
     def path(self, stamps: list[int], poses: Floats, frame: str) -> Any:
         """All poses."""
-        each = zip(stamps, poses.tolist(), strict=True)
-        every = [(self._header(stamp, frame), _pose(Pose2(*row))) for stamp, row in each]
+        made = self.store.types  # thousands of poses, each of six messages: by hand
+        header, time = made["std_msgs/msg/Header"], made["builtin_interfaces/msg/Time"]
+        point, turned = made["geometry_msgs/msg/Point"], made["geometry_msgs/msg/Quaternion"]
+        placed, stamped = made["geometry_msgs/msg/Pose"], made[POSE]
+        every = [
+            stamped(
+                header(time(*_time(stamp)), frame),
+                placed(point(x, y, 0.0), turned(*_rotation(theta))),
+            )
+            for stamp, (x, y, theta) in zip(stamps, poses.tolist(), strict=True)
+        ]
         return self.of(PATH, self._header(stamps[0], frame), every)
 
     def pose(self, stamp: int, pose: Pose2, frame: str) -> Any:
