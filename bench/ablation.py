@@ -46,13 +46,7 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    words = sys.argv[1:] if argv is None else argv
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(words), words))
-
-
-def _command(arguments: argparse.Namespace, words: list[str]) -> int:
+def _command(arguments: argparse.Namespace) -> int:
     from bench.report.text import markdown_table, text_table
     from slams.formats import files
 
@@ -62,7 +56,7 @@ def _command(arguments: argparse.Namespace, words: list[str]) -> int:
     rows = cli.refusing(lambda: rows_of(arguments.algorithm))
     defaults = vars(sweep.parser().parse_args([]))  # of options that only the sweep has
     asked = defaults | vars(arguments) | {"algorithms": list(rows.values())}
-    found = sweep.swept(argparse.Namespace(**asked), words, PROGRAM)
+    found = sweep.swept(argparse.Namespace(**asked), PROGRAM)
     made, lost = table(found, rows), f"lost = {found.facts['lost']}"
     with files.complete_folder(arguments.out) as folder:
         made.to_csv(folder / "ablation.csv", index_label=arguments.algorithm)
@@ -123,6 +117,8 @@ def table(found: Sweep, rows: dict[str, str]) -> pd.DataFrame:
         }
     return pd.DataFrame.from_dict(lines, orient="index")
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -24,18 +24,6 @@ PROGRAM = "slams compare"
 DURATION, QUICK_DURATION = 300.0, 60.0  # s of the simulated log
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    words = sys.argv[1:] if argv is None else argv
-
-    def _work() -> int:
-        arguments = parser().parse_args(words)
-        arguments.words = words
-        return _command(arguments)
-
-    return cli.run_command(PROGRAM, _work)
-
-
 def _command(arguments: argparse.Namespace) -> int:
     from bench.judge.comparison import weighed
     from bench.report import outputs, text
@@ -115,6 +103,8 @@ def simulated(folder: Path, choice: Choice, arguments: argparse.Namespace) -> Sc
     log.save(folder / f"{log.name}.npz")
     return log.select(choice.limit, choice.every, choice.odometry)
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import OccupancyGrid, Pose2
 
-PROGRAM = "slams localize"
 ARENAS = ("rescue", "office", "hall")
 PLAN = 0.05  # [m] of a cell of the floor plan
 NEAR, ALIGNED = 0.1, math.radians(3.0)  # [m], [rad]: a place that is found is right
@@ -43,7 +42,7 @@ class Place(NamedTuple):
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams localize",
         description="Localize in simulated arenas: a second drive in the map of a first one and "
         f"in the arena's floor plan of {PLAN:g} m, and {PLACES} scans of each found from nothing.",
     )
@@ -53,11 +52,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--duration", type=float, default=30.0, metavar="S", help="of a drive (30)")
     p.add_argument("--size", type=float, metavar="M", help="of an arena, as slams simulate")
     return p
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
 
 
 def _command(arguments: argparse.Namespace) -> int:
@@ -225,6 +219,8 @@ def drive_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
     )
     return table.set_axis([f"{kind}: {label}" for kind, label in table.index])
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())

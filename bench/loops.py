@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Floats
 
-PROGRAM = "slams loops"
 ROWS = ("hector+loops", "gmapping", "gmapping:n_particles=1")
 SIZE, WAY, SPEED = 70.0, 260.0, 2.0  # m, m, m/s: a ring of corridors, driven around and on
 STEP, LEVER = 0.7, 0.7  # m between keyframes; m a radian counts for
@@ -29,7 +28,7 @@ CLOSED = 0.2  # m of error between the two visits, on average
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams loops",
         description="Drive loops in simulated buildings of bare corridors: scans "
         f"{STEP:g} m apart, a laser with a range of {RANGE:g} m, wheels that err by "
         f"{SCALE_ERROR:.0%} and 3 degrees per meter. A loop is closed if the poses at revisited "
@@ -47,11 +46,6 @@ def parser() -> argparse.ArgumentParser:
     words = "seed of the first building (default: %(default)s)"
     p.add_argument("--seed", type=within(int, 0, 10**9), default=0, metavar="N", help=words)
     return p
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
 
 
 def _command(arguments: argparse.Namespace) -> int:
@@ -128,6 +122,8 @@ def _line(label: str, errors: list[float]) -> str:
     meters = " ".join(f"{error:.2f}" for error in errors)
     return f"{label}: {closed} of {len(errors)} closed; error between two visits [m]: {meters}\n"
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -6,6 +6,7 @@ A part stands between `<!-- NAME -->` and `<!-- end -->`; NAME is one of `PARTS`
 
 from __future__ import annotations
 
+import argparse
 import re
 import shlex
 import shutil
@@ -19,7 +20,6 @@ from bench.results import FORMAT, read_figures, sweep, write_figures
 from bench.run.single import settings_of
 from slams import cli
 
-PROGRAM = "bench.readme"
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "bench" / "readme_results.json"
 RELATIONS = ROOT / "bench" / "readme_relations.json"
@@ -39,7 +39,7 @@ PART = re.compile(
 def parser() -> cli.Parser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=f"python -m {PROGRAM}",
+        prog="python -m bench.readme",
         description="Write the generated parts of READMEs and docs from results and parameters.",
     )
     p.add_argument(
@@ -52,17 +52,12 @@ def parser() -> cli.Parser:
     return p
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-
-    def _command() -> int:
-        for folder in parser().parse_args(argv).folders:
-            cli.refusing(lambda folder=folder: adopt(folder))  # type: ignore[misc]
-        for path in readmes():
-            path.write_text(rendered(path.read_text(encoding="utf-8")), encoding="utf-8")
-        return 0
-
-    return cli.run_command(PROGRAM, _command)
+def _command(arguments: argparse.Namespace) -> int:
+    for folder in arguments.folders:
+        cli.refusing(lambda folder=folder: adopt(folder))  # type: ignore[misc]
+    for path in readmes():
+        path.write_text(rendered(path.read_text(encoding="utf-8")), encoding="utf-8")
+    return 0
 
 
 def readmes() -> list[Path]:
@@ -202,6 +197,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "public": lambda: pages.public_table(read_figures(PUBLIC)),
 }
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())

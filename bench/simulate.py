@@ -15,13 +15,6 @@ from slams import cli
 if TYPE_CHECKING:
     from slams.scanlog import ScanLog
 
-PROGRAM = "slams simulate"
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    return cli.run_command(PROGRAM, lambda: _command(parser().parse_args(argv)))
-
 
 def _command(options: argparse.Namespace) -> int:
     from bench.sim.simulation import picture, simulate, world_of
@@ -43,7 +36,7 @@ def _command(options: argparse.Namespace) -> int:
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams simulate",
         description="Simulate a laser scan log with true poses, wheel odometry and gyro.",
     )
     p.add_argument("out", type=Path, metavar="OUT.npz", help="the log to write")
@@ -90,6 +83,8 @@ def _summary(log: ScanLog, out: Path, seconds: float) -> str:
         f"{out}: {out.stat().st_size / 1e6:.1f} MB, made in {seconds:.1f} s CPU\n"
     )
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())

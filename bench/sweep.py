@@ -22,20 +22,8 @@ if TYPE_CHECKING:
 PROGRAM = "slams sweep"
 # what a sweep raises; bench.sim.degrade has all there are
 DEGRADATIONS = (
-    "clean",
-    "rate",
-    "beams",
-    "fov",
-    "range",
-    "noise",
-    "short",
-    "people",
-    "glass",
-    "blind",
-    "speed",
-    "slip",
-    "jump",
-    "poor_lidar",
+    *("clean", "rate", "beams", "fov", "range", "noise", "short", "people", "glass", "blind"),
+    *("speed", "slip", "jump", "poor_lidar"),
 )
 QUICK = ("clean", "beams", "people")
 PRESETS = ("", "paper", "original")  # rows of each algorithm: to use, the idea, as published
@@ -119,20 +107,6 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    words = sys.argv[1:] if argv is None else argv
-
-    def _work() -> int:
-        arguments = parser().parse_args(words)
-        if arguments.degradations == ["list"]:
-            sys.stdout.write(listed())
-            return 0
-        return _command(arguments, words)
-
-    return cli.run_command(PROGRAM, _work)
-
-
 def listed() -> str:
     """Every degradation with its unit, meaning and levels."""
     from bench.sim.degrade import CATALOG
@@ -144,12 +118,15 @@ def listed() -> str:
     return "".join(lines)
 
 
-def _command(arguments: argparse.Namespace, words: list[str]) -> int:
+def _command(arguments: argparse.Namespace) -> int:
     from bench.report import sweep_tables
     from bench.results import sweep as results
     from slams.formats import files
 
-    found = swept(arguments, words)
+    if arguments.degradations == ["list"]:
+        sys.stdout.write(listed())
+        return 0
+    found = swept(arguments)
     place = Path(arguments.out)
     with files.complete_folder(place) as folder:
         results.save(folder, found)
@@ -176,7 +153,7 @@ def write(folder: Path, found: Sweep) -> Analysis:
     return weighed
 
 
-def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRAM) -> Sweep:
+def swept(arguments: argparse.Namespace, program: str = PROGRAM) -> Sweep:
     """Every trial that a command asks for, done now or kept from before."""
     from bench.run import timing
     from bench.run.store import Store
@@ -188,7 +165,7 @@ def swept(arguments: argparse.Namespace, words: list[str], program: str = PROGRA
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
     done = _do(cases, store, arguments, program)
-    return plan.gathered(cases, done, store, timing.record(program, words))
+    return plan.gathered(cases, done, store, timing.record(program, arguments.words))
 
 
 def _plan(arguments: argparse.Namespace) -> Plan:
@@ -232,6 +209,8 @@ def _do(
     done = work.run_all(tasks, store, arguments.jobs)
     return dict(cli.progress(done, len(tasks), "sweeping", arguments.quiet, unit="climb"))
 
+
+main = cli.main_of(parser, _command)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -90,11 +90,15 @@ def run_command(program: str, command: Callable[[], int]) -> int:
 def main_of(
     parser: Callable[[], argparse.ArgumentParser], command: Callable[[argparse.Namespace], int]
 ) -> Callable[..., int]:
-    """The `main` of a command: runs it with the words behind its name; returns its exit code."""
+    """The `main` of a command: runs it with the words behind its name; returns its exit code.
+
+    The arguments have these `words`, too.
+    """
 
     def main(argv: list[str] | None = None) -> int:
-        made = parser()
-        return run_command(made.prog, lambda: command(made.parse_intermixed_args(argv)))
+        made, words = parser(), sys.argv[1:] if argv is None else argv
+        given = argparse.Namespace(words=words)
+        return run_command(made.prog, lambda: command(made.parse_intermixed_args(words, given)))
 
     return main
 
