@@ -40,8 +40,8 @@ class Spec:
     source: str
     low: float | None = None
     high: float | None = None
-    choices: Sequence[str] = ()
-    ros: Sequence[str] = ()
+    choices: tuple[str, ...] = ()
+    ros: tuple[str, ...] = ()
     switch: bool = False
 
     def bounds(self, kind: type) -> tuple[float, float]:
@@ -50,13 +50,24 @@ class Spec:
         return -most if self.low is None else self.low, most if self.high is None else self.high
 
 
-def param(default: Any, unit: str, meaning: str, *, source: str, **more: Any) -> Any:
+def param(
+    default: Any,
+    unit: str,
+    meaning: str,
+    *,
+    source: str,
+    low: float | None = None,
+    high: float | None = None,
+    choices: Sequence[str] = (),
+    ros: Sequence[str] = (),
+    switch: bool = False,
+) -> Any:
     """Declare one field of a `Params` class: its default, and as in `Spec` what is known of it."""
     if unit not in UNITS:
         raise ValueError(f"unit {unit!r} is not one of {', '.join(UNITS)}")
-    spec = Spec(unit, meaning, source, **more)
-    if spec.switch and not isinstance(default, bool):
+    if switch and not isinstance(default, bool):
         raise ValueError(f"switch: got the default {default!r}, expected True or False")
+    spec = Spec(unit, meaning, source, low, high, tuple(choices), tuple(ros), switch)
     return dataclasses.field(default=default, metadata={"spec": spec})
 
 

@@ -94,10 +94,10 @@ def _command(arguments: argparse.Namespace) -> int:
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
-    slam, log, folder, notes = cli.refusing(lambda: _prepared(entry, params, arguments))
-    cli.show_notes(PROGRAM, [*log.notes, *notes], arguments.quiet)
     from slams.summary import as_text, summarize
 
+    slam, log, folder, notes = cli.refusing(lambda: _prepared(entry, params, arguments))
+    cli.show_notes(PROGRAM, [*log.notes, *notes], arguments.quiet)
     params = getattr(slam, "params", params)
     run, start_up_s = _replayed(slam, entry, params, log, arguments)
     if arguments.save_state:

@@ -14,8 +14,8 @@ from slams.types import Floats, Pose2, Ranges
 Points = NDArray[np.float64]
 
 DENSE = 8  # part of half a window that a normal may be beside its beam
-BESIDE, COMPANY = 4, 2  # beams to either side, and how many of them make a surface with one
-POST = 0.15  # m: nothing thinner is a surface
+BESIDE, COMPANY = 4, 2  # end points to either side; so many of them make a surface with one
+POST = 0.15  # m, width of the thinnest thing that is worth a beam
 
 
 class Limits(NamedTuple):
@@ -152,9 +152,9 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
     """Leave out end points that have no company, in place; how many are left. `out` is room.
 
     ours: rain, smoke, mixed pixels and faults are one beam each, a surface is several. Company are
-    two end points among the four to either side within `slack` [m] and four times the spacing of
-    these beams: in smoke one is there by chance. Where a post has fewer beams than that, all stay.
-    points, out (3, >= n).
+    `COMPANY` of the `BESIDE` end points to either side, within `slack` [m] and four times the
+    spacing of these beams: in smoke one is there by chance. Where a post is seen by fewer beams
+    than that takes, all stay. points, out (3, >= n).
     """
     lone, before = 0, False
     for i in range(n):
@@ -167,11 +167,13 @@ def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, o
         rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
         beams = (points[2, end - 1] - points[2, first]) / max(end - 1 - first, 1)
         spacing = beams * step * math.sqrt(rx * rx + ry * ry)
+        if (COMPANY + 1) * spacing >= POST:
+            continue
         gap = slack + 4.0 * spacing
         near = 0
         for k in range(first, end):
             near += k != i and square_gap(points, i, k) < gap * gap
-        if near < COMPANY and (COMPANY + 1) * spacing < POST:
+        if near < COMPANY:
             out[0, lone] = i
             lone += 1
     kept = int(out[0, 0]) if lone > 0 else n

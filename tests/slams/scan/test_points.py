@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slams.scan.end_points import EndPoints
+from slams.scan.end_points import NORMAL_MEDIAN, OUTLIER, EndPoints
 from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import (
@@ -40,7 +40,13 @@ def kept(points, step):
 def test_a_beam_without_company_is_left_out_unless_beams_are_far_apart():
     post = points_of((5.0, 0.0), (5.0, 0.02), (2.0, 0.05), (5.0, 0.06), (5.0, 0.08))
     assert kept(post.copy(), 0.004) == [0, 1, 3, 4]
+    assert kept(post.copy(), 0.024) == [0, 1, 3, 4]  # a post of 0.15 m has more than three beams
     assert kept(post.copy(), 0.026) == [0, 1, 2, 3, 4]  # 0.052 m between two beams at 2 m
+
+
+def test_a_wall_seen_aslant_has_company_up_to_four_times_the_spacing_of_its_beams():
+    for apart, found in ((0.13, [1, 2, 3]), (0.15, [])):  # 0.1 m, and four times 0.01
+        assert kept(points_of(*((2.5, apart * k) for k in range(-2, 3))), 0.004) == found
 
 
 def test_where_most_beams_are_missing_their_neighbors_are_far_apart():
@@ -93,6 +99,12 @@ def test_noise_is_what_is_left_of_straight_walls():
         for k in range(30):
             ends.take(scan_at((0.0, 0.0, 0.0), lidar, noise=noise, rng=rng, t=0.1 * k), IDENTITY)
         assert ends.noise == pytest.approx(found, rel=0.15)
+
+
+def test_the_median_is_that_of_a_normal_deviate_that_is_no_outlier():
+    deviates = np.abs(np.random.default_rng(0).normal(size=2_000_000))
+    found = np.median(deviates[deviates < OUTLIER])
+    assert found == pytest.approx(NORMAL_MEDIAN, abs=0.001)
 
 
 def test_what_is_no_wall_is_no_noise():
