@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slams.frontend.correlative import Window
 from slams.loops.graph import LoopEdge, PoseGraph
@@ -77,20 +78,23 @@ class LoopDetector:
         self._query: Query | None = None
         self._hypothesis: list[Verified] = []
         self._checked: list[int] = []  # keyframes that were compared with the hypothesis
+        self._against = 0  # of these, without a match
         self._searched = 0.0  # path at the last query
 
-    def work(self) -> list[LoopEdge]:
-        """Match with the next candidate; returns the loops that are believed now."""
-        if self._query is None:
-            self._query = self._begin()
-        query = self._query
-        if query is None:
-            return []
-        self._try(query, *query.candidates.pop(0))
-        if query.candidates:
-            return []
-        self._query = None
-        return self._conclude(query)
+    def work(self, tries: int = 1) -> list[LoopEdge]:
+        """Match with so many candidates at most; returns the loops that are believed now."""
+        for _ in range(tries):
+            self._query = self._query or self._begin()
+            query = self._query
+            if query is None:
+                break
+            self._try(query, *query.candidates.pop(0))
+            if not query.candidates:
+                self._query = None
+                loops = self._conclude(query)
+                if loops:
+                    return loops
+        return []
 
     def _begin(self) -> Query | None:
         """Search for the last keyframe, if it is far from the one before."""
@@ -108,15 +112,12 @@ class LoopDetector:
         covariances = graph.uncertainty(later)[old]
         away = np.hypot(*(graph.poses[old, :2] - graph.poses[later, :2]).T)
         deviation = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
-        free = away < VIEW + DEVIATIONS * deviation
-        candidates: list[tuple[int, Pose2, Floats]] = []
-        certain = False
-        while free.any() and not certain:
-            k = int(np.argmin(np.where(free, away, np.inf)))
-            certain = not candidates and deviation[k] < CERTAIN
-            candidates.append((int(old[k]), graph.step(int(old[k]), later), covariances[k]))
-            x, y, turn = (graph.poses[old] - graph.poses[old[k]]).T
-            free &= (np.hypot(x, y) > VIEW) | (np.cos(turn) < 0.0)
+        chosen = self._nearest(old, away, away < VIEW + DEVIATIONS * deviation)
+        certain = bool(chosen) and deviation[chosen[0]] < CERTAIN
+        candidates = [
+            (int(old[k]), graph.step(int(old[k]), later), covariances[k])
+            for k in (chosen[:1] if certain else chosen)
+        ]
         return Query(later, self._local_map(later), candidates, [], certain) if candidates else None
 
     def _predicted(self) -> Query | None:
@@ -138,10 +139,22 @@ class LoopDetector:
         pose = graph.pose(last.earlier) @ last.pose @ graph.step(last.later, later)
         old = np.flatnonzero(path < path[later] - self._loop_path)
         away = np.hypot(*(graph.poses[old, :2] - np.array(pose[:2])).T)
-        k = int(old[int(np.argmin(away))])
-        covariance = graph.uncertainty(last.later)[later] + graph.uncertainty(last.earlier)[k]
-        candidates = [(k, graph.pose(k).between(pose), covariance)]
+        from_last, to_earlier = graph.uncertainty(last.later), graph.uncertainty(last.earlier)
+        candidates = [
+            (int(k), graph.pose(int(k)).between(pose), from_last[later] + to_earlier[k])
+            for k in old[self._nearest(old, away, away <= max(VIEW, away.min()))[:2]]
+        ]
         return Query(later, self._local_map(later), candidates, [], True)
+
+    def _nearest(self, old: NDArray[np.int64], away: Floats, free: NDArray[np.bool_]) -> list[int]:
+        """Of the `old` keyframes that are `free` the nearest, of a place one for each direction."""
+        chosen: list[int] = []
+        while free.any():
+            k = int(np.argmin(np.where(free, away, np.inf)))
+            chosen.append(k)
+            x, y, turn = (self._graph.poses[old] - self._graph.poses[old[k]]).T
+            free &= (np.hypot(x, y) > VIEW) | (np.cos(turn) < 0.0)
+        return chosen
 
     def _try(self, query: Query, earlier: int, expected: Pose2, covariance: Floats) -> None:
         """Search the keyframe in the local map of another, and verify."""
@@ -158,9 +171,7 @@ class LoopDetector:
                 off[2] = wrap_angle(float(off[2]))
                 noise = covariance + np.diag(np.square(EDGE))
                 fits = float(off @ np.linalg.solve(noise, off)) < GATE
-                predicted = query.is_predicted and fits
-                if predicted or (verified.is_observed and verified.agreement >= ALONE):
-                    query.found.append(verified._replace(is_predicted=predicted))
+                query.found.append(verified._replace(is_predicted=query.is_predicted and fits))
 
     def _verified(
         self, edge: LoopEdge, there: LocalMap, here: LocalMap, spread: Floats
@@ -207,7 +218,9 @@ class LoopDetector:
         if best is not None and not self._hypothesis:
             if best.is_predicted:
                 return [best.edge]
-            self._checked = [query.later]
+            self._checked, self._against = [query.later], 0
+        elif all(found.is_observed and not found.is_predicted for found in query.found):
+            self._against += 1
         if best is not None and best.is_observed and (best.is_predicted or not self._hypothesis):
             self._hypothesis.append(best)
         path = self._graph.path[[found.edge.later for found in self._hypothesis]]
@@ -216,16 +229,17 @@ class LoopDetector:
             loops = [found.edge for found in self._hypothesis]
             self._hypothesis = []
             return loops
-        if len(self._checked) - len(path) >= REFUTED:
+        if self._against >= REFUTED:
             self._hypothesis = []
         return []
 
     def _best(self, query: Query) -> Verified | None:
         """The best match, if none elsewhere is nearly as good."""
-        if not query.found:
+        good = [f for f in query.found if f.is_predicted or (f.is_observed and f.agreement >= ALONE)]
+        if not good:
             return None
-        best = max(query.found, key=lambda found: found.agreement)
-        for found in query.found:
+        best = max(good, key=lambda found: found.agreement)
+        for found in good:
             off = self._implied(best.edge).between(self._implied(found.edge))
             elsewhere = math.hypot(off.x, off.y) > VIEW
             if elsewhere and best.agreement - found.agreement < MIN_LEAD:

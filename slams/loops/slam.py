@@ -27,6 +27,7 @@ STEP_NOISE = 0.01, 0.01, 0.002  # m, m, rad: of every step between keyframes
 MOVED = 0.05  # m, and as many times 0.1 rad, that a keyframe has to move, or the map stays
 MIN_ENDS = 20  # end points of a keyframe
 JUMP = 0.2  # m that the algorithm may be off its own last step or the wheels': it closed a loop
+TRIES = 4  # candidates that are matched beside a keyframe; beside any other scan one
 REDRAWN = 4  # keyframes that enter the new map beside one scan
 PAUSE = 5  # scans to each keyframe of a map that was drawn anew, until the next
 SETTLED = 1e-4  # m, rad: the last iteration moves no pose by more
@@ -102,10 +103,11 @@ class Looped:
             self._scans.append((-1, pose))
         else:
             self._follow(scan, pose)
+            before = self.graph.n
             self._add(scan, pose)
             self._scans.append((self.graph.n - 1, self._at.between(pose)))
             if self.graph.n > 0:
-                pose = self._work(scan, pose)
+                pose = self._work(scan, pose, TRIES if self.graph.n > before else 1)
         self._last = scan, pose
         return pose
 
@@ -210,12 +212,12 @@ class Looped:
         dt = scan.t - self._last[0].t
         return Pose2(*(v / dt for v in self._last[1].between(pose)))
 
-    def _work(self, scan: Scan, pose: Pose2) -> Pose2:
+    def _work(self, scan: Scan, pose: Pose2, tries: int) -> Pose2:
         """A piece of work: an iteration of the graph, or candidates; keyframes of the new map."""
         if self._moving:
             self._moving = self.graph.iterate() > SETTLED
             return pose
-        loops = self._detector.work()
+        loops = self._detector.work(tries)
         if loops:
             self.graph.loops += loops
             self._moving = any(

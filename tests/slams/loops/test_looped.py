@@ -13,7 +13,7 @@ from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from slams import metrics
 from slams.loops import LoopEdge, PoseGraph
-from slams.loops.detector import REFUTED, VIEW, LoopDetector, Verified
+from slams.loops.detector import REFUTED, VIEW, LoopDetector, Query, Verified
 from slams.loops.matching import Found, keyframe
 from slams.loops.slam import MOVED, Redraw, looped
 from slams.player import replay
@@ -207,6 +207,67 @@ def test_a_hypothesis_waits_where_nothing_is_old_enough():
     suppose(detector, 22)
     assert detector.work() == []
     assert detector._hypothesis and detector._checked == [22]
+
+
+@pytest.mark.parametrize("is_observed", [True, False])
+def test_a_corridor_says_nothing_of_a_hypothesis(is_observed):
+    """A match elsewhere refutes it; one that slides along a corridor is no witness."""
+    detector, _ = detector_of(straight(60))
+    suppose(detector, 40)
+    found = Found(Pose2(3.0, 0.0, 0.0), 1.0, np.zeros((2, 2)))
+    detector._local_map = lambda middle: SimpleNamespace(search=lambda *_: found)
+    detector._verified = lambda edge, *_: Verified(
+        edge._replace(information=np.eye(3)), 0.9, is_observed
+    )
+    for _ in range(2 * REFUTED):
+        assert detector.work() == []
+    assert bool(detector._hypothesis) != is_observed
+
+
+def test_a_match_that_nothing_predicted_has_to_explain_the_scan_alone():
+    detector, _ = detector_of(straight(60))
+
+    def best(*found):
+        return detector._best(Query(40, None, [], list(found), False))
+
+    edge = LoopEdge(0, 40, IDENTITY)
+    good, weak = Verified(edge, 0.9, True), Verified(edge, 0.5, True)
+    assert best(good, weak) is good
+    assert best(weak) is None and best(Verified(edge, 0.9, False)) is None
+    assert best(weak._replace(is_predicted=True)) is not None
+    elsewhere = edge._replace(pose=Pose2(3.0 * VIEW, 0.0, 0.0))
+    assert best(good, Verified(elsewhere, 0.85, True)) is None
+
+
+def test_where_a_hypothesis_predicts_a_place_both_directions_are_tried():
+    """A laser that looks ahead knows little of what was seen on the way back."""
+    about = Pose2(0.5, 0.0, math.pi)
+    steps = [*straight(24), about, *straight(24)[1:]]
+    detector, graph = detector_of([*steps, about, *steps[1:]])
+    suppose(detector, 60)
+    detector._hypothesis[0] = Verified(
+        LoopEdge(0, 60, graph.step(0, 60), np.diag((1e3, 1e3, 1e4))), 0.8, True
+    )
+    headings = np.cos([graph.poses[k, 2] for k, *_ in detector._predicted().candidates])
+    assert sorted(headings.tolist()) == pytest.approx([-1.0, 1.0])
+
+
+def test_beside_a_keyframe_several_candidates_are_tried():
+    """Keyframes that come far apart, and a large map: else a search lasts for many of them."""
+    about = Pose2(0.5, 0.0, math.pi)
+    for tries, calls in ((1, 3), (4, 1)):
+        detector, _ = detector_of([*straight(24), about, *straight(24)[1:]])
+        query = detector._begin()
+        detector._query = query._replace(candidates=3 * query.candidates[:1])
+        for _ in range(calls):
+            assert detector._query is not None
+            detector.work(tries)
+        assert detector._query is None
+    slam, given = new(), []
+    slam._detector.work = lambda tries: given.append(tries) or []
+    for k in range(12):
+        slam.update(still(0.1 * k, Pose2(0.1 * k, 0.0, 0.0)))
+    assert given.count(1) > 6 and 1 < max(given) == given[0]
 
 
 def test_a_place_has_one_candidate_for_each_direction():
