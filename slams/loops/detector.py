@@ -235,7 +235,9 @@ class LoopDetector:
 
     def _best(self, query: Query) -> Verified | None:
         """The best match, if none elsewhere is nearly as good."""
-        good = [f for f in query.found if f.is_predicted or (f.is_observed and f.agreement >= ALONE)]
+        good = [
+            f for f in query.found if f.is_predicted or (f.is_observed and f.agreement >= ALONE)
+        ]
         if not good:
             return None
         best = max(good, key=lambda found: found.agreement)
