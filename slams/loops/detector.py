@@ -42,13 +42,13 @@ REFUTED = 4  # keyframes without a match where the hypothesis predicts one
 class Verified(NamedTuple):
     """A loop; the share of inliers less conflicts, as the mean of both ways to match.
 
-    Whether it fixes the position in both directions, and whether it is where it was predicted.
+    Whether it fixes the position in both directions, and whether it is where it was expected.
     """
 
     edge: LoopEdge
     agreement: float
     is_observed: bool
-    is_predicted: bool = False
+    fits: bool = True
 
 
 class Query(NamedTuple):
@@ -171,7 +171,7 @@ class LoopDetector:
                 off[2] = wrap_angle(float(off[2]))
                 noise = covariance + np.diag(np.square(EDGE))
                 fits = float(off @ np.linalg.solve(noise, off)) < GATE
-                query.found.append(verified._replace(is_predicted=query.is_predicted and fits))
+                query.found.append(verified._replace(fits=fits))
 
     def _verified(
         self, edge: LoopEdge, there: LocalMap, here: LocalMap, spread: Floats
@@ -216,12 +216,12 @@ class LoopDetector:
         """The loops that are believed after all candidates of a keyframe were tried."""
         best = self._best(query)
         if best is not None and not self._hypothesis:
-            if best.is_predicted:
+            if query.is_predicted:
                 return [best.edge]
             self._checked, self._against = [query.later], 0
-        elif all(found.is_observed and not found.is_predicted for found in query.found):
-            self._against += 1
-        if best is not None and best.is_observed and (best.is_predicted or not self._hypothesis):
+        elif all(found.is_observed and not found.fits for found in query.found):
+            self._against += 1  # a corridor says nothing
+        if best is not None and best.is_observed:
             self._hypothesis.append(best)
         path = self._graph.path[[found.edge.later for found in self._hypothesis]]
         enough = len(path) >= CONFIRMED and np.ptp(path) >= CONFIRMED * SPACING
@@ -235,9 +235,9 @@ class LoopDetector:
 
     def _best(self, query: Query) -> Verified | None:
         """The best match, if none elsewhere is nearly as good."""
-        good = [
-            f for f in query.found if f.is_predicted or (f.is_observed and f.agreement >= ALONE)
-        ]
+        good = [found for found in query.found if found.fits]
+        if not query.is_predicted:
+            good = [found for found in good if found.is_observed and found.agreement >= ALONE]
         if not good:
             return None
         best = max(good, key=lambda found: found.agreement)

@@ -227,14 +227,15 @@ def test_a_corridor_says_nothing_of_a_hypothesis(is_observed):
 def test_a_match_that_nothing_predicted_has_to_explain_the_scan_alone():
     detector, _ = detector_of(straight(60))
 
-    def best(*found):
-        return detector._best(Query(40, None, [], list(found), False))
+    def best(*found, is_predicted=False):
+        return detector._best(Query(40, None, [], list(found), is_predicted))
 
     edge = LoopEdge(0, 40, IDENTITY)
     good, weak = Verified(edge, 0.9, True), Verified(edge, 0.5, True)
     assert best(good, weak) is good
     assert best(weak) is None and best(Verified(edge, 0.9, False)) is None
-    assert best(weak._replace(is_predicted=True)) is not None
+    assert best(weak, is_predicted=True) is weak
+    assert best(good._replace(fits=False)) is None
     elsewhere = edge._replace(pose=Pose2(3.0 * VIEW, 0.0, 0.0))
     assert best(good, Verified(elsewhere, 0.85, True)) is None
 
