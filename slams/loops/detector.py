@@ -23,7 +23,9 @@ from slams.types import Floats, Pose2, wrap_angle
 SPACING = 1.0  # m between two keyframes that are searched for
 VIEW = 4.0  # m between two poses that see the same walls: a local map is drawn of those
 LOCAL_SPACING = 0.9  # m of path between two of them
-GATE = 30.0  # squared Mahalanobis distance of a loop from the graph, at most; drift has blunders
+# squared Mahalanobis distance of a loop from where the graph expects it, at most; from a sharp
+# prediction, as drift has blunders
+GATE, SHARP_GATE = 12.0, 30.0
 DEVIATIONS = 3.0  # of the graph's covariance that are searched
 MIN_SCORE = 0.6  # likelihood of a match that is verified
 MIN_AGREEMENT = 0.3  # inliers less conflicts, in each direction
@@ -144,6 +146,10 @@ class LoopDetector:
             (int(k), graph.pose(int(k)).between(pose), from_last[later] + to_earlier[k])
             for k in old[self._nearest(old, away, away <= max(VIEW, away.min()))[:2]]
         ]
+        covariance = candidates[0][2]
+        if covariance[0, 0] + covariance[1, 1] > AMBIGUITY**2:  # no witness: any place is there
+            self._hypothesis = []
+            return None
         return Query(later, self._local_map(later), candidates, [], True)
 
     def _nearest(self, old: NDArray[np.int64], away: Floats, free: NDArray[np.bool_]) -> list[int]:
@@ -170,7 +176,8 @@ class LoopDetector:
                 off -= self._graph.pose(earlier) @ expected
                 off[2] = wrap_angle(float(off[2]))
                 noise = covariance + np.diag(np.square(EDGE))
-                fits = float(off @ np.linalg.solve(noise, off)) < GATE
+                gate = SHARP_GATE if query.is_predicted else GATE
+                fits = float(off @ np.linalg.solve(noise, off)) < gate
                 query.found.append(verified._replace(fits=fits))
 
     def _verified(

@@ -209,6 +209,26 @@ def test_a_hypothesis_waits_where_nothing_is_old_enough():
     assert detector._hypothesis and detector._checked == [22]
 
 
+def test_a_hypothesis_that_predicts_nothing_any_more_is_dropped():
+    """Where the way since is as uncertain as rooms are far apart, the next room confirms it."""
+    detector, _ = detector_of(straight(60), variances=0.2)
+    suppose(detector, 40)
+    assert detector._predicted() is None and not detector._hypothesis
+
+
+def test_a_match_far_from_where_the_graph_expects_it_is_none():
+    """Of two alike offices the other one; a sharp prediction may be farther off."""
+    detector, _ = detector_of(straight(60))
+    found = Found(Pose2(4.5, 0.0, 0.0), 1.0, np.zeros((2, 2)))
+    detector._verified = lambda edge, *_: Verified(edge, 0.9, True)
+    there = SimpleNamespace(search=lambda *_: found)
+    detector._local_map = lambda middle: there
+    for is_predicted in (False, True):
+        query = Query(40, there, [], [], is_predicted)
+        detector._try(query, 0, IDENTITY, np.eye(3))
+        assert query.found[0].fits == is_predicted
+
+
 @pytest.mark.parametrize("is_observed", [True, False])
 def test_a_corridor_says_nothing_of_a_hypothesis(is_observed):
     """A match elsewhere refutes it; one that slides along a corridor is no witness."""
