@@ -147,16 +147,16 @@ def test_messages_of_ones_own_do_not_come_back(transports):
 def test_a_writer_that_leaves_is_no_message(transports):
     first, second, receiver, got = transports(), transports(), transports(), []
     data = packed(TF)
-    receiver.subscribe("/tf", TF, Quality.RELIABLE, got.append)
+    receiver.subscribe("/left", TF, Quality.RELIABLE, got.append)
     receiver.listen()
     for sender in (first, second):
-        outlet = sender.advertise("/tf", TF, Quality.RELIABLE)
+        outlet = sender.advertise("/left", TF, Quality.RELIABLE)
         until(lambda outlet=outlet: outlet.subscribers)
         outlet.publish(data)
         until(lambda sender=sender: len(got) == 1 + (sender is second))
         del outlet
         sender.close()
-        until(lambda: not receiver.published(TF))
+        until(lambda: "/left" not in receiver.published(TF))
     assert len(got) == 2
 
 
