@@ -18,8 +18,6 @@ from tests.rooms import ALGORITHMS, CORRIDOR, box, drive, laser, made, scan_at
 
 ALLOWED = 1.5  # times the error without odometry
 MORE = 0.005  # m, more than that
-
-
 SEEDS = (3, 4, 5, 6)  # drives: one alone is a matter of luck
 
 

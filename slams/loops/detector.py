@@ -3,7 +3,8 @@
 A keyframe is searched for where the graph's own covariance leaves room for it. A match is verified
 in both directions: the second leads back, and neither scan sees through walls of the other. Where
 the covariance leaves no other place, such a loop is believed at once. Otherwise it is a hypothesis
-that the next keyframes have to confirm, each by a match where the hypothesis predicts it.
+that the next keyframes have to confirm, each by a match where the hypothesis predicts it, while it
+predicts a place to a meter. Along a corridor everything matches: it neither confirms nor refutes.
 """
 
 from __future__ import annotations
@@ -23,9 +24,7 @@ from slams.types import Floats, Pose2, wrap_angle
 SPACING = 1.0  # m between two keyframes that are searched for
 VIEW = 4.0  # m between two poses that see the same walls: a local map is drawn of those
 LOCAL_SPACING = 0.9  # m of path between two of them
-# squared Mahalanobis distance of a loop from where the graph expects it, at most; from a sharp
-# prediction, as drift has blunders
-GATE, SHARP_GATE = 12.0, 30.0
+GATE = 12.0  # squared Mahalanobis distance of a loop from where it is expected, at most
 DEVIATIONS = 3.0  # of the graph's covariance that are searched
 MIN_SCORE = 0.6  # likelihood of a match that is verified
 MIN_AGREEMENT = 0.3  # inliers less conflicts, in each direction
@@ -38,7 +37,7 @@ BLIND = 1e-4  # 1/m^2: information along a direction that was not observed
 AMBIGUITY = 1.0  # m, half of a window at least: shows whether a corridor is matched
 CERTAIN = 0.3  # m: a deviation that leaves no other place
 CONFIRMED = 3  # loops, over as many spacings of path, that make a hypothesis true
-REFUTED = 4  # keyframes without a match where the hypothesis predicts one
+REFUTED = 4  # keyframes without a match where the hypothesis predicts it
 
 
 class Verified(NamedTuple):
@@ -80,7 +79,7 @@ class LoopDetector:
         self._query: Query | None = None
         self._hypothesis: list[Verified] = []
         self._checked: list[int] = []  # keyframes that were compared with the hypothesis
-        self._against = 0  # of these, without a match
+        self._against = 0  # of these, without a match there
         self._searched = 0.0  # path at the last query
 
     def work(self, tries: int = 1) -> list[LoopEdge]:
@@ -115,12 +114,14 @@ class LoopDetector:
         away = np.hypot(*(graph.poses[old, :2] - graph.poses[later, :2]).T)
         deviation = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
         chosen = self._nearest(old, away, away < VIEW + DEVIATIONS * deviation)
-        certain = bool(chosen) and deviation[chosen[0]] < CERTAIN
+        if not chosen:
+            return None
+        certain = bool(deviation[chosen[0]] < CERTAIN)
         candidates = [
             (int(old[k]), graph.step(int(old[k]), later), covariances[k])
-            for k in (chosen[:1] if certain else chosen)
+            for k in chosen[: 1 if certain else None]
         ]
-        return Query(later, self._local_map(later), candidates, [], certain) if candidates else None
+        return Query(later, self._local_map(later), candidates, [], certain)
 
     def _predicted(self) -> Query | None:
         """Search for a neighbor of the hypothesis where it predicts it, if one is due."""
@@ -159,7 +160,7 @@ class LoopDetector:
             k = int(np.argmin(np.where(free, away, np.inf)))
             chosen.append(k)
             x, y, turn = (self._graph.poses[old] - self._graph.poses[old[k]]).T
-            free &= (np.hypot(x, y) > VIEW) | (np.cos(turn) < 0.0)
+            free = free & ((np.hypot(x, y) > VIEW) | (np.cos(turn) < 0.0))
         return chosen
 
     def _try(self, query: Query, earlier: int, expected: Pose2, covariance: Floats) -> None:
@@ -176,8 +177,7 @@ class LoopDetector:
                 off -= self._graph.pose(earlier) @ expected
                 off[2] = wrap_angle(float(off[2]))
                 noise = covariance + np.diag(np.square(EDGE))
-                gate = SHARP_GATE if query.is_predicted else GATE
-                fits = float(off @ np.linalg.solve(noise, off)) < gate
+                fits = float(off @ np.linalg.solve(noise, off)) < GATE
                 query.found.append(verified._replace(fits=fits))
 
     def _verified(
@@ -227,7 +227,7 @@ class LoopDetector:
                 return [best.edge]
             self._checked, self._against = [query.later], 0
         elif all(found.is_observed and not found.fits for found in query.found):
-            self._against += 1  # a corridor says nothing
+            self._against += 1  # what slides along a corridor is no witness
         if best is not None and best.is_observed:
             self._hypothesis.append(best)
         path = self._graph.path[[found.edge.later for found in self._hypothesis]]
