@@ -54,11 +54,11 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
         OSError: a file cannot be opened.
         ValueError: it is no log, or damaged; one sentence.
     """
-    from slams.formats.bag import SCANS
     from slams.formats.carmen import laser_messages
     from slams.formats.kind import BAGS, kind_of
     from slams.formats.recording import Recording, read
     from slams.formats.source import load
+    from slams.ros.messages import SCANS
 
     kinds = [kind_of(path) for path in paths]
     if not all(kind in BAGS for kind in kinds):

@@ -12,8 +12,8 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import slams
-from slams.formats.bag import ECHOES, OLD_TF, PATH, TF
-from slams.formats.ros_maker import Maker
+from slams.ros.maker import Maker
+from slams.ros.messages import ECHOES, OLD_TF, PATH, TF
 from slams.types import Laser, Pose2
 
 MUCH = 32 << 20  # bytes that a refusal may take

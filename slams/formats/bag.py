@@ -6,24 +6,11 @@ import heapq
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from slams.formats.options import DamagedError
-
-SCAN = "sensor_msgs/msg/LaserScan"
-ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
-IMU = "sensor_msgs/msg/Imu"
-ODOMETRY = "nav_msgs/msg/Odometry"
-POSE = "geometry_msgs/msg/PoseStamped"
-POSE_COV = "geometry_msgs/msg/PoseWithCovarianceStamped"
-PATH = "nav_msgs/msg/Path"
-MAP = "nav_msgs/msg/OccupancyGrid"
-TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
-SCANS, TRUTHS, TFS = (SCAN, ECHOES), (ODOMETRY, POSE, POSE_COV), (TF, OLD_TF)
-POSES = (*TRUTHS, PATH)
-KNOWN = frozenset({*SCANS, *POSES, *TFS, IMU})
+from slams.ros.messages import KNOWN, Record
 
 REPAIR = {
     "bag": "'rosbag reindex FILE' repairs it",
@@ -39,15 +26,6 @@ class Topic(NamedTuple):
     name: str
     msgtype: str
     messages: int
-
-
-class Record(NamedTuple):
-    """One message as stored; `received` [ns] is when the recorder got it."""
-
-    topic: str
-    msgtype: str
-    received: int
-    data: bytes
 
 
 class Bag(NamedTuple):
@@ -138,27 +116,3 @@ def damaged(path: Path, kind: str, reason: str) -> DamagedError:
     return DamagedError(
         f"{path}: cut short or damaged ({reason}); {REPAIR[kind]}, --salvage reads what is whole"
     )
-
-
-@cache
-def store() -> Any:
-    """Definitions, classes and CDR of the ROS 2 messages; the standard ones never changed."""
-    from rosbags.typesys import Stores, get_typestore
-
-    return get_typestore(Stores.ROS2_HUMBLE)
-
-
-@cache
-def decoder(ros1: bool) -> Callable[[bytes, str], Any]:
-    """What turns raw messages of the known types into objects.
-
-    The standard definitions are used, not those of the bag: an old recording has none, and one
-    odd definition among them is no reason to refuse the scans.
-    """
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    types: Any = get_typestore(Stores.ROS1_NOETIC) if ros1 else store()
-    for name in TFS if ros1 else ():
-        types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
-    decode: Callable[[bytes, str], Any] = types.deserialize_ros1 if ros1 else types.deserialize_cdr
-    return decode

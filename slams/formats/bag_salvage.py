@@ -18,8 +18,9 @@ from rosbags.rosbag1 import reader as rosbag1
 from rosbags.rosbag2 import storage_mcap as mcap
 from rosbags.typesys.msg import normalize_msgtype
 
-from slams.formats.bag import KNOWN, Bag, Record, summed, write_ahead
+from slams.formats.bag import Bag, summed, write_ahead
 from slams.formats.kind import MAGIC
+from slams.ros.messages import KNOWN, Record
 
 SCHEMA2, CHANNEL2, MESSAGE2, CHUNK2 = 3, 4, 5, 6  # op codes of mcap
 RECORD2 = struct.Struct("<Bq")  # op code and length of an mcap record

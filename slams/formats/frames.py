@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from slams.formats.attitude import headings, roll_and_pitch, up_of
 from slams.formats.sweep import Mounted
-from slams.ros.stamps import seconds
+from slams.ros.attitude import headings, roll_and_pitch, up_of
+from slams.ros.messages import seconds
 from slams.scanlog import Track
 from slams.types import Floats, Pose2, wrap_angle
 from slams.validation import FAR
@@ -161,11 +161,6 @@ def planar(matrix: Floats, what: str, notes: list[str]) -> Mounted:
     yaw = math.atan2(matrix[1, 0], matrix[0, 0])
     x, y, z = matrix[:3, 3].tolist()
     return Mounted(Pose2(x, y, yaw), upright < 0.0, z)
-
-
-def yaw_of(q: Any) -> float:
-    """Heading [rad] of a quaternion message."""
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
 
 
 def composed(a: Floats, b: Floats) -> Floats:

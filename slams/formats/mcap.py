@@ -18,8 +18,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from slams.formats.bag import MAP, PATH, POSE, SCAN, TF, store
-from slams.formats.ros_maker import Maker
+from slams.ros.maker import Maker
+from slams.ros.messages import MAP, PATH, POSE, SCAN, TF, store
 from slams.scanlog import ScanLog
 from slams.types import Floats, OccupancyGrid, Pose2
 

@@ -9,15 +9,15 @@ from typing import TypeVar
 
 import numpy as np
 
-from slams.formats.attitude import tracks_of
-from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, Bag, Topic, joined, open_bag
+from slams.formats.bag import Bag, Topic, joined, open_bag
 from slams.formats.frames import Transforms, bare, composed, planar
 from slams.formats.kind import kind_of
+from slams.formats.messages import Messages, tracks_of
 from slams.formats.options import DamagedError, SourceOptions, named
 from slams.formats.packed import name_of
-from slams.formats.ros_messages import Messages
 from slams.formats.sweep import Fan, Mounted, Sweep, common, merged, usable
 from slams.formats.topics import Roles, listed, some
+from slams.ros.messages import IMU, ODOMETRY, POSES, SCANS
 from slams.scanlog import ScanLog, Track
 from slams.types import IDENTITY
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from slams.formats.bag import IMU, ODOMETRY, POSES, SCANS, TRUTHS, Topic
+from slams.formats.bag import Topic
 from slams.formats.options import SourceOptions
 from slams.params import MAX_LASERS
+from slams.ros.messages import IMU, ODOMETRY, POSES, SCANS, TRUTHS
 from slams.validation import expect
 
 MAX_LISTED_NAMES = 12  # names that a sentence lists

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from slams.formats import recording
-from slams.formats.attitude import headings
 from slams.formats.kind import BAGS, is_bag_folder, kind_of
 from slams.formats.options import SourceOptions
 from slams.formats.packed import text_of
+from slams.ros.attitude import headings
 from slams.scanlog import Track
 from slams.types import Floats
 from slams.validation import expect

@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from slams.formats.attitude import ImuAttitude, Inertial, headings
-from slams.formats.bag import IMU, ODOMETRY, TF, Record, store
 from slams.formats.frames import Transforms, attitudes_of, bare, planar
-from slams.formats.ros_messages import READ
 from slams.formats.sweep import Mounted
 from slams.live.series import IntegralSeries, PoseSeries, Series
-from slams.ros.stamps import seconds
+from slams.ros.attitude import ImuAttitude, headings
+from slams.ros.messages import IMU, ODOMETRY, READ, TF, Inertial, Record, seconds, store
 from slams.track import MAX_ATTITUDE_GAP
 from slams.types import IDENTITY, Attitude, Pose2
 

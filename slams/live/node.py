@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from slams.formats.bag import SCAN, Record, store
 from slams.formats.topics import some
 from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
@@ -21,6 +20,7 @@ from slams.live.publisher import MapThread, NodePublisher
 from slams.live.recorder import Recorder
 from slams.live.scans import Arrived, Scans
 from slams.live.slam import LiveSlam
+from slams.ros.messages import SCAN, Record, store
 from slams.types import OccupancyGrid, Pose2, Scan
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from dataclasses import Field, dataclass, field, fields
 from enum import Enum
 from typing import Any
 
-from slams.formats.bag import IMU, MAP, ODOMETRY, PATH, POSE_COV, SCAN, TF, Record
 from slams.params import MAX_LASERS
+from slams.ros.messages import IMU, MAP, ODOMETRY, PATH, POSE_COV, SCAN, TF, Record
 from slams.validation import expect
 
 STATUS = "diagnostic_msgs/msg/DiagnosticArray"

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from slams import metrics
-from slams.formats.bag import store
-from slams.formats.ros_maker import Maker
 from slams.live.estimate import STATES, Estimate
 from slams.live.options import TOPICS, NodeOptions
 from slams.live.slam import LiveSlam
+from slams.ros.maker import Maker
+from slams.ros.messages import store
 from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from slams.formats.bag import SCAN
 from slams.formats.mcap import McapFile
 from slams.live.options import TOPICS, NodeOptions, Quality
+from slams.ros.messages import SCAN
 
 
 class Recorder:

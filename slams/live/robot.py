@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from slams.formats.bag import store
 from slams.formats.mcap import LAST_STAMP, frames_of
-from slams.formats.ros_maker import Maker
 from slams.live.options import TOPICS, Quality
+from slams.ros.maker import Maker
+from slams.ros.messages import store
 from slams.scanlog import ScanLog
 from slams.types import Pose2
 

@@ -7,11 +7,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from slams.formats.bag import SCAN, Record, store
 from slams.formats.frames import bare
-from slams.formats.ros_messages import READ
 from slams.formats.sweep import Mounted, Sweep, common, same_directions, usable
-from slams.ros.stamps import seconds
+from slams.ros.messages import READ, SCAN, Record, seconds, store
 from slams.types import Laser
 from slams.validation import check_laser
 

@@ -20,7 +20,7 @@ from slams.live.estimate import LATE_IN_A_ROW, LOST, MATCHED, STATES, Estimate
 from slams.live.given_map import InGivenMap
 from slams.live.warm_up import warm_up as warm_up_kernels
 from slams.registry import find
-from slams.ros.stamps import seconds
+from slams.ros.messages import seconds
 from slams.state.store import check_target, resume, save_after
 from slams.types import (
     IDENTITY,

@@ -22,8 +22,8 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from slams.formats.bag import Record, store
 from slams.live.options import Callback, Quality
+from slams.ros.messages import Record, store
 
 DEPTH = {Quality.SENSOR: 5, Quality.RELIABLE: 100, Quality.LATCHED: 1}  # as ROS's profiles keep
 MAX_UNREAD = 200  # messages of a topic that wait to be taken

@@ -1,1 +1,1 @@
-"""What ROS nodes are set up with: launch and parameter files, taken over to our parameters."""
+"""What ROS says: its messages, and the launch and parameter files of its nodes."""

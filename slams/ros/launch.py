@@ -65,16 +65,15 @@ def _of_yaml(text: str, path: Path, nodes: set[str], known: set[str]) -> NodePar
     content = yaml_file.parse(text, path)
     if not isinstance(content, dict):
         raise ValueError(f"{path}: expected parameters 'name: value', or a launch file")
-    leaves = list(leaves_of(content))
-    return NodeParameters(by_name(_of_node(leaves, path, nodes, known), path))
+    leaves = _of_node(list(leaves_of(content)), path, nodes, known)
+    return NodeParameters(by_name(leaves, path))
 
 
 def _of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -> list[Leaf]:
     """The leaves below one of the names; without those, the one group with known parameters."""
     named = [leaf for leaf in leaves if nodes & set(leaf[0][:-1])]
     if named:
-        everyone = [leaf for leaf in leaves if leaf[0][0] == "**"]
-        return [*everyone, *named]
+        return [leaf for leaf in leaves if leaf[0][0] == "**"] + named
     groups: dict[tuple[str, ...], list[Leaf]] = {}
     for names, value in leaves:
         groups.setdefault(_group(names), []).append((names, value))
@@ -88,9 +87,8 @@ def _of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -
 
 
 def _group(names: tuple[str, ...]) -> tuple[str, ...]:
-    if PARAMETERS in names:
-        return names[: names.index(PARAMETERS)]
-    return names[:1] if len(names) > 1 else ()
+    end = names.index(PARAMETERS) if PARAMETERS in names else min(len(names) - 1, 1)
+    return names[:end]
 
 
 def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:

@@ -3,7 +3,7 @@
 import pytest
 
 from slams import info
-from slams.formats.bag import SCAN
+from slams.ros.messages import SCAN
 from tests import bags
 from tests.rooms import drive
 

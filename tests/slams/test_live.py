@@ -11,7 +11,7 @@ import pytest
 from slams import LiveSlam, Pose2
 from slams.live.estimate import LATE_IN_A_ROW
 from slams.registry import BUILT_IN, find
-from slams.ros.stamps import seconds
+from slams.ros.messages import seconds
 from slams.types import Attitude
 from tests.processes import python
 from tests.rooms import ROOM, drive, fields_of, laser, made, push_fields, scan_at

@@ -10,15 +10,14 @@ import numpy as np
 
 import slams
 from slams import LiveSlam
-from slams.formats.bag import IMU, ODOMETRY, SCAN, TF, Record, store
-from slams.formats.frames import yaw_of
-from slams.formats.ros_maker import Maker
 from slams.live import node
 from slams.live.node import Node
 from slams.live.options import NodeOptions, Quality, renamed
 from slams.live.recorder import Recorder
 from slams.live.robot import Robot
 from slams.player import replay
+from slams.ros.maker import Maker
+from slams.ros.messages import IMU, ODOMETRY, SCAN, TF, Record, store, yaw_of
 from slams.scanlog import Track
 from slams.types import Pose2
 from tests.rooms import drive, laser, scan_at, way

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import slams
-from slams.formats.bag import PATH, POSE_COV, SCAN, TF, store
-from slams.formats.ros_maker import Maker
 from slams.live.options import MAP, STATUS, TYPES, Quality
 from slams.player import replay
+from slams.ros.maker import Maker
+from slams.ros.messages import PATH, POSE_COV, SCAN, TF, store
 from slams.types import OccupancyGrid, Pose2
 from tests.rooms import drive, laser
 from tests.slams.live.commands import DOMAIN, PATIENCE, started

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slams.formats.bag import POSE_COV, SCAN, TF, store
-from slams.formats.ros_maker import Maker
 from slams.live.options import MAP
+from slams.ros.maker import Maker
+from slams.ros.messages import POSE_COV, SCAN, TF, store
 from tests.rooms import laser, scan_at
 from tests.slams.live.commands import DOMAIN, PATIENCE, started
 

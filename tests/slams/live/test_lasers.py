@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from slams.formats.bag import IMU, SCAN, TF
-from slams.formats.ros_maker import Maker
 from slams.live import scans
 from slams.live.__main__ import parser
 from slams.live.buffer import FEW, Mounted
 from slams.live.diagnostics import COUNTERS
 from slams.live.options import NodeOptions, Quality, node_options, renamed
 from slams.live.scans import Scans
+from slams.ros.maker import Maker
+from slams.ros.messages import IMU, SCAN, TF
 from slams.types import Attitude, Pose2
 from tests.rooms import ROOM, cast, laser, way
 from tests.slams.formats.test_attitude import messages, true

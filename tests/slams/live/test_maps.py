@@ -9,7 +9,7 @@ import slams
 from slams import LiveSlam, metrics
 from slams.live.__main__ import write_results
 from slams.live.publisher import MapThread
-from slams.ros.stamps import seconds
+from slams.ros.messages import seconds
 from slams.types import Pose2
 from tests.rooms import drive
 from tests.slams.live.commands import PATIENCE

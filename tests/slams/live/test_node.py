@@ -5,12 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from slams.formats.bag import SCAN, TF
-from slams.formats.ros_maker import UNKNOWN, percent
 from slams.live import node
 from slams.live.options import NodeOptions, Quality
 from slams.live.recorder import Recorder
-from slams.ros.stamps import seconds
+from slams.ros.maker import UNKNOWN, percent
+from slams.ros.messages import SCAN, TF, seconds
 from slams.types import Pose2
 from tests.slams.live.robots import (
     LASER,

@@ -12,7 +12,7 @@ from slams.live.estimate import LATE_IN_A_ROW
 from slams.live.options import renamed
 from slams.live.robot import Robot
 from slams.live.series import IntegralSeries, PoseSeries, Series
-from slams.ros.stamps import seconds
+from slams.ros.messages import seconds
 from slams.track import MAX_ATTITUDE_GAP, Track
 from slams.types import Pose2, wrap_angle
 from tests.rooms import drive, laser

@@ -5,8 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from slams.formats.attitude import GRAVITY, Inertial, inertial, tracks_of, vertical_rate
-from slams.formats.ros_maker import Maker
+from slams.formats.messages import tracks_of
+from slams.ros.attitude import GRAVITY, vertical_rate
+from slams.ros.maker import Maker
+from slams.ros.messages import Inertial, inertial
 from slams.types import Attitude
 
 NONE = (math.nan,) * 4

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.formats.bag import IMU, MAP, ODOMETRY, PATH, POSE, POSE_COV, SCAN, TF, store
+from slams.ros.messages import IMU, MAP, ODOMETRY, PATH, POSE, POSE_COV, SCAN, TF, store
 from slams.types import Floats, Laser, OccupancyGrid, Pose2, Ranges
 
 UNKNOWN = 1e6  # [m^2, rad^2] a variance that says nothing, as robot_localization writes it

@@ -3,58 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from slams.ros.stamps import seconds
-from slams.scanlog import Track
+from slams.ros.messages import Inertial
 from slams.types import Floats
-from slams.validation import FAR
 
 SETTLING = 2.0  # s over which the accelerometer corrects the gyro: longer than a robot speeds up
 GRAVITY, DISTURBED = 9.81, 1.0  # m/s^2; by how much a measured one is off while a robot is shaken
 OVERHEAD = 1.0  # rad: by more no robot tilts, its IMU is not mounted as the transforms say
-
-
-class Inertial(NamedTuple):
-    """One message in the IMU's own axes: orientation x, y, z, w, rates, acceleration; nan: none."""
-
-    sent: float
-    orientation: tuple[float, float, float, float]
-    rates: tuple[float, float, float]
-    acceleration: tuple[float, float, float]
-
-
-def inertial(message: Any) -> Inertial:
-    """Of a sensor_msgs/Imu; a covariance of -1 says that there is none.
-
-    So does an orientation of zeros or the identity: drivers without one leave it at that, and what
-    is measured has noise.
-    """
-    q, w, a = message.orientation, message.angular_velocity, message.linear_acceleration
-    oriented = message.orientation_covariance[0] != -1.0 and (q.x or q.y or q.z)
-    turning = message.angular_velocity_covariance[0] != -1.0
-    return Inertial(
-        seconds(message.header.stamp),
-        (q.x, q.y, q.z, q.w) if oriented else (math.nan,) * 4,
-        (w.x, w.y, w.z) if turning else (math.nan,) * 3,
-        (a.x, a.y, a.z),
-    )
-
-
-def tracks_of(
-    t: Floats, rows: list[Inertial], turned: Floats | None
-) -> tuple[Track | None, Track | None]:
-    """Turn rate (n,), roll and pitch (k, 2) of all messages, stamped t; None: nothing measured."""
-    imu = ImuAttitude(turned)
-    stamped = [row._replace(sent=stamp) for stamp, row in zip(t.tolist(), rows, strict=True)]
-    table = np.array([imu.push(row) for row in stamped]).reshape(-1, 4)
-    known = np.abs(table) < FAR  # nan is not
-    rated, tilted = table[known[:, 1]], table[known[:, 2:].all(axis=1)]
-    rate = Track(rated[:, 0].copy(), rated[:, 1].copy()) if len(rated) else None
-    tilt = Track(tilted[:, 0].copy(), tilted[:, 2:].copy()) if len(tilted) else None
-    return rate, tilt
 
 
 class ImuAttitude:

@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from slams.formats.attitude import inertial
-from slams.formats.bag import (
-    ECHOES,
-    IMU,
-    ODOMETRY,
-    PATH,
-    POSE,
-    POSE_COV,
-    SCAN,
-    TFS,
-    Bag,
-    Record,
-    decoder,
-)
-from slams.formats.frames import Transforms, bare, yaw_of
+from slams.formats.bag import Bag
+from slams.formats.frames import Transforms, bare
 from slams.formats.options import DamagedError
-from slams.ros.stamps import seconds
+from slams.ros.attitude import ImuAttitude
+from slams.ros.messages import PATH, READ, TFS, Inertial, Record, decoder, pose_of, seconds
 from slams.scanlog import Track
-from slams.types import Floats, Laser, Ranges
+from slams.types import Floats
 from slams.validation import FAR
 
 ZSTD = b"\x28\xb5\x2f\xfd"
@@ -93,7 +80,7 @@ class Messages:
         received, rows = 1e-9 * record.received, self.rows[record.topic]
         if record.msgtype == PATH:  # of which each pose is a row
             for one in message.poses:
-                rows.append(Row(seconds(one.header.stamp), received, "", _pose(one.pose)))
+                rows.append(Row(seconds(one.header.stamp), received, "", pose_of(one.pose)))
         else:
             frame, values = READ[record.msgtype](message)
             rows.append(Row(seconds(message.header.stamp), received, frame, values))
@@ -121,32 +108,15 @@ class Messages:
         return Track(stamps[whole], values[whole]) if whole.any() else None
 
 
-def _sweep(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
-    """Of several echoes the first of each beam; none means nothing up to range_max."""
-    found = message.ranges
-    if message.__msgtype__ == ECHOES:
-        found = [beam.echoes[0] if len(beam.echoes) else math.inf for beam in found]
-    ranges = np.array(found, np.float32)
-    geometry = Laser(
-        float(message.angle_min),
-        float(message.angle_increment),
-        len(ranges),
-        float(message.range_min),
-        float(message.range_max),
-        time_increment=float(message.time_increment),
-    )
-    return message.header.frame_id, (ranges, geometry)
-
-
-def _pose(pose: Any) -> list[float]:
-    return [pose.position.x, pose.position.y, yaw_of(pose.orientation)]
-
-
-READ: dict[str, Callable[[Any], tuple[str, Any]]] = {
-    SCAN: _sweep,
-    ECHOES: _sweep,
-    ODOMETRY: lambda message: (message.child_frame_id, _pose(message.pose.pose)),
-    IMU: lambda message: (message.header.frame_id, inertial(message)),
-    POSE: lambda message: ("", _pose(message.pose)),
-    POSE_COV: lambda message: ("", _pose(message.pose.pose)),
-}
+def tracks_of(
+    t: Floats, rows: list[Inertial], turned: Floats | None
+) -> tuple[Track | None, Track | None]:
+    """Turn rate (n,), roll and pitch (k, 2) of all messages, stamped t; None: nothing measured."""
+    imu = ImuAttitude(turned)
+    stamped = [row._replace(sent=stamp) for stamp, row in zip(t.tolist(), rows, strict=True)]
+    table = np.array([imu.push(row) for row in stamped]).reshape(-1, 4)
+    known = np.abs(table) < FAR  # nan is not
+    rated, tilted = table[known[:, 1]], table[known[:, 2:].all(axis=1)]
+    rate = Track(rated[:, 0].copy(), rated[:, 1].copy()) if len(rated) else None
+    tilt = Track(tilted[:, 0].copy(), tilted[:, 2:].copy()) if len(tilted) else None
+    return rate, tilt
