@@ -10,6 +10,7 @@ predicts a place to a meter. Along a corridor everything matches: it neither con
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -97,6 +98,26 @@ class LoopDetector:
                     return loops
         return []
 
+    def claimed(self, drawn: Sequence[Pose2], at: Pose2) -> LoopEdge | None:
+        """The loop by which the last keyframe is `at` in the algorithm's map, if it is one.
+
+        `drawn`: keyframes in that map.
+        """
+        graph, later = self._graph, self._graph.n - 1
+        old = np.flatnonzero(graph.path < graph.path[later] - self._loop_path)
+        if old.size == 0:
+            return None
+        earlier = min(old.tolist(), key=lambda k: math.hypot(drawn[k].x - at.x, drawn[k].y - at.y))
+        expected = drawn[earlier].between(at)
+        query = Query(later, self._local_map(later), [], [], False)
+        known = graph.step(earlier, later), graph.uncertainty(later)[earlier]
+        self._try(query, earlier, *known, Window(expected, AMBIGUITY, 2.0 * AGREE_ROTATION))
+        best = self._best(query)
+        if best is None:
+            return None
+        off = expected.between(best.edge.pose)  # else the last pose is a scan's that was kept back
+        return best.edge if math.hypot(off.x, off.y) < AGREE else None
+
     def _begin(self) -> Query | None:
         """Search for the last keyframe, if it is far from the one before."""
         graph = self._graph
@@ -163,12 +184,17 @@ class LoopDetector:
             free = free & ((np.hypot(x, y) > VIEW) | (np.cos(turn) < 0.0))
         return chosen
 
-    def _try(self, query: Query, earlier: int, expected: Pose2, covariance: Floats) -> None:
+    def _try(
+        self,
+        query: Query,
+        earlier: int,
+        expected: Pose2,
+        covariance: Floats,
+        window: Window | None = None,
+    ) -> None:
         """Search the keyframe in the local map of another, and verify."""
-        there = self._local_map(earlier)
-        found = there.search(
-            self._keyframes[query.later].ends, _window(expected, covariance), MIN_SCORE
-        )
+        there, window = self._local_map(earlier), window or _window(expected, covariance)
+        found = there.search(self._keyframes[query.later].ends, window, MIN_SCORE)
         if found.score >= MIN_SCORE:
             edge = LoopEdge(earlier, query.later, found.pose)
             verified = self._verified(edge, there, query.here, found.spread)

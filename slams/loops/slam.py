@@ -40,33 +40,37 @@ def gap(one: Pose2, other: Pose2) -> float:
     return math.hypot(one.x - other.x, one.y - other.y) + LEVER * turn
 
 
+def _distance(one: Pose2, other: Pose2) -> float:
+    return math.hypot(one.x - other.x, one.y - other.y)
+
+
 class Redraw:
     """A new instance of an algorithm into which keyframes enter, a few for each scan.
 
-    `done` once it has all that the graph has.
+    `done` once it has all that the graph has; `poses` at which keyframes are in the map.
     """
 
     def __init__(self, slam: Localizes, keyframes: list[Keyframe]) -> None:
         self.slam = slam
         self._keyframes = keyframes
-        self._poses: list[Pose2] = []  # at which keyframes are in the map
+        self.poses: list[Pose2] = []
 
     @property
     def done(self) -> bool:
         """Whether every keyframe is in the map."""
-        return len(self._poses) == len(self._keyframes)
+        return len(self.poses) == len(self._keyframes)
 
     def is_outdated(self, graph: PoseGraph) -> bool:
         """Whether keyframes that are in the map have moved."""
-        last = len(self._poses) - 1
-        return last >= 0 and gap(self._poses[last], graph.pose(last)) > MOVED
+        last = len(self.poses) - 1
+        return last >= 0 and gap(self.poses[last], graph.pose(last)) > MOVED
 
     def insert(self, count: int, graph: PoseGraph) -> None:
         """Let the next `count` keyframes enter."""
-        first = len(self._poses)
+        first = len(self.poses)
         for k in range(first, min(first + count, len(self._keyframes))):
-            self._poses.append(graph.pose(k))
-            self.slam.insert_at(self._keyframes[k].scan, self._poses[k])
+            self.poses.append(graph.pose(k))
+            self.slam.insert_at(self._keyframes[k].scan, self.poses[k])
 
 
 class Looped:
@@ -90,7 +94,8 @@ class Looped:
         self._moving = False
         self._last: tuple[Scan, Pose2] | None = None
         self._step = IDENTITY  # of the last scan
-        self._at = IDENTITY  # of the last keyframe, in the algorithm's map
+        self._drawn: list[Pose2] = []  # keyframes in the algorithm's map
+        self._at = IDENTITY  # of the last one there
         self._known = self._greatest = np.zeros(3)  # variances at the last keyframe, and since
         self._jumps = 0.0  # m^2, since the last keyframe
         self._scans: list[tuple[int, Pose2]] = []  # keyframe before it, -1: none, and step from it
@@ -158,18 +163,30 @@ class Looped:
         return slam
 
     def _follow(self, scan: Scan, pose: Pose2) -> None:
-        """How uncertain the step since the last keyframe has become."""
+        """How uncertain the step since the last keyframe has become.
+
+        Where the algorithm has closed a loop by itself, that is a loop of the graph, and the step
+        is that of the wheels.
+        """
         self._greatest = np.maximum(self._greatest, self._variances(pose.theta))
         if self._last is None:
             return
         last, before = self._last
-        expected, self._step = self._step, before.between(pose)
+        usual, self._step = self._step, before.between(pose)
+        driven = usual
         if last.odometry is not None and scan.odometry is not None:
-            expected = last.odometry.between(scan.odometry)
-        off = expected.between(self._step)
-        square = off.x * off.x + off.y * off.y
-        if square > JUMP**2:
-            self._jumps += square
+            driven = last.odometry.between(scan.odometry)
+        off = _distance(driven, self._step)
+        if off <= JUMP:
+            return
+        at = pose @ self._at.between(before @ driven).inverse()  # by wheels, from where it is now
+        is_jump = driven is not usual and _distance(driven, usual) <= JUMP
+        edge = self._detector.claimed(self._drawn, at) if is_jump and self._drawn else None
+        if edge is None:
+            self._jumps += off * off
+        else:
+            self.graph.loops.append(edge)
+            self._at, self._moving = at, True
 
     def _variances(self, theta: float) -> Floats:
         """Variances (3,) of the algorithm's pose along a heading, across it, and of its own."""
@@ -202,6 +219,7 @@ class Looped:
         noise += 2.0 * self._greatest - self._known - now
         self.graph.append(step, noise)
         self.keyframes.append(key)
+        self._drawn.append(pose)
         self._at, self._jumps = pose, 0.0
         self._known = self._greatest = now
 
@@ -234,17 +252,19 @@ class Looped:
         if self._redraw is None:
             return pose
         self._redraw.insert(REDRAWN, self.graph)
-        return self._in_new_map(self._redraw.slam, scan, pose) if self._redraw.done else pose
+        return self._in_new_map(self._redraw, scan, pose) if self._redraw.done else pose
 
-    def _in_new_map(self, new: Localizes, scan: Scan, pose: Pose2) -> Pose2:
+    def _in_new_map(self, redraw: Redraw, scan: Scan, pose: Pose2) -> Pose2:
         """Go on in the new map, from the corrected pose."""
+        new = redraw.slam
         corrected = self.graph.pose(-1) @ self._at.between(pose)
         if hasattr(self.slam, "adopt"):
             self.slam.adopt(new, corrected)
         else:
             new.insert_at(scan, corrected)
             self.slam = new
-        self._at, self._redraw = self.graph.pose(-1), None
+        self._drawn, self._redraw = redraw.poses, None
+        self._at = self._drawn[-1]
         self._pause = PAUSE * self.graph.n
         self._redrawn += 1
         return corrected

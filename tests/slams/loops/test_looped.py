@@ -145,6 +145,32 @@ def test_a_jump_of_the_algorithm_makes_its_step_uncertain():
     assert spread[-1] > 1.0
 
 
+@pytest.mark.parametrize("jumps", ["algorithm", "wheels"])
+def test_a_loop_that_the_algorithm_closes_is_one_of_the_graph(jumps):
+    """The step is that of the wheels then, so that the whole way is corrected, not its end."""
+    slam, asked = new(), []
+
+    def claimed(drawn, at):
+        asked.append(at)
+        return LoopEdge(0, slam.graph.n - 1, drawn[0].between(at), np.diag((1e6, 1e6, 1e6)))
+
+    slam._detector.claimed = claimed
+    for k in range(12):
+        aside = 1.0 if k >= 8 else 0.0
+        if k == 8:
+            slam.slam._origin = Pose2(0.0, aside if jumps == "algorithm" else -aside, 0.0)
+        wheels = Pose2(0.1 * k, 0.0 if jumps == "algorithm" else aside, 0.0)
+        slam.update(still(0.1 * k, wheels))
+    spread = np.sqrt(slam.graph.uncertainty(0)[-1, 1, 1])
+    if jumps == "wheels":
+        assert not asked and not slam.graph.loops and spread > 0.5
+        return
+    assert len(asked) == len(slam.graph.loops) == 1
+    assert asked[0] == pytest.approx((0.5, 1.0, 0.0))
+    assert spread < 0.1
+    np.testing.assert_allclose(slam.graph.poses[1:, 1], 1.0, atol=0.01)
+
+
 def test_after_an_exchange_keyframes_follow_in_the_new_map():
     log = around()
     slam = new()
@@ -222,6 +248,36 @@ def test_a_match_far_from_where_it_is_expected_does_not_fit():
         query = Query(40, None, [], [], False)
         detector._try(query, 0, IDENTITY, np.eye(3))
         assert query.found[0].fits == fits
+
+
+@pytest.mark.parametrize(
+    ("drift", "agreement", "off", "believed"),
+    [(0.5, 0.9, 0.0, True), (5.0, 0.9, 0.0, False), (0.5, 0.5, 0.0, False), (0.5, 0.9, 0.2, False)],
+)
+def test_a_loop_of_the_algorithm_is_verified_as_others_are(drift, agreement, off, believed):
+    """Searched for where it says, with the nearest old keyframe of its map; held to the gate.
+
+    And found there: a scan that a recorder kept back moves the pose, too, and closes nothing.
+    """
+    detector, graph = detector_of([*straight(30), Pose2(0.5, 0.0, math.pi), *straight(30)[1:]])
+    detector._verified = lambda edge, *_: Verified(edge, agreement, True)
+    windows, maps = [], []
+
+    def search(ends, window, enough):
+        windows.append(window)
+        return Found(window.middle @ Pose2(off, 0.0, 0.0), 1.0, np.zeros((2, 2)))
+
+    detector._local_map = lambda k: maps.append(k) or SimpleNamespace(search=search)
+    drawn = [graph.pose(k) for k in range(graph.n)]
+    at = Pose2(drift, 0.0, 0.0) @ graph.pose(-1)
+    edge = detector.claimed(drawn, at)
+    nearest = min(range(30), key=lambda k: math.hypot(*drawn[k].between(at)[:2]))
+    assert maps[0] == graph.n - 1 and maps[1] == nearest
+    assert windows[0].middle == pytest.approx(drawn[nearest].between(at))
+    assert (edge is not None) == believed
+    if believed:
+        assert (edge.earlier, edge.later) == (nearest, graph.n - 1)
+    assert detector_of(straight(12))[0].claimed(drawn[:12], at) is None  # nothing is old enough
 
 
 @pytest.mark.parametrize(
