@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from slams.frontend.correlative import Window
 from slams.loops.graph import LoopEdge, PoseGraph
-from slams.loops.matching import Keyframe, LocalMap, observed, read
-from slams.refine.lines import Match
+from slams.loops.matching import EDGE, Keyframe, LocalMap, information_of, observed, read
 from slams.types import Floats, Pose2, wrap_angle
 
 SPACING = 1.0  # m between two keyframes that are searched for
@@ -32,9 +31,6 @@ MIN_AGREEMENT = 0.3  # inliers less conflicts, in each direction
 ALONE = 0.7  # the mean of both, of a match that nothing predicted, and of a hypothesis
 MIN_LEAD = 0.1  # of inliers less conflicts, of the best match before the best elsewhere
 AGREE, AGREE_ROTATION = 0.1, 0.02  # m, rad between the matches in both directions
-EDGE = 0.01, 0.01, 0.003  # m, m, rad: deviations of a loop that is observed well
-CORRELATED = 9.0  # times the variance of a fit whose beams err independently
-BLIND = 1e-4  # 1/m^2: information along a direction that was not observed
 AMBIGUITY = 1.0  # m, half of a window at least: shows whether a corridor is matched
 CERTAIN = 0.3  # m: a deviation that leaves no other place
 CONFIRMED = 3  # loops, over as many spacings of path, that make a hypothesis true
@@ -226,7 +222,7 @@ class LoopDetector:
         backward = here.agreement(old.ends, pose.inverse())
         if backward < MIN_AGREEMENT:
             return None
-        information = _information(match, seen)
+        information = information_of(match, seen)
         edge = edge._replace(pose=pose, information=information)
         least = float(np.linalg.eigvalsh(information[:2, :2])[0])
         return Verified(edge, 0.5 * (forward + backward), least > AGREE**-2)
@@ -283,16 +279,6 @@ class LoopDetector:
 
     def _implied(self, edge: LoopEdge) -> Pose2:
         return self._graph.pose(edge.earlier) @ edge.pose
-
-
-def _information(match: Match, seen: Floats) -> Floats:
-    """Of a loop (3, 3): what the fit says of it, as far as the position is `seen` (2, 2)."""
-    noise = np.diag(np.square(EDGE))
-    scan = match.seen + np.diag((BLIND, BLIND, BLIND))
-    projection = np.eye(3)
-    projection[:2, :2] = seen
-    information = np.linalg.inv(CORRELATED * np.linalg.inv(scan) + noise)
-    return projection.T @ information @ projection + np.diag((BLIND, BLIND, 0.0))
 
 
 def _window(expected: Pose2, covariance: Floats) -> Window:

@@ -29,6 +29,9 @@ TOLERANCE = 0.15  # m, between the ranges of two keyframes that see one wall
 SCANS = RefineParams()  # how scans are read and lines drawn, whatever the algorithm does
 AMBIGUOUS = 0.3  # m, deviation of poses that match as well, along a corridor
 ALIKE = 0.05  # of the score: poses that match nearly as well
+EDGE = 0.01, 0.01, 0.003  # m, m, rad: deviations of a loop that is observed well
+CORRELATED = 9.0  # times the variance of a fit whose beams err independently
+BLIND = 1e-4  # 1/m^2: information along a direction that was not observed
 STARTED = np.diag((CELL**-2, CELL**-2, 0.03**-2))  # information of a start [1/m^2, 1/rad^2]
 
 
@@ -163,3 +166,13 @@ def observed(points: EndPoints, theta: float, spread: Floats) -> Floats:
         if square > AMBIGUOUS**2:
             projection = projection @ (np.eye(2) - np.outer(axis, axis))
     return projection
+
+
+def information_of(match: Match, seen: Floats) -> Floats:
+    """Of a loop (3, 3): what the fit says of it, as far as the position is `seen` (2, 2)."""
+    noise = np.diag(np.square(EDGE))
+    scan = match.seen + np.diag((BLIND, BLIND, BLIND))
+    projection = np.eye(3)
+    projection[:2, :2] = seen
+    information = np.linalg.inv(CORRELATED * np.linalg.inv(scan) + noise)
+    return projection.T @ information @ projection + np.diag((BLIND, BLIND, 0.0))

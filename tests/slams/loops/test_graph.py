@@ -7,9 +7,17 @@ import pytest
 from scipy.optimize import least_squares
 
 from slams.frontend.correlative import Window
-from slams.loops.detector import _information
 from slams.loops.graph import LoopEdge, PoseGraph
-from slams.loops.matching import BESIDE, TOLERANCE, LocalMap, keyframe, observed, read, visible
+from slams.loops.matching import (
+    BESIDE,
+    TOLERANCE,
+    LocalMap,
+    information_of,
+    keyframe,
+    observed,
+    read,
+    visible,
+)
 from slams.refine.lines import Match
 from slams.test_world import drive, laser, scan_at
 from slams.types import IDENTITY, Laser, Pose2, Scan, wrap_angle
@@ -171,4 +179,4 @@ def test_what_is_blind_along_two_directions_that_are_not_square_still_informs():
     axes = [np.array((math.cos(a), math.sin(a))) for a in (0.0, 0.6)]
     across, beside = (np.eye(2) - np.outer(axis, axis) for axis in axes)
     match = Match(IDENTITY, seen=np.diag((1e6, 1e4, 1e7)))
-    assert np.linalg.eigvalsh(_information(match, across @ beside))[0] > 0.0
+    assert np.linalg.eigvalsh(information_of(match, across @ beside))[0] > 0.0
