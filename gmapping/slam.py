@@ -65,6 +65,7 @@ class GMapping(HasEstimator):
         self._map = ReportedMap(p, self._matcher, self.particles)
         self._view = View(p)
         self._estimator = estimator_for(p, motion_model=True)  # [Grisetti07] eq. 9
+        self._others_lag = False  # the maps of all particles but the first
         self._keyframes = Keyframes(p.linear_update, p.angular_update, p.settle)
         self._key, self._way = IDENTITY, 1.0  # pose at the last keyframe, [m] driven until then
         self._known = self._estimator.covariance  # of the pose there
@@ -73,6 +74,7 @@ class GMapping(HasEstimator):
 
     def update(self, scan: Scan) -> Pose2:
         """Match the scan to the reported map; at a keyframe run the filter. Returns T_map_base."""
+        self._catch_up()
         prior = self._estimator.predict(scan)  # 1.
         view = self._view.take(scan, prior.twist)  # 2.
         matches = self._match(view, prior.pose, prior)
@@ -89,12 +91,15 @@ class GMapping(HasEstimator):
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Let a scan enter the map at a known pose, without matching; all particles are there."""
         self._estimator.place(scan, pose)
-        self._share_one_map()
+        if not self._others_lag:
+            self._share_one_map()  # the first is the reported one then
+        self._others_lag = True
         self.particles.poses[:] = pose
-        self._insert(self._view.take(scan, IDENTITY), pose)
+        self._insert(self._view.take(scan, IDENTITY), pose, 1)
 
     def adopt(self, other: GMapping, pose: Pose2) -> None:
         """Go on in the map of another instance, at `pose` in it, moving as before."""
+        other._catch_up()
         self.particles, self._keyframes = other.particles, other._keyframes
         self._matcher, self._map, self.tiles = other._matcher, other._map, other.tiles
         self.particles.poses[:] = pose
@@ -107,11 +112,7 @@ class GMapping(HasEstimator):
 
     def snapshot(self) -> Callable[[], OccupancyGrid]:
         """A function that draws the map as it stands now, while updates go on."""
-        return self._map.snapshot(self.trajectory())
-
-    def trajectory(self) -> Floats:
-        """The reported particle's poses (k, 3) x, y [m], theta [rad] at the keyframes."""
-        return self.particles.history(self.particles.best)
+        return self._map.snapshot(self.particles.history(self.particles.best))
 
     def report(self) -> dict[str, Any]:
         """Counts of scans, and what the particles' maps take."""
@@ -146,8 +147,7 @@ class GMapping(HasEstimator):
         """Step a: which particles have closed a loop; without a match they get the way's noise."""
         particles, way = self.particles, self._key.between(pose)
         particles.move(np.array(way))
-        information = self._information(way)
-        n = len(particles)
+        information, n = self._information(way), len(particles)
         if self._estimator.match is None:
             factors = np.tile(np.linalg.cholesky(information), (n, 1, 1))
             none = np.zeros(n), np.zeros(n, np.bool_)
@@ -193,13 +193,13 @@ class GMapping(HasEstimator):
         self._estimator.correct(particles.best_pose)
         return particles.best_pose
 
-    def _insert(self, view: View, pose: Pose2) -> None:
+    def _insert(self, view: View, pose: Pose2, particles: int | None = None) -> None:
         if self.frozen or view.n == 0 or not self.tiles.admits(pose, view.far):
             return
         self.tiles.cover(self.particles.poses, view.far)
         step = self._key.between(pose)
         self._way += math.hypot(step.x, step.y) + STEP
-        if not self._matcher.insert(view, self.particles.poses, self._way):
+        if not self._matcher.insert(view, self.particles.poses[:particles], self._way):
             self._share_one_map()  # out of tiles
             self._counts["collapsed"] += 1
         self._counts["inserted"] += 1
@@ -208,8 +208,14 @@ class GMapping(HasEstimator):
         self.particles.remember()
         self._map.insert(view.ray, self._way)
 
+    def _catch_up(self) -> None:
+        """After `insert_at`, which draws one particle's map, the others get it."""
+        if self._others_lag:
+            self._share_one_map()
+
     def _share_one_map(self) -> None:
         """All particles go on from the reported one's."""
+        self._others_lag = False
         self._follow(np.full(len(self.particles), self.particles.best))
 
     def _follow(self, ancestors: NDArray[np.int64]) -> None:

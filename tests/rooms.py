@@ -1,5 +1,6 @@
 """The room that tests match against, and what only they need of it."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,6 +21,12 @@ CORRIDOR = np.array([(-50.0, -1.0, 50.0, -1.0), (-50.0, 1.0, 50.0, 1.0)])
 def moved(motion, poses):
     """Poses (n, 3) as they are in a frame in which theirs lies at `motion`."""
     return np.array([motion @ Pose2(*pose) for pose in poses.tolist()])
+
+
+def error(a, b):
+    """How far two poses are apart, and how much turned."""
+    step = Pose2(*a).between(Pose2(*b))
+    return math.hypot(step.x, step.y), abs(step.theta)
 
 
 def mirrored(segments):
@@ -80,9 +87,14 @@ def calls(monkeypatch, owner, name):
     return made
 
 
+def driven(label, scans, **changes):
+    """An algorithm after these scans."""
+    slam = made(label, **changes)
+    for scan in scans:
+        slam.update(scan)
+    return slam
+
+
 def settled(label, n, odometry=None, **changes):
     """An algorithm after `n` scans of a robot that stands still."""
-    slam = made(label, **changes)
-    for k in range(n):
-        slam.update(still(k, odometry=odometry))
-    return slam
+    return driven(label, (still(k, odometry=odometry) for k in range(n)), **changes)

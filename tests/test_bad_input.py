@@ -135,7 +135,7 @@ simulate s.npz --size 8 --picture arena.doc | ends in .png
 simulate s.txt --size 8 | ends in .npz
 simulate nowhere/s.npz --size 8 | no such folder
 live hectro | did you mean 'hector'
-live odometry --domain-id 300 | domain: got 300, expected 0 to 232
+live odometry --domain-id 233 | domain: got 233, expected 0 to 232
 live odometry --map-every -1 | --map-every: got -1, expected 0 s or
 live odometry --record a.bag | expected a name that ends in .mcap
 live hector --map m --map-every 9 | --map-every: got --localize

@@ -97,8 +97,7 @@ def test_python_asked_to_be_safe_looks_nowhere_else(elsewhere, monkeypatch, caps
 
 
 @pytest.mark.parametrize(
-    ("word", "hint"),
-    [("rnu", "; did you mean 'run'?"), ("--quick", ""), ("", "")],
+    ("word", "hint"), [("rnu", "; did you mean 'run'?"), ("--quick", ""), ("", "")]
 )
 def test_an_unknown_command_is_one_sentence_and_exit_2(word, hint, capsys):
     assert slams.main([word]) == 2

@@ -14,7 +14,7 @@ from slams.player import replay
 from slams.registry import find
 from slams.summary import truth_errors
 from tests import bags
-from tests.rooms import drive
+from tests.rooms import drive, fields_of, push_fields
 from tests.test_readme import README
 
 
@@ -93,19 +93,10 @@ def test_the_node_of_the_readme_publishes_the_correction_and_the_map(ros):
     exec(code, scope := {})
     scope["main"]()
     node = scope["SlamNode"]()
+    topic = SimpleNamespace(push_message=lambda scan, **_: node.subscriptions["scan"](scan))
     for scan in drive(n=3):
         stamp = SimpleNamespace(sec=int(scan.t), nanosec=round(scan.t % 1 * 1e9))
-        node.subscriptions["scan"](
-            SimpleNamespace(
-                header=SimpleNamespace(stamp=stamp),
-                ranges=scan.ranges,
-                time_increment=0.0,
-                **{
-                    key: getattr(scan.laser, key)
-                    for key in ("angle_min", "angle_increment", "range_min", "range_max")
-                },
-            )
-        )
+        push_fields(topic, **(fields_of(scan) | {"stamp": stamp}))
     assert len(ros) == 3
     assert (ros[0].header.frame_id, ros[0].child_frame_id) == ("map", "odom")
     theta = 2.0 * math.atan2(ros[0].transform.rotation.z, ros[0].transform.rotation.w)

@@ -95,10 +95,7 @@ def test_results_are_named_after_the_file_and_replaced_only_if_asked(log, tmp_pa
 
 @pytest.mark.parametrize(
     "words",
-    [
-        ["run", "odometry", "a.npz", "-q", "--save-state"],
-        ["convert", "a.npz", "-q"],
-    ],
+    [["run", "odometry", "a.npz", "-q", "--save-state"], ["convert", "a.npz", "-q"]],
     ids=["state", "npz"],
 )
 def test_no_file_is_overwritten_unless_asked(words, log, tmp_path, capsys):
@@ -111,12 +108,3 @@ def test_no_file_is_overwritten_unless_asked(words, log, tmp_path, capsys):
     assert (tmp_path / target).read_text() == "mine"
     assert main([*words, target, "--force"]) == 0
     assert (tmp_path / target).read_bytes() != b"mine"
-
-
-def test_a_state_may_grow_under_its_name(log, tmp_path):
-    first = ["hector", log, "-q", "--limit", "3", "--out", "one", "--save-state", "x.state"]
-    assert run.main(first) == 0
-    before = (tmp_path / "x.state").read_bytes()
-    more = ["hector", log, "-q", "--out", "two", "--resume-state", "x.state"]
-    assert run.main([*more, "--save-state", "x.state"]) == 0
-    assert (tmp_path / "x.state").read_bytes() != before

@@ -69,11 +69,7 @@ class Original:
 
     def map(self) -> OccupancyGrid:
         """The best particle's map, drawn from its history of keyframes."""
-        return self._renderer.snapshot(self.trajectory())()
-
-    def trajectory(self) -> Floats:
-        """The best particle's poses (k, 3) x, y [m], theta [rad] at the keyframes."""
-        return self.particles.history(self.particles.best)
+        return self._renderer.snapshot(self.particles.history(self.particles.best))()
 
     def report(self) -> dict[str, Any]:
         """Counts, and what the particles' maps take."""

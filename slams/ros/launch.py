@@ -150,8 +150,7 @@ class _Launch:
                 self._node(element, args)
             else:
                 around = parts("/".join(groups))
-                given = self._given(element, args)
-                self.outside.extend(((*around, *names), value) for names, value in given)
+                self.outside += [((*around, *n), v) for n, v in self._given(element, args)]
 
     def _argument(self, element: Element, args: dict[str, str]) -> None:
         text = element.get("value", element.get("default"))
@@ -175,10 +174,9 @@ class _Launch:
     def _given(self, element: Element, args: dict[str, str], inside: bool = False) -> list[Leaf]:
         """Leaves of one `<param>` or `<rosparam>`, `inside` the node or around it."""
         file = element.get("file") or element.get("from")
-        command = element.get("command", "load")
         if element.tag not in ("param", "rosparam"):
             return []
-        if command != "load":
+        if (command := element.get("command", "load")) != "load":
             self.notes.append(f"command {self._filled(command, args)!r} is not run")
             return []
         if file:
@@ -193,8 +191,7 @@ class _Launch:
             return [(parts(self._filled(element.attrib["name"], args)), _scalar(value, self._path))]
         if element.tag != "rosparam":
             return []
-        text = self._filled(element.text or "", args)
-        content = yaml_file.parse(text, self._path)
+        content = yaml_file.parse(self._filled(element.text or "", args), self._path)
         names = parts(f"{element.get('ns', '')}/{element.get('param', '')}")
         if isinstance(content, dict):
             return [((*names, *leaf), value) for leaf, value in leaves_of(content)]

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
-from slams.types import Laser, Ranges
+if TYPE_CHECKING:
+    from slams.types import Laser, Ranges
 
 SCAN = "sensor_msgs/msg/LaserScan"
 ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
@@ -69,6 +68,10 @@ def decoder(ros1: bool) -> Callable[[bytes, str], Any]:
 
 def _sweep(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
     """Of several echoes the first of each beam; none means nothing up to range_max."""
+    import numpy as np
+
+    from slams.types import Laser
+
     found = message.ranges
     if message.__msgtype__ == ECHOES:
         found = [beam.echoes[0] if len(beam.echoes) else math.inf for beam in found]

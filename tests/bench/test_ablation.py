@@ -16,7 +16,6 @@ from slams import Pose2
 from slams.baselines import BaselineParams, Odometry
 from slams.params import param
 from slams.registry import find
-from tests.rooms import drive
 
 TOY = "tests.bench.test_ablation:Toy"
 
@@ -80,22 +79,20 @@ def test_the_nearer_setting_wins(tmp_path):
     assert made.settings() == {TOY: said | {"seed": 3}, rows[1]: said, "odometry": {"seed": 2}}
 
 
-def test_the_drives_count_from_the_first_seed(tmp_path):
+def test_the_drives_count_from_the_first_seed(room_file):
     for words, seeds in (([], [0, 1]), (["--seed", "7"], [7, 8])):
         made = planned("--algorithms", "odometry", *words)
         assert [given.seed for given in made.logs] == seeds
         assert [given.name for given in made.logs] == [f"ring-utm30lx-{k}" for k in seeds]
         assert [given.identity["setting"]["seed"] for given in made.logs] == seeds
         assert "settings" not in made.gathered([], {}, None, {}).facts
-    drive(n=20).save(tmp_path / "room.npz")
-    given = planned(str(tmp_path / "room.npz"), "--algorithms", "odometry", "--seed", "7").logs
+    given = planned(room_file, "--algorithms", "odometry", "--seed", "7").logs
     assert [one.seed for one in given] == [7, 8]
 
 
-def test_the_file_and_the_heading_say_what_was_set(tmp_path, here):
-    drive(n=20).save(tmp_path / "room.npz")
+def test_the_file_and_the_heading_say_what_was_set(room_file, tmp_path, here):
     out = tmp_path / "out"
-    words = [str(tmp_path / "room.npz"), "--degradations", "clean", "--seeds", "1", "-q"]
+    words = [room_file, "--degradations", "clean", "--seeds", "1", "-q"]
     words += ["--out", str(out), "--algorithms", TOY, f"{TOY}:odd=true", "--jobs", "1"]
     assert sweep.main([*words, "--set", f"{TOY}:loud=true"]) == 0
     found = results.read(out)

@@ -199,8 +199,8 @@ def test_a_cell_shows_level_and_interval_and_what_lies_beyond_the_levels():
 
 def test_conditions_in_which_all_are_equal_are_named_and_not_shown():
     trials = climbs([2, 1]) + climbs([2, 1], algorithm="b")
-    trials += [one | {"degradation": "beams"} for one in climbs([2, 1])]
-    trials += [one | {"degradation": "beams"} for one in climbs([1, 1], algorithm="b")]
+    trials += climbs([2, 1], degradation="beams")
+    trials += climbs([1, 1], algorithm="b", degradation="beams")
     levels = {"noise": list(LEVELS), "beams": list(LEVELS)}
     found = sweep_of(trials, levels=levels)
     made = sweep_tables.tables(analysis(found), found.facts)["critical-1"]
@@ -235,9 +235,7 @@ def test_a_curve_of_errors_counts_lost_runs_and_levels_behind_them_among_all():
 def test_accuracy_does_not_make_up_for_lost_runs():
     trials = climbs([3] * 6, second_m=0.004) + climbs([1] * 6, algorithm="b", second_m=0.001)
     tests = answers._tests(
-        0,
-        survival.held(trials, False, ("noise",)),
-        survival.errors(trials, False, ("noise",)),
+        0, survival.held(trials, False, ("noise",)), survival.errors(trials, False, ("noise",))
     )
     assert [(test.winner, test.reason, test.p) for test in tests] == [
         ("a", "lost less", pytest.approx(2.0 / 2**6)),

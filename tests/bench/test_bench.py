@@ -12,7 +12,6 @@ from slams import load
 from slams.player import replay
 from slams.registry import find
 from slams.summary import summarize
-from tests.rooms import drive
 
 
 def line(n, step=0.1):
@@ -63,9 +62,8 @@ def test_an_algorithm_may_call_itself_lost():
     assert loss.by_report({}, 100) == {"lost": False, "scans": 0}
 
 
-def test_a_run_has_the_same_figures_in_its_summary_and_in_the_benchmark(tmp_path):
-    drive(n=60).save(tmp_path / "room.npz")
-    log = load(tmp_path / "room.npz")
+def test_a_run_has_the_same_figures_in_its_summary_and_in_the_benchmark(room_file):
+    log = load(room_file)
     entry = find("odometry")
     own = summarize(replay(entry.cls(entry.params()), log), log, "odometry", entry.params(), 0.0)
     row = replayed("odometry", log, Choice()).row

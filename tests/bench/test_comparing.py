@@ -84,10 +84,9 @@ def test_what_is_in_the_folder_asked_for_is_not_overwritten(tmp_path):
     assert folder.claimed(str(mine), [], True) == mine
 
 
-def test_no_stale_file_stays_beside_a_new_report(tmp_path, capsys, here):
-    drive(n=20).save(tmp_path / "room.npz")
+def test_no_stale_file_stays_beside_a_new_report(room_file, tmp_path, capsys, here):
     out = tmp_path / "out"
-    words = [str(tmp_path / "room.npz"), "-q", "--jobs", "1", "--out", str(out), "--algorithms"]
+    words = [room_file, "-q", "--jobs", "1", "--out", str(out), "--algorithms"]
     assert compare.main([*words, "odometry", "tests.bench.test_html:Still"]) == 0
     (out / "notes.txt").touch()
     assert compare.main([*words, "odometry"]) == 2

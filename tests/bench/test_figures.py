@@ -32,10 +32,7 @@ def test_maps_stand_in_rows_of_the_same_length(drawn, count, columns, rows):
     way = np.zeros((2, 3))
     pose = Pose2(0.0, 0.0, 0.0)
     figures.save_maps(
-        dict.fromkeys(names, figures.Plan(grid, pose, way)),
-        way,
-        palette.looks(names),
-        "nowhere",
+        dict.fromkeys(names, figures.Plan(grid, pose, way)), way, palette.looks(names), "nowhere"
     )
     shape = drawn[0].axes[0].get_gridspec()
     assert (shape.ncols, shape.nrows) == (columns, rows)

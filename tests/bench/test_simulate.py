@@ -16,7 +16,6 @@ from bench.sim.range_errors import Errors
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
 from bench.sim.wheels import gyro, odometry
-from bench.sim.world import World
 from slams import load
 from slams.formats.occupancy import write_map
 from slams.types import Pose2, wrap_angle
@@ -56,12 +55,6 @@ def test_drive_rates_are_the_derivative_of_its_poses():
     direction = np.arctan2(steps[:, 1], steps[:, 0])
     sideways = wrap_angle(direction - 0.5 * (true.poses[1:, 2] + true.poses[:-1, 2]))
     assert np.abs(sideways[true.rates[1:, 0] > 0.01]).max() < 1e-6
-
-
-def test_a_world_without_room_is_refused():
-    narrow = World(np.zeros((20, 200), bool), np.zeros((20, 200), bool), 0.02, (0.0, 0.0))
-    with pytest.raises(ValueError, match="no room to drive"):
-        drive(narrow, Robot(), np.random.default_rng(0), 10.0, 100.0)
 
 
 def relative(poses, gap):

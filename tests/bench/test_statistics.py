@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from bench.judge.statistics import (
-    Paired,
-    adjusted,
-    paired,
-    paired_over_runs,
-    sentence,
-    wilson,
-)
+from bench.judge.statistics import Paired, adjusted, paired, paired_over_runs, sentence, wilson
 
 
 def mean_interval(values, level=0.95):

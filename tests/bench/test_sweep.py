@@ -101,10 +101,9 @@ def test_a_trial_is_judged_against_the_truth():
     assert right["ate_m"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_what_would_be_another_runs_twin_is_left_out(tmp_path):
+def test_what_would_be_another_runs_twin_is_left_out(room_file, tmp_path):
     """Wheels that nobody looks at; another seed of a recorded log where no chance plays a part."""
-    drive(n=30).save(tmp_path / "room.npz")
-    given = plan.logs_of([str(tmp_path / "room.npz")], plan.Drives([], 3, 1.0, "", 5), None)
+    given = plan.logs_of([room_file], plan.Drives([], 3, 1.0, "", 5), None)
     levels = plan.conditions_of(["clean", "beams=45", "noise=0.05", "stall=1"])
     made = plan.Plan(["odometry"], levels, given, (False, True), None, None)
     cases = made.cases(tmp_path / "logs")
@@ -115,7 +114,7 @@ def test_what_would_be_another_runs_twin_is_left_out(tmp_path):
     assert len({case.task.key for case in cases}) == len(cases)
 
 
-def test_a_climb_ends_at_the_first_level_that_loses_the_run(tmp_path, monkeypatch):
+def test_a_climb_ends_at_the_first_level_that_loses_the_run(room_file, tmp_path, monkeypatch):
     tried, loses = [], []
 
     def judged_by_level(entry, params, log, odometry):
@@ -126,8 +125,7 @@ def test_a_climb_ends_at_the_first_level_that_loses_the_run(tmp_path, monkeypatc
         return trial(lost=done["level"] == loses[-1]), {"cpu_s": 1.0}
 
     monkeypatch.setattr(trial_module, "_run", judged_by_level)
-    drive(n=30).save(tmp_path / "room.npz")
-    given = plan.logs_of([str(tmp_path / "room.npz")], plan.Drives([], 1, 1.0, ""), None)
+    given = plan.logs_of([room_file], plan.Drives([], 1, 1.0, ""), None)
     levels = plan.conditions_of(["dropout=10", "dropout=50", "dropout=90", "dropout=95"])
     (case,) = plan.Plan(["odometry"], levels, given, (True,), None, None).cases(tmp_path / "logs")
     for at, levels_tried in ((10, [10]), (50, [10, 50]), (99, [10, 50, 90])):
@@ -149,24 +147,17 @@ def test_a_run_tells_at_which_scans_it_called_itself_lost():
     assert np.flatnonzero(run.says_lost).tolist() == [3, 4, 8]
 
 
-@pytest.fixture
-def log(tmp_path):
-    path = tmp_path / "room.npz"
-    drive(n=40).save(path)
-    return path
-
-
 def arguments_of(log, out, *more):
     names = ["odometry", "tests.bench.test_html:Still", "tests.bench.test_html:Broken"]
     levels = ["clean", "noise=0.1", "jump=2"]
-    words = [str(log), "--algorithms", *names, "--degradations", *levels, "--seeds", "1"]
+    words = [log, "--algorithms", *names, "--degradations", *levels, "--seeds", "1"]
     return [*words, "--rate", "0", "--out", str(out), "-q", *more]
 
 
-def test_the_same_bytes_from_one_process_and_two(log, tmp_path):
+def test_the_same_bytes_from_one_process_and_two(room_file, tmp_path):
     places = {name: tmp_path / name for name in ("one", "two")}
-    assert command.main(arguments_of(log, places["one"], "--jobs", "1")) == 0
-    assert command.main(arguments_of(log, places["two"], "--jobs", "2")) == 0
+    assert command.main(arguments_of(room_file, places["one"], "--jobs", "1")) == 0
+    assert command.main(arguments_of(room_file, places["two"], "--jobs", "2")) == 0
     names = [results.TRIALS, "survival.csv", "table-alarms.csv"]
     for name in names:
         texts = {place: (folder / name).read_bytes() for place, folder in places.items()}
@@ -179,8 +170,11 @@ def test_the_same_bytes_from_one_process_and_two(log, tmp_path):
     assert "jump" in (places["one"] / "report.html").read_text()
 
 
-def test_what_is_done_is_not_done_again_and_not_counted_as_work(log, tmp_path, capsys, monkeypatch):
-    words = [word for word in arguments_of(log, tmp_path / "out", "--jobs", "1") if word != "-q"]
+def test_what_is_done_is_not_done_again_and_not_counted_as_work(
+    room_file, tmp_path, capsys, monkeypatch
+):
+    given = arguments_of(room_file, tmp_path / "out", "--jobs", "1")
+    words = [word for word in given if word != "-q"]
     counted = []
 
     def progress(items, total, *_, **__):

@@ -93,11 +93,7 @@ def test_a_lost_run_tells_when_by_what_judged_it(by, at):
 
 
 def test_a_figure_of_a_map_that_means_nothing_is_left_out():
-    found = {
-        "iou": 0.5,
-        "adnn_to_truth": 0.02,
-        "coverage": None,
-    }
+    found = {"iou": 0.5, "adnn_to_truth": 0.02, "coverage": None}
     table = tables.tables({"name": "l"}, [row(map=found)])["maps"].frame
     assert table.to_dict("index") == {"a": {"IoU": 0.5, "ADNN to truth [mm]": 20.0}}
 
@@ -145,10 +141,7 @@ def test_over_logs_those_lost_least_come_first_and_the_verdicts_are_those_over_a
     take, following, lost, slow = words.answer(found)
     assert take == "Take b: 2.00 mm over 1 s, 1.000 ms per scan."
     assert following == "Next: a 3.00 mm, 1.000 ms per scan."
-    assert (lost, slow) == (
-        "Lost or failed: c on 1 of 2 logs.",
-        "Slower than the scans came: b.",
-    )
+    assert (lost, slow) == ("Lost or failed: c on 1 of 2 logs.", "Slower than the scans came: b.")
 
 
 def test_if_all_are_lost_the_answer_says_so_and_still_names_the_best():

@@ -29,12 +29,6 @@ def world_from(text, resolution=CELL, origin=(0.0, 0.0)):
     return World(cells == "#", cells == "?", resolution, origin)
 
 
-def box_room(nx=60, ny=40, wall=2):
-    occupied = np.ones((ny, nx), bool)
-    occupied[wall:-wall, wall:-wall] = False
-    return World(occupied, np.zeros_like(occupied), CELL, (-1.0, -0.5))
-
-
 def test_grazing_a_wall_sees_past_it_and_touching_it_does_not():
     world = world_from(".......... ....##.... ..........", resolution=1.0)
     just_above, just_below = 2.0 + 1e-9, 2.0 - 1e-9
@@ -55,7 +49,9 @@ def test_no_ray_slips_through_the_very_corner():
 
 
 def test_inside_a_wall_beyond_the_map_in_an_empty_one_and_through_unknown_cells():
-    world = box_room()
+    occupied = np.ones((40, 60), bool)
+    occupied[2:-2, 2:-2] = False
+    world = World(occupied, np.zeros_like(occupied), CELL, (-1.0, -0.5))
     assert world.cast(np.array([[-0.99, 0.0, 0.3], [-5.0, 0.0, 0.3]])).tolist() == [0.0, math.inf]
     empty = World(np.zeros((4, 4), bool), np.zeros((4, 4), bool), CELL, (0.0, 0.0))
     assert empty.cast(np.array([[0.1, 0.1, 1.0]]))[0] == math.inf
@@ -114,14 +110,10 @@ def test_picture(tmp_path):
         read_world(tmp_path / "map.pgm")
 
 
-def arena(seed, **options):
-    return rescue_arena(np.random.default_rng(seed), **options)
-
-
 @pytest.mark.parametrize(("seed", "resolution"), [(0, 0.02), (1, 0.025), (2, 0.03), (3, 0.04)])
 def test_arena_has_no_seams(seed, resolution):
     """No gap between walls is one or two cells wide, every wall is at least two cells thick."""
-    world = arena(seed, size=12.0, resolution=resolution)
+    world = rescue_arena(np.random.default_rng(seed), size=12.0, resolution=resolution)
     walls = world.occupied.astype(np.uint8)
     closed = cv2.morphologyEx(walls, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0
     inside = closed & ~world.unknown

@@ -5,7 +5,7 @@ import numpy as np
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
 from slams.types import IDENTITY, Pose2
-from tests.rooms import laser, made, scan_at
+from tests.rooms import driven, laser, scan_at
 
 LASER = laser(721)
 
@@ -24,10 +24,9 @@ def drive(n):
 
 def mapped(n=10, **changes):
     """CRSM after a drive with a noisy laser."""
-    slam, rng = made("crsm", **changes), np.random.default_rng(3)
-    for i, pose in enumerate(drive(n)):
-        slam.update(scan_at(pose, LASER, noise=0.01, rng=rng, t=0.1 * i))
-    return slam
+    rng, way = np.random.default_rng(3), enumerate(drive(n))
+    scans = (scan_at(pose, LASER, noise=0.01, rng=rng, t=0.1 * i) for i, pose in way)
+    return driven("crsm", scans, **changes)
 
 
 def reader_of(scan):

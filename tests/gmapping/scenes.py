@@ -14,15 +14,12 @@ from gmapping.scan import View
 from gmapping.scan_kernels import pieces
 from gmapping.surfaces import SurfaceMatcher
 from slams.types import IDENTITY, Laser, Pose2
-from tests.rooms import made, scan_at
+from tests.rooms import box, made, scan_at
 
 LASER = Laser(-0.75 * math.pi, math.radians(0.75), 361, 0.1, 30.0)
 ROOM = np.array(  # segments x0, y0, x1, y1 [m]
     [
-        [-2.0, -1.5, 4.0, -1.5],
-        [4.0, -1.5, 4.0, 2.5],
-        [4.0, 2.5, -2.0, 2.5],
-        [-2.0, 2.5, -2.0, -1.5],
+        *box(-2.0, -1.5, 4.0, 2.5),
         [1.5, 0.8, 2.2, 1.2],
         [2.2, 1.2, 1.9, 1.8],
         [1.9, 1.8, 1.5, 0.8],
@@ -80,10 +77,8 @@ def view_of(pose, **changes):
 
 
 def mapped(surface, pose=(0.0, 0.0, 0.0), n=1):
-    tiles, poses = (
-        TileMap(n, LAYERS, 0.05, 5000, depth=DEPTH),
-        np.tile(np.array(pose, float), (n, 1)),
-    )
+    tiles = TileMap(n, LAYERS, 0.05, 5000, depth=DEPTH)
+    poses = np.tile(np.array(pose, float), (n, 1))
     assert insert(tiles.tiles, poses, surface, SPLAT) == 0
     return tiles
 

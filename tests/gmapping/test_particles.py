@@ -121,6 +121,25 @@ def test_nothing_leaks_in_two_thousand_resamplings():
     assert tiles.used <= 2 * alone
 
 
+def test_a_map_that_is_drawn_anew_is_drawn_once_and_shared():
+    """For one particle; the others get it with the next scan, whichever instance takes it."""
+    (truth, scans), going, drawn = drive(8), GMapping(GMappingParams()), GMapping(GMappingParams())
+    going.update(scans[0])
+    for scan, pose in zip(scans[:5], truth[:5], strict=True):
+        drawn.insert_at(scan, Pose2(*pose))
+    assert touched(drawn.tiles)[:, :, 0].any() and not touched(drawn.tiles)[:, :, 1:].any()
+    going.frozen = True
+    going.adopt(drawn, Pose2(*truth[5]))
+    tables = touched(going.tiles)
+    assert tables.any() and (tables == tables[:, :, :1]).all()
+    drawn.insert_at(scans[5], Pose2(*truth[5]))
+    drawn.frozen = True
+    drawn.update(scans[6])
+    tables = touched(drawn.tiles)
+    assert (tables == tables[:, :, :1]).all()
+    references_add_up(drawn.tiles)
+
+
 def test_memory_is_bounded_by_sharing_one_map():
     (truth, scans), params = drive(60), GMappingParams(n_particles=6, max_tiles=200)
     assert run(scans, n_particles=6)[0].report()["tiles"] > 200
@@ -137,10 +156,8 @@ def test_memory_is_bounded_by_sharing_one_map():
 
 def test_draws_are_from_the_gaussians():
     L = np.array([[2.0, 0.0, 0.0], [1.0, 4.0, 0.0], [0.5, -1.0, 5.0]])
-    peaks, normals = (
-        0.1 * np.arange(9.0).reshape(3, 3),
-        np.random.default_rng(1).standard_normal((3, 3)),
-    )
+    peaks = 0.1 * np.arange(9.0).reshape(3, 3)
+    normals = np.random.default_rng(1).standard_normal((3, 3))
     particles = Particles(3)
     proposals = Proposals(peaks, np.tile(L, (3, 1, 1)), np.zeros(3), np.zeros(3, np.bool_))
     particles.draw(proposals, normals)

@@ -19,11 +19,6 @@ def walk(n=200, seed=0):
     return np.array(poses)
 
 
-def disturbed(truth, seed=1):
-    rng = np.random.default_rng(seed)
-    return truth + rng.normal(0.0, [0.01, 0.01, 0.005], truth.shape)
-
-
 def test_component_errors_by_hand():
     truth = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 3.1]])
     estimate = np.array([[0.0, 0.0, 0.0], [1.3, 0.4, -3.1]])
@@ -33,8 +28,8 @@ def test_component_errors_by_hand():
 
 
 def test_relative_errors_need_no_common_frame_and_component_errors_do():
-    truth = walk()
-    estimate = disturbed(truth)
+    truth, rng = walk(), np.random.default_rng(1)
+    estimate = truth + rng.normal(0.0, [0.01, 0.01, 0.005], truth.shape)
     turned = moved(Pose2(5.0, 6.0, 0.3), estimate)
     for lag in (7, 1):
         steps = np.arange(len(truth) - lag), np.arange(lag, len(truth))

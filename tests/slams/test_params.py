@@ -69,12 +69,10 @@ def test_yaml(tmp_path):
     assert Example().with_yaml(file).cell == 0.2
     file.write_text("")
     assert Example().with_yaml(file) == Example()
-    file.write_text("- 1\n")
-    with pytest.raises(ValueError, match="expected lines 'name: value'"):
-        Example().with_yaml(file)
-    file.write_text("a: [1")
-    with pytest.raises(ValueError, match="not a YAML file"):
-        Example().with_yaml(file)
+    for text, sentence in (("- 1\n", "expected lines 'name: value'"), ("a: [1", "not a YAML file")):
+        file.write_text(text)
+        with pytest.raises(ValueError, match=sentence):
+            Example().with_yaml(file)
 
 
 def test_table_and_unit():

@@ -81,11 +81,7 @@ def outsider():
         ("outsider:None_", LookupError, "there is no 'None_' in 'outsider'"),
         ("no_such_module:X", LookupError, "there is no module 'no_such_module'"),
         ("outsider:other", TypeError, "outsider:other is not a SLAM algorithm"),
-        (
-            "outsider:Foreign",
-            TypeError,
-            "Foreign: its Params is <class 'outsider.Settings'>, exp",
-        ),
+        ("outsider:Foreign", TypeError, "Foreign: its Params is <class 'outsider.Settings'>, exp"),
         ("outsider:Filled", TypeError, r"Filled: its Params is BaselineParams\(seed=0, .*, expec"),
     ],
 )

@@ -12,7 +12,7 @@ from slams.formats.npz import write_npz
 from slams.state import load_state, read_state, save
 from slams.state.tree import Reader, Writer
 from slams.types import Laser, Pose2, Scan
-from tests.rooms import command, drive, labels, laser, made
+from tests.rooms import command, drive, driven, labels, laser, made
 
 SCANS, CUTS = 30, (1, 11, 20)
 LABELS = [label for label in labels() if label.partition("@")[0] != "kiss"]
@@ -27,10 +27,7 @@ def scans():
 def kept(tmp_path_factory, scans):
     """A state of hector after a few scans; tests change copies of it."""
     path = tmp_path_factory.mktemp("state") / "hector.state"
-    slam = made("hector")
-    for scan in scans[:5]:
-        slam.update(scan)
-    save(slam, path, {"t": 1.5})
+    save(driven("hector", scans[:5]), path, {"t": 1.5})
     return path
 
 
@@ -52,10 +49,7 @@ def test_going_on_equals_never_having_stopped(label, scans, tmp_path):
 
 
 def test_saving_twice_gives_the_same_file(scans, tmp_path):
-    slam = made("gmapping")
-    for scan in scans[:3]:
-        slam.update(scan)
-    save(slam, tmp_path / "a")
+    save(driven("gmapping", scans[:3]), tmp_path / "a")
     save(load_state(tmp_path / "a"), tmp_path / "b")
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "b"]
@@ -159,10 +153,7 @@ CHANGES = {
     "a module of ours": (put_class("slams.cli:Parser"), "there is no class"),
     "no such class": (put_class("hector.slam:Hectr"), "there is no class"),
     "a function": (put_class("hector.slam:estimator_for"), "there is no class"),
-    "a number for a map": (
-        put(3, *SLAM, "_map"),
-        "slam._map is a number, expected hector.map",
-    ),
+    "a number for a map": (put(3, *SLAM, "_map"), "slam._map is a number, expected hector.map"),
     "a missing attribute": (lambda head: head["tree"]["slam"][2].popitem(), "slam has no"),
     "a node of no kind": (put(["eval", "1"], *SLAM, "frozen"), "slam.frozen is malformed"),
     "other parameters": (put(-3, "tree", "params", 2, "seed"), "parameter 'seed': got -3"),

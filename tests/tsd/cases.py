@@ -1,30 +1,25 @@
 """What several tests of tsd look at."""
 
-import math
 from functools import partial
 
 import numpy as np
 
 from slams.scan.end_points import SLACK
 from slams.scan.scan_kernels import Limits, end_points, scan_moments
-from slams.types import IDENTITY, Pose2
-from tests.rooms import drive, made
+from slams.types import IDENTITY
+from tests.rooms import box, drive, driven, made
 from tsd import TsdParams
 from tsd.map import TileField
 from tsd.map_kernels import facing, read_field
 from tsd.scan_kernels import Beams, SurfaceRule
 
+BOX = np.array(box(-3.0, -2.0, 2.5, 2.2))
 PLANE = np.array([(-50.0, 2.0, 50.0, 2.0)])
 CORNER = np.array([(-3.0, 2.0, 3.0, 2.0), (3.0, 2.0, 3.0, -2.0), (3.0, -2.0, -3.0, -2.0)])
 
 
 default = partial(made, "tsd")
 original = partial(made, "tsd@original", map_size=9)
-
-
-def error(a, b):
-    step = Pose2(*a).between(Pose2(*b))
-    return math.hypot(step.x, step.y), abs(step.theta)
 
 
 def field_of(**changes):
@@ -37,9 +32,7 @@ def field_at(slam, x, y, normal):
 
 def scanned(n=10, **changes):
     """A default that has seen a drive, and the last scan's elements."""
-    slam = default(**changes)
-    for scan in drive(n=n):
-        slam.update(scan)
+    slam = driven("tsd", drive(n=n), **changes)
     view = slam._scan
     return slam, view.elements[: view.count].copy()
 

@@ -9,18 +9,9 @@ from slams.grid_bounds import Box
 from slams.scan.end_points import EndPoints
 from slams.types import Pose2
 from tests.floors import is_wall
-from tests.rooms import box, drive, laser, scan_at
+from tests.rooms import box, drive, driven, error, laser, scan_at
 from tests.tsd import naive as naive_tsd
-from tests.tsd.cases import (
-    CORNER,
-    PLANE,
-    default,
-    error,
-    field_at,
-    field_of,
-    original,
-    scanned,
-)
+from tests.tsd.cases import BOX, CORNER, PLANE, default, field_at, field_of, original, scanned
 from tsd.drawing import surface_cells
 from tsd.map_kernels import (
     BEHIND,
@@ -76,9 +67,7 @@ def test_both_sides_of_a_thin_plate_stay_where_they_are():
 
 
 def test_gradient_is_the_interpolants():
-    slam = default()
-    for scan in drive(n=30, lidar=laser(361)):
-        slam.update(scan)
+    slam = driven("tsd", drive(n=30, lidar=laser(361)))
     kernel = slam._map.kernel
     rng = np.random.default_rng(2)
     checked = 0
@@ -130,9 +119,7 @@ def test_a_surface_is_one_cell_wide_where_it_crosses(layer):
 
 
 def test_walls_of_the_map_are_thin_and_nothing_else_is_occupied():
-    slam, room = default(), np.array(box(-3.0, -2.0, 2.5, 2.2))
-    for scan in drive(n=40, segments=room):
-        slam.update(scan)
+    slam = driven("tsd", drive(n=40, segments=BOX))
     grid = slam.map()
     iy, ix = np.nonzero(grid.p > 0.5)
     first = Pose2(*drive(n=1).truth_at(np.zeros(1))[0])
@@ -140,7 +127,7 @@ def test_walls_of_the_map_are_thin_and_nothing_else_is_occupied():
     off = np.min(np.abs(points[:, [0, 0, 1, 1]] - [-3.0, 2.5, -2.0, 2.2]), axis=1)
     assert off.max() < 0.05
     assert np.nanmin(grid.p) < 0.05
-    seen = next(iter(drive(n=1, noise=0.0, segments=room)))
+    seen = next(iter(drive(n=1, noise=0.0, segments=BOX)))
     ends = seen.ranges[:, None] * seen.laser.directions
     covered = np.mean([is_wall(grid, x, y) for x, y in ends])
     assert covered > 0.98

@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial import KDTree
 
 from slams.types import IDENTITY, Pose2
-from tests.rooms import box, cast, drive, laser, scan_at
+from tests.rooms import box, cast, drive, error, laser, scan_at
 from tests.tsd import naive as naive_tsd
-from tests.tsd.cases import error, original
+from tests.tsd.cases import original
 from tsd.original import Original, OriginalParams
 from tsd.original.map import TsdGrid, zero_crossings
 from tsd.original.map_kernels import cast_rays
@@ -19,20 +19,15 @@ from tsd.original.registration import reciprocal_pairs
 from tsd.original.scan_kernels import Sensor, mask_scan, oriented_normals
 
 
-def small_grid(pose, ranges, sensor):
-    grid = TsdGrid(0.05, 0.15, 128, True)
-    mask = np.ones(len(ranges), np.bool_)
-    grid.push(np.array(pose), ranges, mask, sensor)
-    return grid.kernel
-
-
 @pytest.fixture(scope="module")
 def pushed():
     lidar = laser(541)
     sensor = Sensor(lidar.angle_min, lidar.angle_increment, 0.001, 30.0, 2.0, 32.0, 0.01)
     pose, walls = (0.1, -0.2, 0.3), np.array(box(-2.0, -2.2, 2.3, 2.0))
     ranges = cast(walls, pose, lidar)
-    return small_grid(pose, ranges, sensor), sensor, pose, ranges, lidar
+    grid = TsdGrid(0.05, 0.15, 128, True)
+    grid.push(np.array(pose), ranges, np.ones(len(ranges), np.bool_), sensor)
+    return grid.kernel, sensor, pose, ranges, lidar
 
 
 def test_push_equals_the_naive_twin(pushed):

@@ -7,9 +7,9 @@ import pytest
 
 from slams.geometry import FREEDOM
 from slams.types import IDENTITY, Pose2
-from tests.rooms import NOTHING, box, laser, scan_at
+from tests.rooms import NOTHING, error, laser, scan_at
 from tests.tsd import naive as naive_tsd
-from tests.tsd.cases import default, error, scanned
+from tests.tsd.cases import BOX, default, scanned
 from tsd.icp_kernels import IcpRule, find_pair, sum_pairs
 from tsd.map_kernels import LAYERS, SIDE, WALL, Field, facing, read_field
 from tsd.match_kernels import FLAT, MatchRule, accumulate, align
@@ -85,12 +85,9 @@ def test_alignment_equals_gauss_newton_by_hand():
 @pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (0.3, 0.2, 1.0), (-0.4, 0.1, -2.5)])
 def test_the_model_scan_shows_the_walls(pose):
     slam, lidar = default(), laser(721)
-    slam.update(scan_at((0.0, 0.0, 0.0), lidar, np.array(box(-3.0, -2.0, 2.5, 2.2))))
+    slam.update(scan_at((0.0, 0.0, 0.0), lidar, BOX))
     for turn in np.linspace(0.5, 6.0, 12):  # all walls are in the map
-        slam.insert_at(
-            scan_at((0.0, 0.0, turn), lidar, np.array(box(-3.0, -2.0, 2.5, 2.2))),
-            Pose2(0.0, 0.0, turn),
-        )
+        slam.insert_at(scan_at((0.0, 0.0, turn), lidar, BOX), Pose2(0.0, 0.0, turn))
     model = slam._registration.cast(Pose2(*pose), slam._scan.laser)
     x, y, nx, ny, r = model.points[model.points[:, 4] > 0.0].T
     assert len(r) > 0.97 * len(model.points)
@@ -225,7 +222,7 @@ def test_an_alignment_does_not_end_before_its_robust_scale_does():
 
 def test_pairs_are_found_across_the_seam_of_a_full_circle():
     slam, lidar = default(), laser(720, fov=2.0 * math.pi * 719 / 720)
-    slam.update(scan_at((0.0, 0.0, 0.0), lidar, np.array(box(-3.0, -2.0, 2.5, 2.2))))
+    slam.update(scan_at((0.0, 0.0, 0.0), lidar, BOX))
     model = slam._registration.cast(IDENTITY, slam._scan.laser)
     assert model.fan.around == model.fan.rays == 90
     for y in (0.02, -0.02):  # astern, on either side of the seam

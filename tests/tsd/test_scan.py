@@ -8,7 +8,6 @@ import pytest
 
 from slams.types import IDENTITY
 from tests.rooms import ROOM, box, cast, laser, scan_at
-from tests.tsd import naive
 from tests.tsd import naive as naive_tsd
 from tests.tsd.cases import RULE, default, field_of, read, sums_of
 from tsd.map_kernels import PushRule, list_rows, place_lines
@@ -153,6 +152,6 @@ def test_surfaces_equal_the_naive_twin():
     ranges[200] = np.inf
     beams, points, n, _ = read(ranges, lidar)
     xy, beam = points[:2, :n].T, points[2, :n]
-    twin = naive.runs_of(xy, np.hypot(*xy.T), beam, lidar.angle_increment, 8.0, 0.01)
+    twin = naive_tsd.runs_of(xy, np.hypot(*xy.T), beam, lidar.angle_increment, 8.0, 0.01)
     assert firsts_of(points, n, beams) == [float(first) for first, _ in twin]
     assert len({first for first, _ in twin}) > 3

@@ -12,7 +12,7 @@ import slams
 from slams.formats import occupancy, packed, trajectory
 from slams.params import Params
 from slams.ros.launch import read_node
-from tests.bags import MUCH, cheaply_refused
+from tests.bags import MUCH, cheaply_refused, refused
 from tests.rooms import drive
 from tests.slams.ros.test_ros_params import KNOWN, NODE, NODES
 
@@ -57,9 +57,7 @@ def header(shape, descr="<f4"):
 )
 def test_an_array_that_claims_another_size_than_it_has(name, shape, descr, log):
     replace_member(log, f"{name}.npy", [header(shape, descr), bytes(4000)])
-    with pytest.raises(ValueError, match=r"log\.npz: ") as caught:
-        slams.load(log)
-    assert "\n" not in str(caught.value)
+    refused(log)
 
 
 def test_a_text_that_is_nested_deep(log):

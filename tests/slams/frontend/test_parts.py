@@ -211,15 +211,19 @@ def test_a_gap_among_stamps_that_jitter_is_believed(seed):
 
 
 class Standing:
-    """A robot that stands, and a map that says how much of its scans it explains."""
+    """A robot that stands, and a map that says how much of its scans it explains.
+
+    It begins with so many scans that the map explains entirely.
+    """
 
     empty = False
 
-    def __init__(self, wheels=True, walls=ROOM):
+    def __init__(self, explained, wheels=True, walls=ROOM):
         self._wheels, self._k, self._walls = IDENTITY if wheels else None, 0, walls
         self._reader = EndPoints(ScanParams())
         self.estimator = PoseEstimator(FrontendParams(search=False, relocate=False))
         self.foreseen = None  # shares where it stands, if not those of the match
+        self.take(explained, 1.0, 0.0)
 
     def evaluate(self, points, pose):
         return self.shares if self.foreseen is None or pose != IDENTITY else self.foreseen
@@ -243,8 +247,7 @@ class Standing:
 def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, state):
     """A tenth of a second, as fast as robots drive; elsewhere half a second."""
     for walls in (CORRIDOR, ROOM):
-        robot = Standing(walls=walls)
-        robot.take(19, 1.0, 0.0)
+        robot = Standing(19, walls=walls)
         found = robot.take(1, 1.0, 0.0, Pose2(off, 0.0, 0.0))
         assert found.state == (state if walls is CORRIDOR else "matched")
 
@@ -261,24 +264,21 @@ def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, 
 def test_wheels_that_the_map_contradicts_give_way_to_a_match_that_explains_more_than_half(
     foreseen, off, state
 ):
-    robot = Standing()
-    robot.take(19, 1.0, 0.0)
+    robot = Standing(19)
     robot.foreseen = foreseen
     assert robot.take(1, 0.6, 0.0, Pose2(off, 0.0, 0.0)).state == state
 
 
 @pytest.mark.parametrize(("for_it", "against", "x"), [(0.3, 0.29, 0.02), (0.3, 0.31, 0.0)])
 def test_inside_the_gate_a_match_is_taken_if_more_beams_are_for_it_than_against(for_it, against, x):
-    robot = Standing(wheels=False)
-    robot.take(19, 1.0, 0.0)
+    robot = Standing(19, wheels=False)
     taken = robot.take(1, for_it, against, Pose2(0.02, 0.0, 0.0))
     assert taken.pose.x == pytest.approx(x, abs=0.005)
 
 
 @pytest.mark.parametrize(("for_it", "taken"), [(0.25, False), (0.35, True)])
 def test_a_lost_robot_takes_no_match_that_chance_may_explain(for_it, taken):
-    robot = Standing(wheels=False)
-    robot.take(10, 1.0, 0.0)
+    robot = Standing(10, wheels=False)
     assert robot.take(20, 0.0, 1.0).state == "lost"
     found = robot.take(1, for_it, 0.0, Pose2(0.1, 0.0, 0.0))
     assert (found.match is not None) == taken
@@ -288,23 +288,21 @@ def test_what_a_match_observes_by_tilted_normals_alone_stays_open():
     """Its scans see a room, but the lines that they lie on face one way, but for their error."""
     deviation = []
     for along in (300.0, 3000.0):  # of 1e6 across
-        found = Standing(wheels=False).take(30, 1.0, 0.0, seen=(along, 1e6, 1e6))
+        found = Standing(0, wheels=False).take(30, 1.0, 0.0, seen=(along, 1e6, 1e6))
         deviation.append(math.sqrt(found.covariance[0, 0]))
     assert deviation[0] > 0.3 and deviation[1] < 0.02
 
 
 @pytest.mark.parametrize(("wheels", "state"), [(False, "lost"), (True, "predicted")])
 def test_without_a_match_while_one_has_to_stand_a_robot_without_wheels_is_lost(wheels, state):
-    robot = Standing(wheels)
-    robot.take(10, 1.0, 0.0)
+    robot = Standing(10, wheels)
     robot.take(40, 0.0, 0.0)  # in new ground
     robot.take(2, 0.5, 0.0)
     assert robot.take(1, 0.0, 0.0).state == state
 
 
 def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
-    robot = Standing()
-    robot.take(19, 1.0, 0.0)
+    robot = Standing(19)
     found = robot.take(1, 1.0, 0.0, Pose2(1.0, 0.0, 1.5))
     assert found.state == "predicted"
     assert math.hypot(found.pose.x, found.pose.y) < 0.01
@@ -315,8 +313,7 @@ def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
 @pytest.mark.parametrize(("wheels", "state"), [(True, "predicted"), (False, "lost")])
 def test_after_a_contradiction_what_explains_half_has_to_stand_for_seconds(wheels, state):
     """Wheels keep the robot from being lost meanwhile, as in a crowd."""
-    robot = Standing(wheels)
-    robot.take(10, 1.0, 0.0)
+    robot = Standing(10, wheels)
     assert robot.take(20, 0.0, 1.0).state == state
     found = robot.take(50, 0.5, 0.0)  # CONFIRMED of full agreement: 6 s
     assert found.state == state and not found.maps

@@ -5,13 +5,12 @@ import threading
 import numpy as np
 import pytest
 
-import slams
 from slams import LiveSlam, metrics
 from slams.live.__main__ import write_results
 from slams.live.publisher import MapThread
 from slams.ros.messages import seconds
 from slams.types import Pose2
-from tests.rooms import drive
+from tests.rooms import drive, driven
 from tests.slams.live.commands import PATIENCE
 from tests.slams.live.robots import Stand, close, planar
 from tests.slams.loops.test_looped import around
@@ -55,9 +54,8 @@ def test_no_maps_when_none_are_wanted():
 
 @pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
 def test_a_snapshot_is_not_touched_by_later_scans(name):
-    slam, scans = slams.create(name), list(drive(n=20))
-    for scan in scans[:10]:
-        slam.update(scan)
+    scans = list(drive(n=20))
+    slam = driven(name, scans[:10])
     before, draw = slam.map(), slam.snapshot()
     for scan in scans[10:]:
         slam.update(scan)

@@ -20,14 +20,9 @@ from slams.localize.map_index import (
 from slams.test_world import odd_scans
 from slams.types import Laser, OccupancyGrid, Pose2
 from tests.floors import ALIKE, grid_of, noisy
-from tests.rooms import ROOM, box, laser
+from tests.rooms import ROOM, box, error, laser
 
 POSES = [(-1.0, 0.5, 0.3), (1.5, -2.0, 2.0), (4.2, 3.1, -1.0), (-3.2, 3.0, -2.8), (1.0, 3.2, 0.0)]
-
-
-def off(pose, truth):
-    step = Pose2(*truth).between(pose)
-    return math.hypot(step.x, step.y), abs(step.theta)
 
 
 def test_a_beam_is_an_inlier_in_conflict_or_neither():
@@ -60,7 +55,7 @@ def test_a_fit_comes_back_to_the_walls(pose, room):
     start = Pose2(*pose) @ Pose2(0.12, -0.1, 0.04)
     assert room.distances.resolution == 0.05
     found = room.distances.fit(end_points(noisy(pose)), start)
-    assert off(found, pose)[0] < 0.04 and off(found, pose)[1] < 0.01
+    assert error(found, pose)[0] < 0.04 and error(found, pose)[1] < 0.01
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -71,7 +66,7 @@ def test_any_place_of_a_room_is_found_by_one_scan(seed, room):
     x, y = room.distances.origin + (np.array([ix, iy]) + rng.random(2)) * room.distances.resolution
     pose = (float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
     first, *others = room.search(noisy(pose, seed))
-    assert off(first.pose, pose)[0] < 0.1 and off(first.pose, pose)[1] < math.radians(3.0)
+    assert error(first.pose, pose)[0] < 0.1 and error(first.pose, pose)[1] < math.radians(3.0)
     assert first.probability + sum(c.probability for c in others) <= 1.0 + 1e-9
     assert first.score > 0.8
 
@@ -89,7 +84,7 @@ def test_every_laser_is_served(kind, room):
     pose = Pose2(-1.0, 0.5, 0.3)
     scan = noisy(pose, 1, LASERS[kind])
     for found in (room.search(scan)[0], room.match(scan, [pose])[0]):
-        assert off(found.pose, pose)[0] < 0.06
+        assert error(found.pose, pose)[0] < 0.06
 
 
 def test_people_do_not_throw_it_off(room):
@@ -97,7 +92,7 @@ def test_people_do_not_throw_it_off(room):
     ranges = scan.ranges.copy()
     ranges[100:180], ranges[300:360] = 0.7, np.nan
     first = room.search(type(scan)(0.0, ranges, scan.laser))[0]
-    assert off(first.pose, POSES[0])[0] < 0.1
+    assert error(first.pose, POSES[0])[0] < 0.1
     assert first.conflicts < 0.05 and 0.7 < first.inliers < 0.9
 
 
@@ -136,7 +131,7 @@ def test_alike_rooms_are_told_apart_by_driving_on(wheels):
     for k, pose in enumerate(way):
         odometry = Pose2(5.0, 1.0, 2.0) @ Pose2(*way[0]).between(Pose2(*pose)) if wheels else None
         found = localizer.add(noisy(pose, k, near, ALIKE, odometry=odometry))
-        sure += [(k, off(found.pose, pose)[0])] if found else []
+        sure += [(k, error(found.pose, pose)[0])] if found else []
         if k == 0:
             places = sorted(round(c.pose.x, 1) for c in localizer.candidates[:2])
             assert places == pytest.approx([-4.5, 4.5], abs=0.15)
@@ -183,7 +178,7 @@ def test_a_laser_whose_back_was_never_seen_has_room(room):
     index = MapIndex(OccupancyGrid(p, 0.05, room.grid.origin))
     poses = np.array([(1.0, 0.5, 0.0, 1.0), (0.9, 0.5, 0.0, 1.0), (0.5, 0.5, 0.0, 1.0)])
     assert index.has_room(poses).tolist() == [True, True, False]
-    assert off(index.search(noisy((1.0, 0.5, 0.0)))[0].pose, (1.0, 0.5, 0.0))[0] < 0.1
+    assert error(index.search(noisy((1.0, 0.5, 0.0)))[0].pose, (1.0, 0.5, 0.0))[0] < 0.1
 
 
 @pytest.mark.parametrize("cell", [0.02, 0.05, 0.1])

@@ -13,10 +13,9 @@ from slams.localize.map_index import TIE, is_same, merged
 from slams.localize.virtual import stations
 from slams.types import IDENTITY, Pose2
 from tests.floors import grid_of
-from tests.rooms import ROOM, box, laser, scan_at
+from tests.rooms import LIDAR, ROOM, box, laser, scan_at
 from tests.wheels import Drifting
 
-LIDAR = laser(181)
 HERE, THERE = Pose2(0.0, 0.0, 0.0), Pose2(5.0, 1.0, 0.0)
 
 

@@ -148,16 +148,10 @@ def test_the_window_of_a_normal_and_what_is_one_surface_grow_with_the_noise():
         assert ends.grain == pytest.approx((noise, window, slack))
 
 
-def moments_of(points, step=0.02):
-    n = points.shape[1]
-    moments = np.zeros((6, n + 1))
-    scan_moments(points, n, IDENTITY, step, SLACK, moments)
-    return moments
-
-
 def normals_of(points, noise=0.0, step=0.02):
     n = points.shape[1]
-    out, moments = np.zeros((3, n)), moments_of(points, step)
+    out, moments = np.zeros((3, n)), np.zeros((6, n + 1))
+    scan_moments(points, n, IDENTITY, step, SLACK, moments)
     scan_normals(points, n, IDENTITY, step, Grain(noise, 0.05, SLACK), moments, out)
     return out
 
