@@ -15,8 +15,8 @@ from slams.ros.maker import Maker
 from slams.ros.messages import IMU, SCAN, TF
 from slams.types import Attitude, Pose2
 from tests.rooms import ROOM, cast, laser, way
-from tests.slams.formats.test_attitude import messages, true
 from tests.slams.live.robots import Stand, mounted, scan_record
+from tests.slams.ros.test_attitude import messages, true
 
 TWO = ("/front", "/rear")
 PLACES = {"front": Pose2(0.2, 0.0, 0.0), "rear": Pose2(-0.2, 0.0, 3.0)}
