@@ -74,7 +74,7 @@ class GMapping(HasEstimator):
 
     def update(self, scan: Scan) -> Pose2:
         """Match the scan to the reported map; at a keyframe run the filter. Returns T_map_base."""
-        self._catch_up()
+        self._catch_up()  # with what `insert_at` has drawn
         prior = self._estimator.predict(scan)  # 1.
         view = self._view.take(scan, prior.twist)  # 2.
         matches = self._match(view, prior.pose, prior)

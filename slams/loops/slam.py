@@ -34,14 +34,14 @@ SETTLED = 1e-4  # m, rad: the last iteration moves no pose by more
 PASSED = "state", "quality", "covariance", "snapshot"
 
 
+def apart(one: Pose2, other: Pose2) -> float:
+    """Of two poses [m]."""
+    return math.hypot(one.x - other.x, one.y - other.y)
+
+
 def gap(one: Pose2, other: Pose2) -> float:
     """Distance of two poses [m], as walls `LEVER` away show it."""
-    turn = abs(wrap_angle(one.theta - other.theta))
-    return math.hypot(one.x - other.x, one.y - other.y) + LEVER * turn
-
-
-def _distance(one: Pose2, other: Pose2) -> float:
-    return math.hypot(one.x - other.x, one.y - other.y)
+    return apart(one, other) + LEVER * abs(wrap_angle(one.theta - other.theta))
 
 
 class Redraw:
@@ -176,11 +176,11 @@ class Looped:
         driven = usual
         if last.odometry is not None and scan.odometry is not None:
             driven = last.odometry.between(scan.odometry)
-        off = _distance(driven, self._step)
+        off = apart(driven, self._step)
         if off <= JUMP:
             return
         at = pose @ self._at.between(before @ driven).inverse()  # by wheels, from where it is now
-        is_jump = driven is not usual and _distance(driven, usual) <= JUMP
+        is_jump = driven is not usual and apart(driven, usual) <= JUMP
         edge = self._detector.claimed(self._drawn, at) if is_jump and self._drawn else None
         if edge is None:
             self._jumps += off * off

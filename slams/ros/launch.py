@@ -87,8 +87,9 @@ def _of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -
 
 
 def _group(names: tuple[str, ...]) -> tuple[str, ...]:
-    end = names.index(PARAMETERS) if PARAMETERS in names else min(len(names) - 1, 1)
-    return names[:end]
+    if PARAMETERS in names:
+        return names[: names.index(PARAMETERS)]
+    return names[:-1][:1]
 
 
 def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
@@ -173,13 +174,12 @@ class _Launch:
 
     def _given(self, element: Element, args: dict[str, str], inside: bool = False) -> list[Leaf]:
         """Leaves of one `<param>` or `<rosparam>`, `inside` the node or around it."""
-        file = element.get("file") or element.get("from")
         if element.tag not in ("param", "rosparam"):
             return []
         if (command := element.get("command", "load")) != "load":
             self.notes.append(f"command {self._filled(command, args)!r} is not run")
             return []
-        if file:
+        if file := element.get("file") or element.get("from"):
             name = self._filled(file, args)
             if inside:
                 self.missing.append(name)
