@@ -28,6 +28,8 @@ N = 13
 POSE, STEP, TWIST, SCALE, BIAS, DRIFT = 0, 3, 6, 9, 11, 12
 # rows of the readings of one step: wheels' distance, sideways, rotation; gyro's rotation
 VALID, VALUE, VARIANCE, USED = 0, 1, 2, 3  # its own variance, and the one that was used
+RESIDUAL, ITS_VARIANCE = 4, 5  # of the reading of the last step that was matched
+READING = 6  # numbers of one
 GYRO = 3
 CONTRADICTED = 9.0  # NIS beyond which a reading and the prediction contradict each other
 FLOOR = 1e-10  # m^2, rad^2, ...: added to every variance, above rounding of the largest
@@ -213,7 +215,7 @@ def predict(
     """One interval: propagate, fuse the readings of wheels and gyro, compose.
 
     learned (2, 4): densities of acceleration (3), factors of the readings' variances (4); readings
-    (4, 4): whether it is valid, value [m, rad], variance, variance used. Wheels measure (1 +
+    (4, 6): whether it is valid, value [m, rad], variance, variance used. Wheels measure (1 +
     scale) times the step ([Thrun05] 5.4 for their noise), the gyro the rotation plus its bias. The
     derivative by a scale is the reading: wheels that stall say nothing of it.
     """

@@ -73,7 +73,7 @@ class MotionFilter:
         self._usual = DENSITY.copy()
         self._learned = np.ones((2, 4))
         self._learned[0, :3] = DENSITY
-        self._readings = np.zeros((4, 4))
+        self._readings = np.zeros((4, kernels.READING))
         self._wheels = WheelSteps()
         self._timing = LaserTimings(params.smooth_stamps)
         self._last: Scan | None = None

@@ -15,8 +15,10 @@ from slams.frontend.filter_kernels import (
     BIAS,
     DRIFT,
     GYRO,
+    ITS_VARIANCE,
     LARGEST,
     POSE,
+    RESIDUAL,
     SCALE,
     STEP,
     TWIST,
@@ -200,7 +202,9 @@ def judge_readings(
     """Factors (4,) of the readings' variances, by the step (3,) between the matched poses.
 
     ours: innovation-based adaptive estimation [Mohamed99]: the mean squared residual over its
-    variance, never below 1, as wheels that are exact on one floor are not on the next.
+    variance, never below 1, as wheels that are exact on one floor are not on the next. Of the last
+    step, the one before and both together the best counts: a scan that a recorder kept back
+    makes two steps wrong, but not their sum.
     """
     for i in range(4):
         if readings[i, VALID] == 0.0:
@@ -213,8 +217,13 @@ def judge_readings(
             scale = z[SCALE + (1 if i == 2 else 0)]
             expected, error = (1.0 + scale) * step[i], floor[i]
             expected += z[DRIFT] * step[0] if i == 2 else 0.0
-        off = readings[i, VALUE] - expected
-        ratio = off * off / (readings[i, VARIANCE] + 2.0 * error)
+        off, variance = readings[i, VALUE] - expected, readings[i, VARIANCE] + 2.0 * error
+        before, of_before = readings[i, RESIDUAL], readings[i, ITS_VARIANCE]
+        readings[i, RESIDUAL], readings[i, ITS_VARIANCE] = off, variance
+        ratio = off * off / variance
+        if of_before > 0.0:
+            both = (off + before) * (off + before) / (variance + of_before)
+            ratio = min(ratio, before * before / of_before, both)
         trust[i] += share * (min(max(ratio, 1.0), 1e4) - trust[i])
 
 
