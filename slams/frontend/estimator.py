@@ -11,15 +11,9 @@ from slams.frontend.degeneracy import ALL, Observability, of_information, of_sca
 from slams.frontend.filter_kernels import CONTRADICTED
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
-from slams.frontend.ranking import (
-    LATENCY,
-    Candidate,
-    MatchedMap,
-    Rematch,
-    best_around,
-    best_of,
-)
+from slams.frontend.ranking import Candidate, MatchedMap, Rematch, best_around, best_of
 from slams.frontend.relocalize import Relocalizer
+from slams.frontend.update_kernels import LATENCY
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, Pose2, Scan, State

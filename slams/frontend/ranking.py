@@ -11,6 +11,7 @@ from typing import NamedTuple, Protocol
 
 from slams.frontend.correlative import ALIKE, Lookup, search, window_of
 from slams.frontend.motion_filter import Prediction
+from slams.frontend.update_kernels import LATENCY
 from slams.geometry import unlikely
 from slams.grid_bounds import Box
 from slams.refine.lines import Match
@@ -20,7 +21,6 @@ from slams.types import OccupancyGrid, Pose2, wrap_angle
 PIECES = 50.0  # of wall in a scan whose errors are independent of each other
 TRIES = 6  # poses of a correlative search that are matched
 SPEED, TURN_RATE = 2.0, 2.0  # m/s, rad/s: how fast a robot drives and turns
-LATENCY = 0.5  # s that a recorder keeps a scan back
 
 Rematch = Callable[[EndPoints, Pose2, Prediction], list[Match]]
 

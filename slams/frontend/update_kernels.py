@@ -34,6 +34,7 @@ from slams.jit import njit
 from slams.types import Floats
 
 WEAKEST = 1e-2  # 1/m^2, 1/rad^2: information added where a match has none
+LATENCY = 0.5  # s that a recorder keeps a scan back
 SHARPEST = 10.0  # NIS of one match that counts at most, in what is learned
 SLOWEST = 0.1  # least share of a twist's variance that a match has to remove, to be learned from
 SPREAD = 20.0  # times the usual acceleration density, at most and at least
@@ -203,8 +204,8 @@ def judge_readings(
 
     ours: innovation-based adaptive estimation [Mohamed99]: the mean squared residual over its
     variance, never below 1, as wheels that are exact on one floor are not on the next. Of the last
-    step, the one before and both together the best counts: a scan that a recorder kept back
-    makes two steps wrong, but not their sum.
+    step, the one before and both together the best counts where scans come that fast: one that a
+    recorder kept back makes two steps wrong, but not their sum.
     """
     for i in range(4):
         if readings[i, VALID] == 0.0:
@@ -221,7 +222,7 @@ def judge_readings(
         before, of_before = readings[i, RESIDUAL], readings[i, ITS_VARIANCE]
         readings[i, RESIDUAL], readings[i, ITS_VARIANCE] = off, variance
         ratio = off * off / variance
-        if of_before > 0.0:
+        if of_before > 0.0 and dt < LATENCY:
             both = (off + before) * (off + before) / (variance + of_before)
             ratio = min(ratio, before * before / of_before, both)
         trust[i] += share * (min(max(ratio, 1.0), 1e4) - trust[i])
