@@ -32,6 +32,7 @@ RESIDUAL, ITS_VARIANCE = 4, 5  # of the reading of the last step that was matche
 READING = 6  # numbers of one
 GYRO = 3
 CONTRADICTED = 9.0  # NIS beyond which a reading and the prediction contradict each other
+FAULTY = 100.0  # factor of a reading's variance from which it says nothing: ten deviations
 FLOOR = 1e-10  # m^2, rad^2, ...: added to every variance, above rounding of the largest
 ROUNDING = 1e-13  # of a variance: what is left of it after the others must be more
 FARTHEST = 1e4  # m^2, variance of a pose that may be anywhere: it grows no more
@@ -217,12 +218,13 @@ def predict(
     learned (2, 4): densities of acceleration (3), factors of the readings' variances (4); readings
     (4, 6): whether it is valid, value [m, rad], variance, variance used. Wheels measure (1 +
     scale) times the step ([Thrun05] 5.4 for their noise), the gyro the rotation plus its bias. The
-    derivative by a scale is the reading: wheels that stall say nothing of it.
+    derivative by a scale is the reading: wheels that stall say nothing of it. Such faults are no
+    noise, and would brake a robot that nothing else holds: beyond `FAULTY` they are left out.
     """
     propagate(z, P, dt, learned[0], memory)
     room = np.empty((3, N))
     for i in range(4):
-        if readings[i, VALID] != 0.0:
+        if readings[i, VALID] != 0.0 and learned[1, i] < FAULTY:
             readings[i, USED] = readings[i, VARIANCE] * learned[1, i]
             residual = linearize(z, dt, i, readings, room[2])
             widen(P, i, residual * residual, readings, room)

@@ -60,7 +60,7 @@ class Prediction(NamedTuple):
 class MotionFilter:
     """The state of `filter_kernels` and what was learned of the robot.
 
-    `wheels`: whether they measured the last step.
+    `wheels`: whether they measured the last step, and are not faulty.
     """
 
     def __init__(self, params: FrontendParams) -> None:
@@ -201,7 +201,8 @@ class MotionFilter:
         """Readings of the step with their variances, [Thrun05] 5.4: by distance and rotation."""
         p, readings, dt = self._p, self._readings, self._dt
         readings[:, 0] = 0.0
-        self.wheels = p.wheels and last.odometry is not None and scan.odometry is not None
+        given = last.odometry is not None and scan.odometry is not None
+        self.wheels = p.wheels and given and bool(self._learned[1, 0] < kernels.FAULTY)
         if p.wheels and wheels is not None:
             self._read_wheels(wheels, dt)
         if p.gyro and last.yaw is not None and scan.yaw is not None:

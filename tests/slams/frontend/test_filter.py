@@ -161,6 +161,17 @@ def test_wheels_that_stall_lose_their_weight():
     assert stalled._learned[1, 0] > 10.0 * trusted._learned[1, 0]
 
 
+def test_wheels_at_a_standstill_do_not_brake_a_robot_in_a_bare_corridor():
+    motion, still = MotionFilter(FrontendParams()), Pose2(0.0, 0.0, 0.0)
+    pose, step, bare = still, Pose2(0.05, 0.0, 0.0), Observability(1.0, 0.0, 0.0)
+    for k in range(60):
+        prior = motion.predict(scan(0.1 * k, still))
+        motion.update(pose if k < 40 else prior.pose, SHARP, ALL if k < 40 else bare)
+        pose = pose @ step
+    assert not motion.wheels
+    assert motion.pose.x == pytest.approx(59 * 0.05, abs=0.05)
+
+
 @pytest.mark.parametrize(("seconds", "costs"), [(0.1, False), (1.0, True)])
 def test_a_scan_that_was_kept_back_costs_the_wheels_no_weight(seconds, costs):
     motion, step = MotionFilter(FrontendParams()), Pose2(0.05, 0.0, 0.0)
