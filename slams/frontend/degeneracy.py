@@ -19,7 +19,6 @@ from slams.types import Floats
 
 BY_CHANCE = 0.05  # m of surface in a scan that faces any way: the edge of a door
 MOVABLE = 0.9  # m: of people and things that move; where nothing else is known they may be all
-KNOWN = 0.5  # share of the end points that must have a normal, or nothing is known
 TILTED = 0.02  # rad: deviation of the normals of a map
 OBSERVED = 0.9  # share from which a direction counts as observed
 
@@ -73,9 +72,7 @@ def of_scan(points: EndPoints, theta: float, known_otherwise: bool = False) -> O
 
     `known_otherwise`: wheels or a graph know the position, too: what may move counts as chance.
     """
-    xx, xy, yy, known = scatter(points.facing, points.n)
-    if known < KNOWN * points.n:
-        return ALL
+    xx, xy, yy = scatter(points.facing, points.n)
     by_chance = MOVABLE if known_otherwise else BY_CHANCE
     seen = observability(xx, xy, yy, points.facing_error, by_chance)
     c, s = math.cos(theta), math.sin(theta)

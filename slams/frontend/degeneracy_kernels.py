@@ -7,14 +7,13 @@ from slams.scan.scan_kernels import Points
 
 
 @njit
-def scatter(facing: Points, n: int) -> tuple[float, float, float, int]:
-    """Integrals of n n^T along the surfaces of a scan [m], and how many beams have a normal.
+def scatter(facing: Points, n: int) -> tuple[float, float, float]:
+    """Integrals of n n^T along the surfaces of a scan [m].
 
     ours: by length, not by beams: of a leg beside the laser there are as many as of a wall. facing
     (3, >= n): vectors along the normals, 0 where there is none, and the gap to the neighbors [m].
     """
     xx = xy = yy = 0.0
-    known = 0
     for i in range(n):
         x, y = facing[0, i], facing[1, i]
         square = x * x + y * y
@@ -23,5 +22,4 @@ def scatter(facing: Points, n: int) -> tuple[float, float, float, int]:
             xx += w * x * x
             xy += w * x * y
             yy += w * y * y
-            known += 1
-    return xx, xy, yy, known
+    return xx, xy, yy

@@ -156,7 +156,9 @@ class PoseEstimator:
     def _begin(self, points: EndPoints) -> Pose2:
         """The first scan with enough to see begins the map."""
         self.maps = points.n >= BEGIN_BEAMS
-        self._call("matched" if self.maps else "predicted")
+        if self.maps:
+            self._filter.shift(self.pose)
+        self._call("matched" if self.maps else "predicted" if self._is_sure() else "lost")
         return self.pose
 
     def _take(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> Pose2:

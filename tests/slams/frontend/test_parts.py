@@ -243,6 +243,19 @@ class Standing:
         return self.estimator
 
 
+@pytest.mark.parametrize(("wheels", "state"), [(False, "lost"), (True, "predicted")])
+def test_before_anything_is_seen_a_robot_without_wheels_is_lost_and_then_begins_a_map(
+    wheels, state
+):
+    robot = Standing(0, wheels, walls=np.add(ROOM, 1e3))
+    robot.empty = True
+    assert robot.take(2, 0.0, 0.0).state == "predicted"
+    assert robot.take(20, 0.0, 0.0).state == state
+    robot._walls = ROOM
+    found = robot.take(1, 0.0, 0.0)
+    assert found.state == "matched" and found.covariance.trace() < 1e-6  # in the map it begins
+
+
 @pytest.mark.parametrize(("off", "state"), [(0.15, "matched"), (0.4, "predicted")])
 def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, state):
     """A tenth of a second, as fast as robots drive; elsewhere half a second."""
