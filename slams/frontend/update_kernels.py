@@ -29,9 +29,9 @@ from slams.frontend.filter_kernels import (
     scale_rows,
     symmetrize,
 )
-from slams.geometry import FREEDOM, inverse3, wrap_angle
+from slams.geometry import FREEDOM, inverse3, square_of, wrap_angle
 from slams.jit import njit
-from slams.types import Floats
+from slams.types import Floats, Pose2
 
 WEAKEST = 1e-2  # 1/m^2, 1/rad^2: information added where a match has none
 LATENCY = 0.5  # s that a recorder keeps a scan back
@@ -48,18 +48,22 @@ def offset_from(z: Floats, pose: Floats, out: Floats) -> None:
 
 
 @njit(inner=True, borrows=True)
-def mahalanobis(information: Floats, off: Floats) -> float:
-    """Squared distance off^T information off of a difference (3,). ours."""
-    square = 0.0
+def both_sides(A: Floats, B: Floats, out: Floats) -> None:
+    """The product A B A of a symmetric A (3, 3) with B (3, 3). ours."""
     for i in range(3):
         for k in range(3):
-            square += off[i] * information[i, k] * off[k]
-    return max(square, 0.0)
+            total = 0.0
+            for j in range(3):
+                for m in range(3):
+                    total += A[i, j] * B[j, m] * A[m, k]
+            out[i, k] = total
 
 
 @njit(inner=True)
-def condition(z: Floats, P: Floats, pose: Floats, covariance: Floats) -> None:
+def condition(z: Floats, P: Floats, pose: Floats, covariance: Floats, noise: Floats) -> None:
     """The pose is now `pose` with `covariance`; all other states follow by regression on it.
+
+    Of the `noise` that is added to it they are independent.
 
     ours: z += G off, P <- P - G P_pp G^T + G C G^T with G = P[:, :3] P_pp^-1, for any filter whose
     posterior of the pose has a mean and a covariance (a particle cloud's as well).
@@ -87,7 +91,7 @@ def condition(z: Floats, P: Floats, pose: Floats, covariance: Floats) -> None:
     for i in range(3):
         z[i] = pose[i]
         for k in range(3):
-            P[i, k] = covariance[i, k]
+            P[i, k] = covariance[i, k] + noise[i, k]
     symmetrize(P)
 
 
@@ -146,7 +150,7 @@ def remap(
     C, off = P[:3, :3] + np.diag(prior), np.empty(3)
     W = inverse3(C)
     offset_from(z, pose, off)
-    w = (FREEDOM + 3.0) / (FREEDOM + mahalanobis(W, off))
+    w = (FREEDOM + 3.0) / (FREEDOM + square_of(W, Pose2(off[0], off[1], off[2])))
     pull, alone, weighted = np.zeros(3), np.empty(3), np.empty((3, 3))
     for i in range(3):
         for k in range(3):
@@ -160,13 +164,7 @@ def remap(
     for i in range(2):
         for k in range(2):
             D[i, k] += (math.sqrt(share) - 1.0) * direction[i] * direction[k]
-    for i in range(3):
-        for k in range(3):
-            total = 0.0
-            for j in range(3):
-                for m in range(3):
-                    total += D[i, j] * seen[j, m] * D[m, k]
-            weighted[i, k] = total
+    both_sides(D, seen, weighted)
     both = inverse3(weighted + w * W)
     for i in range(3):
         for k in range(3):
@@ -241,6 +239,9 @@ def update(
 ) -> None:
     """Condition the state on a match: limit its information, fuse, regress, learn. ours.
 
+    The scan enters the map where its match has it, with the noise of that, K R K^T: the next ones
+    are matched with this map, and say nothing of how it has drifted.
+
     match (4, 3): pose, remapped in place; information of the scan about it. how (4, 3):
     unobservable direction and the share observed along it; dt, shares to learn accelerations and
     readings by; variances of the match that no scan removes; those beside P in its prior. before
@@ -252,18 +253,19 @@ def update(
         decouple(z, P, direction, share)
         remap(z, P, pose, seen, direction, share, beside)
     off, step, change, state = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    variance, covariance = np.empty(3), np.empty((3, 3))
+    variance, covariance, noise = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
     for i in range(3):
         change[i], variance[i] = z[TWIST + i], P[TWIST + i, TWIST + i]
     offset_from(z, pose, off)
-    nis = mahalanobis(inverse3(P[:3, :3] + np.diag(beside)), off)
+    nis = square_of(inverse3(P[:3, :3] + np.diag(beside)), Pose2(off[0], off[1], off[2]))
     widen = (FREEDOM + min(nis, LARGEST)) / (FREEDOM + 3.0)
     if widen > 1.0:  # [Roth13]: a match that surprises says that the prior was too sure
         scale_rows(P, POSE, SCALE, math.sqrt(widen))
-    alone = inverse3(seen + WEAKEST * np.eye(3)) + np.diag(floor)
-    covariance[:, :] = inverse3(inverse3(alone) + inverse3(P[:3, :3]))
+    information = inverse3(inverse3(seen + WEAKEST * np.eye(3)) + np.diag(floor))
+    covariance[:, :] = inverse3(information + inverse3(P[:3, :3]))
+    both_sides(covariance, information, noise)
     toward_stamp(z, P, pose, floor, state)
-    condition(z, P, state, covariance)
+    condition(z, P, state, covariance, noise)
     for i in range(3):
         change[i] = z[TWIST + i] - change[i]
     learn_density(change, variance, P, how[1, 1], usual, learned[0])
