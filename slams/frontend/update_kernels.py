@@ -37,6 +37,7 @@ WEAKEST = 1e-2  # 1/m^2, 1/rad^2: information added where a match has none
 LATENCY = 0.5  # s that a recorder keeps a scan back
 SHARPEST = 10.0  # NIS of one match that counts at most, in what is learned
 SLOWEST = 0.1  # least share of a twist's variance that a match has to remove, to be learned from
+TAKEN_IN = 0.5  # of a match's noise: what a scan adds to the map others have seen, too
 SPREAD = 20.0  # times the usual acceleration density, at most and at least
 
 
@@ -239,7 +240,7 @@ def update(
 ) -> None:
     """Condition the state on a match: limit its information, fuse, regress, learn. ours.
 
-    The scan enters the map where its match has it, with the noise of that, K R K^T: the next ones
+    The scan enters the map where its match has it, with a part of its noise K R K^T: the next ones
     are matched with this map, and say nothing of how it has drifted.
 
     match (4, 3): pose, remapped in place; information of the scan about it. how (4, 3):
@@ -264,6 +265,7 @@ def update(
     information = inverse3(inverse3(seen + WEAKEST * np.eye(3)) + np.diag(floor))
     covariance[:, :] = inverse3(information + inverse3(P[:3, :3]))
     both_sides(covariance, information, noise)
+    noise *= TAKEN_IN
     toward_stamp(z, P, pose, floor, state)
     condition(z, P, state, covariance, noise)
     for i in range(3):

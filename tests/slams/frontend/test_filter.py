@@ -185,12 +185,12 @@ def test_a_scan_that_was_kept_back_costs_the_wheels_no_weight(seconds, costs):
 
 
 def test_a_map_that_drifts_with_its_matches_says_little_of_the_bias_of_a_gyro():
-    """Matches within 2 mrad of a map that is made of them: its random walk is left after 40 s."""
+    """Matches within 2 mrad of a map that is made of them: its random walk is left after 5 s."""
     motion = MotionFilter(FrontendParams())
-    for k in range(400):
+    for k in range(51):
         motion.predict(scan(0.1 * k, yaw=0.0))
         motion.update(Pose2(0.0, 0.0, 0.0), np.diag((1e6, 1e6, 0.25e6)), ALL)
-    assert 2e-4 < math.sqrt(motion._P[kernels.BIAS, kernels.BIAS]) < 1e-3  # rad/s
+    assert 4e-4 < math.sqrt(motion._P[kernels.BIAS, kernels.BIAS]) < 1e-3  # rad/s
 
 
 def test_what_a_scan_does_not_observe_stays_at_the_prediction():
