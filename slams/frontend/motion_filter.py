@@ -94,8 +94,8 @@ class MotionFilter:
 
     @property
     def gyro(self) -> bool:
-        """Whether the gyro measured the last step."""
-        return bool(self._readings[GYRO, 0])
+        """Whether the gyro measured the last step, and is not faulty."""
+        return bool(self._readings[GYRO, 0] and self._learned[1, GYRO] < kernels.FAULTY)
 
     @property
     def step(self) -> Pose2:

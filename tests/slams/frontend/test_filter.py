@@ -172,6 +172,15 @@ def test_wheels_at_a_standstill_do_not_brake_a_robot_in_a_bare_corridor():
     assert motion.pose.x == pytest.approx(59 * 0.05, abs=0.05)
 
 
+def test_a_gyro_that_is_stuck_is_faulty():
+    motion, used = MotionFilter(FrontendParams()), []
+    for k in range(30):
+        motion.predict(scan(0.1 * k, yaw=0.0))
+        used.append(motion.gyro)
+        motion.update(Pose2(0.0, 0.0, 0.1 * k), SHARP, ALL)
+    assert used[1] and not used[-1]
+
+
 @pytest.mark.parametrize(("seconds", "costs"), [(0.1, False), (1.0, True)])
 def test_a_scan_that_was_kept_back_costs_the_wheels_no_weight(seconds, costs):
     motion, step = MotionFilter(FrontendParams()), Pose2(0.05, 0.0, 0.0)

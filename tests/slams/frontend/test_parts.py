@@ -244,9 +244,7 @@ class Standing:
 
 
 @pytest.mark.parametrize(("wheels", "state"), [(False, "lost"), (True, "predicted")])
-def test_before_anything_is_seen_a_robot_without_wheels_is_lost_and_then_begins_a_map(
-    wheels, state
-):
+def test_what_has_seen_nothing_is_lost_until_it_begins_a_map(wheels, state):
     robot = Standing(0, wheels, walls=np.add(ROOM, 1e3))
     robot.empty = True
     assert robot.take(2, 0.0, 0.0).state == "predicted"
