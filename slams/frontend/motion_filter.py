@@ -80,6 +80,7 @@ class MotionFilter:
         self._before = np.zeros(3)
         self._dt = 0.0
         self._match, self._how = np.zeros((4, 3)), np.zeros((4, 3))
+        self._entered = np.zeros((3, 3))  # noise of the last match, which its scan took to the map
         self._floor = MAP_ERROR**2
 
     @property
@@ -114,6 +115,8 @@ class MotionFilter:
                 self._usual[1] = self._learned[0, 1] = CARRIED
         else:
             self._read(last, scan, wheels)
+            self._P[:3, :3] += self._entered  # the scan is matched with a map that drifted so
+            self._entered[:] = 0.0
             arrays = self._z, self._P, dt, self._learned, MEMORY, self._readings
             kernels.predict(*arrays)
         late = self._timing.jitter  # s: the robot was elsewhere then
@@ -155,6 +158,7 @@ class MotionFilter:
         self._how[2], self._how[3] = self._floor, self._floor + PRIOR_ERROR**2
         arrays = self._z, self._P, self._match, self._how, self._before
         update_kernels.update(*arrays, self._learned, self._usual, self._readings)
+        self._entered[:] = self._match[1:]
         return Pose2(*self._match[0].tolist())
 
     def widen(self, factor: float) -> None:

@@ -61,10 +61,8 @@ def both_sides(A: Floats, B: Floats, out: Floats) -> None:
 
 
 @njit(inner=True)
-def condition(z: Floats, P: Floats, pose: Floats, covariance: Floats, noise: Floats) -> None:
+def condition(z: Floats, P: Floats, pose: Floats, covariance: Floats) -> None:
     """The pose is now `pose` with `covariance`; all other states follow by regression on it.
-
-    Of the `noise` that is added to it they are independent.
 
     ours: z += G off, P <- P - G P_pp G^T + G C G^T with G = P[:, :3] P_pp^-1, for any filter whose
     posterior of the pose has a mean and a covariance (a particle cloud's as well).
@@ -92,7 +90,7 @@ def condition(z: Floats, P: Floats, pose: Floats, covariance: Floats, noise: Flo
     for i in range(3):
         z[i] = pose[i]
         for k in range(3):
-            P[i, k] = covariance[i, k] + noise[i, k]
+            P[i, k] = covariance[i, k]
     symmetrize(P)
 
 
@@ -240,10 +238,8 @@ def update(
 ) -> None:
     """Condition the state on a match: limit its information, fuse, regress, learn. ours.
 
-    The scan enters the map where its match has it, with a part of its noise K R K^T: the next ones
-    are matched with this map, and say nothing of how it has drifted.
-
-    match (4, 3): pose, remapped in place; information of the scan about it. how (4, 3):
+    match (4, 3): pose, remapped in place; information of the scan about it, in its place left what
+    the map takes in of the match's noise, K R K^T. how (4, 3):
     unobservable direction and the share observed along it; dt, shares to learn accelerations and
     readings by; variances of the match that no scan removes; those beside P in its prior. before
     (3,): the last scan's pose.
@@ -254,7 +250,7 @@ def update(
         decouple(z, P, direction, share)
         remap(z, P, pose, seen, direction, share, beside)
     off, step, change, state = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    variance, covariance, noise = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    variance, covariance = np.empty(3), np.empty((3, 3))
     for i in range(3):
         change[i], variance[i] = z[TWIST + i], P[TWIST + i, TWIST + i]
     offset_from(z, pose, off)
@@ -264,10 +260,10 @@ def update(
         scale_rows(P, POSE, SCALE, math.sqrt(widen))
     information = inverse3(inverse3(seen + WEAKEST * np.eye(3)) + np.diag(floor))
     covariance[:, :] = inverse3(information + inverse3(P[:3, :3]))
-    both_sides(covariance, information, noise)
-    noise *= TAKEN_IN
+    both_sides(covariance, information, seen)
+    seen *= TAKEN_IN
     toward_stamp(z, P, pose, floor, state)
-    condition(z, P, state, covariance, noise)
+    condition(z, P, state, covariance)
     for i in range(3):
         change[i] = z[TWIST + i] - change[i]
     learn_density(change, variance, P, how[1, 1], usual, learned[0])
