@@ -198,6 +198,7 @@ def test_a_map_that_drifts_with_its_matches_says_little_of_the_bias_of_a_gyro():
     motion = MotionFilter(FrontendParams())
     for k in range(51):
         motion.predict(scan(0.1 * k, yaw=0.0))
+        assert not motion._entered.any()  # once for each match
         motion.update(Pose2(0.0, 0.0, 0.0), np.diag((1e6, 1e6, 0.25e6)), ALL)
     assert 4e-4 < math.sqrt(motion._P[kernels.BIAS, kernels.BIAS]) < 1e-3  # rad/s
 

@@ -302,6 +302,5 @@ def test_after_a_reset_a_search_begins_anew(room):
 
 
 def test_the_same_input_gives_the_same_output(room):
-    drive = driving(60, HERE, Pose2(0.02, 0.0, 0.03))
-    first, second = (run(drive, Map(room)) for _ in range(2))
+    first, second = (run(driving(60, HERE, Pose2(0.02, 0.0, 0.03)), Map(room)) for _ in range(2))
     assert first[:2] == second[:2] and first[0] is not None
