@@ -154,6 +154,7 @@ def test_slams_and_bench_know_no_algorithm():
         ("numba", {"slams/jit.py"}),
         ("rosbags", {"slams/formats", "slams/ros"}),  # files; definitions of messages
         ("cyclonedds", {"slams/live"}),
+        ("scipy", {"slams/loops/graph.py", "tsd/original", "bench"}),  # slow to import
     ],
 )
 def test_a_library_is_imported_in_its_places_alone(library, places):

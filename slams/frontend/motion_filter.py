@@ -80,7 +80,7 @@ class MotionFilter:
         self._before = np.zeros(3)
         self._dt = 0.0
         self._match, self._how = np.zeros((4, 3)), np.zeros((4, 3))
-        self._entered = np.zeros((3, 3))  # noise of the last match, which its scan took to the map
+        self._entered = np.zeros((3, 3))  # of the last match: its noise that the map took in
         self._floor = MAP_ERROR**2
 
     @property

@@ -37,7 +37,7 @@ WEAKEST = 1e-2  # 1/m^2, 1/rad^2: information added where a match has none
 LATENCY = 0.5  # s that a recorder keeps a scan back
 SHARPEST = 10.0  # NIS of one match that counts at most, in what is learned
 SLOWEST = 0.1  # least share of a twist's variance that a match has to remove, to be learned from
-TAKEN_IN = 0.5  # of a match's noise: what a scan adds to the map others have seen, too
+TAKEN_IN = 0.5  # share of a match's noise that enters the map; earlier scans average the rest
 SPREAD = 20.0  # times the usual acceleration density, at most and at least
 
 
@@ -238,11 +238,10 @@ def update(
 ) -> None:
     """Condition the state on a match: limit its information, fuse, regress, learn. ours.
 
-    match (4, 3): pose, remapped in place; information of the scan about it, in its place left what
-    the map takes in of the match's noise, K R K^T. how (4, 3):
-    unobservable direction and the share observed along it; dt, shares to learn accelerations and
-    readings by; variances of the match that no scan removes; those beside P in its prior. before
-    (3,): the last scan's pose.
+    match (4, 3): pose, remapped in place; information of the scan about it, in whose place the part
+    of the match's noise K R K^T is left that enters the map. how (4, 3): unobservable direction and
+    the share observed along it; dt, shares to learn accelerations and readings by; variances of the
+    match that no scan removes; those beside P in its prior. before (3,): the last scan's pose.
     """
     pose, seen, direction, share = match[0], match[1:], how[0, :2], how[0, 2]
     dt, floor, beside = how[1, 0], how[2], how[3]

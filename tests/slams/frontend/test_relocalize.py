@@ -16,6 +16,7 @@ from slams.test_world import odd_scans
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 from tests.floors import ALIKE, LIDAR, grid_of, noisy
 from tests.rooms import ROOM, box, calls, laser, scan_at
+from tests.slams.test_state import copied
 
 HERE, GUESS = Pose2(1.5, -2.0, 2.0), Pose2(-2.5, 1.0, -0.5)
 
@@ -301,6 +302,11 @@ def test_after_a_reset_a_search_begins_anew(room):
     assert len(draw.boxes) == 3
 
 
-def test_the_same_input_gives_the_same_output(room):
-    first, second = (run(driving(60, HERE, Pose2(0.02, 0.0, 0.03)), Map(room)) for _ in range(2))
+def test_the_same_input_gives_the_same_output_also_from_a_saved_state(room):
+    drive, begun = driving(60, HERE, Pose2(0.02, 0.0, 0.03)), Relocalizer()
+    first, second = (run(drive, Map(room)) for _ in range(2))
     assert first[:2] == second[:2] and first[0] is not None
+    assert run(drive[:9], Map(room), relocalizer=begun)[0] is None
+    guess = GUESS @ drive[0][0].between(drive[9][0])
+    found, k, _ = run(drive[9:], Map(room), guess, relocalizer=copied(begun))
+    assert found == pytest.approx(first[0]) and k + 9 == first[1]
