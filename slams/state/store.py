@@ -12,7 +12,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -175,8 +174,7 @@ def resume(path: str | Path, entry: Entry, params: Params) -> State:
     state = read_state(path, entry.label)
     saved: Params = getattr(state.slam, "params", params)
     if params not in (entry.params(), saved):
-        names = [field.name for field in fields(saved)]
-        name = next(n for n in names if getattr(saved, n) != getattr(params, n))
+        name = next(n for n, value in saved.as_dict().items() if value != getattr(params, n))
         raise ValueError(
             f"{path}: saved with {name} {getattr(saved, name)}, got {getattr(params, name)}; "
             "a state goes on with its own parameters, leave them away"

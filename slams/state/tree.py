@@ -66,7 +66,10 @@ class Writer:
             return ["same", self._names[id(thing)][0]]
         self._names[id(thing)] = name, thing
         if isinstance(thing, np.ndarray):
-            return self._array(thing, name)
+            if type(thing) is not np.ndarray or thing.dtype.kind not in f"{NUMBERS}V":
+                raise TypeError(f"{name} is an array of {thing.dtype}; expected numbers")
+            self.arrays[name] = thing
+            return ["array", name, thing.flags.writeable]
         if isinstance(thing, np.generic) and thing.dtype.kind in NUMBERS:
             return ["number", thing.dtype.str, thing.tobytes().hex()]
         if isinstance(thing, np.random.Generator):
@@ -82,12 +85,6 @@ class Writer:
 
     def _nodes(self, things: Any, name: str) -> list[Any]:
         return [self.node(thing, f"{name}[{i}]") for i, thing in enumerate(things)]
-
-    def _array(self, array: NDArray[Any], name: str) -> Any:
-        if type(array) is not np.ndarray or array.dtype.kind not in f"{NUMBERS}V":
-            raise TypeError(f"{name} is an array of {array.dtype}; expected numbers")
-        self.arrays[name] = array
-        return ["array", name, array.flags.writeable]
 
     def _check_class(self, kind: type[Any], name: str) -> None:
         builtin = [base for base in kind.__mro__[:-1] if base.__module__ == "builtins"]
