@@ -102,7 +102,6 @@ class LiveSlam:
         self._slam: Slam = given or (saved.slam if saved else entry.cls(self.params))
         self.last: Estimate | None = None
         self._scan: Scan | None = None
-        self._laser: Laser | None = None  # of the last message
         self._matched_at, self._late = -math.inf, 0
         self._counts = dict.fromkeys(COUNTS, 0)
 
@@ -138,18 +137,15 @@ class LiveSlam:
             self._mount,
             between if 0.0 < between * ranges.size <= LONGEST_SWEEP else 0.0,
         )
-        with self._lock:
-            scan = Scan(
-                seconds(message.header.stamp),
-                ranges,
-                self._laser if laser == self._laser else laser,
-                None if odometry is None else Pose2(*map(float, odometry)),
-                None if yaw is None else float(yaw),
-                None if attitude is None else Attitude(*map(float, attitude)),
-            )
-            estimate = self.push_scan(scan)
-            self._laser = scan.laser
-        return estimate
+        scan = Scan(
+            seconds(message.header.stamp),
+            ranges,
+            laser,
+            None if odometry is None else Pose2(*map(float, odometry)),
+            None if yaw is None else float(yaw),
+            None if attitude is None else Attitude(*map(float, attitude)),
+        )
+        return self.push_scan(scan)
 
     def push_scan(self, scan: Scan) -> Estimate:
         """Take one `Scan`; its ranges are cleaned as those of a log.
@@ -226,15 +222,17 @@ class LiveSlam:
     def _checked(self, scan: Scan) -> Scan:
         """The scan without odometry or heading that no robot can have, or that began anew.
 
+        A laser that is equal to that of the last scan is the same object.
         The first scan after a state has no heading, and odometry only if it comes soon: a robot
         that was switched off has begun to count anew.
         """
-        odometry, yaw = scan.odometry, scan.yaw
-        if self._scan is None and self._saved_at is not None:
+        last, odometry, yaw = self._scan, scan.odometry, scan.yaw
+        if last is None and self._saved_at is not None:
             goes_on = 0.0 < scan.t - self._saved_at <= MAX_RESUME_GAP
             odometry, yaw = odometry if goes_on else None, None
         return replace(
             scan,
+            laser=last.laser if last is not None and last.laser == scan.laser else scan.laser,
             odometry=None if odometry is None or not can_be(*odometry) else odometry,
             yaw=None if yaw is None or not can_be(yaw) else yaw,
         )
