@@ -17,7 +17,7 @@ import numpy as np
 
 from slams.laser_table import rep117
 from slams.live.estimate import LATE_IN_A_ROW, LOST, MATCHED, STATES, Estimate
-from slams.live.given_map import InGivenMap
+from slams.live.given_map import Seeker
 from slams.live.warm_up import warm_up as warm_up_kernels
 from slams.registry import find
 from slams.ros.messages import seconds
@@ -92,14 +92,14 @@ class LiveSlam:
         if map is None and map_start is not None:
             raise ValueError("map_start: got a place without a map; expected map, too")
         start = map_start
-        given = None if map is None else InGivenMap(entry, self.params, map, start, self.notes)
-        self.given = None if given is None else given.map()
+        seeker = None if map is None else Seeker(entry, self.params, map, start, self.notes)
+        self.given = None if seeker is None else seeker.map()
         saved = None if state is None else resume(state, entry, self.params)
         self._saved_at = None if saved is None else saved.beside.get("t")
         self.params = getattr(saved and saved.slam, "params", self.params)
         if warm_up:
             warm_up_kernels(entry.cls, self.params)
-        self._slam: Slam = given or (saved.slam if saved else entry.cls(self.params))
+        self._slam: Slam = seeker or (saved.slam if saved else entry.cls(self.params))
         self.last: Estimate | None = None
         self._scan: Scan | None = None
         self._matched_at, self._late = -math.inf, 0
@@ -165,7 +165,10 @@ class LiveSlam:
                 return again
             self._counts["scans"] += 1
             self._scan = scan
-            self.last = self._estimate(scan, self._slam.update(scan))
+            pose = self._slam.update(scan)
+            if isinstance(self._slam, Seeker):
+                self._slam = self._slam.localizer or self._slam
+            self.last = self._estimate(scan, pose)
             return self.last
 
     def map(self) -> OccupancyGrid:
@@ -212,7 +215,7 @@ class LiveSlam:
     @property
     def candidates(self) -> str:
         """The likely places while the place in a given map is sought, in words; else nothing."""
-        return str(getattr(self._slam, "candidates", ""))
+        return self._slam.candidates if isinstance(self._slam, Seeker) else ""
 
     def report(self) -> dict[str, Any]:
         """Counts: scans used, late, repeated, clocks set back; then the algorithm's own."""
@@ -266,6 +269,6 @@ class LiveSlam:
             used=True,
             seconds_lost=scan.t - self._matched_at,
             state=state,
-            found=bool(getattr(self._slam, "found", True)),
+            found=not isinstance(self._slam, Seeker),
             explained=float(getattr(self._slam, "explained", math.nan)),
         )

@@ -67,6 +67,11 @@ class Localizer:
         return dict(self.slam.report()) | {"explained": round(share, 4), "unlike": self._poor}
 
     @property
+    def state(self) -> Any:
+        """The algorithm's own."""
+        return getattr(self.slam, "state", None)
+
+    @property
     def quality(self) -> float:
         """The algorithm's own; nan where it has none."""
         return float(getattr(self.slam, "quality", math.nan))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from slams.params import Params
     from slams.registry import Entry
     from slams.scanlog import ScanLog
-    from slams.types import Slam
+    from slams.types import Scan, Slam
 
 ZIP = b"PK"  # how a saved state begins
 
@@ -87,7 +88,7 @@ class Start(NamedTuple):
     note: str
 
 
-def start_at(index: MapIndex, log: ScanLog, pose: Pose2) -> Start:
+def start_at(index: MapIndex, log: Iterable[Scan], pose: Pose2) -> Start:
     """The first scan, at the pose near the given one where it fits best."""
     match = index.match(next(iter(log)), [pose])[0]
     return Start(0, match.pose, f"starts at {match}")
