@@ -222,12 +222,14 @@ class Node:
     def _push(self, scan: Arrived) -> None:
         """From a scan to its pose, out on the network."""
         laser, t = self.scans.laser(scan), scan.sweep.t
-        if laser is None:
-            return
         odometry, yaw, attitude = self.buffer.at(t, scan.at + self.options.wait)
         self.drive.no_odometry += odometry is None and self.buffer.has_odometry
         used = None if self.options.odometry == "none" else odometry
-        estimate = self.live.push_scan(Scan(t, scan.sweep.ranges, laser, used, yaw, attitude))
+        try:
+            estimate = self.live.push_scan(Scan(t, scan.sweep.ranges, laser, used, yaw, attitude))
+        except ValueError as error:
+            self.scans.leave_out(error)
+            return
         if not estimate.used:
             return
         self.drive.estimate = estimate

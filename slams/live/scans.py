@@ -11,7 +11,6 @@ from slams.formats.frames import bare
 from slams.formats.sweep import Mounted, Sweep, common, same_directions, usable
 from slams.ros.messages import READ, SCAN, Record, seconds, store
 from slams.types import Laser
-from slams.validation import check_laser
 
 MAX_SILENCE = 2.0  # [s] without a scan of a laser; then no other laser's scan waits for one
 COUNTS = ("came", "dropped", "unreadable", "other_frame", "unplaced")
@@ -53,7 +52,8 @@ class Scans:
         self.wait = wait if len(topics) > 1 else 0.0
         self._waiting: list[Arrived] = []
         self._last: dict[str, Arrived] = {}
-        self._lasers: dict[str, MountedLaser] = {}
+        self._places: dict[str, Mounted] = {}
+        self._lasers: dict[str, tuple[list[Sweep], Laser]] = {}  # with their first two sweeps
         self.notes: list[str] = []  # what is assumed of the lasers, and which scans are left out
         self._changed = threading.Condition()
 
@@ -67,7 +67,7 @@ class Scans:
         try:
             scan = _arrived(record)
         except ValueError as error:
-            self._leave_out(error)
+            self.leave_out(error)
             return
         with self._changed:
             last = self._last.get(scan.topic, scan)
@@ -90,28 +90,31 @@ class Scans:
 
     def is_placed(self, topic: str) -> bool:
         """Whether it is known where the laser of a topic sits that has sent a scan."""
-        if topic not in self._lasers:
-            mounted = self._mounted(self._last[topic].frame)
-            if mounted is not None:
-                self._lasers[topic] = MountedLaser(mounted, self.notes)
-        return topic in self._lasers
+        if topic not in self._places:
+            place = self._mounted(self._last[topic].frame)
+            if place is not None:
+                self._places[topic] = place
+        return topic in self._places
 
     def take(self, timeout: float) -> Arrived | None:
         """The next scan of a laser whose place is known; None if no scan's turn comes in time."""
         with self._changed:
             return self._changed.wait_for(self._next, timeout)
 
-    def laser(self, scan: Arrived) -> Laser | None:
-        """The laser of a scan; None, noted, where no laser has such a geometry."""
-        try:
-            laser = self._lasers[scan.topic].of(scan.sweep)
-            check_laser(laser)
-            return laser
-        except ValueError as error:
-            self._leave_out(error)
-            return None
+    def laser(self, scan: Arrived) -> Laser:
+        """The laser of a scan, the same object as long as the beams stay where they are."""
+        sweeps, laser = self._lasers.get(scan.topic, ([], None))
+        if sweeps and not same_directions(scan.sweep.geometry, sweeps[0].geometry):
+            sweeps = []
+        if laser is None or len(sweeps) < 2:  # with a second one the time between two is known
+            sweeps = [*sweeps, scan.sweep]
+            now = common(sweeps, self._places[scan.topic], self.notes).laser
+            laser = laser if now == laser else now
+        self._lasers[scan.topic] = sweeps, laser
+        return laser
 
-    def _leave_out(self, error: ValueError) -> None:
+    def leave_out(self, error: ValueError) -> None:
+        """Count and note a message that is no scan."""
         self.counts["unreadable"] += 1
         note = f"{error}; such scans are left out"
         if note not in self.notes:
@@ -151,24 +154,3 @@ def _arrived(record: Record) -> Arrived:
     sweep = Sweep(seconds(stamp), ranges, geometry)
     ns = stamp.sec * 10**9 + stamp.nanosec
     return Arrived(record.topic, bare(frame), ns, sweep, time.monotonic())
-
-
-class MountedLaser:
-    """Gives every sweep its laser, the same object as long as the beams stay where they are."""
-
-    def __init__(self, mounted: Mounted, notes: list[str]) -> None:
-        self._mounted, self._notes = mounted, notes
-        self._laser: Laser | None = None
-        self._sweeps: list[Sweep] = []  # of one geometry: the first one, and the second
-
-    def of(self, sweep: Sweep) -> Laser:
-        """The laser of a sweep."""
-        if not self._sweeps or not same_directions(sweep.geometry, self._sweeps[0].geometry):
-            self._sweeps = []
-        if len(self._sweeps) < 2:  # with a second scan the time between two is known
-            self._sweeps.append(sweep)
-            laser = common(self._sweeps, self._mounted, self._notes).laser
-            if laser != self._laser:
-                self._laser = laser
-        assert self._laser is not None
-        return self._laser
