@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
 SETTLING_TIME = 0.5  # [s] after the first scan, in which odometry and tf may begin
 MAX_WAIT_FOR_TF = 2.0  # [s] after the first scan; without any tf the laser is the base then
-POLL_PERIOD = 0.02  # [s] between looks at what tf has
-END_PERIOD = 0.1  # [s] between looks at whether to end
+POLL_PERIOD = 0.02  # [s] between looks at what tf has, and at whether to end
 CHECK_PERIOD = 1.0  # [s] between diagnostics
 MAX_WAITING = 20  # scans, when the algorithm is slower than the laser
 MAX_EARLY_SCANS = 1000  # that wait until the frames are known
@@ -100,7 +99,7 @@ class Node:
         self._say(f"ready for scans on {', '.join(self._topics)}")
         said_at = time.monotonic()
         while not ending.is_set():
-            first = self.scans.first(END_PERIOD)
+            first = self.scans.first()
             if first is not None and self._is_placed(first):
                 self._ready_at = time.monotonic()
                 return

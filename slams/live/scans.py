@@ -13,7 +13,7 @@ from slams.ros.messages import READ, SCAN, Record, seconds, store
 from slams.types import Laser
 
 MAX_SILENCE = 2.0  # [s] without a scan of a laser; then no other laser's scan waits for one
-COUNTS = ("came", "dropped", "unreadable", "other_frame", "unplaced")
+COUNTS = ("dropped", "unreadable", "other_frame", "unplaced")
 
 
 class Arrived(NamedTuple):
@@ -49,7 +49,7 @@ class Scans:
         self.size, self.counts = size, dict.fromkeys(COUNTS, 0)
         self.came_at: dict[str, float] = {}  # [s] the last message, by topics as all of these
         self._topics, self._mounted = tuple(topics), mounted
-        self.wait = wait if len(topics) > 1 else 0.0
+        self.wait = wait
         self._waiting: list[Arrived] = []
         self._last: dict[str, Arrived] = {}
         self._places: dict[str, Mounted] = {}
@@ -62,7 +62,6 @@ class Scans:
 
     def put(self, record: Record) -> None:
         """Take a message; never waits."""
-        self.counts["came"] += 1
         self.came_at[record.topic] = time.monotonic()
         try:
             scan = _arrived(record)
@@ -83,10 +82,10 @@ class Scans:
                 self.counts["dropped"] += 1
             self._changed.notify()
 
-    def first(self, timeout: float) -> Arrived | None:
-        """The first scan, which stays; None if none comes in time [s]."""
+    def first(self) -> Arrived | None:
+        """The first scan, which stays; None if none came yet."""
         with self._changed:
-            return next(iter(self._changed.wait_for(lambda: self._waiting, timeout)), None)
+            return self._waiting[0] if self._waiting else None
 
     def is_placed(self, topic: str) -> bool:
         """Whether it is known where the laser of a topic sits that has sent a scan."""

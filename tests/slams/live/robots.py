@@ -125,7 +125,7 @@ class Stand:
     def __init__(
         self, monkeypatch, algorithm="odometry", file=None, bus=None, begin=None, **options
     ):
-        for time in ("SETTLING_TIME", "MAX_WAIT_FOR_TF", "END_PERIOD", "POLL_PERIOD"):
+        for time in ("SETTLING_TIME", "MAX_WAIT_FOR_TF", "POLL_PERIOD"):
             monkeypatch.setattr(node, time, 0.0)
         self.bus, self.said, self.make = bus or Bus(), [], Maker()
         usual = {"map_every": 0.0, "wait": 0.0}
