@@ -16,12 +16,12 @@ from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
 from slams.live.estimate import Estimate
 from slams.live.options import TOPICS, TYPES, Callback, NodeOptions
-from slams.live.publisher import MapThread, NodePublisher
+from slams.live.publisher import NodePublisher
 from slams.live.recorder import Recorder
 from slams.live.scans import Arrived, Scans
 from slams.live.slam import LiveSlam
 from slams.ros.messages import SCAN, Record, store
-from slams.types import OccupancyGrid, Pose2, Scan
+from slams.types import Pose2, Scan
 
 if TYPE_CHECKING:
     from slams.live.transport import Transport
@@ -81,8 +81,12 @@ class Node:
         self._say = say
         self._diagnostics = Diagnostics(say)
         self._publisher = NodePublisher(transport, options, self._record)
-        every = options.map_every if live.given is None else 0.0
-        self._maps = MapThread(live, self._publish_map, every)
+        self._map_stamp = -1  # [ns] of the last scan in the map
+        self._map_failures: set[str] = set()
+        self._closing = threading.Event()
+        self._maps = threading.Thread(target=self._draw_maps, name="maps", daemon=True)
+        if options.map_every and live.given is None:
+            self._maps.start()
         self._topics = options.scans
         self.scans = Scans(self._topics, self.buffer.mounted, MAX_EARLY_SCANS, options.wait)
         self._ready_at = math.inf
@@ -131,7 +135,9 @@ class Node:
         Raises:
             OSError: some of it could not be recorded; then there is no file.
         """
-        self._maps.close()
+        self._closing.set()
+        if self._maps.is_alive():
+            self._maps.join()
         self.transport.close()
         if self.recorder is not None:
             self.recorder.close(keep=bool(self.drive.t))
@@ -157,7 +163,7 @@ class Node:
         if self.live.candidates:
             place = f"the place in the map is not sure ({self.live.candidates})"
             diagnostics.count("sought", self.drive.sought, f"scans so far, and {place}; drive on")
-        for note in (*self._maps.failures, *self.live.notes, *self.buffer.notes, *self.scans.notes):
+        for note in (*self._map_failures, *self.live.notes, *self.buffer.notes, *self.scans.notes):
             diagnostics.note(note)
 
     # network
@@ -175,9 +181,21 @@ class Node:
         if self.recorder is not None:
             self.recorder.put(topic, received, data)
 
-    def _publish_map(self, stamp: int, grid: OccupancyGrid) -> None:
+    def _draw_maps(self) -> None:
+        """Publish a map every so often if there was a scan since, and once more at the end."""
+        ended, published = False, self._map_stamp
+        while not ended:
+            ended, stamp = self._closing.wait(self.options.map_every), self._map_stamp
+            if stamp != published:
+                try:
+                    self._publish_map(stamp)
+                except Exception as error:  # is reported: scans go on
+                    self._map_failures.add(f"the map is not published: {error}")
+                published = stamp
+
+    def _publish_map(self, stamp: int) -> None:
         """Publish the map, and of an algorithm that closes loops the path so far."""
-        self._publisher.publish_map(stamp, grid)
+        self._publisher.publish_map(stamp, self.live.map())
         poses = self.live.corrected()
         if poses is not None:
             t = self.drive.t[: len(poses)]  # a push may be under way
@@ -239,7 +257,7 @@ class Node:
                 self.drive.delays.append(time.monotonic() - scan.at)
             self.drive.t.append(t)
             self.drive.poses.append(estimate.pose)
-            self._maps.stamp = scan.stamp
+            self._map_stamp = scan.stamp
         else:
             self.drive.sought += 1
         counts = {"scans": len(self.drive.t), "dropped": self.scans.counts["dropped"]}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,6 @@ import numpy as np
 from slams import metrics
 from slams.live.estimate import STATES, Estimate
 from slams.live.options import TOPICS, NodeOptions
-from slams.live.slam import LiveSlam
 from slams.ros.maker import Maker
 from slams.ros.messages import store
 from slams.types import Floats, OccupancyGrid, Pose2
@@ -95,45 +93,3 @@ class NodePublisher:
 def _share(value: float) -> str:
     """0..1 as text; nothing where it is not known."""
     return "" if math.isnan(value) else f"{value:.3f}"
-
-
-class MapThread(threading.Thread):
-    """Draws a map every so often, in a thread of its own, if there was a scan since.
-
-    Args:
-        live: whose map.
-        publish: takes stamp [ns] and map.
-        every: time between two maps [s]; 0 for none.
-
-    `stamp` [ns] is that of the last scan in the map, -1 before the first. `failures` are sentences
-    about maps that could not be drawn or published.
-    """
-
-    def __init__(
-        self, live: LiveSlam, publish: Callable[[int, OccupancyGrid], None], every: float
-    ) -> None:
-        super().__init__(name="maps", daemon=True)
-        self._live, self._publish, self._every = live, publish, every
-        self.stamp = self._published = -1
-        self.failures: set[str] = set()
-        self._ending = threading.Event()
-        if every:
-            self.start()
-
-    def close(self) -> None:
-        """Publish the last map and end."""
-        self._ending.set()
-        if self.is_alive():
-            self.join()
-
-    def run(self) -> None:
-        """Draw until the end, and once more then."""
-        ended = False
-        while not ended:
-            ended, stamp = self._ending.wait(self._every), self.stamp
-            if stamp != self._published:
-                try:
-                    self._publish(stamp, self._live.map())
-                except Exception as error:  # the node reports it: scans go on
-                    self.failures.add(f"the map is not published: {error}")
-                self._published = stamp

@@ -5,51 +5,50 @@ import threading
 import numpy as np
 import pytest
 
-from slams import LiveSlam, metrics
+from slams import metrics
 from slams.live.__main__ import write_results
-from slams.live.publisher import MapThread
-from slams.ros.messages import seconds
+from slams.ros.messages import MAP, seconds
 from slams.types import Pose2
 from tests.rooms import drive, driven
 from tests.slams.live.commands import PATIENCE
-from tests.slams.live.robots import Stand, close, planar
+from tests.slams.live.robots import Stand, close, mounted, planar
 from tests.slams.loops.test_looped import around
 
 
-def test_a_map_is_published_at_its_pace_and_at_the_end_if_there_was_a_scan_since():
-    published, seen = [], threading.Semaphore(0)
+def test_a_map_is_published_at_its_pace_and_at_the_end_if_there_was_a_scan_since(monkeypatch):
+    def stamps(stand):
+        return [message.header.stamp.sec for message in stand.bus.sent("/map")]
 
-    def publish(stamp, grid):
-        published.append(stamp)
-        seen.release()
-
-    maps = MapThread(LiveSlam("odometry", warm_up=False), publish, every=0.01)
-    for stamp in (5, 6):
-        maps.stamp = stamp
+    stand, seen = mounted(monkeypatch, map_every=0.01), threading.Semaphore(0)
+    stand.bus.callbacks["/map"] = [(MAP, lambda record: seen.release())]
+    for t in (5.0, 6.0):
+        stand.scan(t)
+        stand.start_and_drive()
         assert seen.acquire(timeout=PATIENCE)
     assert not seen.acquire(timeout=0.1)
-    maps.close()
-    maps = MapThread(LiveSlam("odometry", warm_up=False), publish, every=3600.0)
-    maps.stamp = 7
-    maps.close()
-    assert published == [5, 6, 7]
+    stand.node.close()
+    assert stamps(stand) == [5, 6]
+    stand = mounted(monkeypatch, map_every=3600.0)
+    stand.scan(7.0)
+    stand.start_and_drive()
+    stand.node.close()
+    assert stamps(stand) == [7]
 
 
-def test_a_map_that_cannot_be_published_is_kept_for_the_node_to_report():
+@pytest.mark.parametrize(("every", "said"), [(3600.0, 1), (0.0, 0)])
+def test_a_map_that_cannot_be_published_is_reported_and_none_is_drawn_unasked(
+    every, said, monkeypatch
+):
     def refuse(stamp, grid):
         raise OSError("no network")
 
-    maps = MapThread(LiveSlam("odometry", warm_up=False), refuse, every=3600.0)
-    maps.stamp = 1
-    maps.close()
-    assert maps.failures == {"the map is not published: no network"}
-
-
-def test_no_maps_when_none_are_wanted():
-    maps = MapThread(LiveSlam("odometry", warm_up=False), lambda *_: 1 / 0, every=0.0)
-    maps.stamp = 1
-    maps.close()
-    assert not maps.failures
+    stand = mounted(monkeypatch, map_every=every)
+    stand.node._publisher.publish_map = refuse
+    stand.scan(1.0)
+    stand.start_and_drive()
+    stand.node.close()
+    stand.look()
+    assert stand.said.count("the map is not published: no network") == said
 
 
 @pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
