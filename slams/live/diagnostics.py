@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from slams import cli
+
 if TYPE_CHECKING:
     from slams.live.node import Node
 
@@ -85,16 +87,15 @@ class Terminal:
 
     def say(self, sentence: str) -> None:
         """Show a sentence."""
-        if not self._quiet:
-            clear = CLEAR if self._line else ""
-            sys.stderr.write(f"{clear}{self._program}: note: {sentence}\n")
-            sys.stderr.flush()
+        if self._line:
+            sys.stderr.write(CLEAR)
+        cli.show_notes(self._program, [sentence], self._quiet)
 
     def show_status(self, node: Node) -> None:
         """Show how many scans came, and where the robot is."""
         if not self._line:
             return
-        text, estimate = "waiting for scans", node.drive.estimate
+        text, estimate = "waiting for scans", node.live.last
         if estimate is not None:
             x, y, theta = estimate.pose
             explained = "" if math.isnan(estimate.explained) else f", map {estimate.explained:.0%}"

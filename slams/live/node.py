@@ -14,7 +14,6 @@ import numpy as np
 from slams.formats.topics import some
 from slams.live.buffer import SensorBuffer
 from slams.live.diagnostics import PERIOD, Diagnostics, Say
-from slams.live.estimate import Estimate
 from slams.live.options import TOPICS, TYPES, Callback, NodeOptions
 from slams.live.publisher import NodePublisher
 from slams.live.recorder import Recorder
@@ -45,7 +44,6 @@ class Drive:
     t: list[float] = field(default_factory=list)
     poses: list[Pose2] = field(default_factory=list)
     delays: list[float] = field(default_factory=list)
-    estimate: Estimate | None = None
     no_odometry: int = 0
     sought: int = 0
 
@@ -249,7 +247,6 @@ class Node:
             return
         if not estimate.used:
             return
-        self.drive.estimate = estimate
         if estimate.found:
             edge = self._edge(estimate.pose, odometry)
             self._publisher.publish_pose(scan.stamp, estimate, edge)

@@ -161,8 +161,8 @@ def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path
         and "most likely: " in sentence
         and "with probability 0." in sentence
     )
-    assert not stand.node.drive.estimate.found
-    assert np.isinf(stand.node.drive.estimate.covariance[0, 0])
+    assert not stand.live.last.found
+    assert np.isinf(stand.live.last.covariance[0, 0])
 
 
 def test_a_start_is_taken(folder):

@@ -71,11 +71,11 @@ def test_what_is_counted_is_reported_again_after_a_while(name, stand):
 @pytest.fixture
 def node():
     estimate = Estimate(1.0, Pose2(1.25, -0.5, np.pi / 2), None, np.eye(3), 0.9, True, 0.0)
-    drive = Drive(t=[0.0] * 40, delays=[0.0021], estimate=estimate)
+    drive, live = Drive(t=[0.0] * 40, delays=[0.0021]), SimpleNamespace(last=estimate)
     scans = Scans(["/scan"], lambda frame: None, 2, 0.0)
     for k in range(5):
         scans.put(scan_record(0.1 * k))
-    return SimpleNamespace(drive=drive, scans=scans)
+    return SimpleNamespace(drive=drive, scans=scans, live=live)
 
 
 def test_a_line_a_second_on_a_terminal(node, stand, monkeypatch, capsys):
@@ -87,7 +87,7 @@ def test_a_line_a_second_on_a_terminal(node, stand, monkeypatch, capsys):
     text = capsys.readouterr().err
     assert "40 scans, 3 left out; x 1.25 y -0.50 m, 90 deg; matched 0.90" in text
     assert text.endswith("\x1b[Kslams.live: note: something\n")
-    node.drive.estimate = None
+    node.live.last = None
     terminal.show_status(node)
     assert capsys.readouterr().err.endswith("waiting for scans")
 

@@ -57,9 +57,7 @@ def test_the_transform_joins_map_and_odometry_and_the_pose_is_the_algorithms(mon
         assert close(planar(at.position, at.orientation), pose)
         assert said.header.frame_id == "map"
     covariance = posed[-1].pose.covariance.reshape(6, 6)
-    assert np.array_equal(
-        covariance[np.ix_([0, 1, 5], [0, 1, 5])], stand.node.drive.estimate.covariance
-    )
+    assert np.array_equal(covariance[np.ix_([0, 1, 5], [0, 1, 5])], stand.live.last.covariance)
     assert not covariance[2:5].any()
     state = stand.bus.sent("/slam/state")[-1].status[0]
     assert (state.level, state.name, state.message) == (0, "slams", "matched")
@@ -150,7 +148,7 @@ def test_odometry_that_comes_after_its_scan_is_waited_for(stand, monkeypatch):
     monkeypatch.setattr(stand.node.buffer._changed, "wait_for", wait_for)
     stand.drive()
     assert stand.node.report()["no_odometry"] == 0
-    assert stand.node.drive.estimate.map_to_odom is not None
+    assert stand.live.last.map_to_odom is not None
 
 
 def test_a_scan_goes_without_odometry_that_does_not_come(stand):

@@ -36,7 +36,7 @@ def test_a_clock_that_is_set_back_is_followed_with_its_odometry(stand):
     report = node.report()
     assert (report["clock_set_back"], report["late"]) == (1, LATE_IN_A_ROW + 1)
     assert node.drive.t[5:] == pytest.approx(stamps[5 + LATE_IN_A_ROW :])
-    assert node.drive.estimate.map_to_odom is not None
+    assert node.live.last.map_to_odom is not None
     x = np.array(node.drive.poses)[:, 0]
     assert np.diff(x[5:])[1:] == pytest.approx(0.01)
 
