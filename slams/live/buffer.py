@@ -75,14 +75,15 @@ class SensorBuffer:
     def mounted(self, laser: str) -> Mounted | None:
         """Where a laser sits, or None while that is open; with the first one odometry is chosen."""
         with self._changed:
-            moving = None if self._settled else self._frame_of_odometry(laser)
+            source, moving, series = self._odometry_for(laser)
             base = self.base or self.tree.base_of(laser, moving)
             matrix = self.tree.fixed(base, laser)
             if base is None or matrix is None:
                 return None
             self.base = base
             if not self._settled:
-                self._choose(moving)
+                self.source, self._odometry = source, series
+                self._settle(moving)
             return Mounted(IDENTITY) if base == laser else planar(matrix, "the laser", self.notes)
 
     def at(
@@ -123,13 +124,15 @@ class SensorBuffer:
                 for row, attitude in zip(rows, attitudes_of(rows).tolist(), strict=True):
                     tilts.push(row[0], *attitude)
 
-    def _frame_of_odometry(self, laser: str) -> str | None:
-        """The frame that the odometry is of: tf's, where the laser sits on it, else the topic's."""
+    def _odometry_for(self, laser: str) -> tuple[str | None, str | None, PoseSeries | None]:
+        """Odometry's source, frame and poses: tf's where the laser sits on it, else the topic's."""
         if self._wanted != "topic":
-            carrying = [child for child in self._moving if self._carries(child, laser)]
-            if carrying:
-                return carrying[0]
-        return self._child if self._wanted in ("auto", "topic") else None
+            for child, series in self._moving.items():
+                if self._carries(child, laser):
+                    return "tf", child, series
+        if self._wanted in ("auto", "topic"):
+            return "topic", self._child, self._of_topic
+        return None, None, None
 
     def _carries(self, frame: str, laser: str) -> bool:
         """Whether the laser is fixed to a frame, or tilts with a base above it."""
@@ -138,12 +141,8 @@ class SensorBuffer:
         edge = self.tree.leveled(self.tree.ancestors(laser)[-1])
         return edge is not None and frame in self.tree.ancestors(edge[0])
 
-    def _choose(self, moving: str | None) -> None:
-        """Settle on one odometry and attitude, as another one later would be a jump."""
-        if self._wanted != "topic" and moving in self._moving:
-            self.source, self._odometry = "tf", self._moving[moving]
-        elif self._wanted in ("auto", "topic"):
-            self.source, self._odometry = "topic", self._of_topic
+    def _settle(self, moving: str | None) -> None:
+        """Stay with one odometry and attitude, as another one later would be a jump."""
         matrix = self.tree.fixed(moving, self.base)
         if matrix is not None and moving != self.base:
             self._to_base = planar(matrix, "the base", self.notes).mount

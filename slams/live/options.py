@@ -18,11 +18,11 @@ Callback = Callable[[Record], None]
 
 
 class Quality(Enum):
-    """How a topic's messages are carried: ROS 2's profiles, as far as they are needed."""
+    """How a topic's messages are carried: ROS 2's profiles, by how many a publisher keeps."""
 
-    SENSOR = "best effort"  # a lost message is not sent again: the next one is newer
-    RELIABLE = "reliable"
-    LATCHED = "transient local"  # a late subscriber gets the last message
+    SENSOR = 5  # best effort: a lost message is not sent again, the next one is newer
+    RELIABLE = 100
+    LATCHED = 1  # transient local: a late subscriber gets the last message
 
 
 TOPICS = {  # what a node's topics carry and how, by their usual names

@@ -91,8 +91,7 @@ class LiveSlam:
         self.notes: list[str] = []
         if map is None and map_start is not None:
             raise ValueError("map_start: got a place without a map; expected map, too")
-        start = map_start
-        seeker = None if map is None else Seeker(entry, self.params, map, start, self.notes)
+        seeker = None if map is None else Seeker(entry, self.params, map, map_start, self.notes)
         self.given = None if seeker is None else seeker.map()
         saved = None if state is None else resume(state, entry, self.params)
         self._saved_at = None if saved is None else saved.beside.get("t")

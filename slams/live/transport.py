@@ -25,7 +25,6 @@ from cyclonedds.util import duration
 from slams.live.options import Callback, Quality
 from slams.ros.messages import Record, store
 
-DEPTH = {Quality.SENSOR: 5, Quality.RELIABLE: 100, Quality.LATCHED: 1}  # as ROS's profiles keep
 MAX_UNREAD = 200  # messages of a topic that wait to be taken
 END_PERIOD = 0.1  # [s] between looks at whether to end
 MAX_BLOCKING = 0.1  # [s] that a writer may wait for slow readers, as in ROS
@@ -75,7 +74,7 @@ class Transport:
 
     def advertise(self, topic: str, msgtype: str, quality: Quality) -> Publisher:
         """Begin to publish a topic."""
-        qos = _qos(quality, DEPTH[quality])
+        qos = _qos(quality, quality.value)
         writer = DataWriter(self._participant, self._topic(topic, msgtype), qos)
         return Publisher(writer, msgtype)
 
