@@ -20,14 +20,13 @@ from slams.live.estimate import LATE_IN_A_ROW, LOST, MATCHED, STATES, Estimate
 from slams.live.given_map import Seeker
 from slams.live.warm_up import warm_up as warm_up_kernels
 from slams.registry import find
-from slams.ros.messages import seconds
+from slams.ros.messages import READ, SCAN, seconds
 from slams.state.store import check_target, resume, save_after
 from slams.types import (
     IDENTITY,
     Attitude,
     Corrected,
     Floats,
-    Laser,
     OccupancyGrid,
     Pose2,
     Scan,
@@ -126,16 +125,10 @@ class LiveSlam:
         """
         if odometry is not None:
             expect(len(odometry) == 3, "odometry", f"{len(odometry)} numbers", "x, y, theta")
-        ranges, between = np.asarray(message.ranges), float(message.time_increment)
-        laser = Laser(
-            float(message.angle_min),
-            float(message.angle_increment),
-            ranges.size,
-            float(message.range_min),
-            float(message.range_max),
-            self._mount,
-            between if 0.0 < between * ranges.size <= LONGEST_SWEEP else 0.0,
-        )
+        _, (ranges, told) = READ[SCAN](message)
+        lasts = told.time_increment * told.n_beams
+        between = told.time_increment if 0.0 < lasts <= LONGEST_SWEEP else 0.0
+        laser = replace(told, mount=self._mount, time_increment=between)
         scan = Scan(
             seconds(message.header.stamp),
             ranges,

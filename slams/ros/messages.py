@@ -68,23 +68,22 @@ def decoder(ros1: bool) -> Callable[[bytes, str], Any]:
 
 def _sweep(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
     """Of several echoes the first of each beam; none means nothing up to range_max."""
-    import numpy as np
-
+    from slams.laser_table import single
     from slams.types import Laser
 
     found = message.ranges
-    if message.__msgtype__ == ECHOES:
+    if getattr(message, "__msgtype__", SCAN) == ECHOES:
         found = [beam.echoes[0] if len(beam.echoes) else math.inf for beam in found]
-    ranges = np.array(found, np.float32)
+    ranges = single(found).copy()
     geometry = Laser(
         float(message.angle_min),
         float(message.angle_increment),
-        len(ranges),
+        ranges.size,
         float(message.range_min),
         float(message.range_max),
         time_increment=float(message.time_increment),
     )
-    return message.header.frame_id, (ranges, geometry)
+    return getattr(message.header, "frame_id", ""), (ranges, geometry)
 
 
 def inertial(message: Any) -> Inertial:
