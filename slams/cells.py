@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import mmap
-import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -58,8 +57,7 @@ def given_pages(low: int, high: int) -> NDArray[np.bool_]:
     """
     first, n = low // PAGE, (high - 1) // PAGE + 1 - low // PAGE
     try:
-        with PAGEMAP.open("rb", buffering=0) as file:
-            words = np.frombuffer(os.pread(file.fileno(), 8 * n, 8 * first), np.uint64)
+        words = np.fromfile(PAGEMAP, np.uint64, n, offset=8 * first)
     except OSError:
         return np.ones(n, np.bool_)
     return (words & GIVEN) != 0 if len(words) == n else np.ones(n, np.bool_)
