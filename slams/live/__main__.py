@@ -71,7 +71,7 @@ def _command(arguments: argparse.Namespace) -> int:
         terminal.end()
         cli.refusing(node.close)
     if not node.drive.t:
-        sought, why = node.drive.sought, "ended before the first scan"
+        sought, why = node.scans.counts["sought"], "ended before the first scan"
         if sought:
             why = f"the place in the map is not sure after {sought} scans ({node.live.candidates})"
         raise RuntimeError(f"{why}; nothing is written")

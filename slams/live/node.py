@@ -38,14 +38,11 @@ class Drive:
     """What was driven: stamps [s], poses, and time from a scan's coming to its pose [s].
 
     The delays are of scans that came since the frames were known; others waited for those.
-    `no_odometry` and `sought` count scans: without odometry in time, before the place was known.
     """
 
     t: list[float] = field(default_factory=list)
     poses: list[Pose2] = field(default_factory=list)
     delays: list[float] = field(default_factory=list)
-    no_odometry: int = 0
-    sought: int = 0
 
     def delay_ms(self) -> dict[str, float]:
         """The delays' median, 99 % and longest [ms]."""
@@ -146,8 +143,6 @@ class Node:
         return self.live.report() | {
             **self.scans.counts,
             "unsent": self._publisher.unsent,
-            "no_odometry": self.drive.no_odometry,
-            "sought": self.drive.sought,
             "unreadable_others": buffer.unreadable,
             "odometry": buffer.source,
             "base_frame": buffer.base,
@@ -160,7 +155,8 @@ class Node:
         diagnostics.check(self.report(), scan_times)
         if self.live.candidates:
             place = f"the place in the map is not sure ({self.live.candidates})"
-            diagnostics.count("sought", self.drive.sought, f"scans so far, and {place}; drive on")
+            sought = self.scans.counts["sought"]
+            diagnostics.count("sought", sought, f"scans so far, and {place}; drive on")
         for note in (*self._map_failures, *self.live.notes, *self.buffer.notes, *self.scans.notes):
             diagnostics.note(note)
 
@@ -238,7 +234,7 @@ class Node:
         """From a scan to its pose, out on the network."""
         laser, t = self.scans.laser(scan), scan.sweep.t
         odometry, yaw, attitude = self.buffer.at(t, scan.at + self.options.wait)
-        self.drive.no_odometry += odometry is None and self.buffer.has_odometry
+        self.scans.counts["no_odometry"] += odometry is None and self.buffer.has_odometry
         used = None if self.options.odometry == "none" else odometry
         try:
             estimate = self.live.push_scan(Scan(t, scan.sweep.ranges, laser, used, yaw, attitude))
@@ -256,7 +252,7 @@ class Node:
             self.drive.poses.append(estimate.pose)
             self._map_stamp = scan.stamp
         else:
-            self.drive.sought += 1
+            self.scans.counts["sought"] += 1
         counts = {"scans": len(self.drive.t), "dropped": self.scans.counts["dropped"]}
         self._publisher.publish_state(scan.stamp, estimate, counts)
 

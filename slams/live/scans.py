@@ -13,7 +13,7 @@ from slams.ros.messages import READ, SCAN, Record, seconds, store
 from slams.types import Laser
 
 MAX_SILENCE = 2.0  # [s] without a scan of a laser; then no other laser's scan waits for one
-COUNTS = ("dropped", "unreadable", "other_frame", "unplaced")
+COUNTS = ("dropped", "unreadable", "other_frame", "unplaced", "no_odometry", "sought")
 
 
 class Arrived(NamedTuple):
@@ -30,7 +30,8 @@ class Scans:
     """Scans that wait, each topic's of one laser; given out by their stamps.
 
     A scan waits until every other laser has sent one that is as new; those of a single laser never
-    do. `counts` says what became of all.
+    do. `counts` says what became of all; the node counts those without odometry in time, and those
+    before the place was known.
 
     Args:
         topics: of the lasers; of scans with one stamp the first topic's goes first.
