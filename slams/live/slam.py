@@ -125,10 +125,10 @@ class LiveSlam:
         """
         if odometry is not None:
             expect(len(odometry) == 3, "odometry", f"{len(odometry)} numbers", "x, y, theta")
-        _, (ranges, told) = READ[SCAN](message)
-        lasts = told.time_increment * told.n_beams
-        between = told.time_increment if 0.0 < lasts <= LONGEST_SWEEP else 0.0
-        laser = replace(told, mount=self._mount, time_increment=between)
+        _, (ranges, geometry) = READ[SCAN](message)
+        lasts = geometry.time_increment * geometry.n_beams
+        between = geometry.time_increment if 0.0 < lasts <= LONGEST_SWEEP else 0.0
+        laser = replace(geometry, mount=self._mount, time_increment=between)
         scan = Scan(
             seconds(message.header.stamp),
             ranges,
