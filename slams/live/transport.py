@@ -14,7 +14,7 @@ from typing import Any
 
 from cyclonedds import core
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
-from cyclonedds.domain import DomainParticipant
+from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import make_idl_struct
 from cyclonedds.idl import types as idl_types
 from cyclonedds.pub import DataWriter
@@ -36,6 +36,7 @@ LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
 </Domain></CycloneDDS>"""
 
 types: Any = idl_types
+_domains: dict[int, Any] = {}  # kept: a process configures a domain once
 
 
 class Transport:
@@ -53,8 +54,8 @@ class Transport:
         if not 0 <= domain <= MAX_DOMAIN:
             raise ValueError(f"domain: got {domain}, expected 0 to {MAX_DOMAIN}")
         try:
-            if localhost:
-                os.environ.setdefault("CYCLONEDDS_URI", LOOPBACK)
+            if localhost and "CYCLONEDDS_URI" not in os.environ and domain not in _domains:
+                _domains[domain] = Domain(domain, LOOPBACK)
             self._participant: Any = DomainParticipant(domain)
         except core.DDSException as error:
             raise ValueError(
