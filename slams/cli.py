@@ -199,6 +199,13 @@ def add_output_options(parser: argparse.ArgumentParser, out: str) -> None:
     )
 
 
+def add_log(parser: argparse.ArgumentParser, number: str = "+") -> None:
+    """Give a command the files of a recorded log, for `slams.load`, and the options of reading."""
+    known = "scan log: npz, ROS bag (all files of a split one) or CARMEN log"
+    parser.add_argument("log", nargs=number, help=known)
+    add_log_options(parser)
+
+
 def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Give a command the options of what to take from a recorded log."""
     group = parser.add_argument_group(

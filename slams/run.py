@@ -33,11 +33,7 @@ def parser() -> argparse.ArgumentParser:
         epilog=f"Writes {', '.join(RESULTS)}.",
     )
     cli.add_algorithm_options(p)
-    p.add_argument(
-        "log",
-        nargs="*",
-        help="scan log: npz, ROS bag (all files of a split one) or CARMEN log",
-    )
+    cli.add_log(p, "*")
     p.add_argument(
         "--out", metavar="DIR", help="folder of the results (default: results/<log>-<algorithm>)"
     )
@@ -48,7 +44,6 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("-q", "--quiet", action="store_true", help="print no progress and no summary")
     add_state_options(p)
-    cli.add_log_options(p)
     return p
 
 
