@@ -60,7 +60,6 @@ def summarize(
     label: str,
     params: Params,
     start_up_s: float,
-    spans: Sequence[Span] = SPANS,
 ) -> dict[str, Any]:
     """Everything about one run.
 
@@ -70,7 +69,6 @@ def summarize(
         label: the algorithm as the user named it.
         params: its parameters.
         start_up_s: CPU seconds of loading and compiling before the run.
-        spans: over what relative errors are taken.
     """
     duration = float(run.t.max() - run.t.min())
     spent, attitudes = cost(run.seconds, duration), log.attitude_at_scans()
@@ -91,7 +89,7 @@ def summarize(
         "cpu_ms": {name: spent[f"{name}_ms"] for name in ("p50", "p95", "max")},
         "real_time_factor": spent["real_time_factor"],
         "compile_s": start_up_s + run.compile_s,
-        "errors": truth_errors(run, log, spans),
+        "errors": truth_errors(run, log),
         "report": run.report,
         "seed": params.seed,
         "parameters": params.as_dict(),
@@ -129,8 +127,8 @@ def span_pairs(t: Floats, truth: Floats, span: Span) -> tuple[metrics.Indices, m
     return np.arange(max(n - 1, 0)), np.arange(1, n)
 
 
-def truth_errors(run: Run, log: ScanLog, spans: Sequence[Span] = SPANS) -> dict[str, Any] | None:
-    """Relative SE(2) errors over each span, and the ATE; None without truth.
+def truth_errors(run: Run, log: ScanLog) -> dict[str, Any] | None:
+    """Relative SE(2) errors over each of `SPANS`, and the ATE; None without truth.
 
     Poses whose stamp the truth does not cover are left out and counted.
     """
@@ -143,7 +141,7 @@ def truth_errors(run: Run, log: ScanLog, spans: Sequence[Span] = SPANS) -> dict[
     if len(truth) < 2:
         return errors
     t = run.t[covered]
-    for span in spans:
+    for span in SPANS:
         pairs = span_pairs(t, truth, span)
         if len(pairs[0]):
             over = metrics.pair_errors(estimate, truth, *pairs)

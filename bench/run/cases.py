@@ -99,7 +99,7 @@ def replayed(label: str, log: ScanLog, choice: Choice) -> Outcome:
         quality: list[float] = []
         run = replay(slam, log, _watch(slam, quality))
         grid = slam.map()
-    summary = summarize(run, log, label, params, start_up_s, spans=())
+    summary = summarize(run, log, label, params, start_up_s)
     row = cast("Row", summary) | sources(run.report, len(run))
     row["cost"] = cost(run.seconds, row["duration_s"]) | {
         "start_up_s": summary["compile_s"],
