@@ -41,7 +41,7 @@ def parser() -> argparse.ArgumentParser:
     )
     sweep.add_drive_options(p)
     p.set_defaults(seeds=SEEDS)
-    cli.add_output_options(p, "results/ablation")
+    options.add_output(p, "results/ablation")
     options.add_jobs(p)
     return p
 

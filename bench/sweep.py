@@ -64,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
         help="run with wheels and gyro, without them, or both (default: %(default)s)",
     )
     p.add_argument("--quick", action="store_true", help="fewer degradations, drives and rows")
-    cli.add_output_options(p, "results/sweep")
+    options.add_output(p, "results/sweep")
     options.add_jobs(p)
     cli.add_log_options(p)
     return p

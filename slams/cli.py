@@ -189,16 +189,6 @@ def add_selection_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_output_options(parser: argparse.ArgumentParser, out: str) -> None:
-    """Give a command the folder its results go to, and `-q`."""
-    parser.add_argument(
-        "--out", metavar="DIR", default=out, help="folder of the results (default: %(default)s)"
-    )
-    parser.add_argument(
-        "-q", "--quiet", action="store_true", help="print no progress and no tables"
-    )
-
-
 def add_log(parser: argparse.ArgumentParser, number: str = "+") -> None:
     """Give a command the files of a recorded log, for `slams.load`, and the options of reading."""
     known = "scan log: npz, ROS bag (all files of a split one) or CARMEN log"
