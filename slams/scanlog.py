@@ -41,7 +41,7 @@ from slams.track import Track as Track
 from slams.types import Attitude, Floats, Laser, Pose2, Ranges, Scan
 from slams.validation import check_laser, check_stamps, check_track, expect
 
-TRACKS = ("odom", "truth", "yaw_rate", "attitude")
+TRACKS = {"odom": (3,), "truth": (3,), "yaw_rate": (), "attitude": (2,)}  # shape of a value
 KEYS = (
     *("format", *REQUIRED, "time_increment", "mount", *HEIGHTS, "laser", "lasers", "meta"),
     *(key for track in TRACKS for key in (track, f"{track}_t")),
@@ -234,14 +234,12 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
     t = numbers(data, "t", 1)
     ranges = single(checked(data, "ranges", 2))
     _check_scans(t, ranges, ranges.shape[1])
+    tracks: dict[str, Any] = {key: _track(data, key, t) for key in TRACKS if key in data}
     return ScanLog(
         t=t,
         ranges=ranges,
         **lasers(data, ranges.shape[1], version),
-        odom=_track(data, "odom", t, (3,)),
-        truth=_track(data, "truth", t, (3,)),
-        yaw_rate=_track(data, "yaw_rate", t, ()),
-        attitude=_track(data, "attitude", t, (2,)),
+        **tracks,
         meta={"name": stem} | _meta(data),
     )
 
@@ -261,11 +259,9 @@ def _meta(data: dict[str, Any]) -> dict[str, Any]:
     return dict(meta)
 
 
-def _track(data: dict[str, Any], key: str, t: Floats, row: tuple[int, ...]) -> Track | None:
-    if key not in data:
-        return None
-    values = numbers(data, key, 1 + len(row))
+def _track(data: dict[str, Any], key: str, t: Floats) -> Track:
+    values = numbers(data, key, 1 + len(TRACKS[key]))
     stamps = numbers(data, f"{key}_t", 1) if f"{key}_t" in data else t
-    shape = (len(stamps), *row)
+    shape = (len(stamps), *TRACKS[key])
     expect(values.shape == shape and len(stamps) > 0, key, values.shape, f"{shape}")
     return Track(stamps, values)
