@@ -15,7 +15,6 @@ from slams.params import Params
 from slams.registry import Entry, find
 
 if TYPE_CHECKING:
-    from slams.player import Run
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
     from slams.types import Floats, OccupancyGrid, Pose2, Slam
@@ -89,12 +88,14 @@ def _command(arguments: argparse.Namespace) -> int:
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
+    from slams.player import WARM_UP_SCANS, replay, warm_up
     from slams.summary import as_text, summarize
 
     slam, log, folder, notes = cli.refusing(lambda: _prepared(entry, params, arguments))
     cli.show_notes(PROGRAM, [*log.notes, *notes], arguments.quiet)
     params = getattr(slam, "params", params)
-    run, start_up_s = _replayed(slam, entry, params, log, arguments)
+    start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
+    run = replay(slam, cli.progress(log, len(log), entry.label, arguments.quiet))
     if arguments.save_state:
         from slams.state.store import save_after
 
@@ -268,15 +269,6 @@ def _localizing(
     else:
         found = source.find_start(ready.map_index, seen)
     return ready.at(found.pose), log.rows(slice(found.scan, None)), [*notes, found.note]
-
-
-def _replayed(
-    slam: Slam, entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
-) -> tuple[Run, float]:
-    from slams.player import WARM_UP_SCANS, replay, warm_up
-
-    start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
-    return replay(slam, cli.progress(log, len(log), entry.label, arguments.quiet)), start_up_s
 
 
 main = cli.main_of(parser, _command)
