@@ -203,26 +203,9 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         "A log is an npz, a ROS 1 or ROS 2 bag or a CARMEN log; its content tells which. These "
         "options are needed only where the log leaves a choice.",
     )
-    group.add_argument(
-        "--scan-topic",
-        metavar="TOPIC",
-        action="append",
-        default=[],
-        help="topic of the scans, or CARMEN message; give it once for each laser of a bag",
-    )
-    group.add_argument("--odom", metavar="NAME", help="topic or tf frame of the odometry, or none")
-    group.add_argument("--imu", metavar="TOPIC", help="topic of the gyro, or none")
-    group.add_argument(
-        "--truth",
-        metavar="NAME",
-        help="true poses: a TUM file, a topic, a tf frame, or none",
-    )
-    group.add_argument(
-        "--base-frame", metavar="FRAME", help="tf frame of the robot, whose poses are computed"
-    )
-    group.add_argument(
-        "--salvage", action="store_true", help="read the undamaged part of a damaged log"
-    )
+    for option in fields(SourceOptions):
+        if option.metadata:
+            group.add_argument(f"--{option.name.replace('_', '-')}", **option.metadata)
 
 
 def log_options(arguments: argparse.Namespace) -> SourceOptions:
@@ -234,7 +217,7 @@ def log_options(arguments: argparse.Namespace) -> SourceOptions:
     if getattr(arguments, "no_odometry", False) and (arguments.odom or arguments.imu):
         raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
     given = {f.name: getattr(arguments, f.name, None) for f in fields(SourceOptions)}
-    topics = tuple(arguments.scan_topic)
+    topics = tuple(arguments.scan_topic or ())
     lasers = {"scan_topic": topics[0] if topics else None, "more_scan_topics": topics[1:]}
     return SourceOptions(**given | lasers)
 
