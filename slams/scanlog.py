@@ -30,7 +30,6 @@ from slams.laser_table import (
     OF_LASER,
     OF_SEVERAL,
     REQUIRED,
-    checked,
     lasers,
     numbers,
     rep117,
@@ -232,7 +231,8 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
     expect(not missing, "keys", f"no {', '.join(missing)}", f"{', '.join(required)}")
     expect(version in (FORMAT, OF_SEVERAL), "format", version, f"{FORMAT} or {OF_SEVERAL}")
     t = numbers(data, "t", 1)
-    ranges = single(checked(data, "ranges", 2))
+    ranges = single(data["ranges"])
+    expect(ranges.ndim == 2, "ranges", f"{ranges.ndim} dimensions", "2")
     _check_scans(t, ranges, ranges.shape[1])
     tracks: dict[str, Any] = {key: _track(data, key, t) for key in TRACKS if key in data}
     return ScanLog(
