@@ -47,8 +47,11 @@ def pairs_over_time(t: Floats, span: float) -> tuple[Indices, Indices]:
 
     The partner is the pose whose stamp is nearest. One that is off by more than half the usual step
     between stamps does not count, nor one off by a quarter of the span: a log of 5 Hz has no pairs
-    0.1 s apart. Stamps may jump back.
+    0.1 s apart. Stamps may jump back. A span of 0 is from each pose to the next, whatever the time.
     """
+    if not span:
+        first = np.arange(max(len(t) - 1, 0))
+        return first, first + 1
     order = np.argsort(t, kind="stable")
     ordered = t[order]
     step = float(np.median(np.diff(ordered))) if len(t) > 1 else 0.0
