@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from bench.results.sweep import Sweep
 
-PROGRAM = "slams ablation"
 ALL = "all"  # the row of the algorithm as it is
 SEEDS = 10
 
@@ -27,7 +26,7 @@ SEEDS = 10
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams ablation",
         description="Set every switch of an algorithm to its other value, one at a time, and count "
         "the levels of the sweep's degradations that its runs hold.",
         epilog="Writes ablation.md and ablation.csv: p is McNemar's exact test over the drives, "
@@ -56,7 +55,7 @@ def _command(arguments: argparse.Namespace) -> int:
     rows = cli.refusing(lambda: rows_of(arguments.algorithm))
     defaults = vars(sweep.parser().parse_args([]))  # of options that only the sweep has
     asked = defaults | vars(arguments) | {"algorithms": list(rows.values())}
-    found = sweep.swept(argparse.Namespace(**asked), PROGRAM)
+    found = sweep.swept(argparse.Namespace(**asked))
     made, lost = table(found, rows), f"lost = {found.facts['lost']}"
     with files.complete_folder(arguments.out) as folder:
         made.to_csv(folder / "ablation.csv", index_label=arguments.algorithm)

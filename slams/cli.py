@@ -92,12 +92,12 @@ def main_of(
 ) -> Callable[..., int]:
     """The `main` of a command: runs it with the words behind its name; returns its exit code.
 
-    The arguments have these `words`, too.
+    The arguments have these `words` and the name of the `program`, too.
     """
 
     def main(argv: list[str] | None = None) -> int:
         made, words = parser(), sys.argv[1:] if argv is None else argv
-        given = argparse.Namespace(words=words)
+        given = argparse.Namespace(words=words, program=made.prog)
         return run_command(made.prog, lambda: command(made.parse_intermixed_args(words, given)))
 
     return main
@@ -233,11 +233,11 @@ def assignment(text: str) -> tuple[str, str]:
     return key.strip(), value.strip()
 
 
-def show_notes(program: str, notes: Iterable[str], quiet: bool = False) -> None:
-    """What a reader has to say about a log: a line each on stderr."""
-    if not quiet:
+def show_notes(arguments: argparse.Namespace, notes: Iterable[str]) -> None:
+    """What a reader has to say about a log: a line each on stderr, unless -q was given."""
+    if not arguments.quiet:
         for note in notes:
-            sys.stderr.write(f"{program}: note: {note}\n")
+            sys.stderr.write(f"{arguments.program}: note: {note}\n")
 
 
 def progress(

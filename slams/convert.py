@@ -10,13 +10,11 @@ from slams import cli
 from slams.formats.files import check_file, check_new
 from slams.info import described
 
-PROGRAM = "slams convert"
-
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams convert",
         description="Convert a recorded log to an npz, which loads fast and stands alone.",
     )
     cli.add_log(p)
@@ -32,7 +30,7 @@ def _command(arguments: argparse.Namespace) -> int:
     cli.refusing(lambda: check_file(arguments.out, ".npz"))
     cli.refusing(lambda: check_new(arguments.out, arguments.force))
     log = cli.refusing(lambda: load(arguments.log, cli.log_options(arguments)))
-    cli.show_notes(PROGRAM, log.notes, arguments.quiet)
+    cli.show_notes(arguments, log.notes)
     cli.refusing(lambda: log.save(arguments.out))
     if not arguments.quiet:
         sys.stdout.write(f"{described(log)}\n{arguments.out}\n")

@@ -20,13 +20,11 @@ if TYPE_CHECKING:
     from slams.live.transport import Transport
     from slams.scanlog import ScanLog
 
-PROGRAM = "slams play"
-
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams play",
         description="Publish a log by ROS 2 as a robot would, in real time: /scan, /tf_static, "
         "and /odom, /tf and /imu where the log has them. No ROS needed.",
     )
@@ -48,7 +46,7 @@ def parser() -> argparse.ArgumentParser:
 
 def _command(arguments: argparse.Namespace) -> int:
     log = cli.refusing(lambda: _log(arguments))
-    cli.show_notes(PROGRAM, log.notes, arguments.quiet)
+    cli.show_notes(arguments, log.notes)
     ending = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ending.set())
@@ -80,8 +78,8 @@ def _play(
 
     robot = cli.refusing(lambda: Robot(log, transport, renamed(arguments.remap)))
     transport.listen()
-    if not robot.await_reader(arguments.wait_for_subscriber, ending) and not arguments.quiet:
-        cli.show_notes(PROGRAM, ["nobody listens to the scans yet; they are sent all the same"])
+    if not robot.await_reader(arguments.wait_for_subscriber, ending):
+        cli.show_notes(arguments, ["nobody listens to the scans yet; they are sent all the same"])
     gc.collect()
     gc.freeze()  # a search for garbage among all scans would hold them up
     sent, start = 0, time.monotonic()

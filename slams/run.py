@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Floats, OccupancyGrid, Pose2, Slam
 
-PROGRAM = "slams run"
 SUMMARY = "summary.json"
 RESULTS = ["map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", SUMMARY]
 
@@ -27,7 +26,7 @@ RESULTS = ["map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams run",
         description="Replay every scan of a log through one SLAM algorithm, in order.",
         epilog=f"Writes {', '.join(RESULTS)}.",
     )
@@ -92,7 +91,7 @@ def _command(arguments: argparse.Namespace) -> int:
     from slams.summary import as_text, summarize
 
     slam, log, folder, notes = cli.refusing(lambda: _prepared(entry, params, arguments))
-    cli.show_notes(PROGRAM, [*log.notes, *notes], arguments.quiet)
+    cli.show_notes(arguments, [*log.notes, *notes])
     params = getattr(slam, "params", params)
     start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
     run = replay(slam, cli.progress(log, len(log), entry.label, arguments.quiet))
@@ -211,7 +210,8 @@ def _prepared(
     from slams.formats.source import load
 
     if not arguments.log:
-        raise ValueError(f"no log given; expected {PROGRAM} {arguments.algorithm} scans.npz")
+        usage = f"{arguments.program} {arguments.algorithm} scans.npz"
+        raise ValueError(f"no log given; expected {usage}")
     options = cli.log_options(arguments)
     folder = _folder(entry.label, arguments)
     whole = load(arguments.log, options)
