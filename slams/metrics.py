@@ -66,14 +66,6 @@ def pairs_over_time(t: Floats, span: float) -> tuple[Indices, Indices]:
     return order[found], order[partner[found]]
 
 
-def pairs_over_way(poses: Floats, way: float) -> tuple[Indices, Indices]:
-    """Indices (k,), (k,) of each pose and the first at least `way` meters further on the path."""
-    reached = driven(poses)
-    partner = np.searchsorted(reached, reached + way)
-    found = np.flatnonzero(partner < len(poses))
-    return found, partner[found]
-
-
 def align(estimate: Floats, truth: Floats) -> Pose2:
     """The rigid motion that brings the estimate's positions closest to the truth's (Umeyama)."""
     p, q = estimate[:, :2], truth[:, :2]

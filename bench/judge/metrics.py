@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.metrics import (
-    Indices,
-    between,
-    from_first,
-    pair_errors,
-    pairs_over_time,
-    pairs_over_way,
-)
+from slams.metrics import Indices, between, driven, from_first, pair_errors, pairs_over_time
 from slams.types import Floats, wrap_angle
 
 if TYPE_CHECKING:
@@ -83,6 +76,14 @@ def component_errors(
     dp, dg = estimate[first] - estimate[second], truth[first] - truth[second]
     translation: Floats = np.hypot(dg[:, 0] - dp[:, 0], dg[:, 1] - dp[:, 1])
     return translation, np.abs(wrap_angle(dg[:, 2] - dp[:, 2]))
+
+
+def pairs_over_way(poses: Floats, way: float) -> tuple[Indices, Indices]:
+    """Indices (k,), (k,) of each pose and the first at least `way` meters further on the path."""
+    reached = driven(poses)
+    partner = np.searchsorted(reached, reached + way)
+    found = np.flatnonzero(partner < len(poses))
+    return found, partner[found]
 
 
 def span_errors(common: Common, span: str) -> SpanErrors | None:
