@@ -71,13 +71,18 @@ class ScanLog:
     laser_of: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
-        _check_scans(self.t, self.ranges, max(laser.n_beams for laser in self.lasers))
+        t, fans = self.t, (len(self.t), max(laser.n_beams for laser in self.lasers))
+        expect(t.ndim == 1 and len(t) > 0, "t", t.shape, "(n,) with n >= 1")
+        expect(self.ranges.shape == fans, "ranges", self.ranges.shape, f"{fans}")
+        check_stamps("t", t)
         for laser in self.lasers:
             check_laser(laser)
         self._check_numbers()
-        for key in TRACKS:
+        for key, row in TRACKS.items():
             track = getattr(self, key)
             if track is not None:
+                given, shape = track.values.shape, (len(track.t), *row)
+                expect(given == shape and len(track.t) > 0, key, given, f"{shape}")
                 finite = np.nan_to_num(track.values) if key == "attitude" else track.values
                 check_track(key, track.t, finite)
         object.__setattr__(self, "ranges", self._cleaned())
@@ -233,7 +238,6 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
     t = numbers(data, "t", 1)
     ranges = single(data["ranges"])
     expect(ranges.ndim == 2, "ranges", f"{ranges.ndim} dimensions", "2")
-    _check_scans(t, ranges, ranges.shape[1])
     tracks: dict[str, Any] = {key: _track(data, key, t) for key in TRACKS if key in data}
     return ScanLog(
         t=t,
@@ -242,12 +246,6 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
         **tracks,
         meta={"name": stem} | _meta(data),
     )
-
-
-def _check_scans(t: Floats, ranges: Ranges, n_beams: int) -> None:
-    expect(t.ndim == 1 and len(t) > 0, "t", t.shape, "(n,) with n >= 1")
-    expect(ranges.shape == (len(t), n_beams), "ranges", ranges.shape, f"{(len(t), n_beams)}")
-    check_stamps("t", t)
 
 
 def _meta(data: dict[str, Any]) -> dict[str, Any]:
@@ -262,6 +260,4 @@ def _meta(data: dict[str, Any]) -> dict[str, Any]:
 def _track(data: dict[str, Any], key: str, t: Floats) -> Track:
     values = numbers(data, key, 1 + len(TRACKS[key]))
     stamps = numbers(data, f"{key}_t", 1) if f"{key}_t" in data else t
-    shape = (len(stamps), *TRACKS[key])
-    expect(values.shape == shape and len(stamps) > 0, key, values.shape, f"{shape}")
     return Track(stamps, values)
