@@ -17,10 +17,10 @@ def parser() -> argparse.ArgumentParser:
         prog="slams convert",
         description="Convert a recorded log to an npz, which loads fast and stands alone.",
     )
-    cli.add_log(p)
-    p.add_argument("out", type=Path, metavar="OUT.npz", help="the scan log to write")
     p.add_argument("-q", "--quiet", action="store_true", help="print errors only")
     p.add_argument("--force", action="store_true", help="replace files that exist")
+    cli.add_log(p)
+    p.add_argument("out", type=Path, metavar="OUT.npz", help="the scan log to write")
     return p
 
 

@@ -28,7 +28,6 @@ def parser() -> argparse.ArgumentParser:
         description="Publish a log by ROS 2 as a robot would, in real time: /scan, /tf_static, "
         "and /odom, /tf and /imu where the log has them. No ROS needed.",
     )
-    cli.add_log(p)
     p.add_argument("--rate", type=float, default=1.0, metavar="X", help="play X times as fast")
     p.add_argument("--limit", type=cli.count, metavar="N", help="publish the first N scans only")
     p.add_argument("--no-odometry", action="store_true", help="publish no odometry and no gyro")
@@ -40,6 +39,7 @@ def parser() -> argparse.ArgumentParser:
         help="wait at most so long for a subscriber [s] (default: %(default)g)",
     )
     p.add_argument("-q", "--quiet", action="store_true", help="print no notes and no progress")
+    cli.add_log(p)
     add_network_options(p)
     return p
 

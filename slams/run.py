@@ -31,7 +31,6 @@ def parser() -> argparse.ArgumentParser:
         epilog=f"Writes {', '.join(RESULTS)}.",
     )
     cli.add_algorithm_options(p)
-    cli.add_log(p, "*")
     p.add_argument(
         "--out", metavar="DIR", help="folder of the results (default: results/<log>-<algorithm>)"
     )
@@ -42,6 +41,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("-q", "--quiet", action="store_true", help="print no progress and no summary")
     add_state_options(p)
+    cli.add_log(p, "*")
     return p
 
 
