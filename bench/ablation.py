@@ -77,7 +77,8 @@ def rows_of(label: str) -> dict[str, str]:
     from slams.params import worded
 
     params = single.params_of(label)
-    others = {name: worded(not getattr(params, name)) for name in params.switches()}
+    switches = [name for name, spec in params.specs().items() if spec.switch]
+    others = {name: worded(not getattr(params, name)) for name in switches}
     if not others:
         raise LookupError(
             f"{label}: has no switch, expected parameters declared with switch=True (slams.params)"

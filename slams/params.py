@@ -134,11 +134,6 @@ class Params:
         return {f.name: f.metadata["spec"] for f in dataclasses.fields(cls)}
 
     @classmethod
-    def switches(cls) -> list[str]:
-        """Names of the parameters that turn a mechanism on and off."""
-        return [name for name, spec in cls.specs().items() if spec.switch]
-
-    @classmethod
     def presets(cls) -> list[str]:
         """Names of the presets; "default" is always one."""
         return ["default", *(name for name in cls.PRESETS if name != "default")]

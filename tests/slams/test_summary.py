@@ -125,8 +125,7 @@ def test_the_time_of_what_brings_the_scans_is_not_counted(room_log, monkeypatch)
     """By a clock that goes on only between the scans."""
     seen = []
     monkeypatch.setattr(player.time, "process_time", lambda: float(len(seen)))
-    scans = (scan for scan in room_log if seen.append(scan) is None)
-    done = player.replay(create("odometry"), scans)
+    done = player.replay(create("odometry"), (s for s in room_log if seen.append(s) is None))
     assert len(seen) == len(room_log)
     assert not done.seconds.any()
 
