@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from bench.results.sweep import Sweep
 
-PROGRAM = "slams ablation"
 ALL = "all"  # the row of the algorithm as it is
 SEEDS = 10
 
@@ -27,7 +26,7 @@ SEEDS = 10
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams ablation",
         description="Set every switch of an algorithm to its other value, one at a time, and count "
         "the levels of the sweep's degradations that its runs hold.",
         epilog="Writes ablation.md and ablation.csv: p is McNemar's exact test over the drives, "
@@ -41,7 +40,7 @@ def parser() -> argparse.ArgumentParser:
     )
     sweep.add_drive_options(p)
     p.set_defaults(seeds=SEEDS)
-    cli.add_output_options(p, "results/ablation")
+    options.add_output(p, "results/ablation")
     options.add_jobs(p)
     return p
 
@@ -56,7 +55,7 @@ def _command(arguments: argparse.Namespace) -> int:
     rows = cli.refusing(lambda: rows_of(arguments.algorithm))
     defaults = vars(sweep.parser().parse_args([]))  # of options that only the sweep has
     asked = defaults | vars(arguments) | {"algorithms": list(rows.values())}
-    found = sweep.swept(argparse.Namespace(**asked), PROGRAM)
+    found = sweep.swept(argparse.Namespace(**asked))
     made, lost = table(found, rows), f"lost = {found.facts['lost']}"
     with files.complete_folder(arguments.out) as folder:
         made.to_csv(folder / "ablation.csv", index_label=arguments.algorithm)
@@ -78,7 +77,8 @@ def rows_of(label: str) -> dict[str, str]:
     from slams.params import worded
 
     params = single.params_of(label)
-    others = {name: worded(not getattr(params, name)) for name in params.switches()}
+    switches = [name for name, spec in params.specs().items() if spec.switch]
+    others = {name: worded(not getattr(params, name)) for name in switches}
     if not others:
         raise LookupError(
             f"{label}: has no switch, expected parameters declared with switch=True (slams.params)"

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from bench.run.cases import Choice
     from slams.scanlog import ScanLog
 
-PROGRAM = "slams compare"
 DURATION, QUICK_DURATION = 300.0, 60.0  # s of the simulated log
 
 
@@ -78,7 +77,7 @@ def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
     from slams.ros import ros_params
 
     ros = {label: ros_params.record(taken) for label, taken in choice.ros.items()}
-    made = timing.record(PROGRAM, arguments.words, processes=arguments.jobs)
+    made = timing.record(arguments, processes=arguments.jobs)
     return made | {"odometry": choice.odometry, "ros_params": ros}
 
 

@@ -111,7 +111,7 @@ def as_typed(command: str) -> str:
     if "--out" in typed:
         k = typed.index("--out")
         del typed[k : k + 2]
-    return f"{compare.PROGRAM} {shlex.join(typed)}".strip()
+    return f"{compare.parser().prog} {shlex.join(typed)}".strip()
 
 
 def public_figures(found: dict[str, Any]) -> dict[str, Any]:

@@ -18,9 +18,12 @@ if TYPE_CHECKING:
 
 def _command(options: argparse.Namespace) -> int:
     from bench.sim.simulation import picture, simulate, world_of
+    from slams.formats.files import check_file
 
     start = time.process_time()
-    cli.refusing(lambda: _check_names(options.out, options.picture))
+    cli.refusing(lambda: check_file(options.out, ".npz"))
+    if options.picture is not None:
+        cli.refusing(lambda: check_file(options.picture, ".png", ".pdf", ".svg", ".jpg"))
     names = {field.name for field in dataclasses.fields(Setting)}
     given = {key: value for key, value in vars(options).items() if key in names}
     log = cli.refusing(lambda: simulate(Setting(**given), options.quiet))
@@ -55,19 +58,6 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("-q", "--quiet", action="store_true", help="print errors only")
     return p
-
-
-def _check_names(out: Path, drawing: Path | None) -> None:
-    """Complain before the work, not after it."""
-    from slams.formats.files import check_file
-
-    if out.suffix != ".npz":
-        raise ValueError(f"{out}: expected a name that ends in .npz")
-    for path in (out, drawing):
-        if path is not None:
-            check_file(path)
-    if drawing is not None and drawing.suffix not in (".png", ".pdf", ".svg", ".jpg"):
-        raise ValueError(f"{drawing}: expected a name that ends in .png, .pdf, .svg or .jpg")
 
 
 def _summary(log: ScanLog, out: Path, seconds: float) -> str:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from bench.run.plan import Case, Plan
     from bench.run.store import Store
 
-PROGRAM = "slams sweep"
 # what a sweep raises; bench.sim.degrade has all there are
 DEGRADATIONS = (
     *("clean", "rate", "beams", "fov", "range", "noise", "short", "people", "glass", "blind"),
@@ -34,7 +33,7 @@ DURATION, RATE = 20.0, 10.0  # s of each simulated drive, Hz
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams sweep",
         description="Degrade logs level by level until each run is lost, and print which algorithm "
         "to take. Without a log it simulates ten drives in each arena and takes hours; with "
         "--quick it takes some minutes.",
@@ -64,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
         help="run with wheels and gyro, without them, or both (default: %(default)s)",
     )
     p.add_argument("--quick", action="store_true", help="fewer degradations, drives and rows")
-    cli.add_output_options(p, "results/sweep")
+    options.add_output(p, "results/sweep")
     options.add_jobs(p)
     cli.add_log_options(p)
     return p
@@ -153,7 +152,7 @@ def write(folder: Path, found: Sweep) -> Analysis:
     return weighed
 
 
-def swept(arguments: argparse.Namespace, program: str = PROGRAM) -> Sweep:
+def swept(arguments: argparse.Namespace) -> Sweep:
     """Every trial that a command asks for, done now or kept from before."""
     from bench.run import timing
     from bench.run.store import Store
@@ -164,8 +163,8 @@ def swept(arguments: argparse.Namespace, program: str = PROGRAM) -> Sweep:
     cli.refusing(lambda: check_folder(place))
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
-    done = _do(cases, store, arguments, program)
-    return plan.gathered(cases, done, store, timing.record(program, arguments.words))
+    done = _do(cases, store, arguments)
+    return plan.gathered(cases, done, store, timing.record(arguments))
 
 
 def _plan(arguments: argparse.Namespace) -> Plan:
@@ -193,9 +192,7 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     )
 
 
-def _do(
-    cases: list[Case], store: Store, arguments: argparse.Namespace, program: str
-) -> dict[str, Any]:
+def _do(cases: list[Case], store: Store, arguments: argparse.Namespace) -> dict[str, Any]:
     """Do what is not kept from before; the results by their keys."""
     from bench.run import work
 
@@ -203,7 +200,7 @@ def _do(
     tasks = {case.task.key: case.task for case in todo}
     if not arguments.quiet:
         sys.stderr.write(
-            f"{program}: {len(cases)} climbs, {len(cases) - len(todo)} kept from before, "
+            f"{arguments.program}: {len(cases)} climbs, {len(cases) - len(todo)} kept from before, "
             f"{len(tasks)} to do\n"
         )
     done = work.run_all(tasks, store, arguments.jobs)

@@ -92,12 +92,12 @@ def main_of(
 ) -> Callable[..., int]:
     """The `main` of a command: runs it with the words behind its name; returns its exit code.
 
-    The arguments have these `words`, too.
+    The arguments have these `words` and the name of the `program`, too.
     """
 
     def main(argv: list[str] | None = None) -> int:
         made, words = parser(), sys.argv[1:] if argv is None else argv
-        given = argparse.Namespace(words=words)
+        given = argparse.Namespace(words=words, program=made.prog)
         return run_command(made.prog, lambda: command(made.parse_intermixed_args(words, given)))
 
     return main
@@ -189,14 +189,11 @@ def add_selection_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_output_options(parser: argparse.ArgumentParser, out: str) -> None:
-    """Give a command the folder its results go to, and `-q`."""
-    parser.add_argument(
-        "--out", metavar="DIR", default=out, help="folder of the results (default: %(default)s)"
-    )
-    parser.add_argument(
-        "-q", "--quiet", action="store_true", help="print no progress and no tables"
-    )
+def add_log(parser: argparse.ArgumentParser, number: str = "+") -> None:
+    """Give a command the files of a recorded log, for `slams.load`, and the options of reading."""
+    known = "scan log: npz, ROS bag (all files of a split one) or CARMEN log"
+    parser.add_argument("log", nargs=number, help=known)
+    add_log_options(parser)
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:
@@ -206,26 +203,9 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         "A log is an npz, a ROS 1 or ROS 2 bag or a CARMEN log; its content tells which. These "
         "options are needed only where the log leaves a choice.",
     )
-    group.add_argument(
-        "--scan-topic",
-        metavar="TOPIC",
-        action="append",
-        default=[],
-        help="topic of the scans, or CARMEN message; give it once for each laser of a bag",
-    )
-    group.add_argument("--odom", metavar="NAME", help="topic or tf frame of the odometry, or none")
-    group.add_argument("--imu", metavar="TOPIC", help="topic of the gyro, or none")
-    group.add_argument(
-        "--truth",
-        metavar="NAME",
-        help="true poses: a TUM file, a topic, a tf frame, or none",
-    )
-    group.add_argument(
-        "--base-frame", metavar="FRAME", help="tf frame of the robot, whose poses are computed"
-    )
-    group.add_argument(
-        "--salvage", action="store_true", help="read the undamaged part of a damaged log"
-    )
+    for option in fields(SourceOptions):
+        if option.metadata:
+            group.add_argument(f"--{option.name.replace('_', '-')}", **option.metadata)
 
 
 def log_options(arguments: argparse.Namespace) -> SourceOptions:
@@ -237,7 +217,7 @@ def log_options(arguments: argparse.Namespace) -> SourceOptions:
     if getattr(arguments, "no_odometry", False) and (arguments.odom or arguments.imu):
         raise ValueError("--no-odometry: got --odom or --imu, too; expected one of them")
     given = {f.name: getattr(arguments, f.name, None) for f in fields(SourceOptions)}
-    topics = tuple(arguments.scan_topic)
+    topics = tuple(arguments.scan_topic or ())
     lasers = {"scan_topic": topics[0] if topics else None, "more_scan_topics": topics[1:]}
     return SourceOptions(**given | lasers)
 
@@ -253,11 +233,11 @@ def assignment(text: str) -> tuple[str, str]:
     return key.strip(), value.strip()
 
 
-def show_notes(program: str, notes: Iterable[str], quiet: bool = False) -> None:
-    """What a reader has to say about a log: a line each on stderr."""
-    if not quiet:
+def show_notes(arguments: argparse.Namespace, notes: Iterable[str]) -> None:
+    """What a reader has to say about a log: a line each on stderr, unless -q was given."""
+    if not arguments.quiet:
         for note in notes:
-            sys.stderr.write(f"{program}: note: {note}\n")
+            sys.stderr.write(f"{arguments.program}: note: {note}\n")
 
 
 def progress(

@@ -6,7 +6,6 @@ import math
 import traceback
 import typing
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,12 +79,8 @@ def _starts_at_the_origin(entry: Entry) -> None:
 def _stays_finite(entry: Entry) -> None:
     odd = {kind: [scan] for kind, scan in odd_scans().items()}
     odd["all"] = [scan for scans in odd.values() for scan in scans]
-    good = [
-        replace(
-            scan_at((0.01 * k, 0.0, 0.0), t=0.05 * k), odometry=Pose2(0.01 * k, 0.0, 0.0), yaw=0.0
-        )
-        for k in range(3)
-    ]
+    way = [Pose2(0.01 * k, 0.0, 0.0) for k in range(3)]
+    good = [scan_at(at, t=0.05 * k, odometry=at, yaw=0.0) for k, at in enumerate(way)]
     for kind, scans in odd.items():
         streams = {"later": [*good, *scans, *good], "first": [*scans, *good], "alone": scans}
         for when, stream in streams.items():

@@ -10,45 +10,31 @@ from slams import cli
 from slams.formats.files import check_file, check_new
 from slams.info import described
 
-PROGRAM = "slams convert"
-
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams convert",
         description="Convert a recorded log to an npz, which loads fast and stands alone.",
     )
-    p.add_argument(
-        "log",
-        nargs="+",
-        help="npz, ROS bag (all files of a split one) or CARMEN log",
-    )
-    p.add_argument("out", type=Path, metavar="OUT.npz", help="the scan log to write")
     p.add_argument("-q", "--quiet", action="store_true", help="print errors only")
     p.add_argument("--force", action="store_true", help="replace files that exist")
-    cli.add_log_options(p)
+    cli.add_log(p)
+    p.add_argument("out", type=Path, metavar="OUT.npz", help="the scan log to write")
     return p
 
 
 def _command(arguments: argparse.Namespace) -> int:
     from slams.formats.source import load
 
-    cli.refusing(lambda: _check_name(arguments.out, arguments.force))
+    cli.refusing(lambda: check_file(arguments.out, ".npz"))
+    cli.refusing(lambda: check_new(arguments.out, arguments.force))
     log = cli.refusing(lambda: load(arguments.log, cli.log_options(arguments)))
-    cli.show_notes(PROGRAM, log.notes, arguments.quiet)
+    cli.show_notes(arguments, log.notes)
     cli.refusing(lambda: log.save(arguments.out))
     if not arguments.quiet:
         sys.stdout.write(f"{described(log)}\n{arguments.out}\n")
     return 0
-
-
-def _check_name(out: Path, force: bool) -> None:
-    """Complain before the work, not after it."""
-    if out.suffix != ".npz":
-        raise ValueError(f"{out}: expected a name that ends in .npz")
-    check_file(out)
-    check_new(out, force)
 
 
 main = cli.main_of(parser, _command)

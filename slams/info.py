@@ -31,12 +31,7 @@ def parser() -> argparse.ArgumentParser:
         description="Print what a recorded log contains, what the commands will assume where it "
         "leaves something open, and which commands can use it.",
     )
-    p.add_argument(
-        "log",
-        nargs="+",
-        help="npz, ROS bag (all files of a split one) or CARMEN log",
-    )
-    cli.add_log_options(p)
+    cli.add_log(p)
     return p
 
 

@@ -85,17 +85,11 @@ def lasers(data: dict[str, Any], n_beams: int, version: str) -> dict[str, Any]:
 
 
 def numbers(data: dict[str, Any], key: str, ndim: int) -> Floats:
-    """An array of so many dimensions as float64; ValueError if it is none."""
-    return np.array(checked(data, key, ndim), np.float64, order="C")
-
-
-def checked(data: dict[str, Any], key: str, ndim: int) -> NDArray[Any]:
-    """An array of numbers of so many dimensions; ValueError if it is none."""
+    """An array of numbers of so many dimensions as float64; ValueError if it is none."""
     array = np.asarray(data[key])
-    kind = array.dtype.kind in "fiu"
-    expect(kind, key, f"{array.dtype} values", "numbers")
+    expect(array.dtype.kind in "fiu", key, f"{array.dtype} values", "numbers")
     expect(array.ndim == ndim, key, f"{array.ndim} dimensions", f"{ndim}")
-    return array
+    return np.array(array, np.float64, order="C")
 
 
 def single(ranges: ArrayLike) -> Ranges:

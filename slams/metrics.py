@@ -47,8 +47,11 @@ def pairs_over_time(t: Floats, span: float) -> tuple[Indices, Indices]:
 
     The partner is the pose whose stamp is nearest. One that is off by more than half the usual step
     between stamps does not count, nor one off by a quarter of the span: a log of 5 Hz has no pairs
-    0.1 s apart. Stamps may jump back.
+    0.1 s apart. Stamps may jump back. A span of 0 is from each pose to the next, whatever the time.
     """
+    if not span:
+        first = np.arange(max(len(t) - 1, 0))
+        return first, first + 1
     order = np.argsort(t, kind="stable")
     ordered = t[order]
     step = float(np.median(np.diff(ordered))) if len(t) > 1 else 0.0
@@ -61,14 +64,6 @@ def pairs_over_time(t: Floats, span: float) -> tuple[Indices, Indices]:
     partner = np.where(miss_left < miss_right, left, right)
     found = np.minimum(miss_left, miss_right) <= tolerance
     return order[found], order[partner[found]]
-
-
-def pairs_over_way(poses: Floats, way: float) -> tuple[Indices, Indices]:
-    """Indices (k,), (k,) of each pose and the first at least `way` meters further on the path."""
-    reached = driven(poses)
-    partner = np.searchsorted(reached, reached + way)
-    found = np.flatnonzero(partner < len(poses))
-    return found, partner[found]
 
 
 def align(estimate: Floats, truth: Floats) -> Pose2:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import math
 import typing
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ UNITS = ("m", "rad", "s", "cell", "1", "m/s", "rad/s", "m/s^2", "rad/s^2", "Hz")
 MOST, FARTHEST, GREATEST = 1e6, 1e3, 1e9
 SEEDS = 2.0**64
 LASERS = ("utm30lx", "rplidar-a1", "lds01", "lds02")
+WORDS = {"true": True, "false": False, "yes": True, "no": False, "1": True, "0": False}
 MAX_LASERS = 8  # of one robot, distinguished by mount; more are a mistake
 
 
@@ -134,11 +134,6 @@ class Params:
         return {f.name: f.metadata["spec"] for f in dataclasses.fields(cls)}
 
     @classmethod
-    def switches(cls) -> list[str]:
-        """Names of the parameters that turn a mechanism on and off."""
-        return [name for name, spec in cls.specs().items() if spec.switch]
-
-    @classmethod
     def presets(cls) -> list[str]:
         """Names of the presets; "default" is always one."""
         return ["default", *(name for name in cls.PRESETS if name != "default")]
@@ -248,24 +243,11 @@ def _checked(field: dataclasses.Field[Any], kind: type, value: Any) -> Any:
 
 
 def _converted(kind: type, value: Any) -> Any:
-    if kind is bool:
-        words = {"true": True, "false": False, "yes": True, "no": False, "1": True, "0": False}
-        if isinstance(value, str) and value.lower() in words:
-            return words[value.lower()]
-        if not isinstance(value, bool):
-            raise TypeError
-        return value
-    if isinstance(value, bool):
+    if kind is bool and isinstance(value, str):
+        value = WORDS.get(value.lower(), value)
+    counts = kind in (int, float)  # True and False are ints to Python, and none of these
+    if isinstance(value, bool) if counts else not isinstance(value, kind):
         raise TypeError
-    if kind is float:
-        number = float(value)
-        if math.isnan(number):
-            raise ValueError
-        return number
-    if kind is int:
-        if isinstance(value, float) and not value.is_integer():
-            raise ValueError
-        return int(value)
-    if not isinstance(value, kind):
-        raise TypeError
-    return value
+    if kind is int and isinstance(value, float) and not value.is_integer():
+        raise ValueError
+    return kind(value)

@@ -20,17 +20,14 @@ if TYPE_CHECKING:
     from slams.live.transport import Transport
     from slams.scanlog import ScanLog
 
-PROGRAM = "slams play"
-
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams play",
         description="Publish a log by ROS 2 as a robot would, in real time: /scan, /tf_static, "
         "and /odom, /tf and /imu where the log has them. No ROS needed.",
     )
-    p.add_argument("log", nargs="+", help="scan log: npz, ROS bag or CARMEN log")
     p.add_argument("--rate", type=float, default=1.0, metavar="X", help="play X times as fast")
     p.add_argument("--limit", type=cli.count, metavar="N", help="publish the first N scans only")
     p.add_argument("--no-odometry", action="store_true", help="publish no odometry and no gyro")
@@ -42,14 +39,14 @@ def parser() -> argparse.ArgumentParser:
         help="wait at most so long for a subscriber [s] (default: %(default)g)",
     )
     p.add_argument("-q", "--quiet", action="store_true", help="print no notes and no progress")
-    cli.add_log_options(p)
+    cli.add_log(p)
     add_network_options(p)
     return p
 
 
 def _command(arguments: argparse.Namespace) -> int:
     log = cli.refusing(lambda: _log(arguments))
-    cli.show_notes(PROGRAM, log.notes, arguments.quiet)
+    cli.show_notes(arguments, log.notes)
     ending = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ending.set())
@@ -81,8 +78,8 @@ def _play(
 
     robot = cli.refusing(lambda: Robot(log, transport, renamed(arguments.remap)))
     transport.listen()
-    if not robot.await_reader(arguments.wait_for_subscriber, ending) and not arguments.quiet:
-        cli.show_notes(PROGRAM, ["nobody listens to the scans yet; they are sent all the same"])
+    if not robot.await_reader(arguments.wait_for_subscriber, ending):
+        cli.show_notes(arguments, ["nobody listens to the scans yet; they are sent all the same"])
     gc.collect()
     gc.freeze()  # a search for garbage among all scans would hold them up
     sent, start = 0, time.monotonic()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.params import Params
-from slams.types import Corrected, Floats, Pose2, Scan, Slam
+from slams.types import Corrected, Floats, Scan, Slam
 
 WARM_UP_SCANS = 4  # until every kernel of a usual scan is loaded
 
@@ -45,12 +45,8 @@ class Run:
         return self.poses if self.corrected is None else self.corrected
 
 
-def replay(
-    slam: Slam, scans: Iterable[Scan], watch: Callable[[Scan, Pose2], None] | None = None
-) -> Run:
-    """Feed every scan, in order, to `slam` and time each update.
-
-    `watch` sees every scan and its pose; its time does not count.
+def replay(slam: Slam, scans: Iterable[Scan]) -> Run:
+    """Feed every scan, in order, to `slam` and time each update, not what brings the scans.
 
     Raises:
         RuntimeError: the algorithm broke its contract (a pose that is not finite).
@@ -62,13 +58,10 @@ def replay(
     with CompileClock() as compiling, _settled_memory():
         for scan in scans:
             compiled, start = compiling.seconds, time.process_time()
-            pose = slam.update(scan)
+            poses.append(slam.update(scan))
             seconds.append(time.process_time() - start - (compiling.seconds - compiled))
             t.append(scan.t)
-            poses.append(pose)
             lost.append(int(slam.report().get("lost", 0)))
-            if watch is not None:
-                watch(scan, pose)
     trajectory = np.array(poses, np.float64).reshape(-1, 3)
     bad = np.flatnonzero(~np.isfinite(trajectory).all(axis=1))
     if bad.size:

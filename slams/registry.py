@@ -19,25 +19,18 @@ if TYPE_CHECKING:
 GROUP = "slams.algorithms"
 LOOPS = "+loops"
 
-BUILT_IN = {
-    "hector": "hector.slam:Hector",
-    "tsd": "tsd.slam:Tsd",
-    "crsm": "crsm.slam:Crsm",
-    "gmapping": "gmapping.slam:GMapping",
-    "odometry": "slams.baselines:Odometry",
-    "kiss": "slams.baselines:Kiss",
+ALGORITHMS = {  # class, and idea in about five words for lists; its package's README tells the rest
+    "hector": ("hector.slam:Hector", "gradient matching on grid pyramids"),
+    "tsd": ("tsd.slam:Tsd", "registration against signed distance field"),
+    "crsm": ("crsm.slam:Crsm", "few critical rays, hill climbing"),
+    "gmapping": ("gmapping.slam:GMapping", "particles, each with its map"),
+    "odometry": ("slams.baselines:Odometry", "baseline: the wheels alone"),
+    "kiss": ("slams.baselines:Kiss", "baseline: laser odometry, voxel map"),
 }
+BUILT_IN = {name: target for name, (target, _) in ALGORITHMS.items()}
+IDEAS = {name: idea for name, (_, idea) in ALGORITHMS.items()}
 
 BASELINES = ("odometry", "kiss")
-
-IDEAS = {  # about five words each, for lists; the README of each package tells the rest
-    "hector": "gradient matching on grid pyramids",
-    "tsd": "registration against signed distance field",
-    "crsm": "few critical rays, hill climbing",
-    "gmapping": "particles, each with its map",
-    "odometry": "baseline: the wheels alone",
-    "kiss": "baseline: laser odometry, voxel map",
-}
 
 
 class Entry(NamedTuple):

@@ -15,12 +15,10 @@ from slams.params import Params
 from slams.registry import Entry, find
 
 if TYPE_CHECKING:
-    from slams.player import Run
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
     from slams.types import Floats, OccupancyGrid, Pose2, Slam
 
-PROGRAM = "slams run"
 SUMMARY = "summary.json"
 RESULTS = ["map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", SUMMARY]
 
@@ -28,16 +26,11 @@ RESULTS = ["map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams run",
         description="Replay every scan of a log through one SLAM algorithm, in order.",
         epilog=f"Writes {', '.join(RESULTS)}.",
     )
     cli.add_algorithm_options(p)
-    p.add_argument(
-        "log",
-        nargs="*",
-        help="scan log: npz, ROS bag (all files of a split one) or CARMEN log",
-    )
     p.add_argument(
         "--out", metavar="DIR", help="folder of the results (default: results/<log>-<algorithm>)"
     )
@@ -48,7 +41,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("-q", "--quiet", action="store_true", help="print no progress and no summary")
     add_state_options(p)
-    cli.add_log_options(p)
+    cli.add_log(p, "*")
     return p
 
 
@@ -94,12 +87,14 @@ def _command(arguments: argparse.Namespace) -> int:
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
+    from slams.player import WARM_UP_SCANS, replay, warm_up
     from slams.summary import as_text, summarize
 
     slam, log, folder, notes = cli.refusing(lambda: _prepared(entry, params, arguments))
-    cli.show_notes(PROGRAM, [*log.notes, *notes], arguments.quiet)
+    cli.show_notes(arguments, [*log.notes, *notes])
     params = getattr(slam, "params", params)
-    run, start_up_s = _replayed(slam, entry, params, log, arguments)
+    start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
+    run = replay(slam, cli.progress(log, len(log), entry.label, arguments.quiet))
     if arguments.save_state:
         from slams.state.store import save_after
 
@@ -215,7 +210,8 @@ def _prepared(
     from slams.formats.source import load
 
     if not arguments.log:
-        raise ValueError(f"no log given; expected {PROGRAM} {arguments.algorithm} scans.npz")
+        usage = f"{arguments.program} {arguments.algorithm} scans.npz"
+        raise ValueError(f"no log given; expected {usage}")
     options = cli.log_options(arguments)
     folder = _folder(entry.label, arguments)
     whole = load(arguments.log, options)
@@ -273,15 +269,6 @@ def _localizing(
     else:
         found = source.find_start(ready.map_index, seen)
     return ready.at(found.pose), log.rows(slice(found.scan, None)), [*notes, found.note]
-
-
-def _replayed(
-    slam: Slam, entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
-) -> tuple[Run, float]:
-    from slams.player import WARM_UP_SCANS, replay, warm_up
-
-    start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
-    return replay(slam, cli.progress(log, len(log), entry.label, arguments.quiet)), start_up_s
 
 
 main = cli.main_of(parser, _command)

@@ -30,7 +30,6 @@ from slams.laser_table import (
     OF_LASER,
     OF_SEVERAL,
     REQUIRED,
-    checked,
     lasers,
     numbers,
     rep117,
@@ -41,7 +40,7 @@ from slams.track import Track as Track
 from slams.types import Attitude, Floats, Laser, Pose2, Ranges, Scan
 from slams.validation import check_laser, check_stamps, check_track, expect
 
-TRACKS = ("odom", "truth", "yaw_rate", "attitude")
+TRACKS = {"odom": (3,), "truth": (3,), "yaw_rate": (), "attitude": (2,)}  # shape of a value
 KEYS = (
     *("format", *REQUIRED, "time_increment", "mount", *HEIGHTS, "laser", "lasers", "meta"),
     *(key for track in TRACKS for key in (track, f"{track}_t")),
@@ -72,13 +71,18 @@ class ScanLog:
     laser_of: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
-        _check_scans(self.t, self.ranges, max(laser.n_beams for laser in self.lasers))
+        t, fans = self.t, (len(self.t), max(laser.n_beams for laser in self.lasers))
+        expect(t.ndim == 1 and len(t) > 0, "t", t.shape, "(n,) with n >= 1")
+        expect(self.ranges.shape == fans, "ranges", self.ranges.shape, f"{fans}")
+        check_stamps("t", t)
         for laser in self.lasers:
             check_laser(laser)
         self._check_numbers()
-        for key in TRACKS:
+        for key, row in TRACKS.items():
             track = getattr(self, key)
             if track is not None:
+                given, shape = track.values.shape, (len(track.t), *row)
+                expect(given == shape and len(track.t) > 0, key, given, f"{shape}")
                 finite = np.nan_to_num(track.values) if key == "attitude" else track.values
                 check_track(key, track.t, finite)
         object.__setattr__(self, "ranges", self._cleaned())
@@ -232,24 +236,16 @@ def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
     expect(not missing, "keys", f"no {', '.join(missing)}", f"{', '.join(required)}")
     expect(version in (FORMAT, OF_SEVERAL), "format", version, f"{FORMAT} or {OF_SEVERAL}")
     t = numbers(data, "t", 1)
-    ranges = single(checked(data, "ranges", 2))
-    _check_scans(t, ranges, ranges.shape[1])
+    ranges = single(data["ranges"])
+    expect(ranges.ndim == 2, "ranges", f"{ranges.ndim} dimensions", "2")
+    tracks: dict[str, Any] = {key: _track(data, key, t) for key in TRACKS if key in data}
     return ScanLog(
         t=t,
         ranges=ranges,
         **lasers(data, ranges.shape[1], version),
-        odom=_track(data, "odom", t, (3,)),
-        truth=_track(data, "truth", t, (3,)),
-        yaw_rate=_track(data, "yaw_rate", t, ()),
-        attitude=_track(data, "attitude", t, (2,)),
+        **tracks,
         meta={"name": stem} | _meta(data),
     )
-
-
-def _check_scans(t: Floats, ranges: Ranges, n_beams: int) -> None:
-    expect(t.ndim == 1 and len(t) > 0, "t", t.shape, "(n,) with n >= 1")
-    expect(ranges.shape == (len(t), n_beams), "ranges", ranges.shape, f"{(len(t), n_beams)}")
-    check_stamps("t", t)
 
 
 def _meta(data: dict[str, Any]) -> dict[str, Any]:
@@ -261,11 +257,7 @@ def _meta(data: dict[str, Any]) -> dict[str, Any]:
     return dict(meta)
 
 
-def _track(data: dict[str, Any], key: str, t: Floats, row: tuple[int, ...]) -> Track | None:
-    if key not in data:
-        return None
-    values = numbers(data, key, 1 + len(row))
+def _track(data: dict[str, Any], key: str, t: Floats) -> Track:
+    values = numbers(data, key, 1 + len(TRACKS[key]))
     stamps = numbers(data, f"{key}_t", 1) if f"{key}_t" in data else t
-    shape = (len(stamps), *row)
-    expect(values.shape == shape and len(stamps) > 0, key, values.shape, f"{shape}")
     return Track(stamps, values)

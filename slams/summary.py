@@ -7,7 +7,7 @@ import math
 import platform
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,16 +18,11 @@ from slams.player import Run
 from slams.scanlog import ScanLog
 from slams.types import Floats
 
-
-class Span(NamedTuple):
-    """Over what an error is taken: every update, `seconds`, or `meters` of the true path."""
-
-    name: str
-    seconds: float = 0.0
-    meters: float = 0.0
-
-
-SPANS = (Span("update"), Span("1 s", seconds=1.0), Span("10 s", seconds=10.0))
+SPANS = {  # over what errors are taken [s], 0 for every update, and its words
+    "per_update": (0.0, "per update"),
+    "per_1_s": (1.0, "over 1 s"),
+    "per_10_s": (10.0, "over 10 s"),
+}
 # what a summary or its report may count that the user must know of, and what to do
 NOTED = {
     "stamps_back": "stamps jump back (the order in the log rules)",
@@ -60,7 +55,6 @@ def summarize(
     label: str,
     params: Params,
     start_up_s: float,
-    spans: Sequence[Span] = SPANS,
 ) -> dict[str, Any]:
     """Everything about one run.
 
@@ -70,7 +64,6 @@ def summarize(
         label: the algorithm as the user named it.
         params: its parameters.
         start_up_s: CPU seconds of loading and compiling before the run.
-        spans: over what relative errors are taken.
     """
     duration = float(run.t.max() - run.t.min())
     spent, attitudes = cost(run.seconds, duration), log.attitude_at_scans()
@@ -91,7 +84,7 @@ def summarize(
         "cpu_ms": {name: spent[f"{name}_ms"] for name in ("p50", "p95", "max")},
         "real_time_factor": spent["real_time_factor"],
         "compile_s": start_up_s + run.compile_s,
-        "errors": truth_errors(run, log, spans),
+        "errors": truth_errors(run, log),
         "report": run.report,
         "seed": params.seed,
         "parameters": params.as_dict(),
@@ -119,18 +112,8 @@ def cost(seconds: Floats, duration: float) -> dict[str, float]:
     }
 
 
-def span_pairs(t: Floats, truth: Floats, span: Span) -> tuple[metrics.Indices, metrics.Indices]:
-    """Indices (k,), (k,) of the poses a span apart; stamps (n,) [s], true poses (n, 3)."""
-    if span.seconds:
-        return metrics.pairs_over_time(t, span.seconds)
-    if span.meters:
-        return metrics.pairs_over_way(truth, span.meters)
-    n = len(t)
-    return np.arange(max(n - 1, 0)), np.arange(1, n)
-
-
-def truth_errors(run: Run, log: ScanLog, spans: Sequence[Span] = SPANS) -> dict[str, Any] | None:
-    """Relative SE(2) errors over each span, and the ATE; None without truth.
+def truth_errors(run: Run, log: ScanLog) -> dict[str, Any] | None:
+    """Relative SE(2) errors over each of `SPANS`, and the ATE; None without truth.
 
     Poses whose stamp the truth does not cover are left out and counted.
     """
@@ -143,12 +126,12 @@ def truth_errors(run: Run, log: ScanLog, spans: Sequence[Span] = SPANS) -> dict[
     if len(truth) < 2:
         return errors
     t = run.t[covered]
-    for span in spans:
-        pairs = span_pairs(t, truth, span)
+    for key, (seconds, _) in SPANS.items():
+        pairs = metrics.pairs_over_time(t, seconds)
         if len(pairs[0]):
             over = metrics.pair_errors(estimate, truth, *pairs)
             named = zip(("translation_m", "rotation_rad"), map(moments, over), strict=True)
-            errors[f"per_{span.name.replace(' ', '_')}"] = dict(named)
+            errors[key] = dict(named)
     errors["ate_m"] = metrics.ate(estimate, truth)
     first = metrics.from_first(estimate) - metrics.from_first(truth)
     errors["end_m"] = float(math.hypot(first[-1, 0], first[-1, 1]))
@@ -214,9 +197,8 @@ def _odd_scans(summary: dict[str, Any]) -> list[str]:
 def _error_lines(errors: dict[str, Any] | None) -> list[str]:
     if errors is None:
         return ["no truth in the log: no errors"]
-    names = {"per_update": "per update", "per_1_s": "over 1 s", "per_10_s": "over 10 s"}
     lines = ["error against the truth    mean      max  [mm]     mean      max  [mrad]"]
-    for key, name in names.items():
+    for key, (_, name) in SPANS.items():
         if key in errors:
             x, r = errors[key]["translation_m"], errors[key]["rotation_rad"]
             lines.append(

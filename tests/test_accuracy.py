@@ -110,12 +110,11 @@ def normalized(name, log):
     pose against the map. And in that of the first pose, where the first scan's error counts in
     every pose, though no covariance can know of it.
     """
-    slam, said = create(name), []
-    run = replay(slam, log, watch=lambda scan, pose: said.append(slam.covariance.copy()))
-    truth = log.truth_at(run.t)
-    fitted = metrics.align(truth, run.poses)
-    first = Pose2(*run.poses[0]) @ Pose2(*truth[0]).inverse()
-    return [mean_square(run.poses[1:], truth[1:], said[1:], frame) for frame in (fitted, first)]
+    slam, truth = create(name), log.truth_at(log.t)
+    poses, said = zip(*((slam.update(scan), slam.covariance.copy()) for scan in log), strict=True)
+    fitted = metrics.align(truth, np.array(poses))
+    first = poses[0] @ Pose2(*truth[0]).inverse()
+    return [mean_square(poses[1:], truth[1:], said[1:], frame) for frame in (fitted, first)]
 
 
 def mean_square(poses, truth, covariances, frame):

@@ -84,7 +84,7 @@ def test_an_output_that_is_a_file_is_refused_before_the_run(
     out, log_file, tmp_path, capsys, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(slams_run, "_replayed", lambda *_: pytest.fail("the run began"))
+    monkeypatch.setattr("slams.player.warm_up", lambda *_: pytest.fail("the run began"))
     name = "f" if out else "results"
     (tmp_path / name).write_text("mine")
     more = ["--out", out] if out else []

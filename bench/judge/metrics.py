@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.metrics import Indices, between, from_first, pair_errors
-from slams.summary import Span, span_pairs
+from slams.metrics import Indices, between, driven, from_first, pair_errors, pairs_over_time
 from slams.types import Floats, wrap_angle
 
 if TYPE_CHECKING:
@@ -20,13 +19,9 @@ LOOP = 20.0  # s, relations between stamps further apart are loops; the files do
 
 
 # the paper's rate of updates differs from program to program: time and way do not
-SPANS = (
-    Span("update"),
-    Span("0.1 s", seconds=0.1),
-    Span("1 s", seconds=1.0),
-    Span("10 s", seconds=10.0),
-    Span("1 m", meters=1.0),
-)
+TIMES = {"update": 0.0, "0.1 s": 0.1, "1 s": 1.0, "10 s": 10.0}  # s
+WAYS = {"1 m": 1.0}  # m of the true path
+SPANS = (*TIMES, *WAYS)
 
 
 class Common(NamedTuple):
@@ -83,9 +78,20 @@ def component_errors(
     return translation, np.abs(wrap_angle(dg[:, 2] - dp[:, 2]))
 
 
-def span_errors(common: Common, span: Span) -> SpanErrors | None:
-    """All errors over a span; None where no two poses are that far apart."""
-    first, second = span_pairs(common.t, common.truth, span)
+def pairs_over_way(poses: Floats, way: float) -> tuple[Indices, Indices]:
+    """Indices (k,), (k,) of each pose and the first at least `way` meters further on the path."""
+    reached = driven(poses)
+    partner = np.searchsorted(reached, reached + way)
+    found = np.flatnonzero(partner < len(poses))
+    return found, partner[found]
+
+
+def span_errors(common: Common, span: str) -> SpanErrors | None:
+    """All errors over one of `SPANS`; None where no two poses are that far apart."""
+    if span in WAYS:
+        first, second = pairs_over_way(common.truth, WAYS[span])
+    else:
+        first, second = pairs_over_time(common.t, TIMES[span])
     if not len(first):
         return None
     paper = component_errors(common.estimate, common.truth, first, second)
@@ -95,7 +101,7 @@ def span_errors(common: Common, span: Span) -> SpanErrors | None:
 
 def errors_over_spans(common: Common) -> dict[str, SpanErrors]:
     """The errors over every span of `SPANS` that the poses have, by its name."""
-    found = {span.name: span_errors(common, span) for span in SPANS}
+    found = {span: span_errors(common, span) for span in SPANS}
     return {name: errors for name, errors in found.items() if errors is not None}
 
 

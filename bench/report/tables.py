@@ -57,7 +57,7 @@ def _relations(part: str, mark: str = "") -> Columns:
 
 
 SPAN_COLUMNS: Columns = {
-    f"{span.name} [{unit}]": (f"errors/spans/{span.name}/{key}/mean", 1e3)
+    f"{span} [{unit}]": (f"errors/spans/{span}/{key}/mean", 1e3)
     for span in SPANS
     for unit, key in (("mm", "se2_translation_m"), ("mrad", "orientation_rad"))
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -97,9 +97,9 @@ def replayed(label: str, log: ScanLog, choice: Choice) -> Outcome:
         start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
         slam: Slam = entry.cls(params)
         quality: list[float] = []
-        run = replay(slam, log, _watch(slam, quality))
+        run = replay(slam, _watched(log, slam, quality))
         grid = slam.map()
-    summary = summarize(run, log, label, params, start_up_s, spans=())
+    summary = summarize(run, log, label, params, start_up_s)
     row = cast("Row", summary) | sources(run.report, len(run))
     row["cost"] = cost(run.seconds, row["duration_s"]) | {
         "start_up_s": summary["compile_s"],
@@ -111,11 +111,13 @@ def replayed(label: str, log: ScanLog, choice: Choice) -> Outcome:
     return Outcome(row, run.t, run.final, grid, common)
 
 
-def _watch(slam: Slam, quality: list[float]) -> Callable[[Scan, Pose2], None] | None:
-    """Gathers the share of each scan that the map explains, where the algorithm tells it."""
-    if not isinstance(slam, Confident):
-        return None
-    return lambda scan, pose: quality.append(slam.quality)
+def _watched(log: ScanLog, slam: Slam, quality: list[float]) -> Iterator[Scan]:
+    """The scans; gathers the share of each that the map explains, where the algorithm tells it."""
+    tells = slam if isinstance(slam, Confident) else None
+    for scan in log:
+        yield scan
+        if tells is not None:
+            quality.append(tells.quality)
 
 
 def failed(label: str, log: ScanLog, reason: str) -> Outcome:

@@ -17,6 +17,16 @@ def add_jobs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=cli.count, metavar="N", default=JOBS, help=words)
 
 
+def add_output(parser: argparse.ArgumentParser, out: str) -> None:
+    """Give a command the folder its results go to, and `-q`."""
+    parser.add_argument(
+        "--out", metavar="DIR", default=out, help="folder of the results (default: %(default)s)"
+    )
+    parser.add_argument(
+        "-q", "--quiet", action="store_true", help="print no progress and no tables"
+    )
+
+
 def within(kind: type, low: float, high: float) -> Callable[[str], float]:
     """What reads an option that is a number from `low` to `high`."""
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import platform
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from slams.formats.files import complete_file
 from slams.summary import versions
 
 # numbers come from these; others only read and draw
@@ -94,13 +94,8 @@ class Store:
             ) from error
 
     def _put(self, path: Path, key: str, value: Any) -> None:
-        """Write beside and rename: what a killed process leaves half-written is no result."""
-        partial = path.with_name(f"{path.name}.{platform.node()}.{os.getpid()}.part")
-        try:
+        with complete_file(path) as partial:
             partial.write_text(canonical(_signed(key, plain(value))) + "\n", encoding="utf-8")
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
 
 
 def _signed(key: str, value: Any) -> dict[str, Any]:

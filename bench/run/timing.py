@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import os
 import platform
@@ -45,11 +46,11 @@ def _status(key: str) -> float | None:
     return None if line is None else int(line.split()[1]) / 1024.0
 
 
-def record(program: str, words: list[str], **more: Any) -> dict[str, Any]:
+def record(arguments: argparse.Namespace, **more: Any) -> dict[str, Any]:
     """How results were made: command, machine with `more` of it, versions."""
     from slams.summary import versions
 
-    command = f"{program} {shlex.join(words)}".strip()
+    command = f"{arguments.program} {shlex.join(arguments.words)}".strip()
     return {"command": command, "versions": versions(), "machine": machine() | more}
 
 

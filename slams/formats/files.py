@@ -22,14 +22,17 @@ def check_folder(folder: str | Path) -> None:
             raise NotADirectoryError(f"{path}: is a file; expected a folder for the results")
 
 
-def check_file(path: str | Path) -> None:
-    """Refuse, before any work is done, what cannot become a file.
+def check_file(path: str | Path, *endings: str) -> None:
+    """Refuse, before any work is done, what cannot become a file, with one of these endings if any.
 
     Raises:
+        ValueError: its name ends in none of them.
         FileNotFoundError: there is no folder to write it in.
         IsADirectoryError: it is a folder itself.
     """
     path = Path(path)
+    if endings and path.suffix not in endings:
+        raise ValueError(f"{path}: expected a name that ends in {' or '.join(endings)}")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path.parent}: no such folder; make it first")
     if path.is_dir():

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+
+def _option(default: Any = None, **settings: Any) -> Any:
+    """A field that an option of its name sets on the command line, by argparse's settings."""
+    return field(default=default, metadata=settings)
 
 
 @dataclass(frozen=True)
@@ -19,13 +25,23 @@ class SourceOptions:
     instead of refusing it.
     """
 
-    scan_topic: str | None = None
+    scan_topic: str | None = _option(
+        metavar="TOPIC",
+        action="append",
+        help="topic of the scans, or CARMEN message; give it once for each laser of a bag",
+    )
     more_scan_topics: tuple[str, ...] = ()
-    odom: str | None = None
-    imu: str | None = None
-    truth: str | None = None
-    base_frame: str | None = None
-    salvage: bool = False
+    odom: str | None = _option(metavar="NAME", help="topic or tf frame of the odometry, or none")
+    imu: str | None = _option(metavar="TOPIC", help="topic of the gyro, or none")
+    truth: str | None = _option(
+        metavar="NAME", help="true poses: a TUM file, a topic, a tf frame, or none"
+    )
+    base_frame: str | None = _option(
+        metavar="FRAME", help="tf frame of the robot, whose poses are computed"
+    )
+    salvage: bool = _option(
+        False, action="store_true", help="read the undamaged part of a damaged log"
+    )
 
 
 class DamagedError(ValueError):

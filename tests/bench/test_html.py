@@ -236,7 +236,7 @@ def test_definitions_have_the_constants_of_the_code(page, monkeypatch, compariso
     monkeypatch.setattr(loss, "LIMIT_M", 7.25)
     changed = Page(written(tmp_path, comparison)).text
     assert "off by more than 7.25 m or" in changed
-    assert all(span.name in changed for span in metrics.SPANS)
+    assert all(span in changed for span in metrics.SPANS)
 
 
 def test_pictures_are_the_png_files_and_have_words(page, folder):

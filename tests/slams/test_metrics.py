@@ -62,7 +62,7 @@ def test_pairs_over_time_follow_stamps_where_scans_are_missing_or_out_of_order()
 def test_pairs_over_way_wait_for_the_way():
     poses = np.zeros((6, 3))
     poses[:, 0] = [0.0, 0.4, 0.4, 0.8, 1.2, 1.4]
-    first, second = metrics.pairs_over_way(poses, 1.0)
+    first, second = bench_metrics.pairs_over_way(poses, 1.0)
     assert first.tolist() == [0, 1, 2]
     assert second.tolist() == [4, 5, 5]
 

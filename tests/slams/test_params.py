@@ -87,8 +87,8 @@ def test_only_what_is_declared_a_switch_is_one():
     class Switched(Example):
         part: bool = param(False, "1", "a mechanism", source="ours: a part", switch=True)
 
-    assert Example.switches() == []  # `exact` is on or off, and no mechanism
-    assert Switched.switches() == ["part"]
+    assert not any(spec.switch for spec in Example.specs().values())  # nor is `exact`, on or off
+    assert [name for name, spec in Switched.specs().items() if spec.switch] == ["part"]
     with pytest.raises(ValueError, match=r"switch: got the default 0\.5, expected True or False"):
         param(0.5, "1", "x", source="y", switch=True)
 

@@ -6,11 +6,12 @@ import math
 import numpy as np
 import pytest
 
+from bench.judge.metrics import pairs_over_way
 from slams import Params, metrics, player
 from slams.player import Run
 from slams.registry import create
 from slams.scanlog import ScanLog, Track
-from slams.summary import Span, as_json, as_text, cost, span_pairs, summarize, truth_errors
+from slams.summary import as_json, as_text, cost, summarize, truth_errors
 from slams.types import Pose2
 from tests.rooms import laser, moved
 
@@ -86,13 +87,12 @@ def test_poses_without_a_truth_do_not_count():
 
 def test_spans_are_updates_seconds_or_meters():
     truth = poses_of()
-    for span, first, apart in (
-        (Span("update"), 19, 1),
-        (Span("1 s", seconds=1.0), 18, 2),
-        (Span("1 m", meters=1.0), 16, 4),
+    for (a, b), first, apart in (
+        (metrics.pairs_over_time(T, 0.0), 19, 1),
+        (metrics.pairs_over_time(T, 1.0), 18, 2),
+        (pairs_over_way(truth, 1.0), 16, 4),
     ):
-        a, b = span_pairs(T, truth, span)
-        assert len(a) == first and set((b - a).tolist()) == {apart}, span
+        assert len(a) == first and set((b - a).tolist()) == {apart}
 
 
 def test_what_is_odd_is_told_with_its_number():
@@ -121,11 +121,11 @@ def test_what_is_not_finite_becomes_null():
     assert json.loads(text) == {"a": None, "b": [None, 1.0], "c": None, "d": "nan"}
 
 
-def test_the_time_of_who_watches_is_not_counted(room_log, monkeypatch):
-    """By a clock that goes on only while somebody watches."""
+def test_the_time_of_what_brings_the_scans_is_not_counted(room_log, monkeypatch):
+    """By a clock that goes on only between the scans."""
     seen = []
     monkeypatch.setattr(player.time, "process_time", lambda: float(len(seen)))
-    done = player.replay(create("odometry"), room_log, lambda scan, pose: seen.append(scan))
+    done = player.replay(create("odometry"), (s for s in room_log if seen.append(s) is None))
     assert len(seen) == len(room_log)
     assert not done.seconds.any()
 

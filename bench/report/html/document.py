@@ -111,5 +111,5 @@ def _definitions() -> Markup:
         "reported_share": 100 * loss.REPORTED_SHARE,
     }
     texts = {name: f"{value:g}" for name, value in constants.items()}
-    texts["spans"] = ", ".join(span.name for span in metrics.SPANS[1:])
+    texts["spans"] = ", ".join(metrics.SPANS[1:])
     return Markup(page.template("definitions.template.html").substitute(texts))
