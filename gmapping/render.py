@@ -52,14 +52,14 @@ class Renderer:
         self._room = Room(max_cells, resolution, 1 << COARSE)
         self._low, self._high = np.zeros((2, 2), np.int64)  # cells that were needed, both included
         self._scans: list[Keyframe] = []
-        self._drawn = np.empty((64, 3))  # where each of them is drawn
+        self._drawn = np.zeros((64, 3))  # where each of them is drawn
         self.counts = self._empty(resolution)
 
     def keep(self, scan: Keyframe, pose: Pose2) -> None:
         """Keep a keyframe, and draw it at a pose."""
         k = len(self._scans)
         if k == len(self._drawn):
-            self._drawn = np.concatenate([self._drawn, np.empty_like(self._drawn)])
+            self._drawn = np.concatenate([self._drawn, np.zeros_like(self._drawn)])
         self._scans.append(scan)
         self._drawn[k] = pose
         self._add(scan, pose, 1)

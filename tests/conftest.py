@@ -8,9 +8,13 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of
     signal.signal(signal.SIGINT, signal.default_int_handler)  # tests start would inherit it
 
 import pytest  # noqa: E402
+from hypothesis import settings  # noqa: E402
 
 from tests.places import SHARED  # noqa: E402
 from tests.processes import close_sessions  # noqa: E402
+
+settings.register_profile("same", derandomize=True, deadline=None)  # on a busy machine, too
+settings.load_profile("same")
 
 
 @pytest.fixture(autouse=True)

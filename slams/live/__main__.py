@@ -27,13 +27,11 @@ if TYPE_CHECKING:
     from slams.live.node import Node
     from slams.params import Params
 
-PROGRAM = "slams live"
-
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
-        prog=PROGRAM,
+        prog="slams live",
         description="Run one SLAM algorithm on a robot: it subscribes scans, odometry, gyro and tf "
         "by ROS 2 and publishes map, transform, pose and state. No ROS needed. Ctrl-C ends it and "
         "writes the results.",
@@ -60,7 +58,7 @@ def _command(arguments: argparse.Namespace) -> int:
 
     folder = Path(arguments.out or f"results/live-{entry.label.replace(':', '.')}")
     cli.refusing(lambda: check_folder(folder))
-    terminal, ending = Terminal(PROGRAM, arguments.quiet), _ending()
+    terminal, ending = Terminal(arguments), _ending()
     node = cli.refusing(lambda: _node(arguments, entry.label, params, terminal))
     gc.collect()
     gc.freeze()  # no search for garbage among all that was loaded while a scan waits

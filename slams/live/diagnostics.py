@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 import sys
 import time
@@ -79,17 +80,17 @@ class Diagnostics:
 
 
 class Terminal:
-    """Notes on stderr; on a terminal a status line, too, unless `quiet`."""
+    """Notes on stderr; on a terminal a status line, too, unless the arguments say `quiet`."""
 
-    def __init__(self, program: str, quiet: bool) -> None:
-        self._program, self._quiet = program, quiet
-        self._line = sys.stderr.isatty() and not quiet
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        self._arguments = arguments
+        self._line = sys.stderr.isatty() and not arguments.quiet
 
     def say(self, sentence: str) -> None:
         """Show a sentence."""
         if self._line:
             sys.stderr.write(CLEAR)
-        cli.show_notes(self._program, [sentence], self._quiet)
+        cli.show_notes(self._arguments, [sentence])
 
     def show_status(self, node: Node) -> None:
         """Show how many scans came, and where the robot is."""

@@ -1,6 +1,7 @@
 """What goes wrong while driving, reported when it begins and when it ends; the status line."""
 
 import sys
+from argparse import Namespace
 from types import SimpleNamespace
 
 import numpy as np
@@ -80,7 +81,7 @@ def node():
 
 def test_a_line_a_second_on_a_terminal(node, stand, monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    terminal = Terminal("slams.live", quiet=False)
+    terminal = Terminal(Namespace(program="slams.live", quiet=False))
     stand.now += 2.0
     terminal.show_status(node)
     terminal.say("something")
@@ -94,7 +95,7 @@ def test_a_line_a_second_on_a_terminal(node, stand, monkeypatch, capsys):
 
 def test_only_notes_elsewhere_and_nothing_when_quiet(node, capsys):
     for quiet, expected in ((False, "slams.live: note: something\n"), (True, "")):
-        terminal = Terminal("slams.live", quiet)
+        terminal = Terminal(Namespace(program="slams.live", quiet=quiet))
         terminal.show_status(node)
         terminal.say("something")
         terminal.end()
