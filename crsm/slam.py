@@ -125,4 +125,4 @@ class Crsm(HasEstimator):
         if self.frozen or points.n == 0:
             return
         self._counts["inserted"] += self._map.insert(points, pose)
-        self._keyframes.add(pose, self._estimator.quality)
+        self._entered(pose)

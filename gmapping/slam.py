@@ -68,7 +68,7 @@ class GMapping(HasEstimator):
         self._others_lag = False  # the maps of all particles but the first
         self._keyframes = Keyframes(p.linear_update, p.angular_update, p.settle)
         self._key, self._way = IDENTITY, 1.0  # pose at the last keyframe, [m] driven until then
-        self._known = self._estimator.covariance  # of the pose there
+        self._known = self._estimator.local_covariance  # of the pose there
         self._rng = np.random.default_rng(p.seed)
         self._counts = dict.fromkeys(COUNTS.split(), 0)
 
@@ -171,7 +171,7 @@ class GMapping(HasEstimator):
         p, turn = self.params, abs(way.theta)
         far = math.hypot(way.x, way.y)
         deviation = p.key_noise + p.way_noise * np.array((far, far, far + turn))
-        covariance, now = np.diag(deviation**2), self._estimator.covariance
+        covariance, now = np.diag(deviation**2), self._estimator.local_covariance
         if np.isfinite(now).all():
             lost, axes = np.linalg.eigh(now - self._known)
             covariance += (axes * np.maximum(lost, 0.0)) @ axes.T
@@ -203,8 +203,8 @@ class GMapping(HasEstimator):
             self._share_one_map()  # out of tiles
             self._counts["collapsed"] += 1
         self._counts["inserted"] += 1
-        self._key, self._known = pose, self._estimator.covariance
-        self._keyframes.add(pose, self._estimator.quality)
+        self._key, self._known = pose, self._estimator.local_covariance
+        self._entered(pose)
         self.particles.remember()
         self._map.insert(view.ray, self._way)
 

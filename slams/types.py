@@ -232,7 +232,12 @@ class Confident(Protocol):
 
     @property
     def covariance(self) -> Floats:
-        """Of the last pose against the map, (3, 3) [m, rad]; inf where unknown, never 0."""
+        """Of the last pose in the frame of the first, (3, 3) [m, rad]; inf: unknown; never 0."""
+
+
+def against_map(slam: Any) -> Any:
+    """Covariance of the last pose against the map around it; of one that has none, the other."""
+    return getattr(slam, "local_covariance", getattr(slam, "covariance", None))
 
 
 @runtime_checkable

@@ -133,4 +133,4 @@ class Tsd(HasEstimator):
         if self.frozen or points.n == 0:
             return
         self._counts["inserted"] += self._map.insert(points, pose)
-        self._keyframes.add(pose, self._estimator.quality)
+        self._entered(pose)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from slams.frontend.estimator import PoseEstimator
+from slams.frontend.keyframes import Keyframes
 from slams.frontend.plain import PlainEstimator
-from slams.types import Floats, State
+from slams.types import Floats, Pose2, State
 
 
 class HasEstimator:
     """A `slams.types.Confident` by its estimator."""
 
     _estimator: PoseEstimator | PlainEstimator
+    _keyframes: Keyframes
 
     @property
     def state(self) -> State:
@@ -24,5 +26,15 @@ class HasEstimator:
 
     @property
     def covariance(self) -> Floats:
-        """Covariance (3, 3) of the last pose against the map [m^2, m rad, rad^2]."""
+        """Covariance (3, 3) of the last pose in the frame of the first [m^2, m rad, rad^2]."""
         return self._estimator.covariance
+
+    @property
+    def local_covariance(self) -> Floats:
+        """The same against the map around the robot: the drift of the map is not in it."""
+        return self._estimator.local_covariance
+
+    def _entered(self, pose: Pose2) -> None:
+        """The last scan has entered the map, at `pose`."""
+        self._keyframes.add(pose, self._estimator.quality)
+        self._estimator.inserted(self._keyframes.settling)

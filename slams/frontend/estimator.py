@@ -58,6 +58,8 @@ class PoseEstimator:
         self._unconfirmed = 0.0  # s that matches still have to stand
         self._lost = False
         self._relocalizer = Relocalizer(params.relocate)
+        self._new = 0.0  # share of the last scan's beams in new ground
+        self._drift, self._drawn_at = np.zeros((3, 3)), self._pose  # of the map around that pose
 
     @property
     def pose(self) -> Pose2:
@@ -65,9 +67,31 @@ class PoseEstimator:
         return self._pose
 
     @property
-    def covariance(self) -> Floats:
-        """Covariance (3, 3) of the pose against the map [m^2, m rad, rad^2]."""
+    def local_covariance(self) -> Floats:
+        """Covariance (3, 3) of the pose against the map around it [m^2, m rad, rad^2]."""
         return self._filter.covariance.copy()
+
+    @property
+    def covariance(self) -> Floats:
+        """The same in the frame of the first scan, from which the map has drifted."""
+        return self._filter.covariance + self._drift_here()
+
+    def inserted(self, settling: bool) -> None:
+        """The last scan has entered the map; new ground is where the match had it.
+
+        ours: the first scan errs as later ones do once the map is `settling` no longer, and with it
+        all that is matched. Later matches are with old and new ground, by the share of each, and
+        so take over that share of this match's error.
+        """
+        noise = self._filter.covariance
+        self._drift = noise.copy() if settling else self._drift_here() + self._new**2 * noise
+        self._drawn_at = self._pose
+
+    def _drift_here(self) -> Floats:
+        """The drift (3, 3) of the map, by its heading more the farther the robot has driven on."""
+        lever = np.eye(3)
+        lever[0, 2], lever[1, 2] = self._drawn_at.y - self._pose.y, self._pose.x - self._drawn_at.x
+        return np.asarray(lever @ self._drift @ lever.T)
 
     def predict(self, scan: Scan) -> Prediction:
         """The pose at `scan` as wheels, gyro and the twist so far foresee it."""
@@ -86,11 +110,12 @@ class PoseEstimator:
         """The pose of a scan is known without matching."""
         self._filter.predict(scan)
         self._filter.place(pose, np.diag(MAP_ERROR**2))
-        self._pose = pose
+        self._pose, self.match, self._new = pose, None, 0.0
 
     def correct(self, pose: Pose2) -> None:
         """The map has changed, and the robot is at `pose` in it; it moves as before."""
         self._filter.shift(pose)
+        self._pose = pose
 
     def decide(
         self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap, rematch: Rematch
@@ -164,7 +189,7 @@ class PoseEstimator:
     def _take(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> Pose2:
         """The robot is at a match."""
         match, agreement = best.match, best.agreement
-        self.match = match
+        self.match, self._new = match, 1.0 - best.inliers - best.conflicts
         self.counts["in_conflict"] += best.conflicts > IN_CONFLICT
         if best.distance > GATE and best.seconds > self._prior.dt:
             self._filter.shift(match.pose)  # not driven there: a scan that was kept back
@@ -200,6 +225,7 @@ class PoseEstimator:
         self._unmatched += self._prior.dt
         self._by_wheels &= self._filter.wheels
         new = self._share_of_new_ground(points, grid)
+        self._new = max(new, 0.0)
         self._new_ground += self._prior.dt * new
         doubtful = self._refuted or self._unconfirmed > 0.0
         self._lost |= (doubtful and not self._by_wheels) or not self._is_sure()

@@ -28,6 +28,11 @@ class Keyframes:
         self._last: dict[Pose2, tuple[int, Pose2, float]] = {}
         self._mount = IDENTITY
 
+    @property
+    def settling(self) -> bool:
+        """Whether the map is still of the first scans."""
+        return self.count <= self._first
+
     def due(self, pose: Pose2, quality: float, mount: Pose2) -> bool:
         """Whether a scan at `pose`, of which the share `quality` fits the map, is a keyframe.
 

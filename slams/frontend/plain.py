@@ -32,7 +32,7 @@ class PlainEstimator:
         self.quality, self.maps = 1.0, False
         self.match: Match | None = None
         self.pose = IDENTITY
-        self.covariance = np.diag([math.inf] * 3)
+        self.covariance = self.local_covariance = np.diag([math.inf] * 3)
         self.counts = {
             "empty": 0,
             "matched": 0,
@@ -82,6 +82,9 @@ class PlainEstimator:
     def correct(self, pose: Pose2) -> None:
         """The map has changed, and the robot is at `pose` in it; it moves as before."""
         self.pose = pose
+
+    def inserted(self, settling: bool) -> None:
+        """The last scan has entered the map: nothing is known of its noise."""
 
     def decide(
         self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap, rematch: Rematch

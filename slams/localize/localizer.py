@@ -10,7 +10,7 @@ import numpy as np
 from slams.localize.hooks import Localizes
 from slams.localize.map_index import MapIndex, end_points
 from slams.params import Params
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, against_map
 
 POOR = 0.5  # share of a scan below which the world has changed, or the robot is elsewhere
 
@@ -79,7 +79,7 @@ class Localizer:
     @property
     def covariance(self) -> Floats:
         """The algorithm's own (3, 3) [m, rad], in the map's frame; inf where it has none."""
-        own = getattr(self.slam, "covariance", None)
+        own = against_map(self.slam)
         if own is None:
             return np.diag([math.inf] * 3)
         turn = np.eye(3)

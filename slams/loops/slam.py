@@ -21,7 +21,7 @@ from slams.loops.graph import LEVER, PoseGraph
 from slams.loops.matching import Keyframe, keyframe
 from slams.loops.params import LoopParams
 from slams.params import Params
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, wrap_angle
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, against_map, wrap_angle
 
 STEP_NOISE = 0.01, 0.01, 0.002  # m, m, rad: of every step between keyframes
 MOVED = 0.05  # m, and as many times 0.1 rad, that a keyframe has to move, or the map stays
@@ -31,7 +31,7 @@ TRIES = 4  # candidates that are matched beside a keyframe; beside any other sca
 REDRAWN = 4  # keyframes that enter the new map beside one scan
 PAUSE = 5  # scans to each keyframe of a map that was drawn anew, until the next
 SETTLED = 1e-4  # m, rad: the last iteration moves no pose by more
-PASSED = "state", "quality", "covariance", "snapshot"
+PASSED = "state", "quality", "covariance", "local_covariance", "snapshot"
 
 
 def apart(one: Pose2, other: Pose2) -> float:
@@ -190,7 +190,7 @@ class Looped:
 
     def _variances(self, theta: float) -> Floats:
         """Variances (3,) of the algorithm's pose along a heading, across it, and of its own."""
-        covariance = getattr(self.slam, "covariance", None)
+        covariance = against_map(self.slam)
         if covariance is None or not np.isfinite(covariance).all():
             return np.zeros(3)
         c, s = math.cos(theta), math.sin(theta)

@@ -254,6 +254,23 @@ def test_what_has_seen_nothing_is_lost_until_it_begins_a_map(wheels, state):
     assert found.state == "matched" and found.covariance.trace() < 1e-6  # in the map it begins
 
 
+def test_a_map_drifts_by_its_first_scan_and_where_it_grows():
+    robot = Standing(12)
+    found, local = robot.estimator, robot.estimator.local_covariance
+    assert (found.covariance == local).all()
+    found.inserted(settling=True)
+    np.testing.assert_allclose(found.covariance, 2.0 * local)
+    robot.take(1, 0.5, 0.1)  # 40 % of it in new ground
+    drift, local = found.covariance - found.local_covariance, found.local_covariance
+    found.inserted(settling=False)
+    np.testing.assert_allclose(found.covariance, drift + 1.16 * local)
+    drift += 0.16 * local
+    found.correct(Pose2(0.0, 10.0, 0.0))  # the heading's error is a lever to the left
+    moved = found.covariance - found.local_covariance
+    assert moved[0, 0] == pytest.approx(drift[0, 0] - 20.0 * drift[0, 2] + 100.0 * drift[2, 2])
+    assert moved[1, 1] == pytest.approx(drift[1, 1]) and moved[0, 2] < drift[0, 2]
+
+
 @pytest.mark.parametrize(("off", "state"), [(0.15, "matched"), (0.4, "predicted")])
 def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, state):
     """A tenth of a second, as fast as robots drive; elsewhere half a second."""
