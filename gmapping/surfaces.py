@@ -22,8 +22,8 @@ from slams.types import Floats, Pose2, wrap_angle
 OLD = 15.0  # m of way after which a surface is old: no robot sees a room that long without a loop
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 CHANCE, EXPLAINED = 0.3, 0.9  # share of the beams that parallel walls explain anywhere; all
-KNOWN = 0.5  # share on old ground from which a particle looks no further
-GAIN, FOUND = 0.2, 0.4  # the same, less conflicts, where a loop closes: more than here; at least
+GAIN, FOUND = 0.2, 0.4  # share on old ground where a loop closes: more than here; at least
+IN_CONFLICT = 0.05  # share of the beams there, at most: the place is another one, like it
 REVISITED = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found so
 PLACES = 0.2  # of the independent beams tell one place from another like it
 WALL = 0.5  # m between two pieces, at most, with a wall between them
@@ -59,8 +59,8 @@ class SurfaceMatcher:
         the same walls. The weight is the likelihood of the beams on old ground: where a particle
         has just come from its scan fits whatever the way before, and chance alone would choose, as
         it would among the parallel walls of a building.
-        Particles go to one of the `places` if their old ground agrees more with the scan there;
-        what ends where beams came by long ago, as `seen` then, counts against it.
+        Particles go to one of the `places` if their old ground agrees more with the scan there, and
+        little of it ends where beams came by long ago, as `seen` then.
         """
         n, peaks, how = len(means), means.copy(), self._how(view, information)
         of = Posterior(self.tiles.tiles, np.arange(n), view.pieces, means, information)
@@ -69,14 +69,14 @@ class SurfaceMatcher:
         peaks -= (peaks - means) @ blind
         full, closes = how.width**2 * view.beams, np.zeros(n, np.bool_)
         for place in places:
-            owners = np.flatnonzero(out[:, 6] < KNOWN * full)
+            owners = np.flatnonzero(out[:, 6] < (CHANCE + GAIN) * full)
             others = np.tile(np.array(place), (len(owners), 1))
             there = of._replace(owners=owners, means=others.copy(), information=REVISITED)
             h2, out2 = _climb(there, how, others)
             on = zip(owners.tolist(), others, strict=True)
             conflicts = [self.evaluate(view, owner, at, seen)[1] for owner, at in on]
-            agreed = out2[:, 6] - how.width**2 * np.array(conflicts)
-            better = agreed > np.maximum(out[owners, 6] + GAIN * full, FOUND * full)
+            better = out2[:, 6] > np.maximum(out[owners, 6] + GAIN * full, FOUND * full)
+            better &= np.array(conflicts) <= IN_CONFLICT * view.beams
             moved = owners[better]
             peaks[moved], h[moved], out[moved] = others[better], h2[better], out2[better]
             closes[moved] = True
