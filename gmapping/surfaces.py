@@ -22,7 +22,7 @@ from slams.types import Floats, Pose2, wrap_angle
 OLD = 15.0  # m of way after which a surface is old: no robot sees a room that long without a loop
 SOFT = 3.0  # deviations of the noise at which a distance counts as an outlier
 CHANCE, EXPLAINED = 0.3, 0.9  # share of the beams that parallel walls explain anywhere; all
-GAIN, FOUND = 0.2, 0.4  # share on old ground where a loop closes: more than here; at least
+GAIN, FOUND = 0.2, 0.45  # share on old ground where a loop closes: more than here; at least
 IN_CONFLICT = 0.05  # share of the beams there, at most: the place is another one, like it
 REVISITED = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # information of a place found so
 PLACES = 0.2  # of the independent beams tell one place from another like it
