@@ -105,12 +105,3 @@ def test_the_corrected_poses_are_among_the_results(stand, tmp_path):
     write_results(tmp_path / "out", "drifting+loops", stand.node)
     corrected = np.loadtxt(tmp_path / "out/trajectory_corrected.tum")[:, 1:3]
     assert np.allclose(corrected, stand.live.corrected()[:, :2], rtol=0.0, atol=1e-6)
-
-
-def test_without_loops_no_path_is_published(monkeypatch):
-    stand = Stand(monkeypatch, "hector", map_every=3600.0)
-    stand.play(around().select(30))
-    stand.start_and_drive()
-    stand.node.close()
-    assert stand.bus.sent("/map")
-    assert not stand.bus.sent("/path")

@@ -77,12 +77,12 @@ def test_without_odometry_the_base_itself_is_placed_in_the_map(monkeypatch):
     assert stand.node.report()["no_odometry"] == 0
 
 
-def test_the_map_stays_for_who_comes_later(monkeypatch):
+def test_the_map_stays_for_who_comes_later_and_without_loops_no_path_is_published(monkeypatch):
     stand = Stand(monkeypatch, "hector", map_every=60.0)
     stand.play(robot_log(n=5))
     stand.start_and_drive()
     stand.node.close()
-    assert "/map" in stand.bus.kept
+    assert "/map" in stand.bus.kept and not stand.bus.sent("/path")
     message, grid = stand.bus.sent("/map")[-1], stand.live.map()
     assert message.header.frame_id == "map"
     assert (message.info.height, message.info.width) == grid.p.shape
