@@ -144,7 +144,10 @@ class Stand:
     def drive(self):
         self.node.run(Idle(self.node.scans), lambda: None)
 
-    def start_and_drive(self):
+    def start_and_drive(self, *stamps):
+        """After scans of these stamps [s], if there are any."""
+        for t in stamps:
+            self.scan(t)
         self.start()
         self.drive()
 

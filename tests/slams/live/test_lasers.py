@@ -228,8 +228,7 @@ def test_odometry_of_the_level_frame_is_that_of_the_tilting_base(stand):
     for k in range(12):
         stand.bus.publish("/tf", TF, tilted(0.1 * k, parent="base_footprint"))
         stand.moved(0.1 * k, (0.1 * k, 0.0, 0.0), child="base_footprint")
-    stand.scan(1.05)
-    stand.start_and_drive()
+    stand.start_and_drive(1.05)
     assert stand.node.report()["odometry"] == "tf"
     odometry, _, _ = stand.node.buffer.at(1.05)
     assert odometry == pytest.approx((1.05, 0.0, 0.0))

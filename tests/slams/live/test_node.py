@@ -68,8 +68,7 @@ def test_the_transform_joins_map_and_odometry_and_the_pose_is_the_algorithms(mon
 
 def test_without_odometry_the_base_itself_is_placed_in_the_map(monkeypatch):
     stand = mounted(monkeypatch, tf_ahead=0.0)
-    stand.scan(1.0)
-    stand.start_and_drive()
+    stand.start_and_drive(1.0)
     edge = stand.bus.sent("/tf")[0].transforms[0]
     assert (edge.header.frame_id, edge.child_frame_id) == ("map", "base_link")
     variances = np.diag(stand.bus.sent("/pose")[0].pose.covariance.reshape(6, 6))
@@ -97,9 +96,7 @@ def test_a_laser_upside_down_turns_the_other_way(monkeypatch):
     mount = turned_over(stand.make.transforms(0, [("base_link", "laser", MOUNT)]))
     stand.bus.publish("/tf_static", TF, mount, Quality.LATCHED)
     seen = stand.scans_seen()
-    stand.scan(1.0)
-    stand.scan(2.0)
-    stand.start_and_drive()
+    stand.start_and_drive(1.0, 2.0)
     lidar = seen[0].laser
     assert lidar.angle_min == pytest.approx(0.75 * math.pi)
     assert lidar.angle_increment < 0.0
@@ -153,8 +150,7 @@ def test_odometry_that_comes_after_its_scan_is_waited_for(stand, monkeypatch):
 
 def test_a_scan_goes_without_odometry_that_does_not_come(stand):
     stand.odometry(0.0, (0.0, 0.0, 0.0))
-    stand.scan(1.0)
-    stand.start_and_drive()
+    stand.start_and_drive(1.0)
     stand.look()
     assert stand.node.report()["no_odometry"] == 1
     assert len(stand.node.drive.t) == 1
@@ -200,8 +196,7 @@ def test_a_frame_that_is_not_in_tf_is_waited_for(base, said, frames, monkeypatch
 
 def test_without_tf_the_laser_is_the_base(monkeypatch):
     stand = Stand(monkeypatch)
-    stand.scan(0.0)
-    stand.start_and_drive()
+    stand.start_and_drive(0.0)
     assert any("no transform to the laser's frame laser" in said for said in stand.said)
     assert stand.bus.sent("/tf")[0].transforms[0].child_frame_id == "laser"
 
@@ -222,9 +217,7 @@ def test_what_is_assumed_of_the_laser_is_told_once(stand):
 
 def test_what_waits_while_frames_are_sought_is_not_left_out(stand, monkeypatch):
     monkeypatch.setattr(node, "MAX_WAITING", 2)
-    for k in range(10):
-        stand.scan(0.1 * k)
-    stand.start_and_drive()
+    stand.start_and_drive(*(0.1 * k for k in range(10)))
     assert len(stand.node.drive.t) == 10
     for k in range(10, 20):
         stand.scan(0.1 * k)
@@ -258,8 +251,7 @@ def test_odd_messages_are_left_out_and_said_once(stand):
 def test_a_laser_that_begins_with_empty_scans_is_waited_for(stand):
     empty = stand.make.scan(0, "", LASER, np.zeros(0, np.float32), 0.1)
     stand.bus.publish("/scan", SCAN, empty)
-    stand.scan(0.1)
-    stand.start_and_drive()
+    stand.start_and_drive(0.1)
     assert (len(stand.node.drive.t), stand.node.report()["unreadable"]) == (1, 1)
     assert "a scan of /scan has no beams or no directions; such scans are left out" in stand.said
 
