@@ -111,8 +111,7 @@ def test_odometry_is_tfs_where_there_is_one_else_the_topics(wanted, x, monkeypat
     for t in (0.0, 2.0):
         stand.moved(t, (t, 0.0, 0.0))
         stand.odometry(t, (6.0 + t, 0.0, 0.0))
-    stand.scan(1.0)
-    stand.start()
+    stand.start(1.0)
     seen = stand.scans_seen()
     stand.drive()
     assert seen[0].odometry == (None if x is None else Pose2(x, 0.0, 0.0))
@@ -127,15 +126,13 @@ def test_odometry_of_another_frame_is_carried_to_the_base(monkeypatch):
     stand.tf(("footprint", "base_link", Pose2(1.0, 0.0, 0.0)), ("base_link", "laser", MOUNT))
     for t in (0.0, 2.0):
         stand.odometry(t, (0.0, 0.0, 0.5 * math.pi), child="footprint")
-    stand.scan(1.0)
-    stand.start()
+    stand.start(1.0)
     assert close(stand.node.buffer.at(1.0)[0], (0.0, 1.0, 0.5 * math.pi))
 
 
 def test_odometry_that_comes_after_its_scan_is_waited_for(stand, monkeypatch):
     stand.odometry(0.0, (0.0, 0.0, 0.0))
-    stand.scan(1.0)
-    stand.start()
+    stand.start(1.0)
 
     def wait_for(covered, seconds):
         assert not covered()
@@ -160,7 +157,7 @@ def test_a_scan_goes_without_odometry_that_does_not_come(stand):
 def waits(stand, monkeypatch, looks=5):
     """The sentences of a node that waits until it is ended."""
     monkeypatch.setattr(node, "PERIOD", 0.0)
-    stand.start(Ending(looks))
+    stand.start(ending=Ending(looks))
     assert stand.node.drive.t == []
     return [said for said in stand.said if said.startswith("waiting")]
 
@@ -189,7 +186,7 @@ def test_a_frame_that_is_not_in_tf_is_waited_for(base, said, frames, monkeypatch
     stand.scan(0.0)
     sentence = f"no fixed way from {said} to the laser's frame laser; frames: {frames}"
     assert sentence in waits(stand, monkeypatch)[-1]
-    stand.start(Ending(100, lambda: stand.tf((base or "base_link", "laser", MOUNT))))
+    stand.start(ending=Ending(100, lambda: stand.tf((base or "base_link", "laser", MOUNT))))
     stand.drive()
     assert stand.node.report()["base_frame"] == (base or "base_link")
 
@@ -229,8 +226,7 @@ def test_what_waits_while_frames_are_sought_is_not_left_out(stand, monkeypatch):
 
 
 def test_odd_messages_are_left_out_and_said_once(stand):
-    stand.scan(0.0)
-    stand.start()
+    stand.start(0.0)
     broken = stand.bus.transport().advertise("/scan", SCAN, Quality.SENSOR)
     for topic in ("/scan", "/tf", "/odom", "/imu"):
         kind = stand.bus.types.get(topic, TF)
@@ -257,8 +253,7 @@ def test_a_laser_that_begins_with_empty_scans_is_waited_for(stand):
 
 
 def test_a_network_that_takes_nothing_does_not_stop_the_robot(stand):
-    stand.scan(0.0)
-    stand.start()
+    stand.start(0.0)
 
     def refuse(data):
         raise OSError("full")

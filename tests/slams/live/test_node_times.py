@@ -25,8 +25,7 @@ def driven(stand, stamps):
 def test_odometry_and_tf_have_some_time_to_begin(settling, source, stand, monkeypatch):
     monkeypatch.setattr(node, "SETTLING_TIME", settling)
     stand.moved(0.0, (0.0, 0.0, 0.0))
-    stand.scan(0.0)
-    stand.start(Ending(5))
+    stand.start(0.0, ending=Ending(5))
     assert stand.node.buffer.source == source
 
 
