@@ -18,6 +18,7 @@ from slams.types import Laser, Pose2
 
 MUCH = 32 << 20  # bytes that a refusal may take
 STRING = "std_msgs/msg/String"
+PACKED = {"folder-zstd": CompressionMode.STORAGE, "folder-db3-each": CompressionMode.MESSAGE}
 KINDS = ("bag", "bag-bz2", "bag-lz4", "db3", "mcap", "folder-db3", "folder-mcap", "folder-zstd")
 
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_JAZZY)
@@ -97,7 +98,7 @@ def write(folder, kind, messages, name="drive"):
     if kind.startswith("bag"):
         return _write1(folder / f"{name}.bag", kind.partition("-")[2], messages(Make(ROS1)))
     plugin = StoragePlugin.SQLITE3 if "db3" in kind else StoragePlugin.MCAP
-    path = _write2(folder / name, plugin, messages(Make(ROS2)), kind == "folder-zstd")
+    path = _write2(folder / name, plugin, messages(Make(ROS2)), PACKED.get(kind))
     if kind.startswith("folder"):
         return path
     return next(path.glob(f"*.{kind}")).rename(folder / f"{name}.{kind}")
@@ -138,7 +139,7 @@ def _write1(path, compression, messages):
 def _write2(path, plugin, messages, packed):
     writer = Writer2(path, version=9, storage_plugin=plugin)
     if packed:
-        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        writer.set_compression(packed, CompressionFormat.ZSTD)
     with writer:
         _put(writer, ROS2, ROS2.serialize_cdr, messages)
     return path

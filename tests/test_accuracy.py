@@ -35,8 +35,8 @@ CASES = EACH | {label: (label, *case) for label, case in PAPERS.items()}
 
 
 @cache
-def small(**changes):
-    return simulate(Setting(size=9.0, duration=8.0, **changes))
+def small(duration=8.0, **changes):
+    return simulate(Setting(size=9.0, duration=duration, **changes))
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -54,15 +54,10 @@ def test_a_small_drive_is_mapped_accurately(case):
 @pytest.mark.parametrize("name", ["hector", "tsd", "crsm"])
 def test_a_laser_that_turns_slowly_costs_little(name, sensor, bound):
     """Sweeps of 0.18 and 0.2 s while the robot drives, with odometry."""
-    log = slow_log_of(sensor)
+    log = small(duration=15.0, seed=4, sensor=sensor, sweep=True)
     found = find(name)
     run = replay(found.cls(found.params().for_sensor(sensor)), log)
     assert truth_errors(run, log)["per_1_s"]["translation_m"]["mean"] < bound
-
-
-@cache
-def slow_log_of(sensor):
-    return simulate(Setting(size=9.0, duration=15.0, seed=4, sensor=sensor, sweep=True))
 
 
 # scans, with odometry, farthest from the nearest and from all of the references [m, rad]
@@ -95,14 +90,6 @@ def test_a_default_is_accurate_with_the_laser_alone(name, shared_data):
     assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.001
 
 
-NAMES = ["hector", "tsd", "crsm"]
-
-
-def drive(seed, odometry, size=9.0, duration=15.0):
-    log = simulate(Setting(size=size, duration=duration, seed=seed))
-    return log.select(every=8, odometry=odometry)
-
-
 def normalized(name, log):
     """Mean squared error per degree of freedom, in units of a covariance.
 
@@ -130,15 +117,12 @@ def mean_square(poses, truth, covariances, frame):
     return np.mean(squares) / 3.0
 
 
-@cache
-def drives(odometry):
-    return [drive(seed, odometry) for seed in range(4)]
-
-
 @pytest.mark.parametrize("odometry", [True, False])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["hector", "tsd", "crsm"])
 def test_the_covariance_of_a_pose_is_honest(name, odometry):
     """Measured over 4 drives: 0.5 to 0.8 against the map, 0.7 to 1.0 in the first pose's frame."""
-    fitted, first = np.mean([normalized(name, log) for log in drives(odometry)], axis=0)
+    logs = (small(duration=15.0, seed=seed) for seed in range(4))
+    shown = (log.select(every=8, odometry=odometry) for log in logs)
+    fitted, first = np.mean([normalized(name, log) for log in shown], axis=0)
     assert 0.4 < fitted < 1.5
     assert 0.5 < first < 1.5

@@ -10,12 +10,12 @@ from slams import metrics
 from slams.frontend.correlative import search, window_of
 from slams.grid_bounds import Box
 from slams.player import replay
+from slams.test_world import box, drive, laser, scan_at
 from slams.types import IDENTITY, Pose2, Scan
 from tests.floors import is_wall, noisy
-from tests.rooms import ALGORITHMS, CORRIDOR, ROOM, box, drive, laser, made, mirrored, scan_at
+from tests.rooms import ALGORITHMS, CORRIDOR, ORIGINALS, ROOM, driven, made, mirrored
 
 PAPERS = [f"{name}@paper" for name in ALGORITHMS]
-ORIGINALS = [f"{name}@original" for name in ALGORITHMS]
 MOUNT = Pose2(0.2, -0.1, 0.7)
 # turned, so that walls cross their cells at all places
 CORNERS = Pose2(0.0, 0.0, 0.1).transform(np.array([s[:2] for s in box(-2.5, -2.0, 3.0, 2.5)]))
@@ -150,9 +150,7 @@ def test_a_bare_corridor_is_driven_by_the_wheels(name, n_beams, faster):
 
 @pytest.mark.parametrize("label", [*ALGORITHMS, *PAPERS])
 def test_the_map_says_what_fits_and_where_there_are_walls_to_search(label):
-    slam = made(label)
-    for scan in drive(n=20, lidar=laser(361)):
-        slam.update(scan)
+    slam = driven(label, drive(n=20, lidar=laser(361)))
     points = slam._view if "gmapping" in label else slam._scan
     pose, lookup = slam._estimator.pose, slam._map.lookup()
     inliers, conflicts = slam._map.evaluate(points, pose)

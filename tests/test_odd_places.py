@@ -7,8 +7,6 @@ import sys
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
 
 import slams
 from slams.scanlog import ScanLog
@@ -85,13 +83,11 @@ def test_matplotlib_says_nothing_where_there_is_no_home(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("salvage", [False, True])
 def test_a_bare_file_of_compressed_messages_asks_for_its_folder(salvage, tmp_path):
-    writer = Writer2(tmp_path / "drive", version=9, storage_plugin=StoragePlugin.SQLITE3)
-    writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
-    make = bags.Make(bags.ROS2)
-    messages = [("/scan", t, make.scan(t, np.ones(50))) for t in 0.1 * np.arange(5)]
-    with writer:
-        bags._put(writer, bags.ROS2, bags.ROS2.serialize_cdr, messages)
-    assert len(slams.load(tmp_path / "drive")) == 5
-    (bare,) = (tmp_path / "drive").glob("*.db3")
+    def scans(make):
+        return [("/scan", t, make.scan(t, np.ones(50))) for t in 0.1 * np.arange(5)]
+
+    folder = bags.write(tmp_path, "folder-db3-each", scans)
+    assert len(slams.load(folder)) == 5
+    (bare,) = folder.glob("*.db3")
     sentence = bags.refused(bare, salvage=salvage)
     assert "messages are compressed" in sentence and "give the folder" in sentence

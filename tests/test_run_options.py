@@ -18,6 +18,13 @@ def ros(tmp_path):
     return path
 
 
+@pytest.fixture
+def log(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    drive(n=5).save(tmp_path / "a.npz")  # called "room" by its meta
+    return "a.npz"
+
+
 def shown(capsys, *arguments):
     """Values that --show-params prints."""
     assert command(*arguments, "--show-params") == 0
@@ -51,9 +58,7 @@ def test_shown_parameters_tell_unit_and_names_in_ros_and_read_back(capsys, tmp_p
     assert capsys.readouterr().out == text
 
 
-def test_what_became_of_each_parameter_goes_to_stderr(capsys, tmp_path, ros):
-    log = tmp_path / "room.npz"
-    drive(n=5).save(log)
+def test_what_became_of_each_parameter_goes_to_stderr(log, capsys, tmp_path, ros):
     out = tmp_path / "o"
     assert command("hector", log, "--out", out, "--ros-params", ros) == 0
     printed = capsys.readouterr()
@@ -69,13 +74,6 @@ def test_what_became_of_each_parameter_goes_to_stderr(capsys, tmp_path, ros):
     assert capsys.readouterr() == ("", "")
     assert command("hector", log, "--out", out, "-q", "--force") == 0
     assert "ros_params" not in json.loads((out / "summary.json").read_text())
-
-
-@pytest.fixture
-def log(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    drive(n=5).save(tmp_path / "a.npz")  # called "room" by its meta
-    return "a.npz"
 
 
 def test_results_are_named_after_the_file_and_replaced_only_if_asked(log, tmp_path, capsys):

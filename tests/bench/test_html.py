@@ -153,13 +153,8 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def text(comparison, folder):
-    return written(folder, comparison)
-
-
-@pytest.fixture(scope="module")
-def page(text):
-    return Page(text)
+def page(comparison, folder):
+    return Page(written(folder, comparison))
 
 
 def test_headings_and_sections_are_there_in_order(page):
@@ -196,10 +191,10 @@ def test_one_table_maps_and_curves_are_seen_at_first_and_the_rest_is_folded(comp
     assert seen.count("<figure>") == 2, "maps, errors with costs"
 
 
-def test_names_of_outsiders_are_text(text, page):
-    assert BAD_NAME not in text
-    assert "<b>walls" not in text
-    assert "<fast>" not in text
+def test_names_of_outsiders_are_text(page):
+    assert BAD_NAME not in page.raw
+    assert "<b>walls" not in page.raw
+    assert "<fast>" not in page.raw
     assert page.text.count(BAD_NAME) > 5
     assert "broken failed: ValueError: no <b>walls</b> & no hope" in page.text
     assert len(page.all("script")) == 1
@@ -249,8 +244,8 @@ def test_pictures_are_the_png_files_and_have_words(page, folder):
     assert len(page.all("table")) == len(page.all("caption"))
 
 
-def test_same_results_same_bytes(comparison, text, tmp_path):
-    assert written(tmp_path, comparison) == text
+def test_same_results_same_bytes(comparison, page, tmp_path):
+    assert written(tmp_path, comparison) == page.raw
 
 
 def test_a_log_without_truth(tmp_path):

@@ -70,20 +70,15 @@ def test_a_value_is_the_same_fresh_and_stored_to_the_order_of_its_keys(tmp_path,
     assert do([task], store) == {}
 
 
-def test_what_an_algorithm_raises_is_its_result_without_addresses(tmp_path, here):
+def test_what_is_raised_is_a_result_without_addresses_kept_if_it_is_the_algorithms(tmp_path, here):
     store = Store(tmp_path)
-    for task, sentence in (
-        (toy("raises", n=1), "ZeroDivisionError: at 1, by <object object at 0x..>"),
-        (toy("leaves", n=1), "SystemExit: enough of 1"),
+    for task, sentence, is_kept in (
+        (toy("raises", n=1), "ZeroDivisionError: at 1, by <object object at 0x..>", True),
+        (toy("leaves", n=1), "SystemExit: enough of 1", True),
+        (toy("lacks_memory", n=1), "MemoryError: for 1", False),  # tells of the machine
     ):
         assert do([task], store) == {task.key: {"failed": sentence}}
-        assert store.read(task.key) == {"failed": sentence}
-
-
-def test_what_tells_of_the_machine_is_said_and_not_kept(tmp_path, here):
-    store, task = Store(tmp_path), toy("lacks_memory", n=1)
-    assert do([task], store) == {task.key: {"failed": "MemoryError: for 1"}}
-    assert store.read(task.key) is None
+        assert store.read(task.key) == ({"failed": sentence} if is_kept else None)
 
 
 def test_other_code_than_the_sweep_was_started_with_is_no_result():

@@ -11,9 +11,7 @@ from hector.match_kernels import Solver, gauss_newton, normal_equations
 from slams.geometry import Prior
 from slams.refine.line_kernels import View, line_equations
 from slams.refine.lines import ENOUGH
-from slams.scan import scan_kernels
 from slams.scan.end_points import EndPoints, gap
-from slams.scan.scan_kernels import DENSE, Grain
 from slams.types import IDENTITY, Pose2
 from tests.rooms import NOTHING, calls, drive, laser, made, scan_at, settled
 
@@ -64,19 +62,6 @@ def test_in_the_end_all_beams_count(monkeypatch):
     assert quick.pose == pytest.approx(thorough.pose, abs=2e-4)
     assert quick.share == pytest.approx(thorough.share, abs=0.01)
     assert quick.seen == pytest.approx(thorough.seen, rel=0.05, abs=0.05 * thorough.seen[2, 2])
-
-
-def test_a_normal_is_shared_within_a_part_of_its_window():
-    points, n = np.stack([np.full(400, 1.0), np.linspace(-0.5, 0.5, 400)]), 400
-    points[0] += np.random.default_rng(0).normal(0.0, 0.002, n)
-    out, moments, step = np.zeros((3, n)), np.zeros((6, n + 1)), 0.0025
-    scan_kernels.scan_moments(points, n, IDENTITY, step, 0.1, moments)
-    scan_kernels.scan_normals(points, n, IDENTITY, step, Grain(0.002, 0.05, 0.1), moments, out)
-    half = 2 + int(0.05 / (step * math.hypot(0.5, 1.0)))
-    ends, middle = out[0, n - half :], out[0, 200 : 200 + half]
-    assert len(np.unique(ends)) == half  # at the end of a wall a window is half a one
-    assert len(np.unique(middle)) <= 2 + half / (1 + half // DENSE)
-    assert np.abs(out[1, half:-half]).max() < 0.05
 
 
 @pytest.mark.parametrize(("rate", "looks"), [(10.0, 40), (40.0, 10)])

@@ -11,7 +11,7 @@ from slams.types import Pose2
 from tests.floors import is_wall
 from tests.rooms import box, drive, driven, error, laser, scan_at
 from tests.tsd import naive as naive_tsd
-from tests.tsd.cases import BOX, CORNER, PLANE, default, field_at, field_of, original, scanned
+from tests.tsd.cases import BOX, CORNER, PLANE, default, field_at, field_of, scanned
 from tsd.drawing import surface_cells
 from tsd.map_kernels import (
     BEHIND,
@@ -152,11 +152,9 @@ def test_shares_count_what_is_explained_and_what_is_contradicted():
         field.evaluate(EndPoints(TsdParams()), pose)
 
 
-@pytest.mark.parametrize("make", [default, original])
-def test_the_map_shows_the_room(make):
-    slam = make()
-    for scan in drive(n=25, gyro=False):
-        slam.update(scan)
+@pytest.mark.parametrize(("label", "more"), [("tsd", {}), ("tsd@original", {"map_size": 9})])
+def test_the_map_shows_the_room(label, more):
+    slam = driven(label, drive(n=25, gyro=False), **more)
     x0, y0, _ = -1 * np.array(drive(n=1).truth_at(np.zeros(1))[0])
     grid = slam.map()
     assert is_wall(grid, 5.0 + x0, y0) and is_wall(grid, x0, -3.0 + y0)

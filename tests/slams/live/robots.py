@@ -138,14 +138,17 @@ class Stand:
         self.transport.listen()
         self.transport.wanted.clear()
 
-    def start(self, ending=None):
+    def start(self, *stamps, ending=None):
+        """After scans of these stamps [s], if there are any."""
+        for t in stamps:
+            self.scan(t)
         self.node.start(ending or threading.Event())
 
     def drive(self):
         self.node.run(Idle(self.node.scans), lambda: None)
 
-    def start_and_drive(self):
-        self.start()
+    def start_and_drive(self, *stamps):
+        self.start(*stamps)
         self.drive()
 
     def recorded(self, **load):

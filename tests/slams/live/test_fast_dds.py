@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from slams.live.options import MAP
-from slams.ros.maker import Maker
-from slams.ros.messages import POSE_COV, SCAN, TF, store
-from tests.rooms import laser, scan_at
+from slams.ros.messages import POSE_COV, TF, store
 from tests.slams.live.commands import DOMAIN, PATIENCE, started
+from tests.slams.live.robots import scan_record
 
 pytest.importorskip("cyclonedds", reason="needs the extra live")
 
@@ -39,9 +38,7 @@ def peer(tmp_path):
 
 
 def test_a_robot_with_fast_dds_is_mapped_and_gets_map_pose_and_transform(peer, tmp_path):
-    scan = scan_at((0.0, 0.0, 0.0), laser(91))
-    message = Maker().scan(0, "laser", scan.laser, scan.ranges, 0.1)
-    (tmp_path / "scan.cdr").write_bytes(bytes(store().serialize_cdr(message, SCAN)))
+    (tmp_path / "scan.cdr").write_bytes(scan_record(0.0).data)
     more = ("--out", "out", "--map-every", 0.2)
     live = started("slams.live", "hector", *more, folder=tmp_path)
     assert "ready for scans on /scan" in live.stderr.readline()

@@ -196,8 +196,7 @@ def test_a_constant_orientation_is_no_attitude(monkeypatch):
     for row in messages(True)[:200]:
         same = row._replace(orientation=(0.0, 0.0, 0.0, 1.0), acceleration=(0.0, 0.0, 0.0))
         stand.bus.publish("/imu", IMU, imu(same))
-    stand.scan(1.0)
-    stand.start()
+    stand.start(1.0)
     _, yaw, attitude = stand.node.buffer.at(1.0)
     assert attitude is None and yaw is not None
 
@@ -208,8 +207,7 @@ def test_a_robot_that_stands_still_keeps_its_attitude(stand):
     for k in range(2 * FEW):
         message.transforms[0].header.stamp.nanosec = 150_000_000 + 10_000_000 * k
         stand.bus.publish("/tf", TF, message)
-    stand.scan(0.05)
-    stand.start()
+    stand.start(0.05)
     _, _, attitude = stand.node.buffer.at(0.5)
     assert attitude == pytest.approx(true(0.1))
 
@@ -217,8 +215,7 @@ def test_a_robot_that_stands_still_keeps_its_attitude(stand):
 def test_nothing_is_known_in_a_gap(stand):
     for t in (0.0, 0.1, 0.2, 1.2, 1.3):
         stand.bus.publish("/tf", TF, tilted(t))
-    stand.scan(0.05)
-    stand.start()
+    stand.start(0.05)
     at = [stand.node.buffer.at(t)[2] for t in (0.1, 1.25, 0.7, 1.4)]
     assert at[0] == pytest.approx(true(0.1)) and isinstance(at[1], Attitude)
     assert at[2:] == [None, None]
@@ -228,8 +225,7 @@ def test_odometry_of_the_level_frame_is_that_of_the_tilting_base(stand):
     for k in range(12):
         stand.bus.publish("/tf", TF, tilted(0.1 * k, parent="base_footprint"))
         stand.moved(0.1 * k, (0.1 * k, 0.0, 0.0), child="base_footprint")
-    stand.scan(1.05)
-    stand.start_and_drive()
+    stand.start_and_drive(1.05)
     assert stand.node.report()["odometry"] == "tf"
     odometry, _, _ = stand.node.buffer.at(1.05)
     assert odometry == pytest.approx((1.05, 0.0, 0.0))

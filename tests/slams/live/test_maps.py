@@ -22,15 +22,13 @@ def test_a_map_is_published_at_its_pace_and_at_the_end_if_there_was_a_scan_since
     stand, seen = mounted(monkeypatch, map_every=0.01), threading.Semaphore(0)
     stand.bus.callbacks["/map"] = [(MAP, lambda record: seen.release())]
     for t in (5.0, 6.0):
-        stand.scan(t)
-        stand.start_and_drive()
+        stand.start_and_drive(t)
         assert seen.acquire(timeout=PATIENCE)
     assert not seen.acquire(timeout=0.1)
     stand.node.close()
     assert stamps(stand) == [5, 6]
     stand = mounted(monkeypatch, map_every=3600.0)
-    stand.scan(7.0)
-    stand.start_and_drive()
+    stand.start_and_drive(7.0)
     stand.node.close()
     assert stamps(stand) == [7]
 
@@ -44,8 +42,7 @@ def test_a_map_that_cannot_be_published_is_reported_and_none_is_drawn_unasked(
 
     stand = mounted(monkeypatch, map_every=every)
     stand.node._publisher.publish_map = refuse
-    stand.scan(1.0)
-    stand.start_and_drive()
+    stand.start_and_drive(1.0)
     stand.node.close()
     stand.look()
     assert stand.said.count("the map is not published: no network") == said
@@ -105,12 +102,3 @@ def test_the_corrected_poses_are_among_the_results(stand, tmp_path):
     write_results(tmp_path / "out", "drifting+loops", stand.node)
     corrected = np.loadtxt(tmp_path / "out/trajectory_corrected.tum")[:, 1:3]
     assert np.allclose(corrected, stand.live.corrected()[:, :2], rtol=0.0, atol=1e-6)
-
-
-def test_without_loops_no_path_is_published(monkeypatch):
-    stand = Stand(monkeypatch, "hector", map_every=3600.0)
-    stand.play(around().select(30))
-    stand.start_and_drive()
-    stand.node.close()
-    assert stand.bus.sent("/map")
-    assert not stand.bus.sent("/path")

@@ -68,8 +68,7 @@ def test_the_transform_joins_map_and_odometry_and_the_pose_is_the_algorithms(mon
 
 def test_without_odometry_the_base_itself_is_placed_in_the_map(monkeypatch):
     stand = mounted(monkeypatch, tf_ahead=0.0)
-    stand.scan(1.0)
-    stand.start_and_drive()
+    stand.start_and_drive(1.0)
     edge = stand.bus.sent("/tf")[0].transforms[0]
     assert (edge.header.frame_id, edge.child_frame_id) == ("map", "base_link")
     variances = np.diag(stand.bus.sent("/pose")[0].pose.covariance.reshape(6, 6))
@@ -77,12 +76,12 @@ def test_without_odometry_the_base_itself_is_placed_in_the_map(monkeypatch):
     assert stand.node.report()["no_odometry"] == 0
 
 
-def test_the_map_stays_for_who_comes_later(monkeypatch):
+def test_the_map_stays_for_who_comes_later_and_without_loops_no_path_is_published(monkeypatch):
     stand = Stand(monkeypatch, "hector", map_every=60.0)
     stand.play(robot_log(n=5))
     stand.start_and_drive()
     stand.node.close()
-    assert "/map" in stand.bus.kept
+    assert "/map" in stand.bus.kept and not stand.bus.sent("/path")
     message, grid = stand.bus.sent("/map")[-1], stand.live.map()
     assert message.header.frame_id == "map"
     assert (message.info.height, message.info.width) == grid.p.shape
@@ -97,9 +96,7 @@ def test_a_laser_upside_down_turns_the_other_way(monkeypatch):
     mount = turned_over(stand.make.transforms(0, [("base_link", "laser", MOUNT)]))
     stand.bus.publish("/tf_static", TF, mount, Quality.LATCHED)
     seen = stand.scans_seen()
-    stand.scan(1.0)
-    stand.scan(2.0)
-    stand.start_and_drive()
+    stand.start_and_drive(1.0, 2.0)
     lidar = seen[0].laser
     assert lidar.angle_min == pytest.approx(0.75 * math.pi)
     assert lidar.angle_increment < 0.0
@@ -114,8 +111,7 @@ def test_odometry_is_tfs_where_there_is_one_else_the_topics(wanted, x, monkeypat
     for t in (0.0, 2.0):
         stand.moved(t, (t, 0.0, 0.0))
         stand.odometry(t, (6.0 + t, 0.0, 0.0))
-    stand.scan(1.0)
-    stand.start()
+    stand.start(1.0)
     seen = stand.scans_seen()
     stand.drive()
     assert seen[0].odometry == (None if x is None else Pose2(x, 0.0, 0.0))
@@ -130,15 +126,13 @@ def test_odometry_of_another_frame_is_carried_to_the_base(monkeypatch):
     stand.tf(("footprint", "base_link", Pose2(1.0, 0.0, 0.0)), ("base_link", "laser", MOUNT))
     for t in (0.0, 2.0):
         stand.odometry(t, (0.0, 0.0, 0.5 * math.pi), child="footprint")
-    stand.scan(1.0)
-    stand.start()
+    stand.start(1.0)
     assert close(stand.node.buffer.at(1.0)[0], (0.0, 1.0, 0.5 * math.pi))
 
 
 def test_odometry_that_comes_after_its_scan_is_waited_for(stand, monkeypatch):
     stand.odometry(0.0, (0.0, 0.0, 0.0))
-    stand.scan(1.0)
-    stand.start()
+    stand.start(1.0)
 
     def wait_for(covered, seconds):
         assert not covered()
@@ -153,8 +147,7 @@ def test_odometry_that_comes_after_its_scan_is_waited_for(stand, monkeypatch):
 
 def test_a_scan_goes_without_odometry_that_does_not_come(stand):
     stand.odometry(0.0, (0.0, 0.0, 0.0))
-    stand.scan(1.0)
-    stand.start_and_drive()
+    stand.start_and_drive(1.0)
     stand.look()
     assert stand.node.report()["no_odometry"] == 1
     assert len(stand.node.drive.t) == 1
@@ -164,7 +157,7 @@ def test_a_scan_goes_without_odometry_that_does_not_come(stand):
 def waits(stand, monkeypatch, looks=5):
     """The sentences of a node that waits until it is ended."""
     monkeypatch.setattr(node, "PERIOD", 0.0)
-    stand.start(Ending(looks))
+    stand.start(ending=Ending(looks))
     assert stand.node.drive.t == []
     return [said for said in stand.said if said.startswith("waiting")]
 
@@ -193,15 +186,14 @@ def test_a_frame_that_is_not_in_tf_is_waited_for(base, said, frames, monkeypatch
     stand.scan(0.0)
     sentence = f"no fixed way from {said} to the laser's frame laser; frames: {frames}"
     assert sentence in waits(stand, monkeypatch)[-1]
-    stand.start(Ending(100, lambda: stand.tf((base or "base_link", "laser", MOUNT))))
+    stand.start(ending=Ending(100, lambda: stand.tf((base or "base_link", "laser", MOUNT))))
     stand.drive()
     assert stand.node.report()["base_frame"] == (base or "base_link")
 
 
 def test_without_tf_the_laser_is_the_base(monkeypatch):
     stand = Stand(monkeypatch)
-    stand.scan(0.0)
-    stand.start_and_drive()
+    stand.start_and_drive(0.0)
     assert any("no transform to the laser's frame laser" in said for said in stand.said)
     assert stand.bus.sent("/tf")[0].transforms[0].child_frame_id == "laser"
 
@@ -222,9 +214,7 @@ def test_what_is_assumed_of_the_laser_is_told_once(stand):
 
 def test_what_waits_while_frames_are_sought_is_not_left_out(stand, monkeypatch):
     monkeypatch.setattr(node, "MAX_WAITING", 2)
-    for k in range(10):
-        stand.scan(0.1 * k)
-    stand.start_and_drive()
+    stand.start_and_drive(*(0.1 * k for k in range(10)))
     assert len(stand.node.drive.t) == 10
     for k in range(10, 20):
         stand.scan(0.1 * k)
@@ -236,8 +226,7 @@ def test_what_waits_while_frames_are_sought_is_not_left_out(stand, monkeypatch):
 
 
 def test_odd_messages_are_left_out_and_said_once(stand):
-    stand.scan(0.0)
-    stand.start()
+    stand.start(0.0)
     broken = stand.bus.transport().advertise("/scan", SCAN, Quality.SENSOR)
     for topic in ("/scan", "/tf", "/odom", "/imu"):
         kind = stand.bus.types.get(topic, TF)
@@ -258,15 +247,13 @@ def test_odd_messages_are_left_out_and_said_once(stand):
 def test_a_laser_that_begins_with_empty_scans_is_waited_for(stand):
     empty = stand.make.scan(0, "", LASER, np.zeros(0, np.float32), 0.1)
     stand.bus.publish("/scan", SCAN, empty)
-    stand.scan(0.1)
-    stand.start_and_drive()
+    stand.start_and_drive(0.1)
     assert (len(stand.node.drive.t), stand.node.report()["unreadable"]) == (1, 1)
     assert "a scan of /scan has no beams or no directions; such scans are left out" in stand.said
 
 
 def test_a_network_that_takes_nothing_does_not_stop_the_robot(stand):
-    stand.scan(0.0)
-    stand.start()
+    stand.start(0.0)
 
     def refuse(data):
         raise OSError("full")

@@ -25,8 +25,7 @@ def driven(stand, stamps):
 def test_odometry_and_tf_have_some_time_to_begin(settling, source, stand, monkeypatch):
     monkeypatch.setattr(node, "SETTLING_TIME", settling)
     stand.moved(0.0, (0.0, 0.0, 0.0))
-    stand.scan(0.0)
-    stand.start(Ending(5))
+    stand.start(0.0, ending=Ending(5))
     assert stand.node.buffer.source == source
 
 
@@ -42,8 +41,7 @@ def test_a_clock_that_is_set_back_is_followed_with_its_odometry(stand):
 
 
 def test_a_laser_that_is_plugged_in_again_is_mapped_on(stand, monkeypatch):
-    stand.scan(0.0)
-    stand.start_and_drive()
+    stand.start_and_drive(0.0)
     real = time.monotonic
     monkeypatch.setattr(diagnostics.time, "monotonic", lambda: real() + 30.0)
     stand.look()
@@ -56,9 +54,7 @@ def test_a_laser_that_is_plugged_in_again_is_mapped_on(stand, monkeypatch):
 
 
 def test_delays_are_of_scans_that_waited_for_nothing_but_the_algorithm(stand):
-    for k in range(4):
-        stand.scan(0.1 * k)
-    stand.start_and_drive()
+    stand.start_and_drive(*(0.1 * k for k in range(4)))
     assert stand.node.drive.delays == []
     stand.scan(0.4)
     stand.drive()

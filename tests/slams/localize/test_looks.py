@@ -13,7 +13,7 @@ from slams.localize.map_index import TIE, is_same, merged
 from slams.localize.virtual import stations
 from slams.types import IDENTITY, Pose2
 from tests.floors import grid_of
-from tests.rooms import LIDAR, ROOM, box, laser, scan_at
+from tests.rooms import LIDAR, ROOM, box, laser, scan_at, still
 from tests.wheels import Drifting
 
 HERE, THERE = Pose2(0.0, 0.0, 0.0), Pose2(5.0, 1.0, 0.0)
@@ -48,10 +48,6 @@ def guided(monkeypatch):
     monkeypatch.setattr(global_localizer, "Search", Guided)
 
 
-def stamped(t, odometry=None):
-    return scan_at((0.0, 0.0, 0.0), LIDAR, t=t, odometry=odometry)
-
-
 def test_one_step_of_a_fit_is_limited():
     distances, pose = DistanceMap(grid_of(ROOM)), Pose2(1.0, 0.5, 0.0)
     ends = scan_at(pose, LIDAR).ranges[:, None] * LIDAR.directions
@@ -77,7 +73,7 @@ def test_the_map_is_searched_again_after_a_way_or_a_turn(guided, odometry, searc
     guide = Guide(HERE, THERE)
     localizer = GlobalLocalizer(guide)
     for k, pose in enumerate((IDENTITY, odometry)):
-        assert localizer.add(stamped(0.1 * k, pose)) is None
+        assert localizer.add(still(k, odometry=pose)) is None
     assert guide.searches == searches
 
 
@@ -88,10 +84,10 @@ def test_standing_still_the_map_is_searched_again_only_where_it_does_not_explain
     guide = Guide(HERE, THERE, score=score)
     localizer = GlobalLocalizer(guide)
     for t in (0.0, 0.5 * SEARCH_TIME, 0.95 * SEARCH_TIME):
-        localizer.add(stamped(t))
+        localizer.add(still(10.0 * t))
     assert guide.searches == 1
     for t in (1.01 * SEARCH_TIME, 1.5 * SEARCH_TIME):
-        localizer.add(stamped(t))
+        localizer.add(still(10.0 * t))
         assert guide.searches == searches
 
 
@@ -100,25 +96,25 @@ def test_candidates_move_by_the_wheels_and_without_them_by_their_last_step(guide
     for wheels, moved in ((True, step), (False, IDENTITY)):
         localizer = GlobalLocalizer(Guide(HERE, THERE))
         for k in range(2):
-            localizer.add(stamped(0.1 * k, Pose2(*(k * v for v in step)) if wheels else None))
+            localizer.add(still(k, odometry=Pose2(*(k * v for v in step)) if wheels else None))
         assert [c.pose for c in localizer.candidates] == [HERE @ moved, THERE @ moved]
     localizer = GlobalLocalizer(Guide(HERE, THERE, drift=Pose2(0.1, 0.0, 0.0)))
     for k in range(3):
-        localizer.add(stamped(0.1 * k))
+        localizer.add(still(k))
     assert localizer.candidates[0].pose.x == pytest.approx(0.1 + 0.2)
 
 
 def test_probabilities_stay_between_searches_and_count_in_the_next(guided):
     guide = Guide(HERE, THERE)
     localizer = GlobalLocalizer(guide)
-    localizer.add(stamped(0.0, IDENTITY))
+    localizer.add(still(0, odometry=IDENTITY))
     localizer.candidates = [
         c._replace(probability=p) for c, p in zip(localizer.candidates, (0.8, 0.2), strict=True)
     ]
-    localizer.add(stamped(0.1, IDENTITY))
+    localizer.add(still(1, odometry=IDENTITY))
     assert [c.probability for c in localizer.candidates] == [0.8, 0.2]
     guide.poses = (HERE, THERE, Pose2(9.0, 9.0, 0.0))
-    localizer.add(stamped(0.2, Pose2(0.4, 0.0, 0.0)))
+    localizer.add(still(2, odometry=Pose2(0.4, 0.0, 0.0)))
     assert [c.probability for c in localizer.candidates] == pytest.approx(
         [0.8 / 1.01, 0.2 / 1.01, 0.01 / 1.01]
     )
@@ -127,7 +123,7 @@ def test_probabilities_stay_between_searches_and_count_in_the_next(guided):
 def test_a_pose_that_the_map_does_not_explain_is_not_found_however_alone(guided):
     for score, failed in ((0.9, False), (0.4, True)):
         localizer = GlobalLocalizer(Guide(HERE, score=score))
-        assert (localizer.add(stamped(0.0)) is None) == failed == localizer.failed
+        assert (localizer.add(still(0)) is None) == failed == localizer.failed
         assert [c.pose for c in localizer.candidates] == [HERE]
 
 

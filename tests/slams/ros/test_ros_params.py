@@ -139,16 +139,6 @@ def test_substitutions_that_only_roslaunch_can_make_are_refused(unknown, tmp_pat
         take("gmapping", wrote(tmp_path, text))
 
 
-def test_what_another_file_says_is_noted(tmp_path):
-    text = """<launch><include file="$(find a)/b.launch"/>
-<param command="xacro robot.xacro" name="robot_description"/>
-<node pkg="gmapping" type="slam_gmapping" name="g"><param name="delta" value="0.1"/>
-</node></launch>"""
-    taken = take("gmapping", wrote(tmp_path, text))
-    assert any("b.launch> is not followed" in note for note in taken.notes)
-    assert any("command 'xacro robot.xacro' is not run" in note for note in taken.notes)
-
-
 @pytest.mark.parametrize(
     ("label", "text", "sentence"),
     [
@@ -238,6 +228,8 @@ def test_every_mapped_name_is_taken_by_the_original(tmp_path, name):
 
 LOADING = """<launch>
   <arg name="file" default="gmapping_params.yaml"/>
+  <include file="$(find a)/b.launch"/>
+  <param command="xacro robot.xacro" name="robot_description"/>
   <rosparam file="$(find b)/costmap.yaml"/>
   <node pkg="gmapping" type="slam_gmapping" name="turtlebot3_slam_gmapping" output="screen">
     <param name="base_frame" value="base_footprint"/>
@@ -249,7 +241,7 @@ LOADING = """<launch>
 LOADED = "map_update_interval: 2.0\nmaxUrange: 3.0\nsigma: 0.1\nparticles: 12\ndelta: 0.1\n"
 
 
-def test_a_file_that_the_node_loads_is_asked_for(tmp_path):
+def test_a_file_that_the_node_loads_is_asked_for_and_what_others_say_is_noted(tmp_path):
     launched = wrote(tmp_path, LOADING)
     loaded = wrote(tmp_path, LOADED, "gmapping_params.yaml")
     with pytest.raises(
@@ -259,6 +251,8 @@ def test_a_file_that_the_node_loads_is_asked_for(tmp_path):
     for paths in ((launched, loaded), (loaded, launched)):
         taken = take("gmapping", *paths)
         assert (taken.params.n_particles, taken.params.resolution) == (12, 0.1)
+        assert any("b.launch> is not followed" in note for note in taken.notes)
+        assert any("command 'xacro robot.xacro' is not run" in note for note in taken.notes)
         assert any("costmap.yaml is another file" in note for note in taken.notes)
         assert any("command 'delete' is not run" in note for note in taken.notes)
 

@@ -11,6 +11,7 @@ from slams.scan.end_points import NORMAL_MEDIAN, OUTLIER, EndPoints
 from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import (
+    DENSE,
     Grain,
     Limits,
     Twist,
@@ -162,6 +163,17 @@ def test_normals_face_the_laser_and_the_gap_is_that_between_two_beams():
         out = normals_of(points_of(*((x, float(v)) for v in y)))
         assert out[0] == pytest.approx(-np.sign(x)) and out[1] == pytest.approx(0.0, abs=1e-9)
         assert out[2] == pytest.approx(0.04)
+
+
+def test_a_normal_is_shared_within_a_part_of_its_window():
+    points, step = np.stack([np.full(400, 1.0), np.linspace(-0.5, 0.5, 400)]), 0.0025
+    points[0] += np.random.default_rng(0).normal(0.0, 0.002, 400)
+    out = normals_of(points, 0.002, step)
+    half = 2 + int(0.05 / (step * math.hypot(0.5, 1.0)))
+    ends, middle = out[0, 400 - half :], out[0, 200 : 200 + half]
+    assert len(np.unique(ends)) == half  # at the end of a wall a window is half a one
+    assert len(np.unique(middle)) <= 2 + half / (1 + half // DENSE)
+    assert np.abs(out[1, half:-half]).max() < 0.05
 
 
 def test_a_corner_has_no_normal_unless_noise_may_have_bent_it():
