@@ -108,6 +108,18 @@ def test_particles_go_where_ground_of_old_agrees_more_with_a_scan(way, place, fr
     np.testing.assert_allclose(found.peaks, 0.0 if closes else apart, atol=0.02)
 
 
+@pytest.mark.parametrize(("elsewhere", "closes"), [(0.45, True), (0.65, False)])
+def test_a_loop_has_nearly_half_of_the_scan_on_old_ground(elsewhere, closes):
+    """The rest is where nothing was seen: a door that is open now, or another place."""
+    matcher, view = matcher_of(IDENTITY), view_of(IDENTITY)
+    counts, beams = seen(view), np.cumsum(view.pieces[:, 4])
+    view.pieces[beams < elsewhere * beams[-1], :2] *= 5.0
+    apart, sure = np.array([[0.55, -0.5, 0.05]]), 1e6 * np.eye(3)
+    matcher._way = OLDER
+    found = matcher.propose(view, apart, sure, [Pose2(0.02, 0.01, 0.0)], counts)
+    assert found.closes.tolist() == [closes]
+
+
 def test_only_ground_of_old_weighs_a_particle_and_no_more_than_parallel_walls_explain():
     poses = np.array([[0.0, 0.0, 0.0], [0.06, 0.0, 0.0]])
     matcher, view = matcher_of(*poses), view_of(IDENTITY, quietest=0.01)

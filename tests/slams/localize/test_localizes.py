@@ -133,6 +133,9 @@ def test_covariances_turn_with_the_frame(room):
     fake.covariance = np.diag([4.0, 1.0, 0.5])
     turned = Localizer(fake, room, START, Pose2(3.0, 1.0, math.pi / 2)).covariance
     assert turned == pytest.approx(np.diag([1.0, 4.0, 0.5]), abs=1e-12)
+    fake.local_covariance = np.diag([0.4, 0.1, 0.05])  # a map that is given does not drift
+    turned = Localizer(fake, room, START, Pose2(3.0, 1.0, math.pi / 2)).covariance
+    assert turned == pytest.approx(np.diag([0.1, 0.4, 0.05]), abs=1e-12)
 
 
 def prepared(label, room):

@@ -133,6 +133,13 @@ def test_a_jump_of_the_algorithm_makes_its_step_uncertain():
     assert spread[-1] > 1.0
 
 
+def test_a_step_is_as_uncertain_as_the_pose_against_the_map_not_as_the_map():
+    slam = new()
+    slam.slam.covariance, slam.slam.local_covariance = 9.0 * np.eye(3), np.diag([1.0, 2.0, 3.0])
+    assert slam._variances(0.0) == pytest.approx([1.0, 2.0, 3.0])
+    assert slam._variances(0.5 * math.pi) == pytest.approx([2.0, 1.0, 3.0])
+
+
 @pytest.mark.parametrize("jumps", ["algorithm", "wheels"])
 def test_a_loop_that_the_algorithm_closes_is_one_of_the_graph(jumps):
     """The step is that of the wheels then, so that the whole way is corrected, not its end."""
