@@ -58,7 +58,7 @@ class PoseEstimator:
         self._unconfirmed = 0.0  # s that matches still have to stand
         self._lost = False
         self._relocalizer = Relocalizer(params.relocate)
-        self._new = 0.0  # share of the last scan's beams in new ground
+        self._new = 0.0  # share of its beams in new ground; unmatched, less those in conflict
         self._drift, self._drawn_at = np.zeros((3, 3)), self._pose  # of the map around that pose
 
     @property
@@ -110,7 +110,7 @@ class PoseEstimator:
         """The pose of a scan is known without matching."""
         self._filter.predict(scan)
         self._filter.place(pose, np.diag(MAP_ERROR**2))
-        self._pose, self.match, self._new = pose, None, 0.0
+        self._pose = pose
 
     def correct(self, pose: Pose2) -> None:
         """The map has changed, and the robot is at `pose` in it; it moves as before."""
